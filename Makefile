@@ -1,0 +1,36 @@
+# `make study` runs the main job and `make test` the tests; both build .venv from the hash-pinned lock first.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+STUDY ?= studies/kr270_milling.toml
+
+.DEFAULT_GOAL := study
+.PHONY: study test check figures lock clean
+
+study: $(VENV)/.installed
+	$(BIN)/edtk run $(STUDY)
+
+test: $(VENV)/.installed
+	$(BIN)/python -m pytest -n 2
+
+check: $(VENV)/.installed
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+figures: $(VENV)/.installed
+	$(BIN)/python -m paper_figures
+
+$(VENV)/.installed: requirements.lock pyproject.toml
+	$(PYTHON) -c 'import sys; v = sys.version_info[:2]; sys.exit(0 if (3, 11) <= v < (3, 14) else "edtk needs Python 3.11 to 3.13, this is %d.%d; try: make PYTHON=python3.12" % v)'
+	$(PYTHON) -m venv --clear $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes --no-deps -r requirements.lock
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
+	touch $@
+
+# Needs uv. Writes versions and hashes, and no address of any index.
+lock:
+	uv pip compile --universal --generate-hashes --no-emit-index-url --group dev pyproject.toml --output-file requirements.lock
+
+clean:
+	rm -rf $(VENV) results dist .pytest_cache .mypy_cache .ruff_cache

@@ -1,0 +1,34 @@
+"""A-optimality."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from criteria.criterion import Array, Criterion
+from criteria.registry import register
+
+if TYPE_CHECKING:
+    import cvxpy as cp
+
+
+@register
+class AOptimality(Criterion):
+    """Sum of the parameters' variances, ``trace(cov)`` (Table 1). Gradient: ``-cov^2``."""
+
+    name = "A"
+    title = "A-optimality"
+    formula = "trace(cov)"
+    sense = "min"
+    degree = 1.0
+
+    def _cost(self, M: Array, cov: Array) -> Array:
+        return np.trace(cov, axis1=-2, axis2=-1)
+
+    def _gradient(self, M: Array, cov: Array) -> Array:
+        return -cov @ cov
+
+    def expression(self, M: "cp.Expression") -> "cp.Expression":
+        """``trace(I' M^-1 I)`` as a matrix-fractional function."""
+        import cvxpy as cp
+
+        return cp.matrix_frac(np.eye(M.shape[0]), M)

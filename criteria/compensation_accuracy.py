@@ -1,0 +1,59 @@
+"""rho0, the paper's criterion: accuracy of the compliance compensation in the test pose."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from criteria.criterion import Array, Criterion
+from criteria.registry import register
+
+if TYPE_CHECKING:
+    import cvxpy as cp
+
+
+@register
+class CompensationAccuracy(Criterion):
+    """``rho0 = sqrt(trace(A0 cov A0'))`` [m], the paper's Eq. (20).
+
+    The root mean square distance between the desired and the compensated position in the test pose whose
+    regressor is the target A0. Gradient: ``-cov A0' A0 cov / (2 rho0)``.
+
+    Args:
+        target: A0 of shape (rows, p) [m/(rad/(N m))], finite and not all zero.
+
+    Raises:
+        ValueError: The target is not such a matrix.
+    """
+
+    name = "rho0"
+    title = "Test-pose accuracy"
+    formula = "sqrt(trace(A0 cov A0'))"
+    sense = "min"
+    degree = 0.5
+    unit_free = True
+    needs_target = True
+    expression_power = 2.0
+
+    def __init__(self, target: ArrayLike) -> None:
+        self.target = np.array(target, dtype=float)
+        if self.target.ndim != 2 or not np.isfinite(self.target).all() or not self.target.any():
+            raise ValueError("rho0: the target A0 must be a finite, non-zero matrix (rows, p)")
+        self.target.flags.writeable = False
+
+    def _cost(self, M: Array, cov: Array) -> Array:
+        return np.sqrt(np.einsum("ri,...ij,rj->...", self.target, cov, self.target))
+
+    def _gradient(self, M: Array, cov: Array) -> Array:
+        B = self.target @ cov
+        return -0.5 / self._cost(M, cov)[..., None, None] * np.swapaxes(B, -1, -2) @ B
+
+    def expression(self, M: "cp.Expression") -> "cp.Expression":
+        """``rho0^2 = trace(A0 M^-1 A0')`` as a matrix-fractional function."""
+        import cvxpy as cp
+
+        return cp.matrix_frac(self.target.T, M)
+
+    def in_units(self, T: Array) -> "CompensationAccuracy":
+        """The target becomes ``A0 T``."""
+        return CompensationAccuracy(self.target @ T)

@@ -1,0 +1,136 @@
+"""The abstract criterion and the laws that every criterion obeys."""
+
+from abc import ABC, abstractmethod
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from criteria.inverse import guarded_inverse
+
+if TYPE_CHECKING:
+    import cvxpy as cp
+
+Array = NDArray[np.float64]
+Sense = Literal["min", "max"]
+
+
+class Criterion(ABC):
+    """A scalar judgement of an information matrix M, of shape (..., p, p) and symmetric.
+
+    A subclass declares its class attributes and writes `_cost` and `_gradient`, and `expression` where it is
+    convex; both hooks are only ever called with regular M, and with its inverse at hand.
+
+    Laws, checked for every registered criterion by one suite:
+        homogeneous: ``cost(c M) = c**-degree * cost(M)`` for c > 0.
+        symmetric: a permutation of the parameters changes nothing.
+        monotone (where declared): M2 - M1 positive semidefinite implies cost(M2) <= cost(M1).
+        convex (where declared): in M, so that ``cost(M2) >= cost(M1) + <gradient(M1), M2 - M1>``.
+        unit-free (where declared): the ratio of two designs does not depend on the parameters' units.
+        singular M: ``cost = inf``, never an exception.
+
+    Attributes:
+        name: Registry name, as used in studies and tables.
+        title: The name a person reads.
+        formula: Definition of `value`, in plain text.
+        sense: Whether `value` is minimised or maximised.
+        degree: Degree of homogeneity of `cost`.
+        convex: Whether `cost` is convex in M.
+        smooth: Whether `cost` is differentiable everywhere on the regular matrices.
+        monotone: Whether more information never hurts.
+        unit_free: Whether efficiencies are free of the parameters' units.
+        needs_target: Whether the constructor takes the target matrix A0.
+        expression_power: `expression` models ``cost**expression_power``.
+    """
+
+    name: ClassVar[str]
+    title: ClassVar[str]
+    formula: ClassVar[str]
+    sense: ClassVar[Sense]
+    degree: ClassVar[float]
+    convex: ClassVar[bool] = True
+    smooth: ClassVar[bool] = True
+    monotone: ClassVar[bool] = True
+    unit_free: ClassVar[bool] = False
+    needs_target: ClassVar[bool] = False
+    expression_power: ClassVar[float] = 1.0
+
+    @abstractmethod
+    def _cost(self, M: Array, cov: Array) -> Array:
+        """Cost (...) of regular M (..., p, p) whose inverse is cov (..., p, p)."""
+
+    @abstractmethod
+    def _gradient(self, M: Array, cov: Array) -> Array:
+        """Symmetric G (..., p, p) with d cost = <G, dM>; at a kink, any subgradient."""
+
+    def expression(self, M: "cp.Expression") -> "cp.Expression":
+        """Convex cvxpy expression of ``cost(M)**expression_power`` for a symmetric (p, p) expression M.
+
+        Raises:
+            NotImplementedError: The criterion has no such form.
+        """
+        raise NotImplementedError(f"criterion {self.name} has no convex expression")
+
+    @final
+    def cost(self, M: ArrayLike) -> Array:
+        """Smaller is better: `value` where it is minimised, its reciprocal where it is maximised.
+
+        Args:
+            M: Information matrices (..., p, p).
+
+        Returns:
+            Array (...); inf where M is singular to working precision, nan where it is not finite.
+        """
+        M = np.asarray(M, dtype=float)
+        safe, cov, regular = guarded_inverse(M)
+        cost = np.where(regular, self._cost(safe, cov), np.inf)
+        return np.where(np.isfinite(M).all(axis=(-2, -1)), cost, np.nan)[()]
+
+    @final
+    def value(self, M: ArrayLike) -> Array:
+        """The criterion as printed in `formula`; 0 (if maximised) or inf (if minimised) at singular M.
+
+        Args:
+            M: Information matrices (..., p, p).
+        """
+        cost = self.cost(M)
+        return cost if self.sense == "min" else 1.0 / cost
+
+    @final
+    def gradient(self, M: ArrayLike) -> Array:
+        """Gradient (..., p, p) of `cost`, symmetric: d cost = <G, dM>; nan where M is singular.
+
+        Args:
+            M: Information matrices (..., p, p).
+        """
+        safe, cov, regular = guarded_inverse(np.asarray(M, dtype=float))
+        G = self._gradient(safe, cov)
+        G = 0.5 * (G + np.swapaxes(G, -1, -2))
+        return np.where(regular[..., None, None], G, np.nan)
+
+    @final
+    def efficiency(self, M: ArrayLike, best: ArrayLike) -> Array:
+        """Plain ratio of costs, ``cost(best) / cost(M)``: 1 for a plan as good as the best.
+
+        Args:
+            M: Information matrices (..., p, p) to judge.
+            best: Information matrices (..., p, p) to compare with.
+        """
+        return self.cost(best) / self.cost(M)
+
+    def in_units(self, T: Array) -> "Criterion":
+        """The same criterion for parameters k' with k = T k'; only a target changes.
+
+        Args:
+            T: Regular matrix (p, p).
+        """
+        return self
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.name!r})"
+
+    @classmethod
+    def describe(cls) -> dict[str, Any]:
+        """The declared properties as a plain dictionary, for tables and JSON."""
+        keys = ("name", "title", "formula", "sense", "degree", "convex", "smooth", "monotone", "unit_free")
+        return {key: getattr(cls, key) for key in keys}

@@ -1,0 +1,38 @@
+"""D-optimality."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from criteria.criterion import Array, Criterion
+from criteria.registry import register
+
+if TYPE_CHECKING:
+    import cvxpy as cp
+
+
+@register
+class DOptimality(Criterion):
+    """``det(M)^(1/p)``: the p-th root of what Table 1 prints, so that it is homogeneous of degree one.
+
+    With cost ``f = det(M)^(-1/p)`` the gradient is ``-(f/p) cov``.
+    """
+
+    name = "D"
+    title = "D-optimality"
+    formula = "det(M)^(1/p)"
+    sense = "max"
+    degree = 1.0
+    unit_free = True
+
+    def _cost(self, M: Array, cov: Array) -> Array:
+        return np.exp(-np.linalg.slogdet(M).logabsdet / M.shape[-1])
+
+    def _gradient(self, M: Array, cov: Array) -> Array:
+        return -self._cost(M, cov)[..., None, None] / M.shape[-1] * cov
+
+    def expression(self, M: "cp.Expression") -> "cp.Expression":
+        """``exp(-log det(M) / p)``."""
+        import cvxpy as cp
+
+        return cp.exp(-cp.log_det(M) / M.shape[0])

@@ -1,0 +1,40 @@
+"""E-optimality."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from criteria.criterion import Array, Criterion
+from criteria.registry import register
+
+if TYPE_CHECKING:
+    import cvxpy as cp
+
+
+@register
+class EOptimality(Criterion):
+    """Least eigenvalue of the information matrix, ``lambda_min(M)`` (Table 1).
+
+    The cost is ``lambda_max(cov)``, with subgradient ``-cost^2 v v'`` for its unit eigenvector v.
+    """
+
+    name = "E"
+    title = "E-optimality"
+    formula = "lambda_min(M)"
+    sense = "max"
+    degree = 1.0
+    smooth = False
+
+    def _cost(self, M: Array, cov: Array) -> Array:
+        return np.linalg.eigvalsh(cov)[..., -1]
+
+    def _gradient(self, M: Array, cov: Array) -> Array:
+        c, V = np.linalg.eigh(cov)
+        v = V[..., -1]
+        return -(c[..., -1, None, None] ** 2) * v[..., :, None] * v[..., None, :]
+
+    def expression(self, M: "cp.Expression") -> "cp.Expression":
+        """``1 / lambda_min(M)``."""
+        import cvxpy as cp
+
+        return cp.inv_pos(cp.lambda_min(M))

@@ -1,0 +1,41 @@
+"""G-optimality, as the paper prints it."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from criteria.criterion import Array, Criterion
+from criteria.registry import register
+
+if TYPE_CHECKING:
+    import cvxpy as cp
+
+
+@register
+class GOptimality(Criterion):
+    """Largest variance of a parameter, ``max diag(cov)``; Table 1's "diag(k)" is read as diag(cov(k)).
+
+    This is the paper's G; elsewhere G means the largest variance of a prediction over the candidates.
+    Subgradient: ``-c c'`` for the column c of cov that holds the largest diagonal entry.
+    """
+
+    name = "G"
+    title = "G-optimality"
+    formula = "max diag(cov)"
+    sense = "min"
+    degree = 1.0
+    smooth = False
+
+    def _cost(self, M: Array, cov: Array) -> Array:
+        return np.diagonal(cov, axis1=-2, axis2=-1).max(axis=-1)
+
+    def _gradient(self, M: Array, cov: Array) -> Array:
+        worst = np.diagonal(cov, axis1=-2, axis2=-1).argmax(axis=-1)
+        c = np.take_along_axis(cov, worst[..., None, None], axis=-1)
+        return -c @ np.swapaxes(c, -1, -2)
+
+    def expression(self, M: "cp.Expression") -> "cp.Expression":
+        """``max_j e_j' M^-1 e_j``."""
+        import cvxpy as cp
+
+        return cp.maximum(*(cp.matrix_frac(e, M) for e in np.eye(M.shape[0])))

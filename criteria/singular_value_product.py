@@ -1,0 +1,38 @@
+"""O1, the geometric mean of the singular values."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from criteria.criterion import Array, Criterion
+from criteria.registry import register
+
+if TYPE_CHECKING:
+    import cvxpy as cp
+
+
+@register
+class SingularValueProduct(Criterion):
+    """``(s_1 ... s_p)^(1/p) = det(M)^(1/2p)`` (Table 1), s the singular values of the stacked A/sigma.
+
+    With cost ``f = det(M)^(-1/2p)`` the gradient is ``-(f/2p) cov``.
+    """
+
+    name = "O1"
+    title = "Product of singular values"
+    formula = "(s_1 ... s_p)^(1/p)"
+    sense = "max"
+    degree = 0.5
+    unit_free = True
+
+    def _cost(self, M: Array, cov: Array) -> Array:
+        return np.exp(-np.linalg.slogdet(M).logabsdet / (2 * M.shape[-1]))
+
+    def _gradient(self, M: Array, cov: Array) -> Array:
+        return -self._cost(M, cov)[..., None, None] / (2 * M.shape[-1]) * cov
+
+    def expression(self, M: "cp.Expression") -> "cp.Expression":
+        """``exp(-log det(M) / 2p)``."""
+        import cvxpy as cp
+
+        return cp.exp(-cp.log_det(M) / (2 * M.shape[0]))
