@@ -27,8 +27,8 @@ class AOptimality(Criterion):
     def _gradient(self, M: Array, cov: Array) -> Array:
         return -cov @ cov
 
-    def expression(self, M: "cp.Expression") -> "cp.Expression":
-        """``trace(I' M^-1 I)`` as a matrix-fractional function."""
+    def expression(self, M: "cp.Expression", T: Array | None = None) -> "cp.Expression":
+        """``trace(T M^-1 T')`` as a matrix-fractional function."""
         import cvxpy as cp
 
-        return cp.matrix_frac(np.eye(M.shape[0]), M)
+        return cp.matrix_frac(np.eye(M.shape[0]) if T is None else T.T, M)

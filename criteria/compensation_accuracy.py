@@ -48,11 +48,11 @@ class CompensationAccuracy(Criterion):
         B = self.target @ cov
         return -0.5 / self._cost(M, cov)[..., None, None] * np.swapaxes(B, -1, -2) @ B
 
-    def expression(self, M: "cp.Expression") -> "cp.Expression":
-        """``rho0^2 = trace(A0 M^-1 A0')`` as a matrix-fractional function."""
+    def expression(self, M: "cp.Expression", T: Array | None = None) -> "cp.Expression":
+        """``rho0^2 = trace(A0 T M^-1 T' A0')`` as a matrix-fractional function."""
         import cvxpy as cp
 
-        return cp.matrix_frac(self.target.T, M)
+        return cp.matrix_frac(self.target.T if T is None else (self.target @ T).T, M)
 
     def in_units(self, T: Array) -> "CompensationAccuracy":
         """The target becomes ``A0 T``."""

@@ -63,8 +63,13 @@ class Criterion(ABC):
     def _gradient(self, M: Array, cov: Array) -> Array:
         """Symmetric G (..., p, p) with d cost = <G, dM>; at a kink, any subgradient."""
 
-    def expression(self, M: "cp.Expression") -> "cp.Expression":
-        """Convex cvxpy expression of ``cost(M)**expression_power`` for a symmetric (p, p) expression M.
+    def expression(self, M: "cp.Expression", T: Array | None = None) -> "cp.Expression":
+        """Convex cvxpy expression of ``cost**expression_power``.
+
+        Args:
+            M: Symmetric (p, p) expression: the information of k', where k = T k'.
+            T: Regular matrix (p, p) that whitens badly scaled parameters; None for the identity. The value is
+                that of ``cost(T^-T M T^-1)``.
 
         Raises:
             NotImplementedError: The criterion has no such form.

@@ -31,8 +31,9 @@ class DOptimality(Criterion):
     def _gradient(self, M: Array, cov: Array) -> Array:
         return -self._cost(M, cov)[..., None, None] / M.shape[-1] * cov
 
-    def expression(self, M: "cp.Expression") -> "cp.Expression":
-        """``exp(-log det(M) / p)``."""
+    def expression(self, M: "cp.Expression", T: Array | None = None) -> "cp.Expression":
+        """``exp(-log det(T^-T M T^-1) / p)``."""
         import cvxpy as cp
 
-        return cp.exp(-cp.log_det(M) / M.shape[0])
+        units = 0.0 if T is None else 2 * np.linalg.slogdet(T).logabsdet
+        return cp.exp((units - cp.log_det(M)) / M.shape[0])

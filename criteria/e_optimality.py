@@ -33,8 +33,12 @@ class EOptimality(Criterion):
         v = V[..., -1]
         return -(c[..., -1, None, None] ** 2) * v[..., :, None] * v[..., None, :]
 
-    def expression(self, M: "cp.Expression") -> "cp.Expression":
-        """``1 / lambda_min(M)``."""
+    def expression(self, M: "cp.Expression", T: Array | None = None) -> "cp.Expression":
+        """``1 / lambda_min(T^-T M T^-1)``."""
         import cvxpy as cp
 
+        if T is not None:
+            S = np.linalg.inv(T)
+            M = S.T @ M @ S
+            M = 0.5 * (M + M.T)
         return cp.inv_pos(cp.lambda_min(M))

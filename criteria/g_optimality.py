@@ -34,8 +34,8 @@ class GOptimality(Criterion):
         c = np.take_along_axis(cov, worst[..., None, None], axis=-1)
         return -c @ np.swapaxes(c, -1, -2)
 
-    def expression(self, M: "cp.Expression") -> "cp.Expression":
-        """``max_j e_j' M^-1 e_j``."""
+    def expression(self, M: "cp.Expression", T: Array | None = None) -> "cp.Expression":
+        """``max_j t_j M^-1 t_j'`` over the rows t_j of T."""
         import cvxpy as cp
 
-        return cp.maximum(*(cp.matrix_frac(e, M) for e in np.eye(M.shape[0])))
+        return cp.maximum(*(cp.matrix_frac(t, M) for t in (np.eye(M.shape[0]) if T is None else T)))

@@ -34,8 +34,12 @@ class MinimumSingularValue(Criterion):
         v = V[..., -1]
         return -0.5 * c[..., -1, None, None] ** 1.5 * v[..., :, None] * v[..., None, :]
 
-    def expression(self, M: "cp.Expression") -> "cp.Expression":
-        """``lambda_min(M)^(-1/2)``."""
+    def expression(self, M: "cp.Expression", T: Array | None = None) -> "cp.Expression":
+        """``lambda_min(T^-T M T^-1)^(-1/2)``."""
         import cvxpy as cp
 
+        if T is not None:
+            S = np.linalg.inv(T)
+            M = S.T @ M @ S
+            M = 0.5 * (M + M.T)
         return cp.power(cp.lambda_min(M), -0.5)
