@@ -1,0 +1,7 @@
+"""One question is a file, its answer is a table."""
+
+from edtk.study.evaluate import Evaluation, evaluate
+from edtk.study.runner import run_study
+from edtk.study.spec import Study, load_study
+
+__all__ = ["Evaluation", "Study", "evaluate", "load_study", "run_study"]

@@ -1,0 +1,306 @@
+"""A study file (TOML), validated, and the objects that it describes."""
+
+import hashlib
+import tomllib
+from functools import cached_property
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+import criteria
+from edtk.design import Plan, PlanFileError, PoseDesign
+from edtk.errors import UserError
+from edtk.model import (
+    Constraint,
+    ElastostaticModel,
+    Height,
+    Radius,
+    Robot,
+    RobotFileError,
+    Tilt,
+    Workspace,
+    load_robot,
+    transform,
+)
+
+Array = NDArray[np.float64]
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+Positive = Annotated[Finite, Field(gt=0)]
+Vector3 = tuple[Finite, Finite, Finite]
+ZERO: Vector3 = (0.0, 0.0, 0.0)
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Tool(_Table):
+    """Tool frame after the last joint."""
+
+    position_mm: Vector3
+    rpy_deg: Vector3 = ZERO
+
+    def build(self) -> Array:
+        """Transform (4, 4) [m]."""
+        return transform(np.array(self.position_mm) / 1e3, np.deg2rad(self.rpy_deg))
+
+
+class Load(_Table):
+    """Wrench at the tool point, in the world frame."""
+
+    F_N: Vector3
+    T_Nm: Vector3 = ZERO
+
+    def build(self) -> Array:
+        """Wrench (6,) [N, N m]."""
+        return np.array([*self.F_N, *self.T_Nm])
+
+
+class Measurement(_Table):
+    """What is measured, and how well."""
+
+    rows: Literal["position", "pose"] = "position"
+    sigma_mm: Positive
+    sigma_deg: Positive | None = None
+
+
+class Joints(_Table):
+    """Which compliances are unknown, and which joints do not move."""
+
+    unknown: Annotated[tuple[str, ...], Field(min_length=1)]
+    fixed_deg: dict[str, Finite] = {}
+
+
+class WorkspaceTable(_Table):
+    """Constraints on the calibration poses."""
+
+    height_min_mm: Finite | None = None
+    radius_min_mm: Positive | None = None
+    tilt_max_deg: Annotated[Positive, Field(le=90)] | None = None
+    plan_resolution_deg: Annotated[Finite, Field(ge=0)] = 0.0
+
+    def build(self) -> tuple[Constraint, ...]:
+        """The constraints that are given [m, rad]."""
+        found: list[Constraint] = []
+        if self.height_min_mm is not None:
+            found.append(Height(self.height_min_mm / 1e3))
+        if self.radius_min_mm is not None:
+            found.append(Radius(self.radius_min_mm / 1e3))
+        if self.tilt_max_deg is not None:
+            found.append(Tilt(float(np.deg2rad(self.tilt_max_deg))))
+        return tuple(found)
+
+
+class TestPose(_Table):
+    """The pose and load in which the robot shall be accurate."""
+
+    __test__ = False  # not a test, whatever its name
+    q_deg: tuple[Finite, ...]
+    tool: Tool
+    load: Load
+
+
+class Simulation(_Table):
+    """Assumed truth for simulated measurements."""
+
+    compliance_rad_per_Nm: dict[str, Positive]
+
+
+class StudyFile(_Table):
+    """The file's keys, as they are written."""
+
+    title: str
+    robot: str
+    tool: Tool
+    load: Load
+    measurement: Measurement
+    joints: Joints
+    workspace: WorkspaceTable = WorkspaceTable()
+    test_pose: TestPose | None = None
+    criteria: Annotated[tuple[str, ...], Field(min_length=1)]
+    optimise: Annotated[tuple[str, ...], Field(min_length=1)]
+    sizes: Annotated[tuple[Annotated[int, Field(ge=1)], ...], Field(min_length=1)]
+    candidates: Annotated[int, Field(ge=1)] = 2000
+    starts: Annotated[int, Field(ge=1)] = 4
+    seed: Annotated[int, Field(ge=0)] = 0
+    published: tuple[str, ...] = ()
+    simulation: Simulation | None = None
+
+
+class Study:
+    """A validated study: the file's content and the objects built from it.
+
+    Args:
+        path: Where the file lies; plans and robots named in it are relative to its folder.
+        file: Its content.
+        digest: First twelve hex digits of the file's SHA-256.
+
+    Raises:
+        UserError: Names the file, the key and what was expected.
+    """
+
+    def __init__(self, path: Path, file: StudyFile, digest: str) -> None:
+        self.path, self.file, self.digest = path, file, digest
+        self.robot = self._load_robot()
+        names = self.robot.joint_names
+        for key, used in (("unknown", file.joints.unknown), ("fixed_deg", tuple(file.joints.fixed_deg))):
+            for name in used:
+                if name not in names:
+                    raise self.error(f"joints.{key}", f"no joint {name!r}; this robot has {', '.join(names)}")
+        if len(set(file.joints.unknown)) < len(file.joints.unknown):
+            raise self.error("joints.unknown", "a joint is named twice")
+        if file.measurement.rows == "pose" and file.measurement.sigma_deg is None:
+            raise self.error("measurement.sigma_deg", "expected, since rows = 'pose' measures rotations too")
+        self._check_test_pose()
+        self._check_criteria()
+
+    def error(self, key: str, message: str) -> UserError:
+        """A mistake at one key of this file."""
+        return UserError(f"{self.path}: {key}: {message}")
+
+    def _load_robot(self) -> Robot:
+        try:
+            return load_robot(self.file.robot, self.path.parent).with_tool(self.file.tool.build())
+        except RobotFileError as error:
+            raise self.error("robot", str(error)) from error
+
+    def _check_test_pose(self) -> None:
+        pose = self.file.test_pose
+        if pose is not None and len(pose.q_deg) != self.robot.n:
+            raise self.error(
+                "test_pose.q_deg", f"has {len(pose.q_deg)} entries, expected {self.robot.n}, one per joint"
+            )
+        lower, upper = self.robot.limits
+        for name, value in self.file.joints.fixed_deg.items():
+            j = self.robot.joint_names.index(name)
+            if not lower[j] <= np.deg2rad(value) <= upper[j]:
+                raise self.error(f"joints.fixed_deg.{name}", f"{value:g} deg is outside the joint's limits")
+
+    def _check_criteria(self) -> None:
+        for key in ("criteria", "optimise"):
+            for name in getattr(self.file, key):
+                try:
+                    cls = criteria.get(name)
+                except criteria.CriterionError as error:
+                    raise self.error(key, str(error)) from error
+                if cls.needs_target and self.file.test_pose is None:
+                    raise self.error(key, f"criterion {name!r} needs a [test_pose], and there is none")
+                if key == "optimise" and not cls.convex:
+                    raise self.error(key, f"criterion {name!r} has no convex form; it can only be compared")
+
+    @cached_property
+    def model(self) -> ElastostaticModel:
+        """The elastostatic model with the calibration tool."""
+        return ElastostaticModel(self.robot, self._unknown, self.file.measurement.rows)
+
+    @property
+    def _unknown(self) -> tuple[int, ...]:
+        return tuple(self.robot.joint_names.index(name) for name in self.file.joints.unknown)
+
+    @property
+    def fixed(self) -> dict[int, float]:
+        """Values [rad] of the fixed joints by index."""
+        return {
+            self.robot.joint_names.index(n): float(np.deg2rad(v)) for n, v in self.file.joints.fixed_deg.items()
+        }
+
+    @property
+    def sigma(self) -> Array:
+        """Standard deviation of each measured row (rows,) [m, rad]."""
+        m = self.file.measurement
+        position = np.full(3, m.sigma_mm / 1e3)
+        return position if m.rows == "position" else np.append(position, np.full(3, np.deg2rad(m.sigma_deg or 0)))
+
+    @cached_property
+    def design(self) -> PoseDesign:
+        """Model, feasible set and free joints, for designing plans."""
+        fixed = self.fixed
+        values = np.array([fixed.get(j, 0.0) for j in range(self.robot.n)])
+        free = [j for j in range(self.robot.n) if j not in fixed]
+        workspace = Workspace(self.robot, self.file.workspace.build())
+        return PoseDesign(self.model, workspace, self.sigma, self.file.load.build(), free, values)
+
+    @cached_property
+    def target(self) -> Array | None:
+        """A0 (3, p) of the test pose, Eq. (4) with the task's tool and load; None without a test pose."""
+        pose = self.file.test_pose
+        if pose is None:
+            return None
+        task = ElastostaticModel(self.robot.with_tool(pose.tool.build()), self._unknown)
+        return task.regressor(np.deg2rad(pose.q_deg), pose.load.build())
+
+    def criterion(self, name: str) -> criteria.Criterion:
+        """A criterion by name, with this study's target."""
+        return criteria.create(name, self.target)
+
+    @cached_property
+    def compliances(self) -> Array:
+        """Assumed true compliances (p,) [rad/(N m)] for simulations.
+
+        Raises:
+            UserError: The file does not give them for every unknown joint.
+        """
+        given = {} if self.file.simulation is None else self.file.simulation.compliance_rad_per_Nm
+        for name in self.file.joints.unknown:
+            if name not in given:
+                raise self.error("simulation.compliance_rad_per_Nm", f"expected a value for joint {name!r}")
+        return np.array([given[name] for name in self.file.joints.unknown])
+
+    def load_plan(self, path: Path) -> Plan:
+        """Read a plan and check every pose against limits and workspace.
+
+        A pose counts as feasible if one within the study's `plan_resolution_deg` of it is (published poses are
+        rounded).
+
+        Raises:
+            UserError: Names the file and the row.
+        """
+        try:
+            plan = Plan.from_csv(path, self.robot, self.fixed, self.file.load.build())
+        except PlanFileError as error:
+            raise UserError(str(error)) from error
+        resolution = np.deg2rad(self.file.workspace.plan_resolution_deg)
+        slack = self.design.workspace.slack_within(plan.q, float(resolution))
+        bad = np.argwhere(slack < -1e-9)
+        if len(bad):
+            row, which = bad[0]
+            raise UserError(
+                f"{path}: row {row + 1}: the pose violates '{self.design.workspace.labels[which]}' "
+                f"by {-slack[row, which]:.4g} (m or rad)"
+            )
+        return plan
+
+    def published_plans(self) -> dict[str, Plan]:
+        """The published plans named in the file, by their file's stem."""
+        return {Path(name).stem: self.load_plan(self.path.parent / name) for name in self.file.published}
+
+
+def load_study(path: Path) -> Study:
+    """Read and validate a study file.
+
+    Raises:
+        UserError: One line that names the file, the key and what was expected.
+    """
+    try:
+        raw = path.read_bytes()
+        content: dict[str, Any] = tomllib.loads(raw.decode("utf-8"))
+    except FileNotFoundError:
+        raise UserError(f"{path}: no such study file") from None
+    except OSError as error:
+        raise UserError(f"{path}: {error.strerror}") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise UserError(f"{path}: not valid TOML: {error}") from error
+    try:
+        file = StudyFile.model_validate(content)
+    except ValidationError as error:
+        first = error.errors()[0]
+        key = ".".join(map(str, first["loc"]))
+        expected = "unknown key" if first["type"] == "extra_forbidden" else first["msg"]
+        if first["type"] == "missing":
+            expected = "this key is required"
+        given = "" if isinstance(first["input"], dict) else f" (got {first['input']!r})"
+        raise UserError(f"{path}: {key}: {expected}{given}") from error
+    return Study(path, file, hashlib.sha256(raw).hexdigest()[:12])
