@@ -1,0 +1,147 @@
+"""The command `edtk`: thin, JSON alone on standard output, messages on standard error."""
+
+import json
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+from tqdm import tqdm
+
+import criteria
+import edtk
+from edtk.errors import UserError
+
+StudyPath = click.Path(path_type=Path, dir_okay=False)
+
+
+class _OneLine(click.Group):
+    """A group whose usage mistakes are one line on standard error, with exit code 2."""
+
+    def main(self, *args: Any, **kwargs: Any) -> Any:
+        """Run; never a traceback for a user's mistake."""
+        kwargs["standalone_mode"] = False
+        try:
+            sys.exit(super().main(*args, **kwargs) or 0)
+        except click.ClickException as error:
+            sys.exit(_fail(error.format_message()))
+        except click.Abort:
+            sys.exit(_fail("interrupted", code=130))
+        except (UserError, criteria.CriterionError) as error:
+            sys.exit(_fail(str(error)))
+
+
+def _fail(message: str, code: int = 2) -> int:
+    """Say one line on standard error."""
+    click.echo(f"edtk: {' '.join(message.split())}", err=True)
+    return code
+
+
+@contextmanager
+def _mistakes(where: Path) -> Iterator[None]:
+    """Name the file in mistakes that only show in the arithmetic, or in the file system."""
+    from edtk.inference import SingularPlanError
+
+    try:
+        yield
+    except SingularPlanError as error:
+        raise UserError(f"{where}: {error}") from error
+    except OSError as error:
+        raise UserError(f"{error.filename or where}: {error.strerror or error}") from error
+
+
+@click.group(cls=_OneLine, context_settings={"help_option_names": ["-h", "--help"]}, no_args_is_help=False)
+@click.version_option(edtk.__version__, prog_name="edtk")
+def main() -> None:
+    """Design calibration experiments, and say how good the design is."""
+
+
+@main.command("criteria")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+def list_criteria(as_json: bool) -> None:
+    """List the criteria that are there, built in or from plug-ins."""
+    rows = [criteria.get(name).describe() for name in criteria.available()]
+    if as_json:
+        click.echo(json.dumps(rows, indent=2))
+        return
+    click.echo(f"{'name':6}{'sense':6}{'convex':8}{'title':32}formula")
+    for r in rows:
+        convex = "yes" if r["convex"] else "no"
+        click.echo(f"{r['name']:6}{r['sense']:6}{convex:8}{r['title']:32}{r['formula']}")
+
+
+@main.command("evaluate")
+@click.argument("study", type=StudyPath)
+@click.argument("plan", type=StudyPath)
+@click.option("--json", "as_json", is_flag=True, help="Print JSON, in SI units.")
+def evaluate_plan(study: Path, plan: Path, as_json: bool) -> None:
+    """Score PLAN (CSV) under every criterion of STUDY (TOML)."""
+    from edtk.study import evaluate, load_study
+
+    loaded = load_study(study)
+    with _mistakes(plan):
+        result = evaluate(loaded, loaded.load_plan(plan))
+    if as_json:
+        click.echo(json.dumps(result.to_json(), indent=2))
+        return
+    click.echo(f"{result.experiments} experiments")
+    for name, value in result.criteria.items():
+        cls = criteria.get(name)
+        shown = f"{1e3 * value:.6g} mm" if name == "rho0" else f"{value:.6g}"
+        click.echo(f"  {name:6}{cls.sense:5}{shown:18}{cls.formula}")
+    click.echo("standard deviations")
+    for name, std in zip(result.parameters, result.std, strict=True):
+        click.echo(f"  {name:6}{std:.4g} rad/(N m)")
+
+
+@main.command("run")
+@click.argument("study", type=StudyPath)
+@click.option("--out", type=click.Path(path_type=Path, file_okay=False), help="Folder [default: results/STUDY].")
+def run(study: Path, out: Path | None) -> None:
+    """Answer STUDY (TOML): optimise plans, compare them, write tables, plans and a report."""
+    from edtk.study import load_study, run_study
+    from edtk.study.runner import steps
+
+    loaded = load_study(study)
+    folder = out or Path("results") / study.stem
+    with tqdm(total=steps(loaded), unit="step", file=sys.stderr) as bar, _mistakes(study):
+
+        def progress(label: str) -> None:
+            bar.set_postfix_str(label, refresh=False)
+            bar.update()
+
+        run_study(loaded, folder, progress)
+    click.echo(f"wrote {folder / 'report.md'}, {folder / 'results.csv'} and {folder / 'plans'}", err=True)
+
+
+@main.command("bayes")
+@click.argument("study", type=StudyPath)
+@click.argument("plan", type=StudyPath)
+@click.option("--seed", type=click.IntRange(min=0), help="Seed [default: the study's].")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON, in SI units.")
+def bayes(study: Path, plan: Path, seed: int | None, as_json: bool) -> None:
+    """Simulate measurements of PLAN, sample the posterior of the compliances, compare with Eq. (13)."""
+    from edtk.inference.posterior import UnconvergedError
+    from edtk.study import load_study
+    from edtk.study.bayes import bayes_check
+
+    loaded = load_study(study)
+    rng = np.random.default_rng(loaded.file.seed if seed is None else seed)
+    with tqdm(unit="step", file=sys.stderr, desc="emcee") as bar, _mistakes(plan):
+        try:
+            table = bayes_check(loaded, loaded.load_plan(plan), rng, lambda n: bar.update(n - bar.n))
+        except UnconvergedError as error:
+            raise UserError(f"{plan}: {error}") from error
+    if as_json:
+        click.echo(table.to_json(orient="records", indent=2, double_precision=15))
+        return
+    click.echo("param    std posterior   std Eq. (13)    ratio   +- (Monte Carlo)   effective samples")
+    for row in table.itertuples():
+        click.echo(
+            f"{row.parameter:6}{row.std_posterior:16.5g}{row.std_eq13:15.5g}{row.ratio:9.4f}"
+            f"   {row.ratio_error:.4f}{row.effective_samples:24.0f}"
+        )
+    click.echo("standard deviations in rad/(N m)")
