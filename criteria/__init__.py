@@ -4,7 +4,7 @@ A criterion eats a (p, p) information matrix ``M = sum A_i' A_i / sigma^2`` and 
 knows no robot, no plan and no algorithm, and imports nothing from edtk.
 
     >>> import numpy as np, criteria
-    >>> criteria.create("D").value(np.diag([4.0, 9.0]))
+    >>> round(float(criteria.create("D").value(np.diag([4.0, 9.0]))), 12)
     6.0
 """
 

@@ -38,4 +38,5 @@ class GOptimality(Criterion):
         """``max_j t_j M^-1 t_j'`` over the rows t_j of T."""
         import cvxpy as cp
 
-        return cp.maximum(*(cp.matrix_frac(t, M) for t in (np.eye(M.shape[0]) if T is None else T)))
+        rows = np.eye(M.shape[0]) if T is None else T
+        return cp.max(cp.hstack([cp.matrix_frac(t, M) for t in rows]))

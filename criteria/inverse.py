@@ -22,7 +22,7 @@ def guarded_inverse(M: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
     """
     p = M.shape[-1]
     diagonal = np.diagonal(M, axis1=-2, axis2=-1)
-    positive = np.isfinite(M).all(axis=(-2, -1)) & (diagonal > 0).all(axis=-1)
+    positive = np.asarray(np.isfinite(M).all(axis=(-2, -1)) & (diagonal > 0).all(axis=-1))
     safe = np.where(positive[..., None, None], M, np.eye(p))
     d = np.sqrt(np.diagonal(safe, axis1=-2, axis2=-1))
     dd = d[..., :, None] * d[..., None, :]

@@ -30,7 +30,7 @@ def sample_feasible(
         free: Indices of the joints that vary.
         fixed: Joint variables (n_joints,) whose entries outside `free` are kept.
         chunk: Draws per round.
-        patience: Rounds without one feasible pose before giving up.
+        patience: Rounds to wait for the first feasible pose.
 
     Returns:
         Poses (n, n_joints) [rad or m].
@@ -40,20 +40,19 @@ def sample_feasible(
     """
     lower, upper = workspace.robot.limits[:, free]
     found: list[Array] = []
-    count, barren = 0, 0
+    count, drawn, violated = 0, 0, np.zeros(len(workspace.labels))
     while count < n:
         q = np.tile(fixed, (chunk, 1))
         q[:, free] = rng.uniform(lower, upper, size=(chunk, len(free)))
         slack = workspace.slack(q)
         inside = q[(slack >= 0).all(axis=-1)]
         found.append(inside)
-        count += len(inside)
-        barren = 0 if len(inside) or count else barren + 1
-        if barren >= patience:
-            violated = (slack < 0).mean(axis=0)
+        count, drawn = count + len(inside), drawn + chunk
+        violated += (slack < 0).sum(axis=0)
+        if not count and drawn >= patience * chunk:
             worst = int(violated.argmax())
             raise EmptyFeasibleSetError(
-                f"no feasible pose among {barren * chunk} samples; the constraint '{workspace.labels[worst]}' "
-                f"excludes {100 * violated[worst]:.0f} % of them"
+                f"no feasible pose among {drawn} samples; the constraint '{workspace.labels[worst]}' "
+                f"excludes {100 * violated[worst] / drawn:.0f} % of them"
             )
     return np.concatenate(found)[:n] if found else np.empty((0, workspace.robot.n))

@@ -133,9 +133,9 @@ def _repeats(table: pd.DataFrame, path: Path) -> NDArray[np.int_]:
     if "repeats" not in table:
         return np.ones(len(table), dtype=int)
     values = _numbers(table, "repeats", path)
-    bad = np.flatnonzero((values < 1) | (values != np.round(values)))
+    bad = np.flatnonzero((values < 1) | (values > 1e9) | (values != np.round(values)))
     if len(bad):
         raise PlanFileError(
-            f"{path}: row {bad[0] + 1}, column repeats: {values[bad[0]]:g} is not a whole number of at least 1"
+            f"{path}: row {bad[0] + 1}, column repeats: {values[bad[0]]:g} is not a whole number of at least 1 (and at most 1e9)"
         )
     return values.astype(int)

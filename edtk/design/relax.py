@@ -43,9 +43,7 @@ class Relaxation:
         return 1.0 - self.bound / self.cost
 
 
-def relax(
-    problem: Problem, criterion: Criterion, gap: float = 1e-6, rounds: int = 60, batch: int = 40
-) -> Relaxation:
+def relax(problem: Problem, criterion: Criterion, gap: float = 1e-6, rounds: int = 60, batch: int = 40) -> Relaxation:
     """Minimise the criterion's cost over the weights of all candidates, by restricted masters and pricing.
 
     cvxpy solves a small master over the active candidates; the multiplier Z of ``M == sum w_i M_i`` prices all
@@ -88,7 +86,8 @@ def relax(
 
 def _spread(blocks: Array, mean: Array, batch: int) -> NDArray[np.int_]:
     """A first active set that identifies every parameter: greedily, the block of the largest gain in det."""
-    M, active = 1e-6 * mean, []
+    active: list[int] = []
+    M = 1e-6 * mean
     for _ in range(min(batch, len(blocks))):
         gain = np.einsum("ij,nij->n", np.linalg.inv(M), blocks)
         gain[active] = -np.inf
@@ -125,7 +124,10 @@ def _solve(blocks: Array, criterion: Criterion, T: Array, unit: float, solver: s
     M = cp.Variable((p, p), symmetric=True)
     rows, columns = np.triu_indices(p)
     balance = cp.vec(M, order="C")[rows * p + columns] == blocks[:, rows, columns].T @ w
-    _run(program := cp.Problem(cp.Minimize(_unit_cost(criterion, M, T, unit)), [balance, cp.sum(w) == 1]), solver)
+    _run(
+        program := cp.Problem(cp.Minimize(_unit_cost(criterion, M, T, unit)), [balance, cp.sum(w) == 1]),
+        solver,
+    )
     if w.value is None or not np.isfinite(w.value).all():
         raise ValueError(f"status {program.status}")
     weights = np.maximum(w.value, 0.0)

@@ -54,7 +54,9 @@ def covariance(M: Array, parameters: tuple[str, ...]) -> Array:
     _, cov, regular = guarded_inverse(M)
     if not regular:
         names = ", ".join(unidentified(M, parameters)) or ", ".join(parameters)
-        raise SingularPlanError(f"the plan cannot identify all parameters: {names} cannot be told from its measurements")
+        raise SingularPlanError(
+            f"the plan cannot identify all parameters: {names} cannot be told from its measurements"
+        )
     return cov
 
 

@@ -69,9 +69,12 @@ class ElastostaticModel:
         lift = (slice(None),) + (None,) * (frames.position.ndim - F.ndim)
         F, T = F[lift], T[lift]
         linear, angular = frames.linear[self.joints], frames.angular[self.joints]
+        linear = _without_rounding(linear, self.robot.reach)
         torque = _dot(linear, F)
         if T.any():
             torque += _dot(angular, T)
+        size = self.robot.reach * np.abs(F).sum(axis=0) + np.abs(T).sum(axis=0)
+        torque = _without_rounding(torque, size)
         A = linear * torque[:, None]
         return A if self.rows == "position" else np.concatenate([A, angular * torque[:, None]], axis=1)
 
@@ -118,7 +121,7 @@ class ElastostaticModel:
             numpy.linalg.LinAlgError: The compliance matrix is singular (fewer than six compliant joints, or a
                 singular pose).
         """
-        return np.linalg.inv(self.cartesian_compliance(q, k))
+        return np.asarray(np.linalg.inv(self.cartesian_compliance(q, k)))
 
     def cartesian_compliance(self, q: ArrayLike, k: ArrayLike) -> Array:
         """``K_C^-1 = J k_theta J'`` (..., 6, 6) [m/N, 1/N, rad/(N m)], defined in every pose."""
@@ -137,7 +140,16 @@ class ElastostaticModel:
             Deflections (..., rows) [m], rotation rows in [rad].
         """
         t = np.einsum("...ij,...j->...i", self.cartesian_compliance(q, k), np.asarray(wrench, dtype=float))
-        return t[..., :3] if self.rows == "position" else t
+        return np.asarray(t[..., :3] if self.rows == "position" else t)
+
+
+def _without_rounding(x: Array, size: ArrayLike) -> Array:
+    """X with what is lost in the rounding of numbers of that size set to zero.
+
+    A joint that the load does not turn, or whose axis runs through the tool point, then has an exactly zero
+    column; left as rounding noise, it would be scaled up and pass as identified.
+    """
+    return np.where(np.abs(x) <= 64 * np.finfo(float).eps * np.asarray(size), 0.0, x)
 
 
 def _dot(a: Array, b: Array, axis: int = 1) -> Array:

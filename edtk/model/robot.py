@@ -158,6 +158,13 @@ class Robot:
         """Joint limits (2, n): lower and upper [rad or m]."""
         return np.array([j.limits for j in self.joints]).T
 
+    @cached_property
+    def reach(self) -> float:
+        """An upper bound on the distance of any point of the chain from the world's origin [m]."""
+        links = [self.base, self.tool, *(j.origin for j in self.joints)]
+        slides = [max(map(abs, j.limits)) for j in self.joints if j.kind == "prismatic"]
+        return float(sum(np.linalg.norm(T[:3, 3]) for T in links) + sum(slides))
+
     def with_tool(self, tool: Array) -> "Robot":
         """The same chain with another tool transform (4, 4)."""
         return replace(self, tool=np.array(tool, dtype=float))

@@ -2,6 +2,7 @@
 
 import tomllib
 from importlib.resources import files
+from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -65,19 +66,20 @@ def load_robot(name: str, folder: Path | None = None) -> Robot:
         RobotFileError: No such robot, or its file is not valid; one line that says where.
     """
     if name.endswith(".toml"):
-        path = (folder or Path()) / name
-        if not path.is_file():
-            raise RobotFileError(f"robot file {path} not found")
-        text = path.read_text()
+        file: Traversable = (folder or Path()) / name
     elif name in builtin_robots():
-        text = (files("edtk.model") / "robots" / f"{name}.toml").read_text()
+        file = files("edtk.model") / "robots" / f"{name}.toml"
     else:
         raise RobotFileError(
             f"unknown robot {name!r}; built in: {', '.join(builtin_robots())}; or give a path to a .toml file"
         )
     try:
-        data = _Robot.model_validate(tomllib.loads(text))
+        data = _Robot.model_validate(tomllib.loads(file.read_text(encoding="utf-8")))
         return Robot(data.name, tuple(j.build() for j in data.joints), source=data.source.strip())
+    except FileNotFoundError:
+        raise RobotFileError(f"robot file {file} not found") from None
+    except OSError as error:
+        raise RobotFileError(f"robot file {file}: {error.strerror}") from error
     except ValidationError as error:
         first = error.errors()[0]
         where = ".".join(map(str, first["loc"]))

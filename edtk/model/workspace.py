@@ -16,7 +16,7 @@ class Constraint(ABC):
 
     @abstractmethod
     def labels(self, robot: Robot) -> tuple[str, ...]:
-        """What a person calls each inequality, with its bound (c,)."""
+        """What a person calls each inequality (c,): name, sign, bound, and its unit as the last word."""
 
     @abstractmethod
     def slack(self, frames: Frames) -> Array:
@@ -105,7 +105,7 @@ class JointLimits(Constraint):
         unit = [(1.0, "m") if j.kind == "prismatic" else (180 / np.pi, "deg") for j in robot.joints]
         return tuple(
             f"joint limit {name} {sign} {bound * factor:g} {u}"
-            for sign, bounds in zip(("> ", "< "), self.limits, strict=True)
+            for sign, bounds in zip((">", "<"), self.limits, strict=True)
             for name, bound, (factor, u) in zip(robot.joint_names, bounds, unit, strict=True)
         )
 
@@ -144,6 +144,16 @@ class Workspace:
         """What a person calls each inequality (c,)."""
         return tuple(label for c in self.everything for label in c.labels(self.robot))
 
+    def violations(self, slack: Array, tolerance: float = 1e-9) -> list[str]:
+        """What a person reads of the slacks (c,) of one pose that are below -tolerance, with the amount."""
+        factors = {"mm": 1e3, "deg": 180 / np.pi, "m": 1.0}
+        return [
+            f"'{label}' by {-value * factors[unit]:.3g} {unit}"
+            for label, value in zip(self.labels, slack, strict=True)
+            if value < -tolerance
+            for unit in (label.split()[-1],)
+        ]
+
     def slack(self, q: ArrayLike) -> Array:
         """All slacks (..., c) of the poses q (..., n) [m or rad]; feasible where none is negative."""
         frames = self.robot.frames(q)
@@ -157,8 +167,7 @@ class Workspace:
 
     def contains(self, q: ArrayLike) -> NDArray[np.bool_]:
         """Whether each pose (..., n) satisfies every constraint."""
-        inside: NDArray[np.bool_] = (self.slack(q) >= 0).all(axis=-1)
-        return inside
+        return np.asarray((self.slack(q) >= 0).all(axis=-1))
 
     def slack_within(self, q: ArrayLike, resolution: float) -> Array:
         """Slacks (..., c) at the best pose within rounding, to first order.

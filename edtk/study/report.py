@@ -36,8 +36,8 @@ def write_report(study: Study, table: pd.DataFrame, relaxed: dict[str, Relaxatio
         "Each cell is the criterion's own value, in SI units (rho0 in 1e-3 mm). O1 to O5 are those of A/sigma.\n",
         _all_criteria(study, table),
         "## The relaxation\n",
-        "Weights over the candidate poses instead of whole experiments. The bound is proved for plans over these "
-        "candidates; refined poses leave them, so an efficiency a little above 100 % is possible.\n",
+        "Weights over the candidate poses instead of whole experiments, per experiment. The bound is proved for "
+        "plans over these candidates; refined poses leave them, so an efficiency a little above 100 % is possible.\n",
         _relaxation_table(relaxed),
         f"Seed {study.file.seed}, study {study.digest}, edtk {table['edtk'].iloc[0]}.\n",
     ]
@@ -49,7 +49,7 @@ def _setting(study: Study) -> str:
     file = study.file
     unknown = ", ".join(study.model.parameters)
     return (
-        f"Robot {study.robot.name}; unknown compliances {unknown}; load F = {list(file.load.F_N)} N; "
+        f"Robot {study.robot.name}; unknown compliances {unknown}; load F = ({', '.join(f'{f:g}' for f in file.load.F_N)}) N; "
         f"sigma = {file.measurement.sigma_mm:g} mm per coordinate; {file.candidates} candidate poses.\n"
     )
 
@@ -62,10 +62,10 @@ def _unit(name: str) -> tuple[float, str]:
 def _verdict(study: Study, table: pd.DataFrame, relaxed: dict[str, Relaxation], main: str) -> str:
     """What a reader should take away, in at most three sentences."""
     factor, unit = _unit(main)
-    best = table[(table["optimised_for"] == main) & table[main].notna()]
+    best = table[(table["optimised_for"] == main) & table[main].notna()].sort_values("experiments")
     if best.empty:
         return "No size allows a plan that identifies all parameters.\n"
-    row = best.loc[best["experiments"].idxmax()]
+    row = best.iloc[-1]
     text = (
         f"With {row['experiments']} experiments the plan optimised for {main} reaches {main} = "
         f"{factor * row[main]:.4g} ({unit}), an efficiency of {100 * row[f'efficiency_{main}']:.1f} % against the "
@@ -128,8 +128,15 @@ def _figure(study: Study, table: pd.DataFrame, relaxed: dict[str, Relaxation], m
     for i, (kind, name, label) in enumerate(groups):
         part = table[(table["kind"] == kind) & (table["optimised_for"] == name)].sort_values("experiments")
         if len(part):
-            style = {"color": COLOURS[i % len(COLOURS)], "marker": markers[i % len(markers)], "markersize": 5}
-            ax.plot(part["experiments"], factor * part[main], label=label, linewidth=1.2, **style)
+            ax.plot(
+                part["experiments"],
+                factor * part[main],
+                label=label,
+                linewidth=1.2,
+                markersize=5,
+                color=COLOURS[i % len(COLOURS)],
+                marker=markers[i % len(markers)],
+            )
     sizes = np.geomspace(min(study.file.sizes), max(study.file.sizes), 100)
     bound = relaxed[main].bound * sizes ** -criteria.get(main).degree
     bound = bound if criteria.get(main).sense == "min" else 1 / bound

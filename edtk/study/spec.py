@@ -203,9 +203,7 @@ class Study:
     @property
     def fixed(self) -> dict[int, float]:
         """Values [rad] of the fixed joints by index."""
-        return {
-            self.robot.joint_names.index(n): float(np.deg2rad(v)) for n, v in self.file.joints.fixed_deg.items()
-        }
+        return {self.robot.joint_names.index(n): float(np.deg2rad(v)) for n, v in self.file.joints.fixed_deg.items()}
 
     @property
     def sigma(self) -> Array:
@@ -264,13 +262,10 @@ class Study:
             raise UserError(str(error)) from error
         resolution = np.deg2rad(self.file.workspace.plan_resolution_deg)
         slack = self.design.workspace.slack_within(plan.q, float(resolution))
-        bad = np.argwhere(slack < -1e-9)
-        if len(bad):
-            row, which = bad[0]
-            raise UserError(
-                f"{path}: row {row + 1}: the pose violates '{self.design.workspace.labels[which]}' "
-                f"by {-slack[row, which]:.4g} (m or rad)"
-            )
+        rows = np.flatnonzero((slack < -1e-9).any(axis=1))
+        if len(rows):
+            broken = self.design.workspace.violations(slack[rows[0]])
+            raise UserError(f"{path}: row {rows[0] + 1}: the pose violates {'; '.join(broken)}")
         return plan
 
     def published_plans(self) -> dict[str, Plan]:

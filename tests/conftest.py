@@ -1,0 +1,86 @@
+"""Fixtures that more than one suite needs."""
+
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+PLUGIN_MODULE = '''
+"""A criterion of somebody else's."""
+
+import numpy as np
+
+from criteria import Criterion
+
+
+class TraceM(Criterion):
+    """The trace of the information matrix, to be maximised."""
+
+    name = "trace_M"
+    title = "Trace of the information"
+    formula = "trace(M)"
+    sense = "max"
+    degree = 1.0
+    convex = True
+
+    def _cost(self, M, cov):
+        return 1.0 / np.trace(M, axis1=-2, axis2=-1)
+
+    def _gradient(self, M, cov):
+        return -(self._cost(M, cov)[..., None, None] ** 2) * np.eye(M.shape[-1])
+'''
+
+PLUGIN_PROJECT = """
+[build-system]
+requires = ["hatchling"]
+build-backend = "hatchling.build"
+
+[project]
+name = "my-criterion"
+version = "1.0"
+
+[project.entry-points."edtk.criteria"]
+trace_M = "my_criterion:TraceM"
+
+[tool.hatch.build.targets.wheel]
+include = ["my_criterion.py"]
+"""
+
+
+@pytest.fixture(scope="session")
+def plugin_site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A directory for PYTHONPATH into which a third party's criterion `trace_M` was installed by pip."""
+    folder = tmp_path_factory.mktemp("plugin")
+    source, site = folder / "dist", folder / "site"
+    source.mkdir()
+    (source / "my_criterion.py").write_text(PLUGIN_MODULE)
+    (source / "pyproject.toml").write_text(PLUGIN_PROJECT)
+    options = ["--no-deps", "--no-build-isolation", "--no-index", "--disable-pip-version-check", "--quiet"]
+    command = [sys.executable, "-m", "pip", "install", *options, "--target", str(site), str(source)]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return site
+
+
+@pytest.fixture(scope="session")
+def derivative() -> Callable[..., Array]:
+    """Central difference of fourth order of a function along every coordinate, appended as the last axis.
+
+    With h = 1e-3 truncation is h^4/30 of the fifth derivative and rounding eps/h of the value: about 1e-12 of
+    a function whose derivatives are of order one.
+    """
+
+    def along(f: Callable[[Array], Array], x: Array, h: float = 1e-3) -> Array:
+        columns = []
+        for e in h * np.eye(len(x)):
+            inner, outer = f(x + e) - f(x - e), f(x + 2 * e) - f(x - 2 * e)
+            columns.append((8 * inner - outer) / (12 * h))
+        return np.stack(columns, axis=-1)
+
+    return along
