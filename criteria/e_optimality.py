@@ -31,7 +31,8 @@ class EOptimality(Criterion):
     def _gradient(self, M: Array, cov: Array) -> Array:
         c, V = np.linalg.eigh(cov)
         v = V[..., -1]
-        return np.asarray(-(c[..., -1, None, None] ** 2) * v[..., :, None] * v[..., None, :])
+        v = c[..., -1, None] * v  # scaled so that its outer product is the whole gradient
+        return -v[..., :, None] * v[..., None, :]
 
     def expression(self, M: "cp.Expression", T: Array | None = None) -> "cp.Expression":
         """``1 / lambda_min(T^-T M T^-1)``."""

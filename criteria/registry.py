@@ -88,9 +88,8 @@ def get(name: str) -> type[Criterion]:
     try:
         cls = plugins[name].load()
     except Exception as error:
-        raise CriterionError(
-            f"criterion plug-in {plugins[name].value!r} does not load: {' '.join(str(error).split())}"
-        ) from error
+        why = " ".join(str(error).split())
+        raise CriterionError(f"criterion plug-in {plugins[name].value!r} does not load: {why}") from error
     if not (isinstance(cls, type) and issubclass(cls, Criterion) and getattr(cls, "name", None) == name):
         raise CriterionError(
             f"criterion plug-in {plugins[name].value!r} must be a Criterion class whose name is {name!r}"

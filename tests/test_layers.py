@@ -22,6 +22,4 @@ def test_imports_run_only_downwards(path: Path) -> None:
         names = [a.name for a in node.names] if isinstance(node, ast.Import) else []
         names += [node.module or ""] if isinstance(node, ast.ImportFrom) else []
         for name in names:
-            assert not any(name == f or name.startswith(f"{f}.") for f in forbidden), (
-                f"{module} imports {name}"
-            )
+            assert not any(name == f or name.startswith(f"{f}.") for f in forbidden), f"{module} imports {name}"

@@ -55,9 +55,7 @@ def test_wheel_works_from_another_folder(wheel: Path, tmp_path: Path) -> None:
         "assert criteria.__file__.startswith(sys.path[0]) and m.__file__.startswith(sys.path[0]); "
         "print(len(criteria.available()), m.load_robot('kuka_kr270').n)"
     )
-    answer = subprocess.run(
-        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=True
-    )
+    answer = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=True)
     assert answer.stdout.split() == ["10", "6"]
 
 

@@ -136,6 +136,6 @@ def _repeats(table: pd.DataFrame, path: Path) -> NDArray[np.int_]:
     bad = np.flatnonzero((values < 1) | (values > 1e9) | (values != np.round(values)))
     if len(bad):
         raise PlanFileError(
-            f"{path}: row {bad[0] + 1}, column repeats: {values[bad[0]]:g} is not a whole number of at least 1 (and at most 1e9)"
+            f"{path}: row {bad[0] + 1}, column repeats: {values[bad[0]]:g} is not a whole number from 1 to 1e9"
         )
     return values.astype(int)

@@ -48,8 +48,9 @@ def _setting(study: Study) -> str:
     """One paragraph on what was asked."""
     file = study.file
     unknown = ", ".join(study.model.parameters)
+    force = ", ".join(f"{f:g}" for f in file.load.F_N)
     return (
-        f"Robot {study.robot.name}; unknown compliances {unknown}; load F = ({', '.join(f'{f:g}' for f in file.load.F_N)}) N; "
+        f"Robot {study.robot.name}; unknown compliances {unknown}; load F = ({force}) N; "
         f"sigma = {file.measurement.sigma_mm:g} mm per coordinate; {file.candidates} candidate poses.\n"
     )
 

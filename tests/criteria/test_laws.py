@@ -331,9 +331,7 @@ def test_expression_is_the_cost(name, p):
         whitened = 0.5 * (whitened + whitened.T)
         assert c.expression(cp.Variable((p, p), PSD=True), T).is_convex()
         np.testing.assert_allclose(c.expression(cp.Constant(M)).value, expected, rtol=slip(M))
-        np.testing.assert_allclose(
-            c.expression(cp.Constant(whitened), T).value, expected, rtol=slip(M, whitened)
-        )
+        np.testing.assert_allclose(c.expression(cp.Constant(whitened), T).value, expected, rtol=slip(M, whitened))
 
 
 def test_which_criteria_have_an_expression():

@@ -64,9 +64,7 @@ def test_duplicate_is_refused_and_changes_nothing():
     """A second class under a taken name is refused in one line that names both, and the first stays."""
     holder = criteria.get("A")
     impostor = type("Impostor", (holder,), {})
-    with pytest.raises(
-        criteria.DuplicateCriterionError, match=r"'A' of .*Impostor .* taken by .*AOptimality"
-    ):
+    with pytest.raises(criteria.DuplicateCriterionError, match=r"'A' of .*Impostor .* taken by .*AOptimality"):
         criteria.register(impostor)
     assert criteria.get("A") is holder
 
@@ -123,9 +121,7 @@ def test_plugin_is_found_by_its_name(plugin_site):
 
 def test_plugin_is_listed_without_being_imported(plugin_site):
     """Listing the names does not run third-party code."""
-    done = run(
-        "import sys, criteria; print(criteria.available(), 'my_criterion' in sys.modules)", plugin_site
-    )
+    done = run("import sys, criteria; print(criteria.available(), 'my_criterion' in sys.modules)", plugin_site)
     assert done.stdout.strip() == f"{(*BUILTINS, 'trace_M')} False"
 
 

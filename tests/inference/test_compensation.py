@@ -26,9 +26,7 @@ def position_error(model, q0, wrench, k):
     """Distance of the loaded tool point from the desired one, with the compensated joints commanded."""
     q = compensated_joints(model, q0, wrench, k)
     return np.linalg.norm(
-        model.robot.forward(q)[..., :3, 3]
-        + model.regressor(q, wrench) @ k
-        - model.robot.forward(q0)[..., :3, 3],
+        model.robot.forward(q)[..., :3, 3] + model.regressor(q, wrench) @ k - model.robot.forward(q0)[..., :3, 3],
         axis=-1,
     )
 
@@ -51,9 +49,7 @@ def test_compensation_is_equation_15():
     """With six compliant joints the command is q0 - J0^-1 K_C^-1 W, by the Jacobian's inverse."""
     model, k = model_of((0.986, 0.0, 0.1), unknown=None, rows="pose"), np.r_[3.8e-6, K0]
     turn = np.linalg.solve(model.robot.jacobian(TEST_POSE), model.deflection(TEST_POSE, TASK_WRENCH, k))
-    np.testing.assert_allclose(
-        compensated_joints(model, TEST_POSE, TASK_WRENCH, k), TEST_POSE - turn, atol=1e-13
-    )
+    np.testing.assert_allclose(compensated_joints(model, TEST_POSE, TASK_WRENCH, k), TEST_POSE - turn, atol=1e-13)
 
 
 def test_compensation_is_the_linear_solution_of_equation_14():

@@ -84,9 +84,7 @@ def test_covariance_halves_with_twice_the_measurements(A):
         estimate(A, A @ K0, SIGMA, NAMES),
         estimate(np.tile(A, (2, 1, 1)), np.tile(A @ K0, (2, 1)), SIGMA, NAMES),
     )
-    np.testing.assert_allclose(
-        twice.covariance, once.covariance / 2, rtol=1e-10, atol=1e-12 * once.covariance.max()
-    )
+    np.testing.assert_allclose(twice.covariance, once.covariance / 2, rtol=1e-10, atol=1e-12 * once.covariance.max())
     np.testing.assert_allclose(twice.k, once.k, rtol=1e-9)
 
 

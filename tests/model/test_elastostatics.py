@@ -177,9 +177,7 @@ def test_full_turns_of_joints_4_and_6_change_nothing(calibration):
     A = calibration.regressor(q, CALIBRATION_WRENCH)
     for joint in (3, 5):
         turned = q + 2 * np.pi * np.eye(6)[joint]
-        np.testing.assert_allclose(
-            calibration.regressor(turned, CALIBRATION_WRENCH), A, atol=1e-10 * np.abs(A).max()
-        )
+        np.testing.assert_allclose(calibration.regressor(turned, CALIBRATION_WRENCH), A, atol=1e-10 * np.abs(A).max())
 
 
 def test_flipped_wrist_is_the_same_experiment(calibration):
@@ -188,9 +186,7 @@ def test_flipped_wrist_is_the_same_experiment(calibration):
     flipped = q * [1, 1, 1, 1, -1, 1] + np.pi * np.array([0, 0, 0, 1, 0, 1])
     np.testing.assert_allclose(calibration.robot.forward(flipped), calibration.robot.forward(q), atol=1e-13)
     A = calibration.regressor(q, CALIBRATION_WRENCH)
-    np.testing.assert_allclose(
-        calibration.regressor(flipped, CALIBRATION_WRENCH), A, atol=1e-10 * np.abs(A).max()
-    )
+    np.testing.assert_allclose(calibration.regressor(flipped, CALIBRATION_WRENCH), A, atol=1e-10 * np.abs(A).max())
 
 
 def test_mirrored_wrist_gives_the_same_information(calibration):

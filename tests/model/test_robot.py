@@ -53,9 +53,7 @@ def test_linear_rows_are_the_derivative_of_the_position(robot, derivative):
 def test_angular_rows_are_the_derivative_of_the_rotation(robot, derivative):
     """The lower half is the finite difference of the rotation: dR/dq_k R' = [w_k x]."""
     for q in poses(robot, 10):
-        spin = np.einsum(
-            "ijk,lj->ilk", derivative(lambda x: robot.forward(x)[:3, :3], q), robot.forward(q)[:3, :3]
-        )
+        spin = np.einsum("ijk,lj->ilk", derivative(lambda x: robot.forward(x)[:3, :3], q), robot.forward(q)[:3, :3])
         numeric = np.stack([spin[2, 1], spin[0, 2], spin[1, 0]])
         np.testing.assert_allclose(robot.jacobian(q)[3:], numeric, atol=1e-10)
         np.testing.assert_allclose(spin, -np.swapaxes(spin, 0, 1), atol=1e-10)

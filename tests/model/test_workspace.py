@@ -114,9 +114,7 @@ def test_a_pose_at_a_bound_is_within_rounding():
     assert (workspace.slack_within(rounded, resolution) >= exact - second_order)[smooth].all()
     assert (workspace.slack(rounded) < exact - second_order)[smooth].any()
     granted = workspace.slack_within(q, resolution) - exact
-    np.testing.assert_allclose(
-        granted, np.abs(workspace.gradient(q)).sum(axis=-1) * resolution / 2, atol=1e-13
-    )
+    np.testing.assert_allclose(granted, np.abs(workspace.gradient(q)).sum(axis=-1) * resolution / 2, atol=1e-13)
 
 
 def test_gradients_stay_finite_at_the_poles():

@@ -1,0 +1,44 @@
+"""Fig. 7's random plan, and how much random plans differ."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edtk.design import Plan, sample_feasible
+from edtk.inference import covariance
+from edtk.study import Study
+from paper_figures.example import target_of
+from paper_figures.mean_distance import mean_distance
+from paper_figures.targets import both
+
+Array = NDArray[np.float64]
+EXPERIMENTS = 12
+PLANS = 1001
+STREAM = 1_000
+
+
+@dataclass(frozen=True, eq=False)
+class RandomPlans:
+    """Random plans of twelve poses, judged.
+
+    Attributes:
+        median: The plan with the median exact mean error under the true A0; a single draw may be a freak.
+        means: Exact mean errors [m] of all plans, by A0.
+    """
+
+    median: Plan
+    means: dict[str, Array]
+
+
+def random_plans(study: Study, plans: int = PLANS) -> RandomPlans:
+    """Draw plans of feasible poses, uniform in the joint limits, from the study's seed; plans is odd."""
+    design, p = study.design, study.model.parameters
+    rng = np.random.default_rng([study.file.seed, STREAM])
+    q = sample_feasible(design.workspace, plans * EXPERIMENTS, rng, design.free, design.fixed)
+    blocks = design.problem(q).information_blocks.reshape(plans, EXPERIMENTS, len(p), len(p))
+    cov = np.array([covariance(M, p) for M in blocks.sum(axis=1)])
+    means = {name: mean_distance(A0 @ cov @ A0.T) for name, A0 in both(target_of(study)).items()}
+    middle = int(np.argsort(means["true"], kind="stable")[plans // 2])
+    poses = q.reshape(plans, EXPERIMENTS, -1)[middle]
+    return RandomPlans(design.plan(poses, np.ones(EXPERIMENTS, dtype=int)), means)

@@ -1,0 +1,50 @@
+"""The command `python -m paper_figures`."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+from click.testing import CliRunner
+
+from paper_figures.__main__ import main
+
+ROOT = Path(__file__).parents[2]
+FILES = {f"{n}.{e}" for n, es in (("table_5", "csv md"), ("table_6", "csv md")) for e in es.split()}
+FILES |= {f"figure_7.{e}" for e in ("png", "svg", "csv", "md")}
+
+
+def test_default_writes_everything(tmp_path):
+    """Without names all tables and the figure are written, and nothing else; stdout stays empty."""
+    out = tmp_path / "deep" / "out"
+    command = [sys.executable, "-m", "paper_figures", "--out", str(out)]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
+    assert {p.name for p in out.iterdir()} == FILES
+    assert done.stdout == ""
+    assert len(done.stderr.splitlines()) == len(FILES)
+
+
+def test_a_name_writes_that_one(tmp_path):
+    """A name restricts the run to it."""
+    result = CliRunner().invoke(main, ["table_5", "--out", str(tmp_path)])
+    assert result.exit_code == 0
+    assert {p.name for p in tmp_path.iterdir()} == {"table_5.csv", "table_5.md"}
+
+
+def test_unknown_name_is_one_line_and_exit_code_2(tmp_path):
+    """An unknown name writes nothing and ends in one line that lists the names."""
+    result = CliRunner().invoke(main, ["table_5", "table_9", "--out", str(tmp_path / "out")])
+    assert result.exit_code == 2
+    assert result.stdout == ""
+    assert len(result.stderr.splitlines()) == 1
+    assert "'table_9'" in result.stderr
+    assert "figure_7" in result.stderr
+    assert not (tmp_path / "out").exists()
+
+
+def test_out_that_is_a_file_is_one_line(tmp_path):
+    """A file given as --out, or above it, ends in one line and exit code 2."""
+    (tmp_path / "file").write_text("", encoding="utf-8")
+    for out in (tmp_path / "file", tmp_path / "file" / "below"):
+        result = CliRunner().invoke(main, ["table_5", "--out", str(out)])
+        assert result.exit_code == 2
+        assert len(result.stderr.splitlines()) == 1

@@ -1,0 +1,57 @@
+"""Table 6 beside print."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from paper_figures import printed_values, table_6
+from paper_figures.example import load_example, target_of
+
+# Eq. (20) with A0 itself, from a computation independent of this package [1e-3 mm].
+TRUE = [8.171, 6.588, 5.778, 5.452, 4.718, 4.658, 4.528, 3.336, 3.294, 3.148, 3.202, 3.200]
+
+
+@pytest.fixture(scope="module")
+def table():
+    return table_6.compute(load_example())
+
+
+def test_printed_table_keeps_its_empty_cells():
+    """The typed table has five rows of five cells: twelve filled, three dashes, ten blank."""
+    cells = [cell for row in printed_values.table_6_cells() for cell in row[1:]]
+    assert len(cells) == 25
+    assert (cells.count("---"), cells.count("")) == (3, 10)
+    assert len(printed_values.table_6()) == 12
+
+
+def test_target_agrees_with_equation_23():
+    """A0 of the study is the printed Eq. (23), signs included, within 0.11."""
+    assert np.abs(target_of(load_example()) - printed_values.equation_23()).max() < 0.11
+
+
+def test_clipped_target_reproduces_print(table):
+    """With max(A0, 0) all twelve cells agree with print within 0.03 %."""
+    clipped = table[table["A0"] == "clipped"]
+    assert len(clipped) == 12
+    assert clipped["difference_percent"].abs().max() < 0.03
+
+
+def test_clipped_target_reproduces_the_printed_losses(table):
+    """With max(A0, 0) the printed losses are met within 0.04 percentage points."""
+    rows = table[(table["A0"] == "clipped") & (table["printed_loss_percent"] != "")]
+    printed = rows["printed_loss_percent"].str.lstrip("<").astype(float)
+    assert len(rows) == 7
+    assert (rows["loss_percent"] - printed).abs().max() < 0.04
+
+
+def test_true_target_gives_the_independent_values(table):
+    """With A0 itself Eq. (20) gives the independently computed values to a unit of the last digit."""
+    true = table[table["A0"] == "true"]
+    assert true["computed_1e-3_mm"].to_numpy() == pytest.approx(TRUE, abs=1e-3)
+
+
+def test_files_show_both_variants_and_say_what_is_unknown(tmp_path):
+    """The CSV has twelve cells of either variant and the Markdown says that the reason is not known."""
+    csv, text = table_6.write(load_example(), tmp_path)
+    assert pd.read_csv(csv)["A0"].value_counts().to_dict() == {"clipped": 12, "true": 12}
+    assert "is not known" in text.read_text(encoding="utf-8")
