@@ -26,7 +26,7 @@ class EOptimality(Criterion):
     smooth = False
 
     def _cost(self, M: Array, cov: Array) -> Array:
-        return np.linalg.eigvalsh(cov)[..., -1]
+        return np.linalg.eigvalsh(cov).max(axis=-1)
 
     def _gradient(self, M: Array, cov: Array) -> Array:
         c, V = np.linalg.eigh(cov)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 import criteria
 from edtk.design import Plan
-from edtk.inference import SingularPlanError, covariance
+from edtk.inference import covariance
 from edtk.study.spec import Study
 
 Array = NDArray[np.float64]
@@ -74,6 +74,3 @@ def _unscaled(study: Study, plan: Plan) -> dict[str, float]:
     A = study.model.regressor(plan.q, plan.wrench)
     M = np.einsum("k,kri,krj->ij", plan.repeats, A, A)
     return {n: float(criteria.create(n).value(M)) for n in ("O1", "O2", "O3", "O4", "O5")}
-
-
-__all__ = ["Evaluation", "SingularPlanError", "evaluate"]
