@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from criteria.criterion import Array, Criterion
+from criteria.inverse import root_trace
 from criteria.registry import register
 
 if TYPE_CHECKING:
@@ -47,6 +48,10 @@ class CompensationAccuracy(Criterion):
     def _gradient(self, M: Array, cov: Array) -> Array:
         B = self.target @ cov
         return -0.5 / self._cost(M, cov)[..., None, None] * np.swapaxes(B, -1, -2) @ B
+
+    def polar(self, Z: Array, M: Array) -> float:
+        """``trace (A0 Z A0')^(1/2)``."""
+        return root_trace(self.target @ Z @ self.target.T)
 
     def expression(self, M: "cp.Expression", T: Array | None = None) -> "cp.Expression":
         """``rho0^2 = trace(A0 T M^-1 T' A0')`` as a matrix-fractional function."""

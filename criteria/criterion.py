@@ -76,6 +76,25 @@ class Criterion(ABC):
         """
         raise NotImplementedError(f"criterion {self.name} has no convex expression")
 
+    def polar(self, Z: Array, M: Array) -> float:
+        """A lower bound on ``cost(X)`` over all X with ``<Z, X> <= 1``: what a multiplier Z proves.
+
+        In closed form where a criterion has one, so that no solver's word is needed.
+
+        Args:
+            Z: Symmetric positive semidefinite multiplier (p, p).
+            M: A regular design (p, p), near which the bound shall be tight.
+
+        Raises:
+            NotImplementedError: The criterion has no such form.
+        """
+        raise NotImplementedError(f"criterion {self.name} has no closed form of its polar")
+
+    @classmethod
+    def has_expression(cls) -> bool:
+        """Whether `expression` is defined, so that the criterion can be relaxed."""
+        return cls.expression is not Criterion.expression
+
     @final
     def cost(self, M: ArrayLike) -> Array:
         """Smaller is better: `value` where it is minimised, its reciprocal where it is maximised.

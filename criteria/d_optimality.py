@@ -31,6 +31,10 @@ class DOptimality(Criterion):
     def _gradient(self, M: Array, cov: Array) -> Array:
         return -self._cost(M, cov)[..., None, None] / M.shape[-1] * cov
 
+    def polar(self, Z: Array, M: Array) -> float:
+        """``p det(Z)^(1/p)``, attained at ``Z^-1 / p``."""
+        return float(len(Z) * np.exp(np.linalg.slogdet(Z).logabsdet / len(Z)))
+
     def expression(self, M: "cp.Expression", T: Array | None = None) -> "cp.Expression":
         """``exp(-log det(T^-T M T^-1) / p)``."""
         import cvxpy as cp

@@ -34,6 +34,10 @@ class EOptimality(Criterion):
         v = c[..., -1, None] * v  # scaled so that its outer product is the whole gradient
         return -v[..., :, None] * v[..., None, :]
 
+    def polar(self, Z: Array, M: Array) -> float:
+        """``trace(Z)``, since ``lambda_min(X) trace(Z) <= <Z, X>``."""
+        return float(np.trace(Z))
+
     def expression(self, M: "cp.Expression", T: Array | None = None) -> "cp.Expression":
         """``1 / lambda_min(T^-T M T^-1)``."""
         import cvxpy as cp

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from criteria.criterion import Array, Criterion
+from criteria.inverse import root_trace
 from criteria.registry import register
 
 if TYPE_CHECKING:
@@ -33,6 +34,16 @@ class GOptimality(Criterion):
         worst = np.diagonal(cov, axis1=-2, axis2=-1).argmax(axis=-1)
         c = np.take_along_axis(cov, worst[..., None, None], axis=-1)
         return -c @ np.swapaxes(c, -1, -2)
+
+    def polar(self, Z: Array, M: Array) -> float:
+        """``(trace (U^(1/2) Z U^(1/2))^(1/2))^2`` with U = diag(u), valid for any weights u of sum one.
+
+        The largest variance is at least any weighted mean of them, whose polar is that of a weighted
+        A-criterion; at the optimum ``Z = cov U cov``, hence the choice ``u ~ diag(M Z M)``.
+        """
+        u = np.maximum(np.einsum("ij,jk,ki->i", M, Z, M), 0.0)
+        root = np.sqrt(u / u.sum())
+        return root_trace(root[:, None] * Z * root) ** 2
 
     def expression(self, M: "cp.Expression", T: Array | None = None) -> "cp.Expression":
         """``max_j t_j M^-1 t_j'`` over the rows t_j of T."""

@@ -1,4 +1,4 @@
-"""Inverse of a stack of information matrices, with the singular ones marked instead of raised."""
+"""Inverses and roots of information matrices, with what is lost in rounding marked instead of raised."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,3 +32,12 @@ def guarded_inverse(M: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
     cov = (V / r[..., None, :]) @ np.swapaxes(V, -1, -2) / dd
     keep = regular[..., None, None]
     return np.where(keep, safe, np.eye(p)), np.where(keep, cov, np.eye(p)), regular
+
+
+def root_trace(Z: Array) -> float:
+    """``trace(Z^(1/2))`` of a positive semidefinite Z (p, p), never overestimated by rounding.
+
+    Eigenvalues lost in rounding count as zero: their roots would be far larger than the rounding itself.
+    """
+    z = np.linalg.eigvalsh(Z)
+    return float(np.sqrt(z[z > 16 * len(Z) * np.finfo(float).eps * z[-1]]).sum())

@@ -34,6 +34,10 @@ class MinimumSingularValue(Criterion):
         v = V[..., -1]
         return -0.5 * c[..., -1, None, None] ** 1.5 * v[..., :, None] * v[..., None, :]
 
+    def polar(self, Z: Array, M: Array) -> float:
+        """``trace(Z)^(1/2)``, since ``lambda_min(X) trace(Z) <= <Z, X>``."""
+        return float(np.sqrt(np.trace(Z)))
+
     def expression(self, M: "cp.Expression", T: Array | None = None) -> "cp.Expression":
         """``lambda_min(T^-T M T^-1)^(-1/2)``."""
         import cvxpy as cp

@@ -145,7 +145,7 @@ def test_bad_plan(study: Path, tmp_path: Path, command: str, content: str, words
         ("seed = 2026", "sead = 2026", ("sead", "unknown key")),
         ('robot = "kuka_kr270"', 'robot = "kuka_kr271"', ("robot", "kuka_kr271", "kuka_kr270")),
         ('"O5", "rho0"]', '"O6"]', ("criteria", "'O6'", "available: A, D")),
-        ('optimise = ["rho0", "D"]', 'optimise = ["O4"]', ("optimise", "'O4'", "no convex form")),
+        ('optimise = ["rho0", "D"]', 'optimise = ["O4"]', ("optimise", "'O4'", "no convex form to optimise")),
         ("sigma_mm = 0.03 ", "sigma_mm = -0.03 ", ("measurement.sigma_mm", "greater than 0")),
         ("sigma_mm = 0.03 ", "sigma_mm = nan ", ("measurement.sigma_mm",)),
         ("height_min_mm = 800", "height_min_mm = 9000", ("workspace", "no feasible pose", "height")),

@@ -1,5 +1,6 @@
 """A plan of experiments: poses, wrenches and repetitions, as arrays and as a CSV file."""
 
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -107,10 +108,18 @@ class Plan:
 def _read_table(path: Path) -> pd.DataFrame:
     """The file as text cells; an empty, ragged or absent file is named."""
     try:
-        table = pd.read_csv(path, dtype=str, skipinitialspace=True, comment="#", index_col=False)
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", pd.errors.ParserWarning)  # a row longer than the header
+            table = pd.read_csv(path, dtype=str, skipinitialspace=True, comment="#", index_col=False)
     except FileNotFoundError:
         raise PlanFileError(f"{path}: no such file") from None
-    except (OSError, UnicodeDecodeError, pd.errors.ParserError, pd.errors.EmptyDataError) as error:
+    except (
+        OSError,
+        UnicodeDecodeError,
+        pd.errors.ParserError,
+        pd.errors.EmptyDataError,
+        pd.errors.ParserWarning,
+    ) as error:
         raise PlanFileError(f"{path}: not readable as CSV ({str(error).splitlines()[0].strip()})") from error
     if table.empty:
         raise PlanFileError(f"{path}: the plan has no rows")

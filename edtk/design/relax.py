@@ -62,6 +62,8 @@ def relax(problem: Problem, criterion: Criterion, gap: float = 1e-6, rounds: int
         RelaxationError: No solver finds a design, or the candidates cannot identify all parameters.
         NotImplementedError: The criterion has no convex expression.
     """
+    if not criterion.has_expression():
+        raise NotImplementedError(f"criterion {criterion.name} has no convex expression")
     blocks = problem.information_blocks
     weights = np.full(len(blocks), 1.0 / len(blocks))
     if not np.isfinite(best := float(criterion.cost(problem.information(weights)))):
@@ -150,35 +152,49 @@ def _bound(blocks: Array, criterion: Criterion, M: Array, Z: Array) -> tuple[flo
     """Lower bound on the cost of any weights over the candidates, and the prices (n,) behind it.
 
     For positive semidefinite Z every design obeys ``<Z, M> <= t = max <Z, M_i>``, so by homogeneity no cost is
-    below ``t^-degree min {cost(M): <Z, M> <= 1}``. For a smooth criterion take ``Z = -gradient`` at the design
-    M found: the minimum is attained at a multiple of M, and the bound is ``cost (<Z, M>/t)^degree``. At a kink
-    the gradient will not do; Z is then the solver's multiplier, and the minimum a problem of size p.
+    below ``t^-degree min {cost(M): <Z, M> <= 1}``. Two Z are tried, and the better bound is returned: the solver's
+    multiplier, which serves at kinks too, and, where the criterion is smooth, minus the gradient at M.
     """
-    if criterion.smooth:
-        Z = -criterion.gradient(M)
-        prices = np.einsum("ij,nij->n", Z, blocks)
-        return float(criterion.cost(M) * (np.sum(Z * M) / prices.max()) ** criterion.degree), prices
     T = _whitener(M)
     S = np.linalg.inv(T)
     values, V = np.linalg.eigh(S @ Z @ S.T)
-    Y = (V * np.maximum(values, 0.0)) @ V.T
-    prices = np.einsum("ij,nij->n", T @ Y @ T.T, blocks)
-    return _polar(criterion, T, Y / np.trace(Y), float(criterion.cost(M))) * (
-        np.trace(Y) / prices.max()
-    ) ** criterion.degree, prices
+    Z = T @ (V * np.maximum(values, 0.0)) @ V.T @ T.T
+    prices = np.einsum("ij,nij->n", Z, blocks)
+    bound = _polar(criterion, Z, M, T) * prices.max() ** -criterion.degree
+    if criterion.smooth:
+        Z = -criterion.gradient(M)
+        slopes = np.einsum("ij,nij->n", Z, blocks)
+        slope = float(criterion.cost(M) * (np.sum(Z * M) / slopes.max()) ** criterion.degree)
+        if slope > bound:
+            return slope, slopes
+    return bound, prices
 
 
-def _polar(criterion: Criterion, T: Array, Y: Array, unit: float) -> float:
-    """``min {cost(M): <Y, T'MT> <= 1}``: 0, a bound that says nothing, where the solver gives none."""
-    X = cp.Variable(Y.shape, symmetric=True)
-    program = cp.Problem(cp.Minimize(_unit_cost(criterion, X, T, unit)), [cp.trace(Y @ X) <= 1])
+def _polar(criterion: Criterion, Z: Array, M: Array, T: Array) -> float:
+    """``min {cost(X): <Z, X> <= 1}``: in closed form, or, for a criterion without one, as a problem of size p.
+
+    The latter is a solver's word: it is lowered by its tolerance, and 0, a bound that says nothing, where the
+    solver gives none.
+    """
+    try:
+        return criterion.polar(Z, M)
+    except NotImplementedError:
+        pass
+    if criterion.smooth:
+        return 0.0
+    X = cp.Variable(Z.shape, symmetric=True)
+    S = np.linalg.inv(T)
+    Y = S @ Z @ S.T
+    unit, size = float(criterion.cost(M)), float(np.trace(Y))
+    program = cp.Problem(cp.Minimize(_unit_cost(criterion, X, T, unit)), [cp.trace(Y / size @ X) <= 1])
     try:
         _run(program, next(iter(SOLVERS)))
     except cp.SolverError:
         return 0.0
-    if program.status not in (cp.OPTIMAL, cp.OPTIMAL_INACCURATE):
+    if program.status != cp.OPTIMAL:
         return 0.0
-    return float(unit * program.value ** (1.0 / criterion.expression_power))
+    lowered = (1 - 1e-6) * float(program.value)
+    return unit * lowered ** (1.0 / criterion.expression_power) * size**criterion.degree
 
 
 def _run(program: cp.Problem, solver: str) -> None:

@@ -44,10 +44,12 @@ class Posterior:
     def std_error(self) -> Array:
         """Monte-Carlo standard error (p,) of `std`, for a near-normal posterior.
 
-        A squared deviation of an ensemble's chain decorrelates in about tau steps as its mean does, so
-        ``std / sqrt(2 N_eff)``.
+        The variance of the mean of N squared deviations is ``2 std^4 tau/N``, with the autocorrelation time tau of
+        the squared deviations themselves, so that the error of std is ``std sqrt(tau / 2N)``.
         """
-        return self.std / np.sqrt(2.0 * self.effective)
+        squares = (self.samples - self.samples.mean(axis=(0, 1))) ** 2
+        tau = emcee.autocorr.integrated_time(squares / squares.mean(axis=(0, 1)), tol=0)
+        return self.std * np.sqrt(tau / (2.0 * np.prod(self.samples.shape[:2])))
 
 
 def sample_posterior(

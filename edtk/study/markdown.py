@@ -19,4 +19,5 @@ def markdown_table(header: Sequence[str], rows: Iterable[Sequence[object]]) -> s
 
 def _numeric(cell: str) -> bool:
     """Whether a cell reads as a number, a percentage, or an empty place."""
-    return cell in ("", "-") or cell.rstrip(" %").lstrip("-+").replace(".", "", 1).replace("e", "", 1)[:1].isdigit()
+    digits = cell.rstrip(" %").lstrip("-+").replace(".", "", 1)
+    return cell in ("", "-", "inf", "nan") or digits[:1].isdigit()

@@ -68,7 +68,7 @@ def _verdict(study: Study, table: pd.DataFrame, relaxed: dict[str, Relaxation], 
         return "No size allows a plan that identifies all parameters.\n"
     row = best.iloc[-1]
     text = (
-        f"With {row['experiments']} experiments the plan optimised for {main} reaches {main} = "
+        f"With {row['experiments']} experiment{'s' if row['experiments'] > 1 else ''} the plan optimised for {main} reaches {main} = "
         f"{factor * row[main]:.4g} ({unit}), an efficiency of {100 * row[f'efficiency_{main}']:.1f} % against the "
         f"bound over the candidates."
     )

@@ -132,13 +132,21 @@ def _cases(
         for j, (name, relaxation) in enumerate(relaxed.items()):
             rng = np.random.default_rng([study.file.seed, 1, i, j])
             plan = exact_plan(study.design, study.criterion(name), q, relaxation, size, study.file.starts, rng)
-            reason = "" if plan else f"{size} experiments cannot identify {study.model.p} parameters"
+            reason = "" if plan else _too_few(study, size)
             yield Case("optimised", name, size, plan, reason)
         rng = np.random.default_rng([study.file.seed, 2, i])
         chosen = rng.choice(len(q), size=size, replace=size > len(q))
-        yield Case("random", "", size, study.design.plan(q[chosen], np.ones(size, dtype=int)))
+        random: Plan | None = study.design.plan(q[chosen], np.ones(size, dtype=int))
+        if not np.isfinite(criteria.create("A").cost(problem.information(np.bincount(chosen, minlength=len(q))))):
+            random = None
+        yield Case("random", "", size, random, "" if random else _too_few(study, size))
     for plan in published.values():
         yield Case("published", "", plan.experiments, plan)
+
+
+def _too_few(study: Study, size: int) -> str:
+    """Why a size has no plan."""
+    return f"{size} experiment{'s' if size > 1 else ''} cannot identify {study.model.p} parameters"
 
 
 def exact_plan(

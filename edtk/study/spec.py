@@ -188,8 +188,8 @@ class Study:
                     raise self.error(key, str(error)) from error
                 if cls.needs_target and self.file.test_pose is None:
                     raise self.error(key, f"criterion {name!r} needs a [test_pose], and there is none")
-                if key == "optimise" and not cls.convex:
-                    raise self.error(key, f"criterion {name!r} has no convex form; it can only be compared")
+                if key == "optimise" and not cls.has_expression():
+                    raise self.error(key, f"criterion {name!r} has no convex form to optimise; it can only be compared")
 
     @cached_property
     def model(self) -> ElastostaticModel:

@@ -1,0 +1,151 @@
+"""Plans as arrays and as CSV files, and every way in which such a file can be wrong."""
+
+import numpy as np
+import pytest
+
+from edtk.design import Plan, PlanFileError
+from edtk.model import Joint, Robot, load_robot, transform
+
+KR270 = load_robot("kuka_kr270")
+MIXED = Robot(
+    "mixed",
+    (
+        Joint("turn", transform(), np.array([0, 0, 1]), (-3, 3)),
+        Joint("slide", transform(), np.array([1, 0, 0]), (0, 2), "prismatic"),
+    ),
+)
+WRENCH = np.array([0.0, 0.0, -2500.0, 0.0, 0.0, 0.0])
+HEAD = "q2_deg,q3_deg,q4_deg,q5_deg,q6_deg"
+
+
+def plan_of(robot, k=4, seed=0):
+    rng = np.random.default_rng(seed)
+    return Plan(rng.uniform(*robot.limits, size=(k, robot.n)), rng.normal(size=(k, 6)) * 1e3, np.arange(1, k + 1))
+
+
+@pytest.fixture
+def read(tmp_path):
+    def from_text(text, fixed=None):
+        path = tmp_path / "plan.csv"
+        path.write_text(text, encoding="utf-8")
+        return Plan.from_csv(path, KR270, {0: 0.25} if fixed is None else fixed, WRENCH)
+
+    return from_text
+
+
+@pytest.mark.parametrize("robot", [KR270, MIXED], ids=["KR 270", "prismatic"])
+def test_round_trip(robot, tmp_path):
+    """A plan comes back from its file with poses, wrenches and repetitions, to the ten digits written."""
+    plan = plan_of(robot)
+    plan.to_csv(tmp_path / "a" / "plan.csv", robot)
+    back = Plan.from_csv(tmp_path / "a" / "plan.csv", robot, {}, np.zeros(6))
+    np.testing.assert_allclose(back.q, plan.q, rtol=1e-9)
+    np.testing.assert_allclose(back.wrench, plan.wrench, rtol=1e-9)
+    np.testing.assert_array_equal(back.repeats, plan.repeats)
+    assert [p.name for p in (tmp_path / "a").iterdir()] == ["plan.csv"]
+
+
+def test_units_of_a_prismatic_joint(tmp_path):
+    """A prismatic joint is written in millimetres under NAME_mm, a revolute one in degrees."""
+    Plan(np.array([[np.pi / 2, 0.125]]), np.zeros((1, 6)), np.array([1])).to_csv(tmp_path / "p.csv", MIXED)
+    header, row = (tmp_path / "p.csv").read_text().splitlines()
+    assert header.split(",")[:3] == ["turn_deg", "slide_mm", "repeats"]
+    assert row.split(",")[:3] == ["90", "125", "1"]
+
+
+def test_defaults(read):
+    """A fixed joint, the wrench and the repetitions may be left out; one wrench column overrides its component."""
+    plan = read(f"# a note\n{HEAD},Fx_N\n-90, 0,10,20,30,7\n-80,1,2,3,4,-7\n")
+    np.testing.assert_array_equal(plan.q[:, 0], 0.25)
+    np.testing.assert_allclose(plan.q[0, 1:], np.deg2rad([-90, 0, 10, 20, 30]), rtol=1e-15)
+    np.testing.assert_array_equal(plan.wrench[:, 0], [7, -7])
+    np.testing.assert_array_equal(plan.wrench[:, 1:], np.tile(WRENCH[1:], (2, 1)))
+    assert plan.repeats.tolist() == [1, 1]
+    assert plan.experiments == 2
+
+
+GOOD = "-90,0,10,20,30"
+
+
+@pytest.mark.parametrize(
+    ("text", "named"),
+    [
+        (f"{HEAD}\n{GOOD}\n-90,NaN,1,2,3\n", ["row 2", "q3_deg"]),
+        (f"{HEAD}\n{GOOD}\n-90,,1,2,3\n", ["row 2", "q3_deg"]),
+        (f"{HEAD}\n-90,0,1,2\n", ["row 1", "q6_deg"]),
+        (f"{HEAD}\n-90,0,1,2,inf\n", ["row 1", "q6_deg"]),
+        (f"{HEAD}\n{GOOD}\n{GOOD}\n-90,0,many,2,3\n", ["row 3", "q4_deg", "many"]),
+        (f"{HEAD},q7_deg\n{GOOD},1\n", ["unknown column", "q7_deg"]),
+        (f"{HEAD},q2_deg\n{GOOD},1\n", ["unknown column", "q2_deg"]),
+        ("q2_deg,q3_deg,q4_deg,q5_deg\n1,2,3,4\n", ["q6_deg", "missing"]),
+        (f"{HEAD},repeats\n{GOOD},0\n", ["row 1", "repeats"]),
+        (f"{HEAD},repeats\n{GOOD},1\n{GOOD},1.5\n", ["row 2", "repeats", "1.5"]),
+        (f"{HEAD},repeats\n{GOOD},-1\n", ["row 1", "repeats"]),
+        (f"{HEAD},repeats\n{GOOD},\n", ["row 1", "repeats"]),
+        (f"{HEAD},Fz_N\n{GOOD},heavy\n", ["row 1", "Fz_N"]),
+        (f"{HEAD}\n{GOOD}\n{GOOD},5\n", []),
+        (f"{HEAD}\n{GOOD},5\n{GOOD}\n", []),
+        (f"{HEAD},repeats\n{GOOD},1e300\n", ["row 1", "repeats"]),
+        ("", []),
+        ("# only a note\n", []),
+        (f"{HEAD}\n", ["no rows"]),
+        ('q2_deg,q3_deg\n"1,2\n', []),
+    ],
+    ids=[
+        "NaN", "empty cell", "short row", "inf", "text", "unknown column", "column twice", "missing column",
+        "repeats 0", "repeats 1.5", "repeats -1", "repeats empty", "wrench text", "long row",
+        "long first row", "repeats 1e300", "empty file", "comment only", "header only", "open quote",
+    ],
+)  # fmt: skip
+def test_wrong_file(read, tmp_path, text, named):
+    """A wrong file is refused in a single line that names the file and the row or column."""
+    with pytest.raises(PlanFileError) as caught:
+        read(text)
+    message = str(caught.value)
+    assert message.startswith(f"{tmp_path / 'plan.csv'}: ")
+    assert "\n" not in message
+    for word in named:
+        assert word in message
+
+
+def test_unfixed_joint_is_missing(read):
+    """A joint that the study does not fix must be in the file."""
+    with pytest.raises(PlanFileError, match="'q1_deg' is missing"):
+        read(f"{HEAD}\n{GOOD}\n", fixed={})
+
+
+def test_no_file(tmp_path):
+    """A file that does not exist, a folder and a file of bytes are refused by name."""
+    (tmp_path / "bytes.csv").write_bytes(b"q2_deg\n\xff\xfe\x00\n")
+    for name in ("none.csv", "", "bytes.csv"):
+        with pytest.raises(PlanFileError) as caught:
+            Plan.from_csv(tmp_path / name, KR270, {}, WRENCH)
+        assert str(caught.value).startswith(f"{tmp_path / name}: ")
+        assert "\n" not in str(caught.value)
+
+
+def test_repeated():
+    """Carrying a plan out several times multiplies the repetitions, and with them the experiments."""
+    plan = plan_of(KR270, k=3)
+    assert plan.experiments == 6
+    assert plan.repeated(4).experiments == 24
+    np.testing.assert_array_equal(plan.repeated(4).q, plan.q)
+
+
+@pytest.mark.parametrize(
+    ("q", "wrench", "repeats"),
+    [
+        (np.zeros((0, 6)), np.zeros((0, 6)), np.zeros(0, int)),
+        (np.zeros(6), np.zeros((6, 6)), np.ones(6, int)),
+        (np.zeros((2, 6)), np.zeros((1, 6)), np.ones(2, int)),
+        (np.zeros((2, 6)), np.zeros((2, 6)), np.ones(3, int)),
+        (np.zeros((2, 6)), np.zeros((2, 6)), np.array([1, 0])),
+        (np.full((2, 6), np.nan), np.zeros((2, 6)), np.ones(2, int)),
+        (np.zeros((2, 6)), np.full((2, 6), np.inf), np.ones(2, int)),
+    ],
+    ids=["empty", "flat q", "wrench", "repeats", "zero", "nan q", "inf wrench"],
+)
+def test_wrong_arrays(q, wrench, repeats):
+    """Arrays that are no plan are refused."""
+    with pytest.raises(ValueError, match="a plan"):
+        Plan(q, wrench, repeats)
