@@ -67,8 +67,9 @@ def _verdict(study: Study, table: pd.DataFrame, relaxed: dict[str, Relaxation], 
     if best.empty:
         return "No size allows a plan that identifies all parameters.\n"
     row = best.iloc[-1]
+    experiments = f"{row['experiments']} experiment{'s' if row['experiments'] > 1 else ''}"
     text = (
-        f"With {row['experiments']} experiment{'s' if row['experiments'] > 1 else ''} the plan optimised for {main} reaches {main} = "
+        f"With {experiments} the plan optimised for {main} reaches {main} = "
         f"{factor * row[main]:.4g} ({unit}), an efficiency of {100 * row[f'efficiency_{main}']:.1f} % against the "
         f"bound over the candidates."
     )

@@ -136,7 +136,7 @@ def test_no_weights_are_below_the_bound(name):
 
 @pytest.mark.parametrize("name", ["A", "D", "O1"])
 def test_bound_of_a_smooth_criterion_by_its_gradient(name):
-    """Convexity along the ray through M gives a bound from gradients at the returned weights; it is the same one.
+    """Convexity along the ray through M gives a bound from gradients at the weights; relax proves at least that.
 
     By homogeneity ``cost(N) >= cost(M) (<Z, M>/<Z, N>)^degree`` with Z minus the gradient.
     """
@@ -147,8 +147,8 @@ def test_bound_of_a_smooth_criterion_by_its_gradient(name):
     Z = cov @ cov if name == "A" else cov
     dearest = max(np.trace(Z @ N) for N in problem.information_blocks)
     mine = r.cost * (np.trace(Z @ M) / dearest) ** criterion.degree
-    assert mine == pytest.approx(r.bound, rel=GAP)
-    assert mine <= r.cost * (1 + 1e-14)
+    assert mine <= r.bound * (1 + slip(problem, r))
+    assert r.cost * (1 - GAP) <= r.bound <= r.cost * (1 + slip(problem, r))
 
 
 @pytest.mark.parametrize("problem", [polynomial(3), random_problem(3)], ids=["cubic", "random"])
