@@ -2,7 +2,7 @@
 
 from edtk.design.candidates import EmptyFeasibleSetError, sample_feasible
 from edtk.design.exact import PoseDesign
-from edtk.design.plan import Plan, PlanFileError
+from edtk.design.plan import Plan, PlanFileError, pose_factors
 from edtk.design.problem import Problem
 from edtk.design.refine import refine
 from edtk.design.relax import Relaxation, RelaxationError, relax
@@ -17,6 +17,7 @@ __all__ = [
     "Relaxation",
     "RelaxationError",
     "apportion",
+    "pose_factors",
     "refine",
     "relax",
     "sample_feasible",

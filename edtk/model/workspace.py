@@ -169,10 +169,11 @@ class Workspace:
         """Whether each pose (..., n) satisfies every constraint."""
         return np.asarray((self.slack(q) >= 0).all(axis=-1))
 
-    def slack_within(self, q: ArrayLike, resolution: float) -> Array:
+    def slack_within(self, q: ArrayLike, resolution: ArrayLike) -> Array:
         """Slacks (..., c) at the best pose within rounding, to first order.
 
-        A pose that was rounded to `resolution` [rad or m] may have been feasible before: each slack is raised
-        by ``sum_k |d slack/dq_k| resolution/2``, the most that rounding can have taken from it.
+        A pose that was rounded to `resolution`, one number or one per joint (n,) [rad or m], may have been
+        feasible before: each slack is raised by ``sum_k |d slack/dq_k| resolution_k/2``, the most that rounding
+        can have taken from it.
         """
-        return self.slack(q) + np.abs(self.gradient(q)).sum(axis=-1) * resolution / 2
+        return self.slack(q) + (np.abs(self.gradient(q)) * np.asarray(resolution) / 2).sum(axis=-1)

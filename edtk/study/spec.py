@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 import criteria
-from edtk.design import Plan, PlanFileError, PoseDesign
+from edtk.design import Plan, PlanFileError, PoseDesign, pose_factors
 from edtk.errors import UserError
 from edtk.model import (
     Constraint,
@@ -72,6 +72,7 @@ class Joints(_Table):
 
     unknown: Annotated[tuple[str, ...], Field(min_length=1)]
     fixed_deg: dict[str, Finite] = {}
+    fixed_mm: dict[str, Finite] = {}
 
 
 class WorkspaceTable(_Table):
@@ -95,7 +96,7 @@ class WorkspaceTable(_Table):
 
 
 class TestPose(_Table):
-    """The pose and load in which the robot shall be accurate."""
+    """The pose and load in which the robot shall be accurate; in `q_deg` a prismatic joint's entry is in mm."""
 
     __test__ = False  # not a test, whatever its name
     q_deg: tuple[Finite, ...]
@@ -146,10 +147,11 @@ class Study:
         self.path, self.file, self.digest = path, file, digest
         self.robot = self._load_robot()
         names = self.robot.joint_names
-        for key, used in (("unknown", file.joints.unknown), ("fixed_deg", tuple(file.joints.fixed_deg))):
-            for name in used:
+        for key in ("unknown", "fixed_deg", "fixed_mm"):
+            for name in getattr(file.joints, key):
                 if name not in names:
                     raise self.error(f"joints.{key}", f"no joint {name!r}; this robot has {', '.join(names)}")
+        self._check_fixed()
         if len(set(file.joints.unknown)) < len(file.joints.unknown):
             raise self.error("joints.unknown", "a joint is named twice")
         if file.measurement.rows == "pose" and file.measurement.sigma_deg is None:
@@ -173,11 +175,21 @@ class Study:
             raise self.error(
                 "test_pose.q_deg", f"has {len(pose.q_deg)} entries, expected {self.robot.n}, one per joint"
             )
-        lower, upper = self.robot.limits
-        for name, value in self.file.joints.fixed_deg.items():
-            j = self.robot.joint_names.index(name)
-            if not lower[j] <= np.deg2rad(value) <= upper[j]:
-                raise self.error(f"joints.fixed_deg.{name}", f"{value:g} deg is outside the joint's limits")
+
+    def _check_fixed(self) -> None:
+        """Fixed values are given in the joint's own unit, and lie within its limits."""
+        for key, kind in (("fixed_deg", "revolute"), ("fixed_mm", "prismatic")):
+            for name in getattr(self.file.joints, key):
+                joint = self.robot.joints[self.robot.joint_names.index(name)]
+                if joint.kind != kind:
+                    other = "fixed_mm" if key == "fixed_deg" else "fixed_deg"
+                    raise self.error(f"joints.{key}.{name}", f"the joint is {joint.kind}; give its value in {other}")
+        for j, value in self.fixed.items():
+            low, high = self.robot.joints[j].limits
+            if not low <= value <= high:
+                name = self.robot.joint_names[j]
+                key = "fixed_deg" if name in self.file.joints.fixed_deg else "fixed_mm"
+                raise self.error(f"joints.{key}.{name}", "the value is outside the joint's limits")
 
     def _check_criteria(self) -> None:
         for key in ("criteria", "optimise"):
@@ -202,8 +214,10 @@ class Study:
 
     @property
     def fixed(self) -> dict[int, float]:
-        """Values [rad] of the fixed joints by index."""
-        return {self.robot.joint_names.index(n): float(np.deg2rad(v)) for n, v in self.file.joints.fixed_deg.items()}
+        """Values [rad or m] of the fixed joints by index."""
+        given = self.file.joints.fixed_deg | self.file.joints.fixed_mm
+        factors = dict(zip(self.robot.joint_names, pose_factors(self.robot), strict=True))
+        return {self.robot.joint_names.index(n): float(value * factors[n]) for n, value in given.items()}
 
     @property
     def sigma(self) -> Array:
@@ -228,7 +242,7 @@ class Study:
         if pose is None:
             return None
         task = ElastostaticModel(self.robot.with_tool(pose.tool.build()), self._unknown)
-        return task.regressor(np.deg2rad(pose.q_deg), pose.load.build())
+        return task.regressor(pose.q_deg * pose_factors(self.robot), pose.load.build())
 
     def criterion(self, name: str) -> criteria.Criterion:
         """A criterion by name, with this study's target."""
@@ -260,8 +274,9 @@ class Study:
             plan = Plan.from_csv(path, self.robot, self.fixed, self.file.load.build())
         except PlanFileError as error:
             raise UserError(str(error)) from error
-        resolution = np.deg2rad(self.file.workspace.plan_resolution_deg)
-        slack = self.design.workspace.slack_within(plan.q, float(resolution))
+        turning = np.array([joint.kind == "revolute" for joint in self.robot.joints])
+        resolution = np.deg2rad(self.file.workspace.plan_resolution_deg) * turning
+        slack = self.design.workspace.slack_within(plan.q, resolution)
         rows = np.flatnonzero((slack < -1e-9).any(axis=1))
         if len(rows):
             broken = self.design.workspace.violations(slack[rows[0]])
