@@ -5,7 +5,6 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import click
 import numpy as np
@@ -14,30 +13,13 @@ from tqdm import tqdm
 import criteria
 import edtk
 from edtk.errors import UserError
+from edtk.one_line import OneLine
 
 StudyPath = click.Path(path_type=Path, dir_okay=False)
 
 
-class _OneLine(click.Group):
-    """A group whose usage mistakes are one line on standard error, with exit code 2."""
-
-    def main(self, *args: Any, **kwargs: Any) -> Any:
-        """Run; never a traceback for a user's mistake."""
-        kwargs["standalone_mode"] = False
-        try:
-            sys.exit(super().main(*args, **kwargs) or 0)
-        except click.ClickException as error:
-            sys.exit(_fail(error.format_message()))
-        except click.Abort:
-            sys.exit(_fail("interrupted", code=130))
-        except (UserError, criteria.CriterionError) as error:
-            sys.exit(_fail(str(error)))
-
-
-def _fail(message: str, code: int = 2) -> int:
-    """Say one line on standard error."""
-    click.echo(f"edtk: {' '.join(message.split())}", err=True)
-    return code
+class _Group(OneLine, click.Group):
+    """The program: a group of commands that answer mistakes with one line."""
 
 
 @contextmanager
@@ -53,7 +35,7 @@ def _mistakes(where: Path) -> Iterator[None]:
         raise UserError(f"{error.filename or where}: {error.strerror or error}") from error
 
 
-@click.group(cls=_OneLine, context_settings={"help_option_names": ["-h", "--help"]}, no_args_is_help=False)
+@click.group(cls=_Group, context_settings={"help_option_names": ["-h", "--help"]}, no_args_is_help=False)
 @click.version_option(edtk.__version__, prog_name="edtk")
 def main() -> None:
     """Design calibration experiments, and say how good the design is."""

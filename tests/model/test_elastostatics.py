@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from chains import mixed_chain
 
 from edtk.model import ElastostaticModel, Joint, Robot, load_robot, transform
 
@@ -11,23 +12,7 @@ CALIBRATION_WRENCH = np.array([0.0, 0.0, -2500.0, 0.0, 0.0, 0.0])
 WRENCH = np.array([300.0, -200.0, 500.0, 40.0, -70.0, 90.0])
 
 
-def mixed_chain():
-    rng = np.random.default_rng(0)
-    kinds = ("revolute", "prismatic", "revolute", "revolute", "prismatic", "revolute")
-    joints = tuple(
-        Joint(
-            f"q{i + 1}",
-            transform(rng.normal(size=3), rng.uniform(-3, 3, size=3)),
-            rng.normal(size=3),
-            (-2.0, 2.0),
-            kind,
-        )
-        for i, kind in enumerate(kinds)
-    )
-    return Robot("mixed", joints, transform([0.3, 0, 0], [0.4, 0, 1]), transform([0.2, 0.1, -0.3], [1, 0, 0]))
-
-
-ROBOTS = {"mixed": mixed_chain(), "kuka": load_robot("kuka_kr270").with_tool(CALIBRATION_TOOL)}
+ROBOTS = {"mixed": mixed_chain(6), "kuka": load_robot("kuka_kr270").with_tool(CALIBRATION_TOOL)}
 both = pytest.mark.parametrize("robot", ROBOTS.values(), ids=ROBOTS)
 either = pytest.mark.parametrize("rows", ["position", "pose"])
 subsets = pytest.mark.parametrize("unknown", [None, (1, 2, 3, 4, 5), (4, 0), (2,)])

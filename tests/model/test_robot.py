@@ -4,29 +4,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from chains import mixed_chain
 from scipy.spatial.transform import Rotation
 
 from edtk.model import Joint, Robot, load_robot, transform
 
 URDF = Path(__file__).parents[1] / "data" / "kr150_2.urdf"
-
-
-def mixed_chain():
-    """Revolute and prismatic joints on skew axes, with rotated origins, and base and tool transforms."""
-    rng = np.random.default_rng(0)
-    kinds = ("revolute", "prismatic", "revolute", "revolute", "prismatic", "revolute", "revolute")
-    joints = tuple(
-        Joint(
-            f"q{i + 1}",
-            transform(rng.normal(size=3), rng.uniform(-3, 3, size=3)),
-            rng.normal(size=3),
-            (-2.0, 2.0),
-            kind,
-        )
-        for i, kind in enumerate(kinds)
-    )
-    base = transform([0.3, -0.2, 0.5], [0.4, -0.7, 1.1])
-    return Robot("mixed", joints, base, transform([0.2, 0.1, -0.3], [1.0, 0.2, -0.5]))
 
 
 def kuka():

@@ -2,28 +2,12 @@
 
 import numpy as np
 import pytest
+from chains import mixed_chain
 
 from edtk.model import Height, Joint, JointLimits, Radius, Robot, Tilt, Workspace, load_robot, transform
 
-
-def mixed_chain():
-    rng = np.random.default_rng(0)
-    kinds = ("revolute", "prismatic", "revolute", "revolute")
-    joints = tuple(
-        Joint(
-            f"q{i + 1}",
-            transform(rng.normal(size=3), rng.uniform(-3, 3, size=3)),
-            rng.normal(size=3),
-            (-2, 2),
-            kind,
-        )
-        for i, kind in enumerate(kinds)
-    )
-    return Robot("mixed", joints, transform([0.3, 0, 0], [0.4, 0, 1]), transform([0.2, 0.1, -0.3], [1, 0, 0]))
-
-
 ROBOTS = {
-    "mixed": mixed_chain(),
+    "mixed": mixed_chain(4),
     "kuka": load_robot("kuka_kr270").with_tool(transform([0.6115, 0.0, -0.460])),
 }
 both = pytest.mark.parametrize("robot", ROBOTS.values(), ids=ROBOTS)
