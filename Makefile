@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 STUDY ?= studies/kr270_milling.toml
 
 .DEFAULT_GOAL := study
-.PHONY: study test check figures lock clean
+.PHONY: study test check figures benchmark lock clean
 
 study: $(VENV)/.installed
 	$(BIN)/edtk run $(STUDY)
@@ -20,6 +20,9 @@ check: $(VENV)/.installed
 
 figures: $(VENV)/.installed
 	$(BIN)/python -m paper_figures
+
+benchmark: $(VENV)/.installed
+	$(BIN)/python studies/benchmarks/relax.py
 
 $(VENV)/.installed: requirements.lock pyproject.toml
 	$(PYTHON) -c 'import sys; v = sys.version_info[:2]; sys.exit(0 if (3, 11) <= v < (3, 14) else "edtk needs Python 3.11 to 3.13, this is %d.%d; try: make PYTHON=python3.12" % v)'

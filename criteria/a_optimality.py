@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from criteria.criterion import Array, Criterion
-from criteria.inverse import root_trace
+from criteria.inverse import power_trace
 from criteria.registry import register
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ class AOptimality(Criterion):
 
     def polar(self, Z: Array, M: Array) -> float:
         """``(trace Z^(1/2))^2``, attained at a multiple of ``Z^(-1/2)``."""
-        return root_trace(Z) ** 2
+        return power_trace(Z, 0.5) ** 2
 
     def expression(self, M: "cp.Expression", T: Array | None = None) -> "cp.Expression":
         """``trace(T M^-1 T')`` as a matrix-fractional function."""

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from criteria.criterion import Array, Criterion
-from criteria.inverse import root_trace
+from criteria.inverse import power_trace
 from criteria.registry import register
 
 if TYPE_CHECKING:
@@ -51,7 +51,7 @@ class CompensationAccuracy(Criterion):
 
     def polar(self, Z: Array, M: Array) -> float:
         """``trace (A0 Z A0')^(1/2)``."""
-        return root_trace(self.target @ Z @ self.target.T)
+        return power_trace(self.target @ Z @ self.target.T, 0.5)
 
     def expression(self, M: "cp.Expression", T: Array | None = None) -> "cp.Expression":
         """``rho0^2 = trace(A0 T M^-1 T' A0')`` as a matrix-fractional function."""

@@ -1,9 +1,16 @@
 """O2, the condition number."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
-from criteria.criterion import Array, Criterion
+from criteria.criterion import Array, Criterion, Formulation
 from criteria.registry import register
+from criteria.soft_maximum import conjugate, soft_maximum
+from criteria.spectrum import bounded_below, largest, parts
+
+if TYPE_CHECKING:
+    import cvxpy as cp
 
 
 @register
@@ -13,6 +20,9 @@ class ConditionNumber(Criterion):
     Blind to the amount of information (degree 0), neither convex (only quasiconvex) nor monotone: a further
     experiment can make it worse. With unit eigenvectors v of the extreme eigenvalues the gradient is
     ``cost/2 (v_1 v_1'/lambda_1 - v_p v_p'/lambda_p)``.
+
+    Args:
+        sharpness: Exponent of the soft maximum for the largest eigenvalues of M and cov; inf for the maximum itself.
     """
 
     name = "O2"
@@ -24,13 +34,33 @@ class ConditionNumber(Criterion):
     smooth = False
     monotone = False
 
+    def __init__(self, sharpness: float = np.inf) -> None:
+        self.sharpness, self.smooth = sharpness, bool(np.isfinite(sharpness))
+
     def _cost(self, M: Array, cov: Array) -> Array:
-        return np.sqrt(np.linalg.eigvalsh(M)[..., -1] * np.linalg.eigvalsh(cov)[..., -1])
+        high, low = (soft_maximum(np.linalg.eigvalsh(X), self.sharpness)[0] for X in (M, cov))
+        return np.sqrt(high * low)
 
     def _gradient(self, M: Array, cov: Array) -> Array:
         m, V = np.linalg.eigh(M)
         c, U = np.linalg.eigh(cov)
-        v, u = V[..., -1:], U[..., -1:]
-        G = v @ np.swapaxes(v, -1, -2) / m[..., -1, None, None]
-        G = G - u @ np.swapaxes(u, -1, -2) * c[..., -1, None, None]
-        return 0.5 * np.sqrt(m[..., -1] * c[..., -1])[..., None, None] * G
+        (high, v), (low, u) = soft_maximum(m, self.sharpness), soft_maximum(c, self.sharpness)
+        G = conjugate(V, v / high[..., None]) - conjugate(U, u * c**2 / low[..., None])
+        return 0.5 * np.sqrt(high * low)[..., None, None] * G
+
+    def formulation(self, M: "cp.Expression", total: "cp.Expression", T: Array, unit: float) -> Formulation:
+        """Homogenised: ``min kappa`` over ``I <= sum u_i M_i <= kappa I``, where the sum of u is free."""
+        return largest(M, T), [bounded_below(M, T)]
+
+    def floor(self, Z: Array, t: Array, M: Array) -> float:
+        """Designs of unit trace obey ``<Z - t I, X> <= 0``, so that ``kappa >= trace(Y+)/trace(Y-)``, Y = Z - t I.
+
+        Of all X with ``I <= X <= kappa I`` the least ``<Y, X>`` is ``trace(Y+) - kappa trace(Y-)``.
+        """
+        above, below = parts(Z - t[:, None, None] * np.eye(Z.shape[-1]))
+        ratio = np.divide(above, below, out=np.ones_like(above), where=below > 0)
+        return float(np.sqrt(max(1.0, ratio.max())))
+
+    def smoothed(self, sharpness: float) -> "ConditionNumber":
+        """Soft maxima of the eigenvalues of M and of cov in place of the largest ones."""
+        return ConditionNumber(sharpness)

@@ -1,17 +1,19 @@
 """The abstract criterion and the laws that every criterion obeys."""
 
-from abc import ABC, abstractmethod
+from abc import ABC
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from criteria.expression import cost_of, gradient_of, polar_of
 from criteria.inverse import guarded_inverse
 
 if TYPE_CHECKING:
     import cvxpy as cp
 
 Array = NDArray[np.float64]
+Formulation = tuple["cp.Expression", list["cp.Constraint"]]
 Sense = Literal["min", "max"]
 
 
@@ -19,7 +21,8 @@ class Criterion(ABC):
     """A scalar judgement of an information matrix M, of shape (..., p, p) and symmetric.
 
     A subclass declares its class attributes and writes `_cost` and `_gradient`, and `expression` where it is
-    convex; both hooks are only ever called with regular M, and with its inverse at hand.
+    convex; both hooks are only ever called with regular M, and with its inverse at hand. A subclass that writes
+    `expression` alone is complete too: cost and gradient are then read off it, slowly.
 
     Laws, checked for every registered criterion by one suite:
         homogeneous: ``cost(c M) = c**-degree * cost(M)`` for c > 0.
@@ -49,19 +52,19 @@ class Criterion(ABC):
     sense: ClassVar[Sense]
     degree: ClassVar[float]
     convex: ClassVar[bool] = True
-    smooth: ClassVar[bool] = True
-    monotone: ClassVar[bool] = True
+    smooth: bool = True
+    monotone: bool = True
     unit_free: ClassVar[bool] = False
     needs_target: ClassVar[bool] = False
     expression_power: ClassVar[float] = 1.0
 
-    @abstractmethod
     def _cost(self, M: Array, cov: Array) -> Array:
         """Cost (...) of regular M (..., p, p) whose inverse is cov (..., p, p)."""
+        return cost_of(self, M)
 
-    @abstractmethod
     def _gradient(self, M: Array, cov: Array) -> Array:
         """Symmetric G (..., p, p) with d cost = <G, dM>; at a kink, any subgradient."""
+        return gradient_of(self, M)
 
     def expression(self, M: "cp.Expression", T: Array | None = None) -> "cp.Expression":
         """Convex cvxpy expression of ``cost**expression_power``.
@@ -76,24 +79,69 @@ class Criterion(ABC):
         """
         raise NotImplementedError(f"criterion {self.name} has no convex expression")
 
+    def formulation(self, M: "cp.Expression", total: "cp.Expression", T: Array, unit: float) -> Formulation:
+        """The relaxation as a convex program: an objective to minimise and its constraints.
+
+        The weights that it is solved for may have any sum; divided by it they are the design. By default the
+        objective is `expression` and the sum is one. A factor c on T multiplies the cost by ``c^(2 degree)``, so
+        the division by `unit` goes into T and every constant inside the expression is of order one.
+
+        Args:
+            M: Symmetric (p, p) expression, ``sum w_i M_i`` for k' where k = T k'.
+            total: The sum of the weights.
+            T: Regular matrix (p, p) that whitens a design near the optimum.
+            unit: The cost of that design.
+        """
+        return self.expression(M, T * unit ** (-0.5 / self.degree)), [total == 1]
+
     def polar(self, Z: Array, M: Array) -> float:
         """A lower bound on ``cost(X)`` over all X with ``<Z, X> <= 1``: what a multiplier Z proves.
 
-        In closed form where a criterion has one, so that no solver's word is needed.
+        In closed form where a criterion has one, so that no solver's word is needed; see `polar_of` for the others.
 
         Args:
             Z: Symmetric positive semidefinite multiplier (p, p).
             M: A regular design (p, p), near which the bound shall be tight.
-
-        Raises:
-            NotImplementedError: The criterion has no such form.
         """
-        raise NotImplementedError(f"criterion {self.name} has no closed form of its polar")
+        return polar_of(self, Z, M)
+
+    def floor(self, Z: Array, t: Array, M: Array) -> float:
+        """A lower bound on the cost of every design X with ``<Z_j, X> <= t_j`` for all j.
+
+        By homogeneity it is the best of ``polar(Z_j) t_j^-degree``. For a criterion of degree zero, designs are
+        understood to have unit trace.
+
+        Args:
+            Z: Symmetric multipliers (r, p, p), positive semidefinite where the criterion is monotone.
+            t: Their dearest prices (r,) over the candidates.
+            M: A regular design (p, p), near which the bound shall be tight.
+        """
+        return max(self.polar(z, M) * top**-self.degree if top > 0 else 0.0 for z, top in zip(Z, t, strict=True))
+
+    def subproblem(self, Z: Array, t: Array, M: Array) -> "Criterion":
+        """What to solve next, given multipliers and their dearest prices so far: a convex criterion itself.
+
+        A criterion that is not convex, but the least of a family of convex ones, names a member here.
+
+        Args:
+            Z: Multipliers (r, p, p), r may be zero.
+            t: Their dearest prices (r,).
+            M: The best design (p, p) so far.
+        """
+        return self
+
+    def smoothed(self, sharpness: float) -> "Criterion":
+        """A smooth criterion whose cost is no lower, and the closer the sharper; the criterion itself if smooth.
+
+        Args:
+            sharpness: Exponent of the soft maximum that takes the place of a maximum, above one.
+        """
+        return self
 
     @classmethod
-    def has_expression(cls) -> bool:
-        """Whether `expression` is defined, so that the criterion can be relaxed."""
-        return cls.expression is not Criterion.expression
+    def has_convex_form(cls) -> bool:
+        """Whether the criterion can be relaxed: by an `expression`, a `formulation` or `subproblem`s."""
+        return any(getattr(cls, f) is not getattr(Criterion, f) for f in ("expression", "formulation", "subproblem"))
 
     @final
     def cost(self, M: ArrayLike) -> Array:

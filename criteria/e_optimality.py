@@ -4,8 +4,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from criteria.criterion import Array, Criterion
+from criteria.criterion import Array, Criterion, Formulation
 from criteria.registry import register
+from criteria.soft_maximum import conjugate, soft_maximum
+from criteria.spectrum import bounded_below
 
 if TYPE_CHECKING:
     import cvxpy as cp
@@ -16,6 +18,9 @@ class EOptimality(Criterion):
     """Least eigenvalue of the information matrix, ``lambda_min(M)`` (Table 1).
 
     The cost is ``lambda_max(cov)``, with subgradient ``-cost^2 v v'`` for its unit eigenvector v.
+
+    Args:
+        sharpness: Exponent of the soft maximum for lambda_max(cov); inf for the maximum itself.
     """
 
     name = "E"
@@ -25,25 +30,24 @@ class EOptimality(Criterion):
     degree = 1.0
     smooth = False
 
+    def __init__(self, sharpness: float = np.inf) -> None:
+        self.sharpness, self.smooth = sharpness, bool(np.isfinite(sharpness))
+
     def _cost(self, M: Array, cov: Array) -> Array:
-        return np.linalg.eigvalsh(cov).max(axis=-1)
+        return soft_maximum(np.linalg.eigvalsh(cov), self.sharpness)[0]
 
     def _gradient(self, M: Array, cov: Array) -> Array:
         c, V = np.linalg.eigh(cov)
-        v = V[..., -1]
-        v = c[..., -1, None] * v  # scaled so that its outer product is the whole gradient
-        return -v[..., :, None] * v[..., None, :]
+        return -conjugate(V, soft_maximum(c, self.sharpness)[1] * c**2)
 
     def polar(self, Z: Array, M: Array) -> float:
         """``trace(Z)``, since ``lambda_min(X) trace(Z) <= <Z, X>``."""
         return float(np.trace(Z))
 
-    def expression(self, M: "cp.Expression", T: Array | None = None) -> "cp.Expression":
-        """``1 / lambda_min(T^-T M T^-1)``."""
-        import cvxpy as cp
+    def formulation(self, M: "cp.Expression", total: "cp.Expression", T: Array, unit: float) -> Formulation:
+        """Homogenised: the least sum of weights u with ``sum u_i M_i >= I``, which is ``1/lambda_min``."""
+        return total, [bounded_below(M, T)]
 
-        if T is not None:
-            S = np.linalg.inv(T)
-            M = S.T @ M @ S
-            M = 0.5 * (M + M.T)
-        return cp.inv_pos(cp.lambda_min(M))
+    def smoothed(self, sharpness: float) -> "EOptimality":
+        """``trace(cov^s)^(1/s)`` in place of lambda_max(cov)."""
+        return EOptimality(sharpness)

@@ -34,10 +34,22 @@ def guarded_inverse(M: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
     return np.where(keep, safe, np.eye(p)), np.where(keep, cov, np.eye(p)), regular
 
 
-def root_trace(Z: Array) -> float:
-    """``trace(Z^(1/2))`` of a positive semidefinite Z (p, p), never overestimated by rounding.
+def whitener(M: Array) -> Array:
+    """T (p, p) with ``T' M T = I``, by a Cholesky factor of M scaled to a unit diagonal: M is regular."""
+    d = np.sqrt(np.diag(M))
+    return np.asarray(np.linalg.inv(np.linalg.cholesky(M / np.outer(d, d)).T) / d[:, None])
 
-    Eigenvalues lost in rounding count as zero: their roots would be far larger than the rounding itself.
+
+def power_trace(Z: Array, power: float) -> float:
+    """``trace(Z^power)`` of a positive semidefinite Z (p, p), power in (0, 1], never overestimated by rounding.
+
+    Eigenvalues lost in rounding count as zero: their roots would be far larger than the rounding itself. They are
+    taken as squared singular values of a root of Z, which is formed after scaling to a unit diagonal: so the small
+    ones of a Z in bad units are exact too.
     """
-    z = np.linalg.eigvalsh(Z)
-    return float(np.sqrt(z[z > 16 * len(Z) * np.finfo(float).eps * z[-1]]).sum())
+    d = np.sqrt(np.maximum(np.diag(Z), 0.0))
+    d = np.where(d > 0, d, 1.0)
+    r, V = np.linalg.eigh(Z / np.outer(d, d))
+    r = np.where(r > 16 * len(Z) * np.finfo(float).eps * r[-1], r, 0.0)
+    s = np.linalg.svd(np.sqrt(r)[:, None] * V.T * d, compute_uv=False)
+    return float((np.maximum(s - 4 * len(Z) * np.finfo(float).eps * s[0], 0.0) ** (2 * power)).sum())

@@ -4,8 +4,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from criteria.criterion import Array, Criterion
+from criteria.criterion import Array, Criterion, Formulation
 from criteria.registry import register
+from criteria.soft_maximum import conjugate, soft_maximum
+from criteria.spectrum import bounded_below
 
 if TYPE_CHECKING:
     import cvxpy as cp
@@ -17,6 +19,9 @@ class MinimumSingularValue(Criterion):
 
     Table 1 prints "min"; it is read as the field does, to be maximised. The cost is ``lambda_max(cov)^(1/2)``
     with subgradient ``-cost^3/2 v v'``.
+
+    Args:
+        sharpness: Exponent of the soft maximum for lambda_max(cov); inf for the maximum itself.
     """
 
     name = "O3"
@@ -26,24 +31,25 @@ class MinimumSingularValue(Criterion):
     degree = 0.5
     smooth = False
 
+    def __init__(self, sharpness: float = np.inf) -> None:
+        self.sharpness, self.smooth = sharpness, bool(np.isfinite(sharpness))
+
     def _cost(self, M: Array, cov: Array) -> Array:
-        return np.sqrt(np.linalg.eigvalsh(cov)[..., -1])
+        return np.sqrt(soft_maximum(np.linalg.eigvalsh(cov), self.sharpness)[0])
 
     def _gradient(self, M: Array, cov: Array) -> Array:
         c, V = np.linalg.eigh(cov)
-        v = V[..., -1]
-        return -0.5 * c[..., -1, None, None] ** 1.5 * v[..., :, None] * v[..., None, :]
+        top, u = soft_maximum(c, self.sharpness)
+        return -0.5 * conjugate(V, u * c**2) / np.sqrt(top)[..., None, None]
 
     def polar(self, Z: Array, M: Array) -> float:
         """``trace(Z)^(1/2)``, since ``lambda_min(X) trace(Z) <= <Z, X>``."""
         return float(np.sqrt(np.trace(Z)))
 
-    def expression(self, M: "cp.Expression", T: Array | None = None) -> "cp.Expression":
-        """``lambda_min(T^-T M T^-1)^(-1/2)``."""
-        import cvxpy as cp
+    def formulation(self, M: "cp.Expression", total: "cp.Expression", T: Array, unit: float) -> Formulation:
+        """Homogenised: the least sum of weights u with ``sum u_i M_i >= I``, which is ``s_p^-2``."""
+        return total, [bounded_below(M, T)]
 
-        if T is not None:
-            S = np.linalg.inv(T)
-            M = S.T @ M @ S
-            M = 0.5 * (M + M.T)
-        return cp.power(cp.lambda_min(M), -0.5)
+    def smoothed(self, sharpness: float) -> "MinimumSingularValue":
+        """``trace(cov^s)^(1/2s)`` in place of lambda_max(cov)^(1/2)."""
+        return MinimumSingularValue(sharpness)

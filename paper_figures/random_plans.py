@@ -34,9 +34,8 @@ class RandomPlans:
 def random_plans(study: Study, plans: int = PLANS) -> RandomPlans:
     """Draw plans of feasible poses, uniform in the joint limits, from the study's seed; plans is odd."""
     design, p = study.design, study.model.parameters
-    rng = np.random.default_rng([study.file.seed, STREAM])
-    q = sample_feasible(design.workspace, plans * EXPERIMENTS, rng, design.free, design.fixed)
-    blocks = design.problem(q).information_blocks.reshape(plans, EXPERIMENTS, len(p), len(p))
+    q = sample_feasible(design, plans * EXPERIMENTS, (study.file.seed, STREAM))
+    blocks = design.problem(q).blocks().reshape(plans, EXPERIMENTS, len(p), len(p))
     cov = np.array([covariance(M, p) for M in blocks.sum(axis=1)])
     means = {name: mean_distance(A0 @ cov @ A0.T) for name, A0 in both(target_of(study)).items()}
     middle = int(np.argsort(means["true"], kind="stable")[plans // 2])

@@ -1,24 +1,35 @@
 """Which poses to measure (the paper's Section 4): problems, plans, and how plans are found."""
 
-from edtk.design.candidates import EmptyFeasibleSetError, sample_feasible
+from edtk.design.candidates import Candidates, CandidateSource, EmptyFeasibleSetError, sample_feasible
 from edtk.design.exact import PoseDesign
+from edtk.design.master import RelaxationError
 from edtk.design.plan import Plan, PlanFileError, pose_factors
-from edtk.design.problem import Problem
+from edtk.design.problem import Problem, RankDeficientError
 from edtk.design.refine import refine
-from edtk.design.relax import Relaxation, RelaxationError, relax
+from edtk.design.relax import Relaxation, RelaxationInterrupted, relax
+from edtk.design.relax_poses import MemoryLimitError, PlanInterrupted, relax_poses
+from edtk.design.relaxed_plan import RelaxedPlan
 from edtk.design.round import apportion
 
 __all__ = [
+    "CandidateSource",
+    "Candidates",
     "EmptyFeasibleSetError",
+    "MemoryLimitError",
     "Plan",
     "PlanFileError",
+    "PlanInterrupted",
     "PoseDesign",
     "Problem",
+    "RankDeficientError",
     "Relaxation",
     "RelaxationError",
+    "RelaxationInterrupted",
+    "RelaxedPlan",
     "apportion",
     "pose_factors",
     "refine",
     "relax",
+    "relax_poses",
     "sample_feasible",
 ]

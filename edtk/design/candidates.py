@@ -1,58 +1,169 @@
-"""Feasible candidate poses, uniform in the joint limits."""
+"""Feasible candidate poses with their information, chunk by chunk on every core."""
+
+import os
+from collections import deque
+from collections.abc import Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import qmc
 
-from edtk.model import Workspace
+from edtk.design.exact import PoseDesign
+from edtk.design.packed import pack_gram
+from edtk.design.problem import Problem
 
 Array = NDArray[np.float64]
+Sampling = Literal["random", "sobol"]
+CHUNK = 16384
 
 
 class EmptyFeasibleSetError(ValueError):
     """No pose satisfies all constraints, as far as sampling can tell."""
 
 
-def sample_feasible(
-    workspace: Workspace,
-    n: int,
-    rng: np.random.Generator,
-    free: list[int],
-    fixed: Array,
-    chunk: int = 4096,
-    patience: int = 50,
-) -> Array:
-    """Draw poses uniformly in the joint limits until n of them satisfy every constraint.
+@dataclass(frozen=True, eq=False)
+class Candidates:
+    """Candidate poses and the information of one measurement in each.
+
+    Attributes:
+        q: Joint variables (n, n_joints) [rad or m].
+        problem: Their information, in the same order.
+    """
+
+    q: Array
+    problem: Problem
+
+    def __getitem__(self, chosen: NDArray[np.int_]) -> "Candidates":
+        """Some of them."""
+        packed = self.problem.packed[:, chosen]
+        return Candidates(self.q[chosen], Problem.of_information(packed, self.problem.parameters))
+
+    def __add__(self, others: "Candidates") -> "Candidates":
+        """These and others."""
+        packed = np.concatenate([self.problem.packed, others.problem.packed], axis=1)
+        problem = Problem.of_information(packed, self.problem.parameters)
+        return Candidates(np.concatenate([self.q, others.q]), problem)
+
+
+@dataclass(frozen=True, eq=False)
+class CandidateSource:
+    """An endless, repeatable sequence of feasible poses: the first n of it are the candidates.
+
+    Points of the unit cube, random or of Sobol's sequence (scrambled), are stretched to the limits of the free
+    joints; what the workspace excludes is dropped. Chunks are evaluated side by side in threads and come in the
+    order of their points, so that the sequence depends on the seed and not on the machine.
 
     Args:
-        workspace: The feasible set.
-        n: How many poses.
-        rng: Source of randomness.
-        free: Indices of the joints that vary.
-        fixed: Joint variables (n_joints,) whose entries outside `free` are kept.
-        chunk: Draws per round.
-        patience: Rounds to wait for the first feasible pose.
-
-    Returns:
-        Poses (n, n_joints) [rad or m].
+        design: Model, feasible set, free joints, noise and wrench.
+        seed: Seed, one number or several.
+        sampling: "random" or "sobol".
+        workers: Number of threads; None for one a core.
+        patience: Chunks to wait for the first feasible pose.
 
     Raises:
-        EmptyFeasibleSetError: Names the constraint that excludes most of the samples.
+        ValueError: No such sampling.
     """
-    lower, upper = workspace.robot.limits[:, free]
-    found: list[Array] = []
-    count, drawn, violated = 0, 0, np.zeros(len(workspace.labels))
-    while count < n:
-        q = np.tile(fixed, (chunk, 1))
-        q[:, free] = rng.uniform(lower, upper, size=(chunk, len(free)))
-        slack = workspace.slack(q)
-        inside = q[(slack >= 0).all(axis=-1)]
-        found.append(inside)
-        count, drawn = count + len(inside), drawn + chunk
-        violated += (slack < 0).sum(axis=0)
-        if not count and drawn >= patience * chunk:
-            worst = int(violated.argmax())
-            raise EmptyFeasibleSetError(
-                f"no feasible pose among {drawn} samples; the constraint '{workspace.labels[worst]}' "
-                f"excludes {100 * violated[worst] / drawn:.0f} % of them"
-            )
-    return np.concatenate(found)[:n] if found else np.empty((0, workspace.robot.n))
+
+    design: PoseDesign
+    seed: int | tuple[int, ...] = 0
+    sampling: Sampling = "random"
+    workers: int | None = None
+    patience: int = 12
+
+    def __post_init__(self) -> None:
+        if self.sampling not in get_args(Sampling):
+            raise ValueError(f"sampling must be one of {', '.join(get_args(Sampling))}, not {self.sampling!r}")
+
+    def take(self, n: int) -> Candidates:
+        """The first n candidates.
+
+        Raises:
+            EmptyFeasibleSetError: No feasible pose turns up; names the constraint that excludes most.
+            ValueError: n < 1.
+        """
+        require_some(n)
+        q = np.empty((n, self.design.workspace.robot.n))
+        p = self.design.model.p
+        packed = np.empty((p * (p + 1) // 2, n))
+        start = 0
+        for poses, information in self.chunks(n):
+            part = slice(start, start + len(poses))
+            q[part], packed[:, part] = poses, information
+            start += len(poses)
+        return Candidates(q, Problem.of_information(packed, self.design.model.parameters))
+
+    def chunks(self, n: int) -> Iterator[tuple[Array, Array]]:
+        """The first n candidates in chunks: poses (m, n_joints), and their information packed (p(p+1)/2, m).
+
+        Raises:
+            EmptyFeasibleSetError: No feasible pose turns up; names the constraint that excludes most.
+            ValueError: n < 1.
+        """
+        require_some(n)
+        left, drawn = n, 0
+        violated = np.zeros(len(self.design.workspace.labels))
+        for poses, information, outside in self._parallel():
+            drawn, violated = drawn + 1, violated + outside
+            if left == n and not len(poses) and drawn >= self.patience:
+                worst, samples = int(violated.argmax()), drawn * CHUNK
+                raise EmptyFeasibleSetError(
+                    f"no feasible pose among {samples} samples; the constraint "
+                    f"'{self.design.workspace.labels[worst]}' excludes {100 * violated[worst] / samples:.0f} % of them"
+                )
+            if len(poses):
+                yield poses[:left], information[:, :left]
+                left -= len(poses)
+            if left <= 0:
+                return
+
+    def _cubes(self) -> Iterator[Array]:
+        """Points of the unit cube (CHUNK, free), for ever."""
+        rng, d = np.random.default_rng(self.seed), len(self.design.free)
+        sobol = qmc.Sobol(d, rng=rng) if self.sampling == "sobol" else None
+        while True:
+            yield rng.random((CHUNK, d)) if sobol is None else sobol.random(CHUNK)
+
+    def _parallel(self) -> Iterator[tuple[Array, Array, Array]]:
+        """`_evaluate` of every chunk in order, a few chunks ahead of the consumer."""
+        workers = self.workers or os.cpu_count() or 1
+        waiting: deque[Future[tuple[Array, Array, Array]]] = deque()
+        with ThreadPoolExecutor(workers) as pool:
+            try:
+                for cube in self._cubes():
+                    waiting.append(pool.submit(self._evaluate, cube))
+                    if len(waiting) > 2 * workers:
+                        yield waiting.popleft().result()
+            finally:
+                for future in waiting:
+                    future.cancel()
+
+    def _evaluate(self, cube: Array) -> tuple[Array, Array, Array]:
+        """Feasible poses of a chunk, their packed information, and how many each constraint excludes."""
+        design = self.design
+        lower, upper = design.workspace.robot.limits[:, design.free]
+        q = np.tile(design.fixed, (len(cube), 1))
+        q[:, design.free] = lower + (upper - lower) * cube
+        inside = design.workspace.slack(q) >= 0
+        poses = q[inside.all(axis=-1)]
+        frames = design.model.robot.frames(poses)
+        A = design.model.regressor_of(frames, design.wrench) / design.sigma[:, None]
+        return poses, pack_gram(A), (~inside).sum(axis=0)
+
+
+def require_some(n: int) -> None:
+    """Refuse fewer than one candidate."""
+    if n < 1:
+        raise ValueError("at least one candidate is needed")
+
+
+def sample_feasible(design: PoseDesign, n: int, seed: int | tuple[int, ...]) -> Array:
+    """N feasible poses (n, n_joints), uniform in the joint limits.
+
+    Raises:
+        EmptyFeasibleSetError: No feasible pose turns up; names the constraint that excludes most.
+        ValueError: n < 1.
+    """
+    return np.concatenate([q for q, _ in CandidateSource(design, seed).chunks(n)])

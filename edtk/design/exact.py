@@ -36,7 +36,7 @@ class PoseDesign:
     def problem(self, q: Array, wrench: ArrayLike | None = None) -> Problem:
         """The candidates q (k, n) as a problem of arrays."""
         W = self.wrench if wrench is None else wrench
-        return Problem(self.model.regressor(q, W), self.sigma)
+        return Problem(self.model.regressor(q, W), self.sigma, self.model.parameters)
 
     def information(self, plan: Plan) -> Array:
         """Information matrix (p, p) of a plan."""
@@ -52,8 +52,8 @@ class PoseDesign:
         ``d log f = <G, dM>/f`` and ``dM = sum r_i (dA_i' A_i + A_i' dA_i)/sigma^2`` give
         ``d log f/dq_ik = (2 r_i/f) <A_i G, dA_i/dq_k>/sigma^2``.
         """
-        A = self.model.regressor(plan.q, plan.wrench) / self.sigma[:, None]
-        dA = self.model.regressor_gradient(plan.q, plan.wrench) / self.sigma[:, None, None]
+        A, dA = self.model.linearise(plan.q, plan.wrench)
+        A, dA = A / self.sigma[:, None], dA / self.sigma[:, None, None]
         M = np.einsum("k,kri,krj->ij", plan.repeats, A, A)
         cost = float(criterion.cost(M))
         if not np.isfinite(cost):

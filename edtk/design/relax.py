@@ -1,204 +1,303 @@
 """Convex relaxation over discretised candidates: weights instead of whole numbers of experiments."""
 
-import warnings
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
-import cvxpy as cp
 import numpy as np
 from numpy.typing import NDArray
 
 from criteria import Criterion
+from criteria.inverse import whitener
+from criteria.null_space import open_directions
+from edtk.design.caratheodory import sparse_weights
+from edtk.design.master import CHAIN, Master, RelaxationError, master_for
 from edtk.design.problem import Problem
 
 Array = NDArray[np.float64]
-SOLVERS = {
-    "CLARABEL": {"tol_gap_rel": 1e-11, "tol_gap_abs": 1e-11, "tol_feas": 1e-10, "reduced_tol_gap_rel": 1e-7},
-    "SCS": {"eps_rel": 1e-9, "eps_abs": 1e-9, "max_iters": 20_000},
-}
-
-
-class RelaxationError(RuntimeError):
-    """No solver returned a design whose certificate could be computed."""
+Indices = NDArray[np.int_]
+Progress = Callable[[int, float], object]
+MEMBERS = 60  # of a family at most
+SAMPLE = 2000  # candidates among which the first active set is chosen
 
 
 @dataclass(frozen=True, eq=False)
 class Relaxation:
-    """Weights of one experiment's worth of measurements, and what they are worth.
+    """Weights of one experiment's worth of measurements, what they are worth, and the proof.
 
     Attributes:
+        criterion: What was minimised.
         weights: Non-negative (n,), of sum one.
         cost: The criterion's cost of these weights.
         bound: No weights over these candidates have a lower cost.
-        solver: The solver that answered.
+        multipliers: What proves the bound (r, p, p), see `Criterion.floor`.
+        solver: The solver whose answer this is.
+        iterations: Number of masters that were solved.
     """
 
+    criterion: Criterion
     weights: Array
     cost: float
     bound: float
+    multipliers: Array
     solver: str
+    iterations: int
 
     @property
     def gap(self) -> float:
-        """Relative gap ``1 - bound/cost``."""
+        """Relative gap ``1 - bound/cost``; below zero by rounding at most."""
         return 1.0 - self.bound / self.cost
 
+    @property
+    def support(self) -> Indices:
+        """Indices (k,) of the candidates that carry weight."""
+        return np.flatnonzero(self.weights)
 
-def relax(problem: Problem, criterion: Criterion, gap: float = 1e-6, rounds: int = 60, batch: int = 40) -> Relaxation:
+    def certify(self, problem: Problem) -> tuple[float, float]:
+        """Cost and bound, computed anew from weights, multipliers and candidates alone."""
+        M = problem.information(self.weights)
+        tops = judged(problem, self.criterion).prices(self.multipliers).max(axis=-1)
+        return float(self.criterion.cost(M)), self.criterion.floor(self.multipliers, tops, M)
+
+
+class RelaxationInterrupted(KeyboardInterrupt):
+    """The user interrupted; `best` is the best certified design so far."""
+
+    def __init__(self, best: Relaxation) -> None:
+        super().__init__("interrupted")
+        self.best = best
+
+
+def relax(
+    problem: Problem,
+    criterion: Criterion,
+    gap: float = 1e-6,
+    rounds: int = 60,
+    batch: int = 40,
+    solvers: Sequence[str] = CHAIN,
+    progress: Progress = lambda iterations, gap: None,
+    multipliers: Array | None = None,
+) -> Relaxation:
     """Minimise the criterion's cost over the weights of all candidates, by restricted masters and pricing.
 
-    cvxpy solves a small master over the active candidates; the multiplier Z of ``M == sum w_i M_i`` prices all
-    of them by ``<Z, M_i>``, the dearest join, those without weight leave. Parameters are whitened by the master's
-    own design: with k = T k' the information becomes the identity. Whatever a solver says of its answer, cost
-    and bound are computed anew from weights and multiplier, see `_bound`, and the best of each is returned.
+    cvxpy solves a small master over the active candidates; the multiplier Z of ``M == sum w_i M_i`` prices all of
+    them by ``<Z, M_i>`` in one matrix product, the dearest join, those without weight leave. Every design obeys
+    ``<Z, M> <= t = max <Z, M_i>``, whence a bound on its cost (`Criterion.floor`). Whatever a solver says of its
+    answer, cost and bound are computed anew from weights and multiplier, and the best of each is returned.
+    Where an answer is too inaccurate for the gap, the next solver has its turn, and last the weights are polished.
+
+    A criterion that is the least of a family of convex ones (O4) is solved member by member; the bound is proved
+    for all designs nevertheless.
 
     Args:
         problem: The candidates.
-        criterion: A convex criterion with an `expression`.
-        gap: Relative gap to stop at.
-        rounds: Limit on the number of masters.
+        criterion: A criterion with a convex form.
+        gap: Relative gap to stop at. The one that was reached may be larger, and is the result's.
+        rounds: Limit on the number of masters per convex problem.
         batch: Candidates that join per round.
+        solvers: Names from `CHAIN`, the first to be tried first.
+        progress: Called with the number of masters so far and the gap.
+        multipliers: Multipliers (r, p, p) of a like problem, for a family to start from.
 
     Raises:
-        RelaxationError: No solver finds a design, or the candidates cannot identify all parameters.
-        NotImplementedError: The criterion has no convex expression.
+        ValueError: An unknown solver, or rounds or batch below one.
+        RankDeficientError: The candidates cannot identify all parameters; names the directions.
+        RelaxationError: No solver found a design.
+        NotImplementedError: The criterion has no convex form.
+        RelaxationInterrupted: Ctrl-C after a first certified design, which it carries.
     """
-    if not criterion.has_expression():
-        raise NotImplementedError(f"criterion {criterion.name} has no convex expression")
-    blocks = problem.information_blocks
-    weights = np.full(len(blocks), 1.0 / len(blocks))
-    if not np.isfinite(best := float(criterion.cost(problem.information(weights)))):
-        raise RelaxationError("the candidates together cannot identify all parameters")
-    active = _spread(blocks, problem.information(weights), batch)
-    bound, solver, answer = 0.0, "", weights
+    if unknown := [solver for solver in solvers if solver not in CHAIN]:
+        raise ValueError(f"unknown solver {unknown[0]!r}; available: {', '.join(CHAIN)}")
+    if rounds < 1 or batch < 1 or not solvers:
+        raise ValueError("rounds and batch must be at least one, and there must be a solver")
+    if not criterion.has_convex_form():
+        raise NotImplementedError(f"criterion {criterion.name} has no convex form to relax")
+    problem.require_identifiable()
+    scaled = judged(problem, criterion)
+    best = _Incumbent(scaled, criterion, multipliers)
+    try:
+        for _ in range(MEMBERS):
+            member, before = criterion.subproblem(best.multipliers, best.tops, best.M), best.bound
+            alone = member is criterion
+            earlier = (best.multipliers[:0], best.tops[:0]) if alone else (best.multipliers, best.tops)
+            for step in _generate(scaled, member, best.active, gap if alone else gap / 4, rounds, batch, solvers):
+                best.meet(step, *earlier)
+                progress(best.iterations, 1 - best.bound / best.cost)
+            if alone or 1 - best.bound / best.cost <= gap or 0 < best.bound <= before:
+                break
+    except KeyboardInterrupt as interrupt:
+        if best.iterations:
+            raise RelaxationInterrupted(best.result(problem, gap)) from interrupt
+        raise
+    return best.result(problem, gap)
+
+
+def judged(problem: Problem, criterion: Criterion) -> Problem:
+    """The problem in which a design is judged: for a criterion of degree zero, all candidates have unit trace."""
+    return problem.with_unit_trace() if criterion.degree == 0 else problem
+
+
+@dataclass(frozen=True, eq=False)
+class _Step:
+    """One master: its weights over the active candidates, and the multiplier with its dearest price."""
+
+    active: Indices
+    weights: Array
+    M: Array
+    multiplier: Array
+    top: float
+    solver: str
+
+
+class _Incumbent:
+    """The best design and the best proof so far."""
+
+    def __init__(self, problem: Problem, criterion: Criterion, multipliers: Array | None) -> None:
+        self.criterion, self.n = criterion, problem.n
+        self.cost, self.bound, self.solver, self.iterations = np.inf, 0.0, "", 0
+        self.active, self.weights = np.empty(0, dtype=int), np.empty(0)
+        self.M = problem.mean
+        self.multipliers = np.empty((0, problem.p, problem.p)) if multipliers is None else multipliers
+        self.tops = problem.prices(self.multipliers).max(axis=-1)
+
+    def meet(self, step: _Step, multipliers: Array, tops: Array) -> None:
+        """Take what is better of a step: its design, and its proof beside those of earlier members of a family."""
+        self.iterations += 1
+        if (cost := float(self.criterion.cost(step.M))) < self.cost:
+            self.cost, self.M, self.solver = cost, step.M, step.solver
+            self.active, self.weights = step.active, step.weights
+        Z, t = np.concatenate([multipliers, step.multiplier[None]]), np.append(tops, step.top)
+        floor = self.criterion.floor(Z, t, step.M)
+        if floor >= self.bound:
+            self.multipliers, self.tops, self.bound = Z, t, floor
+
+    def _cost(self, problem: Problem, weights: Array) -> float:
+        """Cost of weights over the active candidates."""
+        return float(self.criterion.cost(np.tensordot(weights, problem.blocks(self.active), axes=1)))
+
+    def result(self, problem: Problem, gap: float) -> Relaxation:
+        """The relaxation, its weights those of the candidates as they were given."""
+        w = self.weights
+        if self.criterion.degree == 0:
+            trace = np.trace(problem.blocks(self.active), axis1=1, axis2=2)
+            w = np.divide(w, trace, out=np.zeros_like(w), where=trace > 0)
+        w = w / w.sum()
+        few = sparse_weights(problem.packed[:, self.active], w)
+        if self._cost(problem, few) <= self._cost(problem, w) * (1 + 0.01 * gap):
+            w = few
+        weights = np.zeros(problem.n)
+        weights[self.active] = w
+        cost = float(self.criterion.cost(problem.information(weights)))
+        Z, t = self.multipliers, self.tops
+        bound = max(self.bound, self.criterion.floor(Z, t, self.M))
+        for j in range(len(t) - 1, -1, -1):  # fewer multipliers that close the gap as well, if there are
+            rest = np.delete(Z, j, 0), np.delete(t, j)
+            if len(t) > 1 and (floor := self.criterion.floor(*rest, self.M)) >= min(bound, (1 - gap) * cost):
+                Z, t, bound = *rest, floor
+        return Relaxation(self.criterion, weights, cost, bound, Z, self.solver, self.iterations)
+
+
+def _generate(
+    problem: Problem,
+    criterion: Criterion,
+    active: Indices,
+    gap: float,
+    rounds: int,
+    batch: int,
+    solvers: Sequence[str],
+) -> Iterator[_Step]:
+    """Column generation for one convex criterion, step by step, from an active set."""
+    incumbent = len(active) > 0
+    active = active if incumbent else _spread(problem, batch)
+    around, chain = problem.blocks(active).mean(axis=0), list(solvers)
+    bound, cost, proof = 0.0, np.inf, None
     for _ in range(rounds):
-        trial, Z, solver = _master(blocks[active], criterion, problem.information(weights))
-        weights = np.zeros(len(blocks))
-        weights[active] = trial
-        M = problem.information(weights)
-        if (cost := float(criterion.cost(M))) < best:
-            best, answer = cost, weights
-        lower, prices = _bound(blocks, criterion, M, Z)
-        bound = max(bound, lower)
-        newcomers = np.setdiff1d(np.argsort(-prices, kind="stable")[:batch], active)
-        if 1.0 - bound / best <= gap or not len(newcomers):
-            break
-        active = np.concatenate([np.flatnonzero(weights > 0), newcomers])
-    return Relaxation(answer, best, bound, solver)
-
-
-def _spread(blocks: Array, mean: Array, batch: int) -> NDArray[np.int_]:
-    """A first active set that identifies every parameter: greedily, the block of the largest gain in det."""
-    active: list[int] = []
-    M = 1e-6 * mean
-    for _ in range(min(batch, len(blocks))):
-        gain = np.einsum("ij,nij->n", np.linalg.inv(M), blocks)
-        gain[active] = -np.inf
-        active.append(int(gain.argmax()))
-        M = M + blocks[active[-1]]
-    return np.array(active)
-
-
-def _whitener(M: Array) -> Array:
-    """T (p, p) with ``T' M T = I``, by a Cholesky factor of M scaled to a unit diagonal."""
-    d = np.sqrt(np.diag(M))
-    return np.asarray(np.linalg.inv(np.linalg.cholesky(M / np.outer(d, d)).T) / d[:, None])
-
-
-def _master(blocks: Array, criterion: Criterion, around: Array, prune: float = 1e-7) -> tuple[Array, Array, str]:
-    """Weights (n,), multiplier (p, p) and solver of the relaxation over a few candidates."""
-    T = _whitener(around)
-    failures = []
-    for solver in SOLVERS:
+        master = master_for(criterion, around, max(2 * batch, len(active)))
         try:
-            weights, Z = _solve(T.T @ blocks @ T, criterion, T, float(criterion.cost(around)), solver)
-        except (cp.SolverError, ValueError, ArithmeticError) as error:
-            failures.append(f"{solver}: {error}")
-            continue
-        weights = np.where(weights > prune * weights.max(), weights, 0.0)
-        return weights / weights.sum(), T @ Z @ T.T, solver
-    raise RelaxationError(f"no solver found a design for criterion {criterion.name} ({'; '.join(failures)})")
+            weights, Z, solver = _first_answer(master, problem.blocks(active), chain)
+        except RelaxationError:
+            if cost < np.inf or incumbent:
+                return  # with what there is
+            raise
+        M = np.tensordot(weights, problem.blocks(active), axes=1)
+        trials = _multipliers(criterion, M, Z)
+        prices = problem.prices(trials)
+        tops = prices.max(axis=-1)
+        floors = np.array([criterion.floor(Z[None], t[None], M) for Z, t in zip(trials, tops, strict=True)])
+        floors = np.where(np.isfinite(floors), np.maximum(floors, 0.0), 0.0)
+        j, kept = int(np.argmax(floors)), weights > 0
+        if proof is None or floors[j] > bound:
+            bound, proof = floors[j], (trials[j], float(tops[j]))
+        yield _Step(active[kept], weights[kept], M, *proof, solver)
+        cost = min(cost, float(criterion.cost(M)))
+        if 1 - bound / cost <= gap:
+            return
+        newcomers = _dearest(prices[j], active, batch)
+        if prices[j].argmax() in active:  # the master was not solved as accurately as the gap asks
+            chain = chain[chain.index(solver) + 1 :]
+            if not chain:
+                return
+        active = np.concatenate([active[kept], newcomers])
+        around = M if not len(newcomers) else 0.5 * (M + problem.blocks(newcomers).mean(axis=0))
 
 
-def _solve(blocks: Array, criterion: Criterion, T: Array, unit: float, solver: str) -> tuple[Array, Array]:
-    """Weights (n,) and the multiplier Z (p, p) of ``M == sum w_i M_i`` in whitened parameters."""
-    n, p = blocks.shape[:2]
-    w = cp.Variable(n, nonneg=True)
-    M = cp.Variable((p, p), symmetric=True)
-    rows, columns = np.triu_indices(p)
-    balance = cp.vec(M, order="C")[rows * p + columns] == blocks[:, rows, columns].T @ w
-    _run(
-        program := cp.Problem(cp.Minimize(_unit_cost(criterion, M, T, unit)), [balance, cp.sum(w) == 1]),
-        solver,
-    )
-    if w.value is None or not np.isfinite(w.value).all():
-        raise ValueError(f"status {program.status}")
-    weights = np.maximum(w.value, 0.0)
-    Z = np.zeros((p, p))
-    Z[rows, columns] = balance.dual_value / np.where(rows == columns, 1.0, 2.0)
-    Z = Z + np.triu(Z, 1).T
-    return weights / weights.sum(), Z * np.sign(np.trace(Z))
+def _first_answer(master: Master, blocks: Array, chain: Sequence[str]) -> tuple[Array, Array, str]:
+    """Weights and multiplier from the first solver of the chain that has an answer."""
+    failures = []
+    for solver in chain:
+        try:
+            return *master.solve(blocks, solver), solver
+        except RelaxationError as error:
+            failures.append(str(error))
+    raise RelaxationError(f"no solver found a design for criterion {master.criterion.name} ({'; '.join(failures)})")
 
 
-def _unit_cost(criterion: Criterion, M: cp.Expression, T: Array, unit: float) -> cp.Expression:
-    """The cost's expression in whitened parameters and divided by `unit`.
+def _multipliers(criterion: Criterion, M: Array, Z: Array) -> Array:
+    """Multipliers to try (r, p, p): the solver's, and where the criterion is smooth minus the gradient at M.
 
-    A factor c on T multiplies the cost by ``c^(2 degree)``, so the division goes into T and every constant
-    inside the expression is of order one.
+    For a monotone criterion a multiplier must be positive semidefinite, and negative eigenvalues are the solver's
+    inaccuracy; they are cut off in the parameters that whiten M.
     """
-    return criterion.expression(M, T * unit ** (-0.5 / criterion.degree))
+    if criterion.monotone:
+        T = whitener(M)
+        S = np.linalg.inv(T)
+        z, V = np.linalg.eigh(S @ Z @ S.T)
+        Z = T @ (V * np.maximum(z, 0.0)) @ V.T @ T.T
+    return np.stack([Z, -criterion.gradient(M)]) if criterion.smooth else Z[None]
 
 
-def _bound(blocks: Array, criterion: Criterion, M: Array, Z: Array) -> tuple[float, Array]:
-    """Lower bound on the cost of any weights over the candidates, and the prices (n,) behind it.
+def _dearest(prices: Array, active: Indices, batch: int) -> Indices:
+    """Indices of dear candidates that are not active, at most `batch`, the dearest first.
 
-    For positive semidefinite Z every design obeys ``<Z, M> <= t = max <Z, M_i>``, so by homogeneity no cost is
-    below ``t^-degree min {cost(M): <Z, M> <= 1}``. Two Z are tried, and the better bound is returned: the solver's
-    multiplier, which serves at kinks too, and, where the criterion is smooth, minus the gradient at M.
+    A quarter are the dearest of all, which are often alike; the others are the dearest of as many equal parts of the
+    candidates, where these are many.
     """
-    T = _whitener(M)
-    S = np.linalg.inv(T)
-    values, V = np.linalg.eigh(S @ Z @ S.T)
-    Z = T @ (V * np.maximum(values, 0.0)) @ V.T @ T.T
-    prices = np.einsum("ij,nij->n", Z, blocks)
-    bound = _polar(criterion, Z, M, T) * prices.max() ** -criterion.degree
-    if criterion.smooth:
-        Z = -criterion.gradient(M)
-        slopes = np.einsum("ij,nij->n", Z, blocks)
-        slope = float(criterion.cost(M) * (np.sum(Z * M) / slopes.max()) ** criterion.degree)
-        if slope > bound:
-            return slope, slopes
-    return bound, prices
+    size = min(batch + len(active), len(prices))
+    top = np.argpartition(-prices, size - 1)[:size]
+    if (parts := 3 * batch // 4) and len(prices) >= 20 * batch:
+        width = len(prices) // parts
+        spread = prices[: width * parts].reshape(parts, width).argmax(axis=1) + width * np.arange(parts)
+        top = np.setdiff1d(top, active)
+        top = top[np.lexsort((top, -prices[top]))][: batch - parts]
+        top = np.union1d(top, spread)
+    top = np.setdiff1d(top, active)
+    return top[np.lexsort((top, -prices[top]))][:batch]
 
 
-def _polar(criterion: Criterion, Z: Array, M: Array, T: Array) -> float:
-    """``min {cost(X): <Z, X> <= 1}``: in closed form, or, for a criterion without one, as a problem of size p.
+def _spread(problem: Problem, batch: int) -> Indices:
+    """A first active set that identifies every parameter: greedily, the candidate of the largest gain in det.
 
-    The latter is a solver's word: it is lowered by its tolerance, and 0, a bound that says nothing, where the
-    solver gives none.
+    The choice is among an evenly spaced sample of the candidates, or all of them if that leaves a direction open.
     """
-    try:
-        return criterion.polar(Z, M)
-    except NotImplementedError:
-        pass
-    if criterion.smooth:
-        return 0.0
-    X = cp.Variable(Z.shape, symmetric=True)
-    S = np.linalg.inv(T)
-    Y = S @ Z @ S.T
-    unit, size = float(criterion.cost(M)), float(np.trace(Y))
-    program = cp.Problem(cp.Minimize(_unit_cost(criterion, X, T, unit)), [cp.trace(Y / size @ X) <= 1])
-    try:
-        _run(program, next(iter(SOLVERS)))
-    except cp.SolverError:
-        return 0.0
-    if program.status != cp.OPTIMAL:
-        return 0.0
-    lowered = (1 - 1e-6) * float(program.value)
-    return unit * lowered ** (1.0 / criterion.expression_power) * size**criterion.degree
-
-
-def _run(program: cp.Problem, solver: str) -> None:
-    """Solve quietly: an inaccurate answer is judged by its certificate, not by its status."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        program.solve(solver=solver, **SOLVERS[solver])
+    sample = np.unique(np.linspace(0, problem.n - 1, SAMPLE).astype(int))
+    for chosen in (sample, np.arange(problem.n)):
+        part = Problem.of_information(problem.packed[:, chosen]) if len(chosen) < problem.n else problem
+        active: list[int] = []
+        M = 1e-6 * problem.mean
+        for _ in range(min(max(batch, problem.p), part.n)):
+            gain = part.prices(np.linalg.inv(M))
+            gain[active] = -np.inf
+            active.append(int(gain.argmax()))
+            M = M + part.blocks(active[-1])
+        if not open_directions(part.blocks(active).mean(axis=0), problem.parameters):
+            break
+    return chosen[active]

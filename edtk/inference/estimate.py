@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from criteria.inverse import guarded_inverse
+from criteria.null_space import null_space
 
 Array = NDArray[np.float64]
 
@@ -28,16 +29,8 @@ class Estimate:
 
 
 def unidentified(M: Array, parameters: tuple[str, ...]) -> tuple[str, ...]:
-    """Names of the parameters that take part in a direction which the information M (p, p) does not excite.
-
-    The null space is taken of M scaled to a unit diagonal, so that units do not matter.
-    """
-    d = np.sqrt(np.maximum(np.diag(M), 0.0))
-    open_ = d == 0
-    scale = np.where(open_, 1.0, d)
-    r, V = np.linalg.eigh(np.where(np.eye(len(M), dtype=bool) & open_, 0.0, M / np.outer(scale, scale)))
-    null = V[:, r <= 16 * len(M) * np.finfo(float).eps * max(r[-1], 1.0)]
-    involved = np.linalg.norm(null, axis=1) > 1e-4
+    """Names of the parameters that take part in a direction which the information M (p, p) does not excite."""
+    involved = np.any(null_space(M)[0] != 0, axis=1).tolist()
     return tuple(name for name, yes in zip(parameters, involved, strict=True) if yes)
 
 

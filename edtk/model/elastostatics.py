@@ -92,20 +92,27 @@ class ElastostaticModel:
         Returns:
             Array (..., rows, p, n).
         """
-        frames = self.robot.frames(q)
+        return np.moveaxis(self.regressor_gradient_of(self.robot.frames(q), wrench), (2, 0, 1), (-3, -2, -1))
+
+    def regressor_gradient_of(self, frames: Frames, wrench: ArrayLike) -> Array:
+        """Derivatives (p, n, rows, ...) of the regressors of poses whose frames are at hand, component first."""
         v, w = frames.linear, frames.angular
         n, batch = self.robot.n, v.shape[2:]
         dJ = np.zeros((self.p, n, 6, *batch))
         for row, j in enumerate(self.joints):
-            dJ[row, : j + 1, :3] = cross(w[: j + 1], v[j][None], axis=1)
-            dJ[row, : j + 1, 3:] = cross(w[: j + 1], w[j][None], axis=1)
-            dJ[row, j + 1 :, :3] = cross(w[j][None], v[j + 1 :], axis=1)
+            dJ[row, : j + 1, :3] = cross(w[: j + 1], v[j][None])
+            dJ[row, : j + 1, 3:] = cross(w[: j + 1], w[j][None])
+            dJ[row, j + 1 :, :3] = cross(w[j][None], v[j + 1 :])
         W = np.moveaxis(np.broadcast_to(np.asarray(wrench, dtype=float), (*batch, 6)), -1, 0)
         J = np.concatenate([v, w], axis=1)[self.joints]
         dA = dJ * _dot(J, W)[:, None, None] + J[:, None] * _dot(dJ, W, axis=2)[:, :, None]
-        if self.rows == "position":
-            dA = dA[:, :, :3]
-        return np.moveaxis(dA, (2, 0, 1), (-3, -2, -1))
+        return dA[:, :, :3] if self.rows == "position" else dA
+
+    def linearise(self, q: ArrayLike, wrench: ArrayLike) -> tuple[Array, Array]:
+        """`regressor` (..., rows, p) and `regressor_gradient` (..., rows, p, n) of the same poses at once."""
+        frames = self.robot.frames(q)
+        A, dA = self.regressor_of(frames, wrench), self.regressor_gradient_of(frames, wrench)
+        return np.moveaxis(A, (0, 1), (-1, -2)), np.moveaxis(dA, (2, 0, 1), (-3, -2, -1))
 
     def cartesian_stiffness(self, q: ArrayLike, k: ArrayLike) -> Array:
         """Eq. (1): ``K_C = J^-T K_theta J^-1``, as the inverse of ``J k_theta J'`` (any number of joints).

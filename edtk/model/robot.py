@@ -76,7 +76,7 @@ class Frames:
     @cached_property
     def linear(self) -> Array:
         """Velocity of the tool point per joint (n, 3, ...): ``a x (p - o)``, or ``a`` if prismatic."""
-        J = cross(self.axes, self.position - self.origins, axis=1)
+        J = cross(self.axes, self.position - self.origins)
         J[self.prismatic] = self.axes[self.prismatic]
         return J
 
@@ -90,15 +90,13 @@ class Frames:
         return J
 
 
-def cross(a: Array, b: Array, axis: int) -> Array:
-    """Cross product along one axis of length three, leaving the others in place (no copies of the inputs)."""
-    a, b = np.broadcast_arrays(a, b)
-    a, b = np.moveaxis(a, axis, 0), np.moveaxis(b, axis, 0)
-    out = np.empty(a.shape)
+def cross(a: Array, b: Array) -> Array:
+    """Cross product along the second axis (m, 3, ...), leaving the others in place (no copies of the inputs)."""
+    out = np.empty(np.broadcast_shapes(a.shape, b.shape))
     for i, (j, k) in enumerate(((1, 2), (2, 0), (0, 1))):
-        np.multiply(a[j], b[k], out=out[i])
-        out[i] -= a[k] * b[j]
-    return np.moveaxis(out, 0, axis)
+        np.multiply(a[:, j], b[:, k], out=out[:, i])
+        out[:, i] -= a[:, k] * b[:, j]
+    return out
 
 
 def _aligned(axis: Array) -> Array:

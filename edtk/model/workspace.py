@@ -90,7 +90,7 @@ class Tilt(Constraint):
         """``dphi/dq_k = (w_k x z)_z / cos(phi)`` with both signs (2, n, ...); bounded at the poles."""
         z = frames.rotation[2]
         cos = np.maximum(np.hypot(z[0], z[1]), 1e-12)
-        dphi = cross(frames.angular, z[None], axis=1)[:, 2] / cos
+        dphi = cross(frames.angular, z[None])[:, 2] / cos
         return np.stack([-dphi, dphi])
 
 

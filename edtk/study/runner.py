@@ -9,26 +9,14 @@ import pandas as pd
 
 import criteria
 import edtk
-from criteria import Criterion
 from edtk.atomic import atomic_path
-from edtk.design import (
-    EmptyFeasibleSetError,
-    Plan,
-    PoseDesign,
-    Problem,
-    Relaxation,
-    RelaxationError,
-    apportion,
-    refine,
-    relax,
-    sample_feasible,
-)
-from edtk.errors import UserError
-from edtk.inference import SingularPlanError, covariance
+from edtk.design import Candidates, Plan, RelaxedPlan, apportion, refine
+from edtk.study.relaxed import candidates_of, relaxed_plan
 from edtk.study.report import write_report
 from edtk.study.spec import Study
 
 Progress = Callable[[str], object]
+TOLERANCE = 1e-4  # of the search over the continuum
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,9 +60,9 @@ def run_study(study: Study, out: Path, progress: Progress = lambda label: None) 
         UserError: No feasible poses, or the candidates cannot identify all parameters.
     """
     published = study.published_plans()
-    problem, q, relaxed = _relaxations(study, progress)
+    candidates, relaxed = _relaxations(study, progress)
     cases = []
-    for case in _cases(study, published, q, problem, relaxed):
+    for case in _cases(study, published, candidates, relaxed):
         cases.append(case)
         progress(case.name)
     table = _table(study, cases, relaxed)
@@ -92,52 +80,41 @@ def run_study(study: Study, out: Path, progress: Progress = lambda label: None) 
 def steps(study: Study) -> int:
     """Number of times that `run_study` reports progress."""
     sizes, chosen = len(study.file.sizes), len(study.file.optimise)
-    return 1 + chosen + sizes * (chosen + 1) + len(study.file.published) + 1
+    return 1 + len(_relaxable(study)) + sizes * (chosen + 1) + len(study.file.published) + 1
 
 
-def _relaxations(study: Study, progress: Progress) -> tuple[Problem, np.ndarray, dict[str, Relaxation]]:
-    """Candidates, and the relaxation of every criterion that is optimised."""
-    rng = np.random.default_rng([study.file.seed, 0])
-    design = study.design
-    try:
-        q = sample_feasible(design.workspace, study.file.candidates, rng, design.free, design.fixed)
-    except EmptyFeasibleSetError as error:
-        raise study.error("workspace", str(error)) from error
-    problem = design.problem(q)
+def _relaxations(study: Study, progress: Progress) -> tuple[Candidates, dict[str, RelaxedPlan]]:
+    """Candidates, and the relaxation of every criterion that is compared or optimised, over all feasible poses."""
+    candidates = candidates_of(study)
     progress("candidates")
-    _check_identifiable(study, problem)
     relaxed = {}
-    for name in study.file.optimise:
-        try:
-            relaxed[name] = relax(problem, study.criterion(name))
-        except (RelaxationError, NotImplementedError) as error:
-            raise UserError(f"{study.path}: optimise: criterion {name!r}: {error}") from error
+    for name in _relaxable(study):
+        relaxed[name] = relaxed_plan(study, name, continuous=True, tolerance=TOLERANCE, candidates=candidates)
         progress(f"relaxation {name}")
-    return problem, q, relaxed
+    return candidates, relaxed
 
 
-def _check_identifiable(study: Study, problem: Problem) -> None:
-    """All candidates together must identify all parameters."""
-    try:
-        covariance(problem.information(np.ones(len(problem.blocks))), study.model.parameters)
-    except SingularPlanError as error:
-        raise study.error("joints.unknown", str(error).replace("the plan", "any plan with this load")) from error
+def _relaxable(study: Study) -> list[str]:
+    """Names of the criteria that can be relaxed, those that are optimised first."""
+    names = dict.fromkeys((*study.file.optimise, *study.file.criteria))
+    return [name for name in names if criteria.get(name).has_convex_form()]
 
 
 def _cases(
-    study: Study, published: dict[str, Plan], q: np.ndarray, problem: Problem, relaxed: dict[str, Relaxation]
+    study: Study, published: dict[str, Plan], candidates: Candidates, relaxed: dict[str, RelaxedPlan]
 ) -> Iterator[Case]:
     """All plans of the comparison, each from a random stream of its own."""
     for i, size in enumerate(study.file.sizes):
-        for j, (name, relaxation) in enumerate(relaxed.items()):
+        for j, name in enumerate(study.file.optimise):
             rng = np.random.default_rng([study.file.seed, 1, i, j])
-            plan = exact_plan(study.design, study.criterion(name), q, relaxation, size, study.file.starts, rng)
+            plan = exact_plan(relaxed[name], candidates.q, size, study.file.starts, rng)
             reason = "" if plan else _too_few(study, size)
             yield Case("optimised", name, size, plan, reason)
         rng = np.random.default_rng([study.file.seed, 2, i])
-        chosen = rng.choice(len(q), size=size, replace=size > len(q))
-        random: Plan | None = study.design.plan(q[chosen], np.ones(size, dtype=int))
-        if not np.isfinite(criteria.create("A").cost(problem.information(np.bincount(chosen, minlength=len(q))))):
+        n = len(candidates.q)
+        chosen = rng.choice(n, size=size, replace=size > n)
+        random: Plan | None = study.design.plan(candidates.q[chosen], np.ones(size, dtype=int))
+        if not np.isfinite(criteria.create("A").cost(candidates.problem.information(np.bincount(chosen, minlength=n)))):
             random = None
         yield Case("random", "", size, random, "" if random else _too_few(study, size))
     for plan in published.values():
@@ -150,21 +127,13 @@ def _too_few(study: Study, size: int) -> str:
 
 
 def exact_plan(
-    design: PoseDesign,
-    criterion: Criterion,
-    q: np.ndarray,
-    relaxation: Relaxation,
-    size: int,
-    starts: int,
-    rng: np.random.Generator,
+    relaxed: RelaxedPlan, candidates: np.ndarray, size: int, starts: int, rng: np.random.Generator
 ) -> Plan | None:
-    """The best of several refined plans: one from the apportioned weights, the others drawn by weight.
+    """The best of several refined plans: one from the apportioned weights, the others drawn by weight or at random.
 
     Args:
-        design: Model, feasible set and free joints.
-        criterion: What to improve.
-        q: The candidates (n, n_joints) that the relaxation weighs.
-        relaxation: Their weights.
+        relaxed: Poses and weights to start from, with the criterion to improve.
+        candidates: Candidate poses (n, n_joints) to draw from besides.
         size: Number of experiments m.
         starts: Number of refinements.
         rng: Source of randomness.
@@ -172,26 +141,22 @@ def exact_plan(
     Returns:
         A plan of m experiments, or None where none of the starts identifies all parameters.
     """
+    design, criterion = relaxed.design, relaxed.criterion
     best, best_cost = None, np.inf
-    counts = apportion(relaxation.weights, size)
-    chosen = np.repeat(np.flatnonzero(counts), counts[counts > 0])
+    start = np.repeat(relaxed.q, apportion(relaxed.weights, size), axis=0)
     for _ in range(starts):
-        start = design.plan(q[chosen], np.ones(size, dtype=int))
-        plan = refine(design, criterion, start)
+        plan = refine(design, criterion, design.plan(start, np.ones(size, dtype=int)))
         cost = float(criterion.cost(design.information(plan)))
         if cost < best_cost:
             best, best_cost = plan, cost
-        chosen = rng.choice(len(q), size=size, p=relaxation.weights)
+        start = relaxed.q[rng.choice(len(relaxed.q), size=size, p=relaxed.weights)]
         if rng.random() < 0.5:
-            chosen = rng.choice(len(q), size=size)
+            start = candidates[rng.choice(len(candidates), size=size)]
     return best
 
 
-def _table(study: Study, cases: list[Case], relaxed: dict[str, Relaxation]) -> pd.DataFrame:
-    """One row a plan, SI units; efficiency against the relaxation where the plan was optimised for it.
-
-    A candidate set is not the continuum of poses: a refined plan may lie beyond the candidates' bound.
-    """
+def _table(study: Study, cases: list[Case], relaxed: dict[str, RelaxedPlan]) -> pd.DataFrame:
+    """One row a plan, SI units; efficiencies against the bounds over all feasible poses."""
     rows = []
     for case in cases:
         row: dict[str, object] = {"plan": case.name, "kind": case.kind, "optimised_for": case.optimised}
@@ -201,7 +166,7 @@ def _table(study: Study, cases: list[Case], relaxed: dict[str, Relaxation]) -> p
             row[name] = np.nan if M is None else float(study.criterion(name).value(M))
         for name, relaxation in relaxed.items():
             degree = criteria.get(name).degree
-            bound = relaxation.bound * case.size**-degree
+            bound = relaxation.best_bound * case.size**-degree
             cost = np.inf if M is None else float(study.criterion(name).cost(M))
             row[f"efficiency_{name}"] = bound / cost
         row |= {"seed": study.file.seed, "study_sha256": study.digest, "edtk": edtk.__version__}

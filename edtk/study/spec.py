@@ -125,6 +125,7 @@ class StudyFile(_Table):
     optimise: Annotated[tuple[str, ...], Field(min_length=1)]
     sizes: Annotated[tuple[Annotated[int, Field(ge=1)], ...], Field(min_length=1)]
     candidates: Annotated[int, Field(ge=1)] = 2000
+    sampling: Literal["random", "sobol"] = "random"
     starts: Annotated[int, Field(ge=1)] = 4
     seed: Annotated[int, Field(ge=0)] = 0
     published: tuple[str, ...] = ()
@@ -200,7 +201,7 @@ class Study:
                     raise self.error(key, str(error)) from error
                 if cls.needs_target and self.file.test_pose is None:
                     raise self.error(key, f"criterion {name!r} needs a [test_pose], and there is none")
-                if key == "optimise" and not cls.has_expression():
+                if key == "optimise" and not cls.has_convex_form():
                     raise self.error(key, f"criterion {name!r} has no convex form to optimise; it can only be compared")
 
     @cached_property

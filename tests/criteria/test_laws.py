@@ -7,14 +7,12 @@ multiple of p * eps * cond(M); `slip` is that bound.
 import cvxpy as cp
 import numpy as np
 import pytest
-from numpy.typing import NDArray
+from matrices import EPS, Array, make, orthogonal, positive, slip, symmetric, with_spectrum
 
 import criteria
 
-Array = NDArray[np.float64]
 NAMES = criteria.available()
 SIZES = (1, 2, 3, 6, 9)
-EPS = np.finfo(float).eps
 
 every = pytest.mark.parametrize("name", NAMES)
 sizes = pytest.mark.parametrize("p", SIZES)
@@ -22,31 +20,11 @@ convex_ones = pytest.mark.parametrize("name", [n for n in NAMES if criteria.get(
 other_than_convex = pytest.mark.parametrize("name", [n for n in NAMES if not criteria.get(n).convex])
 monotone_ones = pytest.mark.parametrize("name", [n for n in NAMES if criteria.get(n).monotone])
 other_than_monotone = pytest.mark.parametrize("name", [n for n in NAMES if not criteria.get(n).monotone])
+expressed_ones = pytest.mark.parametrize(
+    "name", [n for n in NAMES if criteria.get(n).expression is not criteria.Criterion.expression]
+)
 unit_free_ones = pytest.mark.parametrize("name", [n for n in NAMES if criteria.get(n).unit_free])
 unit_bound_ones = pytest.mark.parametrize("name", [n for n in NAMES if not criteria.get(n).unit_free])
-
-
-def make(name: str, p: int) -> criteria.Criterion:
-    return criteria.create(name, target=np.random.default_rng(p).normal(size=(3, p)))
-
-
-def slip(*matrices: Array) -> float:
-    """Relative error to which a cost is defined: 64 p eps cond, of the worst matrix."""
-    return 64 * matrices[0].shape[-1] * EPS * max(np.linalg.cond(M).max() for M in matrices)
-
-
-def orthogonal(rng: np.random.Generator, p: int) -> Array:
-    return np.linalg.qr(rng.normal(size=(p, p)))[0]
-
-
-def with_spectrum(rng: np.random.Generator, eigenvalues: Array) -> Array:
-    Q = orthogonal(rng, len(eigenvalues))
-    M = (Q * eigenvalues) @ Q.T
-    return 0.5 * (M + M.T)
-
-
-def positive(rng: np.random.Generator, p: int, condition: float = 10.0) -> Array:
-    return with_spectrum(rng, condition ** rng.uniform(0, 1, size=p))
 
 
 def gap(ordered: Array) -> float:
@@ -62,11 +40,6 @@ def generic(rng: np.random.Generator, p: int, decades: float) -> Array:
         spectra = (np.linalg.eigvalsh(M), np.linalg.eigvalsh(cov), np.sort(np.diag(cov)))
         if min(map(gap, spectra)) > 0.1:
             return M
-
-
-def symmetric(rng: np.random.Generator, p: int) -> Array:
-    H = rng.normal(size=(p, p))
-    return (H + H.T) / np.linalg.norm(H + H.T, 2)
 
 
 def adversarial(rng: np.random.Generator, p: int) -> list[Array]:
@@ -314,16 +287,8 @@ def test_value_cost_and_sense_agree(name, p):
     np.testing.assert_allclose(c.efficiency(M, 2 * M), 2**-c.degree, rtol=1e-12)
 
 
-def has_expression(name):
-    try:
-        make(name, 2).expression(cp.Constant(np.eye(2)))
-    except NotImplementedError:
-        return False
-    return True
-
-
 @sizes
-@pytest.mark.parametrize("name", [name for name in criteria.available() if has_expression(name)])
+@expressed_ones
 def test_expression_is_the_cost(name, p):
     """A cvxpy expression, where there is one, is convex and has the value cost**expression_power."""
     rng, c = np.random.default_rng(14), make(name, p)
@@ -336,17 +301,6 @@ def test_expression_is_the_cost(name, p):
         assert c.expression(cp.Variable((p, p), PSD=True), T).is_convex()
         np.testing.assert_allclose(c.expression(cp.Constant(M)).value, expected, rtol=slip(M))
         np.testing.assert_allclose(c.expression(cp.Constant(whitened), T).value, expected, rtol=slip(M, whitened))
-
-
-def test_which_criteria_have_an_expression():
-    """Of the built-ins, all but O2, O4 (not convex) and O5 have a convex expression."""
-    without = set()
-    for name in NAMES:
-        try:
-            make(name, 2).expression(cp.Constant(np.eye(2)))
-        except NotImplementedError:
-            without.add(name)
-    assert without == {"O2", "O4", "O5"}
 
 
 @every

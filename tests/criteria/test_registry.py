@@ -107,16 +107,16 @@ def test_package_stands_alone():
 
 
 def test_plugin_is_found_by_its_name(plugin_site):
-    """A third party's distribution, built and installed by pip, adds a criterion."""
+    """A third party's distribution, built and installed by pip, adds a criterion; this one has no convex form."""
     done = run(
         "import criteria, numpy as np\n"
         "c = criteria.create('trace_M')\n"
         "print(criteria.available()[-1], type(c).__module__, float(c.value(np.diag([1.0, 2.0]))), "
-        "float(c.cost(np.zeros((2, 2)))))",
+        "float(c.cost(np.zeros((2, 2)))), c.has_convex_form())",
         plugin_site,
     )
     assert (done.returncode, done.stderr) == (0, "")
-    assert done.stdout.split() == ["trace_M", "my_criterion", "3.0", "inf"]
+    assert done.stdout.split() == ["trace_M", "my_criterion", "3.0", "inf", "False"]
 
 
 def test_plugin_is_listed_without_being_imported(plugin_site):

@@ -1,22 +1,18 @@
 """Cost and gradient of exact plans."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
+from designs import KR270 as DESIGN
+from designs import STUDY
 
 import criteria
 from edtk.design import Plan, sample_feasible
-from edtk.study import load_study
-
-STUDY = load_study(Path(__file__).parents[2] / "studies" / "kr270_milling.toml")
-DESIGN = STUDY.design
 
 
 def plan_of(k=5, seed=0):
-    rng = np.random.default_rng(seed)
-    q = sample_feasible(DESIGN.workspace, k, rng, DESIGN.free, DESIGN.fixed)
+    q, rng = sample_feasible(DESIGN, k, seed), np.random.default_rng(seed)
     return Plan(q, DESIGN.wrench + rng.normal(scale=100, size=(k, 6)), np.arange(1, k + 1))
 
 

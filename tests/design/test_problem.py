@@ -1,9 +1,12 @@
-"""A problem of arrays: its information, and what it refuses."""
+"""A problem of arrays: its information, its prices, and what it refuses."""
 
 import numpy as np
 import pytest
 
-from edtk.design import Problem
+from edtk.design import Problem, RankDeficientError
+
+EPS = np.finfo(float).eps
+X = np.linspace(-1, 1, 41)
 
 
 @pytest.fixture
@@ -21,12 +24,76 @@ def test_information_is_the_sum_of_outer_products(blocks, sigma):
     np.testing.assert_allclose(Problem(blocks, sigma).information(w), expected, rtol=1e-12)
 
 
+def test_information_of_few_and_of_many_candidates_agree(blocks):
+    """Weights on few candidates give the sum of their blocks, as do weights on all, to the rounding of the sum."""
+    problem = Problem(blocks)
+    rng = np.random.default_rng(1)
+    for k in range(8):
+        w = np.zeros(7)
+        w[rng.permutation(7)[:k]] = rng.uniform(0.1, 1, size=k)
+        expected = np.tensordot(w, problem.blocks(), axes=1)
+        size = np.tensordot(w, np.abs(problem.blocks()), axes=1)
+        assert (np.abs(problem.information(w) - expected) <= 8 * EPS * size).all()
+
+
 def test_blocks_are_information_of_one_each(blocks):
-    """The information of a unit weight is the candidate's own block, and p is the number of columns."""
+    """The information of a unit weight is the candidate's own block, chosen one by one, as a list, or all."""
     problem = Problem(blocks, 2.0)
-    assert problem.p == 4
-    for w, N in zip(np.eye(7), problem.information_blocks, strict=True):
-        np.testing.assert_array_equal(problem.information(w), N)
+    assert (problem.n, problem.p) == (7, 4)
+    assert problem.packed.shape == (10, 7)
+    for i, w in enumerate(np.eye(7)):
+        np.testing.assert_array_equal(problem.information(w), problem.blocks()[i])
+        np.testing.assert_array_equal(problem.blocks(i), problem.blocks()[i])
+    np.testing.assert_array_equal(problem.blocks([5, 2, 5]), problem.blocks()[[5, 2, 5]])
+
+
+def test_mean_is_the_information_of_uniform_weights(blocks):
+    """The mean is the information of equal weights, to the rounding of a sum of seven terms."""
+    problem = Problem(blocks)
+    size = np.abs(problem.blocks()).mean(axis=0)
+    assert (np.abs(problem.mean - problem.information(np.full(7, 1 / 7))) <= 16 * EPS * size).all()
+
+
+def test_prices_are_traces(blocks):
+    """The price of a candidate is trace(Z M_i), for one multiplier and for several, none included."""
+    problem = Problem(blocks)
+    Z = np.random.default_rng(2).normal(size=(5, 4, 4))
+    Z = Z + np.swapaxes(Z, -1, -2)
+    expected = np.einsum("rij,nji->rn", Z, problem.blocks())
+    size = np.einsum("rij,nji->rn", np.abs(Z), np.abs(problem.blocks()))
+    assert (np.abs(problem.prices(Z) - expected) <= 32 * EPS * size).all()
+    assert problem.prices(Z[0]).shape == (7,)
+    assert problem.prices(Z[:0]).shape == (0, 7)
+
+
+def test_of_information_is_the_same_problem_without_a_copy(blocks):
+    """A problem made from packed information has the same blocks and names, and shares the memory."""
+    problem = Problem(blocks, 0.5, ("a", "b", "c", "d"))
+    same = Problem.of_information(problem.packed, problem.parameters)
+    assert np.shares_memory(same.packed, problem.packed)
+    assert (same.n, same.p, same.parameters) == (7, 4, ("a", "b", "c", "d"))
+    np.testing.assert_array_equal(same.blocks(), problem.blocks())
+
+
+def test_with_unit_trace(blocks):
+    """Every candidate is scaled to trace one and nothing else; one without information is left as it is."""
+    blocks[3] = 0
+    blocks *= 10.0 ** np.arange(-9, 12, 3)[:, None, None]
+    problem = Problem(blocks, parameters=("a", "b", "c", "d"))
+    unit = problem.with_unit_trace()
+    traces = np.trace(problem.blocks(), axis1=1, axis2=2)
+    expected = problem.blocks() / np.where(traces > 0, traces, 1.0)[:, None, None]
+    np.testing.assert_allclose(unit.blocks(), expected, rtol=16 * EPS, atol=0)
+    np.testing.assert_allclose(np.trace(unit.blocks(), axis1=1, axis2=2), traces > 0, rtol=16 * EPS, atol=0)
+    assert unit.parameters == problem.parameters
+
+
+def test_parameters_have_names(blocks):
+    """Parameters are k1 .. kp unless named; a wrong number of names is refused."""
+    assert Problem(blocks).parameters == ("k1", "k2", "k3", "k4")
+    assert Problem(blocks, parameters=("a", "b", "c", "d")).parameters == ("a", "b", "c", "d")
+    with pytest.raises(ValueError, match="3 names for 4 parameters"):
+        Problem(blocks, parameters=("a", "b", "c"))
 
 
 def test_non_finite_block_is_named(blocks):
@@ -36,11 +103,42 @@ def test_non_finite_block_is_named(blocks):
         Problem(blocks)
 
 
-@pytest.mark.parametrize("shape", [(3, 4), (0, 3, 4), (7, 3, 0)])
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_non_finite_information_is_named(blocks, value):
+    """So it is for packed information, wherever in the triangle the entry is."""
+    for row in (0, 4, 9):
+        packed = Problem(blocks).packed.copy()
+        packed[row, 5:] = value
+        with pytest.raises(ValueError, match="block 5 "):
+            Problem.of_information(packed)
+
+
+def test_block_whose_information_overflows_is_named(blocks):
+    """A finite block whose square is not finite is refused by name too, not by a warning about an overflow."""
+    blocks[4] *= 1e200
+    with pytest.raises(ValueError, match="block 4 "):
+        Problem(blocks)
+
+
+@pytest.mark.parametrize("shape", [(3, 4), (0, 3, 4), (7, 3, 0), (7, 0, 4), (7,)])
 def test_shape(shape):
     """Anything but a non-empty array of three axes is refused."""
     with pytest.raises(ValueError, match="blocks must be"):
         Problem(np.ones(shape))
+
+
+@pytest.mark.parametrize("shape", [(10,), (10, 0), (0, 7), (10, 7, 1)])
+def test_shape_of_information(shape):
+    """Packed information that is not a non-empty array of two axes is refused."""
+    with pytest.raises(ValueError, match="packed information must be"):
+        Problem.of_information(np.ones(shape))
+
+
+@pytest.mark.parametrize("length", [2, 4, 5, 11])
+def test_information_that_is_no_triangle(length):
+    """Packed information of a length that no upper triangle has is refused."""
+    with pytest.raises(ValueError, match=f"{length} entries"):
+        Problem.of_information(np.ones((length, 7)))
 
 
 @pytest.mark.parametrize("sigma", [0.0, -1.0, np.nan, np.inf, [1.0, 1.0, 0.0]])
@@ -48,3 +146,39 @@ def test_sigma(blocks, sigma):
     """Noise that is not finite and positive is refused."""
     with pytest.raises(ValueError, match="sigma must be"):
         Problem(blocks, sigma)
+
+
+@pytest.mark.parametrize("scale", [1e-7, 1.0, 1e4])
+@pytest.mark.parametrize(
+    ("columns", "named"),
+    [
+        ([X, 0 * X, X**2], "k2"),
+        ([X, X, X**2], "k1 - k2"),
+        ([X, 2 * X, X**2], "k1 - 0.5 k2"),
+        ([X, -X, X**2], "k1 + k2"),
+        ([0 * X, X, 0 * X], "k1 or k3"),
+        ([1 + X, 1 + 0 * X, X], "k1 - k2 - k3"),
+    ],
+    ids=["unexcited", "equal", "proportional", "opposite", "two", "three"],
+)
+def test_rank_deficient_candidates_name_the_directions(columns, named, scale):
+    """The message names the directions that no candidate excites, whatever the unit of the information."""
+    problem = Problem(scale * np.column_stack(columns)[:, None, :])
+    with pytest.raises(RankDeficientError, match=f"no candidate excites {named.replace('+', '[+]')}$"):
+        problem.require_identifiable()
+
+
+def test_directions_are_named_in_the_parameters_units():
+    """In units 1e-7 and 1e4 the direction (1, -1/2) of (x, 2 x) is named in those units, by the caller's names."""
+    T = np.array([1e-7, 1e4, 1.0])
+    rows = np.column_stack([X, 2 * X, X**2]) * T
+    with pytest.raises(RankDeficientError, match=r"excites a - 5e-12 b$"):
+        Problem(rows[:, None, :], parameters=("a", "b", "c")).require_identifiable()
+
+
+@pytest.mark.parametrize("spread", [0.0, 7.0, 20.0])
+def test_units_make_no_candidates_deficient(blocks, spread):
+    """Candidates of full rank pass in units that differ by twice `spread` decades, and with duplicates."""
+    units = 10.0 ** np.linspace(-spread, spread, 4)
+    Problem(blocks * units).require_identifiable()
+    Problem(np.repeat(blocks * units, 3, axis=0)).require_identifiable()

@@ -1,20 +1,15 @@
 """Refinement of poses under constraints."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
+from designs import KR270 as DESIGN
+from designs import STUDY
 
 from edtk.design import Plan, refine, sample_feasible
-from edtk.study import load_study
-
-STUDY = load_study(Path(__file__).parents[2] / "studies" / "kr270_milling.toml")
-DESIGN = STUDY.design
 
 
 def start_of(k, seed):
-    rng = np.random.default_rng(seed)
-    q = sample_feasible(DESIGN.workspace, k, rng, DESIGN.free, DESIGN.fixed)
+    q = sample_feasible(DESIGN, k, seed)
     return Plan(q, np.tile(DESIGN.wrench, (k, 1)), 1 + np.arange(k) % 2)
 
 
@@ -76,9 +71,8 @@ def test_published_plan_of_four_is_improved():
     """Four experiments: a refined random plan beats the published one of Table 4 by more than 5 % in rho0."""
     criterion = STUDY.criterion("rho0")
     published = STUDY.published_plans()["table_4_4"]
-    rng = np.random.default_rng(0)
-    q = sample_feasible(DESIGN.workspace, 4, rng, DESIGN.free, DESIGN.fixed)
-    plan = refine(DESIGN, criterion, DESIGN.plan(q, np.ones(4, dtype=int)))
+    start = DESIGN.plan(sample_feasible(DESIGN, 4, 0), np.ones(4, dtype=int))
+    plan = refine(DESIGN, criterion, start)
     assert DESIGN.workspace.contains(plan.q).all()
     assert plan.experiments == published.experiments
     assert cost(criterion, plan) < 0.95 * cost(criterion, published)

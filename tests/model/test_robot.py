@@ -8,6 +8,7 @@ from chains import mixed_chain
 from scipy.spatial.transform import Rotation
 
 from edtk.model import Joint, Robot, load_robot, transform
+from edtk.model.robot import cross
 
 URDF = Path(__file__).parents[1] / "data" / "kr150_2.urdf"
 
@@ -66,6 +67,19 @@ def test_frames_agree_with_the_jacobian(robot):
     np.testing.assert_array_equal(np.moveaxis(frames.angular, (0, 1), (2, 1)), J[:, 3:])
     np.testing.assert_array_equal(frames.position.T, T[:, :3, 3])
     np.testing.assert_array_equal(frames.rotation[2].T, T[:, :3, 2])
+
+
+@pytest.mark.parametrize(
+    ("a", "b"),
+    [((4, 3), (4, 3)), ((4, 3), (1, 3)), ((1, 3, 5), (4, 3, 5)), ((4, 3, 2, 5), (4, 3, 2, 5)), ((1, 3), (0, 3))],
+    ids=["rows", "one row", "batch", "two axes", "none"],
+)
+def test_cross_product_along_the_second_axis(a, b):
+    """The product with components on the second axis is numpy's, other axes broadcast, and its inputs stay."""
+    rng = np.random.default_rng(0)
+    x, y = rng.normal(size=a), rng.normal(size=b)
+    x.flags.writeable = y.flags.writeable = False
+    np.testing.assert_array_equal(cross(x, y), np.cross(x, y, axis=1))
 
 
 @pytest.mark.parametrize("batch", [(), (1,), (4,), (2, 3), (0,)])

@@ -1,13 +1,17 @@
 """Another robot than the paper's: a gantry arm with a prismatic joint, measured in all six rows."""
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
+from click.testing import CliRunner
 
+from edtk.cli import main
 from edtk.errors import UserError
 from edtk.study import load_study
 
@@ -44,8 +48,8 @@ seed = 3
 sizes = [3]
 candidates = 300
 starts = 1
-optimise = ["rho0", "G"]
-criteria = ["A", "G", "rho0"]
+optimise = ["rho0"]
+criteria = ["G", "rho0"]
 [tool]
 position_mm = [100, 50, -200]
 [load]
@@ -69,6 +73,21 @@ compliance_rad_per_Nm = { shoulder = 1e-6, elbow = 2e-6, wrist = 5e-6 }
 """
 
 
+EXPRESSION = """
+import cvxpy as cp
+import numpy as np
+
+from criteria import Criterion
+
+
+class Total(Criterion):
+    name, title, formula, sense, degree = "total", "Total variance", "trace(cov)", "min", 1.0
+
+    def expression(self, M, T=None):
+        return cp.matrix_frac(np.eye(M.shape[0]) if T is None else T.T, M)
+"""
+
+
 @pytest.fixture
 def study(tmp_path: Path) -> Path:
     (tmp_path / "gantry.toml").write_text(ROBOT)
@@ -76,23 +95,84 @@ def study(tmp_path: Path) -> Path:
     return tmp_path / "study.toml"
 
 
+@pytest.fixture
+def site(tmp_path: Path) -> Path:
+    """A directory for PYTHONPATH with a third party's criterion, which is a cvxpy expression and nothing else."""
+    info = tmp_path / "site" / "total-1.0.dist-info"
+    info.mkdir(parents=True)
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: total\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text("[edtk.criteria]\ntotal = total:Total\n")
+    (info.parent / "total.py").write_text(EXPRESSION)
+    return info.parent
+
+
+def edtk(*args: object) -> str:
+    """Standard output of a command, which has to succeed."""
+    result = CliRunner().invoke(main, [*map(str, args)], catch_exceptions=False)
+    assert result.exit_code == 0, result.stderr
+    return result.stdout
+
+
 def test_the_whole_way_from_study_to_posterior(study: Path) -> None:
     """`run`, `evaluate` and `bayes` serve a robot file with a prismatic joint, millimetres in its plans."""
     out = study.parent / "out"
-    subprocess.run([sys.executable, "-m", "edtk", "run", study, "--out", out], check=True, capture_output=True)
+    edtk("run", study, "--out", out)
     plan = out / "plans/optimised_rho0_m3.csv"
     table = pd.read_csv(plan)
     assert list(table)[:4] == ["slide_mm", "shoulder_deg", "elbow_deg", "wrist_deg"]
     assert (table["slide_mm"] == 250).all()
     results = pd.read_csv(out / "results.csv").set_index("plan")
-    command = [sys.executable, "-m", "edtk", "evaluate", study, plan, "--json"]
-    answer = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
+    answer = json.loads(edtk("evaluate", study, plan, "--json"))
     assert answer["parameters"] == ["k_shoulder", "k_elbow", "k_wrist"]
     assert answer["criteria"]["rho0"] == pytest.approx(results.loc["optimised_rho0_m3", "rho0"], rel=1e-6)
     assert results["rho0"].idxmin() == "optimised_rho0_m3"
-    command = [sys.executable, "-m", "edtk", "bayes", study, plan, "--json"]
-    rows = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
+    assert {"efficiency_rho0", "efficiency_G"} <= set(results)
+    rows = json.loads(edtk("bayes", study, plan, "--json"))
+    assert [row["parameter"] for row in rows] == ["k_shoulder", "k_elbow", "k_wrist"]
     assert all(abs(row["ratio"] - 1) < 4 * row["ratio_error"] for row in rows)
+
+
+def test_relaxation_has_its_slide_in_millimetres(study: Path) -> None:
+    """`relax` prints and writes the prismatic joint in millimetres, and its value is that of the printed poses."""
+    out = study.parent / "plan.csv"
+    answer = json.loads(edtk("relax", study, "--json", "--out", out))
+    loaded = load_study(study)
+    q = np.array([s["q_deg"] for s in answer["support"]]) * [1e-3, *[np.pi / 180] * 3]
+    assert q[:, 0] == pytest.approx(0.25)
+    weights = [s["weight"] for s in answer["support"]]
+    A = loaded.model.regressor(q, loaded.design.wrench) / loaded.sigma[:, None]
+    cov = np.linalg.inv(np.einsum("k,kri,krj->ij", weights, A, A))
+    rho0 = np.sqrt(np.trace(loaded.target @ cov @ loaded.target.T))
+    assert answer["value"] == pytest.approx(rho0, rel=1e-11)  # eps times a condition number of 1e3
+    table = pd.read_csv(out)
+    assert list(table) == ["slide_mm", "shoulder_deg", "elbow_deg", "wrist_deg", "weight"]
+    assert (table["slide_mm"] == 250).all()
+
+
+def test_same_seed_same_answer_on_the_continuum(study: Path) -> None:
+    """The search over all poses gives the same poses, weights and bounds twice, and ends at a gap of 1e-5."""
+    options = ["relax", study, "--criterion", "G", "--candidates", 200, "--continuous", "--json"]
+    first, again = (json.loads(edtk(*options)) for _ in range(2))
+    del first["seconds"], again["seconds"]
+    assert first == again
+    assert first["bound_searched"] <= first["bound"] <= first["value"]
+    assert first["value"] - first["bound_searched"] <= 1e-5 * first["value"]
+
+
+@pytest.mark.parametrize(
+    ("options", "key", "gap"), [([], "bound", 1e-6), (["--continuous"], "bound_searched", 1e-5)], ids=["grid", "all"]
+)
+def test_an_expression_is_all_that_a_third_party_writes(
+    study: Path, site: Path, options: list[str], key: str, gap: float
+) -> None:
+    """A criterion that is only a cvxpy expression, here that of A, is relaxed and bounded just as A itself."""
+    command = ["relax", study, "--candidates", "200", *options, "--json", "--criterion"]
+    env = {**os.environ, "PYTHONPATH": str(site)}
+    done = subprocess.run([sys.executable, "-m", "edtk", *command, "total"], capture_output=True, text=True, env=env)
+    assert done.returncode == 0, done.stderr
+    theirs, ours = json.loads(done.stdout), json.loads(edtk(*command, "A"))
+    assert theirs["value"] * (1 - gap) <= theirs[key] <= ours["value"] * (1 + 1e-11)  # rounding, as above
+    assert ours["value"] * (1 - gap) <= ours[key] <= theirs["value"] * (1 + 1e-11)
 
 
 @pytest.mark.parametrize(

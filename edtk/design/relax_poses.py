@@ -1,0 +1,239 @@
+"""Relaxation over poses: candidates in memory, candidates beyond it in chunks, and the continuum of poses."""
+
+from collections.abc import Callable
+from time import perf_counter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from criteria import Criterion
+from edtk.design.active import Active
+from edtk.design.candidates import Candidates, CandidateSource, require_some
+from edtk.design.problem import Problem
+from edtk.design.relax import RelaxationInterrupted, judged, relax
+from edtk.design.relaxed_plan import RelaxedPlan
+from edtk.design.search import search
+
+Array = NDArray[np.float64]
+Progress = Callable[[str, float], object]
+BASE_MB, MEMORY_MB = 350.0, 1000.0  # the interpreter with its libraries, and the default limit
+KEEP = 20_000  # dearest candidates that a pass over the others brings back, per multiplier
+ROUNDS = 40
+
+
+class MemoryLimitError(ValueError):
+    """The limit on memory leaves no room for candidates."""
+
+
+class PlanInterrupted(KeyboardInterrupt):
+    """The user interrupted; `best` is the best certified plan so far."""
+
+    def __init__(self, best: RelaxedPlan) -> None:
+        super().__init__("interrupted")
+        self.best = best
+
+
+def capacity(p: int, joints: int, memory_mb: float) -> int:
+    """How many candidates fit below a limit on memory: their information, a scaled copy, poses and prices.
+
+    Raises:
+        MemoryLimitError: Fewer than are worth while.
+    """
+    each = 8 * (p * (p + 1) + joints + 8)
+    fit = (memory_mb - BASE_MB) * 1e6 / each
+    if not fit >= KEEP:
+        need = np.ceil(BASE_MB + KEEP * each / 1e6)
+        raise MemoryLimitError(f"a memory limit of {memory_mb:g} MB is too small, expected {need:g} MB or more")
+    return int(min(fit, 2**62))
+
+
+def relax_poses(
+    source: CandidateSource,
+    n: int,
+    criterion: Criterion,
+    continuous: bool = False,
+    gap: float = 1e-6,
+    tolerance: float = 1e-5,
+    memory_mb: float = MEMORY_MB,
+    candidates: Candidates | None = None,
+    progress: Progress = lambda stage, gap: None,
+) -> RelaxedPlan:
+    """The best weights over the first n candidates of a source, and on request over all feasible poses.
+
+    Candidates beyond the memory limit are never held: they are generated anew and priced in chunks, and the
+    dearest come back into a problem that is solved again, until none is dearer than the gap allows. In the continuum
+    the dearest poses are found by ascent of the sensitivity from many starts, and join in the same way; support
+    points that are the same pose, or equivalent by a symmetry of robot and load, are merged.
+
+    Args:
+        source: Where candidates come from, with model and feasible set.
+        n: Number of candidates.
+        criterion: A criterion with a convex form.
+        continuous: Whether to leave the candidates.
+        gap: Relative gap to prove on the candidates.
+        tolerance: Relative gap at which the search over the continuum ends; half of it may be spent on merging.
+        memory_mb: Limit on memory [MB].
+        candidates: The first n candidates, where they are at hand.
+        progress: Called with the stage and its relative gap.
+
+    Raises:
+        MemoryLimitError: The limit leaves no room for candidates.
+        EmptyFeasibleSetError: No feasible pose turns up.
+        RankDeficientError: The candidates cannot identify all parameters.
+        RelaxationError: No solver finds a design.
+        NotImplementedError: The criterion has no convex form.
+        PlanInterrupted: Ctrl-C after a first certified plan, which it carries.
+    """
+    require_some(n)
+    run = _Run(source, n, criterion, gap, tolerance, progress)
+    fit = capacity(source.design.model.p, source.design.workspace.robot.n, memory_mb)
+    try:
+        head = run.candidates(min(n, fit)) if candidates is None else candidates
+        if len(head.q) > n:
+            head = head[np.arange(n)]
+        active = run.solve(head)
+        if n > len(head.q) or continuous:
+            active = run.reduced(active)
+        if n > len(head.q):
+            active = run.beyond_memory(active)
+        if continuous:
+            run.continuum(active, head)
+    except KeyboardInterrupt as interrupt:
+        if run.best is None:
+            raise
+        raise PlanInterrupted(run.best) from interrupt
+    assert run.best is not None
+    return run.best
+
+
+class _Run:
+    """One call of `relax_poses`: its stages, and the best certified plan so far."""
+
+    def __init__(
+        self, source: CandidateSource, n: int, criterion: Criterion, gap: float, tolerance: float, progress: Progress
+    ) -> None:
+        self.source, self.n, self.criterion = source, n, criterion
+        self.gap, self.tolerance, self.progress = gap, tolerance, progress
+        self.best: RelaxedPlan | None = None
+        self.seconds = {"candidates": 0.0, "solve": 0.0, "continuous": 0.0}
+        self.since = perf_counter()
+
+    def _spend(self, on: str) -> None:
+        """Book the time since the last call."""
+        now = perf_counter()
+        self.seconds = self.seconds | {on: self.seconds[on] + now - self.since}
+        self.since = now
+
+    def _keep(
+        self, active: Active, n: int, tops: Array, searched: Array | None = None, design: Active | None = None
+    ) -> RelaxedPlan:
+        """The plan whose bounds hold for such dearest prices (r,), of n candidates and of what was searched.
+
+        Multipliers are those of the active poses; the design may be one of fewer of these poses.
+        """
+        Z, design = active.relaxation.multipliers, design or active
+        support = design.support
+        M = support.problem.information(design.weights)
+        self.best = RelaxedPlan(
+            source=self.source,
+            candidates=n,
+            criterion=self.criterion,
+            q=support.q,
+            weights=design.weights,
+            cost=float(self.criterion.cost(M)),
+            bound=self.criterion.floor(Z, tops, M),
+            searched=None if searched is None else self.criterion.floor(Z, searched, M),
+            multipliers=Z,
+            solver=design.relaxation.solver,
+            iterations=active.iterations,
+            seconds=self.seconds,
+        )
+        return self.best
+
+    def candidates(self, n: int) -> Candidates:
+        """The first n candidates, in memory."""
+        self.progress("candidates", 1.0)
+        head = self.source.take(n)
+        self._spend("candidates")
+        return head
+
+    def solve(self, head: Candidates) -> Active:
+        """The relaxation over candidates in memory."""
+        interrupted = False
+        try:
+            r = relax(head.problem, self.criterion, self.gap, progress=lambda _, gap: self.progress("solve", gap))
+        except RelaxationInterrupted as interrupt:
+            r, interrupted = interrupt.best, True
+        active = Active(head, r, r.iterations)
+        tops = self._tops(head.problem, r.multipliers)
+        self._spend("solve")
+        self._keep(active, len(head.q), tops)
+        if interrupted:
+            raise KeyboardInterrupt
+        return active
+
+    def reduced(self, active: Active) -> Active:
+        """The relaxation over the support and a few of the dearest poses."""
+        r = active.relaxation
+        chosen, _ = _dearest(judged(active.poses.problem, self.criterion).prices(r.multipliers), 100)
+        return active.over(active.poses[np.union1d(r.support, chosen)], self.gap)
+
+    def beyond_memory(self, active: Active) -> Active:
+        """Pass after pass over all candidates, until none is dearer than the gap allows."""
+        for _ in range(ROUNDS):
+            tops, dearest = self._sweep(active.relaxation.multipliers)
+            self._spend("solve")
+            plan = self._keep(active, self.n, tops)
+            self.progress("solve", plan.gap)
+            if plan.gap <= self.gap:
+                break
+            active = active.over(active.poses + dearest, self.gap / 2)
+        return active
+
+    def continuum(self, active: Active, head: Candidates) -> None:
+        """Ascent after ascent, until the dearest pose found anywhere is within the tolerance."""
+        away, last = 1.0, active.support
+        for turn in range(ROUNDS):
+            Z = active.relaxation.multipliers
+            seed = (*np.atleast_1d(self.source.seed).tolist(), turn + 1)
+            searched, found = search(self.source.design, self.criterion, Z, active.poses, 1e-3 * away, seed)
+            proved = np.maximum(self._tops(active.poses.problem, Z), self._tops(head.problem, Z))
+            self._spend("continuous")
+            plan = self._keep(active, len(head.q), proved, np.maximum(searched, proved))
+            away = 1 - plan.best_bound / plan.cost
+            self.progress("continuum", away)
+            if away <= 0.5 * self.tolerance:  # the other half is for merging
+                if self.n > len(head.q):
+                    proved = np.maximum(proved, self._sweep(Z)[0])
+                design = active.merged(0.5 * self.tolerance, self.gap, last)
+                self._spend("continuous")
+                self._keep(active, self.n, proved, np.maximum(searched, proved), design)
+                return
+            active, last = active.over(active.poses + found, max(0.5 * self.gap, 0.03 * away)), found
+
+    def _tops(self, problem: Problem, Z: Array) -> Array:
+        """Dearest prices (r,) of some candidates."""
+        return np.asarray(judged(problem, self.criterion).prices(Z).max(axis=-1))
+
+    def _sweep(self, Z: Array) -> tuple[Array, Candidates]:
+        """Dearest prices (r,) of all candidates, generated anew in chunks, and the dearest candidates."""
+        tops, least, kept = np.full(len(Z), -np.inf), np.full(len(Z), -np.inf), None
+        for q, packed in self.source.chunks(self.n):
+            part = Candidates(q, Problem.of_information(packed, self.source.design.model.parameters))
+            prices = judged(part.problem, self.criterion).prices(Z)
+            tops = np.maximum(tops, prices.max(axis=-1))
+            if not (dear := np.flatnonzero((prices > least[:, None]).any(axis=0))).size:
+                continue
+            kept = part[dear] if kept is None else kept + part[dear]
+            if len(kept.q) > 4 * KEEP * len(Z):
+                chosen, least = _dearest(judged(kept.problem, self.criterion).prices(Z), KEEP)
+                kept = kept[chosen]
+        assert kept is not None
+        return tops, kept[_dearest(judged(kept.problem, self.criterion).prices(Z), KEEP)[0]]
+
+
+def _dearest(prices: Array, size: int) -> tuple[NDArray[np.int_], Array]:
+    """Indices of the dearest by each row of prices (r, n), and the least price (r,) among those."""
+    size = min(size, prices.shape[1])
+    order = np.argpartition(-prices, size - 1, axis=1)[:, :size]
+    return np.unique(order), np.take_along_axis(prices, order[:, -1:], axis=1).ravel()

@@ -1,0 +1,145 @@
+"""A design over poses: weights instead of repetitions, with the proof of its bound."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from criteria import Criterion
+from edtk.atomic import atomic_path
+from edtk.design.candidates import CandidateSource
+from edtk.design.exact import PoseDesign
+from edtk.design.plan import pose_columns, pose_factors
+from edtk.design.sensitivity import Sensitivity
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class RelaxedPlan:
+    """Poses and the share of the experiments that each should have, per single experiment.
+
+    Attributes:
+        source: Where the candidate poses come from.
+        candidates: The bound is proved over the first so many of them, and these poses.
+        criterion: What was minimised.
+        q: Poses (k, n) [rad or m].
+        weights: Their shares (k,), of sum one.
+        cost: The criterion's cost.
+        bound: Proved: no design over the candidates and these poses has a lower cost.
+        searched: Not proved: a bound on designs over all feasible poses, provided that the search by ascent from
+            many starts has found the dearest pose; None where there was no search.
+        multipliers: What proves the bound (r, p, p), see `Criterion.floor`.
+        solver: The solver whose answer this is.
+        iterations: Number of masters that were solved.
+        seconds: What took how long [s].
+    """
+
+    source: CandidateSource
+    candidates: int
+    criterion: Criterion
+    q: Array
+    weights: Array
+    cost: float
+    bound: float
+    searched: float | None
+    multipliers: Array
+    solver: str
+    iterations: int
+    seconds: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def design(self) -> PoseDesign:
+        """Model, feasible set and noise."""
+        return self.source.design
+
+    @property
+    def gap(self) -> float:
+        """Relative gap ``1 - bound/cost`` of the proved bound."""
+        return 1.0 - self.bound / self.cost
+
+    @property
+    def best_bound(self) -> float:
+        """The bound that speaks of all poses where there is one, else the proved one."""
+        return self.bound if self.searched is None else self.searched
+
+    @property
+    def information(self) -> Array:
+        """Information matrix (p, p) of one experiment's worth of this design."""
+        return self.design.problem(self.q).information(self.weights)
+
+    @property
+    def value(self) -> float:
+        """The criterion as printed in its formula."""
+        return self.printed(self.cost)
+
+    def printed(self, cost: float) -> float:
+        """A cost, or a bound on it, in the criterion's printed form."""
+        return cost if self.criterion.sense == "min" else 1.0 / cost if cost else float("inf")
+
+    def certify(self) -> tuple[float, float]:
+        """Cost and proved bound anew, from poses, weights and multipliers alone: every candidate is priced again."""
+        prices = [Sensitivity(self.design, Z, self.criterion.degree == 0) for Z in self.multipliers]
+        tops = np.array([price(self.q).max() for price in prices])
+        for q, _ in self.source.chunks(self.candidates):
+            tops = np.maximum(tops, [price(q).max() for price in prices])
+        M = self.information
+        return float(self.criterion.cost(M)), self.criterion.floor(self.multipliers, tops, M)
+
+    def summary(self) -> str:
+        """What a person reads: value, bounds and poses."""
+        c = self.criterion
+        factor, unit = (1e3, " mm") if c.name == "rho0" else (1.0, "")
+        rows = [("value", self.cost, ""), (f"bound, proved on {self.candidates:,} candidates", self.bound, "")]
+        if self.searched is not None:
+            rows.append(("bound, searched over all poses", self.searched, "; not proved"))
+        width = max(len(label) for label, *_ in rows)
+        lines = [f"{c.name}, {c.title}, for a single experiment's worth of weight; {c.sense}imised"]
+        for label, cost, proof in rows:
+            gap = f"  (relative gap {max(1 - cost / self.cost, 0):.1e}{proof})" if label != "value" else ""
+            lines.append(f"  {label:{width}}  {factor * self.printed(cost):.7g}{unit}{gap}")
+        robot = self.design.workspace.robot
+        lines.append("weight   " + " ".join(f"{column:>9}" for column in pose_columns(robot)))
+        for i in np.argsort(-self.weights, kind="stable"):
+            pose = self.q[i] / pose_factors(robot)
+            lines.append(f"{self.weights[i]:.5f}  " + " ".join(f"{x:9.3f}" for x in pose))
+        return "\n".join(lines)
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain numbers, for JSON; the heaviest pose first."""
+        order = np.argsort(-self.weights, kind="stable")
+        degrees = self.q[order] / pose_factors(self.design.workspace.robot)
+        return {
+            "criterion": self.criterion.name,
+            "value": self.value,
+            "bound": _finite(self.printed(self.bound)),
+            "gap": self.gap,
+            "bound_searched": None if self.searched is None else _finite(self.printed(self.searched)),
+            "candidates": self.candidates,
+            "support": [
+                {"q_deg": q.tolist(), "weight": float(w)} for q, w in zip(degrees, self.weights[order], strict=True)
+            ],
+            "multipliers": self.multipliers.tolist(),
+            "seed": self.source.seed,
+            "sampling": self.source.sampling,
+            "solver": self.solver,
+            "iterations": self.iterations,
+            "seconds": self.seconds,
+        }
+
+    def to_csv(self, path: Path) -> None:
+        """Write poses in degrees and millimetres, and weights, atomically; the heaviest first."""
+        robot = self.design.workspace.robot
+        order = np.argsort(-self.weights, kind="stable")
+        table = pd.DataFrame(self.q[order] / pose_factors(robot), columns=list(pose_columns(robot)))
+        table["weight"] = self.weights[order]
+        with atomic_path(path) as temporary:
+            table.to_csv(temporary, index=False, float_format="%.10g")
+
+
+def _finite(x: float) -> float | None:
+    """What JSON can hold: None for a bound that says nothing."""
+    return x if np.isfinite(x) else None

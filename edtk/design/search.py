@@ -1,0 +1,76 @@
+"""The dearest poses of the continuum: where a design should measure next."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from criteria import Criterion
+from criteria.inverse import whitener
+from edtk.design.candidates import Candidates, CandidateSource
+from edtk.design.exact import PoseDesign
+from edtk.design.sensitivity import Sensitivity
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int_]
+SCREEN = 20_000  # fresh feasible poses that are priced to find starts
+STARTS = 96  # ascents, at most 16 and at least 6 per multiplier
+
+
+def search(
+    design: PoseDesign,
+    criterion: Criterion,
+    multipliers: Array,
+    known: Candidates,
+    accuracy: float,
+    seed: tuple[int, ...],
+) -> tuple[Array, Candidates]:
+    """Ascend the sensitivity over all feasible poses, from the dearest of known and of many fresh poses.
+
+    Args:
+        design: Model and feasible set.
+        criterion: What the multipliers belong to.
+        multipliers: Multipliers (r, p, p).
+        known: Poses that the design may rest on.
+        accuracy: Relative accuracy of a pose's price at the end of an ascent.
+        seed: Seed of the fresh poses.
+
+    Returns:
+        The dearest price found (r,) by multiplier, and the poses where the ascents ended. A search proves nothing:
+        a dearer pose may exist.
+    """
+    fresh = CandidateSource(design, seed).take(SCREEN)
+    T = whitener(known.problem.mean)
+    size = max(6, min(16, STARTS // len(multipliers)))
+    tops, found = [], []
+    for Z in multipliers:
+        price = Sensitivity(design, Z, criterion.degree == 0)
+        starts = [_dearest(known, price, T, size), _dearest(fresh, price, T, size // 3)]
+        unit = float(np.abs(price(starts[0])).max())
+        ends = np.array([price.ascend(q, unit, accuracy) for q in np.concatenate(starts)])
+        tops.append(price(ends).max())
+        found.append(ends)
+    q = np.concatenate(found)
+    return np.array(tops), Candidates(q, design.problem(q))
+
+
+def _dearest(poses: Candidates, price: Sensitivity, T: Array, size: int) -> Array:
+    """The dearest poses (size, n) that differ from each other."""
+    order = np.argsort(-price(poses.q), kind="stable")[: 100 * size]
+    return poses.q[order[distinct(poses.problem.blocks(order), T, 0.1)[:size]]]
+
+
+def distinct(blocks: Array, T: Array, tolerance: float) -> Indices:
+    """Indices of blocks (k, p, p) that differ from every one before them that is kept.
+
+    Poses that a symmetry of robot and load maps onto each other have the same information, whatever the symmetry.
+
+    Args:
+        blocks: Information of poses (k, p, p), the preferred ones first.
+        T: What whitens the parameters (p, p).
+        tolerance: Relative difference below which two are the same.
+    """
+    W = (T.T @ blocks @ T).reshape(len(blocks), -1)
+    kept: list[int] = []
+    for i, w in enumerate(W):
+        if not kept or np.linalg.norm(W[kept] - w, axis=1).min() > tolerance * np.linalg.norm(w):
+            kept.append(i)
+    return np.array(kept, dtype=int)

@@ -1,0 +1,87 @@
+"""The relaxation that a study asks for."""
+
+import criteria
+from edtk.design import (
+    Candidates,
+    CandidateSource,
+    EmptyFeasibleSetError,
+    MemoryLimitError,
+    RankDeficientError,
+    RelaxationError,
+    RelaxedPlan,
+    relax_poses,
+)
+from edtk.design.relax_poses import MEMORY_MB, Progress, capacity
+from edtk.errors import UserError
+from edtk.study.spec import Study
+
+
+def source_of(study: Study, seed: int | None = None) -> CandidateSource:
+    """Where the study's candidates come from."""
+    return CandidateSource(study.design, (study.file.seed if seed is None else seed, 0), study.file.sampling)
+
+
+def candidates_of(study: Study, memory_mb: float = MEMORY_MB) -> Candidates:
+    """The study's candidates, as many as memory allows.
+
+    Raises:
+        UserError: No feasible pose turns up.
+    """
+    fit = capacity(study.model.p, study.robot.n, memory_mb)
+    try:
+        return source_of(study).take(min(study.file.candidates, fit))
+    except EmptyFeasibleSetError as error:
+        raise study.error("workspace", str(error)) from error
+
+
+def relaxed_plan(
+    study: Study,
+    name: str,
+    n: int | None = None,
+    seed: int | None = None,
+    continuous: bool = False,
+    tolerance: float = 1e-5,
+    memory_mb: float = MEMORY_MB,
+    candidates: Candidates | None = None,
+    progress: Progress = lambda stage, gap: None,
+) -> RelaxedPlan:
+    """`relax_poses` for one criterion of a study.
+
+    Args:
+        study: The question.
+        name: Name of a criterion.
+        n: Number of candidates; None for the study's.
+        seed: Seed; None for the study's.
+        continuous: Whether to leave the candidates.
+        tolerance: Relative gap at which the search over the continuum ends.
+        memory_mb: Limit on memory [MB].
+        candidates: The study's candidates, where they are at hand.
+        progress: Called with the stage and its relative gap.
+
+    Raises:
+        UserError: One line that says what cannot be done, and where.
+        PlanInterrupted: Ctrl-C after a first certified plan, which it carries.
+    """
+    try:
+        criterion = study.criterion(name)
+        return relax_poses(
+            source_of(study, seed),
+            study.file.candidates if n is None else n,
+            criterion,
+            continuous,
+            tolerance=tolerance,
+            memory_mb=memory_mb,
+            candidates=candidates,
+            progress=progress,
+        )
+    except EmptyFeasibleSetError as error:
+        raise study.error("workspace", str(error)) from error
+    except RankDeficientError as error:
+        raise study.error("joints.unknown", str(error)) from error
+    except MemoryLimitError as error:
+        raise UserError(f"--memory: {error}") from error
+    except criteria.CriterionError as error:
+        wanted = ", and the study has no [test_pose]" if "needs a target" in str(error) else ""
+        raise UserError(f"{study.path}: {error}{wanted}") from error
+    except (NotImplementedError, RelaxationError) as error:
+        raise UserError(f"{study.path}: {error}") from error

@@ -1,0 +1,198 @@
+"""The convex programs model the costs, whatever they are whitened by and however the parameters are scaled.
+
+The solver is asked for a relative accuracy of 1e-9 at matrices of condition up to 1e2, whence 1e-6, which is also
+the gap that a relaxation stops at.
+"""
+
+import cvxpy as cp
+import numpy as np
+import pytest
+from matrices import SOLVER, balance, candidates, make, optimum, orthogonal, positive, power, prices, solve, units
+from scipy.optimize import minimize_scalar
+
+import criteria
+from criteria import Criterion
+from criteria.inverse import whitener
+from criteria.noise_amplification import SpectralBalance
+
+ACCURACY = 1e-6
+BUILTINS = ("A", "D", "E", "G", "O1", "O2", "O3", "O4", "O5", "rho0")
+PROGRAMS = (*(name for name in BUILTINS if name != "O4"), "balance", "E by balance")
+
+programs = pytest.mark.parametrize("name", PROGRAMS)
+sizes = pytest.mark.parametrize("p", [1, 2, 3, 6])
+
+
+def choose(name, N):
+    """A criterion that has a program; members of O4's family are set by the design N."""
+    return {"balance": lambda: balance(N), "E by balance": lambda: SpectralBalance(0.0, 1.0)}.get(
+        name, lambda: make(name, len(N))
+    )()
+
+
+@pytest.mark.parametrize("scaled", [False, True], ids=["well-scaled", "badly-scaled"])
+@sizes
+@programs
+def test_optimum_over_one_candidate_is_its_cost(name, p, scaled):
+    """With a single candidate the optimum is a power of its cost, in units of another design's that T whitens.
+
+    T is any whitener of that design, a rotated triangle; badly scaled parameters have units from 1e-7 to 1e4.
+    """
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        t = units(rng, p) if scaled else np.ones(p)
+        M, N = np.outer(t, t) * positive(rng, p), np.outer(t, t) * positive(rng, p)
+        c = choose(name, N).in_units(np.diag(t))
+        value, weights, _ = solve(c, M[None], N, whitener(N) @ orthogonal(rng, p))
+        assert value == pytest.approx((c.cost(M) / c.cost(N)) ** power(c), rel=ACCURACY)
+        assert weights.tolist() == [1.0]
+
+
+@programs
+def test_optimum_over_two_candidates_is_the_least_cost_between_them(name):
+    """Over two candidates the optimum is what a search along the segment between them finds, and weights attain it.
+
+    Every cost here has a single valley on a segment. The search is quadratic in its tolerance of 1e-8.
+    """
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        blocks, N = np.stack([positive(rng, 3, 1e2), positive(rng, 3, 1e2)]), positive(rng, 3)
+        c = choose(name, N)
+        found = minimize_scalar(
+            lambda x, c=c, blocks=blocks: c.cost((1 - x) * blocks[0] + x * blocks[1]),
+            bounds=(0, 1),
+            method="bounded",
+            options={"xatol": 1e-8},
+        )
+        best = min(found.fun, *c.cost(blocks))
+        value, weights, _ = solve(c, blocks, N, whitener(N))
+        assert value == pytest.approx((best / c.cost(N)) ** power(c), rel=ACCURACY)
+        assert c.cost(np.tensordot(weights, blocks, axes=1)) == pytest.approx(best, rel=ACCURACY)
+
+
+@programs
+def test_optimum_does_not_depend_on_what_whitens(name):
+    """The same candidates give the same optimal cost, whichever of their designs T and unit come from."""
+    rng = np.random.default_rng(0)
+    blocks = candidates(rng, 8, 4)
+    c = choose(name, blocks.mean(axis=0))
+    costs = []
+    for N in np.tensordot(rng.dirichlet(np.ones(8), size=4), blocks, axes=1):
+        value, _, _ = solve(c, blocks, N, whitener(N))
+        costs.append(value ** (1 / power(c)) * c.cost(N))
+    np.testing.assert_allclose(costs, costs[0], rtol=ACCURACY)
+
+
+@sizes
+@programs
+def test_programs_are_convex_by_the_rules(name, p):
+    """Every program is convex by cvxpy's own rules, so that no solver is handed another problem."""
+    rng = np.random.default_rng(p)
+    N = positive(rng, p)
+    w, M = cp.Variable(3, nonneg=True), cp.Variable((p, p), symmetric=True)
+    objective, constraints = choose(name, N).formulation(M, cp.sum(w), whitener(N), 2.0)
+    assert objective.is_convex()
+    assert all(constraint.is_dcp() for constraint in constraints)
+    assert cp.Problem(cp.Minimize(objective), constraints).is_dcp()
+
+
+def test_which_convex_form_each_criterion_has():
+    """All ten have a convex form: five an expression, four a formulation of their own, O4 a family of convex ones."""
+
+    def those_with(method):
+        return {n for n in BUILTINS if getattr(criteria.get(n), method) is not getattr(Criterion, method)}
+
+    assert all(criteria.get(name).has_convex_form() for name in BUILTINS)
+    assert those_with("expression") == {"A", "D", "G", "O1", "rho0"}
+    assert those_with("formulation") == {"E", "O2", "O3", "O5"}
+    assert those_with("subproblem") == {"O4"}
+
+
+def test_those_that_have_a_program_solve_themselves():
+    """Any criterion but O4 is its own subproblem, whatever was proved before."""
+    M = np.diag([1.0, 2.0])
+    for name in BUILTINS:
+        c = make(name, 2)
+        assert (c.subproblem(M[None], np.ones(1), M) is c) == (name != "O4")
+
+
+@pytest.mark.parametrize("name", ["E", "O2", "O3", "O4", "O5"])
+def test_a_missing_expression_is_refused(name):
+    """A criterion without an expression says so by name."""
+    with pytest.raises(NotImplementedError, match=f"criterion {name} has no convex expression"):
+        make(name, 2).expression(cp.Constant(np.eye(2)))
+
+
+def test_a_criterion_without_convex_form_is_refused():
+    """A criterion with cost and gradient only has no convex form, and its formulation says so by name."""
+
+    class Bare(Criterion):
+        name, title, formula, sense, degree = "bare", "Bare", "1/trace(M)", "min", 1.0
+
+        def _cost(self, M, cov):
+            return 1 / np.trace(M, axis1=-2, axis2=-1)
+
+    assert not Bare.has_convex_form()
+    with pytest.raises(NotImplementedError, match="criterion bare has no convex expression"):
+        Bare().formulation(cp.Variable((2, 2), symmetric=True), cp.Variable(), np.eye(2), 1.0)
+
+
+@sizes
+def test_the_family_of_the_noise_amplification_index(p):
+    """A member costs ``a kappa + b s``; never below ``2 sqrt(a b)`` times O4, and just that where it was set.
+
+    That is the inequality of the means, with ``O4^2 = kappa s``.
+    """
+    rng, o4 = np.random.default_rng(p), make("O4", p)
+    none = np.empty((0, p, p)), np.empty(0)
+    for _ in range(20):
+        M, N = positive(rng, p, 1e3), positive(rng, p, 1e3)
+        member = o4.subproblem(*none, N)
+        low, high = np.linalg.eigvalsh(M)[[0, -1]]
+        assert member.cost(M) == pytest.approx(member.a * high / low + member.b / low, rel=1e-10)
+        mean = 2 * np.sqrt(member.a * member.b)
+        assert member.cost(M) >= mean * o4.cost(M) * (1 - 1e-10)
+        assert member.cost(N) == pytest.approx(mean * o4.cost(N), rel=1e-10)
+
+
+def test_members_of_the_family_are_quasiconvex():
+    """No design between two others costs more than the dearer of them, though it may cost more than the chord."""
+    rng, t = np.random.default_rng(0), np.linspace(0, 1, 21)[:, None, None]
+    above = False
+    for _ in range(60):
+        M, N = positive(rng, 3, 1e3), positive(rng, 3, 1e3)
+        c = balance(positive(rng, 3), rng.uniform())
+        costs, ends = c.cost((1 - t) * M + t * N), c.cost(np.stack([M, N]))
+        assert (costs <= ends.max() * (1 + 1e-10)).all()
+        above |= bool((costs > ((1 - t) * ends[0] + t * ends[1])[:, 0, 0] * (1 + 1e-3)).any())
+    assert above
+
+
+def test_monotone_member_is_declared_so():
+    """Only the member without condition number is monotone, and it is E-optimality."""
+    M = positive(np.random.default_rng(0), 3)
+    assert SpectralBalance(0.0, 2.0).monotone
+    assert not SpectralBalance(0.1, 2.0).monotone
+    assert SpectralBalance(0.0, 2.0).cost(M) == pytest.approx(2 * make("E", 3).cost(M), rel=1e-14)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_family_closes_the_gap_of_the_noise_amplification_index(seed):
+    """Member after member, the floor rises to the least cost that was met, never above it, within a few members."""
+    rng, c = np.random.default_rng(seed), make("O4", 3)
+    blocks = candidates(rng, 12, 3)
+    M, best, floors = blocks.mean(axis=0), np.inf, [0.0]
+    Z, t = np.empty((0, 3, 3)), np.empty(0)
+    for _ in range(30):
+        member = c.subproblem(Z, t, M)
+        N, multiplier = optimum(member, blocks)
+        Z, t = np.concatenate([Z, multiplier[None]]), np.append(t, prices(multiplier[None], blocks))
+        if c.cost(N) < best:
+            M, best = N, float(c.cost(N))
+        floors.append(c.floor(Z, t, M))
+        if floors[-1] >= (1 - ACCURACY) * best:
+            break
+    assert 0 <= 1 - floors[-1] / best <= ACCURACY
+    assert (np.diff(floors) >= -SOLVER * best).all()
+    weights = rng.dirichlet(np.full(12, 0.1), size=2000)
+    assert c.cost(np.tensordot(weights, blocks, axes=1)).min() >= floors[-1]

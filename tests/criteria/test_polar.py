@@ -1,0 +1,384 @@
+"""What multipliers prove: floors are bounds, tight where they should be, and polars are attained and homogeneous."""
+
+import numpy as np
+import pytest
+from matrices import (
+    EPS,
+    balance,
+    candidates,
+    make,
+    optimum,
+    orthogonal,
+    positive,
+    prices,
+    semidefinite,
+    slip,
+    symmetric,
+    units,
+)
+from scipy.optimize import minimize
+
+import criteria
+from criteria.inverse import whitener
+
+BUILTINS = ("A", "D", "E", "G", "O1", "O2", "O3", "O4", "O5", "rho0")
+POLARS = ("A", "D", "E", "G", "O1", "O3", "O5", "rho0")
+GAP = 1e-6
+
+every = pytest.mark.parametrize("name", [*BUILTINS, "balance"])
+of_degree = pytest.mark.parametrize("name", POLARS)
+sizes = pytest.mark.parametrize("p", [1, 2, 3, 6])
+
+
+def choose(name, M):
+    """A criterion; "balance" is a member of O4's family, set by the design M."""
+    return balance(M, 0.4) if name == "balance" else make(name, len(M))
+
+
+def unit_trace(c, blocks):
+    """Candidates as a criterion is judged on: of unit trace where its degree is zero."""
+    return blocks / np.trace(blocks, axis1=1, axis2=2)[:, None, None] if c.degree == 0 else blocks
+
+
+def proofs(c, M):
+    """Multipliers that prove the cost of M with prices <Z, M>: minus gradients, and for O4 those of E and of O2.
+
+    A member of O4's family has no gradient of its own; with v the unit eigenvectors it is
+    ``a v_1 v_1'/lambda_p - (a lambda_1 + b)/lambda_p^2 v_p v_p'``.
+    """
+    if c.name != "O4":
+        return -c.gradient(M)[None]
+    if isinstance(c, type(make("O4", 1))):
+        return np.stack([-make(name, len(M)).gradient(M) for name in ("E", "O2")])
+    m, V = np.linalg.eigh(M)
+    return ((c.cost(M) * np.outer(V[:, 0], V[:, 0]) - c.a * np.outer(V[:, -1], V[:, -1])) / m[0])[None]
+
+
+def multipliers(rng, c, blocks):
+    """Random multipliers of many kinds: of full and of low rank, of designs, and near the optimal one.
+
+    For a monotone criterion they are positive semidefinite, for the others indefinite.
+    """
+    p = blocks.shape[-1]
+    Z = [optimum(choose("balance", blocks.mean(axis=0)) if c.name == "O4" else c, blocks)[1]]
+    Z += [np.linalg.norm(Z[0], 2) * positive(rng, p, 1e3), Z[0] + 0.3 * np.linalg.norm(Z[0], 2) * symmetric(rng, p)]
+    Z += [Z[0] + size * np.linalg.norm(Z[0], 2) * symmetric(rng, p) for size in (1e-8, 1e-4, 1e-2)]
+    Z += [B @ B.T for B in (rng.normal(size=(p, 1)), rng.normal(size=(p, p - 1 or 1)))]
+    for w in rng.dirichlet(np.full(len(blocks), 0.3), size=3):
+        Z += list(proofs(c, np.tensordot(w + 0.01, blocks, axes=1)))
+    Z = 0.5 * (np.stack(Z) + np.swapaxes(Z, 1, 2))
+    return np.stack([semidefinite(z, blocks.mean(axis=0)) for z in Z]) if c.monotone else Z
+
+
+def designs(rng, blocks, best):
+    """Information of many designs: of few and of all candidates, each alone, and in the vicinity of the best."""
+    n = len(blocks)
+    weights = np.concatenate([rng.dirichlet(np.full(n, a), size=300) for a in (0.05, 0.3, 3.0)] + [np.eye(n)])
+    far = np.tensordot(weights, blocks, axes=1)
+    near = [(1 - step) * best + step * far for step in (1e-6, 1e-3, 0.1)]
+    return np.concatenate([best[None], far, *near])
+
+
+@pytest.mark.parametrize("seed", range(3))
+@every
+def test_floor_is_below_every_design(name, seed):
+    """Whatever the multipliers, one by one and all together, no design over the candidates costs less than the floor.
+
+    The designs include the optimal one and its vicinity, so that no floor can be too high by more than 1e-6 unseen;
+    and the optimal multiplier shows that floors come that close.
+    """
+    rng = np.random.default_rng(seed)
+    blocks = candidates(rng, 12, 4)
+    c = choose(name, blocks.mean(axis=0))
+    blocks = unit_trace(c, blocks)
+    Z = multipliers(rng, c, blocks)
+    t = prices(Z, blocks)
+    best = optimum(choose("balance", blocks.mean(axis=0)) if c.name == "O4" else c, blocks)[0]
+    X = designs(rng, blocks, best)
+    costs, M = c.cost(X), blocks.mean(axis=0)
+    least = X[costs.argmin()]
+    floors = np.array([c.floor(z[None], top[None], M) for z, top in zip(Z, t, strict=True)])
+    together = c.floor(Z, t, M)
+    assert (floors >= 0).all()
+    assert max(together, *floors) <= costs.min() * (1 + slip(least))
+    assert together >= floors.max() * (1 - 1e-9)
+    if name != "O4":  # a single multiplier proves nothing of O4
+        assert c.floor(Z[:1], t[:1], best) >= (1 - GAP) * c.cost(best)
+
+
+@sizes
+@every
+def test_floor_is_tight_at_the_design_that_a_gradient_belongs_to(name, p):
+    """With Z minus a (sub)gradient at M and t = <Z, M>, the floor is the cost of M: at smooth points and at kinks.
+
+    Of O4 the multipliers are two: of its largest variance, and of its condition number.
+    """
+    rng = np.random.default_rng(p)
+    for M in [*(positive(rng, p) for _ in range(10)), np.eye(p), 7 * np.eye(p)]:
+        c = choose(name, M)
+        Z = proofs(c, M)
+        t = np.einsum("rij,ij->r", Z, M)
+        assert c.floor(Z, t, M) == pytest.approx(c.cost(M), rel=slip(M, M @ M))
+
+
+@every
+def test_floor_is_homogeneous(name):
+    """If all candidates tell c times as much, prices grow by c and floors shrink as costs do, over forty decades.
+
+    For degree zero candidates have unit trace, and nothing is to be scaled but the multipliers.
+    """
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        blocks = candidates(rng, 6, 3)
+        M = blocks.mean(axis=0)
+        c = choose(name, M)
+        blocks = unit_trace(c, blocks)
+        Z = rng.permutation(multipliers(rng, c, blocks))[:4]
+        t = prices(Z, blocks)
+        before = c.floor(Z, t, M)
+        for factor in (1e-20, 1e-16, 1e-14, 1e-8, 1e8, 1e14, 1e20):
+            if name == "balance":  # its b is set by the design, as s is
+                after = choose(name, factor * M).floor(Z, factor * t, factor * M)
+            else:
+                after = factor**c.degree * c.floor(factor ** (c.degree == 0) * Z, factor * t, factor * M)
+            assert after == pytest.approx(before, rel=1e-9)
+
+
+@every
+def test_further_multipliers_never_lower_the_floor(name):
+    """A further multiplier may raise the floor, not lower it (by the 1e-9 to which corners are told apart)."""
+    for seed in range(3):
+        rng = np.random.default_rng(seed)
+        blocks = candidates(rng, 8, 3)
+        c = choose(name, blocks.mean(axis=0))
+        blocks = unit_trace(c, blocks)
+        Z = multipliers(rng, c, blocks)
+        t, M = prices(Z, blocks), blocks.mean(axis=0)
+        floors = np.array([c.floor(Z[:k], t[:k], M) for k in range(1, len(Z) + 1)])
+        assert (floors[1:] >= floors[:-1] * (1 - 1e-8)).all()
+
+
+@of_degree
+def test_floor_of_several_is_the_best_of_each(name):
+    """Where multipliers do not combine, the floor is the best of them; one that costs nothing proves nothing."""
+    rng = np.random.default_rng(0)
+    c, M = make(name, 3), positive(rng, 3)
+    Z, t = np.stack([positive(rng, 3) for _ in range(4)]), rng.uniform(1, 2, size=4)
+    each = [c.polar(z, M) * top**-c.degree for z, top in zip(Z, t, strict=True)]
+    assert c.floor(Z, t, M) == pytest.approx(max(each), rel=1e-14)
+    assert c.floor(Z, np.array([0.0, -1.0, 0.0, -2.0]), M) == 0.0
+
+
+@pytest.mark.parametrize("name", ["O2", "O4", "balance"])
+def test_multipliers_that_prove_nothing(name):
+    """A negative, a zero or an unpriced multiplier leaves the trivial floor: kappa >= 1 and s >= 0."""
+    M = positive(np.random.default_rng(0), 3)
+    c = choose(name, M)
+    trivial = {"O2": 1.0, "O4": 0.0, "balance": getattr(c, "a", None)}[name]
+    for Z, t in ((-M, 1.0), (np.zeros((3, 3)), 1.0), (M, np.inf) if name != "O2" else (M, 1e300)):
+        assert c.floor(Z[None], np.array([t]), M) == trivial
+
+
+def test_floor_of_the_condition_number_knows_unit_traces():
+    """With candidates of unit trace, c I added to a multiplier adds c to its prices, and proves the same."""
+    for seed in range(5):
+        rng, c = np.random.default_rng(seed), make("O2", 4)
+        blocks = unit_trace(c, candidates(rng, 12, 4))
+        M, Z = optimum(c, blocks)
+        for shift in (-3.0, -0.1, 0.7, 10.0):
+            shifted = (Z + shift * np.linalg.norm(Z, 2) * np.eye(4))[None]
+            assert c.floor(shifted, prices(shifted, blocks), M) == pytest.approx(c.cost(M), rel=GAP)
+
+
+@pytest.mark.parametrize("kappa", [1e2, 1e6, 1e12, 1e18, 1e22])
+def test_floor_counts_a_negative_part_however_small(kappa):
+    """A negative eigenvalue of size 1/kappa counts: the design of eigenvalues 1 and kappa gains as much by it.
+
+    Of that design <Z, M> = t, so that it obeys whatever Z proves, and its cost is 0.9 s + 0.1 kappa' = 1 in its units.
+    """
+    M, Z = np.diag([1.0, kappa]), np.diag([1.0, -0.4 / kappa])
+    c = balance(M, 0.1)
+    assert c.cost(M) == pytest.approx(1, rel=slip(np.eye(2)))
+    assert c.floor(Z[None], np.array([0.6]), M) <= 1 + slip(np.eye(2))
+
+
+@pytest.mark.parametrize("p", [2, 4])
+@of_degree
+def test_floor_proves_nothing_of_an_open_direction(name, p):
+    """A multiplier that pays nothing in a direction proves no more than what the other directions cost.
+
+    Here the information along the unpaid direction may grow without limit, and the cost of M does shrink to the
+    floor or beyond.
+    """
+    rng = np.random.default_rng(p)
+    c, Q = make(name, p), orthogonal(rng, p)
+    Z = Q[:, 1:] @ np.diag(rng.uniform(1, 2, size=p - 1)) @ Q[:, 1:].T
+    M = positive(rng, p)
+    M /= np.sum(Z * M)
+    far = M + 1e8 * np.outer(Q[:, 0], Q[:, 0])
+    assert np.sum(Z * far) == pytest.approx(1, abs=1e8 * 16 * p * EPS)
+    assert c.polar(Z, M) <= c.cost(far) * (1 + 1e-6)
+
+
+def minimise_weights(f, p):
+    """The least value of a convex function of weights (p,) of sum one; theta are their roots, free of bounds."""
+    found = minimize(lambda theta: f(theta**2 / (theta @ theta)), np.ones(p), tol=1e-12)
+    return found.fun
+
+
+def attaining(name, Z, target):
+    """The matrix of ``<Z, X> = 1`` that the docstring names, up to its length."""
+    z, V = np.linalg.eigh(Z)
+    if name == "rho0":
+        root, inverse = (V * z**0.5) @ V.T, (V * z**-0.5) @ V.T
+        s, U = np.linalg.eigh(root @ target.T @ target @ root)
+        X = inverse @ (U * s**0.5) @ U.T @ inverse
+    else:
+        X = (V * z ** {"A": -0.5, "D": -1.0, "O1": -1.0, "E": 0.0, "O3": 0.0, "O5": -2 / 3}[name]) @ V.T
+    return X / np.sum(Z * X)
+
+
+@sizes
+@pytest.mark.parametrize("name", ["A", "D", "E", "O1", "O3", "O5", "rho0"])
+def test_polar_is_attained(name, p):
+    """The polar is the cost of the matrix that its docstring names; for rho0 of the one of a weighted A-criterion."""
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        Z, target = positive(rng, p, 1e3), rng.normal(size=(p + 1, p))
+        c = make(name, p) if name != "rho0" else criteria.create(name, target=target)
+        X = attaining(name, Z, target)
+        expected = pytest.approx(c.cost(X), rel=slip(X, Z))
+        assert c.polar(Z, positive(rng, p)) == expected
+    if name in ("D", "O1"):
+        np.testing.assert_allclose(X, np.linalg.inv(Z) / p, rtol=slip(Z), atol=slip(Z) * np.abs(X).max())
+
+
+@sizes
+def test_polar_of_g_is_attained_where_variances_are_equal(p):
+    """With equal variances and ``Z = cov U cov``, U any weights, M itself is the best of all; its polar says so."""
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        cov = positive(rng, p)
+        cov /= np.sqrt(np.outer(np.diag(cov), np.diag(cov)))
+        M, c = np.linalg.inv(cov), make("G", p)
+        for u in (rng.dirichlet(np.ones(p)), np.eye(p)[0]):
+            Z = (cov * u) @ cov
+            assert c.polar(Z, M) == pytest.approx(c.cost(M) * np.sum(Z * M), rel=slip(M, M @ M))
+
+
+@pytest.mark.parametrize("p", [2, 3, 4])
+def test_polar_of_g_is_near_the_best_over_all_weights(p):
+    """For any Z and M the polar is at most the largest ``(trace (U^(1/2) Z U^(1/2))^(1/2))^2`` over weights u.
+
+    That is the true polar, by minimax; and what is returned is no less than at the weights that it starts from.
+    """
+    rng, c = np.random.default_rng(p), make("G", p)
+    for _ in range(5):
+        Z, M = positive(rng, p, 1e2), positive(rng, p)
+
+        def bound(u, Z=Z):
+            K = np.sqrt(u)[:, None] * Z * np.sqrt(u)
+            return np.sqrt(np.maximum(np.linalg.eigvalsh(K), 0)).sum() ** 2
+
+        first = np.diag(M @ Z @ M)
+        start = max(bound(first / first.sum()), bound(np.eye(p)[np.diag(np.linalg.inv(M)).argmax()]))
+        best = -minimise_weights(lambda u, bound=bound: -bound(u), p)
+        assert start * (1 - slip(Z)) <= c.polar(Z, M) <= best * (1 + GAP)
+
+
+@sizes
+@of_degree
+def test_polar_is_below_every_matrix(name, p):
+    """No X with <Z, X> = 1 costs less than the polar, near the best one either, whatever M it is taken at."""
+    rng = np.random.default_rng(p)
+    for _ in range(6):
+        Z, M = positive(rng, p, 1e3), positive(rng, p, 1e2)
+        c = make(name, p)
+        X = [positive(rng, p, 1e4) for _ in range(100)] + [M, np.linalg.inv(Z)]
+        if name not in ("G", "rho0"):
+            best = attaining(name, Z, None)
+            X += [best, *(best + 1e-3 * np.linalg.eigvalsh(best)[0] * symmetric(rng, p) for _ in range(20))]
+        X = np.stack(X)
+        X /= np.einsum("ij,nij->n", Z, X)[:, None, None]
+        costs = c.cost(X)
+        assert 0 < c.polar(Z, M) <= costs.min() * (1 + slip(X[costs.argmin()], Z))
+
+
+@sizes
+@of_degree
+def test_polar_is_homogeneous(name, p):
+    """polar(c Z) = c**degree * polar(Z) over sixteen decades of c, and whatever the size of M is."""
+    rng = np.random.default_rng(p)
+    c = make(name, p)
+    for _ in range(5):
+        Z, M = positive(rng, p, 1e3), positive(rng, p)
+        for factor in (1e-8, 0.3, 1e8):
+            expected = pytest.approx(factor**c.degree * c.polar(Z, M), rel=slip(Z, M))
+            assert c.polar(factor * Z, M) == expected
+            assert c.polar(factor * Z, M / factor) == expected
+
+
+@pytest.mark.parametrize("seed", range(4))
+@every
+def test_floor_is_a_bound_in_bad_units(name, seed):
+    """With parameters in units from 1e-7 to 1e4 no design over the candidates costs less than a floor either.
+
+    The multipliers are those of well scaled parameters, taken along, and gradients taken in the bad units.
+    """
+    rng = np.random.default_rng(seed)
+    blocks, t = candidates(rng, 12, 4), units(rng, 4)
+    T = np.diag(t)
+    good = choose(name, blocks.mean(axis=0))
+    Z = multipliers(rng, good, unit_trace(good, blocks)) / np.outer(t, t)
+    weights = np.concatenate([rng.dirichlet(np.full(12, a), size=300) for a in (0.1, 1.0)])
+    scaled = np.outer(t, t) * blocks
+    c = choose(name, scaled.mean(axis=0)).in_units(T)
+    scaled = unit_trace(c, scaled)
+    X = np.tensordot(weights, scaled, axes=1)
+    costs, M = c.cost(X), scaled.mean(axis=0)
+    assert np.isfinite(costs.min())
+    Z = np.concatenate([Z, *(proofs(c, X[i]) for i in np.argsort(costs)[:3])])
+    top = prices(Z, scaled)
+    limit = costs.min() * (1 + slip(np.tensordot(weights[costs.argmin()], blocks, axes=1)))
+    floors = [c.floor(z[None], x[None], M) for z, x in zip(Z, top, strict=True)]
+    assert max(c.floor(Z, top, M), *floors) <= limit
+    if c.monotone:
+        assert max(floors[-3:]) > 0.01 * limit
+
+
+@pytest.mark.parametrize("name", [n for n in BUILTINS if criteria.get(n).unit_free])
+def test_unit_free_ones_prove_the_same_in_any_units(name):
+    """With k = t k', t from 1e-7 to 1e4, costs, polars and floors of unit-free criteria change by one common factor.
+
+    For rho0, whose target changes along, that factor is one.
+    """
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        M, Z, t = positive(rng, 4), positive(rng, 4), units(rng, 4)
+        good, tops = make(name, 4), np.array([2.0, 3.0])
+        bad, TT = good.in_units(np.diag(t)), np.outer(t, t)
+        factor = bad.cost(TT * M) / good.cost(M)
+        accuracy = 2 * slip(M, Z) * 4  # rho0 contracts all of A0 Z A0', whose condition may exceed Z's
+        if name == "rho0":
+            assert factor == pytest.approx(1, rel=slip(M))
+        assert bad.polar(Z / TT, TT * M) == pytest.approx(factor * good.polar(Z, M), rel=accuracy)
+        floors = (bad.floor(np.stack([Z, M]) / TT, tops, TT * M), good.floor(np.stack([Z, M]), tops, M))
+        assert floors[0] == pytest.approx(factor * floors[1], rel=accuracy)
+
+
+@pytest.mark.parametrize("name", POLARS)
+def test_floor_of_a_gradient_is_tight_in_bad_units(name):
+    """With parameters in units from 1e-7 to 1e4, too, minus the gradient at M proves the cost of M to a gap of 1e-6.
+
+    A relaxation that stops at this gap must be able to prove it; and no bound exceeds the cost. In bad units that of
+    O5 is a sum of roots of rounded eigenvalues, so it is taken from the singular values of a whitener instead.
+    """
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        t, good = units(rng, 4), positive(rng, 4)
+        M = np.outer(t, t) * good
+        c = make(name, 4).in_units(np.diag(t))
+        Z = proofs(c, M)
+        cost = np.linalg.svd(whitener(M), compute_uv=False).sum() if name == "O5" else c.cost(M)
+        gap = 1 - c.floor(Z, np.einsum("rij,ij->r", Z, M), M) / cost
+        assert -slip(good) <= gap <= GAP

@@ -1,0 +1,34 @@
+"""The pose designs on which the tests of this folder rest: the paper's, and an odd one."""
+
+from pathlib import Path
+
+import numpy as np
+
+from edtk.design import PoseDesign
+from edtk.model import ElastostaticModel, Height, Joint, Robot, Tilt, Workspace, transform
+from edtk.study import load_study
+
+STUDY = load_study(Path(__file__).parents[2] / "studies" / "kr270_milling.toml")
+KR270 = STUDY.design
+
+
+def odd() -> PoseDesign:
+    """Prismatic joints among revolute ones on skew axes, forces and torques, six measured rows, a fixed joint."""
+    rng = np.random.default_rng(3)
+    kinds = ("revolute", "prismatic", "revolute", "revolute", "prismatic", "revolute")
+    joints = tuple(
+        Joint(f"q{i + 1}", transform(rng.normal(size=3), rng.uniform(-3, 3, size=3)), rng.normal(size=3), (-2, 2), kind)
+        for i, kind in enumerate(kinds)
+    )
+    robot = Robot("odd", joints, transform([0.3, -0.2, 0.5], [0.4, -0.7, 1.1]), transform([0.2, 0.1, -0.3]))
+    return PoseDesign(
+        model=ElastostaticModel(robot, (0, 2, 3, 5), "pose"),
+        workspace=Workspace(robot, (Height(-0.5), Tilt(1.2))),
+        sigma=np.array([3e-5, 4e-5, 5e-5, 1e-4, 2e-4, 3e-4]),
+        wrench=np.array([300.0, -200.0, 500.0, 40.0, -70.0, 90.0]),
+        free=[0, 1, 2, 4, 5],
+        fixed=np.array([0.0, 0.0, 0.0, 0.7, 0.0, 0.0]),
+    )
+
+
+DESIGNS = {"kr270": KR270, "odd": odd()}
