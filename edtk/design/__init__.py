@@ -2,6 +2,7 @@
 
 from edtk.design.candidates import Candidates, CandidateSource, EmptyFeasibleSetError, sample_feasible
 from edtk.design.exact import PoseDesign
+from edtk.design.exchange import exchange
 from edtk.design.master import RelaxationError
 from edtk.design.plan import Plan, PlanFileError, pose_factors
 from edtk.design.problem import Problem, RankDeficientError
@@ -27,6 +28,7 @@ __all__ = [
     "RelaxationInterrupted",
     "RelaxedPlan",
     "apportion",
+    "exchange",
     "pose_factors",
     "refine",
     "relax",

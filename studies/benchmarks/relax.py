@@ -130,49 +130,7 @@ def _report(
     large: dict[str, Measured],
     best: dict[tuple[str, int], float],
 ) -> str:
-    rows = []
-    for n in DIRECT_SIZES:
-        for name in COMPARED:
-            seconds, cost, gap, _, first = mine[n].answer[name]
-            cells = [_cell(others[name, n, solver], cost) for solver in ("CLARABEL", "SCS")]
-            ratio = best[name, n] / seconds
-            rows.append(
-                [
-                    f"{n:,}",
-                    name,
-                    *cells,
-                    f"{first:.3f} s",
-                    f"{seconds:.3f} s",
-                    f"{gap:.0e}",
-                    f"{ratio:.0f}" if ratio > 0 else "-",
-                ]
-            )
-    versus = markdown_table(
-        ["candidates", "criterion", "Clarabel", "SCS", "edtk, first call", "edtk", "proved gap", "ratio"], rows
-    )
-    rows = []
-    for n in (*DIRECT_SIZES, *SIZES):
-        answers = mine[n].answer
-        drawn = next(iter(answers.values()))[3]
-        rows.append([f"{n:,}", f"{drawn:.2f} s", *(f"{answers[c][0]:.2f}" for c in answers)])
-        rows[-1] += [f"{sum(a[0] for a in answers.values()):.2f} s", f"{max(a[2] for a in answers.values()):.0e}"]
-        rows[-1] += [f"{mine[n].peak_mb:.0f} MB"]
-    names = list(mine[SIZES[0]].answer)
-    scale = markdown_table(["candidates", "drawn in", *names, "all", "largest gap", "peak memory"], rows)
-    rows = [
-        [
-            f"{STREAMED:,}",
-            name,
-            f"{m.answer[3]:.1f} s",
-            f"{m.answer[0]:.1f} s",
-            f"{m.answer[2]:.0e}",
-            f"{m.peak_mb:.0f} MB",
-        ]
-        for name, m in large.items()
-        if m.answer is not None
-    ]
-    header = ["candidates", "criterion", "first part drawn in", "passes and solves", "proved gap", "peak memory"]
-    beyond = markdown_table(header, rows)
+    """All tables as Markdown."""
     return "\n".join(
         [
             "# How fast is the relaxation?\n",
@@ -181,15 +139,52 @@ def _report(
             "Medians of 5 calls for edtk, which keeps the small program that cvxpy has compiled for a criterion (the "
             "first call compiles it); one run for a direct model. The ratio is of the fastest direct model that comes "
             "within 1e-3 of the proved optimum to the median; edtk proves a gap of 1e-6.\n",
-            versus,
+            _versus(mine, others, best),
             "## All ten criteria, at scale\n",
             "Seconds by criterion, after the candidates with their information were drawn.\n",
-            scale,
+            _at_scale(mine),
             "## Beyond the memory limit (1000 MB)\n",
             "Candidates are generated anew and priced in chunks, pass after pass.\n",
-            beyond,
+            _beyond_memory(large),
         ]
     )
+
+
+def _versus(
+    mine: dict[int, Measured], others: dict[tuple[str, int, str], Measured], best: dict[tuple[str, int], float]
+) -> str:
+    rows = []
+    for n in DIRECT_SIZES:
+        for name in COMPARED:
+            seconds, cost, gap, _, first = mine[n].answer[name]
+            cells = [_cell(others[name, n, solver], cost) for solver in ("CLARABEL", "SCS")]
+            ratio = best[name, n] / seconds
+            cells += [f"{first:.3f} s", f"{seconds:.3f} s", f"{gap:.0e}", f"{ratio:.0f}" if ratio > 0 else "-"]
+            rows.append([f"{n:,}", name, *cells])
+    header = ["candidates", "criterion", "Clarabel", "SCS", "edtk, first call", "edtk", "proved gap", "ratio"]
+    return markdown_table(header, rows)
+
+
+def _at_scale(mine: dict[int, Measured]) -> str:
+    rows = []
+    for n, measured in mine.items():
+        answers = list(measured.answer.values())
+        cells = [f"{answers[0][3]:.2f} s", *(f"{a[0]:.2f}" for a in answers), f"{sum(a[0] for a in answers):.2f} s"]
+        rows.append([f"{n:,}", *cells, f"{max(a[2] for a in answers):.0e}", f"{measured.peak_mb:.0f} MB"])
+    names = list(mine[SIZES[0]].answer)
+    return markdown_table(["candidates", "drawn in", *names, "all", "largest gap", "peak memory"], rows)
+
+
+def _beyond_memory(large: dict[str, Measured]) -> str:
+    rows = []
+    for name, m in large.items():
+        cells = [m.failure] * 4
+        if m.answer is not None:
+            seconds, _, gap, drawn = m.answer
+            cells = [f"{drawn:.1f} s", f"{seconds:.1f} s", f"{gap:.0e}", f"{m.peak_mb:.0f} MB"]
+        rows.append([f"{STREAMED:,}", name, *cells])
+    header = ["candidates", "criterion", "first part drawn in", "passes and solves", "proved gap", "peak memory"]
+    return markdown_table(header, rows)
 
 
 def _picture(mine: dict[int, Measured], best: dict[tuple[str, int], float], large: dict[str, Measured]) -> Figure:
