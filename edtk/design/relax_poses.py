@@ -134,6 +134,7 @@ class _Run:
         Z, design = active.relaxation.multipliers, design or active
         support = design.support
         M = support.problem.information(design.weights)
+        tops = np.maximum(tops, self._tops(support.problem, Z))
         self.best = RelaxedPlan(
             source=self.source,
             candidates=n,
@@ -142,7 +143,7 @@ class _Run:
             weights=design.weights,
             cost=float(self.criterion.cost(M)),
             bound=self.criterion.floor(Z, tops, M),
-            searched=None if searched is None else self.criterion.floor(Z, searched, M),
+            searched=None if searched is None else self.criterion.floor(Z, np.maximum(searched, tops), M),
             multipliers=Z,
             solver=design.relaxation.solver,
             iterations=active.iterations,
@@ -197,9 +198,10 @@ class _Run:
             Z = active.relaxation.multipliers
             seed = (*np.atleast_1d(self.source.seed).tolist(), turn + 1)
             searched, found = search(self.source.design, self.criterion, Z, active.poses, 1e-3 * away, seed)
-            proved = np.maximum(self._tops(active.poses.problem, Z), self._tops(head.problem, Z))
+            proved = self._tops(head.problem, Z)
+            searched = np.maximum(searched, self._tops(active.poses.problem, Z))
             self._spend("continuous")
-            plan = self._keep(active, len(head.q), proved, np.maximum(searched, proved))
+            plan = self._keep(active, len(head.q), proved, searched)
             away = 1 - plan.best_bound / plan.cost
             self.progress("continuum", away)
             if away <= 0.5 * self.tolerance:  # the other half is for merging
@@ -207,7 +209,7 @@ class _Run:
                     proved = np.maximum(proved, self._sweep(Z)[0])
                 design = active.merged(0.5 * self.tolerance, self.gap, last)
                 self._spend("continuous")
-                self._keep(active, self.n, proved, np.maximum(searched, proved), design)
+                self._keep(active, self.n, proved, searched, design)
                 return
             active, last = active.over(active.poses + found, max(0.5 * self.gap, 0.03 * away)), found
 
