@@ -17,6 +17,7 @@ SOLVERS: dict[str, dict[str, float]] = {
     "CLARABEL": {"tol_gap_rel": 1e-11, "tol_gap_abs": 1e-11, "tol_feas": 1e-10, "reduced_tol_gap_rel": 1e-7},
     "SCS": {"eps_rel": 1e-9, "eps_abs": 1e-9, "max_iters": 20_000},
 }
+LOOSE: dict[str, dict[str, float]] = {"CLARABEL": {"tol_gap_rel": 1e-4, "tol_gap_abs": 1e-4, "tol_feas": 1e-6}}
 POLISH = "SLSQP"
 CHAIN = (*SOLVERS, POLISH)
 WHITE = 1e3  # factor by which a design's eigenvalues may be off one and count as white
@@ -52,19 +53,20 @@ class Master:
         size = np.linalg.eigvalsh(self.T.T @ M @ self.T)
         return bool(n <= self.size and size[0] > 1 / WHITE and size[-1] < WHITE)
 
-    def solve(self, blocks: Array, solver: str) -> tuple[Array, Array]:
+    def solve(self, blocks: Array, solver: str, loose: bool = False) -> tuple[Array, Array]:
         """Weights (n,) of sum one over candidates, and the multiplier Z (p, p) that proves them.
 
         Args:
             blocks: Information of the candidates (n, p, p).
             solver: One of `SOLVERS`, or `POLISH`.
+            loose: Whether an answer to a few digits will do, if the solver has such settings.
 
         Raises:
             RelaxationError: The solver failed; its words are given. An inaccurate answer is no failure: it is
                 judged by its certificate.
         """
         try:
-            weights, Z = self._polish(blocks) if solver == POLISH else self._solve(blocks, solver)
+            weights, Z = self._polish(blocks) if solver == POLISH else self._solve(blocks, solver, loose)
         except (cp.SolverError, cp.DCPError, np.linalg.LinAlgError, ValueError, ArithmeticError) as error:
             raise RelaxationError(f"{solver}: {' '.join(str(error).split())}") from error
         weights = np.where(weights > PRUNE * weights.max(), weights, 0.0)
@@ -75,14 +77,14 @@ class Master:
                 raise RelaxationError(f"{solver}: the candidates leave a direction open")
         return weights, Z
 
-    def _solve(self, blocks: Array, solver: str) -> tuple[Array, Array]:
+    def _solve(self, blocks: Array, solver: str, loose: bool) -> tuple[Array, Array]:
         """By cvxpy; Z is the multiplier of ``M == sum w_i M_i``, and unused places are candidates of no information."""
         n = len(blocks)
         self.blocks.value = np.zeros(self.blocks.shape)
         self.blocks.value[:, :n] = (self.T.T @ blocks @ self.T)[:, self.rows, self.columns].T
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of inaccuracy
-            self.program.solve(solver=solver, **SOLVERS[solver])
+            self.program.solve(solver=solver, **SOLVERS[solver] | (LOOSE.get(solver, {}) if loose else {}))
         answer = self.w.value, self.balance.dual_value
         if any(a is None or not np.isfinite(a).all() for a in answer) or not (answer[0][:n] > 0).any():
             raise ValueError(f"status {self.program.status}")

@@ -17,6 +17,7 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int_]
 Progress = Callable[[int, float], object]
 MEMBERS = 60  # of a family at most
+FAR = 0.05  # relative gap above which a master is solved loosely
 SAMPLE = 2000  # candidates among which the first active set is chosen
 
 
@@ -209,11 +210,11 @@ def _generate(
     incumbent = len(active) > 0
     active = active if incumbent else _spread(problem, batch)
     around, chain = problem.blocks(active).mean(axis=0), list(solvers)
-    bound, cost, proof = 0.0, np.inf, None
+    bound, cost, proof, loose = 0.0, np.inf, None, criterion.convex and len(active) < problem.n
     for _ in range(rounds):
         master = master_for(criterion, around, max(2 * batch, len(active)))
         try:
-            weights, Z, solver = _first_answer(master, problem.blocks(active), chain)
+            weights, Z, solver = _first_answer(master, problem.blocks(active), chain, loose)
         except RelaxationError:
             if cost < np.inf or incumbent:
                 return  # with what there is
@@ -229,23 +230,25 @@ def _generate(
             bound, proof = floors[j], (trials[j], float(tops[j]))
         yield _Step(active[kept], weights[kept], M, *proof, solver)
         cost = min(cost, float(criterion.cost(M)))
-        if 1 - bound / cost <= gap:
+        if 1 - bound / cost <= gap and (gap >= 1e-3 or not loose):
             return
         newcomers = _dearest(prices[j], active, batch)
-        if prices[j].argmax() in active:  # the master was not solved as accurately as the gap asks
+        inaccurate = prices[j].argmax() in active  # the master was not solved as the gap asks
+        if inaccurate and not loose:
             chain = chain[chain.index(solver) + 1 :]
             if not chain:
                 return
+        loose = loose and not inaccurate and 1 - bound / cost > FAR
         active = np.concatenate([active[kept], newcomers])
         around = M if not len(newcomers) else 0.5 * (M + problem.blocks(newcomers).mean(axis=0))
 
 
-def _first_answer(master: Master, blocks: Array, chain: Sequence[str]) -> tuple[Array, Array, str]:
+def _first_answer(master: Master, blocks: Array, chain: Sequence[str], loose: bool) -> tuple[Array, Array, str]:
     """Weights and multiplier from the first solver of the chain that has an answer."""
     failures = []
     for solver in chain:
         try:
-            return *master.solve(blocks, solver), solver
+            return *master.solve(blocks, solver, loose), solver
         except RelaxationError as error:
             failures.append(str(error))
     raise RelaxationError(f"no solver found a design for criterion {master.criterion.name} ({'; '.join(failures)})")
