@@ -30,6 +30,7 @@ class ConditionNumber(Criterion):
     formula = "s_1 / s_p"
     sense = "min"
     degree = 0.0
+    expression_power = 2.0
     convex = False
     smooth = False
     monotone = False

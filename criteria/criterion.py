@@ -43,7 +43,7 @@ class Criterion(ABC):
         monotone: Whether more information never hurts.
         unit_free: Whether efficiencies are free of the parameters' units.
         needs_target: Whether the constructor takes the target matrix A0.
-        expression_power: `expression` models ``cost**expression_power``.
+        expression_power: `expression` and `formulation` model ``cost**expression_power``.
     """
 
     name: ClassVar[str]

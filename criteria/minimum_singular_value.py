@@ -29,6 +29,7 @@ class MinimumSingularValue(Criterion):
     formula = "s_p"
     sense = "max"
     degree = 0.5
+    expression_power = 2.0
     smooth = False
 
     def __init__(self, sharpness: float = np.inf) -> None:

@@ -35,7 +35,7 @@ def exchange(
     base = np.zeros((problem.p, problem.p)) if kept is None else kept
     guide = criterion.smoothed(30.0)
     M = base + problem.blocks(plan).sum(axis=0)
-    cost = _cost(criterion, M)
+    cost = float(criterion.cost(M))
     while True:
         some = np.arange(problem.n)
         if np.isfinite(cost) and dearest < problem.n:
@@ -48,10 +48,6 @@ def exchange(
         cost, out, into = found
         plan[out] = into
         M = base + problem.blocks(plan).sum(axis=0)
-
-
-def _cost(criterion: Criterion, M: Array) -> float:
-    return float(criterion.cost(M))
 
 
 def _best(problem: Problem, criterion: Criterion, plan: Indices, M: Array, some: Indices) -> tuple[float, int, int]:

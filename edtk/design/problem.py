@@ -100,7 +100,11 @@ class Problem:
         return np.asarray(price_rows(Z) @ self.packed)
 
     def with_unit_trace(self) -> "Problem":
-        """The same candidates, each scaled to information of trace one (those of none are left)."""
+        """The same candidates, each scaled to information of trace one (those of none are left); kept once made."""
+        return self._unit_trace
+
+    @cached_property
+    def _unit_trace(self) -> "Problem":
         trace = self.prices(np.eye(self.p))
         return Problem.of_information(self.packed / np.where(trace > 0, trace, 1.0), self.parameters)
 

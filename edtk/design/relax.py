@@ -18,6 +18,7 @@ Indices = NDArray[np.int_]
 Progress = Callable[[int, float], object]
 MEMBERS = 60  # of a family at most
 FAR = 0.05  # relative gap above which a master is solved loosely
+COARSE = 1e-3  # relative gap that a loosely solved master can prove
 SAMPLE = 2000  # candidates among which the first active set is chosen
 
 
@@ -153,7 +154,7 @@ class _Incumbent:
     """The best design and the best proof so far."""
 
     def __init__(self, problem: Problem, criterion: Criterion, multipliers: Array | None) -> None:
-        self.criterion, self.n = criterion, problem.n
+        self.criterion = criterion
         self.cost, self.bound, self.solver, self.iterations = np.inf, 0.0, "", 0
         self.active, self.weights = np.empty(0, dtype=int), np.empty(0)
         self.M = problem.mean
@@ -230,7 +231,7 @@ def _generate(
             bound, proof = floors[j], (trials[j], float(tops[j]))
         yield _Step(active[kept], weights[kept], M, *proof, solver)
         cost = min(cost, float(criterion.cost(M)))
-        if 1 - bound / cost <= gap and (gap >= 1e-3 or not loose):
+        if 1 - bound / cost <= gap and (gap >= COARSE or not loose):
             return
         newcomers = _dearest(prices[j], active, batch)
         inaccurate = prices[j].argmax() in active  # the master was not solved as the gap asks
@@ -274,16 +275,18 @@ def _dearest(prices: Array, active: Indices, batch: int) -> Indices:
     A quarter are the dearest of all, which are often alike; the others are the dearest of as many equal parts of the
     candidates, where these are many.
     """
+
+    def newcomers(chosen: Indices) -> Indices:
+        chosen = np.setdiff1d(chosen, active)
+        return chosen[np.argsort(-prices[chosen], kind="stable")]
+
     size = min(batch + len(active), len(prices))
-    top = np.argpartition(-prices, size - 1)[:size]
+    top = newcomers(np.argpartition(-prices, size - 1)[:size])
     if (parts := 3 * batch // 4) and len(prices) >= 20 * batch:
         width = len(prices) // parts
         spread = prices[: width * parts].reshape(parts, width).argmax(axis=1) + width * np.arange(parts)
-        top = np.setdiff1d(top, active)
-        top = top[np.lexsort((top, -prices[top]))][: batch - parts]
-        top = np.union1d(top, spread)
-    top = np.setdiff1d(top, active)
-    return top[np.lexsort((top, -prices[top]))][:batch]
+        top = newcomers(np.union1d(top[: batch - parts], spread))
+    return top[:batch]
 
 
 def _spread(problem: Problem, batch: int) -> Indices:

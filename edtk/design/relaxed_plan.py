@@ -80,6 +80,11 @@ class RelaxedPlan:
         """A cost, or a bound on it, in the criterion's printed form."""
         return cost if self.criterion.sense == "min" else 1.0 / cost if cost else float("inf")
 
+    @property
+    def _heaviest_first(self) -> NDArray[np.int_]:
+        """Indices (k,) of the poses in the order in which people and files see them."""
+        return np.argsort(-self.weights, kind="stable")
+
     def certify(self) -> tuple[float, float]:
         """Cost and proved bound anew, from poses, weights and multipliers alone: every candidate is priced again."""
         prices = [Sensitivity(self.design, Z, self.criterion.degree == 0) for Z in self.multipliers]
@@ -103,14 +108,14 @@ class RelaxedPlan:
             lines.append(f"  {label:{width}}  {factor * self.printed(cost):.7g}{unit}{gap}")
         robot = self.design.workspace.robot
         lines.append("weight   " + " ".join(f"{column:>9}" for column in pose_columns(robot)))
-        for i in np.argsort(-self.weights, kind="stable"):
+        for i in self._heaviest_first:
             pose = self.q[i] / pose_factors(robot)
             lines.append(f"{self.weights[i]:.5f}  " + " ".join(f"{x:9.3f}" for x in pose))
         return "\n".join(lines)
 
     def to_json(self) -> dict[str, Any]:
         """Plain numbers, for JSON; the heaviest pose first."""
-        order = np.argsort(-self.weights, kind="stable")
+        order = self._heaviest_first
         degrees = self.q[order] / pose_factors(self.design.workspace.robot)
         return {
             "criterion": self.criterion.name,
@@ -133,7 +138,7 @@ class RelaxedPlan:
     def to_csv(self, path: Path) -> None:
         """Write poses in degrees and millimetres, and weights, atomically; the heaviest first."""
         robot = self.design.workspace.robot
-        order = np.argsort(-self.weights, kind="stable")
+        order = self._heaviest_first
         table = pd.DataFrame(self.q[order] / pose_factors(robot), columns=list(pose_columns(robot)))
         table["weight"] = self.weights[order]
         with atomic_path(path) as temporary:

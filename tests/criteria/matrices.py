@@ -60,11 +60,6 @@ def units(rng: np.random.Generator, p: int) -> Array:
     return 10 ** rng.uniform(-7, 4, size=p)
 
 
-def power(c: criteria.Criterion) -> float:
-    """The power of the cost that the criterion's program minimises: eigenvalues are squares of singular values."""
-    return {"O2": 2.0, "O3": 2.0}.get(c.name, c.expression_power)
-
-
 def solve(c: criteria.Criterion, blocks: Array, around: Array, T: Array) -> tuple[float, Array, Array]:
     """Optimum of the criterion's program over candidates (n, p, p), weights (n,) of sum one, multiplier (p, p).
 

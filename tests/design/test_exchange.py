@@ -20,8 +20,8 @@ def case(seed):
 
 @pytest.mark.parametrize("name", criteria.available())
 def test_against_enumeration(name):
-    """The best of twenty starts is the best of all designs in at least 95 % of a hundred cases (10 for each criterion,
-    so here in all but one), and never more than 1 % off where the criterion is monotone.
+    """The best of twenty starts is the best of all designs in at least nine of ten cases, and where the criterion is
+    monotone never more than 1 % off.
     """
     equal = 0
     for seed in range(CASES):
