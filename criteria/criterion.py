@@ -159,6 +159,16 @@ class Criterion(ABC):
         return np.where(np.isfinite(M).all(axis=(-2, -1)), cost, np.nan)[()]
 
     @final
+    def cost_of_regular(self, M: Array, cov: Array) -> Array:
+        """Costs (...) where the inverses are at hand, as after an update: M is regular, and nobody checks.
+
+        Args:
+            M: Regular information matrices (..., p, p).
+            cov: Their inverses (..., p, p).
+        """
+        return self._cost(M, cov)
+
+    @final
     def value(self, M: ArrayLike) -> Array:
         """The criterion as printed in `formula`; 0 (if maximised) or inf (if minimised) at singular M.
 
@@ -175,10 +185,15 @@ class Criterion(ABC):
         Args:
             M: Information matrices (..., p, p).
         """
-        safe, cov, regular = guarded_inverse(np.asarray(M, dtype=float))
+        return self.cost_and_gradient(np.asarray(M, dtype=float))[1]
+
+    @final
+    def cost_and_gradient(self, M: Array) -> tuple[Array, Array]:
+        """`cost` (...) and `gradient` (..., p, p) of finite M (..., p, p), with one inversion for both."""
+        safe, cov, regular = guarded_inverse(M)
         G = self._gradient(safe, cov)
         G = 0.5 * (G + np.swapaxes(G, -1, -2))
-        return np.where(regular[..., None, None], G, np.nan)
+        return np.where(regular, self._cost(safe, cov), np.inf), np.where(regular[..., None, None], G, np.nan)
 
     @final
     def efficiency(self, M: ArrayLike, best: ArrayLike) -> Array:

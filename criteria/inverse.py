@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
-def guarded_inverse(M: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
+def guarded_inverse(M: Array, least: float = 0.0) -> tuple[Array, Array, NDArray[np.bool_]]:
     """Invert symmetric positive semidefinite matrices after scaling them to a unit diagonal.
 
     With ``d = sqrt(diag M)`` the scaled matrix ``R = M / (d d')`` has the same rank, and its spectrum does not
@@ -15,6 +15,7 @@ def guarded_inverse(M: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
 
     Args:
         M: Array (..., p, p), symmetric.
+        least: A larger threshold for the least eigenvalue of R, where inverses are to be accurate.
 
     Returns:
         ``(safe, cov, regular)``: M and its inverse, both with the identity in place of singular or non-finite
@@ -27,7 +28,7 @@ def guarded_inverse(M: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
     d = np.sqrt(np.diagonal(safe, axis1=-2, axis2=-1))
     dd = d[..., :, None] * d[..., None, :]
     r, V = np.linalg.eigh(safe / dd)
-    regular = positive & (r[..., 0] > 16 * p * np.finfo(float).eps)
+    regular = positive & (r[..., 0] > max(least, 16 * p * np.finfo(float).eps))
     r = np.where(regular[..., None], r, 1.0)
     cov = (V / r[..., None, :]) @ np.swapaxes(V, -1, -2) / dd
     keep = regular[..., None, None]

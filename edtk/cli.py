@@ -5,6 +5,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 import numpy as np
@@ -15,6 +16,9 @@ import edtk
 from edtk.atomic import require_writable
 from edtk.errors import UserError
 from edtk.one_line import OneLine
+
+if TYPE_CHECKING:
+    from edtk.parallel import Team
 
 StudyPath = click.Path(path_type=Path, dir_okay=False)
 
@@ -34,6 +38,24 @@ def _mistakes(where: Path) -> Iterator[None]:
         raise UserError(f"{where}: {error}") from error
     except OSError as error:
         raise UserError(f"{error.filename or where}: {error.strerror or error}") from error
+
+
+workers_option = click.option(
+    "--workers", type=click.IntRange(min=1), help="Processes on this machine [default: one a core]."
+)
+dask_option = click.option("--dask", metavar="ADDRESS", help="Use the workers of a Dask cluster, tcp://HOST:PORT.")
+
+
+@contextmanager
+def _team(workers: int | None, dask: str | None) -> Iterator["Team"]:
+    """Who does the work; a cluster that is not there is the user's mistake."""
+    from edtk.parallel import WorkersLostError, team
+
+    try:
+        with team(workers, dask) as found:
+            yield found
+    except WorkersLostError as error:
+        raise UserError(f"--dask: {error}") from error
 
 
 @click.group(cls=_Group, context_settings={"help_option_names": ["-h", "--help"]}, no_args_is_help=False)
@@ -83,21 +105,86 @@ def evaluate_plan(study: Path, plan: Path, as_json: bool) -> None:
 @main.command("run")
 @click.argument("study", type=StudyPath)
 @click.option("--out", type=click.Path(path_type=Path, file_okay=False), help="Folder [default: results/STUDY].")
-def run(study: Path, out: Path | None) -> None:
-    """Answer STUDY (TOML): optimise plans, compare them, write tables, plans and a report."""
+@workers_option
+@dask_option
+@click.option("--fresh", is_flag=True, help="Begin anew, instead of going on from the cases that are finished.")
+def run(study: Path, out: Path | None, workers: int | None, dask: str | None, fresh: bool) -> None:
+    """Answer STUDY (TOML): optimise plans, compare them, write tables, plans and a report.
+
+    A run that was killed goes on where it was when it is started again.
+    """
     from edtk.study import load_study, run_study
     from edtk.study.runner import steps
 
     loaded = load_study(study)
     folder = out or Path("results") / study.stem
-    with tqdm(total=steps(loaded), unit="step", file=sys.stderr) as bar, _mistakes(study):
+    with (
+        _team(workers, dask) as team,
+        tqdm(total=steps(loaded), unit="step", file=sys.stderr) as bar,
+        _mistakes(study),
+    ):
 
         def progress(label: str) -> None:
             bar.set_postfix_str(label, refresh=False)
             bar.update()
 
-        run_study(loaded, folder, progress)
+        run_study(loaded, folder, progress, team, fresh)
     click.echo(f"wrote {folder / 'report.md'}, {folder / 'results.csv'} and {folder / 'plans'}", err=True)
+
+
+@main.command("plan")
+@click.argument("study", type=StudyPath)
+@click.option("--size", type=click.IntRange(min=1), required=True, help="Number of experiments m, kept ones counted.")
+@click.option("--distinct", type=click.IntRange(min=1), help="Distinct new poses at most [default: any number].")
+@click.option("--criterion", "name", help="Criterion to optimise [default: the first that the study optimises].")
+@click.option("--keep", type=StudyPath, help="Plan (CSV) of experiments that are there already.")
+@click.option("--exclude", type=StudyPath, help="Plan (CSV) of poses to stay away from.")
+@click.option("--budget", type=click.FloatRange(min=0, min_open=True), help="Seconds after which to stop.")
+@workers_option
+@dask_option
+@click.option("--seed", type=click.IntRange(min=0), help="Seed [default: the study's].")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+@click.option("--out", type=click.Path(path_type=Path, dir_okay=False), help="Write all experiments (CSV).")
+def plan_study(
+    study: Path,
+    size: int,
+    distinct: int | None,
+    name: str | None,
+    keep: Path | None,
+    exclude: Path | None,
+    budget: float | None,
+    workers: int | None,
+    dask: str | None,
+    seed: int | None,
+    as_json: bool,
+    out: Path | None,
+) -> None:
+    """The best plan of exactly m experiments for STUDY (TOML), and how far it is from the bound.
+
+    Ctrl-C, or the end of the budget, leaves the best plan so far.
+    """
+    from edtk.study import load_study
+    from edtk.study.planned import planned
+
+    loaded = load_study(study, exclude)
+    kept = loaded.load_plan(keep) if keep is not None else None
+    if out is not None:
+        require_writable(out)
+    with (
+        _team(workers, dask) as team,
+        tqdm(unit="step", file=sys.stderr, bar_format="{desc} [{elapsed}]", desc="bound") as bar,
+        _mistakes(study),
+    ):
+        name = loaded.file.optimise[0] if name is None else name
+        found = planned(loaded, size, name, distinct, kept, budget, seed, team, bar.set_description_str)
+    if out is not None:
+        found.whole.to_csv(out, loaded.robot)
+    click.echo(json.dumps(found.to_json(), indent=2) if as_json else found.summary())
+    if found.ended in ("budget", "interrupted"):
+        why = "the budget ended the search" if found.ended == "budget" else "interrupted"
+        click.echo(f"edtk: {why}; this is the best plan so far", err=True)
+    if found.ended == "interrupted":
+        sys.exit(130)
 
 
 @main.command("relax")

@@ -22,6 +22,7 @@ PAPER = ROOT / "studies/kr270_milling.toml"
 STUDY = PAPER.read_text()
 HEADER = "q2_deg,q3_deg,q4_deg,q5_deg,q6_deg"
 POSE = "-93.5,125.0,-118.7,-62.4,-168.9"
+LOAD = "F_N = [0, 0, -2500]"
 PLAN_3 = ROOT / "studies/plans/table_4_3.csv"
 Answer = subprocess.CompletedProcess[str]
 
@@ -75,7 +76,8 @@ def study(tmp_path: Path) -> Path:
     """A small copy of the paper's study with two criteria, without published plans."""
     text = STUDY[: STUDY.index("published = [")] + STUDY[STUDY.index("[tool]") :]
     text = text.replace("candidates = 2000", "candidates = 300").replace("sizes = [2, 3, 4, 6, 12]", "sizes = [3]")
-    text = text.replace("starts = 6", "starts = 1").replace('["rho0", "A", "D", "E"]', '["rho0", "E"]')
+    text = text.replace("starts = 32", "starts = 1")
+    text = text.replace('["rho0", "A", "D", "E", "G", "O1", "O2", "O3", "O4", "O5"]', '["rho0", "E"]')
     text = text.replace('["A", "D", "E", "G", "O1", "O2", "O3", "O4", "O5", "rho0"]', '["E", "rho0"]')
     path = tmp_path / "study.toml"
     path.write_text(text)
@@ -130,8 +132,10 @@ def test_run_writes_results_plans_and_report(study: Path, tmp_path: Path) -> Non
     assert answer.returncode == 0, answer.stderr
     assert answer.stdout == ""
     assert [line.split(" ")[0] for line in messages(answer)] == ["wrote"]
-    assert {p.name for p in out.iterdir()} == {"results.csv", "report.md", "comparison.png", "plans"}
-    assert "comparison.png" in (out / "report.md").read_text()
+    figures = {p.name for p in out.glob("*.png")}
+    assert {p.name for p in out.iterdir()} - figures == {"results.csv", "report.md", "cases", "plans"}
+    assert "comparison.png" in figures
+    assert all(f"({name})" in (out / "report.md").read_text() for name in figures)
     result = json.loads(edtk("evaluate", study, out / "plans/optimised_E_m3.csv", "--json").stdout)
     table = pd.read_csv(out / "results.csv").set_index("plan")
     assert result["criteria"]["E"] == pytest.approx(table.loc["optimised_E_m3", "E"], rel=1e-6)  # written to ten digits
@@ -146,7 +150,7 @@ def test_a_plug_in_criterion_is_found_by_name_in_a_study(study: Path, plugin_sit
     answer = process("run", study, "--out", tmp_path / "out", env=env)
     assert answer.returncode == 0, answer.stderr
     columns = list(pd.read_csv(tmp_path / "out/results.csv"))
-    assert columns[5:9] == ["E", name, "efficiency_E", "seed"]
+    assert columns[7:11] == ["E", name, "efficiency_E", "seed"]
     assert_one_line(edtk("run", study), name, "available: A, D")
 
 
@@ -200,6 +204,17 @@ def test_bad_plan(study: Path, tmp_path: Path, command: str, content: str, words
         ("sizes = [3]", "sizes = [0]", ("sizes", "greater than or equal to 1")),
         ("seed = 2026", "seed = ", ("not valid TOML",)),
         ("candidates = 300", 'published = ["nowhere.csv"]', ("nowhere.csv", "no such file")),
+        ("height_min_mm = 800", 'excluded = "nowhere.csv"', ("nowhere.csv", "no such file")),
+        ("height_min_mm = 800", "excluded_within_deg = 0", ("workspace.excluded_within_deg", "greater than 0")),
+        (LOAD, f"{LOAD}\nF_max_N = 2500", ("load", "one of F_N, F_max_N and list_F_N")),
+        (LOAD, "F_max_N = 2500\nlist_F_N = [[0, 0, 1]]", ("load", "one of F_N, F_max_N and list_F_N")),
+        (LOAD, "T_Nm = [1, 0, 0]", ("load", "one of F_N, F_max_N and list_F_N")),
+        (LOAD, "F_max_N = 2500\nT_Nm = [1, 0, 0]", ("load", "T_Nm goes with F_N only")),
+        (LOAD, f"{LOAD}\ndirection = [0, 0, 1]", ("load", "direction goes with F_max_N")),
+        (LOAD, "F_max_N = 2500\ndirection = [0, 0, 0]", ("load", "direction", "not zero")),
+        (LOAD, "F_max_N = 0", ("load.F_max_N", "greater than 0")),
+        (LOAD, "list_F_N = []", ("load.list_F_N", "at least 1")),
+        (LOAD, "list_F_N = [[0, 0]]", ("load.list_F_N",)),
     ],
 )
 def test_bad_study(study: Path, tmp_path: Path, old: str, new: str, words: tuple[str, ...]) -> None:
@@ -227,7 +242,7 @@ def test_ctrl_c_leaves_the_best_certified_plan(tmp_path: Path) -> None:
     result = json.loads(answer.stdout)
     weights = np.array([s["weight"] for s in result["support"]])
     q = np.deg2rad([s["q_deg"] for s in result["support"]])
-    A = np.sqrt(weights)[:, None, None] * study.model.regressor(q, study.design.wrench) / 0.03e-3
+    A = np.sqrt(weights)[:, None, None] * study.model.regressor(q, [0, 0, -2500, 0, 0, 0]) / 0.03e-3
     s = np.linalg.svd(A.reshape(-1, 5), compute_uv=False)
     assert result["value"] == pytest.approx(s[-1] ** 2 / s[0], rel=1e-11)  # eps times a condition number of 1e3
     assert result["value"] <= result["bound"] <= result["value"] * (1 + 2e-6)
@@ -273,6 +288,74 @@ def test_bad_relax(
     assert_one_line(edtk("relax", study, *options, "--json", "--out", out), *words)
     assert out.read_text() == "earlier"
     assert set(tmp_path.iterdir()) == {study, out}
+
+
+@pytest.mark.parametrize(
+    ("options", "change", "words"),
+    [
+        ([], None, ("--size",)),
+        (["--size", "0"], None, ("--size", "0 is not in the range x>=1")),
+        (["--size", "1"], None, ("study.toml", "--size", "1 experiment cannot identify 5", "smallest number is 2")),
+        (["--size", "3", "--distinct", "4"], None, ("--distinct 4", "at most 3")),
+        (["--size", "3", "--distinct", "1"], None, ("study.toml", "--distinct", "1 distinct pose", "number is 2")),
+        (["--size", "3", "--distinct", "0"], None, ("--distinct", "0 is not in the range x>=1")),
+        (["--size", "3", "--budget", "0"], None, ("--budget", "0.0 is not in the range x>0")),
+        (["--size", "3", "--budget", "-1"], None, ("--budget", "-1.0 is not in the range x>0")),
+        (["--size", "3", "--workers", "0"], None, ("--workers", "0 is not in the range x>=1")),
+        (["--size", "3", "--seed", "-1"], None, ("--seed", "-1 is not in the range x>=0")),
+        (["--size", "3", "--criterion", "O6"], None, ("unknown criterion 'O6'", "available: A, D")),
+        (["--size", "3", "--keep", str(PLAN_3)], None, ("--size 3", "3 experiments are kept", "more than that")),
+        (["--size", "2", "--keep", str(PLAN_3)], None, ("--size 2", "3 experiments are kept", "more than that")),
+        (["--size", "5", "--distinct", "3", "--keep", str(PLAN_3)], None, ("--distinct 3", "at most 2")),
+        (["--size", "3", "--keep", "nowhere.csv"], None, ("nowhere.csv", "no such file")),
+        (["--size", "3", "--exclude", "nowhere.csv"], None, ("nowhere.csv", "no such file")),
+        (["--size", "4", "--keep", str(PLAN_3)], (LOAD, "F_max_N = 2500"), ("table_4_3.csv", "Fx_N", "load open")),
+        (["--size", "3"], (LOAD, "F_max_N = 2500\ndirection = [0, 0, 0]"), ("study.toml", "load", "not zero")),
+        (["--size", "3"], ("height_min_mm = 800", 'excluded = "nowhere.csv"'), ("nowhere.csv", "no such file")),
+        (["--size", "3"], ("height_min_mm = 800", "height_min_mm = 9000"), ("study.toml", "workspace", "height")),
+        (["--size", "3"], ('["q2",', '["q1", "q2",'), ("study.toml", "joints.unknown", "no candidate excites k1")),
+    ],
+)
+def test_bad_plan_question(
+    study: Path, tmp_path: Path, options: list[str], change: tuple[str, str] | None, words: tuple[str, ...]
+) -> None:
+    """Each mistake is one line that says what was expected, and an earlier file stays as it was."""
+    if change:
+        edit(study, *change)
+    out = tmp_path / "plan.csv"
+    out.write_text("earlier")
+    short = ["--budget", "1", "--workers", "1", *options]  # the relaxation comes before some of them
+    assert_one_line(edtk("plan", study, *short, "--json", "--out", out), *words)
+    assert out.read_text() == "earlier"
+    assert set(tmp_path.iterdir()) == {study, out}
+
+
+def test_kept_pose_that_is_infeasible_is_named_by_its_row(study: Path, tmp_path: Path) -> None:
+    """A kept plan is checked as any other: the file, the row, the constraint; and nothing is written."""
+    kept, out = tmp_path / "kept.csv", tmp_path / "plan.csv"
+    kept.write_text(f"{HEADER}\n{POSE}\n-93.5,185.0,-118.7,-62.4,-168.9\n")
+    answer = edtk("plan", study, "--size", 3, "--keep", kept, "--out", out)
+    assert_one_line(answer, "kept.csv", "row 2", "joint limit q3")
+    assert set(tmp_path.iterdir()) == {study, kept}
+
+
+@pytest.mark.parametrize("command", ["evaluate", "bayes"])
+def test_plan_without_forces_where_the_load_is_open(study: Path, command: str) -> None:
+    """A plan has to say which forces are applied where the study does not."""
+    edit(study, LOAD, "list_F_N = [[0, 0, -2500], [0, 0, -1000]]")
+    assert_one_line(edtk(command, study, PLAN_3), "table_4_3.csv", "'Fx_N' is missing", "leaves the load open")
+
+
+@pytest.mark.parametrize(
+    ("command", "address"),
+    [("run", "tcp://127.0.0.1:9"), ("plan", "nobody at all"), ("plan", "tcp://127.0.0.1"), ("plan", "carrier://a:1")],
+)
+def test_cluster_that_is_not_there(study: Path, tmp_path: Path, command: str, address: str) -> None:
+    """An address at which no scheduler answers, or that is none, is one line without a log; nothing is written."""
+    options = ["--size", "3"] if command == "plan" else []
+    answer = process(command, study, *options, "--dask", address, "--out", tmp_path / "out")
+    assert_one_line(answer, "--dask", "no Dask scheduler answers", address)
+    assert list(tmp_path.iterdir()) == [study]
 
 
 def test_relax_for_a_test_pose_that_is_not_there(study: Path) -> None:

@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import qmc
 
-from edtk.design.exact import PoseDesign
-from edtk.design.packed import pack_gram
+from edtk.design.pose_design import PoseDesign
 from edtk.design.problem import Problem
 
 Array = NDArray[np.float64]
@@ -29,23 +28,23 @@ class Candidates:
     """Candidate poses and the information of one measurement in each.
 
     Attributes:
-        q: Joint variables (n, n_joints) [rad or m].
+        x: Design variables (n, v).
         problem: Their information, in the same order.
     """
 
-    q: Array
+    x: Array
     problem: Problem
 
     def __getitem__(self, chosen: NDArray[np.int_]) -> "Candidates":
         """Some of them."""
         packed = self.problem.packed[:, chosen]
-        return Candidates(self.q[chosen], Problem.of_information(packed, self.problem.parameters))
+        return Candidates(self.x[chosen], Problem.of_information(packed, self.problem.parameters))
 
     def __add__(self, others: "Candidates") -> "Candidates":
         """These and others."""
         packed = np.concatenate([self.problem.packed, others.problem.packed], axis=1)
         problem = Problem.of_information(packed, self.problem.parameters)
-        return Candidates(np.concatenate([self.q, others.q]), problem)
+        return Candidates(np.concatenate([self.x, others.x]), problem)
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +60,7 @@ class CandidateSource:
         seed: Seed, one number or several.
         sampling: "random" or "sobol".
         workers: Number of threads; None for one a core.
-        patience: Chunks to wait for the first feasible pose.
+        patience: Chunks of 16384 samples to wait for the first feasible pose.
 
     Raises:
         ValueError: No such sampling.
@@ -85,18 +84,18 @@ class CandidateSource:
             ValueError: n < 1.
         """
         require_some(n)
-        q = np.empty((n, self.design.workspace.robot.n))
+        x = np.empty((n, self.design.size))
         p = self.design.model.p
         packed = np.empty((p * (p + 1) // 2, n))
         start = 0
-        for poses, information in self.chunks(n):
-            part = slice(start, start + len(poses))
-            q[part], packed[:, part] = poses, information
-            start += len(poses)
-        return Candidates(q, Problem.of_information(packed, self.design.model.parameters))
+        for some, information in self.chunks(n):
+            part = slice(start, start + len(some))
+            x[part], packed[:, part] = some, information
+            start += len(some)
+        return Candidates(x, Problem.of_information(packed, self.design.model.parameters))
 
     def chunks(self, n: int) -> Iterator[tuple[Array, Array]]:
-        """The first n candidates in chunks: poses (m, n_joints), and their information packed (p(p+1)/2, m).
+        """The first n candidates in chunks: design variables (m, v), and their information packed (p(p+1)/2, m).
 
         Raises:
             EmptyFeasibleSetError: No feasible pose turns up; names the constraint that excludes most.
@@ -104,35 +103,36 @@ class CandidateSource:
         """
         require_some(n)
         left, drawn = n, 0
-        violated = np.zeros(len(self.design.workspace.labels))
-        for poses, information, outside in self._parallel():
-            drawn, violated = drawn + 1, violated + outside
-            if left == n and not len(poses) and drawn >= self.patience:
-                worst, samples = int(violated.argmax()), drawn * CHUNK
+        size = min(CHUNK, 1 << (4 * n).bit_length())  # a few candidates need not wait for many
+        violated = np.zeros(len(self.design.labels))
+        for some, information, outside in self._parallel(size):
+            drawn, violated = drawn + size, violated + outside
+            if left == n and not len(some) and drawn >= self.patience * CHUNK:
+                worst = int(violated.argmax())
                 raise EmptyFeasibleSetError(
-                    f"no feasible pose among {samples} samples; the constraint "
-                    f"'{self.design.workspace.labels[worst]}' excludes {100 * violated[worst] / samples:.0f} % of them"
+                    f"no feasible pose among {drawn} samples; the constraint "
+                    f"'{self.design.labels[worst]}' excludes {100 * violated[worst] / drawn:.0f} % of them"
                 )
-            if len(poses):
-                yield poses[:left], information[:, :left]
-                left -= len(poses)
+            if len(some):
+                yield some[:left], information[:, :left]
+                left -= len(some)
             if left <= 0:
                 return
 
-    def _cubes(self) -> Iterator[Array]:
-        """Points of the unit cube (CHUNK, free), for ever."""
-        rng, d = np.random.default_rng(self.seed), len(self.design.free)
+    def _cubes(self, size: int) -> Iterator[Array]:
+        """Points of the unit cube (size, drawn), for ever; the sequence does not depend on the size."""
+        rng, d = np.random.default_rng(self.seed), len(self.design.drawn)
         sobol = qmc.Sobol(d, rng=rng) if self.sampling == "sobol" else None
         while True:
-            yield rng.random((CHUNK, d)) if sobol is None else sobol.random(CHUNK)
+            yield rng.random((size, d)) if sobol is None else sobol.random(size)
 
-    def _parallel(self) -> Iterator[tuple[Array, Array, Array]]:
+    def _parallel(self, size: int) -> Iterator[tuple[Array, Array, Array]]:
         """`_evaluate` of every chunk in order, a few chunks ahead of the consumer."""
         workers = self.workers or os.cpu_count() or 1
         waiting: deque[Future[tuple[Array, Array, Array]]] = deque()
         with ThreadPoolExecutor(workers) as pool:
             try:
-                for cube in self._cubes():
+                for cube in self._cubes(size):
                     waiting.append(pool.submit(self._evaluate, cube))
                     if len(waiting) > 2 * workers:
                         yield waiting.popleft().result()
@@ -141,16 +141,12 @@ class CandidateSource:
                     future.cancel()
 
     def _evaluate(self, cube: Array) -> tuple[Array, Array, Array]:
-        """Feasible poses of a chunk, their packed information, and how many each constraint excludes."""
+        """Feasible experiments of a chunk, their packed information, and how many each constraint excludes."""
         design = self.design
-        lower, upper = design.workspace.robot.limits[:, design.free]
-        q = np.tile(design.fixed, (len(cube), 1))
-        q[:, design.free] = lower + (upper - lower) * cube
-        inside = design.workspace.slack(q) >= 0
-        poses = q[inside.all(axis=-1)]
-        frames = design.model.robot.frames(poses)
-        A = design.model.regressor_of(frames, design.wrench) / design.sigma[:, None]
-        return poses, pack_gram(A), (~inside).sum(axis=0)
+        x = design.draw(cube)
+        inside = design.at(x).slack >= 0
+        feasible = x[inside.all(axis=-1)]
+        return feasible, design.at(feasible).packed, (~inside).sum(axis=0)
 
 
 def require_some(n: int) -> None:
@@ -160,10 +156,10 @@ def require_some(n: int) -> None:
 
 
 def sample_feasible(design: PoseDesign, n: int, seed: int | tuple[int, ...]) -> Array:
-    """N feasible poses (n, n_joints), uniform in the joint limits.
+    """N feasible experiments (n, v), uniform within the bounds.
 
     Raises:
         EmptyFeasibleSetError: No feasible pose turns up; names the constraint that excludes most.
         ValueError: n < 1.
     """
-    return np.concatenate([q for q, _ in CandidateSource(design, seed).chunks(n)])
+    return np.concatenate([x for x, _ in CandidateSource(design, seed).chunks(n)])

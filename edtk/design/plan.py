@@ -62,23 +62,33 @@ class Plan:
         """The same plan carried out several times."""
         return Plan(self.q, self.wrench, self.repeats * times)
 
-    def to_csv(self, path: Path, robot: Robot) -> None:
-        """Write the plan atomically, in degrees, millimetres, newtons and newton metres."""
+    def __add__(self, more: "Plan") -> "Plan":
+        """These experiments and others."""
+        q, wrench = np.concatenate([self.q, more.q]), np.concatenate([self.wrench, more.wrench])
+        return Plan(q, wrench, np.concatenate([self.repeats, more.repeats]))
+
+    def table(self, robot: Robot) -> pd.DataFrame:
+        """Poses, repetitions and wrenches as a file has them: degrees, millimetres, newtons and newton metres."""
         table = pd.DataFrame(self.q / pose_factors(robot), columns=list(pose_columns(robot)))
         table["repeats"] = self.repeats
         table[list(WRENCH_COLUMNS)] = self.wrench
+        return table
+
+    def to_csv(self, path: Path, robot: Robot) -> None:
+        """Write the plan atomically, see `table`."""
         with atomic_path(path) as temporary:
-            table.to_csv(temporary, index=False, float_format="%.10g")
+            self.table(robot).to_csv(temporary, index=False, float_format="%.10g")
 
     @classmethod
-    def from_csv(cls, path: Path, robot: Robot, fixed: dict[int, float], wrench: Array) -> "Plan":
+    def from_csv(cls, path: Path, robot: Robot, fixed: dict[int, float], wrench: Array | None) -> "Plan":
         """Read a plan: columns q1_deg .. qn_deg, optionally `repeats` and all or some wrench columns.
 
         Args:
             path: The CSV file; rows are counted from 1, the header left out.
             robot: Names the columns.
             fixed: Values [rad or m] of joints, by index, that the file may leave out.
-            wrench: Default wrench (6,); a wrench column of the file overrides its component.
+            wrench: Default wrench (6,); a wrench column of the file overrides its component. None where the file must
+                say which forces are applied.
 
         Raises:
             PlanFileError: Names the file and the row or column.
@@ -98,7 +108,9 @@ class Plan:
         for j, (column, factor) in enumerate(zip(columns, pose_factors(robot), strict=True)):
             if column in table:
                 q[:, j] = _numbers(table, column, path) * factor
-        W = np.tile(np.asarray(wrench, dtype=float), (len(table), 1))
+        if wrench is None and (missing := [c for c in WRENCH_COLUMNS[:3] if c not in table]):
+            raise PlanFileError(f"{path}: column {missing[0]!r} is missing, and the study leaves the load open")
+        W = np.tile(np.zeros(6) if wrench is None else np.asarray(wrench, dtype=float), (len(table), 1))
         for j, column in enumerate(WRENCH_COLUMNS):
             if column in table:
                 W[:, j] = _numbers(table, column, path)

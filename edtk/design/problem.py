@@ -72,6 +72,18 @@ class Problem:
         """Information ``A_i' A_i / sigma^2`` (k, p, p) of some candidates, by default of all."""
         return unpack(self.packed[:, chosen])  # type: ignore[index]
 
+    @cached_property
+    def _factors(self) -> Array:
+        """U (n, r, p) with ``U' U`` the information of each candidate, r the largest rank; made when first asked."""
+        scale = np.sqrt(np.maximum(np.diag(self.mean), np.finfo(float).tiny))
+        size, V = np.linalg.eigh(self.blocks() / np.outer(scale, scale))
+        r = max(1, int((size > 1e-13 * size[:, -1:]).sum(axis=1).max()))
+        return np.swapaxes(V[..., -r:] * np.sqrt(np.maximum(size[:, None, -r:], 0.0)), -1, -2) * scale
+
+    def factors(self, chosen: ArrayLike = slice(None)) -> Array:  # type: ignore[assignment]
+        """U (k, r, p) with ``U' U = A' A/sigma^2`` of some candidates, r the largest rank of all."""
+        return self._factors[chosen]  # type: ignore[index]
+
     def information(self, weights: ArrayLike) -> Array:
         """Information matrix ``M = sum w_i A_i' A_i / sigma^2`` (p, p) of weights or repetitions (n,)."""
         w = np.asarray(weights, dtype=float)

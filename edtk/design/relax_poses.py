@@ -33,13 +33,13 @@ class PlanInterrupted(KeyboardInterrupt):
         self.best = best
 
 
-def capacity(p: int, joints: int, memory_mb: float) -> int:
+def capacity(p: int, variables: int, memory_mb: float) -> int:
     """How many candidates fit below a limit on memory: their information, a scaled copy, poses and prices.
 
     Raises:
         MemoryLimitError: Fewer than are worth while.
     """
-    each = 8 * (p * (p + 1) + joints + 8)
+    each = 8 * (p * (p + 1) + variables + 8)
     fit = (memory_mb - BASE_MB) * 1e6 / each
     if not fit >= KEEP:
         need = np.ceil(BASE_MB + KEEP * each / 1e6)
@@ -86,15 +86,15 @@ def relax_poses(
     """
     require_some(n)
     run = _Run(source, n, criterion, gap, tolerance, progress)
-    fit = capacity(source.design.model.p, source.design.workspace.robot.n, memory_mb)
+    fit = capacity(source.design.model.p, source.design.size, memory_mb)
     try:
         head = run.candidates(min(n, fit)) if candidates is None else candidates
-        if len(head.q) > n:
+        if len(head.x) > n:
             head = head[np.arange(n)]
         active = run.solve(head)
-        if n > len(head.q) or continuous:
+        if n > len(head.x) or continuous:
             active = run.reduced(active)
-        if n > len(head.q):
+        if n > len(head.x):
             active = run.beyond_memory(active)
         if continuous:
             run.continuum(active, head)
@@ -139,7 +139,7 @@ class _Run:
             source=self.source,
             candidates=n,
             criterion=self.criterion,
-            q=support.q,
+            x=support.x,
             weights=design.weights,
             cost=float(self.criterion.cost(M)),
             bound=self.criterion.floor(Z, tops, M),
@@ -168,7 +168,7 @@ class _Run:
         active = Active(head, r, r.iterations)
         tops = self._tops(head.problem, r.multipliers)
         self._spend("solve")
-        self._keep(active, len(head.q), tops)
+        self._keep(active, len(head.x), tops)
         if interrupted:
             raise KeyboardInterrupt
         return active
@@ -201,11 +201,11 @@ class _Run:
             proved = self._tops(head.problem, Z)
             searched = np.maximum(searched, self._tops(active.poses.problem, Z))
             self._spend("continuous")
-            plan = self._keep(active, len(head.q), proved, searched)
+            plan = self._keep(active, len(head.x), proved, searched)
             away = 1 - plan.best_bound / plan.cost
             self.progress("continuum", away)
             if away <= 0.5 * self.tolerance:  # the other half is for merging
-                if self.n > len(head.q):
+                if self.n > len(head.x):
                     proved = np.maximum(proved, self._sweep(Z)[0])
                 design = active.merged(0.5 * self.tolerance, self.gap, last)
                 self._spend("continuous")
@@ -220,14 +220,14 @@ class _Run:
     def _sweep(self, Z: Array) -> tuple[Array, Candidates]:
         """Dearest prices (r,) of all candidates, generated anew in chunks, and the dearest candidates."""
         tops, least, kept = np.full(len(Z), -np.inf), np.full(len(Z), -np.inf), None
-        for q, packed in self.source.chunks(self.n):
-            part = Candidates(q, Problem.of_information(packed, self.source.design.model.parameters))
+        for x, packed in self.source.chunks(self.n):
+            part = Candidates(x, Problem.of_information(packed, self.source.design.model.parameters))
             prices = judged(part.problem, self.criterion).prices(Z)
             tops = np.maximum(tops, prices.max(axis=-1))
             if not (dear := np.flatnonzero((prices > least[:, None]).any(axis=0))).size:
                 continue
             kept = part[dear] if kept is None else kept + part[dear]
-            if len(kept.q) > 4 * KEEP * len(Z):
+            if len(kept.x) > 4 * KEEP * len(Z):
                 chosen, least = _dearest(judged(kept.problem, self.criterion).prices(Z), KEEP)
                 kept = kept[chosen]
         assert kept is not None

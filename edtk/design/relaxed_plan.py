@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from criteria import Criterion
 from edtk.atomic import atomic_path
 from edtk.design.candidates import CandidateSource
-from edtk.design.exact import PoseDesign
-from edtk.design.plan import pose_columns, pose_factors
-from edtk.design.sensitivity import Sensitivity
+from edtk.design.plan import WRENCH_COLUMNS, Plan, pose_factors
+from edtk.design.pose_design import PoseDesign
+from edtk.design.relax import judged
 
 Array = NDArray[np.float64]
 
@@ -26,7 +26,7 @@ class RelaxedPlan:
         source: Where the candidate poses come from.
         candidates: The bound is proved over the first so many of them, and these poses.
         criterion: What was minimised.
-        q: Poses (k, n) [rad or m].
+        x: Design variables (k, v) of the experiments.
         weights: Their shares (k,), of sum one.
         cost: The criterion's cost.
         bound: Proved: no design over the candidates and these poses has a lower cost.
@@ -41,7 +41,7 @@ class RelaxedPlan:
     source: CandidateSource
     candidates: int
     criterion: Criterion
-    q: Array
+    x: Array
     weights: Array
     cost: float
     bound: float
@@ -69,7 +69,7 @@ class RelaxedPlan:
     @property
     def information(self) -> Array:
         """Information matrix (p, p) of one experiment's worth of this design."""
-        return self.design.problem(self.q).information(self.weights)
+        return self.design.problem(self.x).information(self.weights)
 
     @property
     def value(self) -> float:
@@ -82,15 +82,29 @@ class RelaxedPlan:
 
     @property
     def _heaviest_first(self) -> NDArray[np.int_]:
-        """Indices (k,) of the poses in the order in which people and files see them."""
+        """Indices (k,) of the experiments in the order in which people and files see them."""
         return np.argsort(-self.weights, kind="stable")
+
+    @property
+    def plan(self) -> Plan:
+        """Poses and wrenches, the heaviest first, once each."""
+        order = self._heaviest_first
+        return self.design.plan(self.x[order], np.ones(len(order), dtype=int))
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """Poses in degrees and millimetres, wrenches where they are designed too, and weights; the heaviest first."""
+        table = self.plan.table(self.design.workspace.robot).drop(columns="repeats")
+        if not self.design.load.limits.size:
+            table = table.drop(columns=list(WRENCH_COLUMNS))
+        return table.assign(weight=self.weights[self._heaviest_first])
 
     def certify(self) -> tuple[float, float]:
         """Cost and proved bound anew, from poses, weights and multipliers alone: every candidate is priced again."""
-        prices = [Sensitivity(self.design, Z, self.criterion.degree == 0) for Z in self.multipliers]
-        tops = np.array([price(self.q).max() for price in prices])
-        for q, _ in self.source.chunks(self.candidates):
-            tops = np.maximum(tops, [price(q).max() for price in prices])
+        tops = np.full(len(self.multipliers), -np.inf)
+        for x in (self.x, *(x for x, _ in self.source.chunks(self.candidates))):
+            prices = judged(self.design.problem(x), self.criterion).prices(self.multipliers)
+            tops = np.maximum(tops, prices.max(axis=1))
         M = self.information
         return float(self.criterion.cost(M)), self.criterion.floor(self.multipliers, tops, M)
 
@@ -106,17 +120,16 @@ class RelaxedPlan:
         for label, cost, proof in rows:
             gap = f"  (relative gap {max(1 - cost / self.cost, 0):.1e}{proof})" if label != "value" else ""
             lines.append(f"  {label:{width}}  {factor * self.printed(cost):.7g}{unit}{gap}")
-        robot = self.design.workspace.robot
-        lines.append("weight   " + " ".join(f"{column:>9}" for column in pose_columns(robot)))
-        for i in self._heaviest_first:
-            pose = self.q[i] / pose_factors(robot)
-            lines.append(f"{self.weights[i]:.5f}  " + " ".join(f"{x:9.3f}" for x in pose))
+        table = self.table
+        lines.append("weight   " + " ".join(f"{column:>9}" for column in table.columns[:-1]))
+        for *entries, weight in table.itertuples(index=False):
+            lines.append(f"{weight:.5f}  " + " ".join(f"{x:9.3f}" for x in entries))
         return "\n".join(lines)
 
     def to_json(self) -> dict[str, Any]:
         """Plain numbers, for JSON; the heaviest pose first."""
-        order = self._heaviest_first
-        degrees = self.q[order] / pose_factors(self.design.workspace.robot)
+        plan, weights = self.plan, self.weights[self._heaviest_first]
+        degrees = plan.q / pose_factors(self.design.workspace.robot)
         return {
             "criterion": self.criterion.name,
             "value": self.value,
@@ -125,7 +138,8 @@ class RelaxedPlan:
             "bound_searched": None if self.searched is None else _finite(self.printed(self.searched)),
             "candidates": self.candidates,
             "support": [
-                {"q_deg": q.tolist(), "weight": float(w)} for q, w in zip(degrees, self.weights[order], strict=True)
+                {"q_deg": q.tolist(), "wrench": W.tolist(), "weight": float(w)}
+                for q, W, w in zip(degrees, plan.wrench, weights, strict=True)
             ],
             "multipliers": self.multipliers.tolist(),
             "seed": self.source.seed,
@@ -137,12 +151,8 @@ class RelaxedPlan:
 
     def to_csv(self, path: Path) -> None:
         """Write poses in degrees and millimetres, and weights, atomically; the heaviest first."""
-        robot = self.design.workspace.robot
-        order = self._heaviest_first
-        table = pd.DataFrame(self.q[order] / pose_factors(robot), columns=list(pose_columns(robot)))
-        table["weight"] = self.weights[order]
         with atomic_path(path) as temporary:
-            table.to_csv(temporary, index=False, float_format="%.10g")
+            self.table.to_csv(temporary, index=False, float_format="%.10g")
 
 
 def _finite(x: float) -> float | None:

@@ -6,8 +6,9 @@ from numpy.typing import NDArray
 from criteria import Criterion
 from criteria.inverse import whitener
 from edtk.design.candidates import Candidates, CandidateSource
-from edtk.design.exact import PoseDesign
-from edtk.design.sensitivity import Sensitivity
+from edtk.design.pose_design import PoseDesign
+from edtk.design.relax import judged
+from edtk.design.sensitivity import ascend
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int_]
@@ -40,22 +41,24 @@ def search(
     fresh = CandidateSource(design, seed).take(SCREEN)
     T = whitener(known.problem.mean)
     size = max(6, min(16, STARTS // len(multipliers)))
-    tops, found = [], []
-    for Z in multipliers:
-        price = Sensitivity(design, Z, criterion.degree == 0)
-        starts = [_dearest(known, price, T, size), _dearest(fresh, price, T, size // 3)]
-        unit = float(np.abs(price(starts[0])).max())
-        ends = np.array([price.ascend(q, unit, accuracy) for q in np.concatenate(starts)])
-        tops.append(price(ends).max())
-        found.append(ends)
-    q = np.concatenate(found)
-    return np.array(tops), Candidates(q, design.problem(q))
+    starts, units, owner = [], [], []
+    for j, Z in enumerate(multipliers):
+        prices = [judged(some.problem, criterion).prices(Z) for some in (known, fresh)]
+        near = [_dearest(some, p, T, k) for some, p, k in zip((known, fresh), prices, (size, size // 3), strict=True)]
+        starts += near
+        units.append(float(np.abs(prices[0]).max()))
+        owner += [j] * sum(map(len, near))
+    Z = multipliers[owner] / np.array(units)[owner, None, None]
+    x = ascend(design, np.concatenate(starts), Z, criterion.degree == 0, accuracy=accuracy)
+    found = Candidates(x, design.problem(x))
+    ends = judged(found.problem, criterion).prices(multipliers)
+    return np.array([ends[j, np.equal(owner, j)].max() for j in range(len(multipliers))]), found
 
 
-def _dearest(poses: Candidates, price: Sensitivity, T: Array, size: int) -> Array:
-    """The dearest poses (size, n) that differ from each other."""
-    order = np.argsort(-price(poses.q), kind="stable")[: 100 * size]
-    return poses.q[order[distinct(poses.problem.blocks(order), T, 0.1)[:size]]]
+def _dearest(some: Candidates, prices: Array, T: Array, size: int) -> Array:
+    """The dearest experiments (size, v) that differ from each other."""
+    order = np.argsort(-prices, kind="stable")[: 100 * size]
+    return some.x[order[distinct(some.problem.blocks(order), T, 0.1)[:size]]]
 
 
 def distinct(blocks: Array, T: Array, tolerance: float) -> Indices:

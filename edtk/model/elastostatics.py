@@ -1,7 +1,7 @@
 """The elastostatic model: deflection under load, linear in the joint compliances."""
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -65,7 +65,8 @@ class ElastostaticModel:
 
     def regressor_of(self, frames: Frames, wrench: ArrayLike) -> Array:
         """Regressors (p, rows, ...) of poses whose frames are at hand, component first."""
-        F, T = np.split(np.moveaxis(np.asarray(wrench, dtype=float), -1, 0), 2)
+        W = np.moveaxis(np.asarray(wrench, dtype=float), -1, 0)
+        F, T = W[:3], W[3:]
         lift = (slice(None),) + (None,) * (frames.position.ndim - F.ndim)
         F, T = F[lift], T[lift]
         linear, angular = frames.linear[self.joints], frames.angular[self.joints]
@@ -98,21 +99,23 @@ class ElastostaticModel:
         """Derivatives (p, n, rows, ...) of the regressors of poses whose frames are at hand, component first."""
         v, w = frames.linear, frames.angular
         n, batch = self.robot.n, v.shape[2:]
-        dJ = np.zeros((self.p, n, 6, *batch))
-        for row, j in enumerate(self.joints):
-            dJ[row, : j + 1, :3] = cross(w[: j + 1], v[j][None])
-            dJ[row, : j + 1, 3:] = cross(w[: j + 1], w[j][None])
-            dJ[row, j + 1 :, :3] = cross(w[j][None], v[j + 1 :])
+        j, k = (index.ravel() for index in np.meshgrid(self.joints, range(n), indexing="ij"))
+        dv = cross(w[np.minimum(j, k)], v[np.maximum(j, k)]).reshape(self.p, n, 3, *batch)
         W = np.moveaxis(np.broadcast_to(np.asarray(wrench, dtype=float), (*batch, 6)), -1, 0)
-        J = np.concatenate([v, w], axis=1)[self.joints]
-        dA = dJ * _dot(J, W)[:, None, None] + J[:, None] * _dot(dJ, W, axis=2)[:, :, None]
-        return dA[:, :, :3] if self.rows == "position" else dA
-
-    def linearise(self, q: ArrayLike, wrench: ArrayLike) -> tuple[Array, Array]:
-        """`regressor` (..., rows, p) and `regressor_gradient` (..., rows, p, n) of the same poses at once."""
-        frames = self.robot.frames(q)
-        A, dA = self.regressor_of(frames, wrench), self.regressor_gradient_of(frames, wrench)
-        return np.moveaxis(A, (0, 1), (-1, -2)), np.moveaxis(dA, (2, 0, 1), (-3, -2, -1))
+        F, T = W[:3], W[3:]
+        vj, wj = v[self.joints], w[self.joints]
+        torque, change = _dot(vj, F), _dot(dv, F, axis=2)
+        turned = self.rows == "pose" or bool(T.any())
+        if turned:
+            dw = cross(w[k], w[j])
+            dw[k > j] = 0.0
+            dw = dw.reshape(self.p, n, 3, *batch)
+            torque, change = torque + _dot(wj, T), change + _dot(dw, T, axis=2)
+        dA = dv * torque[:, None, None]
+        dA += vj[:, None] * change[:, :, None]
+        if self.rows == "position":
+            return dA
+        return np.concatenate([dA, dw * torque[:, None, None] + wj[:, None] * change[:, :, None]], axis=2)
 
     def cartesian_stiffness(self, q: ArrayLike, k: ArrayLike) -> Array:
         """Eq. (1): ``K_C = J^-T K_theta J^-1``, as the inverse of ``J k_theta J'`` (any number of joints).
@@ -161,8 +164,8 @@ def _without_rounding(x: Array, size: ArrayLike) -> Array:
 
 def _dot(a: Array, b: Array, axis: int = 1) -> Array:
     """Sum of products along one short axis of a; b has that axis first."""
-    a = np.moveaxis(a, axis, 0)
-    total = a[0] * b[0]
+    before: tuple[Any, ...] = (slice(None),) * axis
+    total = a[(*before, 0)] * b[0]
     for i in range(1, len(b)):
-        total += a[i] * b[i]
+        total += a[(*before, i)] * b[i]
     return total

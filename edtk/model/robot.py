@@ -77,7 +77,8 @@ class Frames:
     def linear(self) -> Array:
         """Velocity of the tool point per joint (n, 3, ...): ``a x (p - o)``, or ``a`` if prismatic."""
         J = cross(self.axes, self.position - self.origins)
-        J[self.prismatic] = self.axes[self.prismatic]
+        if self.prismatic.any():
+            J[self.prismatic] = self.axes[self.prismatic]
         return J
 
     @cached_property
@@ -178,6 +179,11 @@ class Robot:
         links.append((before @ self.tool[:3, :3], before @ self.tool[:3, 3]))
         return links
 
+    @cached_property
+    def _prismatic(self) -> NDArray[np.bool_]:
+        """Mask (n,) of the prismatic joints."""
+        return np.array([joint.kind == "prismatic" for joint in self.joints])
+
     def frames(self, q: ArrayLike) -> Frames:
         """Joint axes and tool frame in the poses q.
 
@@ -206,10 +212,11 @@ class Robot:
                 c, s = np.cos(q[j]), np.sin(q[j])
                 R = [c * R[0] + s * R[1], c * R[1] - s * R[0], R[2]]
         C, t = self._links[-1]
-        position = np.broadcast_to(p + _combine(R, t), (3, *batch))
-        rotation = np.stack([np.broadcast_to(_combine(R, C[:, k]), (3, *batch)) for k in range(3)])
-        prismatic = np.array([j.kind == "prismatic" for j in self.joints])
-        return Frames(q, axes, origins, rotation, position, prismatic)
+        position, rotation = np.empty((3, *batch)), np.empty((3, 3, *batch))
+        position[...] = p + _combine(R, t)
+        for k in range(3):
+            rotation[k] = _combine(R, C[:, k])
+        return Frames(q, axes, origins, rotation, position, self._prismatic)
 
     def forward(self, q: ArrayLike) -> Array:
         """Pose of the tool frame in the world.

@@ -94,6 +94,42 @@ class Tilt(Constraint):
         return np.stack([-dphi, dphi])
 
 
+@dataclass(frozen=True, eq=False)
+class Excluded(Constraint):
+    """The joint angles keep a distance from each of some poses that must not be used.
+
+    The distance is Euclidean, over the revolute joints, each difference taken the short way round.
+
+    Args:
+        poses: Poses to stay away from (c, n) [rad; entries of prismatic joints do not count].
+        distance: Least distance [rad].
+    """
+
+    poses: Array
+    distance: float
+
+    def labels(self, robot: Robot) -> tuple[str, ...]:
+        """One label a pose."""
+        bound = np.rad2deg(self.distance)
+        return tuple(f"distance from excluded pose {i + 1} > {bound:g} deg" for i in range(len(self.poses)))
+
+    def _away(self, frames: Frames) -> tuple[Array, Array]:
+        """Differences (c, n, ...) to the poses, and their lengths (c, ...)."""
+        lift = (...,) + (None,) * (frames.q.ndim - 1)
+        d = frames.q - self.poses[lift]
+        d = np.where(frames.prismatic[lift], 0.0, np.mod(d + np.pi, 2 * np.pi) - np.pi)
+        return d, np.sqrt(np.square(d).sum(axis=1))
+
+    def slack(self, frames: Frames) -> Array:
+        """``|q - q_i| - distance`` (c, ...)."""
+        return self._away(frames)[1] - self.distance
+
+    def gradient(self, frames: Frames) -> Array:
+        """``(q - q_i) / |q - q_i|`` (c, n, ...); zero at the pose itself, where it is not defined."""
+        d, length = self._away(frames)
+        return d / np.maximum(length, np.finfo(float).tiny)[:, None]
+
+
 @dataclass(frozen=True)
 class JointLimits(Constraint):
     """Every joint stays between its limits, (2, n) [rad or m]."""

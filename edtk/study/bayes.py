@@ -7,7 +7,7 @@ import pandas as pd
 
 from edtk.design import Plan
 from edtk.inference import estimate, sample_posterior, simulate
-from edtk.study.spec import Study
+from edtk.study.study import Study
 
 
 def bayes_check(

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 import criteria
 from edtk.design import Plan
 from edtk.inference import covariance
-from edtk.study.spec import Study
+from edtk.study.study import Study
 
 Array = NDArray[np.float64]
 

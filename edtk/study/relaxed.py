@@ -6,6 +6,7 @@ from edtk.design import (
     CandidateSource,
     EmptyFeasibleSetError,
     MemoryLimitError,
+    PoseDesign,
     RankDeficientError,
     RelaxationError,
     RelaxedPlan,
@@ -13,12 +14,12 @@ from edtk.design import (
 )
 from edtk.design.relax_poses import MEMORY_MB, Progress, capacity
 from edtk.errors import UserError
-from edtk.study.spec import Study
+from edtk.study.study import Study
 
 
-def source_of(study: Study, seed: int | None = None) -> CandidateSource:
-    """Where the study's candidates come from."""
-    return CandidateSource(study.design, (study.file.seed if seed is None else seed, 0), study.file.sampling)
+def source_of(study: Study, seed: int | None = None, design: PoseDesign | None = None) -> CandidateSource:
+    """Where the study's candidates come from; `design` takes the place of the study's own."""
+    return CandidateSource(design or study.design, (study.file.seed if seed is None else seed, 0), study.file.sampling)
 
 
 def candidates_of(study: Study, memory_mb: float = MEMORY_MB) -> Candidates:
@@ -43,6 +44,7 @@ def relaxed_plan(
     tolerance: float = 1e-5,
     memory_mb: float = MEMORY_MB,
     candidates: Candidates | None = None,
+    design: PoseDesign | None = None,
     progress: Progress = lambda stage, gap: None,
 ) -> RelaxedPlan:
     """`relax_poses` for one criterion of a study.
@@ -56,6 +58,7 @@ def relaxed_plan(
         tolerance: Relative gap at which the search over the continuum ends.
         memory_mb: Limit on memory [MB].
         candidates: The study's candidates, where they are at hand.
+        design: What takes the place of the study's own; None for that.
         progress: Called with the stage and its relative gap.
 
     Raises:
@@ -65,7 +68,7 @@ def relaxed_plan(
     try:
         criterion = study.criterion(name)
         return relax_poses(
-            source_of(study, seed),
+            source_of(study, seed, design),
             study.file.candidates if n is None else n,
             criterion,
             continuous,

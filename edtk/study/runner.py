@@ -1,8 +1,10 @@
-"""The study runner: candidates -> relaxation -> apportionment -> refinement -> comparison."""
+"""The study runner: bounds -> plans for every criterion and size -> comparison, each case kept as it is finished."""
 
-from collections.abc import Callable, Iterator
+import re
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -10,13 +12,20 @@ import pandas as pd
 import criteria
 import edtk
 from edtk.atomic import atomic_path
-from edtk.design import Candidates, Plan, RelaxedPlan, apportion, refine
-from edtk.study.relaxed import candidates_of, relaxed_plan
+from edtk.design import Candidates, EmptyFeasibleSetError, Plan, RankDeficientError, RelaxedPlan, TooFewError, find_plan
+from edtk.design.find_plan import smallest_size
+from edtk.errors import UserError
+from edtk.parallel import Team, WorkersLostError
+from edtk.study.ledger import Ledger, ledger_of
+from edtk.study.relaxed import candidates_of, relaxed_plan, source_of
 from edtk.study.report import write_report
-from edtk.study.spec import Study
+from edtk.study.study import Study
 
 Progress = Callable[[str], object]
 TOLERANCE = 1e-4  # of the search over the continuum
+OURS = re.compile(r"(optimised|distinct|random)_(.+_)?m\d+(_k\d+)?")  # names of plans that a run writes
+RANDOM = 101  # random plans, of which the median is shown
+PLACES = 8  # distinct poses up to which fewer are compared with more
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,52 +33,105 @@ class Case:
     """One plan of the comparison.
 
     Attributes:
-        kind: "optimised", "published" or "random".
+        kind: "optimised", "distinct", "published" or "random".
         optimised: Name of the criterion it was optimised for, or "".
         size: Number of experiments m.
         plan: The plan; None where the case cannot be done.
+        places: Number of distinct poses at most; None for any.
         reason: Why it cannot be done, or "".
     """
 
     kind: str
     optimised: str
     size: int
-    plan: Plan | None
+    plan: Plan | None = None
+    places: int | None = None
     reason: str = ""
 
     @property
     def name(self) -> str:
         """Stem of the plan's file."""
-        return "_".join(filter(None, (self.kind, self.optimised, f"m{self.size}")))
+        places = f"k{self.places}" if self.places else ""
+        return "_".join(filter(None, (self.kind, self.optimised, f"m{self.size}", places)))
 
 
-def run_study(study: Study, out: Path, progress: Progress = lambda label: None) -> pd.DataFrame:
-    """Answer a study: plans, `results.csv` and `report.md` with its figure, in the folder `out`.
+@dataclass(frozen=True, eq=False)
+class _Relaxing:
+    """The relaxation of one criterion, as a piece of work that answers with plain numbers."""
 
-    The same study gives the same files: every case draws from its own stream, seeded by the study's seed.
+    study: Study
+    name: str
+
+    def __call__(self) -> dict[str, Any]:
+        r = relaxed_plan(self.study, self.name, continuous=True, tolerance=TOLERANCE)
+        arrays = {key: getattr(r, key).tolist() for key in ("x", "weights", "multipliers")}
+        return arrays | {k: getattr(r, k) for k in ("candidates", "cost", "bound", "searched", "solver", "iterations")}
+
+
+@dataclass(frozen=True, eq=False)
+class _Planning:
+    """The search for one plan, as a piece of work that answers with plain numbers."""
+
+    study: Study
+    relaxed: RelaxedPlan
+    case: Case
+
+    def __call__(self) -> dict[str, Any]:
+        file = self.study.file
+        try:
+            found = find_plan(self.relaxed, self.case.size, self.case.places, file.seed, starts=file.starts)
+        except TooFewError as error:
+            return {"reason": str(error)}
+        if found.ended == "interrupted":
+            raise KeyboardInterrupt  # what there is is not the answer
+        plan = found.plan
+        return {"q": plan.q.tolist(), "wrench": plan.wrench.tolist(), "repeats": plan.repeats.tolist()} | {
+            key: getattr(found, key) for key in ("starts", "found", "optima", "ended")
+        }
+
+
+def run_study(
+    study: Study,
+    out: Path,
+    progress: Progress = lambda label: None,
+    team: Team = Team(),  # noqa: B008, frozen
+    fresh: bool = False,
+) -> pd.DataFrame:
+    """Answer a study: plans, `results.csv` and `report.md` with its figures, in the folder `out`.
+
+    The same study gives the same files, whoever does the work. Every case is kept in `out/cases` as soon as it is
+    finished; a run that was killed goes on from there.
 
     Args:
         study: The question.
         out: Folder for the results; made where it does not exist, its files are replaced one by one, each whole.
         progress: Called with a label as each step is done; `steps(study)` of them.
+        team: Who does the work.
+        fresh: Whether to begin anew, whatever is finished.
 
     Returns:
         The table of `results.csv`.
 
     Raises:
-        UserError: No feasible poses, or the candidates cannot identify all parameters.
+        UserError: No feasible poses, the candidates cannot identify all parameters, or the workers are lost.
     """
     published = study.published_plans()
-    candidates, relaxed = _relaxations(study, progress)
-    cases = []
-    for case in _cases(study, published, candidates, relaxed):
-        cases.append(case)
-        progress(case.name)
+    candidates = candidates_of(study)
+    progress("candidates")
+    ledger = ledger_of(study, out / "cases")
+    if fresh:
+        ledger.forget(())
+    try:
+        relaxed = _relaxations(study, ledger, team, progress)
+        cases = _searched(study, relaxed, ledger, team, progress)
+    except WorkersLostError as error:
+        raise UserError(f"{error}; what is finished is kept, run again to go on") from error
+    for i, size in enumerate(study.file.sizes):
+        cases.append(_random(study, candidates, size, i))
+        progress(cases[-1].name)
+    cases += [Case("published", "", plan.experiments, plan) for plan in published.values()]
     table = _table(study, cases, relaxed)
-    out.mkdir(parents=True, exist_ok=True)
-    for case in cases:
-        if case.plan is not None and case.kind != "published":
-            case.plan.to_csv(out / "plans" / f"{case.name}.csv", study.robot)
+    _write_plans(study, cases, out / "plans")
     with atomic_path(out / "results.csv") as temporary:
         table.to_csv(temporary, index=False, float_format="%.10g")
     write_report(study, table, relaxed, out)
@@ -79,80 +141,100 @@ def run_study(study: Study, out: Path, progress: Progress = lambda label: None) 
 
 def steps(study: Study) -> int:
     """Number of times that `run_study` reports progress."""
-    sizes, chosen = len(study.file.sizes), len(study.file.optimise)
-    return 1 + len(_relaxable(study)) + sizes * (chosen + 1) + len(study.file.published) + 1
-
-
-def _relaxations(study: Study, progress: Progress) -> tuple[Candidates, dict[str, RelaxedPlan]]:
-    """Candidates, and the relaxation of every criterion that is compared or optimised, over all feasible poses."""
-    candidates = candidates_of(study)
-    progress("candidates")
-    relaxed = {}
-    for name in _relaxable(study):
-        relaxed[name] = relaxed_plan(study, name, continuous=True, tolerance=TOLERANCE, candidates=candidates)
-        progress(f"relaxation {name}")
-    return candidates, relaxed
+    return 1 + len(_relaxable(study)) + len(_questions(study)) + len(study.file.sizes) + 1
 
 
 def _relaxable(study: Study) -> list[str]:
     """Names of the criteria that can be relaxed, those that are optimised first."""
-    names = dict.fromkeys((*study.file.optimise, *study.file.criteria))
-    return [name for name in names if criteria.get(name).has_convex_form()]
+    return [name for name in study.names if criteria.get(name).has_convex_form()]
 
 
-def _cases(
-    study: Study, published: dict[str, Plan], candidates: Candidates, relaxed: dict[str, RelaxedPlan]
-) -> Iterator[Case]:
-    """All plans of the comparison, each from a random stream of its own."""
-    for i, size in enumerate(study.file.sizes):
-        for j, name in enumerate(study.file.optimise):
-            rng = np.random.default_rng([study.file.seed, 1, i, j])
-            plan = exact_plan(relaxed[name], candidates.q, size, study.file.starts, rng)
-            reason = "" if plan else _too_few(study, size)
-            yield Case("optimised", name, size, plan, reason)
-        rng = np.random.default_rng([study.file.seed, 2, i])
-        n = len(candidates.q)
-        chosen = rng.choice(n, size=size, replace=size > n)
-        random: Plan | None = study.design.plan(candidates.q[chosen], np.ones(size, dtype=int))
-        if not np.isfinite(criteria.create("A").cost(candidates.problem.information(np.bincount(chosen, minlength=n)))):
-            random = None
-        yield Case("random", "", size, random, "" if random else _too_few(study, size))
-    for plan in published.values():
-        yield Case("published", "", plan.experiments, plan)
+def _questions(study: Study) -> list[Case]:
+    """The plans to search for: every criterion and size, and fewer distinct poses for the first criterion."""
+    file, main = study.file, study.file.main
+    try:
+        least = smallest_size(study.design)
+    except EmptyFeasibleSetError as error:
+        raise study.error("workspace", str(error)) from error
+    except RankDeficientError as error:
+        raise study.error("joints.unknown", str(error)) from error
+    found = []
+    for size in file.sizes:
+        found += [Case("optimised", name, size) for name in file.optimise]
+        found += [Case("distinct", main, size, places=k) for k in range(least, min(size, PLACES + 1))]
+    return found
 
 
-def _too_few(study: Study, size: int) -> str:
-    """Why a size has no plan."""
-    return f"{size} experiment{'s' if size > 1 else ''} cannot identify {study.model.p} parameters"
+def _relaxations(study: Study, ledger: Ledger, team: Team, progress: Progress) -> dict[str, RelaxedPlan]:
+    """The relaxation of every criterion that is compared or optimised, over all feasible poses."""
+    names = _relaxable(study)
+    pieces = {f"relaxation_{name}": _Relaxing(study, name) for name in names}
+    answers = _answered(pieces, ledger, team, progress)
+    found = {}
+    for name in names:
+        fields = dict(answers[f"relaxation_{name}"])
+        fields |= {key: np.array(fields[key]) for key in ("x", "weights", "multipliers")}
+        found[name] = RelaxedPlan(source=source_of(study), criterion=study.criterion(name), **fields)
+    return found
 
 
-def exact_plan(
-    relaxed: RelaxedPlan, candidates: np.ndarray, size: int, starts: int, rng: np.random.Generator
-) -> Plan | None:
-    """The best of several refined plans: one from the apportioned weights, the others drawn by weight or at random.
+def _searched(
+    study: Study, relaxed: dict[str, RelaxedPlan], ledger: Ledger, team: Team, progress: Progress
+) -> list[Case]:
+    """The plans that were searched for, or why there is none."""
+    questions = _questions(study)
+    hardest_first = sorted(questions, key=lambda case: -case.size)
+    pieces = {case.name: _Planning(study, relaxed[case.optimised], case) for case in hardest_first}
+    answers = _answered(pieces, ledger, team, progress)
+    ledger.forget([*answers, *(f"relaxation_{name}" for name in relaxed)])
+    found = []
+    for case in questions:
+        answer = answers[case.name]
+        plan = None
+        if "q" in answer:
+            plan = Plan(np.array(answer["q"]), np.array(answer["wrench"]), np.array(answer["repeats"]))
+        reason = answer.get("reason", "")
+        found.append(Case(case.kind, case.optimised, case.size, plan, case.places, reason))
+    return found
 
-    Args:
-        relaxed: Poses and weights to start from, with the criterion to improve.
-        candidates: Candidate poses (n, n_joints) to draw from besides.
-        size: Number of experiments m.
-        starts: Number of refinements.
-        rng: Source of randomness.
 
-    Returns:
-        A plan of m experiments, or None where none of the starts identifies all parameters.
-    """
-    design, criterion = relaxed.design, relaxed.criterion
-    best, best_cost = None, np.inf
-    start = np.repeat(relaxed.q, apportion(relaxed.weights, size), axis=0)
-    for _ in range(starts):
-        plan = refine(design, criterion, design.plan(start, np.ones(size, dtype=int)))
-        cost = float(criterion.cost(design.information(plan)))
-        if cost < best_cost:
-            best, best_cost = plan, cost
-        start = relaxed.q[rng.choice(len(relaxed.q), size=size, p=relaxed.weights)]
-        if rng.random() < 0.5:
-            start = candidates[rng.choice(len(candidates), size=size)]
-    return best
+def _answered(
+    pieces: Mapping[str, Callable[[], dict[str, Any]]], ledger: Ledger, team: Team, progress: Progress
+) -> dict[str, dict[str, Any]]:
+    """The answer of every piece of work, from the ledger or, where it is not there, from the team."""
+    answers = {name: found for name in pieces if (found := ledger.find(name)) is not None}
+    for name in answers:
+        progress(name)
+    missing = [name for name in pieces if name not in answers]
+    for i, answer in team.run([pieces[name] for name in missing]):
+        ledger.keep(missing[i], answer)
+        answers[missing[i]] = answer
+        progress(missing[i])
+    return answers
+
+
+def _random(study: Study, candidates: Candidates, size: int, stream: int) -> Case:
+    """Of many plans of candidates drawn at random, from a stream of its own, the one of median worth."""
+    rng = np.random.default_rng([study.file.seed, 2, stream])
+    n = len(candidates.x)
+    drawn = np.array([rng.choice(n, size=size, replace=size > n) for _ in range(RANDOM)])
+    blocks = candidates.problem.blocks(drawn.ravel()).reshape(RANDOM, size, study.model.p, study.model.p)
+    costs = study.criterion(study.file.main).cost(blocks.sum(axis=1))
+    middle = int(np.argsort(costs, kind="stable")[RANDOM // 2])
+    if not np.isfinite(costs[middle]):
+        return Case("random", "", size, reason="such a plan cannot identify all parameters")
+    return Case("random", "", size, study.design.plan(candidates.x[drawn[middle]], np.ones(size, dtype=int)))
+
+
+def _write_plans(study: Study, cases: list[Case], folder: Path) -> None:
+    """Plans as files; those of an earlier run that are not among them are removed."""
+    wanted = {f"{case.name}.csv": case.plan for case in cases if case.plan is not None and case.kind != "published"}
+    for name, plan in wanted.items():
+        plan.to_csv(folder / name, study.robot)
+    for kind in ("optimised", "distinct", "random"):
+        for path in folder.glob(f"{kind}_*.csv"):
+            if path.name not in wanted and OURS.fullmatch(path.stem):
+                path.unlink()
 
 
 def _table(study: Study, cases: list[Case], relaxed: dict[str, RelaxedPlan]) -> pd.DataFrame:
@@ -160,7 +242,8 @@ def _table(study: Study, cases: list[Case], relaxed: dict[str, RelaxedPlan]) -> 
     rows = []
     for case in cases:
         row: dict[str, object] = {"plan": case.name, "kind": case.kind, "optimised_for": case.optimised}
-        row |= {"experiments": case.size, "reason": case.reason}
+        row |= {"experiments": case.size, "distinct_at_most": case.places or case.size}
+        row |= {"poses": 0 if case.plan is None else len(case.plan.q), "reason": case.reason}
         M = None if case.plan is None else study.design.information(case.plan)
         for name in study.file.criteria:
             row[name] = np.nan if M is None else float(study.criterion(name).value(M))

@@ -1,30 +1,14 @@
-"""A study file (TOML), validated, and the objects that it describes."""
+"""The keys of a study file (TOML), validated, each table with what it builds."""
 
-import hashlib
-import tomllib
-from functools import cached_property
-from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic_core import PydanticCustomError
 
-import criteria
-from edtk.design import Plan, PlanFileError, PoseDesign, pose_factors
-from edtk.errors import UserError
-from edtk.model import (
-    Constraint,
-    ElastostaticModel,
-    Height,
-    Radius,
-    Robot,
-    RobotFileError,
-    Tilt,
-    Workspace,
-    load_robot,
-    transform,
-)
+from edtk import design
+from edtk.model import Constraint, Height, Radius, Tilt, transform
 
 Array = NDArray[np.float64]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
@@ -59,6 +43,49 @@ class Load(_Table):
         return np.array([*self.F_N, *self.T_Nm])
 
 
+class LoadChoice(_Table):
+    """What a calibration experiment may apply: `F_N` always; `F_max_N` at most, in one direction or any; or a list."""
+
+    F_N: Vector3 | None = None
+    T_Nm: Vector3 = ZERO
+    F_max_N: Positive | None = None
+    direction: Vector3 | None = None
+    list_F_N: Annotated[tuple[Vector3, ...], Field(min_length=1)] | None = None
+
+    @model_validator(mode="after")
+    def _one_of_them(self) -> "LoadChoice":
+        given = [key for key in ("F_N", "F_max_N", "list_F_N") if getattr(self, key) is not None]
+        if len(given) != 1:
+            raise PydanticCustomError("load", "expected one of F_N, F_max_N and list_F_N")
+        if any(self.T_Nm) and self.F_N is None:
+            raise PydanticCustomError("load", "T_Nm goes with F_N only")
+        if self.direction is not None and (self.F_max_N is None or not any(self.direction)):
+            raise PydanticCustomError("load", "direction goes with F_max_N, and is not zero")
+        return self
+
+    def build(self) -> design.Load:
+        """The family of wrenches [N, N m]."""
+        if self.F_N is not None:
+            return design.FixedLoad(np.array([*self.F_N, *self.T_Nm]))
+        if self.list_F_N is not None:
+            return design.ListedLoad(np.array([[*F, 0, 0, 0] for F in self.list_F_N], dtype=float))
+        assert self.F_max_N is not None
+        if self.direction is None:
+            return design.FreeLoad(self.F_max_N)
+        unit = np.array(self.direction) / np.linalg.norm(self.direction)
+        return design.BoundedLoad(np.append(self.F_max_N * unit, np.zeros(3)))
+
+    def describe(self) -> str:
+        """What a person reads."""
+        if self.F_N is not None:
+            return f"load F = ({', '.join(f'{f:g}' for f in self.F_N)}) N"
+        if self.list_F_N is not None:
+            return "loads " + " or ".join(f"({', '.join(f'{f:g}' for f in F)})" for F in self.list_F_N) + " N"
+        if self.direction is None:
+            return f"any force up to {self.F_max_N:g} N"
+        return f"up to {self.F_max_N:g} N along ({', '.join(f'{d:g}' for d in self.direction)})"
+
+
 class Measurement(_Table):
     """What is measured, and how well."""
 
@@ -82,6 +109,8 @@ class WorkspaceTable(_Table):
     radius_min_mm: Positive | None = None
     tilt_max_deg: Annotated[Positive, Field(le=90)] | None = None
     plan_resolution_deg: Annotated[Finite, Field(ge=0)] = 0.0
+    excluded: str | None = None
+    excluded_within_deg: Positive = 5.0
 
     def build(self) -> tuple[Constraint, ...]:
         """The constraints that are given [m, rad]."""
@@ -116,7 +145,7 @@ class StudyFile(_Table):
     title: str
     robot: str
     tool: Tool
-    load: Load
+    load: LoadChoice
     measurement: Measurement
     joints: Joints
     workspace: WorkspaceTable = WorkspaceTable()
@@ -126,192 +155,12 @@ class StudyFile(_Table):
     sizes: Annotated[tuple[Annotated[int, Field(ge=1)], ...], Field(min_length=1)]
     candidates: Annotated[int, Field(ge=1)] = 2000
     sampling: Literal["random", "sobol"] = "random"
-    starts: Annotated[int, Field(ge=1)] = 4
+    starts: Annotated[int, Field(ge=1)] = 64
     seed: Annotated[int, Field(ge=0)] = 0
     published: tuple[str, ...] = ()
     simulation: Simulation | None = None
 
-
-class Study:
-    """A validated study: the file's content and the objects built from it.
-
-    Args:
-        path: Where the file lies; plans and robots named in it are relative to its folder.
-        file: Its content.
-        digest: First twelve hex digits of the file's SHA-256.
-
-    Raises:
-        UserError: Names the file, the key and what was expected.
-    """
-
-    def __init__(self, path: Path, file: StudyFile, digest: str) -> None:
-        self.path, self.file, self.digest = path, file, digest
-        self.robot = self._load_robot()
-        names = self.robot.joint_names
-        for key in ("unknown", "fixed_deg", "fixed_mm"):
-            for name in getattr(file.joints, key):
-                if name not in names:
-                    raise self.error(f"joints.{key}", f"no joint {name!r}; this robot has {', '.join(names)}")
-        self._check_fixed()
-        if len(set(file.joints.unknown)) < len(file.joints.unknown):
-            raise self.error("joints.unknown", "a joint is named twice")
-        if file.measurement.rows == "pose" and file.measurement.sigma_deg is None:
-            raise self.error("measurement.sigma_deg", "expected, since rows = 'pose' measures rotations too")
-        self._check_test_pose()
-        self._check_criteria()
-
-    def error(self, key: str, message: str) -> UserError:
-        """A mistake at one key of this file."""
-        return UserError(f"{self.path}: {key}: {message}")
-
-    def _load_robot(self) -> Robot:
-        try:
-            return load_robot(self.file.robot, self.path.parent).with_tool(self.file.tool.build())
-        except RobotFileError as error:
-            raise self.error("robot", str(error)) from error
-
-    def _check_test_pose(self) -> None:
-        pose = self.file.test_pose
-        if pose is not None and len(pose.q_deg) != self.robot.n:
-            raise self.error(
-                "test_pose.q_deg", f"has {len(pose.q_deg)} entries, expected {self.robot.n}, one per joint"
-            )
-
-    def _check_fixed(self) -> None:
-        """Fixed values are given in the joint's own unit, and lie within its limits."""
-        for key, kind in (("fixed_deg", "revolute"), ("fixed_mm", "prismatic")):
-            for name in getattr(self.file.joints, key):
-                joint = self.robot.joints[self.robot.joint_names.index(name)]
-                if joint.kind != kind:
-                    other = "fixed_mm" if key == "fixed_deg" else "fixed_deg"
-                    raise self.error(f"joints.{key}.{name}", f"the joint is {joint.kind}; give its value in {other}")
-        for j, value in self.fixed.items():
-            low, high = self.robot.joints[j].limits
-            if not low <= value <= high:
-                name = self.robot.joint_names[j]
-                key = "fixed_deg" if name in self.file.joints.fixed_deg else "fixed_mm"
-                raise self.error(f"joints.{key}.{name}", "the value is outside the joint's limits")
-
-    def _check_criteria(self) -> None:
-        for key in ("criteria", "optimise"):
-            for name in getattr(self.file, key):
-                try:
-                    cls = criteria.get(name)
-                except criteria.CriterionError as error:
-                    raise self.error(key, str(error)) from error
-                if cls.needs_target and self.file.test_pose is None:
-                    raise self.error(key, f"criterion {name!r} needs a [test_pose], and there is none")
-                if key == "optimise" and not cls.has_convex_form():
-                    raise self.error(key, f"criterion {name!r} has no convex form to optimise; it can only be compared")
-
-    @cached_property
-    def model(self) -> ElastostaticModel:
-        """The elastostatic model with the calibration tool."""
-        return ElastostaticModel(self.robot, self._unknown, self.file.measurement.rows)
-
     @property
-    def _unknown(self) -> tuple[int, ...]:
-        return tuple(self.robot.joint_names.index(name) for name in self.file.joints.unknown)
-
-    @property
-    def fixed(self) -> dict[int, float]:
-        """Values [rad or m] of the fixed joints by index."""
-        given = self.file.joints.fixed_deg | self.file.joints.fixed_mm
-        factors = dict(zip(self.robot.joint_names, pose_factors(self.robot), strict=True))
-        return {self.robot.joint_names.index(n): float(value * factors[n]) for n, value in given.items()}
-
-    @property
-    def sigma(self) -> Array:
-        """Standard deviation of each measured row (rows,) [m, rad]."""
-        m = self.file.measurement
-        position = np.full(3, m.sigma_mm / 1e3)
-        return position if m.rows == "position" else np.append(position, np.full(3, np.deg2rad(m.sigma_deg or 0)))
-
-    @cached_property
-    def design(self) -> PoseDesign:
-        """Model, feasible set and free joints, for designing plans."""
-        fixed = self.fixed
-        values = np.array([fixed.get(j, 0.0) for j in range(self.robot.n)])
-        free = [j for j in range(self.robot.n) if j not in fixed]
-        workspace = Workspace(self.robot, self.file.workspace.build())
-        return PoseDesign(self.model, workspace, self.sigma, self.file.load.build(), free, values)
-
-    @cached_property
-    def target(self) -> Array | None:
-        """A0 (3, p) of the test pose, Eq. (4) with the task's tool and load; None without a test pose."""
-        pose = self.file.test_pose
-        if pose is None:
-            return None
-        task = ElastostaticModel(self.robot.with_tool(pose.tool.build()), self._unknown)
-        return task.regressor(pose.q_deg * pose_factors(self.robot), pose.load.build())
-
-    def criterion(self, name: str) -> criteria.Criterion:
-        """A criterion by name, with this study's target."""
-        return criteria.create(name, self.target)
-
-    @cached_property
-    def compliances(self) -> Array:
-        """Assumed true compliances (p,) [rad/(N m)] for simulations.
-
-        Raises:
-            UserError: The file does not give them for every unknown joint.
-        """
-        given = {} if self.file.simulation is None else self.file.simulation.compliance_rad_per_Nm
-        for name in self.file.joints.unknown:
-            if name not in given:
-                raise self.error("simulation.compliance_rad_per_Nm", f"expected a value for joint {name!r}")
-        return np.array([given[name] for name in self.file.joints.unknown])
-
-    def load_plan(self, path: Path) -> Plan:
-        """Read a plan and check every pose against limits and workspace.
-
-        A pose counts as feasible if one within the study's `plan_resolution_deg` of it is (published poses are
-        rounded).
-
-        Raises:
-            UserError: Names the file and the row.
-        """
-        try:
-            plan = Plan.from_csv(path, self.robot, self.fixed, self.file.load.build())
-        except PlanFileError as error:
-            raise UserError(str(error)) from error
-        turning = np.array([joint.kind == "revolute" for joint in self.robot.joints])
-        resolution = np.deg2rad(self.file.workspace.plan_resolution_deg) * turning
-        slack = self.design.workspace.slack_within(plan.q, resolution)
-        rows = np.flatnonzero((slack < -1e-9).any(axis=1))
-        if len(rows):
-            broken = self.design.workspace.violations(slack[rows[0]])
-            raise UserError(f"{path}: row {rows[0] + 1}: the pose violates {'; '.join(broken)}")
-        return plan
-
-    def published_plans(self) -> dict[str, Plan]:
-        """The published plans named in the file, by their file's stem."""
-        return {Path(name).stem: self.load_plan(self.path.parent / name) for name in self.file.published}
-
-
-def load_study(path: Path) -> Study:
-    """Read and validate a study file.
-
-    Raises:
-        UserError: One line that names the file, the key and what was expected.
-    """
-    try:
-        raw = path.read_bytes()
-        content: dict[str, Any] = tomllib.loads(raw.decode("utf-8"))
-    except FileNotFoundError:
-        raise UserError(f"{path}: no such study file") from None
-    except OSError as error:
-        raise UserError(f"{path}: {error.strerror}") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise UserError(f"{path}: not valid TOML: {error}") from error
-    try:
-        file = StudyFile.model_validate(content)
-    except ValidationError as error:
-        first = error.errors()[0]
-        key = ".".join(map(str, first["loc"]))
-        expected = "unknown key" if first["type"] == "extra_forbidden" else first["msg"]
-        if first["type"] == "missing":
-            expected = "this key is required"
-        given = "" if isinstance(first["input"], dict) else f" (got {first['input']!r})"
-        raise UserError(f"{path}: {key}: {expected}{given}") from error
-    return Study(path, file, hashlib.sha256(raw).hexdigest()[:12])
+    def main(self) -> str:
+        """The criterion that the study is about: rho0 where it is optimised, else the first that is."""
+        return "rho0" if "rho0" in self.optimise else self.optimise[0]

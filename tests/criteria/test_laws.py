@@ -288,6 +288,28 @@ def test_value_cost_and_sense_agree(name, p):
 
 
 @sizes
+@every
+def test_cost_where_the_inverse_is_at_hand(name, p):
+    """Given M with its inverse, one or many, the cost is the one that is found without, to the error of the inverse."""
+    rng, c = np.random.default_rng(15), make(name, p)
+    M = np.array([positive(rng, p, 1e3) for _ in range(4)])
+    cov = np.linalg.inv(M)
+    np.testing.assert_allclose(c.cost_of_regular(M, cov), c.cost(M), rtol=slip(M))
+    np.testing.assert_allclose(c.cost_of_regular(M[1], cov[1]), c.cost(M[1]), rtol=slip(M))
+
+
+@sizes
+@every
+def test_cost_and_gradient_at_once(name, p):
+    """Together they are what they are one by one, to the last bit, singular members of a batch included."""
+    rng, c = np.random.default_rng(16), make(name, p)
+    M = np.array([positive(rng, p, 1e3), np.zeros((p, p)), positive(rng, p)])
+    cost, G = c.cost_and_gradient(M)
+    np.testing.assert_array_equal(cost, c.cost(M))
+    np.testing.assert_array_equal(G, c.gradient(M))
+
+
+@sizes
 @expressed_ones
 def test_expression_is_the_cost(name, p):
     """A cvxpy expression, where there is one, is convex and has the value cost**expression_power."""

@@ -1,10 +1,11 @@
 """The pose designs on which the tests of this folder rest: the paper's, and an odd one."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from edtk.design import PoseDesign
+from edtk.design import BoundedLoad, FixedLoad, FreeLoad, ListedLoad, PoseDesign
 from edtk.model import ElastostaticModel, Height, Joint, Robot, Tilt, Workspace, transform
 from edtk.study import load_study
 
@@ -25,10 +26,28 @@ def odd() -> PoseDesign:
         model=ElastostaticModel(robot, (0, 2, 3, 5), "pose"),
         workspace=Workspace(robot, (Height(-0.5), Tilt(1.2))),
         sigma=np.array([3e-5, 4e-5, 5e-5, 1e-4, 2e-4, 3e-4]),
-        wrench=np.array([300.0, -200.0, 500.0, 40.0, -70.0, 90.0]),
+        load=FixedLoad(np.array([300.0, -200.0, 500.0, 40.0, -70.0, 90.0])),
         free=[0, 1, 2, 4, 5],
         fixed=np.array([0.0, 0.0, 0.0, 0.7, 0.0, 0.0]),
     )
 
 
 DESIGNS = {"kr270": KR270, "odd": odd()}
+
+
+def loads(wrench) -> dict:
+    """A load of each kind whose largest force is that of a wrench (6,)."""
+    turned = np.concatenate([np.roll(wrench[:3], 1), np.roll(wrench[3:], 2)])
+    return {
+        "fixed": FixedLoad(wrench),
+        "bounded": BoundedLoad(wrench),
+        "listed": ListedLoad(np.array([wrench, turned, -0.3 * wrench])),
+        "free": FreeLoad(float(np.linalg.norm(wrench[:3]))),
+    }
+
+
+LOADED = {
+    f"{name} {kind}": replace(design, load=load)
+    for name, design in DESIGNS.items()
+    for kind, load in loads(design.load.always).items()
+}

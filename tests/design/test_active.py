@@ -44,8 +44,8 @@ def test_points_that_are_all_but_the_same_become_one(name, weights):
     x = np.concatenate([[-1, 0, 1, -0.5, 0.5], [-1 + 1e-5, 1e-5, 1 - 1e-5], [-1 + 2e-5, -1e-5, 1 - 2e-5]])
     whole = active_over(polynomial(x), create(name))
     merged = whole.merged(loss=1e-3, gap=GAP)
-    order = np.argsort(merged.support.q[:, 0])
-    np.testing.assert_allclose(merged.support.q[order, 0], [-1, 0, 1], rtol=0, atol=2e-5)
+    order = np.argsort(merged.support.x[:, 0])
+    np.testing.assert_allclose(merged.support.x[order, 0], [-1, 0, 1], rtol=0, atol=2e-5)
     np.testing.assert_allclose(merged.weights[order], weights, rtol=0, atol=2 * np.sqrt(GAP))
     assert merged.relaxation.cost <= whole.relaxation.cost * (1 + 1e-3)
 
@@ -58,7 +58,7 @@ def test_the_last_to_join_stays():
     relaxation = type(r)(r.criterion, shared, r.cost, r.bound, r.multipliers, r.solver, r.iterations)
     numbered = Candidates(np.arange(6.0)[:, None], poses.problem)
     merged = Active(numbered, relaxation, 1).merged(1e-6, GAP)
-    assert sorted(merged.support.q[:, 0]) == [3, 4, 5]
+    assert sorted(merged.support.x[:, 0]) == [3, 4, 5]
 
 
 @pytest.mark.parametrize("name", ["A", "D", "E", "G", "rho0"])
@@ -114,4 +114,4 @@ def test_over_other_poses():
     assert more.relaxation.cost == pytest.approx(8, rel=10 * GAP)
     assert more.relaxation.cost < few.relaxation.cost
     assert more.iterations == few.iterations + more.relaxation.iterations
-    np.testing.assert_array_equal(np.sort(more.support.q[:, 0]), [-1, 0, 1])
+    np.testing.assert_array_equal(np.sort(more.support.x[:, 0]), [-1, 0, 1])

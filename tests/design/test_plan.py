@@ -132,6 +132,27 @@ def test_repeated():
     np.testing.assert_array_equal(plan.repeated(4).q, plan.q)
 
 
+def test_sum():
+    """These experiments come first, with their wrenches and repetitions, then the others."""
+    a, b = plan_of(KR270, k=2), plan_of(KR270, k=3, seed=1)
+    both = a + b
+    for name in ("q", "wrench", "repeats"):
+        np.testing.assert_array_equal(getattr(both, name)[:2], getattr(a, name))
+        np.testing.assert_array_equal(getattr(both, name)[2:], getattr(b, name))
+    assert both.experiments == a.experiments + b.experiments
+
+
+def test_a_load_that_the_study_leaves_open_must_be_in_the_file(tmp_path):
+    """Without a default each force must have its column, and is named where it has none; torques are zero then."""
+    path, columns = tmp_path / "plan.csv", ("Fx_N", "Fy_N", "Fz_N")
+    for n in range(3):
+        path.write_text(f"{HEAD}{''.join(f',{c}' for c in columns[:n])}\n{GOOD}{',1' * n}\n")
+        with pytest.raises(PlanFileError, match=f"'{columns[n]}' is missing, and the study leaves the load open"):
+            Plan.from_csv(path, KR270, {0: 0.25}, None)
+    path.write_text(f"{HEAD},{','.join(columns)}\n{GOOD},1,2,3\n")
+    np.testing.assert_array_equal(Plan.from_csv(path, KR270, {0: 0.25}, None).wrench, [[1, 2, 3, 0, 0, 0]])
+
+
 @pytest.mark.parametrize(
     ("q", "wrench", "repeats"),
     [

@@ -47,6 +47,38 @@ def test_blocks_are_information_of_one_each(blocks):
     np.testing.assert_array_equal(problem.blocks([5, 2, 5]), problem.blocks()[[5, 2, 5]])
 
 
+@pytest.mark.parametrize("units", [np.ones(4), 10.0 ** np.array([-7, -2, 1, 4])], ids=["good units", "bad units"])
+@pytest.mark.parametrize("rows", [1, 3, 6])
+def test_factors_are_roots_of_the_information(rows, units):
+    """U' U is the candidate's information, with no more rows than its rank, chosen one by one, as a list, or all.
+
+    An eigenvalue that is left out is below 1e-13 of the largest, and rounding is a few eps of it, both at the scale
+    sqrt(m_ii m_jj) of the mean.
+    """
+    problem = Problem(np.random.default_rng(0).normal(size=(7, rows, 4)) * units)
+    U = problem.factors()
+    assert U.shape == (7, min(rows, 4), 4)
+    scale = np.sqrt(np.diag(problem.mean))
+    error = np.abs(np.swapaxes(U, 1, 2) @ U - problem.blocks()) / np.outer(scale, scale)
+    size = np.abs(problem.blocks() / np.outer(scale, scale)).sum(axis=(1, 2)).max()
+    assert error.max() <= 64 * EPS * size + (1e-13 * size if rows < 4 else 0.0)
+    np.testing.assert_array_equal(problem.factors(2), U[2])
+    np.testing.assert_array_equal(problem.factors([5, 2, 5]), U[[5, 2, 5]])
+
+
+def test_factors_of_candidates_that_tell_different_amounts():
+    """Ranks may differ, a candidate may tell nothing, and a parameter may be excited by none: the largest counts."""
+    blocks = np.zeros((4, 2, 3))
+    blocks[0] = [[1, 2, 0], [3, -1, 0]]
+    blocks[1, 0] = [1e-3, 0, 0]
+    blocks[2, 1] = [5, 1e3, 0]
+    problem = Problem(blocks)
+    U = problem.factors()
+    assert U.shape == (4, 2, 3)
+    size = np.abs(problem.blocks()).max(axis=(1, 2), keepdims=True) + np.abs(problem.mean)
+    assert (np.abs(np.swapaxes(U, 1, 2) @ U - problem.blocks()) <= 2e-13 * size).all()
+
+
 def test_mean_is_the_information_of_uniform_weights(blocks):
     """The mean is the information of equal weights, to the rounding of a sum of seven terms."""
     problem = Problem(blocks)

@@ -13,6 +13,8 @@ from criteria.inverse import whitener
 from edtk.design import (
     CandidateSource,
     EmptyFeasibleSetError,
+    FreeLoad,
+    ListedLoad,
     MemoryLimitError,
     PlanInterrupted,
     RankDeficientError,
@@ -22,7 +24,7 @@ from edtk.design import (
 )
 from edtk.design.relax_poses import capacity
 from edtk.design.search import distinct
-from edtk.design.sensitivity import Sensitivity
+from edtk.design.sensitivity import ascend
 from edtk.model import ElastostaticModel, Height, Workspace
 
 GAP = 1e-6
@@ -53,9 +55,9 @@ def slip(plan):
 
 def assert_sound(plan):
     """A design of feasible poses, its own cost, and bounds in their order."""
-    assert plan.design.workspace.contains(plan.q).all()
-    held = np.setdiff1d(np.arange(plan.q.shape[1]), plan.design.free)
-    np.testing.assert_array_equal(plan.q[:, held], np.tile(plan.design.fixed[held], (len(plan.q), 1)))
+    assert plan.design.at(plan.x).feasible.all()
+    held = np.setdiff1d(np.arange(plan.design.workspace.robot.n), plan.design.free)
+    np.testing.assert_array_equal(plan.x[:, held], np.tile(plan.design.fixed[held], (len(plan.x), 1)))
     assert (plan.weights > 0).all()
     assert plan.weights.sum() == pytest.approx(1, abs=1e-12)
     assert plan.cost == pytest.approx(float(plan.criterion.cost(plan.information)), rel=slip(plan))
@@ -91,14 +93,14 @@ def test_leaving_the_candidates_pays():
 def test_no_pose_is_dearer_than_the_search_says():
     """Neither random poses nor ascents from the dearest of them take the searched bound down by the tolerance."""
     plan = paper(0, 1000)
-    price = Sensitivity(KR270, plan.multipliers[0])
-    assert len(plan.multipliers) == 1
+    (Z,) = plan.multipliers
     fresh = sample_feasible(KR270, 30_000, 77)
-    prices = price(fresh)
+    prices = KR270.problem(fresh).prices(Z)
     starts = fresh[np.argsort(-prices)[:2000:100]]
-    ends = np.array([price.ascend(q, float(prices.max()), 1e-8) for q in starts])
-    for q in (fresh, ends):
-        dearest = np.array([price(q).max()])
+    ends = ascend(KR270, starts, np.tile(Z, (len(starts), 1, 1)), unit=float(prices.max()), accuracy=1e-8)
+    assert KR270.problem(ends).prices(Z).max() > prices.max()
+    for x in (fresh, ends):
+        dearest = np.array([KR270.problem(x).prices(Z).max()])
         assert plan.criterion.floor(plan.multipliers, dearest, plan.information) >= plan.searched * (1 - TOLERANCE)
 
 
@@ -106,8 +108,8 @@ def test_no_pose_is_dearer_than_the_search_says():
 def test_support_is_merged(seed, n):
     """No two poses of the support tell the same, symmetric ones included, and there are p(p+1)/2 + 1 at most."""
     plan = paper(seed, n)
-    chosen = distinct(KR270.problem(plan.q).blocks(), whitener(plan.information), 1e-6)
-    assert len(chosen) == len(plan.q) <= 16
+    chosen = distinct(KR270.problem(plan.x).blocks(), whitener(plan.information), 1e-6)
+    assert len(chosen) == len(plan.x) <= 16
 
 
 @pytest.mark.parametrize("name", ["A", "D", "E", "O2", "O4"])
@@ -122,7 +124,36 @@ def test_two_parameters(name):
 @pytest.mark.parametrize("name", ["A", "D", "E", "O2", "O4"])
 def test_support_of_two_parameters(name):
     """By Caratheodory's theorem p(p+1)/2 + 1 poses are enough for any information matrix of a design."""
-    assert len(easy(name).q) <= 4
+    assert len(easy(name).x) <= 4
+
+
+def test_any_force():
+    """Forces are designed with the poses: sound, certified, and worth more than the one force of the paper.
+
+    Prices grow with the square of a force: candidates that are short of the largest are not what a design rests on.
+    """
+    plan = easy("D", replace(TWO, load=FreeLoad(2500.0)))
+    assert_sound(plan)
+    assert_certified(plan)
+    assert 1 - plan.searched / plan.cost <= 1e-3
+    assert plan.cost < easy("D").searched
+    short, drawn = (1 - np.linalg.norm(x[:, 6:], axis=1) for x in (plan.x, plan.source.take(200).x))
+    assert plan.weights @ short < 0.1 * drawn.mean()
+
+
+def test_listed_forces():
+    """With a choice of two opposite forces nothing changes, as information is the same; with a third it does not grow.
+
+    The candidates' draws differ, so that costs agree to the tolerance only.
+    """
+    down = KR270.load.always
+    load = ListedLoad(np.array([down, -down, 0.1 * down]))
+    plan = relax_poses(CandidateSource(replace(KR270, load=load), 0), 500, RHO0, continuous=True, tolerance=1e-4)
+    assert_sound(plan)
+    assert_certified(plan)
+    assert set(plan.x[:, 6]) <= {0.0, 1.0}
+    assert plan.searched <= paper(0, 1000).cost * (1 + slip(plan))
+    assert paper(0, 1000).searched <= plan.cost * (1 + slip(plan))
 
 
 def test_condition_number_of_two_parameters():
@@ -152,7 +183,7 @@ def test_over_candidates(name):
     assert_sound(plan)
     assert_certified(plan)
     known = source.take(800)
-    assert (np.abs(known.q[:, None] - plan.q).max(axis=-1).min(axis=0) == 0).all()
+    assert (np.abs(known.x[:, None] - plan.x).max(axis=-1).min(axis=0) == 0).all()
     assert plan.cost == pytest.approx(relax(known.problem, criterion).cost, rel=GAP)
 
 
@@ -160,7 +191,7 @@ def test_candidates_at_hand():
     """Candidates that were generated before give the very plan that generating them gives."""
     source = CandidateSource(KR270, 2)
     plain, given = (relax_poses(source, 500, RHO0, candidates=c) for c in (None, source.take(500)))
-    np.testing.assert_array_equal(given.q, plain.q)
+    np.testing.assert_array_equal(given.x, plain.x)
     np.testing.assert_array_equal(given.weights, plain.weights)
     assert (given.cost, given.bound) == (plain.cost, plain.bound)
 

@@ -7,10 +7,11 @@ from functools import cache
 import numpy as np
 import pandas as pd
 import pytest
-from designs import DESIGNS, KR270, STUDY
+from designs import DESIGNS, KR270, LOADED, STUDY
 
 from criteria import create
 from edtk.design import CandidateSource, relax_poses
+from edtk.design.plan import WRENCH_COLUMNS
 
 NAMES = ["A", "D", "E", "G", "O1", "O2", "O3", "O5", "rho0"]
 every = pytest.mark.parametrize("name", NAMES)
@@ -50,7 +51,7 @@ def test_certify_judges_the_weights_that_are_there(name):
     plan = plan_of(name)
     even = replace(plan, weights=np.full(len(plan.weights), 1 / len(plan.weights)))
     cost, bound = even.certify()
-    M = KR270.problem(plan.q).blocks().mean(axis=0)
+    M = KR270.problem(plan.x).blocks().mean(axis=0)
     assert cost == pytest.approx(float(plan.criterion.cost(M)), rel=slip(even))
     assert cost > plan.cost > bound * (1 - slip(plan))
 
@@ -69,7 +70,7 @@ def test_certify_is_never_fooled_by_a_multiplier(name):
 def test_certify_prices_the_poses_of_the_plan_too():
     """A pose that is not among the candidates counts: the bound of a plan over all poses holds for that plan."""
     plan = plan_of("D")
-    alone = replace(plan, candidates=1, q=plan.q[:3], weights=np.full(3, 1 / 3))
+    alone = replace(plan, candidates=1, x=plan.x[:3], weights=np.full(3, 1 / 3))
     cost, bound = alone.certify()
     assert bound <= cost
 
@@ -113,7 +114,8 @@ def test_json(name, searched):
     weights = [pose["weight"] for pose in data["support"]]
     assert weights == sorted(weights, reverse=True)
     assert sum(weights) == pytest.approx(1, abs=1e-12)
-    assert all(set(pose) == {"q_deg", "weight"} for pose in data["support"])
+    assert all(set(pose) == {"q_deg", "wrench", "weight"} for pose in data["support"])
+    assert all(pose["wrench"] == KR270.load.always.tolist() for pose in data["support"])
     q = np.deg2rad([pose["q_deg"] for pose in data["support"]])
     M = KR270.problem(q).information(weights)
     assert float(plan.criterion.value(M)) == pytest.approx(data["value"], rel=slip(plan) + 1e-12)
@@ -130,9 +132,52 @@ def test_csv(design, tmp_path):
     assert list(table) == [*(f"q{j + 1}_{unit}" for j, unit in enumerate(units)), "weight"]
     order = np.argsort(-plan.weights)
     factors = np.where(np.array(units) == "mm", 1e-3, np.pi / 180)
-    np.testing.assert_allclose(table.to_numpy()[:, :-1] * factors, plan.q[order], rtol=1e-9)
+    np.testing.assert_allclose(table.to_numpy()[:, :-1] * factors, plan.x[order], rtol=1e-9)
     np.testing.assert_allclose(table["weight"], plan.weights[order], rtol=1e-9)
     assert (np.diff(table["weight"]) <= 0).all()
+
+
+LOADS = ["kr270 bounded", "kr270 listed", "kr270 free", "odd free"]
+with_loads = pytest.mark.parametrize("name", LOADS)
+
+
+@cache
+def loaded(name):
+    """A plan whose loads are designed too."""
+    return relax_poses(CandidateSource(LOADED[name], 0), 300, create("D"))
+
+
+@with_loads
+def test_plan_of_designed_loads(name):
+    """Poses and wrenches, the heaviest first and once each, are worth what the weights say."""
+    plan = loaded(name)
+    order, n = np.argsort(-plan.weights), len(plan.design.fixed)
+    np.testing.assert_array_equal(plan.plan.q, plan.x[order, :n])
+    np.testing.assert_array_equal(plan.plan.wrench, plan.design.load.wrench(plan.x[order, n:]))
+    assert (plan.plan.repeats == 1).all()
+    A = plan.design.model.regressor(plan.plan.q, plan.plan.wrench) / plan.design.sigma[:, None]
+    M = np.einsum("k,kri,krj->ij", plan.weights[order], A, A)
+    assert float(plan.criterion.cost(M)) == pytest.approx(plan.cost, rel=slip(plan))
+    cost, bound = plan.certify()
+    assert cost == pytest.approx(plan.cost, rel=slip(plan))
+    assert bound == pytest.approx(plan.bound, rel=1e-6)
+
+
+@with_loads
+def test_tables_of_designed_loads(name, tmp_path):
+    """Where wrenches are designed, CSV, JSON and summary have them beside the poses; columns stand below each other."""
+    plan = loaded(name)
+    plan.to_csv(tmp_path / "plan.csv")
+    table = pd.read_csv(tmp_path / "plan.csv")
+    assert list(table)[6:] == [*WRENCH_COLUMNS, "weight"]
+    np.testing.assert_allclose(table[list(WRENCH_COLUMNS)], plan.plan.wrench, rtol=1e-9, atol=1e-9)
+    data = plan.to_json()["support"]
+    np.testing.assert_array_equal([pose["wrench"] for pose in data], plan.plan.wrench)
+    header, *rows = plan.summary().splitlines()[3:]
+    assert header.split() == ["weight", *table.columns[:-1]]
+    numbers = np.array([row.split() for row in rows], dtype=float)
+    np.testing.assert_allclose(numbers[:, 7:], plan.plan.wrench, rtol=0, atol=0.51e-3)
+    assert {len(row) for row in (header, *rows)} == {len(header)}
 
 
 def test_csv_is_written_whole_or_not_at_all(tmp_path, monkeypatch):
@@ -174,7 +219,7 @@ def test_summary(name, searched):
     numbers = np.array([row.split() for row in rows], dtype=float)
     order = np.argsort(-plan.weights)
     np.testing.assert_allclose(numbers[:, 0], plan.weights[order], rtol=0, atol=0.51e-5)
-    np.testing.assert_allclose(np.deg2rad(numbers[:, 1:]), plan.q[order], rtol=0, atol=np.deg2rad(0.51e-3))
+    np.testing.assert_allclose(np.deg2rad(numbers[:, 1:]), plan.x[order], rtol=0, atol=np.deg2rad(0.51e-3))
     assert {len(row) for row in (header, *rows)} == {len(header)}
 
 

@@ -1,18 +1,40 @@
-"""The sensitivity: prices of poses, their gradients, and the ascent to the dearest pose nearby."""
+"""The sensitivity: prices of experiments, their gradients, and the ascent to the dearest one nearby."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from designs import DESIGNS, KR270
+from designs import DESIGNS, KR270, LOADED
 from scipy.optimize import nnls
 
 from criteria import create
-from edtk.design import relax, sample_feasible
-from edtk.design.sensitivity import Sensitivity
+from edtk.design import FixedLoad, FreeLoad, relax, sample_feasible
+from edtk.design.descend import descend
+from edtk.design.sensitivity import ascend, price_and_gradient
 
 on_each = pytest.mark.parametrize("design", DESIGNS.values(), ids=DESIGNS)
+on_every_load = pytest.mark.parametrize("design", LOADED.values(), ids=LOADED)
 both = pytest.mark.parametrize("per_trace", [False, True], ids=["plain", "per trace"])
+BESIDE = {
+    f"{name} {how}": d
+    for name, design in DESIGNS.items()
+    for how, d in (
+        ("alone", design),
+        ("beside others", design.beside(design.problem(sample_feasible(design, 9, 8)).mean, 3)),
+    )
+}
+shared_or_not = pytest.mark.parametrize("design", BESIDE.values(), ids=BESIDE)
+
+
+def priced(design, x, Z, per_trace=False):
+    """Prices (n,) and slopes (n, v) of experiments (n, v) by one multiplier (p, p)."""
+    price, slope = price_and_gradient(design.at(x[None]), Z[None], per_trace)
+    return price[0], slope[0]
+
+
+def uphill(design, x, Z, per_trace=False, unit=1.0, accuracy=1e-6):
+    """Ends (n, v) of ascents from experiments (n, v) by one multiplier (p, p)."""
+    return ascend(design, x, np.tile(Z, (len(x), 1, 1)), per_trace, unit, accuracy)
 
 
 def multiplier(design, seed=0):
@@ -32,94 +54,113 @@ either = pytest.mark.parametrize("Z_of", [multiplier, indefinite])
 
 @either
 @both
-@on_each
+@shared_or_not
 def test_price_is_the_inner_product_with_the_information(design, per_trace, Z_of):
-    """The price of a pose is <Z, A'A/sigma^2>, divided by the trace of that where asked, and independent of others.
+    """The price of an experiment is <Z, M>, divided by the trace of M where asked, and independent of others; M is its
+    information with what is shared.
 
     Rounding is eps times the sum of the absolute products, with some ten additions in a row.
     """
-    Z, q = Z_of(design), sample_feasible(design, 50, 1)
-    M = design.problem(q).blocks()
+    Z, x = Z_of(design), sample_feasible(design, 50, 1)
+    M = design.problem(x).blocks()
     size = np.trace(M, axis1=1, axis2=2) if per_trace else 1.0
-    price = Sensitivity(design, Z, per_trace)
+    price = priced(design, x, Z, per_trace)[0]
     error = 64 * np.finfo(float).eps * np.einsum("ij,kij->k", np.abs(Z), np.abs(M)) / size
-    assert (np.abs(price(q) - np.einsum("ij,kij->k", Z, M) / size) <= error).all()
-    assert (np.abs(price.gradient(q)[0] - price(q)) <= error).all()
-    assert abs(price(q[7:8])[0] - price(q)[7]) <= error[7]
+    assert (np.abs(price - np.einsum("ij,kij->k", Z, M) / size) <= error).all()
+    assert abs(priced(design, x[7:8], Z, per_trace)[0][0] - price[7]) <= error[7]
+
+
+@both
+def test_rows_have_their_own_multipliers(per_trace):
+    """Each row of experiments is priced by its own multiplier."""
+    x, Z = sample_feasible(KR270, 12, 1).reshape(3, 4, 6), np.array([multiplier(KR270, s) for s in range(3)])
+    price, slope = price_and_gradient(KR270.at(x), Z, per_trace)
+    for i in range(3):
+        alone = priced(KR270, x[i], Z[i], per_trace)
+        np.testing.assert_allclose(price[i], alone[0], rtol=1e-12)
+        np.testing.assert_allclose(slope[i], alone[1], rtol=0, atol=1e-12 * np.abs(slope[i]).max())
 
 
 @either
 @both
-@on_each
-def test_gradient(design, per_trace, Z_of, derivative):
-    """The derivative by every joint is the finite difference, prismatic joints and fixed ones included."""
-    price = Sensitivity(design, Z_of(design), per_trace)
-    q = sample_feasible(design, 6, 2)
-    slope = price.gradient(q)[1]
-    assert slope.shape == q.shape
-    for x, expected in zip(q, slope, strict=True):
-        numeric = derivative(lambda y: price(y[None])[0], x)
+@pytest.mark.parametrize("name", [*BESIDE, "kr270 bounded", "kr270 free", "odd bounded", "odd free"])
+def test_gradient(name, per_trace, Z_of, derivative):
+    """The derivative by every joint and load variable is the finite difference, prismatic and fixed joints included."""
+    design = (BESIDE | LOADED)[name]
+    Z, x = Z_of(design), sample_feasible(design, 6, 2)
+    slope = priced(design, x, Z, per_trace)[1]
+    assert slope.shape == x.shape
+    for one, expected in zip(x, slope, strict=True):
+        numeric = derivative(lambda y: priced(design, y[None], Z, per_trace)[0][0], one, h=5e-4)
         np.testing.assert_allclose(numeric, expected, rtol=0, atol=1e-8 * np.abs(slope).max())
 
 
 @both
 def test_prices_are_linear_in_the_multiplier(per_trace):
     """A sum of multipliers pays the sum of their prices, and has the sum of their slopes."""
-    q, Y, Z = sample_feasible(KR270, 20, 3), multiplier(KR270, 1), indefinite(KR270, 2)
-    one, other, sum_ = (Sensitivity(KR270, z, per_trace) for z in (Y, Z, Y + 2 * Z))
-    for value, a, b in zip(sum_.gradient(q), one.gradient(q), other.gradient(q), strict=True):
+    x, Y, Z = sample_feasible(KR270, 20, 3), multiplier(KR270, 1), indefinite(KR270, 2)
+    one, other, sum_ = (priced(KR270, x, z, per_trace) for z in (Y, Z, Y + 2 * Z))
+    for value, a, b in zip(sum_, one, other, strict=True):
         np.testing.assert_allclose(value, a + 2 * b, rtol=0, atol=1e-11 * np.abs(np.r_[a, b]).max())
 
 
 def test_per_trace_is_blind_to_the_amount_of_information():
     """Tenfold load, hundredfold information: prices per trace stay, plain prices grow a hundredfold."""
-    strong, q = replace(KR270, wrench=10 * KR270.wrench), sample_feasible(KR270, 20, 4)
+    strong, x = replace(KR270, load=FixedLoad(10 * KR270.load.always)), sample_feasible(KR270, 20, 4)
     Z = multiplier(KR270)
-    np.testing.assert_allclose(Sensitivity(strong, Z, True)(q), Sensitivity(KR270, Z, True)(q), rtol=1e-11)
-    np.testing.assert_allclose(Sensitivity(strong, Z)(q), 100 * Sensitivity(KR270, Z)(q), rtol=1e-11)
+    np.testing.assert_allclose(priced(strong, x, Z, True)[0], priced(KR270, x, Z, True)[0], rtol=1e-11)
+    np.testing.assert_allclose(priced(strong, x, Z)[0], 100 * priced(KR270, x, Z)[0], rtol=1e-11)
 
 
 def optimal(design, per_trace):
-    """The price of the optimum over some candidates: D's, or the condition number's per trace."""
+    """The multiplier of the optimum over some candidates: D's, or the condition number's per trace."""
     problem = design.problem(sample_feasible(design, 300, 9))
-    return Sensitivity(design, relax(problem, create("O2" if per_trace else "D")).multipliers[0], per_trace)
+    return relax(problem, create("O2" if per_trace else "D")).multipliers[0]
 
 
 @both
-@on_each
+@on_every_load
 def test_ascend_never_goes_down_and_stays_feasible(design, per_trace):
-    """From a feasible pose the ascent ends in a feasible pose that is no cheaper; joints that are not free stay."""
-    price, starts = optimal(design, per_trace), sample_feasible(design, 6, 5)
-    before = price(starts)
+    """From a feasible experiment the ascent ends in a feasible one that is no cheaper; what does not move stays."""
+    Z, starts = optimal(design, per_trace), sample_feasible(design, 6, 5)
+    before = priced(design, starts, Z, per_trace)[0]
     unit = float(np.abs(before).max())
-    ends = np.array([price.ascend(q, unit, 1e-6) for q in starts])
-    assert design.workspace.contains(ends).all()
-    assert (price(ends) >= before - 1e-14 * unit).all()
-    assert (price(ends) > before + 1e-3 * unit).sum() >= 4
-    held = np.setdiff1d(np.arange(starts.shape[1]), design.free)
+    ends = uphill(design, starts, Z, per_trace, unit)
+    after = priced(design, ends, Z, per_trace)[0]
+    assert design.at(ends).feasible.all()
+    assert (after >= before - 1e-14 * unit).all()
+    assert (after > before + 1e-3 * unit).sum() >= 4
+    held = np.setdiff1d(np.arange(design.size), design.movable)
     np.testing.assert_array_equal(ends[:, held], starts[:, held])
+
+
+@on_each
+def test_each_start_climbs_by_its_own_multiplier(design):
+    """Among ascents by other multipliers an experiment ends as dear as by itself, to twice the accuracy."""
+    Z = np.array([multiplier(design, s) for s in range(4)])
+    starts = sample_feasible(design, 4, 5)
+    together = ascend(design, starts, Z)
+    for start, end, z in zip(starts, together, Z, strict=True):
+        alone = ascend(design, start[None], z[None])
+        assert priced(design, alone, z)[0][0] == pytest.approx(priced(design, end[None], z)[0][0], abs=2e-6)
 
 
 @both
 @on_each
 def test_no_pose_nearby_is_dearer_than_the_end_of_an_ascent(design, per_trace):
-    """Around the end of an ascent no feasible pose among thousands at random is dearer.
-
-    The ascent ends where a step gains less than 1e-10 of the unit, and keeps 1e-9 away from every constraint,
-    which costs about as much, as prices change by some units per radian.
-    """
-    price, starts = optimal(design, per_trace), sample_feasible(design, 4, 6)
-    unit, rng = float(np.abs(price(starts)).max()), np.random.default_rng(0)
+    """Around the end of an ascent no feasible pose among thousands at random is dearer by more than the accuracy."""
+    Z, starts, accuracy = optimal(design, per_trace), sample_feasible(design, 4, 6), 1e-8
+    unit, rng = float(np.abs(priced(design, starts, Z, per_trace)[0]).max()), np.random.default_rng(0)
     limits, tried = design.workspace.robot.limits[:, design.free], 0
-    for start in starts:
-        end = price.ascend(start, unit, 1e-10)
+    for end in uphill(design, starts, Z, per_trace, unit, accuracy):
+        top = priced(design, end[None], Z, per_trace)[0][0]
         for radius in (1e-2, 1e-3):
             near = np.tile(end, (2000, 1))
             near[:, design.free] += rng.uniform(-radius, radius, size=(2000, len(design.free)))
             near[:, design.free] = np.clip(near[:, design.free], *limits)
-            near = near[design.workspace.contains(near)]
+            near = near[design.at(near).feasible]
             tried += len(near)
-            assert price(near).max() <= price(end[None])[0] + 1e-8 * unit
+            assert priced(design, near, Z, per_trace)[0].max() <= top + accuracy * unit
     assert tried > 2000
 
 
@@ -130,10 +171,28 @@ def test_an_ascent_ends_at_a_stationary_point(design):
     A step that gains no more than 1e-10 leaves a slope of sqrt(2 * 1e-10 * curvature), the latter below 50 units
     per squared radian.
     """
-    price, starts = optimal(design, per_trace=False), sample_feasible(design, 8, 7)
-    unit = float(price(starts).max())
-    for start in starts:
-        end = price.ascend(start, unit, 1e-10)[None]
-        slope = price.gradient(end)[1][0, design.free] / unit
-        active = design.workspace.gradient(end)[0][design.workspace.slack(end)[0] < 1e-6][:, design.free]
+    Z, starts = optimal(design, per_trace=False), sample_feasible(design, 8, 7)
+    unit = float(priced(design, starts, Z)[0].max())
+    for end in uphill(design, starts, Z, unit=unit, accuracy=1e-10):
+        slope = priced(design, end[None], Z)[1][0, design.free] / unit
+        active = design.workspace.gradient(end)[design.workspace.slack(end) < 1e-6][:, design.free]
         assert nnls(np.vstack([active, np.zeros_like(slope)]).T, -slope)[1] < 1e-4
+
+
+@on_each
+def test_the_dearest_force_is_the_largest(design):
+    """Prices grow with the square of a force: the way up over any force ends at the largest, whatever its direction.
+
+    A force that is short by a share s could pay 2 s of its price more, and 1e-6 of the unit is the accuracy.
+    """
+    free = replace(design, load=FreeLoad(2500.0))
+    Z, starts = optimal(free, per_trace=False), sample_feasible(free, 8, 3)
+    unit = float(priced(free, starts, Z)[0].max())
+
+    def objective(here, start):
+        price, slope = price_and_gradient(here, np.tile(Z, (len(start), 1, 1)))
+        return -price[:, 0] / unit, -slope / unit
+
+    ends = descend(free, starts[:, None], objective, accuracy=1e-6)[:, 0]
+    short = 1 - ends[:, len(design.fixed)]
+    assert (2 * short * priced(free, ends, Z)[0] <= 1e-6 * unit).all()

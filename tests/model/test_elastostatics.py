@@ -115,22 +115,6 @@ def test_wrench_of_the_last_axis_only_is_shared_by_the_first():
     np.testing.assert_array_equal(model.regressor_gradient(q, W), model.regressor_gradient(q, full))
 
 
-@pytest.mark.parametrize("batch", [(), (4,), (2, 3), (0,)])
-@subsets
-@either
-@both
-def test_linearise_is_regressor_and_gradient_at_once(robot, rows, unknown, batch):
-    """One pass over the frames gives both, for one wrench and for one each, and component first as well."""
-    model, q = ElastostaticModel(robot, unknown, rows), poses(robot, *batch)
-    for W in (WRENCH, np.random.default_rng(5).normal(size=(*batch, 6))):
-        A, dA = model.linearise(q, W)
-        np.testing.assert_array_equal(A, model.regressor(q, W))
-        np.testing.assert_array_equal(dA, model.regressor_gradient(q, W))
-        first = model.regressor_gradient_of(robot.frames(q), W)
-        assert first.shape == (model.p, robot.n, 3 if rows == "position" else 6, *batch)
-        np.testing.assert_array_equal(np.moveaxis(first, (2, 0, 1), (-3, -2, -1)), dA)
-
-
 def test_regressor_is_linear_in_the_wrench():
     """Superposition: A(W1 + 2 W2) = A(W1) + 2 A(W2), with pure forces and pure torques."""
     model = ElastostaticModel(ROBOTS["mixed"], rows="pose")

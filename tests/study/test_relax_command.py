@@ -20,6 +20,7 @@ ROOT = Path(__file__).parents[2]
 PATH = ROOT / "studies" / "kr270_milling.toml"
 STUDY = load_study(PATH)
 SIGMA = 0.03e-3
+WRENCH = np.array([0, 0, -2500.0, 0, 0, 0])
 COLUMNS = ["q1_deg", "q2_deg", "q3_deg", "q4_deg", "q5_deg", "q6_deg"]
 ROUNDING = 1e-11  # eps times the condition number of M, here below 1e4, and a factor of five
 DEFINITIONS = {
@@ -57,7 +58,7 @@ def support(answer):
 
 def blocks(q):
     """Regressors A/sigma of poses."""
-    return STUDY.model.regressor(q, STUDY.design.wrench) / SIGMA
+    return STUDY.model.regressor(q, WRENCH) / SIGMA
 
 
 def spectrum(answer):
@@ -80,7 +81,8 @@ def test_json(name):
     keys += ["multipliers", "seed", "sampling", "solver", "iterations"]
     assert list(answer) == [*keys, "seconds"]
     assert list(answer["seconds"]) == ["candidates", "solve", "continuous"]
-    assert all(list(s) == ["q_deg", "weight"] for s in answer["support"])
+    assert all(list(s) == ["q_deg", "wrench", "weight"] for s in answer["support"])
+    assert all(s["wrench"] == WRENCH.tolist() for s in answer["support"])
     assert (answer["criterion"], answer["candidates"], answer["bound_searched"]) == (name, 500, None)
     assert answer["solver"] in CHAIN
     assert answer["iterations"] >= 1
@@ -112,7 +114,7 @@ def test_bound_can_be_rechecked(name):
     Weights that are 1e-6 from the optimum in value are 1e-3 from it in gradient, and so is the theorem's bound.
     """
     answer = relaxed(name=name)
-    A, cov = blocks(CandidateSource(STUDY.design, (STUDY.file.seed, 0)).take(500).q), spectrum(answer)[1]
+    A, cov = blocks(CandidateSource(STUDY.design, (STUDY.file.seed, 0)).take(500).x), spectrum(answer)[1]
     W = {"A": np.eye(5), "D": np.linalg.inv(cov), "rho0": STUDY.target.T @ STUDY.target}[name]
     dearest = np.einsum("kri,ij,krj->k", A, cov @ W @ cov, A).max() / np.trace(W @ cov)
     degree = {"A": 1.0, "D": 1.0, "rho0": 0.5}[name]
@@ -129,7 +131,7 @@ def test_support_is_of_the_candidates(tmp_path, sampling):
     path = tmp_path / "study.toml"
     path.write_text(PATH.read_text().replace("seed = 2026", f'seed = 2026\nsampling = "{sampling}"'))
     q = support(relaxed("--seed", 5, study=path))[0]
-    candidates = CandidateSource(STUDY.design, (5, 0), sampling).take(500).q
+    candidates = CandidateSource(STUDY.design, (5, 0), sampling).take(500).x
     distance = np.abs(q[:, None] - candidates).max(axis=-1)
     assert distance.min(axis=1).max() < 1e-14  # radians to degrees and back
     assert STUDY.design.workspace.contains(candidates).all()

@@ -1,21 +1,33 @@
-"""A small study from file to folder."""
+"""A small study from file to folder, at once or in pieces."""
 
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
 import tomllib
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
+from click.testing import CliRunner
 
 import criteria
-from edtk.design import apportion
+from edtk.cli import main
+from edtk.design import apportion, find_plan
 from edtk.errors import UserError
 from edtk.study import evaluate, load_study, run_study
-from edtk.study.relaxed import candidates_of, relaxed_plan
-from edtk.study.runner import exact_plan, steps
+from edtk.study.ledger import ledger_of
+from edtk.study.relaxed import relaxed_plan
+from edtk.study.runner import steps
 
 STUDIES = Path(__file__).parents[2] / "studies"
 SIZES = "sizes = [1, 3]"
+OPTIMISE = 'optimise = ["rho0", "E"]'
+CRITERIA = 'criteria = ["rho0", "E"]'
 
 
 def write(folder, *changes, published=True):
@@ -24,9 +36,9 @@ def write(folder, *changes, published=True):
     small = [
         ("sizes = [2, 3, 4, 6, 12]", SIZES),
         ("candidates = 2000", "candidates = 200"),
-        ("starts = 6", "starts = 2"),
-        ('optimise = ["rho0", "A", "D", "E"]', 'optimise = ["rho0", "E"]'),
-        ('criteria = ["A", "D", "E", "G", "O1", "O2", "O3", "O4", "O5", "rho0"]', 'criteria = ["rho0", "E"]'),
+        ("starts = 32", "starts = 16"),
+        ('optimise = ["rho0", "A", "D", "E", "G", "O1", "O2", "O3", "O4", "O5"]', OPTIMISE),
+        ('criteria = ["A", "D", "E", "G", "O1", "O2", "O3", "O4", "O5", "rho0"]', CRITERIA),
     ]
     for old, new in (*small, *changes):
         assert text.count(old) == 1, old
@@ -56,13 +68,15 @@ def test_columns(done):
     """results.csv has one row a plan: what it is, every criterion, efficiencies, and where it comes from."""
     study, table, out, _ = done
     read = pd.read_csv(out / "results.csv", keep_default_na=False)
-    expected = ["plan", "kind", "optimised_for", "experiments", "reason", *study.file.criteria]
+    expected = ["plan", "kind", "optimised_for", "experiments", "distinct_at_most", "poses", "reason"]
+    expected += study.file.criteria
     expected += ["efficiency_rho0", "efficiency_E", "seed", "study_sha256", "edtk"]
     assert list(read) == list(table) == expected
     assert read["plan"].tolist() == [
-        "optimised_rho0_m1", "optimised_E_m1", "random_m1",
-        "optimised_rho0_m3", "optimised_E_m3", "random_m3", "published_m3",
+        "optimised_rho0_m1", "optimised_E_m1", "optimised_rho0_m3", "optimised_E_m3", "distinct_rho0_m3_k2",
+        "random_m1", "random_m3", "published_m3",
     ]  # fmt: skip
+    assert read["distinct_at_most"].tolist() == [1, 1, 3, 3, 2, 1, 3, 3]
     assert (read["study_sha256"] == study.digest).all()
     assert (read["seed"].astype(int) == study.file.seed).all()
 
@@ -72,11 +86,12 @@ def test_plan_files_are_what_the_table_says(done):
     study, _, out, _ = done
     table = pd.read_csv(out / "results.csv").set_index("plan")
     files = sorted((out / "plans").iterdir())
-    assert [f.stem for f in files] == ["optimised_E_m3", "optimised_rho0_m3", "random_m3"]
+    assert [f.stem for f in files] == ["distinct_rho0_m3_k2", "optimised_E_m3", "optimised_rho0_m3", "random_m3"]
     for file in files:
         plan = study.load_plan(file)
         row = table.loc[file.stem]
         assert plan.experiments == row["experiments"] == 3
+        assert len(plan.q) == row["poses"] <= row["distinct_at_most"]
         for name in study.file.criteria:
             assert evaluate(study, plan).criteria[name] == pytest.approx(row[name], rel=1e-6)
 
@@ -124,29 +139,185 @@ def test_bound_is_over_all_poses(done):
 @pytest.mark.parametrize("name", ["O2", "O4", "O5"])
 def test_every_criterion_can_be_optimised(tmp_path, name):
     """A study may ask for any criterion, and its whole experiments are never worse than mere rounding of weights."""
-    change = ('optimise = ["rho0", "E"]', f'optimise = ["{name}"]')
-    study = load_study(write(tmp_path, change, published=False))
-    candidates = candidates_of(study)
-    relaxed = relaxed_plan(study, name, candidates=candidates)
-    plan = exact_plan(relaxed, candidates.q, 3, 1, np.random.default_rng(1))
+    study = load_study(write(tmp_path, (OPTIMISE, f'optimise = ["{name}"]'), published=False))
+    relaxed = relaxed_plan(study, name)
+    plan = find_plan(relaxed, 3, seed=1, starts=16).plan
     repeats = apportion(relaxed.weights, 3)
-    rounded = study.design.plan(relaxed.q[repeats > 0], repeats[repeats > 0])
+    rounded = study.design.plan(relaxed.x[repeats > 0], repeats[repeats > 0])
     cost = criteria.create(name).cost
     assert plan.experiments == 3
     assert study.design.workspace.contains(plan.q).all()
     assert cost(study.design.information(plan)) <= cost(study.design.information(rounded)) < np.inf
 
 
-def test_second_run_is_the_same(done, tmp_path):
-    """The same study gives byte-identical tables, reports and plans in another folder."""
+def files(folder):
+    """Every file below a folder, by its relative path."""
+    return {str(p.relative_to(folder)): p for p in sorted(folder.rglob("*")) if p.is_file()}
+
+
+def contents(folder):
+    """The same with their bytes."""
+    return {name: path.read_bytes() for name, path in files(folder).items()}
+
+
+def assert_same(one, other):
+    """Two folders have the same files, byte by byte."""
+    one, other = contents(one), contents(other)
+    assert list(one) == list(other)
+    assert [name for name in one if one[name] != other[name]] == []
+
+
+def run(study, out, *options):
+    """`edtk run`, which has to succeed."""
+    result = CliRunner().invoke(main, ["run", str(study), "--out", str(out), *map(str, options)])
+    assert result.exit_code == 0, result.stderr
+
+
+def started(study, out, *options):
+    """`edtk run` in a process of its own."""
+    command = [sys.executable, "-m", "edtk", "run", study, "--out", out, *map(str, options)]
+    env = {**os.environ, "PYTHONPATH": str(STUDIES.parent)}
+    return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, env=env)
+
+
+def wait_for(process, there):
+    """Come back as soon as something is there, while the process is running."""
+    end = time.monotonic() + 120
+    while not there():
+        assert process.poll() is None, process.communicate()
+        assert time.monotonic() < end
+        time.sleep(0.01)
+
+
+def test_second_run_is_the_same_with_two_workers(done, tmp_path):
+    """The same study gives byte-identical files in another folder, and whoever does the work: one process or two."""
     study, _, first, _ = done
-    second = tmp_path / "second"
-    run_study(load_study(study.path), second)
-    names = sorted(p.relative_to(first) for p in first.rglob("*") if p.is_file())
-    assert names == sorted(p.relative_to(second) for p in second.rglob("*") if p.is_file())
-    assert {"results.csv", "report.md", "comparison.png"} <= {str(n) for n in names}
-    for name in names:
-        assert (first / name).read_bytes() == (second / name).read_bytes(), name
+    run(study.path, tmp_path / "second", "--workers", 2)
+    assert {"results.csv", "report.md", "comparison.png", "cases/relaxation_E.json"} <= set(files(first))
+    assert_same(first, tmp_path / "second")
+
+
+def test_killed_run_goes_on(done, tmp_path):
+    """Killed in the middle and started again, a run ends with the files of one that was not, and keeps what it had."""
+    study, _, first, _ = done
+    out = tmp_path / "killed"
+    with started(study.path, out, "--workers", 1) as process:
+        wait_for(process, lambda: len(list(out.glob("cases/[dor]*.json"))) >= 3)
+        process.send_signal(signal.SIGKILL)
+    assert process.returncode == -signal.SIGKILL
+    finished = {path: path.stat().st_mtime_ns for path in out.glob("cases/[dor]*.json")}
+    assert 3 <= len(finished) < len(list(first.glob("cases/*")))
+    assert not (out / "results.csv").exists()
+    run(study.path, out, "--workers", 2)
+    assert {path: path.stat().st_mtime_ns for path in finished} == finished
+    assert_same(first, out)
+
+
+def test_ctrl_c_keeps_finished_cases_only(tmp_path):
+    """Ctrl-C ends a run with code 130; the search that it interrupted is no finished case."""
+    study = write(tmp_path, (SIZES, "sizes = [6]"), ("starts = 16", "starts = 9999"), published=False)
+    out = tmp_path / "out"
+    with started(study, out, "--workers", 1) as process:
+        wait_for(process, (out / "cases/relaxation_E.json").exists)
+        time.sleep(1)  # so that some starts of the search are done
+        process.send_signal(signal.SIGINT)
+        said = process.communicate(timeout=60)[1].decode()
+    assert process.returncode == 130, said
+    assert said.splitlines()[-1] == "edtk: interrupted"
+    assert "Traceback" not in said
+    answers = [json.loads(path.read_bytes())["answer"] for path in out.glob("cases/*.json")]
+    assert all(answer.get("ended") != "interrupted" for answer in answers)
+    assert set(files(out)) < {"cases/relaxation_E.json", "cases/relaxation_rho0.json", "cases/optimised_rho0_m6.json"}
+
+
+def test_unusable_cases_are_computed_anew(done, tmp_path):
+    """A case file that is garbage, or of another key, is computed again; all others stay as they are."""
+    study, _, first, _ = done
+    out = tmp_path / "out"
+    shutil.copytree(first, out)
+    garbage, other = out / "cases/distinct_rho0_m3_k2.json", out / "cases/optimised_E_m3.json"
+    garbage.write_bytes(garbage.read_bytes()[:-100])
+    content = json.loads(other.read_text())
+    content["key"], content["answer"]["q"][0][1] = "0" * 16, 0.0
+    other.write_text(json.dumps(content))
+    kept = {p: p.stat().st_mtime_ns for p in out.glob("cases/*.json") if p not in (garbage, other)}
+    assert len(kept) == 5
+    run(study.path, out, "--workers", 1)
+    assert {p: p.stat().st_mtime_ns for p in kept} == kept
+    assert_same(first, out)
+
+
+def test_finished_cases_are_taken_at_their_word(done, tmp_path):
+    """What a case file of the right key says is what the results say: it is not computed again."""
+    study, table, first, _ = done
+    out = tmp_path / "out"
+    shutil.copytree(first, out)
+    path = out / "cases/optimised_E_m3.json"
+    content = json.loads(path.read_text())
+    content["answer"]["q"] = content["answer"]["q"][::-1]
+    content["answer"]["repeats"] = [2 * r for r in content["answer"]["repeats"][::-1]]
+    path.write_text(json.dumps(content))
+    ours = run_study(study, out).set_index("plan")
+    theirs = table.set_index("plan")
+    assert ours.loc["optimised_E_m3", "E"] == pytest.approx(2 * theirs.loc["optimised_E_m3", "E"], rel=1e-12)
+    assert ours.drop("optimised_E_m3").equals(theirs.drop("optimised_E_m3"))
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory):
+    """The smallest study, its folder after a run, and what lay there before: of somebody else, and of earlier runs."""
+    folder = tmp_path_factory.mktemp("small")
+    one = (OPTIMISE, 'optimise = ["D"]'), (CRITERIA, 'criteria = ["D"]')
+    study = write(folder, (SIZES, "sizes = [2]"), ("candidates = 200", "candidates = 100"), *one, published=False)
+    out = folder / "out"
+    foreign = ["notes.txt", "table.csv", "plans/mine.csv", "plans/published_m3.csv", "cases/readme.txt"]
+    stale = ["optimised_D_m99.csv", "optimised_A_m2.csv", "distinct_D_m99_k2.csv", "random_m99.csv"]
+    for name in (*foreign, *(f"plans/{name}" for name in stale), "cases/optimised_D_m99.json"):
+        (out / name).parent.mkdir(parents=True, exist_ok=True)
+        (out / name).write_text(name)
+    run(study, out, "--workers", 1)
+    return study, out, foreign
+
+
+def test_stale_files_vanish_and_foreign_ones_stay(small):
+    """Plans and cases that are not of this study go; files that are nobody's but the user's are as they were."""
+    _, out, foreign = small
+    assert [path.name for path in sorted((out / "plans").glob("*_*.csv"))] == [
+        "optimised_D_m2.csv",
+        "published_m3.csv",
+        "random_m2.csv",
+    ]
+    assert {p.name for p in (out / "cases").glob("*.json")} == {"relaxation_D.json", "optimised_D_m2.json"}
+    assert all((out / name).read_text() == name for name in foreign)
+
+
+def test_fresh_begins_anew(small, tmp_path):
+    """`--fresh` computes every case again, and comes to the same; without it none is; foreign files stay."""
+    study, first, _ = small
+    out = tmp_path / "out"
+    shutil.copytree(first, out)
+    before = {p: p.stat().st_mtime_ns for p in out.glob("cases/*.json")}
+    run(study, out)
+    assert {p: p.stat().st_mtime_ns for p in before} == before
+    run(study, out, "--fresh", "--workers", 1)
+    assert all(p.stat().st_mtime_ns > t for p, t in before.items())
+    assert_same(first, out)
+
+
+def test_another_study_has_other_cases(small, tmp_path):
+    """In the folder of an earlier run, a changed study finds nothing finished, and its files replace the others."""
+    study, first, _ = small
+    out = tmp_path / "out"
+    shutil.copytree(first, out)
+    changed = tmp_path / "changed.toml"
+    changed.write_text(study.read_text().replace("sigma_mm = 0.03 ", "sigma_mm = 0.06 "))
+    keys = [ledger_of(load_study(path), out / "cases").key for path in (study, changed)]
+    assert keys[0] != keys[1]
+    run(changed, out, "--workers", 1)
+    found = {json.loads(path.read_text())["key"] for path in out.glob("cases/*.json")}
+    assert found == {keys[1]}
+    D = [pd.read_csv(folder / "results.csv")["D"] for folder in (first, out)]
+    np.testing.assert_allclose(4 * D[1], D[0], rtol=1e-3)  # the searches differ in what they find
 
 
 def test_size_too_small_is_a_row_with_its_reason(done):
@@ -154,7 +325,7 @@ def test_size_too_small_is_a_row_with_its_reason(done):
     _, table, out, _ = done
     rows = table[(table["experiments"] == 1) & (table["kind"] == "optimised")]
     assert len(rows) == 2
-    assert rows["reason"].str.fullmatch("1 experiments? cannot identify 5 parameters").all()
+    assert (rows["reason"] == "1 experiment cannot identify 5 parameters; the smallest number is 2").all()
     assert rows[["rho0", "E"]].isna().all(axis=None)
     assert (rows[["efficiency_rho0", "efficiency_E"]] == 0).all(axis=None)
     assert (table.query("experiments == 3")["reason"] == "").all()
@@ -165,7 +336,7 @@ def test_progress(done):
     """Progress is reported as often as `steps` promises, the report last."""
     study, _, _, labels = done
     assert len(labels) == steps(study)
-    assert labels[:3] == ["candidates", "relaxation rho0", "relaxation E"]
+    assert labels[:3] == ["candidates", "relaxation_rho0", "relaxation_E"]
     assert labels[-1] == "report"
 
 

@@ -1,0 +1,206 @@
+"""The search for the best plan of exactly m experiments: batches of starts, on every core, until nothing new comes."""
+
+from collections.abc import Callable
+from time import perf_counter, time
+
+import numpy as np
+from numpy.typing import NDArray
+
+from criteria import Criterion
+from criteria.inverse import whitener
+from edtk.design.candidates import CandidateSource
+from edtk.design.exact_plan import ExactPlan
+from edtk.design.multistart import SIZE, Batch
+from edtk.design.plan import Plan
+from edtk.design.pose_design import PoseDesign
+from edtk.design.refine import information, refine
+from edtk.design.relaxed_plan import RelaxedPlan
+from edtk.design.search import distinct
+from edtk.design.start import Starts
+from edtk.parallel import Team
+
+Array = NDArray[np.float64]
+Progress = Callable[[int, float], object]
+PATIENCE = 6  # batches without improvement after which the search has stagnated
+STARTS = 64 * SIZE
+FINEST, SHARPEST = 300, (1000.0, 4000.0)  # steps and soft maxima of the last descent
+GAIN = 1e-4  # relative improvement that counts
+SAME = 1e-3  # relative difference of information below which two plans are the same
+
+
+class TooFewError(ValueError):
+    """More experiments, or more places, are needed to identify all parameters.
+
+    Attributes:
+        least: The smallest number that can.
+    """
+
+    def __init__(self, what: str, p: int, least: int) -> None:
+        super().__init__(f"{what} cannot identify {p} parameters; the smallest number is {least}")
+        self.least = least
+
+
+def find_plan(
+    relaxed: RelaxedPlan,
+    m: int,
+    k: int | None = None,
+    seed: int = 0,
+    kept: Plan | None = None,
+    starts: int = STARTS,
+    patience: int = PATIENCE,
+    deadline: float = np.inf,
+    team: Team = Team(),  # noqa: B008, frozen
+    progress: Progress = lambda starts, cost: None,
+) -> ExactPlan:
+    """Search for the best plan of m new experiments.
+
+    Batches of starts are judged in the order of their numbers, and each depends on the seed and its number alone, so
+    that the plan depends on neither the team nor its speed, unless the deadline comes first.
+
+    Args:
+        relaxed: The relaxation of the same design and criterion, with its bound.
+        m: Number of new experiments.
+        k: Number of distinct poses at most; None for as many as could be of use.
+        seed: Seed.
+        kept: Experiments that are there already; the relaxation's design counts their information as shared.
+        starts: Limit on the number of starts; rounded up to whole batches.
+        patience: Batches without an improvement of 1e-4 after which the search ends.
+        deadline: When to return the best plan so far [s since the epoch].
+        team: Who does the work.
+        progress: Called with the number of starts so far and the best cost.
+
+    Returns:
+        The best plan found, feasible; a pose that occurs several times is one with repetitions.
+
+    Raises:
+        TooFewError: So few experiments cannot identify all parameters.
+        WorkersLostError: The team has gone away.
+    """
+    since = perf_counter()
+    design, criterion = relaxed.design, relaxed.criterion
+    places = min(m, design.model.p * (design.model.p + 1) // 2 + 1) if k is None else k
+    require_enough(design, m, places)
+    record = _Record(design)
+
+    def batch(i: int) -> Batch:
+        return Batch(design, criterion, m, places, relaxed.x, relaxed.weights, (seed, m, places, i), deadline)
+
+    try:
+        ended = _search(batch, -(-starts // SIZE), patience, deadline, team, record, progress)
+    except KeyboardInterrupt:
+        if not record.costs:
+            raise
+        ended = "interrupted"
+    x, repeats = _tidy(design, criterion, record.best, record.cost)
+    plan = design.plan(x, repeats.astype(int))
+    cost = float(criterion.cost(design.information(plan)))
+    found, optima = record.census()
+    return ExactPlan(relaxed, plan, kept, cost, record.batches * SIZE, found, optima, perf_counter() - since, ended)
+
+
+def _search(
+    batch: Callable[[int], Batch],
+    most: int,
+    patience: int,
+    deadline: float,
+    team: Team,
+    record: "_Record",
+    progress: Progress,
+) -> str:
+    """Enter batches into the record, as many at a time as the team does at once, and say why it ended."""
+    while record.batches < most:
+        wave = [batch(i) for i in range(record.batches, min(record.batches + team.size, most))]
+        for _, answer in sorted(team.run(wave), key=lambda done: done[0]):
+            record.enter(*answer)
+            progress(record.batches * SIZE, record.cost)
+            if record.idle >= patience:
+                return "stagnation"
+        if time() >= deadline:
+            return "budget"
+    return "starts"
+
+
+def require_enough(design: PoseDesign, m: int, places: int) -> None:
+    """Check that m experiments at so many places can identify all parameters.
+
+    Raises:
+        TooFewError: They cannot; says how many can.
+    """
+    least = smallest_size(design)
+    for number, what in ((m, "experiment"), (places, "distinct pose")):
+        if number < least:
+            raise TooFewError(f"{number} {what}{'s' if number > 1 else ''}", design.model.p, least)
+
+
+def smallest_size(design: PoseDesign) -> int:
+    """The least number of experiments, at random poses, whose information is regular.
+
+    Raises:
+        RankDeficientError: No number of experiments can identify all parameters.
+    """
+    p = design.model.p
+    problem = CandidateSource(design, 0, workers=1).take(16 * p).problem
+    problem.require_identifiable()
+    blocks = problem.blocks().reshape(16, p, p, p)
+    sums = np.cumsum(blocks, axis=1)
+    scale = np.sqrt(np.maximum(np.diagonal(sums[:, -1], axis1=-2, axis2=-1), np.finfo(float).tiny))
+    least = np.linalg.eigvalsh(sums / (scale[:, None, :, None] * scale[:, None, None, :]))[..., 0]
+    regular = (least > 1e-10).any(axis=0)
+    return int(regular.argmax()) + 1 if regular.any() else p
+
+
+class _Record:
+    """The best plan so far, and all that were refined to the end."""
+
+    def __init__(self, design: PoseDesign) -> None:
+        self.design = design
+        self.cost, self.idle, self.batches = np.inf, 0, 0
+        self.best: Starts
+        self.costs: list[float] = []
+        self.M: list[Array] = []
+
+    def enter(self, costs: Array, plans: Starts) -> None:
+        """Count the answer of one batch, the best plan first."""
+        self.batches += 1
+        gained = not self.costs or costs[0] < self.cost * (1 - GAIN)
+        self.idle = 0 if gained else self.idle + 1
+        if not self.costs or costs[0] < self.cost:
+            self.cost, self.best = float(costs[0]), plans[np.array([0])]
+        self.costs += costs.tolist()
+        self.M += list(information(self.design.at(plans.x), plans.repeats))
+
+    def census(self) -> tuple[int, int]:
+        """How often the best plan was found, and how many different ones."""
+        order = np.argsort(self.costs, kind="stable")
+        M = np.array(self.M)[order]
+        if not np.isfinite(self.cost):
+            return 0, 0
+        T = whitener(M[0])
+        same = np.linalg.norm(T.T @ (M - M[0]) @ T, axis=(1, 2)) <= SAME * np.sqrt(len(T))
+        return int(same.sum()), len(distinct(M, T, SAME))
+
+
+def _tidy(design: PoseDesign, criterion: Criterion, best: Starts, cost: float) -> tuple[Array, Array]:
+    """Design variables (k, v) and repetitions (k,) of a plan without idle places and equal poses.
+
+    Poses of like information become one, where that costs next to nothing; what remains is refined once more.
+    The most repeated pose comes first, then by joint variables.
+    """
+    used = best.repeats[0] > 0
+    x, repeats = best.x[0, used], best.repeats[0, used].astype(float)
+    for alike in (0.03, 0.003, 1e-4):
+        M = design.problem(x).blocks()
+        kept = distinct(M, whitener(M.mean(axis=0)), alike)
+        if len(kept) == len(x):
+            continue
+        T = whitener(np.tensordot(repeats, M, 1))
+        W = (T.T @ M @ T).reshape(len(M), -1)
+        owner = np.linalg.norm(W[:, None] - W[kept], axis=-1).argmin(axis=1)
+        fewer = np.bincount(owner, weights=repeats).astype(float)
+        moved, costs = refine(design, criterion, x[kept][None], fewer[None])
+        if costs[0] <= cost * (1 + 1e-6):
+            x, repeats, cost = moved[0], fewer, float(costs[0])
+            break
+    x = refine(design, criterion, x[None], repeats[None], FINEST, SHARPEST)[0][0]
+    order = np.lexsort((*np.round(x.T[::-1], 9), -repeats))
+    return x[order], repeats[order]

@@ -1,0 +1,104 @@
+"""One batch of a search for exact plans: many starts, a coarse descent, and a fine one of the best."""
+
+from dataclasses import dataclass
+from time import time
+
+import numpy as np
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
+
+from criteria import Criterion
+from criteria.inverse import whitener
+from edtk.design.candidates import Candidates, CandidateSource
+from edtk.design.pose_design import PoseDesign
+from edtk.design.refine import information, refine
+from edtk.design.repeat import best_repeats
+from edtk.design.search import distinct
+from edtk.design.start import Starts, exchanged, starts
+
+Array = NDArray[np.float64]
+SIZE = 16  # starts of a batch
+ELITE = 4  # of these are refined to the end
+COARSE, FINE = 40, 200  # steps of the first descent and of the others
+BLUNT, SHARP = (30.0,), (250.0,)  # soft maxima of these, see `refine`
+POOL = 256  # fresh candidates of a batch, and of each round
+ROUNDS = 4  # of exchange and refinement, at most
+
+
+@dataclass(frozen=True, eq=False)
+class Batch:
+    """A piece of work that depends on nothing but itself, wherever it is done.
+
+    Attributes:
+        design: Model and feasible set.
+        criterion: What to minimise.
+        m: Number of experiments.
+        k: Number of places at most.
+        support: Design variables (s, v) of the relaxed design.
+        weights: Their weights (s,).
+        seed: Seed of this batch.
+        deadline: When to come back with what there is [s since the epoch].
+    """
+
+    design: PoseDesign
+    criterion: Criterion
+    m: int
+    k: int
+    support: Array
+    weights: Array
+    seed: tuple[int, ...]
+    deadline: float = np.inf
+
+    def __call__(self) -> tuple[Array, Starts]:
+        """Costs (e,) of the plans that were refined to the end, the best first, and these plans."""
+        with threadpool_limits(1):  # the sum of a product may depend on the number of threads
+            return self._search()
+
+    def _search(self) -> tuple[Array, Starts]:
+        support = Candidates(self.support, self.design.problem(self.support))
+        plans = starts(self.criterion, self.m, self.k, support, self.weights, self._fresh(0), SIZE, self.seed)
+        costs, plans = self._refined(plans, COARSE, BLUNT)
+        order = np.argsort(costs, kind="stable")
+        plans, costs = plans[order], costs[order]
+        finite = np.flatnonzero(np.isfinite(costs))
+        M = information(self.design.at(plans.x[finite]), plans.repeats[finite])
+        plans = plans[finite[distinct(M, whitener(M[0]), 1e-3)[:ELITE]]] if len(finite) else plans[order[:1]]
+        costs, plans = self._refined(plans, FINE, SHARP)
+        for turn in range(1, ROUNDS):
+            if self._late():
+                break
+            tried = self._exchanged(plans, self._fresh(turn))
+            found, tried = self._refined(tried, FINE, SHARP)
+            better = found < costs * (1 - 1e-6)
+            if not better.any():
+                break
+            costs = np.where(better, found, costs)
+            plans = Starts(
+                np.where(better[:, None, None], tried.x, plans.x),
+                np.where(better[:, None], tried.repeats, plans.repeats),
+            )
+        order = np.argsort(costs, kind="stable")
+        return costs[order], plans[order]
+
+    def _late(self) -> bool:
+        return time() >= self.deadline
+
+    def _fresh(self, turn: int) -> Candidates:
+        """Feasible candidates of this batch's own."""
+        return CandidateSource(self.design, (*self.seed, turn), workers=1).take(POOL)
+
+    def _refined(self, plans: Starts, iterations: int, sharpness: tuple[float, ...]) -> tuple[Array, Starts]:
+        """Costs and plans after a descent of all of them."""
+        x, costs = refine(self.design, self.criterion, plans.x, plans.repeats, iterations, sharpness, self._late)
+        return costs, Starts(x, plans.repeats)
+
+    def _exchanged(self, plans: Starts, fresh: Candidates) -> Starts:
+        """Each plan with its repetitions moved and its places exchanged for fresh candidates, where that helps."""
+        x, repeats = [], []
+        for own, times in zip(plans.x, plans.repeats, strict=True):
+            pool = Candidates(own, self.design.problem(own)) + fresh
+            times = best_repeats(self.criterion, pool.problem.blocks(np.arange(self.k)), times)
+            places, times = exchanged(pool.problem, self.criterion, np.arange(self.k), times)
+            x.append(pool.x[places])
+            repeats.append(times)
+        return Starts(np.array(x), np.array(repeats))

@@ -1,0 +1,111 @@
+"""Independent pieces of work on the cores of this machine, or on a Dask cluster, through joblib."""
+
+import asyncio
+import logging
+import os
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import BrokenExecutor, CancelledError
+from contextlib import contextmanager
+from dataclasses import dataclass
+from threading import Event, Thread
+from typing import Any, TypeVar
+
+import joblib
+
+T = TypeVar("T")
+PATIENCE_S = 20.0  # with a cluster that has lost all its workers
+
+
+class WorkersLostError(RuntimeError):
+    """A cluster that is not there, or workers that have gone away."""
+
+
+@dataclass(frozen=True)
+class Team:
+    """Who does the work; the answers do not depend on it.
+
+    Attributes:
+        size: Number of pieces that are done at the same time.
+        name: What a person calls it.
+    """
+
+    size: int = 1
+    name: str = "this machine"
+
+    def run(self, pieces: Sequence[Callable[[], T]]) -> Iterator[tuple[int, T]]:
+        """The index of each piece and its answer, in the order in which they are done.
+
+        Raises:
+            WorkersLostError: Nobody is left to do the work.
+        """
+        if self.size == 1:
+            yield from ((i, piece()) for i, piece in enumerate(pieces))
+            return
+        work = (joblib.delayed(_numbered)(i, piece) for i, piece in enumerate(pieces))
+        try:
+            yield from joblib.Parallel(n_jobs=self.size, return_as="generator_unordered")(work)
+        except (CancelledError, asyncio.CancelledError, BrokenExecutor, OSError, TimeoutError) as error:
+            raise WorkersLostError(f"the workers of {self.name} have gone away") from error
+        except Exception as error:
+            if type(error).__name__ == "KilledWorker":
+                raise WorkersLostError(f"the workers of {self.name} died again and again") from error
+            raise
+
+
+def _numbered(index: int, piece: Callable[[], T]) -> tuple[int, T]:
+    return index, piece()
+
+
+@contextmanager
+def team(workers: int | None = None, dask: str | None = None) -> Iterator[Team]:
+    """A team of processes on this machine, or of the workers of a Dask cluster.
+
+    Args:
+        workers: Number of processes; None for one a core. Of a cluster all workers are used.
+        dask: Address of a scheduler, like tcp://host:8786; None for this machine.
+
+    Raises:
+        WorkersLostError: Nobody answers there, or the cluster has no workers.
+    """
+    if dask is None:
+        yield Team(workers or os.cpu_count() or 1)
+        return
+    client = _client(dask)
+    done = Event()
+    try:
+        cores = sum(client.ncores().values())
+        if not cores:
+            raise WorkersLostError(f"the Dask cluster at {dask} has no workers")
+        Thread(target=_watch, args=(client, done), daemon=True).start()
+        with joblib.parallel_config(backend="dask", client=client, wait_for_workers_timeout=PATIENCE_S):
+            yield Team(max(2, cores), f"the Dask cluster at {dask}")
+    finally:
+        done.set()
+        client.close(timeout=2)
+
+
+def _client(address: str) -> Any:
+    """A connection to a scheduler, which reports by errors and not by a log."""
+    try:
+        from distributed import Client
+        from distributed.comm import resolve_address
+    except ModuleNotFoundError:
+        raise WorkersLostError("a Dask cluster needs the extra edtk[cluster], which is not installed") from None
+    logging.getLogger("distributed").setLevel(logging.CRITICAL + 1)
+    try:
+        resolve_address(address)  # a client that cannot even try is noisy when it is collected
+        return Client(address, timeout=5, set_as_default=False)
+    except (OSError, ValueError, TimeoutError) as error:
+        raise WorkersLostError(f"no Dask scheduler answers at {address}") from error
+
+
+def _watch(client: Any, done: Event) -> None:
+    """Cancel the work of a cluster that has had no workers for a while; a scheduler waits for new ones for ever."""
+    alone = 0.0
+    while not done.wait(1.0) and client.status == "running":
+        try:
+            alone = 0.0 if client.ncores() else alone + 1.0
+        except Exception:
+            return  # the connection is lost, which cancels the work too
+        if alone >= PATIENCE_S:
+            client.close(timeout=2)

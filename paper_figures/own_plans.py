@@ -1,0 +1,50 @@
+"""Plans of our own in place of Table 4's: searched for by `python -m paper_figures.own_plans`, read by Table 6.
+
+The search takes a few minutes, so its answers lie beside this file: `own_plans/true_m4.csv` is the plan of four
+experiments with the least rho0 found for A0 itself, `own_plans/clipped_m4.csv` that for max(A0, 0).
+"""
+
+import sys
+from pathlib import Path
+
+from tqdm import tqdm
+
+import criteria
+from edtk.design import ExactPlan, Plan, find_plan, relax_poses
+from edtk.parallel import Team, team
+from edtk.study import Study
+from edtk.study.relaxed import source_of
+from paper_figures.example import load_example, target_of
+from paper_figures.targets import both
+
+FOLDER = Path(__file__).parent / "own_plans"
+PATIENCE = 40
+
+
+def own_plans(study: Study, name: str) -> dict[int, Plan]:
+    """The plans for "true" or "clipped" A0 by their number of experiments."""
+    return {m: study.load_plan(FOLDER / f"{name}_m{m}.csv") for m in study.file.sizes}
+
+
+def search(study: Study, name: str, size: int, workers: Team, patience: int = PATIENCE) -> ExactPlan:
+    """The best plan of so many experiments for "true" or "clipped" A0."""
+    criterion = criteria.create("rho0", both(target_of(study))[name])
+    relaxed = relax_poses(source_of(study), study.file.candidates, criterion, continuous=True)
+    return find_plan(relaxed, size, seed=study.file.seed, patience=patience, team=workers)
+
+
+def main() -> None:
+    """Search for all plans anew, and write them."""
+    study = load_example()
+    cases = [(name, m) for name in both(target_of(study)) for m in study.file.sizes]
+    with team() as workers:
+        for name, m in (bar := tqdm(cases, file=sys.stderr)):
+            found = search(study, name, m, workers)
+            found.plan.to_csv(FOLDER / f"{name}_m{m}.csv", study.robot)
+            bar.write(
+                f"{name}, {m} experiments: {1e3 * found.value:.6g} mm, {100 * found.efficiency:.2f} % of the bound"
+            )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,269 @@
+"""Experiments of a design: information, derivatives, bounds, draws, and what is shared; cost and gradient of plans."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from designs import DESIGNS, LOADED, STUDY
+from designs import KR270 as DESIGN
+
+import criteria
+from edtk.design import CandidateSource, FreeLoad, ListedLoad, Plan, PoseDesign, exchange, relax_poses, sample_feasible
+from edtk.design.refine import cost_and_gradient, information, refine
+
+EPS = np.finfo(float).eps
+ANY = replace(DESIGN, load=FreeLoad(2500.0))
+on_each = pytest.mark.parametrize("design", DESIGNS.values(), ids=DESIGNS)
+on_every_load = pytest.mark.parametrize("design", LOADED.values(), ids=LOADED)
+moving = pytest.mark.parametrize(
+    "design", [d for d in LOADED.values() if d.load.moves], ids=[name for name, d in LOADED.items() if d.load.moves]
+)
+
+
+def of_the_load(x, design=DESIGN):
+    """What comes after the joint variables."""
+    return x[..., len(design.fixed) :]
+
+
+def plans(design, b=2, k=5, seed=0):
+    """Design variables (b, k, v) and repetitions (b, k), of random plans that identify all parameters."""
+    x = sample_feasible(design, b * k, seed).reshape(b, k, -1)
+    return x, np.tile(np.arange(1.0, k + 1), (b, 1))
+
+
+@pytest.mark.parametrize("name", criteria.available())
+@pytest.mark.parametrize("design", [DESIGN, ANY], ids=["one force", "any force"])
+def test_gradient(design, name, derivative):
+    """The gradient of the log cost is its finite difference, where the extreme eigenvalues are simple.
+
+    Poses of a random plan have eigenvalues well apart; wrenches, where they are free, and repetitions differ.
+    """
+    criterion, (x, repeats) = STUDY.criterion(name), plans(design)
+    value, gradient = cost_and_gradient(criterion, design.at(x), repeats)
+    for plan, r, own, slope in zip(x, repeats, value, gradient, strict=True):
+        M = design.information(design.plan(plan, r.astype(int)))
+        assert (np.diff(np.log(np.linalg.eigvalsh(M))) > 0.05).all()
+        assert own == pytest.approx(np.log(float(criterion.cost(M))), rel=1e-11)
+
+        def f(flat, r=r, shape=plan.shape):
+            return np.asarray(cost_and_gradient(criterion, design.at(flat.reshape(1, *shape)), r[None])[0][0])
+
+        expected = derivative(f, plan.ravel(), h=2e-4).reshape(plan.shape)
+        np.testing.assert_allclose(slope, expected, rtol=0, atol=1e-7 * np.abs(slope).max())
+
+
+@moving
+def test_regressor_gradient(design, derivative):
+    """The derivative of A/sigma by every joint and every load variable is its finite difference.
+
+    Truncation is h^4/30 of a fifth derivative, which for sines is of the size of A; by the load A is linear.
+    """
+    x = sample_feasible(design, 6, 1)
+    slopes = design.at(x).regressor_gradient
+    assert slopes.shape == (6, len(design.sigma), design.model.p, design.size)
+    assert design.size == len(design.fixed) + len(design.load.limits.T)
+    for one, slope in zip(x, slopes, strict=True):
+        expected = derivative(lambda y: design.at(y).regressor, one)
+        size = np.abs(slope).max(axis=(1, 2), keepdims=True)  # rows are in metres or radians
+        np.testing.assert_array_less(np.abs(slope - expected), np.broadcast_to(1e-9 * size, slope.shape))
+        assert (np.abs(slope) > 1e-3 * size).any(axis=(0, 1))[design.movable].all()
+
+
+@moving
+def test_slack_gradient(design, derivative):
+    """The derivative of every slack by joints and load is its finite difference; there is one label for each."""
+    here = design.at(x := sample_feasible(design, 30, 2))
+    assert here.slack.shape == (30, len(design.labels))
+    used = 0
+    for one, slope in zip(x, here.slack_gradient, strict=True):
+        if abs(design.workspace.robot.forward(one[:6])[2, 2]) > 0.8:  # near a pole of the tilt
+            continue
+        used += 1
+        np.testing.assert_allclose(slope, derivative(lambda y: design.at(y).slack, one), rtol=0, atol=1e-8)
+    assert used >= 5
+
+
+@on_every_load
+def test_experiments_of_any_shape(design):
+    """Experiments in any batch are those one by one: regressors, information, slacks, and their gradients."""
+    x = sample_feasible(design, 6, 3).reshape(2, 3, -1)
+    whole = design.at(x)
+    for i in np.ndindex(2, 3):
+        one = design.at(x[i])
+        assert whole.feasible[i] == one.feasible
+        for name in ("regressor", "regressor_gradient", "slack", "slack_gradient"):
+            a, b = getattr(whole, name)[i], getattr(one, name)
+            np.testing.assert_allclose(a, b, rtol=0, atol=1e-13 * np.abs(b).max(initial=1))
+        np.testing.assert_allclose(whole.packed[:, *i], one.packed, rtol=0, atol=1e-13 * np.abs(one.packed).max())
+
+
+@on_every_load
+def test_a_plan_has_the_wrenches_of_its_variables(design):
+    """Poses and wrenches of a plan are those of the design variables, and tell what these tell."""
+    x, n = sample_feasible(design, 8, 4), len(design.fixed)
+    plan = design.plan(x, np.arange(1, 9))
+    np.testing.assert_array_equal(plan.q, x[:, :n])
+    np.testing.assert_array_equal(plan.wrench, design.load.wrench(x[:, n:]))
+    M = design.problem(x).information(np.arange(1.0, 9))
+    scale = np.sqrt(np.outer(np.diag(M), np.diag(M)))
+    assert (np.abs(design.information(plan) - M) <= 64 * EPS * scale).all()
+    assert (np.abs(information(design.at(x[None]), np.arange(1.0, 9)[None])[0] - M) <= 64 * EPS * scale).all()
+    A = design.model.regressor(plan.q, plan.wrench) / design.sigma[:, None]
+    np.testing.assert_allclose(design.at(x).regressor, A, rtol=0, atol=1e-13 * np.abs(A).max())
+
+
+def test_information_of_repetitions():
+    """A pose with repetitions tells what as many rows of it tell, and a plan what its poses tell together."""
+    x, repeats = plans(ANY)
+    plan = ANY.plan(x[0], repeats[0].astype(int))
+    rows = np.repeat(np.arange(5), plan.repeats)
+    spread = Plan(plan.q[rows], plan.wrench[rows], np.ones(len(rows), dtype=int))
+    np.testing.assert_allclose(ANY.information(spread), ANY.information(plan), rtol=1e-11)
+    np.testing.assert_allclose(ANY.information(plan.repeated(3)), 3 * ANY.information(plan), rtol=1e-12)
+
+
+def test_wrenches_of_any_plan_are_its_own():
+    """A plan is judged under its own wrenches, whatever the design's load: twice the force, four times the worth."""
+    plan = DESIGN.plan(plans(DESIGN)[0][0], np.ones(5, dtype=int))
+    np.testing.assert_allclose(
+        DESIGN.information(replace(plan, wrench=2 * plan.wrench)), 4 * DESIGN.information(plan), rtol=1e-12
+    )
+
+
+def test_base_joint_does_not_matter():
+    """A vertical load leaves the plan's worth alone when the whole arm turns about the vertical joint 1."""
+    x, repeats = plans(DESIGN)
+    gradient = cost_and_gradient(STUDY.criterion("rho0"), DESIGN.at(x), repeats)[1]
+    np.testing.assert_allclose(gradient[..., 0], 0, atol=1e-10 * np.abs(gradient).max())
+
+
+def test_singular_plan():
+    """A plan that cannot identify all parameters has infinite log cost and no slope; its neighbour has both."""
+    x, repeats = plans(DESIGN)
+    repeats[0, 1:] = 0
+    value, gradient = cost_and_gradient(STUDY.criterion("D"), DESIGN.at(x), repeats)
+    assert value[0] == np.inf
+    assert not gradient[0].any()
+    assert np.isfinite(value[1])
+    assert gradient[1].any()
+
+
+@on_every_load
+def test_bounds_and_what_moves(design):
+    """Fixed joints are neither drawn nor moved, a load's variables are both, and the index of a listed one is drawn."""
+    n, d = len(design.fixed), len(design.load.limits.T)
+    np.testing.assert_array_equal(design.limits[:, :n], design.workspace.robot.limits)
+    np.testing.assert_array_equal(design.limits[:, n:], design.load.limits)
+    assert design.drawn == [*design.free, *range(n, n + d)]
+    assert design.movable == (design.free if isinstance(design.load, ListedLoad) else design.drawn)
+
+
+@on_every_load
+def test_feasible_means_bounds_and_constraints(design):
+    """An experiment is feasible where no slack is negative and every variable is within its bounds."""
+    rng = np.random.default_rng(5)
+    lower, upper = design.limits
+    whole = sample_feasible(design, 300, 5)
+    x = whole + 0.05 * (upper - lower) * rng.normal(size=whole.shape) * (rng.random(whole.shape) < 0.3)
+    if isinstance(design.load, ListedLoad):
+        x[:, -1] = whole[:, -1]
+    n = len(design.fixed)
+    force = np.linalg.norm(design.load.wrench(x[:, n:])[:, :3], axis=1)
+    allowed = force <= design.load.largest if isinstance(design.load, FreeLoad) else True
+    expected = design.workspace.contains(x[:, :n]) & allowed & ((x >= lower) & (x <= upper)).all(axis=1)
+    assert 20 < expected.sum() < 280
+    np.testing.assert_array_equal(design.at(x).feasible, expected)
+    assert design.at(whole).feasible.all()
+
+
+@pytest.mark.parametrize("fixed", [4.0, -3.3])
+def test_a_joint_fixed_outside_its_limits_is_refused(fixed):
+    """No experiment could be feasible: the joint is named at once."""
+    with pytest.raises(ValueError, match="q1 is fixed outside its limits"):
+        replace(DESIGN, fixed=np.array([fixed, 0, 0, 0, 0, 0]))
+
+
+def kept_and_beside(design: PoseDesign, m: int, k: int = 3, seed: int = 8):
+    """Some experiments that are there already, and the design of m more beside them."""
+    kept = design.plan(sample_feasible(design, k, seed), np.arange(1, k + 1))
+    return kept, design.beside(design.information(kept), m)
+
+
+def assert_close(M, expected):
+    """Equal to the rounding of sums, at the scale sqrt(m_ii m_jj)."""
+    scale = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
+    assert (np.abs(M - expected) <= 1e-12 * scale).all()
+
+
+@on_every_load
+def test_plans_beside_kept_experiments(design):
+    """The information of m experiments more, however it is computed, is theirs and that of those there already."""
+    repeats = np.array([2, 1, 3])
+    kept, beside = kept_and_beside(design, repeats.sum())
+    x = sample_feasible(design, 3, 9)
+    plan = design.plan(x, repeats)
+    expected = design.information(kept) + design.information(plan)
+    assert_close(design.information(kept + plan), expected)
+    assert_close(beside.information(plan), expected)
+    assert_close(beside.problem(x).information(repeats), expected)
+    assert_close(information(beside.at(x[None]), repeats[None])[0], expected)
+    np.testing.assert_array_equal(beside.at(x).regressor, design.at(x).regressor)
+
+
+@on_each
+def test_candidates_carry_what_is_shared(design):
+    """A source beside kept experiments has the same poses, each with its share of what is there."""
+    m = 4
+    kept, beside = kept_and_beside(design, m)
+    alone, more = (CandidateSource(d, 3).take(200) for d in (design, beside))
+    np.testing.assert_array_equal(alone.x, more.x)
+    for own, together in zip(alone.problem.blocks(), more.problem.blocks(), strict=True):
+        assert_close(together, own + design.information(kept) / m)
+
+
+def test_gradient_beside_kept_experiments(derivative):
+    """What is shared does not move: the slope of the log cost is its finite difference there too."""
+    _, beside = kept_and_beside(DESIGN, 3)
+    x, repeats, criterion = sample_feasible(DESIGN, 3, 6)[None], np.ones((1, 3)), STUDY.criterion("rho0")
+    slope = cost_and_gradient(criterion, beside.at(x), repeats)[1][0]
+
+    def f(flat):
+        return np.asarray(cost_and_gradient(criterion, beside.at(flat.reshape(x.shape)), repeats)[0][0])
+
+    expected = derivative(f, x.ravel(), h=2e-4).reshape(slope.shape)
+    np.testing.assert_allclose(slope, expected, rtol=0, atol=1e-7 * np.abs(slope).max())
+
+
+@pytest.mark.parametrize("name", ["rho0", "D", "E", "O2", "O4", "O5"])
+def test_no_plan_beside_kept_experiments_beats_the_bound(name):
+    """The relaxation beside kept experiments bounds all plans of m candidates more, refined ones once it is searched.
+
+    Exchanged plans come within a fifth of the bound, so that a bound 20 % too low would be noticed as well.
+    """
+    m, criterion = 4, STUDY.criterion(name)
+    kept, beside = kept_and_beside(DESIGN, m)
+    source = CandidateSource(beside, 0)
+    relaxed = relax_poses(source, 400, criterion)
+    bound = relaxed.bound * m**-criterion.degree
+    pool, rng = source.take(400), np.random.default_rng(0)
+    costs = []
+    for _ in range(4):
+        places, reached = exchange(pool.problem, criterion, rng.integers(0, 400, m))
+        plan = DESIGN.plan(pool.x[places], np.ones(m, dtype=int))
+        costs.append(float(criterion.cost(DESIGN.information(kept) + DESIGN.information(plan))))
+        assert costs[-1] == pytest.approx(reached, rel=1e-8)
+    assert bound * (1 - 1e-9) <= min(costs) <= 1.2 * bound
+    alone = float(criterion.cost(DESIGN.information(kept)))
+    assert min(costs) < alone or not criterion.monotone
+
+
+def test_no_refined_plan_beside_kept_experiments_beats_the_searched_bound():
+    """Over all poses, too: refined plans of m experiments more stay above the bound, and within a fifth of it."""
+    m, criterion = 4, STUDY.criterion("rho0")
+    kept, beside = kept_and_beside(DESIGN, m)
+    relaxed = relax_poses(CandidateSource(beside, 0), 400, criterion, continuous=True, tolerance=1e-3)
+    x, costs = refine(beside, criterion, sample_feasible(beside, 12 * m, 1).reshape(12, m, -1), np.ones((12, m)))
+    bound = relaxed.searched / np.sqrt(m)
+    assert bound * (1 - 1e-9) <= costs.min() <= 1.2 * bound
+    M = DESIGN.information(kept + DESIGN.plan(x[costs.argmin()], np.ones(m, dtype=int)))
+    assert float(criterion.cost(M)) == pytest.approx(costs.min(), rel=1e-9)
