@@ -24,6 +24,7 @@ from edtk.study.study import Study
 Progress = Callable[[str], object]
 TOLERANCE = 1e-4  # of the search over the continuum
 OURS = re.compile(r"(optimised|distinct|random)_(.+_)?m\d+(_k\d+)?")  # names of plans that a run writes
+THOROUGH = 4  # times as many starts for the criterion that the study is about
 RANDOM = 101  # random plans, of which the median is shown
 PLACES = 8  # distinct poses up to which fewer are compared with more
 
@@ -78,8 +79,9 @@ class _Planning:
 
     def __call__(self) -> dict[str, Any]:
         file = self.study.file
+        starts = file.starts * (THOROUGH if self.case.optimised == file.main else 1)
         try:
-            found = find_plan(self.relaxed, self.case.size, self.case.places, file.seed, starts=file.starts)
+            found = find_plan(self.relaxed, self.case.size, self.case.places, file.seed, starts=starts)
         except TooFewError as error:
             return {"reason": str(error)}
         if found.ended == "interrupted":
