@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
-import numpy as np
 from tqdm import tqdm
 
 import criteria
 import edtk
 from edtk.atomic import require_writable
+from edtk.commands import bayes, bias, compensate, identify, template
 from edtk.errors import UserError
 from edtk.one_line import OneLine
 
@@ -246,31 +246,8 @@ def relax_study(
         sys.exit(130)
 
 
-@main.command("bayes")
-@click.argument("study", type=StudyPath)
-@click.argument("plan", type=StudyPath)
-@click.option("--seed", type=click.IntRange(min=0), help="Seed [default: the study's].")
-@click.option("--json", "as_json", is_flag=True, help="Print JSON, in SI units.")
-def bayes(study: Path, plan: Path, seed: int | None, as_json: bool) -> None:
-    """Simulate measurements of PLAN, sample the posterior of the compliances, compare with Eq. (13)."""
-    from edtk.inference.posterior import UnconvergedError
-    from edtk.study import load_study
-    from edtk.study.bayes import bayes_check
-
-    loaded = load_study(study)
-    rng = np.random.default_rng(loaded.file.seed if seed is None else seed)
-    with tqdm(unit="step", file=sys.stderr, desc="emcee") as bar, _mistakes(plan):
-        try:
-            table = bayes_check(loaded, loaded.load_plan(plan), rng, lambda n: bar.update(n - bar.n))
-        except UnconvergedError as error:
-            raise UserError(f"{plan}: {error}") from error
-    if as_json:
-        click.echo(table.to_json(orient="records", indent=2, double_precision=15))
-        return
-    click.echo("param    std posterior   std Eq. (13)    ratio   +- (Monte Carlo)   effective samples")
-    for row in table.itertuples():
-        click.echo(
-            f"{row.parameter:6}{row.std_posterior:16.5g}{row.std_eq13:15.5g}{row.ratio:9.4f}"
-            f"   {row.ratio_error:.4f}{row.effective_samples:24.0f}"
-        )
-    click.echo("standard deviations in rad/(N m)")
+main.add_command(bayes.command)
+main.add_command(bias.command)
+main.add_command(compensate.command)
+main.add_command(identify.command)
+main.add_command(template.command)

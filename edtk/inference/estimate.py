@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from criteria.inverse import guarded_inverse
-from criteria.null_space import null_space
+from criteria.null_space import null_space, open_directions
 
 Array = NDArray[np.float64]
 
@@ -42,13 +42,15 @@ def covariance(M: Array, parameters: tuple[str, ...]) -> Array:
         parameters: Names (p,), for the error message.
 
     Raises:
-        SingularPlanError: M is singular; names the parameters concerned.
+        SingularPlanError: M is singular; names the parameters concerned, and the directions where they are several.
     """
     _, cov, regular = guarded_inverse(M)
     if not regular:
         names = ", ".join(unidentified(M, parameters)) or ", ".join(parameters)
+        directions = [d for d in open_directions(M, parameters) if d not in parameters]
+        along = f"; nothing is known along {' and '.join(f'({d})' for d in directions)}" if directions else ""
         raise SingularPlanError(
-            f"the plan cannot identify all parameters: {names} cannot be told from its measurements"
+            f"the plan cannot identify all parameters: {names} cannot be told from its measurements{along}"
         )
     return cov
 
@@ -59,17 +61,53 @@ def estimate(A: Array, measured: Array, sigma: ArrayLike, parameters: tuple[str,
     Args:
         A: Regressors (m, rows, p).
         measured: Deflections (..., m, rows) [m, rad].
-        sigma: Noise, one number or one per row (rows,).
+        sigma: Noise, one number, one per row (rows,) or one per measurement and row (m, rows).
         parameters: Names (p,), for the error message.
 
     Raises:
         SingularPlanError: The regressors do not identify all parameters.
     """
-    weight = 1.0 / np.broadcast_to(np.asarray(sigma, dtype=float), A.shape[1:2])
-    stacked = (A * weight[:, None]).reshape(-1, A.shape[-1])
-    cov = covariance(stacked.T @ stacked, parameters)
-    scale = np.linalg.norm(stacked, axis=0)
-    Q, R = np.linalg.qr(stacked / scale)
-    y = (measured * weight).reshape(*measured.shape[:-2], -1)
-    k = np.linalg.solve(R, (y @ Q)[..., None])[..., 0] / scale
-    return Estimate(k, cov)
+    whitened = Whitened.of(A, sigma, parameters)
+    return Estimate(whitened.solve(measured), whitened.covariance)
+
+
+@dataclass(frozen=True, eq=False)
+class Whitened:
+    """Regressors in units of the noise, factored once: ``A / sigma = Q R diag(scale)`` with ``Q'Q = I``.
+
+    Attributes:
+        Q: Orthonormal columns (m, rows, p).
+        R: Upper triangle (p, p) of columns of unit length.
+        scale: Length (p,) of each column of A/sigma.
+        weight: 1/sigma (m, rows).
+        covariance: Eq. (13) (p, p).
+    """
+
+    Q: Array
+    R: Array
+    scale: Array
+    weight: Array
+    covariance: Array
+
+    @classmethod
+    def of(cls, A: Array, sigma: ArrayLike, parameters: tuple[str, ...]) -> "Whitened":
+        """Factor regressors (m, rows, p) with noise that broadcasts to (m, rows).
+
+        Raises:
+            SingularPlanError: The regressors do not identify all parameters.
+        """
+        weight = 1.0 / np.broadcast_to(np.asarray(sigma, dtype=float), A.shape[:2])
+        stacked = (A * weight[..., None]).reshape(-1, A.shape[-1])
+        cov = covariance(stacked.T @ stacked, parameters)
+        scale = np.linalg.norm(stacked, axis=0)
+        Q, R = np.linalg.qr(stacked / scale)
+        return cls(Q.reshape(A.shape), R, scale, weight, cov)
+
+    def project(self, measured: Array) -> Array:
+        """``Q' (dp / sigma)`` (..., p): all that deflections (..., m, rows) say about the parameters."""
+        y = (measured * self.weight).reshape(*measured.shape[:-2], -1)
+        return y @ self.Q.reshape(-1, len(self.scale))
+
+    def solve(self, measured: Array) -> Array:
+        """Least-squares estimates (..., p) from deflections (..., m, rows)."""
+        return np.linalg.solve(self.R, self.project(measured)[..., None])[..., 0] / self.scale

@@ -1,19 +1,27 @@
 """The posterior of the compliances, sampled with emcee."""
 
+import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
-import emcee
 import numpy as np
 from numpy.typing import NDArray
 
+from edtk.inference.chain import Demand, UnconvergedError, run_chain
+from edtk.inference.chain_file import ChainFile
+from edtk.inference.convergence import std_error
 from edtk.inference.estimate import Estimate
+from edtk.inference.noise import Noise
+from edtk.inference.prior import Prior, flat
+
+__all__ = ["ImproperPosteriorError", "Posterior", "UnconvergedError", "sample_posterior"]
 
 Array = NDArray[np.float64]
 
 
-class UnconvergedError(RuntimeError):
-    """The chain did not reach the length that its autocorrelation time asks for."""
+class ImproperPosteriorError(ValueError):
+    """There are too few measurements for what is unknown: the posterior has no standard deviations."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,11 +32,22 @@ class Posterior:
         samples: Kept samples (steps, walkers, p), burn-in removed [rad/(N m)].
         tau: Integrated autocorrelation time (p,), in steps.
         steps: Length of the whole chain.
+        r_hat: Split-chain potential scale reductions (p,).
+        noise: Samples of what is unknown of the noise (steps, walkers, e), by `noise_names`.
+        noise_names: "sigma_factor", "nu", or none of them.
     """
 
     samples: Array
     tau: Array
     steps: int
+    r_hat: Array
+    noise: Array
+    noise_names: tuple[str, ...] = ()
+
+    @property
+    def mean(self) -> Array:
+        """Posterior means (p,)."""
+        return self.samples.mean(axis=(0, 1))
 
     @property
     def std(self) -> Array:
@@ -42,14 +61,12 @@ class Posterior:
 
     @property
     def std_error(self) -> Array:
-        """Monte-Carlo standard error (p,) of `std`, for a near-normal posterior.
+        """Monte-Carlo standard error (p,) of `std`."""
+        return self.std * std_error(self.samples)
 
-        The variance of the mean of N squared deviations is ``2 std^4 tau/N``, with the autocorrelation time tau of
-        the squared deviations themselves, so that the error of std is ``std sqrt(tau / 2N)``.
-        """
-        squares = (self.samples - self.samples.mean(axis=(0, 1))) ** 2
-        tau = emcee.autocorr.integrated_time(squares / squares.mean(axis=(0, 1)), tol=0)
-        return self.std * np.sqrt(tau / (2.0 * np.prod(self.samples.shape[:2])))
+    def interval(self, level: float = 0.95) -> Array:
+        """Lower and upper ends (2, p) of the central intervals that hold the compliances with probability `level`."""
+        return np.quantile(self.samples, [(1 - level) / 2, (1 + level) / 2], axis=(0, 1))
 
 
 def sample_posterior(
@@ -58,48 +75,84 @@ def sample_posterior(
     sigma: Array,
     fit: Estimate,
     rng: np.random.Generator,
+    *,
+    prior: Prior | None = None,
+    noise: Noise | None = None,
     walkers: int = 32,
-    length: int = 400,
-    most: int = 60_000,
+    demand: Demand | None = None,
+    chain: Path | None = None,
     progress: Callable[[int], object] = lambda steps: None,
 ) -> Posterior:
-    """Sample ``exp(-sum |A_i k - dp_i|^2 / 2 sigma^2)`` with a flat prior.
+    """Sample ``prior(k) prod_i p((dp_i - A_i k) / sigma)``, with what is unknown of the noise.
 
-    Parameters are ``(k - k_hat) / std`` of the least-squares fit, of order one. The chain runs until it is
-    `length` integrated autocorrelation times long and that time is stable to 5 %; the first ten times are dropped.
+    Coordinates are whitened, ``k = c + L x``, by the least-squares fit and the Gaussian part of the prior; the walkers
+    start as independent draws from that Gaussian, and so need little burn-in.
 
     Args:
         A: Regressors (m, rows, p).
         measured: Deflections (m, rows) [m, rad].
         sigma: Noise per row (rows,) [m, rad].
-        fit: The least-squares estimate, for the scale and the start.
+        fit: The least-squares estimate, for scale and start.
         rng: Source of randomness.
-        walkers: Size of emcee's ensemble, even and at least 2 p.
-        length: Required length in autocorrelation times.
-        most: Limit on the number of steps.
+        prior: Of the compliances; None for flat on positive compliances.
+        noise: None for normal errors of known sigma.
+        walkers: Size of emcee's ensemble, even; four for each parameter where that is more.
+        demand: When the chain is long enough.
+        chain: File in which the chain is kept, and from which it goes on.
         progress: Called with the number of steps so far.
 
     Raises:
-        UnconvergedError: The limit was reached first.
+        UnconvergedError: The limit on the number of steps was reached first.
+        ImproperPosteriorError: Sigma is unknown, and too few rows were measured to tell.
+        ChainFileError: The file is no chain, or of another problem.
+        OSError: The file cannot be written.
     """
-    std = np.sqrt(np.diag(fit.covariance))
-    rows = (A / sigma[:, None]).reshape(-1, len(std)) * std
-    residual = (measured / sigma).ravel() - rows @ (fit.k / std)
+    p, N = A.shape[-1], A.shape[0] * A.shape[1]
+    prior = flat(p) if prior is None else prior
+    noise = Noise() if noise is None else noise
+    _check(prior, noise, N - p)
+    walkers = max(walkers, 4 * (p + len(noise.names)))
+    rows = (A / sigma[:, None]).reshape(-1, p)
+    y = (measured / sigma).ravel()
+    squares = float(((y - rows @ fit.k) ** 2).sum())
 
-    def log_posterior(x: Array) -> Array:
-        return -0.5 * ((x @ rows.T - residual) ** 2).sum(axis=-1)
+    scale = np.sqrt(np.diag(fit.covariance))
+    inverse = np.linalg.inv(fit.covariance / np.outer(scale, scale)) / noise.spread(squares, N - p)
+    P, h = prior.gaussian()
+    precision = inverse + P * np.outer(scale, scale)
+    centre = scale * np.linalg.solve(precision, inverse @ (fit.k / scale) + h * scale)
+    L = scale[:, None] * np.linalg.inv(np.linalg.cholesky(precision)).T
+    k = centre + rng.standard_normal((walkers, p)) @ L.T
+    if prior.log_density(k).min() == -np.inf:
+        k = np.abs(k)
+    x = np.linalg.solve(L, (k - centre).T).T
+    start = np.concatenate([x, noise.start(squares, N - p, rng, walkers)], axis=1)
+    seed = int(rng.integers(2**31))
+    B, residual = rows @ L, y - rows @ centre
 
-    sampler = emcee.EnsembleSampler(walkers, len(std), log_posterior, vectorize=True)
-    seed = np.random.RandomState(int(rng.integers(2**31)))
-    sampler.random_state = seed.get_state()
-    state = emcee.State(rng.standard_normal((walkers, len(std))), random_state=seed.get_state())
-    before = np.inf
-    while sampler.iteration < most:
-        state = sampler.run_mcmc(state, 1000)
-        progress(sampler.iteration)
-        tau = sampler.get_autocorr_time(tol=0)
-        if sampler.iteration > length * tau.max() and np.all(np.abs(before - tau) < 0.05 * tau):
-            burn = int(np.ceil(10 * tau.max()))
-            return Posterior(fit.k + std * sampler.get_chain(discard=burn), tau, sampler.iteration)
-        before = tau
-    raise UnconvergedError(f"the chain did not converge in {most} steps; raise the limit")
+    def log_density(x: Array) -> Array:
+        extra = x[:, p:]
+        likelihood = noise.log_likelihood(residual - x[:, :p] @ B.T, extra)
+        return likelihood + noise.log_prior(extra) + prior.log_density(centre + x[:, :p] @ L.T)
+
+    def view(x: Array) -> Array:
+        return np.concatenate([centre + x[..., :p] @ L.T, x[..., p:]], axis=-1)
+
+    file = None
+    if chain is not None:
+        content = [A, measured, sigma, start, np.array([seed]), view(np.eye(p + len(noise.names)))]
+        digest = hashlib.sha256(b"".join(np.ascontiguousarray(part).tobytes() for part in content))
+        digest.update(repr((prior, noise)).encode())
+        file = ChainFile(chain, digest.hexdigest())
+    found = run_chain(log_density, view, start, seed, demand or Demand(), file, progress)
+    samples, extra = found.samples[..., :p], np.exp(found.samples[..., p:])
+    return Posterior(samples, found.tau[:p], found.steps, found.r_hat[:p], extra, noise.names)
+
+
+def _check(prior: Prior, noise: Noise, freedom: int) -> None:
+    """Under Jeffreys' prior the compliances are Student-t: of two degrees of freedom their variance is infinite."""
+    if noise.sigma_factor == np.inf and freedom <= (0 if prior.proper else 2):
+        raise ImproperPosteriorError(
+            f"with sigma unknown the measured rows must outnumber the compliances by {1 if prior.proper else 3}, "
+            f"and do by {freedom}; measure more, or say how well sigma is known"
+        )

@@ -1,50 +1,139 @@
 """The Bayesian check of a plan: does the sampled posterior have the covariance that Eq. (13) promises?"""
 
+import json
 from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from edtk.design import Plan
-from edtk.inference import estimate, sample_posterior, simulate
+from edtk.inference import Noise, Posterior, estimate, sample_posterior, simulate
+from edtk.inference.chain import Demand
+from edtk.study.pose_error import PoseError, pose_error
+from edtk.study.prior import study_prior
 from edtk.study.study import Study
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class BayesCheck:
+    """One simulated calibration and its posterior.
+
+    Attributes:
+        table: One row per parameter, SI units: `parameter`, `true`, `mean`, `low_95`, `high_95`, `std_posterior`,
+            `std_eq13`, `ratio`, `ratio_error` (Monte-Carlo standard error of the ratio), `tau_steps`, `r_hat`,
+            `effective_samples`.
+        posterior: The samples.
+        A: Regressors (m, rows, p).
+        measured: Simulated deflections (m, rows) [m, rad].
+        sigma: Noise per row (rows,) [m, rad].
+        noise: What is assumed of the noise.
+        pose: Errors in the test pose; None without one.
+    """
+
+    table: pd.DataFrame
+    posterior: Posterior
+    A: Array
+    measured: Array
+    sigma: Array
+    noise: Noise
+    pose: PoseError | None
+
+    @property
+    def noise_intervals(self) -> dict[str, tuple[float, float, float]]:
+        """Median and ends of the 95 % interval of what is unknown of the noise."""
+        named = enumerate(self.posterior.noise_names)
+        ends = {name: np.quantile(self.posterior.noise[..., i], [0.5, 0.025, 0.975]).tolist() for i, name in named}
+        return {name: (row[0], row[1], row[2]) for name, row in ends.items()}
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data, SI units."""
+        return {
+            "parameters": json.loads(self.table.to_json(orient="records", double_precision=15)),
+            "noise": {
+                name: dict(zip(("median", "low_95", "high_95"), row, strict=True))
+                for name, row in self.noise_intervals.items()
+            },
+            "test_pose": None if self.pose is None else self.pose.to_json(),
+            "steps": self.posterior.steps,
+            "walkers": self.posterior.samples.shape[1],
+        }
+
+    def summary(self) -> str:
+        """What a person reads."""
+        head = ("param", "std posterior", "std Eq. (13)", "ratio", "+- (MC)", "95 % interval", "effective samples")
+        lines = [f"{head[0]:8}{head[1]:>14}{head[2]:>14}{head[3]:>9}{head[4]:>9}{head[5]:>26}{head[6]:>19}"]
+        for row in self.table.itertuples():
+            interval = f"{row.low_95:.4e} to {row.high_95:.4e}"
+            lines.append(
+                f"{row.parameter:8}{row.std_posterior:14.5g}{row.std_eq13:14.5g}{row.ratio:9.4f}{row.ratio_error:9.4f}"
+                f"{interval:>26}{row.effective_samples:19.0f}"
+            )
+        lines.append("standard deviations and intervals in rad/(N m)")
+        lines += [
+            f"{name}: {median:.4g}, 95 % interval {low:.4g} to {high:.4g}"
+            for name, (median, low, high) in self.noise_intervals.items()
+        ]
+        return "\n".join(lines if self.pose is None else [*lines, self.pose.summary()])
 
 
 def bayes_check(
-    study: Study, plan: Plan, rng: np.random.Generator, progress: Callable[[int], object] = lambda steps: None
-) -> pd.DataFrame:
-    """Simulate one calibration, sample its posterior, and compare standard deviations.
+    study: Study,
+    plan: Plan,
+    rng: np.random.Generator,
+    progress: Callable[[int], object] = lambda steps: None,
+    *,
+    noise: Noise | None = None,
+    demand: Demand | None = None,
+    chain: Path | None = None,
+) -> BayesCheck:
+    """Simulate one calibration with normal errors, sample its posterior, and compare standard deviations.
 
     Args:
-        study: Model, noise and assumed true compliances.
+        study: Model, noise, priors and assumed true compliances.
         plan: The plan that is carried out.
         rng: Source of randomness.
         progress: Called with the number of steps of the chain so far.
-
-    Returns:
-        One row per parameter, SI units: `parameter`, `true`, `mean`, `std_posterior`, `std_eq13`, `ratio`,
-        `ratio_error` (Monte-Carlo standard error of the ratio), `tau_steps`, `effective_samples`.
+        noise: What is assumed of the noise; None for what the study says.
+        demand: When the chain is long enough.
+        chain: File in which the chain is kept, and from which it goes on.
 
     Raises:
         SingularPlanError: The plan cannot identify all parameters.
-        UserError: The study assumes no true compliances.
+        UserError: The study assumes no true compliances, or its prior is not one.
         UnconvergedError: The chain does not converge.
+        ImproperPosteriorError: Too few measurements for what is unknown.
+        ChainFileError: The file is no chain, or of another problem.
     """
+    prior, noise = study_prior(study), study.file.prior.noise() if noise is None else noise
     A = np.repeat(study.model.regressor(plan.q, plan.wrench), plan.repeats, axis=0)
     measured = simulate(A, study.compliances, study.sigma, rng)[0]
     fit = estimate(A, measured, study.sigma, study.model.parameters)
-    posterior = sample_posterior(A, measured, study.sigma, fit, rng, progress=progress)
+    posterior = sample_posterior(
+        A, measured, study.sigma, fit, rng, prior=prior, noise=noise, demand=demand, chain=chain, progress=progress
+    )
     std = np.sqrt(np.diag(fit.covariance))
-    return pd.DataFrame(
+    low, high = posterior.interval()
+    table = pd.DataFrame(
         {
             "parameter": study.model.parameters,
             "true": study.compliances,
-            "mean": posterior.samples.mean(axis=(0, 1)),
+            "mean": posterior.mean,
+            "low_95": low,
+            "high_95": high,
             "std_posterior": posterior.std,
             "std_eq13": std,
             "ratio": posterior.std / std,
             "ratio_error": posterior.std_error / std,
             "tau_steps": posterior.tau,
+            "r_hat": posterior.r_hat,
             "effective_samples": posterior.effective,
         }
     )
+    pose = None if study.target is None else pose_error(study.target, fit, posterior)
+    return BayesCheck(table, posterior, A, measured, study.sigma, noise, pose)

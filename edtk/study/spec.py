@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 from pydantic_core import PydanticCustomError
 
-from edtk import design
+from edtk import design, inference
 from edtk.model import Constraint, Height, Radius, Tilt, transform
 
 Array = NDArray[np.float64]
@@ -139,6 +139,54 @@ class Simulation(_Table):
     compliance_rad_per_Nm: dict[str, Positive]
 
 
+class Marginal(_Table):
+    """What is known of one compliance before the measurements."""
+
+    kind: Literal["flat", "half-normal", "log-normal"]
+    scale_rad_per_Nm: Positive | None = None
+    median_rad_per_Nm: Positive | None = None
+    factor: Annotated[Finite, Field(gt=1)] | None = None
+
+    @model_validator(mode="after")
+    def _its_numbers(self) -> "Marginal":
+        given = {key for key in ("scale_rad_per_Nm", "median_rad_per_Nm", "factor") if getattr(self, key) is not None}
+        wanted = {"flat": set(), "half-normal": {"scale_rad_per_Nm"}, "log-normal": {"median_rad_per_Nm", "factor"}}
+        if given != wanted[self.kind]:
+            numbers = " and ".join(sorted(wanted[self.kind], reverse=True)) or "no numbers"
+            raise PydanticCustomError("prior", f"a {self.kind} prior has {numbers}")
+        return self
+
+    def build(self) -> inference.Marginal:
+        """The density [rad/(N m)]."""
+        if self.scale_rad_per_Nm is not None:
+            return inference.HalfNormal(self.scale_rad_per_Nm)
+        if self.median_rad_per_Nm is not None and self.factor is not None:
+            return inference.LogNormal(self.median_rad_per_Nm, self.factor)
+        return inference.Flat()
+
+
+class Earlier(_Table):
+    """Result of an earlier calibration: means by joint, covariance in the order of `joints.unknown`."""
+
+    mean_rad_per_Nm: dict[str, Finite]
+    covariance: tuple[tuple[Finite, ...], ...]
+
+
+class PriorTable(_Table):
+    """What is known of compliances, for all or by joint, and of the noise, before the measurements."""
+
+    all: Marginal = Marginal(kind="flat")
+    joints: dict[str, Marginal] = {}
+    earlier: Earlier | None = None
+    sigma_factor: Annotated[float, Field(ge=1)] = 1.0
+    nu: Positive | Literal["normal", "sampled"] = "normal"
+
+    def noise(self) -> inference.Noise:
+        """The noise: sigma known to a factor (1 exactly, inf not at all), errors normal or Student-t."""
+        nu = {"normal": np.inf, "sampled": None}[self.nu] if isinstance(self.nu, str) else self.nu
+        return inference.Noise(self.sigma_factor, nu)
+
+
 class StudyFile(_Table):
     """The file's keys, as they are written."""
 
@@ -159,6 +207,7 @@ class StudyFile(_Table):
     seed: Annotated[int, Field(ge=0)] = 0
     published: tuple[str, ...] = ()
     simulation: Simulation | None = None
+    prior: PriorTable = PriorTable()
 
     @property
     def main(self) -> str:

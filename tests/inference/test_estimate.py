@@ -133,7 +133,7 @@ def test_parallel_columns_are_both_named():
     for unit in (1.0, 1e-9, 1e9):
         A = np.stack([a, b, 2 * unit * a], axis=-1)
         assert unidentified(information(A), ("u", "v", "w")) == ("u", "w")
-        with pytest.raises(SingularPlanError, match=r"parameters: u, w cannot"):
+        with pytest.raises(SingularPlanError, match=r"parameters: u, w cannot .* along \("):
             estimate(A, A @ np.ones(3), SIGMA, ("u", "v", "w"))
 
 

@@ -1,0 +1,35 @@
+"""`edtk compensate`: commands that make up for the deflection under the task's load."""
+
+import json
+from pathlib import Path
+
+import click
+
+from edtk.atomic import require_writable
+
+FilePath = click.Path(path_type=Path, dir_okay=False)
+
+
+@click.command("compensate")
+@click.argument("study", type=FilePath)
+@click.argument("k", type=FilePath, metavar="K.json")
+@click.argument("task", type=FilePath)
+@click.option("--json", "as_json", is_flag=True, help="Print JSON, in SI units.")
+@click.option("--out", type=FilePath, help="Write commands and errors (CSV).")
+def command(study: Path, k: Path, task: Path, as_json: bool, out: Path | None) -> None:
+    """Joint angles to command so that the loaded robot is where TASK (CSV) wants it.
+
+    K.json holds the compliances, as an identification writes them; tool, and load where TASK has no wrench columns, are
+    those of the test pose of STUDY (TOML).
+    """
+    from edtk.study import load_study
+    from edtk.study.compensated import compensated, load_task
+    from edtk.study.compliance_file import load_compliances
+
+    loaded = load_study(study)
+    poses = load_task(loaded, task)
+    found = compensated(loaded, load_compliances(k, loaded.robot.joint_names, loaded.file.joints.unknown), poses, task)
+    if out is not None:
+        require_writable(out)
+        found.to_csv(out)
+    click.echo(json.dumps(found.to_json(), indent=2) if as_json else found.summary())

@@ -1,0 +1,47 @@
+"""`edtk identify`: compliances from measurements."""
+
+import json
+from pathlib import Path
+
+import click
+
+FilePath = click.Path(path_type=Path, dir_okay=False)
+
+
+@click.command("identify")
+@click.argument("study", type=FilePath)
+@click.argument("measurements", type=FilePath)
+@click.option("--robust", is_flag=True, help="Huber's loss instead of squares: outliers count less.")
+@click.option("--sigma-unknown", is_flag=True, help="Estimate the size of the noise from the residuals.")
+@click.option("--plan", type=FilePath, help="The plan (CSV) that was measured, to compare poses with.")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON, in SI units.")
+@click.option(
+    "--out", type=click.Path(path_type=Path, file_okay=False), help="Write k.json, residuals.csv and report.html there."
+)
+def command(
+    study: Path,
+    measurements: Path,
+    robust: bool,
+    sigma_unknown: bool,
+    plan: Path | None,
+    as_json: bool,
+    out: Path | None,
+) -> None:
+    """Identify the compliances of STUDY (TOML) from MEASUREMENTS (CSV), by weighted least squares.
+
+    Columns of MEASUREMENTS: poses and wrenches as in a plan; dx_mm dy_mm dz_mm, or positions x0_mm y0_mm z0_mm without
+    and x_mm y_mm z_mm with load; drx_deg dry_deg drz_deg if rotations are measured; optionally sigma_mm, and the
+    marker's offset from the tool point in the tool frame, marker_x_mm marker_y_mm marker_z_mm. `edtk template` makes
+    such a sheet.
+    """
+    from edtk.study import load_study
+    from edtk.study.identified import identified
+
+    loaded = load_study(study)
+    planned = None if plan is None else loaded.load_plan(plan)
+    found = identified(loaded, measurements, robust, not sigma_unknown, planned)
+    if out is not None:
+        found.write(out)
+    click.echo(json.dumps(found.to_json(), indent=2) if as_json else found.summary())
+    for line in found.doubts:
+        click.echo(f"edtk: {measurements}: {line}", err=True)

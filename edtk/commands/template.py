@@ -1,0 +1,36 @@
+"""`edtk template`: an empty measurement file."""
+
+from pathlib import Path
+
+import click
+
+from edtk.atomic import atomic_path, require_writable
+
+FilePath = click.Path(path_type=Path, dir_okay=False)
+
+
+@click.command("template")
+@click.argument("study", type=FilePath)
+@click.argument("plan", type=FilePath)
+@click.option("--positions", is_flag=True, help="Columns for unloaded and loaded positions, not displacements.")
+@click.option("--out", type=FilePath, help="Write the sheet (CSV) [default: print it].")
+def command(study: Path, plan: Path, positions: bool, out: Path | None) -> None:
+    """A sheet to fill in while PLAN (CSV) is measured for STUDY (TOML).
+
+    It has a row for each repetition, in an order in which the joints travel little; `edtk identify` reads it.
+    """
+    from edtk.study import load_study
+    from edtk.study.sheet import sheet
+
+    loaded = load_study(study)
+    measured = loaded.load_plan(plan)
+    if out is not None:
+        require_writable(out)
+    if measured.experiments > 1_000_000:
+        raise click.UsageError(f"{plan}: {measured.experiments} experiments; expected 1000000 at most for a sheet")
+    table = sheet(loaded, measured, positions)
+    if out is None:
+        click.echo(table.to_csv(index=False, float_format="%.10g"), nl=False)
+        return
+    with atomic_path(out) as temporary:
+        table.to_csv(temporary, index=False, float_format="%.10g")

@@ -1,0 +1,80 @@
+"""How the measurements scatter about the model."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import gammaln
+
+Array = NDArray[np.float64]
+
+NU_SHAPE, NU_RATE = 2.0, 0.1  # gamma prior of Juarez and Steel (2010): mean 20, little mass near normal noise
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Independent errors ``s sigma_row t`` with t standard normal or Student-t.
+
+    What is unknown of the noise is sampled as further parameters, both as logarithms: log s, then log nu.
+
+    Attributes:
+        sigma_factor: How well sigma is known: 1 for exactly (s = 1), inf for not at all (Jeffreys' prior 1/s), a
+            number f between for log s normal with standard deviation log f.
+        nu: Degrees of freedom of Student's t, inf for normal errors; None to sample it, gamma(2, 0.1) a priori.
+    """
+
+    sigma_factor: float = 1.0
+    nu: float | None = math.inf
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the further parameters, without the logarithm."""
+        return ("sigma_factor",) * (self.sigma_factor > 1) + ("nu",) * (self.nu is None)
+
+    def log_prior(self, extra: Array) -> Array:
+        """Logarithm (...) of the prior of the logarithms `extra` (..., e), up to a constant."""
+        total = np.zeros(extra.shape[:-1])
+        if 1 < self.sigma_factor < math.inf:
+            total = total - 0.5 * (extra[..., 0] / math.log(self.sigma_factor)) ** 2
+        if self.nu is None:
+            total = total + NU_SHAPE * extra[..., -1] - NU_RATE * np.exp(extra[..., -1])
+        return total
+
+    def log_likelihood(self, residuals: Array, extra: Array) -> Array:
+        """Logarithm (...) of the density of all measurements, up to a constant.
+
+        Args:
+            residuals: Measured less modelled, in units of each row's sigma (..., N).
+            extra: Logarithms of s and nu, as far as they are sampled (..., e).
+        """
+        N = residuals.shape[-1]
+        log_s = extra[..., 0] if self.sigma_factor > 1 else np.zeros(residuals.shape[:-1])
+        if self.nu == math.inf:
+            return -N * log_s - 0.5 * np.exp(-2 * log_s) * np.einsum("...i,...i->...", residuals, residuals)
+        nu = np.exp(extra[..., -1]) if self.nu is None else np.full(log_s.shape, self.nu)
+        norm = gammaln((nu + 1) / 2) - gammaln(nu / 2) - 0.5 * np.log(nu)
+        tails = np.log1p(residuals**2 * (np.exp(-2 * log_s) / nu)[..., None]).sum(axis=-1)
+        return N * (norm - log_s) - 0.5 * (nu + 1) * tails
+
+    def start(self, squares: float, freedom: int, rng: np.random.Generator, n: int) -> Array:
+        """Where n walkers start (n, e): log s about the residuals' size, log nu about ten.
+
+        Args:
+            squares: Sum of the squared residuals of the least-squares fit, in units of sigma.
+            freedom: Number of measured rows less that of the compliances.
+            rng: Source of randomness.
+            n: Number of walkers.
+        """
+        centres, widths = [], []
+        if self.sigma_factor > 1:
+            centres.append(0.5 * math.log(self.spread(squares, freedom)))
+            widths.append(min(1 / math.sqrt(2 * max(freedom, 1)), math.log(self.sigma_factor)))
+        if self.nu is None:
+            centres.append(math.log(10.0))
+            widths.append(0.5)
+        return np.array(centres) + np.array(widths) * rng.standard_normal((n, len(centres)))
+
+    def spread(self, squares: float, freedom: int) -> float:
+        """A first guess of s^2, from the sum of squared residuals in units of sigma."""
+        return max(squares / max(freedom, 1), 1e-12) if self.sigma_factor == math.inf else 1.0

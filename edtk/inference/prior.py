@@ -1,0 +1,160 @@
+"""What is known of the compliances before the measurements."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Flat:
+    """Density 1: nothing is known."""
+
+    def log_density(self, k: Array) -> Array:
+        """Zero (...), for k (...)."""
+        return np.zeros_like(k)
+
+    def gaussian(self) -> tuple[float, float]:
+        """Mean and precision of a Gaussian near it."""
+        return 0.0, 0.0
+
+    def draw(self, rng: np.random.Generator, n: int) -> Array:
+        """Nothing can be drawn.
+
+        Raises:
+            ValueError: Always: the density has no finite mass.
+        """
+        raise ValueError("nothing can be drawn from a flat prior")
+
+
+@dataclass(frozen=True)
+class HalfNormal:
+    """Density ``exp(-k^2 / 2 scale^2)`` for k > 0; scale in rad/(N m)."""
+
+    scale: float
+
+    def log_density(self, k: Array) -> Array:
+        """Logarithm (...) up to a constant, for k (...)."""
+        return -0.5 * (k / self.scale) ** 2
+
+    def gaussian(self) -> tuple[float, float]:
+        """Mean and precision of a Gaussian near it."""
+        return 0.0, self.scale**-2
+
+    def draw(self, rng: np.random.Generator, n: int) -> Array:
+        """Draws (n,)."""
+        return np.abs(self.scale * rng.standard_normal(n))
+
+
+@dataclass(frozen=True)
+class LogNormal:
+    """log k is normal about log median [rad/(N m)], with standard deviation log factor."""
+
+    median: float
+    factor: float
+
+    def log_density(self, k: Array) -> Array:
+        """Logarithm (...) up to a constant, for k > 0 (...)."""
+        return -0.5 * (np.log(k / self.median) / np.log(self.factor)) ** 2 - np.log(k)
+
+    def gaussian(self) -> tuple[float, float]:
+        """Mean and precision of a Gaussian near it."""
+        return self.median, (self.median * np.log(self.factor)) ** -2
+
+    def draw(self, rng: np.random.Generator, n: int) -> Array:
+        """Draws (n,)."""
+        return self.median * self.factor ** rng.standard_normal(n)
+
+
+Marginal = Flat | HalfNormal | LogNormal
+
+
+@dataclass(frozen=True, eq=False)
+class Normal:
+    """What an earlier calibration left: mean (p,) [rad/(N m)] and covariance (p, p)."""
+
+    mean: Array
+    covariance: Array
+    _factor: Array = field(init=False, repr=False)
+    _whitener: Array = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        factor = np.linalg.cholesky(self.covariance)
+        object.__setattr__(self, "_factor", factor)
+        object.__setattr__(self, "_whitener", np.linalg.inv(factor).T)
+
+    def log_density(self, k: Array) -> Array:
+        """Logarithm (...) up to a constant, for k (..., p)."""
+        return -0.5 * (((k - self.mean) @ self._whitener) ** 2).sum(axis=-1)
+
+    def draw(self, rng: np.random.Generator, n: int) -> Array:
+        """Draws (n, p)."""
+        return self.mean + rng.standard_normal((n, len(self.mean))) @ self._factor.T
+
+
+@dataclass(frozen=True, eq=False)
+class Prior:
+    """A marginal for each compliance, or an earlier calibration; compliances are positive.
+
+    Attributes:
+        marginals: One for each of the p compliances.
+        earlier: Result of an earlier calibration, a further factor of the density; or None.
+        positive: Whether the density is zero where a compliance is not positive.
+    """
+
+    marginals: tuple[Marginal, ...]
+    earlier: Normal | None = None
+    positive: bool = True
+
+    def log_density(self, k: Array) -> Array:
+        """Logarithm (...) of the density up to a constant, for k (..., p); -inf outside the support."""
+        inside = np.asarray((k > 0).all(axis=-1)) if self._bounded else np.ones(k.shape[:-1], dtype=bool)
+        safe = np.where(inside[..., None], k, 1.0)  # logarithms want positive numbers
+        total = np.zeros(k.shape[:-1])
+        for i, marginal in enumerate(self.marginals):
+            if not isinstance(marginal, Flat):
+                total = total + marginal.log_density(safe[..., i])
+        if self.earlier is not None:
+            total = total + self.earlier.log_density(safe)
+        return np.where(inside, total, -np.inf)
+
+    def gaussian(self) -> tuple[Array, Array]:
+        """Precision (p, p), and precision times mean (p,), of a Gaussian near it: where a chain may start."""
+        pairs = np.array([marginal.gaussian() for marginal in self.marginals])
+        P, h = np.diag(pairs[:, 1]), pairs[:, 0] * pairs[:, 1]
+        if self.earlier is not None:
+            inverse = np.linalg.inv(self.earlier.covariance)
+            P, h = P + inverse, h + inverse @ self.earlier.mean
+        return P, h
+
+    def draw(self, rng: np.random.Generator, n: int) -> Array:
+        """Draws (n, p) [rad/(N m)].
+
+        Raises:
+            ValueError: A marginal is flat and there is no earlier calibration, or both kinds are given.
+        """
+        if self.earlier is None:
+            return np.stack([marginal.draw(rng, n) for marginal in self.marginals], axis=-1)
+        if any(not isinstance(marginal, Flat) for marginal in self.marginals):
+            raise ValueError("an earlier calibration together with other priors cannot be drawn from")
+        found = np.empty((0, len(self.marginals)))
+        while len(found) < n:
+            k = self.earlier.draw(rng, n)
+            found = np.concatenate([found, k[(k > 0).all(axis=-1)] if self.positive else k])
+        return found[:n]
+
+    @property
+    def proper(self) -> bool:
+        """Whether every compliance has a prior of finite mass and moments."""
+        return self.earlier is not None or not any(isinstance(m, Flat) for m in self.marginals)
+
+    @property
+    def _bounded(self) -> bool:
+        return self.positive or any(not isinstance(m, Flat) for m in self.marginals)
+
+
+def flat(p: int, positive: bool = True) -> Prior:
+    """Nothing is known of p compliances, but that they are positive."""
+    return Prior((Flat(),) * p, positive=positive)

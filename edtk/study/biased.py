@@ -1,0 +1,104 @@
+"""How wrong the linear model makes a plan's compliances, for the compliances that a study assumes."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from edtk.design import Plan
+from edtk.errors import UserError
+from edtk.inference import compensation_accuracy
+from edtk.inference.bias import Bias, linearisation_bias
+from edtk.model.equilibrium import NoEquilibriumError
+from edtk.study.study import Study
+
+
+@dataclass(frozen=True, eq=False)
+class Biased:
+    """A plan's bias, and what it does in the test pose.
+
+    Attributes:
+        bias: Bias and covariance of the compliances.
+        joints: Names (p,) of their joints.
+        parameters: Names (p,) of the parameters.
+        experiments: Number of measurements.
+        rho0: Eq. (20), what the noise leaves in the test pose [m]; None without one.
+        in_test_pose: Length of the mean error that the bias leaves there [m]; None without one.
+    """
+
+    bias: Bias
+    joints: tuple[str, ...]
+    parameters: tuple[str, ...]
+    experiments: int
+    rho0: float | None
+    in_test_pose: float | None
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain numbers in SI units; a per cent value that is infinite is null."""
+        b = self.bias
+        columns = {"true": b.true, "expected": b.expected, "bias": b.bias, "std": b.std, "bias_in_std": b.in_std}
+        percent = [p if np.isfinite(p) else None for p in b.percent.tolist()]
+        return {
+            "experiments": self.experiments,
+            **{name: dict(zip(self.joints, values.tolist(), strict=True)) for name, values in columns.items()},
+            "bias_percent": dict(zip(self.joints, percent, strict=True)),
+            "rho0": self.rho0,
+            "rho0_bias": self.in_test_pose,
+        }
+
+    def summary(self) -> str:
+        """What a person reads."""
+        b = self.bias
+        lines = [f"{self.experiments} experiments on the loaded equilibrium, identified with the linear model"]
+        lines.append(f"{'param':7}{'true':>11}{'bias':>12}{'std':>11}{'bias/std':>10}{'bias %':>9}")
+        rows = zip(self.parameters, b.true, b.bias, b.std, b.in_std, b.percent, strict=True)
+        lines += [f"{n:7}{t:11.4g}{x:+12.3g}{s:11.4g}{r:+10.3f}{p:+9.3f}" for n, t, x, s, r, p in rows]
+        lines.append("compliances in rad/(N m)")
+        if self.rho0 is not None and self.in_test_pose is not None:
+            both = float(np.hypot(self.rho0, self.in_test_pose))
+            lines.append(
+                f"test pose: noise leaves rho0 = {1e3 * self.rho0:.4g} mm, the bias {1e3 * self.in_test_pose:.4g} mm, "
+                f"both {1e3 * both:.4g} mm (root mean square)"
+            )
+        return "\n".join(lines)
+
+
+def biased(study: Study, plan: Plan, path: Path) -> Biased:
+    """Carry out a plan on the robot of the study's [simulation] and identify with the linear model.
+
+    Compliances that [simulation] gives for joints that are not unknown bend the robot too.
+
+    Args:
+        study: Model, noise, test pose and assumed true compliances.
+        plan: The plan.
+        path: Where the plan comes from, for the message.
+
+    Raises:
+        UserError: There is no [simulation], or it lacks a joint or names one that is not there; or a pose of the plan
+            has no equilibrium.
+        SingularPlanError: The plan cannot identify all parameters; names them.
+    """
+    if study.file.simulation is None:
+        raise study.error("simulation", "expected a table with the assumed true compliances, and there is none")
+    given, names = study.file.simulation.compliance_rad_per_Nm, study.robot.joint_names
+    for name in given:
+        if name not in names:
+            message = f"no joint {name!r}; this robot has {', '.join(names)}"
+            raise study.error("simulation.compliance_rad_per_Nm", message)
+    k = np.array([given.get(name, 0.0) for name in names])
+    k[study.model.joints] = study.compliances
+    each = np.repeat(np.arange(len(plan.q)), plan.repeats)
+    try:
+        found = linearisation_bias(study.model, plan.q[each], plan.wrench[each], study.sigma, k)
+    except NoEquilibriumError as error:
+        raise UserError(f"{path}: row {each[error.pose] + 1}: no stable equilibrium under its load") from error
+    A0 = study.target
+    return Biased(
+        bias=found,
+        joints=study.file.joints.unknown,
+        parameters=study.model.parameters,
+        experiments=plan.experiments,
+        rho0=None if A0 is None else float(compensation_accuracy(A0, found.covariance)),
+        in_test_pose=None if A0 is None else found.in_pose(A0),
+    )

@@ -1,0 +1,205 @@
+"""The report of a calibration: verdict first, then tables and pictures, in one HTML file."""
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+from scipy.stats import norm, probplot
+
+import edtk
+from edtk.inference.identify import Identification
+from edtk.study.figures import COLOURS
+from edtk.study.page import Page, footer, heading, paragraph, picture, table, verdict
+from edtk.study.study import Study
+
+Array = NDArray[np.float64]
+UNLIKELY = 0.01  # p-value below which the residuals do not fit the stated noise
+ALIKE = 0.99  # correlation above which two parameters are hardly told apart
+LEVELS = ("good", "warn", "bad")
+SHOWN = 30  # rows of the longest table
+AXES = ("x", "y", "z", "rotation x", "rotation y", "rotation z")
+
+
+def identification_page(
+    study: Study, fit: Identification, pose: NDArray[np.int_], name: str, doubts: tuple[str, ...] = ()
+) -> str:
+    """The text of `report.html`.
+
+    Args:
+        study: The question, with its test pose where it has one.
+        fit: What was identified from the measurements.
+        pose: Number (m,) of the pose of each measurement, counted from 0.
+        name: Name of the measurement file.
+        doubts: Lines about what looks wrong in that file.
+    """
+    page = Page(f"Calibration: {study.file.title}") + _verdict(study, fit, name, doubts)
+    page = page + heading("Compliances") + _compliances(study, fit) + picture(_intervals(study, fit), _INTERVALS)
+    page = page + heading("Do the residuals fit the noise?") + paragraph(_noise(fit))
+    page = page + picture(_residuals(fit), _RESIDUALS) + picture(_quantiles(fit), _QUANTILES) + _worst(fit, pose)
+    page = page + heading("Which parameters depend on each other?")
+    page = page + picture(_correlation(study, fit), _CORRELATION)
+    rows, poses = len(fit.residual), int(pose.max()) + 1
+    note = (
+        f"{name}: {rows} measurements in {poses} poses; robot {study.robot.name}; study {study.digest}; "
+        f"edtk {edtk.__version__}."
+    )
+    return (page + footer(note)).html()
+
+
+_INTERVALS = "Identified compliances with 95 % intervals, relative to the estimate."
+_RESIDUALS = (
+    "Measured minus predicted, by measurement; grey: twice what the noise makes of them; circles: flagged as outliers."
+)
+_QUANTILES = "Standardised residuals against the normal law: on the line where they follow it."
+_CORRELATION = "Correlation of the estimates."
+
+
+def _verdict(study: Study, fit: Identification, name: str, doubts: tuple[str, ...]) -> str:
+    """What accuracy to expect, and what is wrong, the most important first."""
+    trouble = [(1, f"{line[:1].upper()}{line[1:]}.") for line in doubts]
+    if fit.negative.any():
+        wrong = ", ".join(np.array(study.model.parameters)[fit.negative])
+        trouble.append((2, f"Negative compliance for {wrong}, set to zero: model, units or poses are wrong."))
+    if fit.p_value is not None and fit.p_value < UNLIKELY:
+        trouble.append(
+            (2, f"The residuals are {fit.scale:.2g} times what the stated noise allows (p = {fit.p_value:.1g}).")
+        )
+    if len(fit.outliers):
+        rows = ", ".join(str(row + 1) for row in fit.outliers[:SHOWN])
+        trouble.append((1, f"Outliers: row{'s' if len(fit.outliers) > 1 else ''} {rows} of {name}."))
+    off = np.abs(fit.correlation - np.eye(len(fit.k)))
+    if off.max() > ALIKE:
+        i, j = np.unravel_index(int(off.argmax()), off.shape)
+        pair = f"{study.model.parameters[j]} and {study.model.parameters[i]}"
+        trouble.append((1, f"{pair} are hardly told apart (correlation {fit.correlation[i, j]:+.3f})."))
+    level = max((severity for severity, _ in trouble), default=0)
+    quality = ("Good calibration.", "Usable calibration, with a warning.", "Do not use this calibration yet.")[level]
+    opening = quality if level == 2 else f"{quality} {_expected(study, fit)}"
+    lines = [opening, *(text for _, text in sorted(trouble, key=lambda t: -t[0]))]
+    if not trouble:
+        lines.append("Nothing is wrong: the residuals fit the noise, there are no outliers, all compliances positive.")
+    return verdict(LEVELS[level], lines)
+
+
+def _expected(study: Study, fit: Identification) -> str:
+    """The accuracy to expect, in one sentence."""
+    if study.target is None:
+        worst = int(np.argmax(fit.std / np.maximum(np.abs(fit.k), 1e-300)))
+        share = 100 * fit.std[worst] / max(abs(fit.k[worst]), 1e-300)
+        return f"The least certain compliance is {study.model.parameters[worst]}, to {share:.2g} %."
+    value, (low, high) = fit.accuracy(study.target)
+    text = f"Expect an error of {1e3 * value:.2g} mm (root mean square) in the test pose after compensation"
+    return f"{text}." if fit.known else f"{text}, between {1e3 * low:.2g} and {1e3 * high:.2g} mm (95 %)."
+
+
+def _compliances(study: Study, fit: Identification) -> str:
+    """One row a parameter."""
+    rows = []
+    for name, k, std in zip(study.model.parameters, fit.k, fit.std, strict=True):
+        share = f"{100 * std / k:.2g} %" if k > 0 else "-"
+        half = norm.ppf(0.975) * std
+        rows.append([name, f"{k:.5g}", f"{std:.2g}", share, f"{k - half:.4g} .. {k + half:.4g}"])
+    return table(["parameter", "rad/(N m)", "std", "std, relative", "95 % interval"], rows)
+
+
+def _noise(fit: Identification) -> str:
+    """What chi-square says."""
+    if not fit.dof:
+        return "As many coordinates as parameters were measured: nothing is left to judge the noise by."
+    text = f"chi-square = {fit.chi2:.4g} for {fit.dof} degrees of freedom; noise is {fit.scale:.3g} times the stated"
+    return text + (f", p = {fit.p_value:.2g}." if fit.p_value is not None else ", and was estimated.")
+
+
+def _worst(fit: Identification, pose: NDArray[np.int_]) -> str:
+    """The measurements that fit least."""
+    size = np.abs(fit.standardised).max(axis=1)
+    rows = []
+    for i in np.argsort(-size, kind="stable")[: min(SHOWN, 8)]:
+        flag = "outlier" if i in fit.outliers else ""
+        shown = [f"{1e3 * r:+.4f}" for r in fit.residual[i, :3]]
+        rows.append([i + 1, pose[i] + 1, *shown, f"{size[i]:.2f}", f"{fit.leverage[i].max():.2f}", flag])
+    header = ["row", "pose", "x [mm]", "y [mm]", "z [mm]", "largest, standardised", "leverage", ""]
+    return table(header, rows)
+
+
+def _intervals(study: Study, fit: Identification) -> Figure:
+    """Relative 95 % intervals of the compliances."""
+    figure = Figure(figsize=(6.4, 0.8 + 0.4 * len(fit.k)), layout="constrained")
+    ax = figure.add_subplot()
+    scale = np.where(fit.k > 0, fit.k, fit.std)
+    half = 100 * norm.ppf(0.975) * fit.std / scale
+    at = np.arange(len(fit.k))
+    ax.errorbar(np.zeros(len(at)), at, xerr=half, fmt="o", color=COLOURS[0], capsize=4)
+    ax.set_yticks(at, study.model.parameters)
+    ax.invert_yaxis()
+    ax.set_xlabel("deviation from the estimate [%]")
+    ax.grid(axis="x", alpha=0.3)
+    return figure
+
+
+def _residuals(fit: Identification) -> Figure:
+    """Residuals by measurement and coordinate."""
+    figure = Figure(figsize=(6.4, 3.6), layout="constrained")
+    ax = figure.add_subplot()
+    at = 1 + np.arange(len(fit.residual))
+    for j, label in enumerate(AXES[: min(3, fit.residual.shape[1])]):
+        ax.plot(
+            at, 1e3 * fit.residual[:, j], linestyle="", marker="osD"[j], markersize=4, color=COLOURS[j], label=label
+        )
+    noise = np.abs(1e3 * fit.residual[:, :3] / np.where(fit.standardised[:, :3] == 0, 1, fit.standardised[:, :3]))
+    band = 2 * float(np.median(noise))
+    ax.axhspan(-band, band, color="grey", alpha=0.15, linewidth=0)
+    if len(fit.outliers):
+        worst = np.abs(fit.residual[fit.outliers, :3]).argmax(axis=1)
+        ax.plot(
+            fit.outliers + 1,
+            1e3 * fit.residual[fit.outliers, worst],
+            linestyle="",
+            marker="o",
+            markersize=12,
+            fillstyle="none",
+            color=COLOURS[1],
+            label="outlier",
+        )
+    ax.set(xlabel="measurement (row of the file)", ylabel="residual [mm]")
+    ax.grid(alpha=0.3)
+    figure.legend(ncols=4, fontsize=9, frameon=False, loc="outside upper center")
+    return figure
+
+
+def _quantiles(fit: Identification) -> Figure:
+    """Normal quantile plot of the standardised residuals."""
+    figure = Figure(figsize=(4.2, 3.8), layout="constrained")
+    ax = figure.add_subplot()
+    z = fit.standardised[np.isfinite(fit.standardised)]
+    if len(z) > 1:
+        expected, seen = probplot(z, fit=False)
+        ax.plot(expected, seen, linestyle="", marker="o", markersize=3, color=COLOURS[0])
+        ends = np.array([min(expected), max(expected)])
+        ax.plot(ends, ends, color="black", linewidth=1, linestyle="--")
+    ax.set(xlabel="normal quantile", ylabel="standardised residual")
+    ax.grid(alpha=0.3)
+    return figure
+
+
+def _correlation(study: Study, fit: Identification) -> Figure:
+    """Correlation matrix with its numbers."""
+    p = len(fit.k)
+    figure = Figure(figsize=(1.6 + 0.65 * p, 1.0 + 0.5 * p), layout="constrained")
+    ax = figure.add_subplot()
+    image = ax.imshow(fit.correlation, cmap="RdBu_r", vmin=-1, vmax=1, aspect="auto")
+    for i in range(p):
+        for j in range(p):
+            value = fit.correlation[i, j]
+            ax.text(
+                j,
+                i,
+                f"{value:.2f}",
+                ha="center",
+                va="center",
+                fontsize=8,
+                color="white" if abs(value) > 0.6 else "black",
+            )
+    ax.set_xticks(range(p), study.model.parameters)
+    ax.set_yticks(range(p), study.model.parameters)
+    figure.colorbar(image, ax=ax)
+    return figure

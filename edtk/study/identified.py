@@ -1,0 +1,156 @@
+"""The compliances that a study's measurements give."""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from edtk.atomic import atomic_path, require_writable, write_text
+from edtk.design import FixedLoad, Plan
+from edtk.design.pose_table import PoseFileError
+from edtk.errors import UserError
+from edtk.inference.estimate import SingularPlanError
+from edtk.inference.identify import Identification, NothingLeftError, identify
+from edtk.inference.measurements import Measurements
+from edtk.study.doubts import doubts, file_doubts
+from edtk.study.identification_report import identification_page
+from edtk.study.study import Study
+
+Array = NDArray[np.float64]
+COORDINATES = ("dx_mm", "dy_mm", "dz_mm", "drx_deg", "dry_deg", "drz_deg")
+
+
+@dataclass(frozen=True, eq=False)
+class Identified:
+    """Identified compliances with what a person wants to know about them.
+
+    Attributes:
+        study: The question.
+        data: The measurements.
+        fit: Estimates and statistics.
+        doubts: Lines about what looks wrong in the measurements.
+        path: Where the measurements are.
+        file_doubts: Those of the doubts that are about the file and not about the fit.
+    """
+
+    study: Study
+    data: Measurements
+    fit: Identification
+    doubts: tuple[str, ...]
+    path: Path
+    file_doubts: tuple[str, ...]
+
+    @property
+    def sigma_hat(self) -> float:
+        """Estimated noise of a position coordinate [m]: the scale times the root mean square of the given sigma."""
+        return float(self.fit.scale * np.sqrt(np.mean(self.data.sigma[:, :3] ** 2)))
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain numbers, SI, for JSON; what cannot be told is null."""
+        fit, joints = self.fit, self.study.file.joints.unknown
+        rho0 = None
+        if self.study.target is not None:
+            value, interval = fit.accuracy(self.study.target)
+            rho0 = {"value": value, "interval95": list(interval)}
+        return {
+            "k": dict(zip(joints, fit.k.tolist(), strict=True)),
+            "std": dict(zip(joints, fit.std.tolist(), strict=True)),
+            "correlation": fit.correlation.tolist(),
+            "sigma_hat": self.sigma_hat if np.isfinite(fit.scale) else None,
+            "chi2": fit.chi2,
+            "dof": fit.dof,
+            "p_value": fit.p_value,
+            "outliers": (fit.outliers + 1).tolist(),
+            "rho0": rho0,
+            "negative": [joint for joint, yes in zip(joints, fit.negative.tolist(), strict=True) if yes],
+            "k_unbounded": dict(zip(joints, fit.unbounded.tolist(), strict=True)),
+        }
+
+    def residuals(self) -> pd.DataFrame:
+        """A row per measured coordinate: `row` and `pose` from 1, `coordinate` with the unit of `residual`."""
+        m, rows = self.fit.residual.shape
+        units = np.where(np.arange(rows) < 3, 1e3, 180 / np.pi)
+        return pd.DataFrame(
+            {
+                "row": np.repeat(np.arange(1, m + 1), rows),
+                "pose": np.repeat(self.data.pose + 1, rows),
+                "coordinate": np.tile(COORDINATES[:rows], m),
+                "residual": (self.fit.residual * units).ravel(),
+                "leverage": self.fit.leverage.ravel(),
+                "standardised": self.fit.standardised.ravel(),
+            }
+        )
+
+    def write(self, folder: Path) -> None:
+        """Write `k.json`, `residuals.csv` and `report.html`, each atomically."""
+        for name in ("k.json", "residuals.csv", "report.html"):
+            require_writable(folder / name)
+        with atomic_path(folder / "residuals.csv") as temporary:
+            self.residuals().to_csv(temporary, index=False, float_format="%.10g")
+        write_text(folder / "k.json", json.dumps(self.to_json(), indent=2) + "\n")
+        text = identification_page(self.study, self.fit, self.data.pose, self.path.name, self.file_doubts)
+        write_text(folder / "report.html", text)
+
+    def summary(self) -> str:
+        """What a person reads."""
+        fit, names = self.fit, self.study.model.parameters
+        m, rows = fit.residual.shape
+        lines = [f"{m} measurements of {self.data.pose.max() + 1} poses, {m * rows} coordinates"]
+        lines += [
+            f"  {name:6}{k:12.5g} +- {std:.2g} rad/(N m)" for name, k, std in zip(names, fit.k, fit.std, strict=True)
+        ]
+        lines += ["correlation"]
+        lines += [
+            f"  {name:6}" + "".join(f"{c:8.3f}" for c in row) for name, row in zip(names, fit.correlation, strict=True)
+        ]
+        p = "" if fit.p_value is None else f", probability of more {fit.p_value:.3g}"
+        lines += [f"chi-square {fit.chi2:.5g} with {fit.dof} degrees of freedom{p}"]
+        if np.isfinite(fit.scale):
+            lines += [f"sigma from the residuals {1e3 * self.sigma_hat:.4g} mm"]
+        if self.study.target is not None:
+            value, (low, high) = fit.accuracy(self.study.target)
+            between = "" if low == high else f", with 95 % between {1e3 * low:.5g} and {1e3 * high:.5g} mm"
+            lines += [f"rho0 {1e3 * value:.5g} mm{between}"]
+        of_pose = np.bincount(self.data.pose, (fit.residual[:, :3] ** 2).mean(axis=1)) / np.bincount(self.data.pose)
+        worst = int(of_pose.argmax())
+        lines += [f"largest residuals in pose {worst + 1}: {1e3 * np.sqrt(of_pose[worst]):.4g} mm root mean square"]
+        i, j = np.unravel_index(fit.leverage.argmax(), fit.leverage.shape)
+        lines += [f"largest leverage {fit.leverage[i, j]:.3f}: row {i + 1}, {COORDINATES[j]}"]
+        if len(fit.outliers):
+            shown = ", ".join(map(str, (fit.outliers[:20] + 1).tolist()))
+            lines += [f"outliers ({len(fit.outliers)}): rows {shown}{', ...' if len(fit.outliers) > 20 else ''}"]
+        return "\n".join(lines)
+
+
+def identified(
+    study: Study, path: Path, robust: bool = False, known: bool = True, plan: Plan | None = None
+) -> Identified:
+    """Identify the study's unknown compliances from a measurement file.
+
+    Args:
+        study: The question.
+        path: The measurements (CSV), see `Measurements.from_csv`; poses need not be feasible.
+        robust: Huber's loss instead of squares.
+        known: Whether the given sigma is believed, or estimated from the residuals.
+        plan: The plan that was to be carried out; poses that differ are named among the doubts.
+
+    Raises:
+        UserError: One line that names the file, and row and column where there are any.
+    """
+    load = study.design.load
+    wrench = load.always if isinstance(load, FixedLoad) else None
+    try:
+        data = Measurements.from_csv(path, study.robot, study.fixed, wrench, study.sigma)
+    except PoseFileError as error:
+        raise UserError(str(error)) from error
+    A = data.regressor(study.model)
+    try:
+        fit = identify(A, data.deflection, data.sigma, study.model.parameters, robust, known)
+    except (SingularPlanError, NothingLeftError) as error:
+        raise UserError(f"{path}: {error}") from error
+    given = (study, data, A, fit, plan)
+    return Identified(study, data, fit, doubts(*given), path, file_doubts(*given))

@@ -1,0 +1,54 @@
+"""A posterior as ArviZ InferenceData, in a NetCDF file."""
+
+import warnings
+from pathlib import Path
+
+from edtk.atomic import atomic_path
+from edtk.errors import UserError
+from edtk.study.bayes import BayesCheck
+
+
+def require_arviz(path: Path) -> None:
+    """Check, before long work, that ArviZ is there.
+
+    Raises:
+        UserError: It is not.
+    """
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # ArviZ announces its successor at every import
+            import arviz  # noqa: F401
+    except ModuleNotFoundError:
+        raise UserError(f"{path}: the export needs the extra edtk[posterior], which is not installed") from None
+
+
+def export(check: BayesCheck, path: Path) -> None:
+    """Write posterior and measurements; walkers are ArviZ's chains.
+
+    Raises:
+        UserError: ArviZ is missing.
+        OSError: The file cannot be written.
+    """
+    require_arviz(path)
+    posterior = check.posterior
+    names = [*check.table["parameter"], *posterior.noise_names]
+    columns = [*(posterior.samples[..., i].T for i in range(len(check.table)))]
+    columns += [posterior.noise[..., i].T for i in range(len(posterior.noise_names))]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        import arviz
+
+        data = arviz.from_dict(
+            posterior=dict(zip(names, columns, strict=True)),
+            observed_data={"deflection": check.measured},
+            constant_data={"regressor": check.A, "sigma": check.sigma},
+            dims={
+                "deflection": ["experiment", "row"],
+                "regressor": ["experiment", "row", "compliance"],
+                "sigma": ["row"],
+            },
+            posterior_attrs={"units": "rad/(N m)", "sampler": "emcee", "steps": posterior.steps},
+        )
+        with atomic_path(path) as temporary:
+            temporary.unlink()  # an empty file is no NetCDF file that could be added to
+            data.to_netcdf(str(temporary))

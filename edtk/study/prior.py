@@ -1,0 +1,35 @@
+"""The prior that a study's file describes."""
+
+import numpy as np
+
+from edtk.inference import Normal, Prior
+from edtk.study.study import Study
+
+
+def study_prior(study: Study) -> Prior:
+    """The [prior] table on the study's unknown compliances, which are positive.
+
+    Raises:
+        UserError: The table names another joint, or its covariance is none.
+    """
+    table, unknown = study.file.prior, study.file.joints.unknown
+    for name in table.joints:
+        if name not in unknown:
+            raise study.error("prior.joints", f"{name!r} is no unknown joint; expected {', '.join(unknown)}")
+    marginals = tuple(table.joints.get(name, table.all).build() for name in unknown)
+    if table.earlier is None:
+        return Prior(marginals)
+    mean = table.earlier.mean_rad_per_Nm
+    if set(mean) != set(unknown):
+        raise study.error("prior.earlier.mean_rad_per_Nm", f"expected one value each for {', '.join(unknown)}")
+    p, rows = len(unknown), table.earlier.covariance
+    if len(rows) != p or any(len(row) != p for row in rows):
+        raise study.error("prior.earlier.covariance", f"expected {p} rows of {p} numbers, one per unknown joint")
+    covariance = np.array(rows)
+    mistake = study.error("prior.earlier.covariance", "expected a symmetric, positive definite matrix")
+    if not np.allclose(covariance, covariance.T, rtol=1e-6, atol=0):
+        raise mistake
+    try:
+        return Prior(marginals, Normal(np.array([mean[name] for name in unknown]), covariance))
+    except np.linalg.LinAlgError:
+        raise mistake from None

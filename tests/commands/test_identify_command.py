@@ -1,0 +1,137 @@
+"""`edtk template` and `edtk identify` as a user types them."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from click.testing import CliRunner, Result
+
+from edtk.cli import main
+from edtk.inference import simulate
+from edtk.study import load_study
+
+ROOT = Path(__file__).parents[2]
+PAPER = ROOT / "studies/kr270_milling.toml"
+PLAN = ROOT / "studies/plans/table_4_4.csv"
+STUDY = load_study(PAPER)
+D = ["dx_mm", "dy_mm", "dz_mm"]
+
+
+def edtk(*args: object) -> Result:
+    result = CliRunner().invoke(main, [*map(str, args)])
+    if not isinstance(result.exception, SystemExit | None):
+        raise result.exception
+    return result
+
+
+def assert_one_line(answer: Result, *words: str) -> None:
+    """Exit code 2, nothing on standard output, and one line that says what is wrong."""
+    assert answer.exit_code == 2, answer.stderr
+    assert answer.stdout == ""
+    assert answer.stderr.startswith("edtk: ")
+    assert answer.stderr.count("\n") == 1, answer.stderr
+    for word in words:
+        assert word in answer.stderr
+
+
+@pytest.fixture
+def measured(tmp_path: Path) -> Path:
+    """The sheet that `edtk template` writes, filled in by simulation."""
+    path = tmp_path / "sheet.csv"
+    assert edtk("template", PAPER, PLAN, "--out", path).exit_code == 0
+    table = pd.read_csv(path)
+    A = STUDY.model.regressor(np.deg2rad(table.iloc[:, :6]), table.iloc[:, 6:12])
+    table[D] = 1e3 * simulate(A, STUDY.compliances, STUDY.sigma, np.random.default_rng(0))[0]
+    table.to_csv(path, index=False)
+    return path
+
+
+def test_sheet_is_printed_or_written(tmp_path: Path) -> None:
+    """Without --out the sheet is on standard output, the same as in the file."""
+    answer = edtk("template", PAPER, PLAN)
+    edtk("template", PAPER, PLAN, "--out", tmp_path / "sheet.csv")
+    assert (tmp_path / "sheet.csv").read_text() == answer.stdout
+    assert answer.stdout.split("\n")[0].endswith("Tz_Nm,dx_mm,dy_mm,dz_mm")
+    assert "z0_mm,x_mm" in edtk("template", PAPER, PLAN, "--positions").stdout
+    (tmp_path / "many.csv").write_text("q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,repeats\n-81.1,64.9,-55.4,42.2,149.7,1e9\n")
+    assert_one_line(edtk("template", PAPER, tmp_path / "many.csv"), "1000000 at most")
+
+
+def test_an_empty_sheet_is_refused(tmp_path: Path) -> None:
+    """A sheet that was not filled in is refused with row and column, and nothing is written."""
+    edtk("template", PAPER, PLAN, "--out", tmp_path / "sheet.csv")
+    answer = edtk("identify", PAPER, tmp_path / "sheet.csv", "--out", tmp_path / "out")
+    assert_one_line(answer, "sheet.csv: row 1, column dx_mm: an empty or NaN cell")
+    assert not (tmp_path / "out").exists()
+
+
+def test_identify(measured: Path, tmp_path: Path) -> None:
+    """JSON is alone on standard output and equals k.json; the table names every compliance; both see the truth."""
+    answer = edtk("identify", PAPER, measured, "--plan", PLAN, "--json", "--out", tmp_path / "out")
+    assert (answer.exit_code, answer.stderr) == (0, "")
+    found = json.loads(answer.stdout)
+    assert found == json.loads((tmp_path / "out/k.json").read_text())
+    for joint, true in zip(found["k"], STUDY.compliances, strict=True):
+        assert abs(found["k"][joint] - true) < 4 * found["std"][joint]
+    assert found["rho0"]["interval95"] == [found["rho0"]["value"]] * 2
+    said = edtk("identify", PAPER, measured).stdout
+    assert all(name in said for name in ("k2", "k6", "chi-square", "rho0", "leverage"))
+
+
+def test_options(measured: Path) -> None:
+    """--sigma-unknown gives rho0 an interval, and --robust another estimate."""
+    plain, unknown, robust = (
+        json.loads(edtk("identify", PAPER, measured, "--json", *options).stdout)
+        for options in ((), ("--sigma-unknown",), ("--robust", "--sigma-unknown"))
+    )
+    assert unknown["k"] == plain["k"] != robust["k"]
+    assert unknown["rho0"]["interval95"][0] < unknown["rho0"]["value"] < unknown["rho0"]["interval95"][1]
+    assert unknown["p_value"] is None
+
+
+def test_doubts_are_on_standard_error(measured: Path) -> None:
+    """Metres for millimetres: the answer is given, with one line of warning that names the file."""
+    table = pd.read_csv(measured)
+    table[D] /= 1000
+    table.to_csv(measured, index=False)
+    answer = edtk("identify", PAPER, measured, "--json")
+    assert answer.exit_code == 0
+    json.loads(answer.stdout)
+    assert answer.stderr.count("\n") == 1
+    assert answer.stderr.startswith(f"edtk: {measured}: ")
+    assert "in metres? expected millimetres" in answer.stderr
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda t: t.drop(columns="dz_mm"), ("'dz_mm' is missing",)),
+        (lambda t: t.drop(columns="q3_deg"), ("'q3_deg' is missing",)),
+        (lambda t: t.rename(columns={"q3_deg": "q3"}), ("unknown column 'q3'",)),
+        (lambda t: t.assign(Fz_N=0), ("row 1", "wrench is zero")),
+        (lambda t: t.assign(sigma_mm=[0.1, 0.1, 0, 0.1]), ("row 3", "sigma_mm")),
+        (lambda t: t.assign(drx_deg=0), ("drx_deg", "positions only")),
+        (lambda t: t[:0], ("no rows",)),
+        (lambda t: t[:1], ("cannot identify all parameters", "along")),
+    ],
+)
+def test_bad_measurements(measured: Path, tmp_path: Path, change, words: tuple[str, ...]) -> None:
+    """Each mistake in the file is one line that names it, and nothing is written."""
+    change(pd.read_csv(measured)).to_csv(measured, index=False)
+    answer = edtk("identify", PAPER, measured, "--out", tmp_path / "out", "--json")
+    assert_one_line(answer, "sheet.csv: ", *words)
+    assert not (tmp_path / "out").exists()
+
+
+def test_places_that_cannot_be_written(measured: Path, tmp_path: Path) -> None:
+    """A folder that is a file, and a measurement file that is not there, are one line each."""
+    (tmp_path / "file").write_text("")
+    assert_one_line(edtk("identify", PAPER, measured, "--out", tmp_path / "file"), "file")
+    assert_one_line(edtk("identify", PAPER, measured, "--out", tmp_path / "file" / "below"), "file")
+    assert_one_line(edtk("identify", PAPER, tmp_path / "none.csv"), "none.csv: no such file")
+    assert_one_line(edtk("template", PAPER, PLAN, "--out", tmp_path / "file" / "below.csv"), "below.csv")
+    (tmp_path / "out" / "k.json").mkdir(parents=True)
+    assert_one_line(edtk("identify", PAPER, measured, "--out", tmp_path / "out"), "k.json", "not a regular file")
+    assert [p.name for p in (tmp_path / "out").iterdir()] == ["k.json"]

@@ -1,0 +1,73 @@
+"""Chains that are kept, and gone on with."""
+
+import sys
+
+import emcee
+import numpy as np
+import pytest
+from inference.test_posterior import sample
+
+from edtk.inference.chain import Demand
+from edtk.inference.chain_file import ChainFileError
+from edtk.inference.posterior import UnconvergedError
+from edtk.inference.prior import flat
+
+FINE = Demand(accuracy=0.01)
+
+
+@pytest.fixture
+def stopped(tmp_path):
+    """A chain that was stopped after 700 steps."""
+    path = tmp_path / "chain.h5"
+    with pytest.raises(UnconvergedError):
+        sample(0, Demand(0.01, most=700), chain=path)
+    return path
+
+
+def test_resumed_chain_is_the_uninterrupted_one(stopped):
+    """A chain that goes on after a stop is longer, begins with the same steps, and ends as if never stopped."""
+    before = emcee.backends.HDFBackend(stopped, read_only=True).get_chain()
+    assert len(before) == 700
+    sample(0, FINE, chain=stopped)
+    after = emcee.backends.HDFBackend(stopped, read_only=True).get_chain()
+    assert len(after) > 700
+    np.testing.assert_array_equal(after[:700], before)
+    whole = stopped.parent / "whole.h5"
+    sample(0, FINE, chain=whole)
+    uninterrupted = emcee.backends.HDFBackend(whole, read_only=True).get_chain()
+    n = min(len(after), len(uninterrupted))
+    np.testing.assert_array_equal(after[:n], uninterrupted[:n])
+
+
+def test_finished_chain_is_only_read(tmp_path):
+    """A chain that is long enough is not sampled again, and gives the same samples."""
+    path, steps = tmp_path / "chain.h5", []
+    first = sample(0, FINE, chain=path)
+    again = sample(0, FINE, chain=path, progress=steps.append)
+    np.testing.assert_array_equal(again.samples, first.samples)
+    assert steps == []
+    assert [p.name for p in tmp_path.iterdir()] == ["chain.h5"]
+
+
+def test_chain_of_another_problem(stopped):
+    """A chain of another seed or prior is refused and left as it is."""
+    content = stopped.read_bytes()
+    for seed, options in ((1, {}), (0, {"prior": flat(2, positive=False)})):
+        with pytest.raises(ChainFileError, match="another study, plan, seed or prior"):
+            sample(seed, FINE, chain=stopped, **options)
+    assert stopped.read_bytes() == content
+
+
+@pytest.mark.parametrize("keep", [0, 100, 5000])
+def test_broken_file(stopped, keep):
+    """A file that is cut off is refused in words that name it."""
+    stopped.write_bytes(stopped.read_bytes()[:keep])
+    with pytest.raises(ChainFileError, match=r"chain\.h5: not a chain"):
+        sample(0, FINE, chain=stopped)
+
+
+def test_without_h5py(tmp_path, monkeypatch):
+    """Without h5py the error names the extra to install."""
+    monkeypatch.setitem(sys.modules, "h5py", None)
+    with pytest.raises(ChainFileError, match=r"edtk\[posterior\]"):
+        sample(0, FINE, chain=tmp_path / "chain.h5")

@@ -1,0 +1,56 @@
+"""The study that checks the sampler, on a few runs."""
+
+import importlib.util
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy import stats
+
+PATH = Path(__file__).parents[2] / "studies" / "calibration_check.py"
+
+
+@pytest.fixture(scope="module")
+def check():
+    spec = importlib.util.spec_from_file_location("calibration_check", PATH)
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_ranks_are_uniform(check):
+    """Ranks of the truth in twenty runs where the prior matters pass Kolmogorov's test at 1e-3, each parameter's."""
+    study = check.load_study(PATH.parent / "kr270_milling.toml")
+    A = check.plan_rows(study, check.PLAN)
+    found = check.ranks(A, study.sigma, study.compliances, check.CASES[-1], list(range(20)))
+    assert found.ranks.shape == (20, 6)
+    for column in found.ranks.T:
+        assert stats.kstest((column + 0.5) / (check.DRAWS + 1), "uniform").pvalue > 1e-3
+    assert found.covered.mean() > 0.85
+
+
+def test_uniformity(check):
+    """Uniform ranks pass, those of a posterior that is too narrow or shifted do not."""
+    rng = np.random.default_rng(0)
+    assert check.uniformity(rng.integers(0, 100, (500, 1)))[0] > 0.01
+    for skewed in (rng.beta(0.6, 0.6, (500, 1)), rng.beta(1.3, 1, (500, 1))):
+        assert check.uniformity(np.floor(100 * skewed))[0] < 0.01
+
+
+def test_least_squares(check):
+    """Eq. (13) with the right sigma passes, and with one that is five percent wrong does not."""
+    A = np.random.default_rng(0).normal(size=(5, 3, 2))
+    rng, k, sigma = np.random.default_rng(1), np.array([1.0, 2.0]), np.full(3, 0.1)
+    assert check.least_squares(A, sigma, k, rng, 5000)[1] > 1e-3
+    wrong = check.simulate
+
+    def noisier(A, k, sigma, rng, runs):
+        return wrong(A, k, 1.05 * sigma, rng, runs)
+
+    check.simulate = noisier
+    try:
+        assert check.least_squares(A, sigma, k, rng, 5000)[1] < 1e-3
+    finally:
+        check.simulate = wrong
