@@ -5,7 +5,9 @@ from pathlib import Path
 
 import click
 
-FilePath = click.Path(path_type=Path, dir_okay=False)
+from edtk.atomic import require_writable
+from edtk.commands.sampling import FilePath, Sampling, sampling_options
+from edtk.errors import UserError
 
 
 @click.command("identify")
@@ -14,6 +16,8 @@ FilePath = click.Path(path_type=Path, dir_okay=False)
 @click.option("--robust", is_flag=True, help="Huber's loss instead of squares: outliers count less.")
 @click.option("--sigma-unknown", is_flag=True, help="Estimate the size of the noise from the residuals.")
 @click.option("--plan", type=FilePath, help="The plan (CSV) that was measured, to compare poses with.")
+@click.option("--bayes", is_flag=True, help="Sample the posterior too; the options that follow are for that.")
+@sampling_options
 @click.option("--json", "as_json", is_flag=True, help="Print JSON, in SI units.")
 @click.option(
     "--out", type=click.Path(path_type=Path, file_okay=False), help="Write k.json, residuals.csv and report.html there."
@@ -24,6 +28,8 @@ def command(
     robust: bool,
     sigma_unknown: bool,
     plan: Path | None,
+    bayes: bool,
+    sampling: Sampling,
     as_json: bool,
     out: Path | None,
 ) -> None:
@@ -33,13 +39,27 @@ def command(
     and x_mm y_mm z_mm with load; drx_deg dry_deg drz_deg if rotations are measured; optionally sigma_mm, and the
     marker's offset from the tool point in the tool frame, marker_x_mm marker_y_mm marker_z_mm. `edtk template` makes
     such a sheet.
+
+    With --bayes priors are those of the [prior] of STUDY, errors Student-t if --robust, sigma unknown if
+    --sigma-unknown. A killed run with --chain goes on where it was when it is started again.
     """
     from edtk.study import load_study
     from edtk.study.identified import identified
+    from edtk.study.inference_data import export
 
+    if sampling.given() and not bayes:
+        raise UserError(f"{sampling.given()[0]}: expected --bayes with it")
     loaded = load_study(study)
     planned = None if plan is None else loaded.load_plan(plan)
     found = identified(loaded, measurements, robust, not sigma_unknown, planned)
+    if bayes:
+        sampling.require_writable()
+        if out is not None:
+            require_writable(out / "k.json")
+        with sampling.arguments(measurements, loaded.file.seed) as arguments:
+            found = found.sampled(**arguments)
+    if found.check is not None and sampling.export is not None:
+        export(found.check, sampling.export)
     if out is not None:
         found.write(out)
     click.echo(json.dumps(found.to_json(), indent=2) if as_json else found.summary())

@@ -41,17 +41,25 @@ class Noise:
             total = total + NU_SHAPE * extra[..., -1] - NU_RATE * np.exp(extra[..., -1])
         return total
 
-    def log_likelihood(self, residuals: Array, extra: Array) -> Array:
+    @property
+    def normal(self) -> bool:
+        """Whether errors are normal, so that the sum of squared residuals says all."""
+        return self.nu == math.inf
+
+    def log_likelihood(self, residuals: Array, extra: Array, hidden: int = 0, squares: float = 0.0) -> Array:
         """Logarithm (...) of the density of all measurements, up to a constant.
 
         Args:
             residuals: Measured less modelled, in units of each row's sigma (..., N).
             extra: Logarithms of s and nu, as far as they are sampled (..., e).
+            hidden: Number of further residuals, if errors are normal.
+            squares: The sum of their squares.
         """
-        N = residuals.shape[-1]
+        N = residuals.shape[-1] + hidden
         log_s = extra[..., 0] if self.sigma_factor > 1 else np.zeros(residuals.shape[:-1])
-        if self.nu == math.inf:
-            return -N * log_s - 0.5 * np.exp(-2 * log_s) * np.einsum("...i,...i->...", residuals, residuals)
+        if self.normal:
+            total = np.einsum("...i,...i->...", residuals, residuals) + squares
+            return -N * log_s - 0.5 * np.exp(-2 * log_s) * total
         nu = np.exp(extra[..., -1]) if self.nu is None else np.full(log_s.shape, self.nu)
         norm = gammaln((nu + 1) / 2) - gammaln(nu / 2) - 0.5 * np.log(nu)
         tails = np.log1p(residuals**2 * (np.exp(-2 * log_s) / nu)[..., None]).sum(axis=-1)

@@ -91,7 +91,7 @@ def sample_posterior(
     Args:
         A: Regressors (m, rows, p).
         measured: Deflections (m, rows) [m, rad].
-        sigma: Noise per row (rows,) [m, rad].
+        sigma: Noise, one per row (rows,) or one per measurement and row (m, rows) [m, rad].
         fit: The least-squares estimate, for scale and start.
         rng: Source of randomness.
         prior: Of the compliances; None for flat on positive compliances.
@@ -112,7 +112,7 @@ def sample_posterior(
     noise = Noise() if noise is None else noise
     _check(prior, noise, N - p)
     walkers = max(walkers, 4 * (p + len(noise.names)))
-    rows = (A / sigma[:, None]).reshape(-1, p)
+    rows = (A / np.broadcast_to(sigma, measured.shape)[..., None]).reshape(-1, p)
     y = (measured / sigma).ravel()
     squares = float(((y - rows @ fit.k) ** 2).sum())
 
@@ -128,11 +128,15 @@ def sample_posterior(
     x = np.linalg.solve(L, (k - centre).T).T
     start = np.concatenate([x, noise.start(squares, N - p, rng, walkers)], axis=1)
     seed = int(rng.integers(2**31))
-    B, residual = rows @ L, y - rows @ centre
+    B, residual, hidden, rest = rows @ L, y - rows @ centre, 0, 0.0
+    if noise.normal and p < N:  # all that N normal rows say is in p of them, and in what those leave of the squares
+        Q, B = np.linalg.qr(B)
+        total, residual = residual @ residual, residual @ Q
+        hidden, rest = N - p, max(float(total - residual @ residual), 0.0)
 
     def log_density(x: Array) -> Array:
         extra = x[:, p:]
-        likelihood = noise.log_likelihood(residual - x[:, :p] @ B.T, extra)
+        likelihood = noise.log_likelihood(residual - x[:, :p] @ B.T, extra, hidden, rest)
         return likelihood + noise.log_prior(extra) + prior.log_density(centre + x[:, :p] @ L.T)
 
     def view(x: Array) -> Array:

@@ -1,8 +1,7 @@
-"""The Bayesian check of a plan: does the sampled posterior have the covariance that Eq. (13) promises?"""
+"""The Bayesian check: does the sampled posterior have the covariance that Eq. (13) promises?"""
 
-import json
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +10,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from edtk.design import Plan
-from edtk.inference import Noise, Posterior, estimate, sample_posterior, simulate
+from edtk.inference import Estimate, Noise, Posterior, estimate, sample_posterior, simulate
 from edtk.inference.chain import Demand
 from edtk.study.pose_error import PoseError, pose_error
 from edtk.study.prior import study_prior
@@ -22,16 +21,16 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class BayesCheck:
-    """One simulated calibration and its posterior.
+    """One calibration, simulated or real, and its posterior.
 
     Attributes:
-        table: One row per parameter, SI units: `parameter`, `true`, `mean`, `low_95`, `high_95`, `std_posterior`,
-            `std_eq13`, `ratio`, `ratio_error` (Monte-Carlo standard error of the ratio), `tau_steps`, `r_hat`,
-            `effective_samples`.
+        table: One row per parameter, SI units: `parameter`, `true` (if simulated) or `identified` (by least squares),
+            `mean`, `low_95`, `high_95`, `std_posterior`, `std_eq13`, `ratio`, `ratio_error` (Monte-Carlo standard
+            error of the ratio), `tau_steps`, `r_hat`, `effective_samples`.
         posterior: The samples.
         A: Regressors (m, rows, p).
-        measured: Simulated deflections (m, rows) [m, rad].
-        sigma: Noise per row (rows,) [m, rad].
+        measured: Deflections (m, rows) [m, rad].
+        sigma: Noise (m, rows) [m, rad].
         noise: What is assumed of the noise.
         pose: Errors in the test pose; None without one.
     """
@@ -45,6 +44,13 @@ class BayesCheck:
     pose: PoseError | None
 
     @property
+    def reference(self) -> tuple[Array, str]:
+        """Compliances (p,) that the posterior is held against, and what they are."""
+        simulated = "true" in self.table
+        values = self.table["true" if simulated else "identified"].to_numpy(dtype=float)
+        return values, "assumed truth" if simulated else "least squares"
+
+    @property
     def noise_intervals(self) -> dict[str, tuple[float, float, float]]:
         """Median and ends of the 95 % interval of what is unknown of the noise."""
         named = enumerate(self.posterior.noise_names)
@@ -54,7 +60,7 @@ class BayesCheck:
     def to_json(self) -> dict[str, Any]:
         """Plain data, SI units."""
         return {
-            "parameters": json.loads(self.table.to_json(orient="records", double_precision=15)),
+            "parameters": self.table.to_dict(orient="records"),
             "noise": {
                 name: dict(zip(("median", "low_95", "high_95"), row, strict=True))
                 for name, row in self.noise_intervals.items()
@@ -110,19 +116,62 @@ def bayes_check(
         ImproperPosteriorError: Too few measurements for what is unknown.
         ChainFileError: The file is no chain, or of another problem.
     """
-    prior, noise = study_prior(study), study.file.prior.noise() if noise is None else noise
     A = np.repeat(study.model.regressor(plan.q, plan.wrench), plan.repeats, axis=0)
     measured = simulate(A, study.compliances, study.sigma, rng)[0]
     fit = estimate(A, measured, study.sigma, study.model.parameters)
+    sigma = np.broadcast_to(study.sigma, measured.shape)
+    found = posterior_check(study, A, measured, sigma, fit, rng, progress, noise=noise, demand=demand, chain=chain)
+    table = found.table.rename(columns={"identified": "true"})
+    table["true"] = study.compliances
+    return replace(found, table=table)
+
+
+def posterior_check(
+    study: Study,
+    A: Array,
+    measured: Array,
+    sigma: Array,
+    fit: Estimate,
+    rng: np.random.Generator,
+    progress: Callable[[int], object] = lambda steps: None,
+    *,
+    noise: Noise | None = None,
+    scale: float = 1.0,
+    demand: Demand | None = None,
+    chain: Path | None = None,
+) -> BayesCheck:
+    """Sample the posterior of measurements, and compare standard deviations.
+
+    Args:
+        study: Priors, names and test pose.
+        A: Regressors (m, rows, p).
+        measured: Deflections (m, rows) [m, rad].
+        sigma: Noise (m, rows) [m, rad].
+        fit: Their least-squares estimate, with Eq. (13) for that noise.
+        rng: Source of randomness.
+        progress: Called with the number of steps of the chain so far.
+        noise: What is assumed of the noise; None for what the study says.
+        scale: Factor on sigma that Eq. (13) is compared with, where the least squares estimated one.
+        demand: When the chain is long enough.
+        chain: File in which the chain is kept, and from which it goes on.
+
+    Raises:
+        UserError: The study's prior is not one.
+        UnconvergedError: The chain does not converge.
+        ImproperPosteriorError: Too few measurements for what is unknown.
+        ChainFileError: The file is no chain, or of another problem.
+    """
+    prior, noise = study_prior(study), study.file.prior.noise() if noise is None else noise
     posterior = sample_posterior(
-        A, measured, study.sigma, fit, rng, prior=prior, noise=noise, demand=demand, chain=chain, progress=progress
+        A, measured, sigma, fit, rng, prior=prior, noise=noise, demand=demand, chain=chain, progress=progress
     )
-    std = np.sqrt(np.diag(fit.covariance))
+    eq13 = Estimate(fit.k, fit.covariance * scale**2)
+    std = np.sqrt(np.diag(eq13.covariance))
     low, high = posterior.interval()
     table = pd.DataFrame(
         {
             "parameter": study.model.parameters,
-            "true": study.compliances,
+            "identified": fit.k,
             "mean": posterior.mean,
             "low_95": low,
             "high_95": high,
@@ -135,5 +184,5 @@ def bayes_check(
             "effective_samples": posterior.effective,
         }
     )
-    pose = None if study.target is None else pose_error(study.target, fit, posterior)
-    return BayesCheck(table, posterior, A, measured, study.sigma, noise, pose)
+    pose = None if study.target is None else pose_error(study.target, eq13, posterior)
+    return BayesCheck(table, posterior, A, measured, sigma, noise, pose)

@@ -5,13 +5,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from edtk.design import Plan
 from edtk.errors import UserError
-from edtk.inference import compensation_accuracy
-from edtk.inference.bias import Bias, linearisation_bias
+from edtk.inference import Measurements, SingularPlanError, compensation_accuracy, estimate
+from edtk.inference.bias import Bias, equilibrium_deflection, linearisation_bias
 from edtk.model.equilibrium import NoEquilibriumError
 from edtk.study.study import Study
+
+Array = NDArray[np.float64]
+MOST_POSES = 2000
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,3 +106,34 @@ def biased(study: Study, plan: Plan, path: Path) -> Biased:
         rho0=None if A0 is None else float(compensation_accuracy(A0, found.covariance)),
         in_test_pose=None if A0 is None else found.in_pose(A0),
     )
+
+
+def bias_in_test_pose(study: Study, data: Measurements, k: Array) -> float | None:
+    """What the linear model costs in the test pose, if the robot has the compliances that were identified.
+
+    Of very many poses every second, third, ... is enough to tell.
+
+    Args:
+        study: Model and test pose.
+        data: The measurements from which they were identified.
+        k: Those compliances (p,) [rad/(N m)].
+
+    Returns:
+        Length of the mean error ``|A0 (E(k_hat) - k)|`` [m]; None without a test pose, where markers are away from the
+        tool point, or if such a robot would not come to rest.
+    """
+    if study.target is None or data.marker.any():
+        return None
+    all_joints = np.zeros(study.robot.n)
+    all_joints[study.model.joints] = k
+    _, first = np.unique(data.pose, return_index=True)
+    every = -(-len(first) // MOST_POSES)
+    rows = np.flatnonzero(data.pose % every == 0)
+    q, wrench = data.q[first[::every]], data.wrench[first[::every]]
+    try:
+        measured = equilibrium_deflection(study.model, q, wrench, all_joints)[data.pose[rows] // every]
+        A = study.model.regressor(data.q[rows], data.wrench[rows])
+        expected = estimate(A, measured, data.sigma[rows], study.model.parameters).k
+    except (NoEquilibriumError, SingularPlanError):
+        return None
+    return float(np.linalg.norm(study.target @ (expected - k)))

@@ -1,14 +1,12 @@
-"""What looks wrong in measurements that can be read all the same: units, signs, copied rows, other poses."""
+"""What looks wrong in measurements that can be used all the same: units, signs, noise, poses left out."""
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
-from scipy.stats import poisson
 
 from edtk.design import Plan, pose_factors
 from edtk.inference.identify import Identification
 from edtk.inference.measurements import Measurements
+from edtk.study.mistakes import far, resolution_of
 from edtk.study.study import Study
 
 Array = NDArray[np.float64]
@@ -34,8 +32,8 @@ def file_doubts(
     study: Study, data: Measurements, A: Array, fit: Identification, plan: Plan | None = None
 ) -> tuple[str, ...]:
     """Those of them that are about the file and not about the fit; arguments as for `doubts`."""
-    poses = [] if plan is None else _other_poses(study, data, plan)
-    return (*_units(study, data, A, fit), *_copies(data), *poses)
+    poses = [] if plan is None else _not_measured(study, data, plan)
+    return (*_units(study, data, A, fit), *poses)
 
 
 def _units(study: Study, data: Measurements, A: Array, fit: Identification) -> list[str]:
@@ -100,56 +98,11 @@ def _signs(study: Study, fit: Identification) -> list[str]:
     return [f"{', '.join(named)} rad/(N m): negative; the best fit without negative compliances is given"] * bool(named)
 
 
-def _copies(data: Measurements) -> list[str]:
-    """Rows that are the same to the last digit, if there are more than the resolution of the readings explains.
-
-    Two repetitions agree in a coordinate of resolution d with probability ``d / (2 sqrt(pi) sigma)`` at most; a
-    number of agreeing pairs that has a probability below 0.001 is reported.
-    """
-    where = np.hstack([data.q, data.wrench, data.marker]) + 0.0
-    pose = pd.util.hash_pandas_object(pd.DataFrame(where), index=False)
-    row = pd.util.hash_pandas_object(pd.DataFrame(np.hstack([where, data.deflection + 0.0])), index=False)
-    first = ~row.duplicated().to_numpy()
-    if first.all():
-        return []
-    pairs, same = (float((n * (n - 1) / 2).sum()) for n in (pose.value_counts(), row.value_counts()))
-    agree = _resolution(data.deflection[:, :3] * 1e3) / 1e3 / (2 * np.sqrt(np.pi) * data.sigma[:, :3].mean(axis=0))
-    if poisson.sf(same - 1, pairs * np.minimum(agree, 1.0).prod()) > 1e-3:
-        return []
-    later = int(np.flatnonzero(~first)[0])
-    earlier = int(np.flatnonzero(row.to_numpy() == row.iloc[later])[0])
-    more = int((~first).sum()) - 1
-    others = f", and {more} more rows have such a twin" if more else ""
-    return [f"row {later + 1} is row {earlier + 1} to the last digit{others}: was a measurement copied?"]
-
-
-def _resolution(values: Array) -> float:
-    """The decimal step 10^-d, d <= 9, that all values are multiples of."""
-    for d in range(9):
-        scaled = values * 10.0**d
-        if np.abs(scaled - np.rint(scaled)).max() < 1e-4:
-            return float(10.0**-d)
-    return 1e-9
-
-
-def _other_poses(study: Study, data: Measurements, plan: Plan) -> list[str]:
-    """Measured poses that are not planned, and planned ones that were not measured."""
-    within = max(study.file.workspace.plan_resolution_deg, 1e-3) * (1 + 1e-9)
-    measured, planned = data.q / pose_factors(study.robot), plan.q / pose_factors(study.robot)
-    lines = []
-    rows = _far(measured, planned, within)
-    if rows:
-        lines.append(f"{_named('row', rows)}: the pose is not in the plan")
-    rows = _far(planned, measured, within)
-    if rows:
-        lines.append(f"{_named('pose', rows)} of the plan: not measured")
-    return lines
-
-
-def _far(points: Array, others: Array, within: float) -> list[int]:
-    """Indices of the points that are farther than that, in some joint, from all others."""
-    distance = cKDTree(others).query(points, p=np.inf, distance_upper_bound=within)[0]
-    return np.flatnonzero(np.isinf(distance)).tolist()
+def _not_measured(study: Study, data: Measurements, plan: Plan) -> list[str]:
+    """Planned poses that were not measured."""
+    factors = pose_factors(study.robot)
+    rows = far(plan.q / factors, data.q / factors, resolution_of(study))
+    return [f"{_named('pose', rows)} of the plan: not measured"] * bool(rows)
 
 
 def _named(what: str, rows: list[int]) -> str:

@@ -7,8 +7,10 @@ from scipy.stats import norm, probplot
 
 import edtk
 from edtk.inference.identify import Identification
+from edtk.study.bayes import BayesCheck
 from edtk.study.figures import COLOURS
 from edtk.study.page import Page, footer, heading, paragraph, picture, table, verdict
+from edtk.study.posterior_report import posterior_part
 from edtk.study.study import Study
 
 Array = NDArray[np.float64]
@@ -20,7 +22,13 @@ AXES = ("x", "y", "z", "rotation x", "rotation y", "rotation z")
 
 
 def identification_page(
-    study: Study, fit: Identification, pose: NDArray[np.int_], name: str, doubts: tuple[str, ...] = ()
+    study: Study,
+    fit: Identification,
+    pose: NDArray[np.int_],
+    name: str,
+    doubts: tuple[str, ...] = (),
+    linear: float | None = None,
+    check: BayesCheck | None = None,
 ) -> str:
     """The text of `report.html`.
 
@@ -30,13 +38,17 @@ def identification_page(
         pose: Number (m,) of the pose of each measurement, counted from 0.
         name: Name of the measurement file.
         doubts: Lines about what looks wrong in that file.
+        linear: Error that the linear model leaves in the test pose [m]; None if it is unknown.
+        check: The posterior; None where it was not sampled.
     """
-    page = Page(f"Calibration: {study.file.title}") + _verdict(study, fit, name, doubts)
+    page = Page(f"Calibration: {study.file.title}") + _verdict(study, fit, name, doubts, linear)
     page = page + heading("Compliances") + _compliances(study, fit) + picture(_intervals(study, fit), _INTERVALS)
     page = page + heading("Do the residuals fit the noise?") + paragraph(_noise(fit))
     page = page + picture(_residuals(fit), _RESIDUALS) + picture(_quantiles(fit), _QUANTILES) + _worst(fit, pose)
     page = page + heading("Which parameters depend on each other?")
     page = page + picture(_correlation(study, fit), _CORRELATION)
+    if check is not None:
+        page = page + posterior_part(check)
     rows, poses = len(fit.residual), int(pose.max()) + 1
     note = (
         f"{name}: {rows} measurements in {poses} poses; robot {study.robot.name}; study {study.digest}; "
@@ -53,7 +65,7 @@ _QUANTILES = "Standardised residuals against the normal law: on the line where t
 _CORRELATION = "Correlation of the estimates."
 
 
-def _verdict(study: Study, fit: Identification, name: str, doubts: tuple[str, ...]) -> str:
+def _verdict(study: Study, fit: Identification, name: str, doubts: tuple[str, ...], linear: float | None) -> str:
     """What accuracy to expect, and what is wrong, the most important first."""
     trouble = [(1, f"{line[:1].upper()}{line[1:]}.") for line in doubts]
     if fit.negative.any():
@@ -71,24 +83,35 @@ def _verdict(study: Study, fit: Identification, name: str, doubts: tuple[str, ..
         i, j = np.unravel_index(int(off.argmax()), off.shape)
         pair = f"{study.model.parameters[j]} and {study.model.parameters[i]}"
         trouble.append((1, f"{pair} are hardly told apart (correlation {fit.correlation[i, j]:+.3f})."))
+    if study.target is not None and linear is not None and linear > fit.accuracy(study.target)[0]:
+        trouble.append(
+            (
+                1,
+                f"The linear model leaves {1e3 * linear:.2g} mm in the test pose, more than noise: use lighter loads.",
+            )
+        )
     level = max((severity for severity, _ in trouble), default=0)
     quality = ("Good calibration.", "Usable calibration, with a warning.", "Do not use this calibration yet.")[level]
-    opening = quality if level == 2 else f"{quality} {_expected(study, fit)}"
+    opening = quality if level == 2 else f"{quality} {_expected(study, fit, linear)}"
     lines = [opening, *(text for _, text in sorted(trouble, key=lambda t: -t[0]))]
     if not trouble:
         lines.append("Nothing is wrong: the residuals fit the noise, there are no outliers, all compliances positive.")
     return verdict(LEVELS[level], lines)
 
 
-def _expected(study: Study, fit: Identification) -> str:
-    """The accuracy to expect, in one sentence."""
+def _expected(study: Study, fit: Identification, linear: float | None) -> str:
+    """The accuracy to expect, in one or two sentences."""
     if study.target is None:
         worst = int(np.argmax(fit.std / np.maximum(np.abs(fit.k), 1e-300)))
         share = 100 * fit.std[worst] / max(abs(fit.k[worst]), 1e-300)
         return f"The least certain compliance is {study.model.parameters[worst]}, to {share:.2g} %."
     value, (low, high) = fit.accuracy(study.target)
     text = f"Expect an error of {1e3 * value:.2g} mm (root mean square) in the test pose after compensation"
-    return f"{text}." if fit.known else f"{text}, between {1e3 * low:.2g} and {1e3 * high:.2g} mm (95 %)."
+    text += "." if fit.known else f", between {1e3 * low:.2g} and {1e3 * high:.2g} mm (95 %)."
+    if linear is None:
+        return text
+    both = float(np.hypot(value, linear))
+    return f"{text} What the linear model leaves out makes it {1e3 * both:.2g} mm."
 
 
 def _compliances(study: Study, fit: Identification) -> str:
@@ -97,7 +120,7 @@ def _compliances(study: Study, fit: Identification) -> str:
     for name, k, std in zip(study.model.parameters, fit.k, fit.std, strict=True):
         share = f"{100 * std / k:.2g} %" if k > 0 else "-"
         half = norm.ppf(0.975) * std
-        rows.append([name, f"{k:.5g}", f"{std:.2g}", share, f"{k - half:.4g} .. {k + half:.4g}"])
+        rows.append([name, f"{k:.4e}", f"{std:.1e}", share, f"{k - half:.3e} .. {k + half:.3e}"])
     return table(["parameter", "rad/(N m)", "std", "std, relative", "95 % interval"], rows)
 
 
@@ -130,7 +153,7 @@ def _intervals(study: Study, fit: Identification) -> Figure:
     at = np.arange(len(fit.k))
     ax.errorbar(np.zeros(len(at)), at, xerr=half, fmt="o", color=COLOURS[0], capsize=4)
     ax.set_yticks(at, study.model.parameters)
-    ax.invert_yaxis()
+    ax.set_ylim(len(at) - 0.5, -0.5)
     ax.set_xlabel("deviation from the estimate [%]")
     ax.grid(axis="x", alpha=0.3)
     return figure

@@ -1,7 +1,8 @@
 """The compliances that a study's measurements give."""
 
 import json
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,11 +14,15 @@ from edtk.atomic import atomic_path, require_writable, write_text
 from edtk.design import FixedLoad, Plan
 from edtk.design.pose_table import PoseFileError
 from edtk.errors import UserError
-from edtk.inference.estimate import SingularPlanError
+from edtk.inference.chain import Demand
+from edtk.inference.estimate import SingularPlanError, estimate
 from edtk.inference.identify import Identification, NothingLeftError, identify
 from edtk.inference.measurements import Measurements
+from edtk.study.bayes import BayesCheck, posterior_check
+from edtk.study.biased import bias_in_test_pose
 from edtk.study.doubts import doubts, file_doubts
 from edtk.study.identification_report import identification_page
+from edtk.study.mistakes import mistake
 from edtk.study.study import Study
 
 Array = NDArray[np.float64]
@@ -35,6 +40,9 @@ class Identified:
         doubts: Lines about what looks wrong in the measurements.
         path: Where the measurements are.
         file_doubts: Those of the doubts that are about the file and not about the fit.
+        linear: Length of the mean error in the test pose that the linear model leaves there [m]; None if it is unknown.
+        robust: Whether the loss is Huber's.
+        check: The posterior; None where it was not sampled.
     """
 
     study: Study
@@ -43,6 +51,9 @@ class Identified:
     doubts: tuple[str, ...]
     path: Path
     file_doubts: tuple[str, ...]
+    linear: float | None
+    robust: bool
+    check: BayesCheck | None = None
 
     @property
     def sigma_hat(self) -> float:
@@ -66,8 +77,10 @@ class Identified:
             "p_value": fit.p_value,
             "outliers": (fit.outliers + 1).tolist(),
             "rho0": rho0,
+            "rho0_bias": self.linear,
             "negative": [joint for joint, yes in zip(joints, fit.negative.tolist(), strict=True) if yes],
             "k_unbounded": dict(zip(joints, fit.unbounded.tolist(), strict=True)),
+            "posterior": None if self.check is None else self.check.to_json(),
         }
 
     def residuals(self) -> pd.DataFrame:
@@ -92,7 +105,9 @@ class Identified:
         with atomic_path(folder / "residuals.csv") as temporary:
             self.residuals().to_csv(temporary, index=False, float_format="%.10g")
         write_text(folder / "k.json", json.dumps(self.to_json(), indent=2) + "\n")
-        text = identification_page(self.study, self.fit, self.data.pose, self.path.name, self.file_doubts)
+        text = identification_page(
+            self.study, self.fit, self.data.pose, self.path.name, self.file_doubts, self.linear, self.check
+        )
         write_text(folder / "report.html", text)
 
     def summary(self) -> str:
@@ -115,6 +130,8 @@ class Identified:
             value, (low, high) = fit.accuracy(self.study.target)
             between = "" if low == high else f", with 95 % between {1e3 * low:.5g} and {1e3 * high:.5g} mm"
             lines += [f"rho0 {1e3 * value:.5g} mm{between}"]
+        if self.linear is not None:
+            lines += [f"beside it the linear model leaves an error of {1e3 * self.linear:.3g} mm"]
         of_pose = np.bincount(self.data.pose, (fit.residual[:, :3] ** 2).mean(axis=1)) / np.bincount(self.data.pose)
         worst = int(of_pose.argmax())
         lines += [f"largest residuals in pose {worst + 1}: {1e3 * np.sqrt(of_pose[worst]):.4g} mm root mean square"]
@@ -123,7 +140,55 @@ class Identified:
         if len(fit.outliers):
             shown = ", ".join(map(str, (fit.outliers[:20] + 1).tolist()))
             lines += [f"outliers ({len(fit.outliers)}): rows {shown}{', ...' if len(fit.outliers) > 20 else ''}"]
+        if self.check is not None:
+            lines += ["posterior", self.check.summary()]
         return "\n".join(lines)
+
+    def sampled(
+        self,
+        rng: np.random.Generator,
+        progress: Callable[[int], object] = lambda steps: None,
+        demand: Demand | None = None,
+        chain: Path | None = None,
+    ) -> "Identified":
+        """The same with the posterior, under the study's [prior].
+
+        The noise is that of the [prior] too, but for what was asked of the fit: sigma is unknown (Jeffreys' prior)
+        where it was estimated, and Student-t errors with unknown nu take the place of normal ones where it is robust.
+
+        Args:
+            rng: Source of randomness.
+            progress: Called with the number of steps of the chain so far.
+            demand: When the chain is long enough.
+            chain: File in which the chain is kept, and from which it goes on.
+
+        Raises:
+            UserError: The study's prior is not one.
+            UnconvergedError: The chain does not converge.
+            ImproperPosteriorError: Too few measurements for what is unknown.
+            ChainFileError: The file is no chain, or of another problem.
+        """
+        study, data, fit = self.study, self.data, self.fit
+        A, noise = data.regressor(study.model), study.file.prior.noise()
+        if not fit.known and noise.sigma_factor == 1:
+            noise = replace(noise, sigma_factor=np.inf)
+        if self.robust and noise.normal:
+            noise = replace(noise, nu=None)
+        eq13 = estimate(A, data.deflection, data.sigma, study.model.parameters)
+        check = posterior_check(
+            study,
+            A,
+            data.deflection,
+            data.sigma,
+            eq13,
+            rng,
+            progress,
+            noise=noise,
+            scale=1.0 if fit.known else fit.scale,
+            demand=demand,
+            chain=chain,
+        )
+        return replace(self, check=check)
 
 
 def identified(
@@ -152,5 +217,8 @@ def identified(
         fit = identify(A, data.deflection, data.sigma, study.model.parameters, robust, known)
     except (SingularPlanError, NothingLeftError) as error:
         raise UserError(f"{path}: {error}") from error
+    if wrong := mistake(study, data, fit, plan):
+        raise UserError(f"{path}: {wrong}")
+    linear = bias_in_test_pose(study, data, fit.k)
     given = (study, data, A, fit, plan)
-    return Identified(study, data, fit, doubts(*given), path, file_doubts(*given))
+    return Identified(study, data, fit, doubts(*given), path, file_doubts(*given), linear, robust)

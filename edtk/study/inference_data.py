@@ -45,7 +45,7 @@ def export(check: BayesCheck, path: Path) -> None:
             dims={
                 "deflection": ["experiment", "row"],
                 "regressor": ["experiment", "row", "compliance"],
-                "sigma": ["row"],
+                "sigma": ["experiment", "row"],
             },
             posterior_attrs={"units": "rad/(N m)", "sampler": "emcee", "steps": posterior.steps},
         )

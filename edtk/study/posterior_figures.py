@@ -15,6 +15,7 @@ Array = NDArray[np.float64]
 
 BLUE, ORANGE = COLOURS[:2]
 MOST_POINTS = 20_000  # of a cloud; more only make its contours slower
+MOST_SHOWN = 200  # measurements whose residuals are drawn
 
 
 def draw_figures(check: BayesCheck, folder: Path) -> None:
@@ -25,17 +26,18 @@ def draw_figures(check: BayesCheck, folder: Path) -> None:
 
 
 def parameters(check: BayesCheck) -> tuple[list[str], Array, Array]:
-    """Labels with units, samples (steps, walkers, d) and truths (d,) as a person reads them; nu as its logarithm."""
-    posterior = check.posterior
-    truth = check.table["true"].to_numpy(dtype=float)
-    power = 3 * np.floor(np.log10(np.abs(truth)) / 3 + 1e-9)
+    """Labels with units, samples (steps, walkers, d) and reference (d,) as a person reads them; nu as its logarithm."""
+    posterior, (truth, what) = check.posterior, check.reference
+    power = 3 * np.floor(np.log10(posterior.mean) / 3 + 1e-9)
     exponents = [int(e) for e in power]
     labels = [f"{n}\n[$10^{{{e}}}$ rad/(N m)]" for n, e in zip(check.table["parameter"], exponents, strict=True)]
     names = {"sigma_factor": "sigma factor", "nu": "log10 nu"}
     pairs = zip(posterior.noise_names, _columns(posterior.noise), strict=True)
     extra = [np.log10(x) if name == "nu" else x for name, x in pairs]
     samples = np.concatenate([posterior.samples / 10.0**power, *(x[..., None] for x in extra)], axis=-1)
-    truths = [*(truth / 10.0**power), *(1.0 if n == "sigma_factor" else np.nan for n in posterior.noise_names)]
+    known = what == "assumed truth"
+    noise = (1.0 if known and name == "sigma_factor" else np.nan for name in posterior.noise_names)
+    truths = [*(truth / 10.0**power), *noise]
     return labels + [names[n] for n in posterior.noise_names], samples, np.array(truths)
 
 
@@ -71,7 +73,7 @@ def corner(check: BayesCheck) -> Figure:
                 ax.set_ylabel(labels[i], fontsize=8)
             elif j < i:
                 ax.set_yticklabels([])
-    figure.suptitle("Posterior, with contours that hold 39 % and 86 %; lines are the assumed truth", fontsize=11)
+    figure.suptitle(f"Posterior, with contours that hold 39 % and 86 %; lines: {check.reference[1]}", fontsize=11)
     return figure
 
 
@@ -91,17 +93,20 @@ def trace(check: BayesCheck) -> Figure:
         ax.tick_params(labelsize=7)
         ax.margins(x=0)
     axes[-1].set_xlabel("step")
-    figure.suptitle("Walkers (blue), their mean (black) and the assumed truth (orange)", fontsize=11)
+    figure.suptitle(f"Walkers (blue), their mean (black) and {check.reference[1]} (orange)", fontsize=11)
     return figure
 
 
 def residuals(check: BayesCheck) -> Figure:
     """Residuals of the posterior mean in units of sigma, over the 95 % band of the posterior predictive.
 
-    The band is of new measurements about the posterior mean: scatter of the model plus noise.
+    The band is of new measurements about the posterior mean: scatter of the model plus noise. Of many measurements
+    MOST_SHOWN are shown, evenly spaced.
     """
     posterior, rng = check.posterior, np.random.default_rng(0)
-    m, rows, p = check.A.shape
+    shown = np.unique(np.linspace(0, len(check.A) - 1, min(len(check.A), MOST_SHOWN)).astype(int))
+    A, sigma = check.A[shown], check.sigma[shown]
+    m, rows, p = A.shape
     k = posterior.samples.reshape(-1, p)
     chosen = rng.choice(len(k), size=min(4000, len(k)), replace=False)
     noise = posterior.noise.reshape(len(k), -1)[chosen]
@@ -114,20 +119,20 @@ def residuals(check: BayesCheck) -> Figure:
         shape = (heavy.sum(), m, rows)
         degrees = nu[heavy][:, None, None]
         errors[heavy] /= np.sqrt(rng.chisquare(degrees, shape) / degrees)
-    predicted = np.einsum("mrp,np->nmr", check.A / check.sigma[:, None], k[chosen] - posterior.mean)
+    predicted = np.einsum("mrp,np->nmr", A / sigma[..., None], k[chosen] - posterior.mean)
     low, high = np.quantile(predicted + s[:, None, None] * errors, [0.025, 0.975], axis=0)
-    found = (check.measured - check.A @ posterior.mean) / check.sigma
+    found = (check.measured[shown] - A @ posterior.mean) / sigma
     figure = Figure(figsize=(9.0, 1.0 + 1.7 * rows), layout="constrained")
     axes = figure.subplots(rows, 1, sharex=True, squeeze=False)[:, 0]
-    x = np.arange(1, m + 1)
+    x = shown + 1
     for r, (ax, name) in enumerate(zip(axes, ("x", "y", "z", "rot x", "rot y", "rot z"), strict=False)):
-        ax.bar(x, high[:, r] - low[:, r], 0.7, low[:, r], color=BLUE, alpha=0.25, linewidth=0)
+        ax.vlines(x, low[:, r], high[:, r], color=BLUE, alpha=0.25, linewidth=max(1.5, 350 / m))
         ax.axhline(0, color="black", linewidth=0.6)
-        ax.plot(x, found[:, r], "o", color=ORANGE, markersize=5)
+        ax.plot(x, found[:, r], "o", color=ORANGE, markersize=5 if m <= 60 else 3)
         ax.set_ylabel(f"{name}  [sigma]", fontsize=9)
         ax.tick_params(labelsize=8)
-    axes[-1].set_xlabel("experiment")
-    axes[-1].set_xticks(x if m <= 24 else np.unique(np.linspace(1, m, 12).astype(int)))
+    axes[-1].set_xlabel("measurement")
+    axes[-1].set_xticks(x if m <= 24 else np.unique(np.linspace(1, len(check.A), 12).astype(int)))
     inside = np.mean((found >= low) & (found <= high))
     figure.suptitle(
         f"Residuals, and where 95 % of new measurements would fall: {100 * inside:.0f} % are inside", fontsize=11

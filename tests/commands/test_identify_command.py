@@ -135,3 +135,59 @@ def test_places_that_cannot_be_written(measured: Path, tmp_path: Path) -> None:
     (tmp_path / "out" / "k.json").mkdir(parents=True)
     assert_one_line(edtk("identify", PAPER, measured, "--out", tmp_path / "out"), "k.json", "not a regular file")
     assert [p.name for p in (tmp_path / "out").iterdir()] == ["k.json"]
+
+
+def test_bayes(measured: Path, tmp_path: Path) -> None:
+    """--bayes adds the posterior to JSON, table and report; chain and export are written; the same seed, the same."""
+    files = ["--chain", tmp_path / "chain.h5", "--export", tmp_path / "posterior.nc"]
+    answer = edtk(
+        "identify", PAPER, measured, "--bayes", "--accuracy", 0.05, "--json", "--out", tmp_path / "out", *files
+    )
+    assert answer.exit_code == 0, answer.stderr
+    found = json.loads(answer.stdout)
+    assert found == json.loads((tmp_path / "out/k.json").read_text())
+    rows = found["posterior"]["parameters"]
+    assert [row["parameter"] for row in rows] == ["k2", "k3", "k4", "k5", "k6"]
+    assert all(abs(row["ratio"] - 1) < 4 * row["ratio_error"] for row in rows)
+    page = (tmp_path / "out/report.html").read_text()
+    assert "What does the posterior say?" in page
+    assert page.count("<img") == 7
+    assert (tmp_path / "chain.h5").exists()
+    assert (tmp_path / "posterior.nc").exists()
+    again = edtk("identify", PAPER, measured, "--bayes", "--accuracy", 0.05, "--json")
+    assert json.loads(again.stdout)["posterior"] == found["posterior"]
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--seed", 3], ("--seed: expected --bayes",)),
+        (["--bayes", "--most", 600, "--accuracy", 0.001], ("did not converge in 600 steps", "--most")),
+        (["--bayes", "--chain", PAPER], ("kr270_milling.toml: not a chain",)),
+    ],
+)
+def test_bayes_mistakes(measured: Path, tmp_path: Path, options: list[object], words: tuple[str, ...]) -> None:
+    """An unconverged chain gives no interval, and each mistake is a line; nothing is written."""
+    answer = edtk("identify", PAPER, measured, "--out", tmp_path / "out", *options)
+    assert answer.exit_code == 2
+    assert answer.stdout == ""
+    assert all(word in answer.stderr.split("\n")[-2] for word in words), answer.stderr
+    assert not list((tmp_path / "out").glob("*"))
+
+
+def test_swapped_columns(measured: Path, tmp_path: Path) -> None:
+    """Exchanged columns are one line that names them, and nothing is written."""
+    table = pd.concat([pd.read_csv(measured)] * 2)
+    table.iloc[4:, -3:] += 0.01
+    table.rename(columns={"dx_mm": "dz_mm", "dz_mm": "dx_mm"}).to_csv(measured, index=False)
+    answer = edtk("identify", PAPER, measured, "--out", tmp_path / "out")
+    assert_one_line(answer, "columns dx_mm and dz_mm", "look swapped")
+    assert not (tmp_path / "out").exists()
+
+
+def test_poses_that_are_not_in_the_plan(measured: Path) -> None:
+    """With --plan a row in another pose is refused, with its row and column."""
+    table = pd.read_csv(measured)
+    table.loc[2, "q3_deg"] += 1
+    table.to_csv(measured, index=False)
+    assert_one_line(edtk("identify", PAPER, measured, "--plan", PLAN), "row 3, column q3_deg", "not in the plan")

@@ -38,7 +38,7 @@ def test_a_good_calibration():
     assert f"Expect an error of {1e3 * value:.2g} mm" in text
     assert "Nothing is wrong" in text
     for name, k, std in zip(STUDY.model.parameters, fit.k, fit.std, strict=True):
-        assert f"<td>{name}</td><td>{k:.5g}</td><td>{std:.2g}</td>" in text
+        assert f"<td>{name}</td><td>{k:.4e}</td><td>{std:.1e}</td>" in text
 
 
 def test_an_interval_where_sigma_is_estimated():

@@ -1,0 +1,167 @@
+"""What is certainly wrong in measurements that can be read: copied rows, other poses, swapped columns."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import combinations, permutations, product
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+from scipy.stats import poisson
+
+from edtk.design import Plan, pose_factors
+from edtk.design.plan import WRENCH_COLUMNS, pose_columns
+from edtk.inference import Identification, Measurements
+from edtk.inference.estimate import SingularPlanError, Whitened
+from edtk.inference.measurements import DEFLECTION_COLUMNS
+from edtk.study.study import Study
+
+Array = NDArray[np.float64]
+
+SUSPECT = 3.0  # residuals over sigma beyond which other readings of the columns are tried
+BETTER = 4.0  # factor by which such a reading must reduce the residuals
+ENOUGH = 1000  # rows on which readings are compared
+
+
+def mistake(study: Study, data: Measurements, fit: Identification, plan: Plan | None = None) -> str | None:
+    """The first mistake in measurements, with its rows and columns, and what was expected; None where there is none.
+
+    Args:
+        study: The question.
+        data: The measurements.
+        fit: What they gave.
+        plan: The plan that was to be carried out.
+    """
+    found = None if plan is None else _other_pose(study, data, plan)
+    return found or _copies(data) or _swapped(study, data, fit)
+
+
+def far(points: Array, others: Array, within: float) -> list[int]:
+    """Indices of the points that are farther than that, in some joint, from all others."""
+    distance = cKDTree(others).query(points, p=np.inf, distance_upper_bound=within)[0]
+    return np.flatnonzero(np.isinf(distance)).tolist()
+
+
+def resolution_of(study: Study) -> float:
+    """How far [deg, mm] a pose may be from a planned one, for the digits that a plan is printed with."""
+    return max(study.file.workspace.plan_resolution_deg, 1e-3) * (1 + 1e-9)
+
+
+def _other_pose(study: Study, data: Measurements, plan: Plan) -> str | None:
+    """The first measured pose that is not planned, with the column where it is farthest from the nearest one."""
+    measured, planned = data.q / pose_factors(study.robot), plan.q / pose_factors(study.robot)
+    rows = far(measured, planned, resolution_of(study))
+    if not rows:
+        return None
+    distance, nearest = cKDTree(planned).query(measured[rows[0]], p=np.inf)
+    column = pose_columns(study.robot)[int(np.abs(measured[rows[0]] - planned[nearest]).argmax())]
+    more = f"; {len(rows) - 1} more rows are not either" if len(rows) > 1 else ""
+    return (
+        f"row {rows[0] + 1}, column {column}: the pose is not in the plan; the nearest planned one, row {nearest + 1}, "
+        f"is {distance:.3g} {column.rsplit('_')[-1]} away{more}"
+    )
+
+
+def _copies(data: Measurements) -> str | None:
+    """Rows that are the same to the last digit, if there are more than the resolution of the readings explains.
+
+    Two repetitions agree in a coordinate of resolution d with probability ``d / (2 sqrt(pi) sigma)`` at most; a
+    number of agreeing pairs that has a probability below 0.001 is reported.
+    """
+    where = np.hstack([data.q, data.wrench, data.marker]) + 0.0
+    pose = pd.util.hash_pandas_object(pd.DataFrame(where), index=False)
+    row = pd.util.hash_pandas_object(pd.DataFrame(np.hstack([where, data.deflection + 0.0])), index=False)
+    first = ~row.duplicated().to_numpy()
+    if first.all():
+        return None
+    pairs, same = (float((n * (n - 1) / 2).sum()) for n in (pose.value_counts(), row.value_counts()))
+    agree = _resolution(data.deflection[:, :3] * 1e3) / 1e3 / (2 * np.sqrt(np.pi) * data.sigma[:, :3].mean(axis=0))
+    if poisson.sf(same - 1, pairs * np.minimum(agree, 1.0).prod()) > 1e-3:
+        return None
+    later = int(np.flatnonzero(~first)[0])
+    earlier = int(np.flatnonzero(row.to_numpy() == row.iloc[later])[0])
+    more = int((~first).sum()) - 1
+    others = f", and {more} more rows have such a twin" if more else ""
+    return f"row {later + 1} is row {earlier + 1} to the last digit, in all columns{others}; expected measurements anew"
+
+
+def _resolution(values: Array) -> float:
+    """The decimal step 10^-d, d <= 9, that all values are multiples of."""
+    for d in range(9):
+        scaled = values * 10.0**d
+        if np.abs(scaled - np.rint(scaled)).max() < 1e-4:
+            return float(10.0**-d)
+    return 1e-9
+
+
+def _swapped(study: Study, data: Measurements, fit: Identification) -> str | None:
+    """Columns that fit much better if they are read otherwise, or that make every compliance negative by far."""
+    if (fit.unbounded < -3 * fit.std).all():
+        return (
+            "the columns of loaded and unloaded positions look swapped, or the load has the wrong sign: every "
+            "compliance comes out negative; expected positive ones"
+        )
+    if fit.dof < 5 or not fit.scale > SUSPECT:
+        return None
+    every = -(-len(data) // ENOUGH)
+    rows = Measurements(
+        data.q[::every], data.wrench[::every], data.deflection[::every], data.sigma[::every], data.marker[::every]
+    )
+    before = _size(study, rows, bounded=False)
+    sizes = {words: _size(study, other) for words, other in _readings(study, rows)}
+    best = min(sizes.values())
+    if best * BETTER > before:
+        return None
+    words, after = next((words, size) for words, size in sizes.items() if size <= 1.2 * best)
+    return f"{words}, which makes the residuals {after:.3g} times sigma instead of {before:.3g}"
+
+
+def _size(study: Study, data: Measurements, bounded: bool = True) -> float:
+    """Residuals in units of sigma, root mean square; inf where compliances are open, or negative by far if bounded."""
+    A = data.regressor(study.model)
+    try:
+        whitened = Whitened.of(A, data.sigma, study.model.parameters)
+    except SingularPlanError:
+        return np.inf
+    k = whitened.solve(data.deflection)
+    z = (data.deflection - A @ k) * whitened.weight
+    size = float(np.sqrt((z**2).sum() / max(z.size - len(k), 1)))
+    if not bounded:
+        return size
+    negative = k < -3 * max(size, 1.0) * np.sqrt(np.diag(whitened.covariance))
+    return np.inf if negative.any() else size
+
+
+def _readings(study: Study, data: Measurements) -> Iterator[tuple[str, Measurements]]:
+    """Other ways of reading the columns, the likeliest first, in words and in numbers."""
+    moved = data.deflection
+    for i, j in combinations(range(3), 2):
+        other = _exchanged(moved, i, j)
+        a, b = DEFLECTION_COLUMNS[i], DEFLECTION_COLUMNS[j]
+        yield _words(f"{a} and {b} (or the positions in {'xyz'[i]} and {'xyz'[j]})"), replace(data, deflection=other)
+    joints = [j for j in range(study.robot.n) if j not in study.fixed]
+    kinds, names = [joint.kind for joint in study.robot.joints], pose_columns(study.robot)
+    for i, j in combinations(joints, 2):
+        if kinds[i] == kinds[j]:
+            yield _words(f"{names[i]} and {names[j]}"), replace(data, q=_exchanged(data.q, i, j))
+    for i, j in [*combinations(range(3), 2), *combinations(range(3, 6), 2)]:
+        if data.wrench[:, [i, j]].any():
+            words = _words(f"{WRENCH_COLUMNS[i]} and {WRENCH_COLUMNS[j]}")
+            yield words, replace(data, wrench=_exchanged(data.wrench, i, j))
+    for order, signs in product(permutations(range(3)), product((1, -1), repeat=3)):
+        read = [f"{'-' * (s < 0)}{DEFLECTION_COLUMNS[i]}" for i, s in zip(order, signs, strict=True)]
+        other = np.hstack([moved[:, order] * signs, moved[:, 3:]])
+        words = f"columns {', '.join(DEFLECTION_COLUMNS)} look as if they were of a frame with other axes than the "
+        yield f"{words}robot's; expected them to be {', '.join(read)}", replace(data, deflection=other)
+
+
+def _words(columns: str) -> str:
+    return f"columns {columns} look swapped; expected them the other way round"
+
+
+def _exchanged(x: Array, i: int, j: int) -> Array:
+    """The same with two columns exchanged."""
+    other = x.copy()
+    other[:, [i, j]] = x[:, [j, i]]
+    return other

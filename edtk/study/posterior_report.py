@@ -1,0 +1,58 @@
+"""The part of a calibration's report that shows the sampled posterior."""
+
+from edtk.study.bayes import BayesCheck
+from edtk.study.page import heading, paragraph, picture, table
+from edtk.study.pose_error import PoseError
+from edtk.study.posterior_figures import corner, residuals, trace
+
+
+def posterior_part(check: BayesCheck) -> str:
+    """A table, what it means in the test pose, and the pictures."""
+    parts = [heading("What does the posterior say?"), paragraph(_chain(check)), _compliances(check)]
+    for name, (median, low, high) in check.noise_intervals.items():
+        parts.append(paragraph(f"{_NOISE[name]}: {median:.3g}, between {low:.3g} and {high:.3g} (95 %)."))
+    if check.pose is not None:
+        parts.append(paragraph(_test_pose(check.pose)))
+    parts.append(picture(corner(check), "The sampled posterior: each compliance, and each pair of them."))
+    parts.append(picture(residuals(check), "Posterior-predictive residuals, in units of the stated noise."))
+    parts.append(picture(trace(check), "The chain after burn-in: it should look like noise, without drift."))
+    return "\n".join(parts)
+
+
+_NOISE = {"sigma_factor": "Noise over the stated one", "nu": "Degrees of freedom of Student's t"}
+
+
+def _chain(check: BayesCheck) -> str:
+    """How far the numbers below can be trusted."""
+    least, r_hat = check.table["effective_samples"].min(), check.table["r_hat"].max()
+    return (
+        f"{check.posterior.samples.shape[1]} walkers made {check.posterior.steps} steps; the chain has converged: "
+        f"at least {least:.0f} effective samples for each compliance, split-chain R-hat at most {r_hat:.4f}."
+    )
+
+
+def _compliances(check: BayesCheck) -> str:
+    """One row a parameter."""
+    rows = [
+        [
+            row.parameter,
+            f"{row.mean:.4e}",
+            f"{row.std_posterior:.2e}",
+            f"{row.std_eq13:.2e}",
+            f"{row.ratio:.3f} \u00b1 {row.ratio_error:.3f}",
+            f"{row.low_95:.3e} .. {row.high_95:.3e}",
+        ]
+        for row in check.table.itertuples()
+    ]
+    return table(["parameter", "mean [rad/(N m)]", "std", "std by Eq. (13)", "ratio", "95 % interval"], rows)
+
+
+def _test_pose(pose: PoseError) -> str:
+    """Error and displacement in the test pose [mm]."""
+    low, high = 1e3 * pose.displacement_95
+    axes = ", ".join(f"{n} {a:.4f} to {b:.4f}" for n, a, b in zip("xyz", low, high, strict=True))
+    return (
+        f"In the test pose the error after compensation is {1e3 * pose.rho0:.3g} mm (root mean square; "
+        f"{1e3 * pose.rho0_eq20:.3g} mm by Eq. (20)), and with 95 % probability below {1e3 * pose.error_95:.3g} mm. "
+        f"Displacement under the task's load, 95 % intervals in mm: {axes}."
+    )

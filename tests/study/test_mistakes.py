@@ -1,0 +1,108 @@
+"""What is certainly wrong in measurements is found, and nothing where nothing is."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from edtk.design import Plan
+from edtk.inference import Measurements, identify, simulate
+from edtk.study import load_study
+from edtk.study.mistakes import mistake
+
+ROOT = Path(__file__).parents[2]
+STUDY = load_study(ROOT / "studies" / "kr270_milling.toml")
+PLAN = STUDY.published_plans()["table_4_12"]
+
+
+def measured(seed=0, repeats=2, digits=4):
+    """Simulated readings of the plan, each to so many digits of a millimetre."""
+    q, W = np.repeat(PLAN.q, repeats, axis=0), np.repeat(PLAN.wrench, repeats, axis=0)
+    moved = simulate(STUDY.model.regressor(q, W), STUDY.compliances, STUDY.sigma, np.random.default_rng(seed))[0]
+    return Measurements(q, W, moved.round(digits + 3), np.tile(STUDY.sigma, (len(q), 1)), np.zeros((len(q), 3)))
+
+
+def found(data, plan=None, **options):
+    A = data.regressor(STUDY.model)
+    fit = identify(A, data.deflection, data.sigma, STUDY.model.parameters, **options)
+    return mistake(STUDY, data, fit, plan)
+
+
+def exchanged(x, i, j):
+    order = np.arange(x.shape[1])
+    order[[i, j]] = j, i
+    return x[:, order]
+
+
+def test_nothing_wrong():
+    """Clean measurements are never refused, nor are those whose noise is ten times what sigma says."""
+    for seed in range(40):
+        data = measured(seed)
+        assert found(data, PLAN) is None
+        clean = data.regressor(STUDY.model) @ STUDY.compliances
+        assert found(replace(data, deflection=clean + 10 * (data.deflection - clean)), PLAN) is None
+
+
+@pytest.mark.parametrize("options", [{}, {"known": False}, {"robust": True}])
+@pytest.mark.parametrize(("i", "j"), [(0, 1), (0, 2), (1, 2)])
+def test_swapped_displacements(i, j, options):
+    """Two displacement columns that were exchanged are named, whatever the fit."""
+    data = measured()
+    line = found(replace(data, deflection=exchanged(data.deflection, i, j)), **options)
+    assert line.startswith(f"columns d{'xyz'[i]}_mm and d{'xyz'[j]}_mm (or the positions")
+    assert "look swapped; expected them the other way round" in line
+
+
+@pytest.mark.parametrize(("i", "j"), [(1, 2), (2, 3), (3, 4), (1, 5)])
+def test_swapped_joints(i, j):
+    """Two joint columns that were exchanged are named."""
+    data = measured()
+    line = found(replace(data, q=exchanged(data.q, i, j)))
+    assert line.startswith(f"columns q{i + 1}_deg and q{j + 1}_deg look swapped")
+
+
+def test_swapped_forces():
+    """The load in another column than its own is named."""
+    data = measured()
+    assert "Fx_N and Fz_N look swapped" in found(replace(data, wrench=exchanged(data.wrench, 0, 2)))
+
+
+def test_turned_frame():
+    """Displacements in a frame that is turned by 90 degrees about z are recognised, with the axes to expect."""
+    data = measured()
+    x, y, z = data.deflection.T
+    line = found(replace(data, deflection=np.stack([y, -x, z], axis=-1)))
+    assert "frame with other axes" in line
+    assert line.split("expected them to be ")[1].startswith("-dy_mm, dx_mm, dz_mm")
+
+
+def test_wrong_sign():
+    """Displacements of the wrong sign are refused."""
+    data = measured()
+    assert "loaded and unloaded positions look swapped" in found(replace(data, deflection=-data.deflection))
+
+
+def test_copied_rows():
+    """Rows copied to the last digit are noticed; readings so coarse that they agree by chance are not."""
+    data = measured()
+    data.deflection[7] = data.deflection[6]
+    assert found(data).startswith("row 8 is row 7 to the last digit, in all columns; ")
+    data.deflection[5] = data.deflection[4]
+    assert found(data).startswith("row 6 is row 5 to the last digit, in all columns, and 1 more")
+    coarse = measured(repeats=30, digits=1)
+    assert len(np.unique(np.hstack([coarse.q, coarse.deflection]), axis=0)) < len(coarse)
+    assert found(coarse) is None
+
+
+def test_poses_that_are_not_planned():
+    """The first row in another pose than the plan's is named, with the column and how far it is off."""
+    data = measured(repeats=1)
+    assert found(data, PLAN) is None
+    other = data.q.copy()
+    other[[2, 5]] += np.deg2rad([0, 0.3, 0, -1, 0, 0])
+    line = found(data, Plan(other, data.wrench, np.ones(12, dtype=int)))
+    assert line.startswith(
+        "row 3, column q4_deg: the pose is not in the plan; the nearest planned one, row 3, is 1 deg"
+    )
+    assert line.endswith("away; 1 more rows are not either")
