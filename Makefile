@@ -24,6 +24,7 @@ figures: $(VENV)/.installed
 benchmark: $(VENV)/.installed
 	$(BIN)/python studies/benchmarks/relax.py
 	$(BIN)/python studies/benchmarks/plan.py
+	$(BIN)/python studies/benchmarks/inference.py
 
 $(VENV)/.installed: requirements.lock pyproject.toml
 	$(PYTHON) -c 'import sys; v = sys.version_info[:2]; sys.exit(0 if (3, 11) <= v < (3, 14) else "edtk needs Python 3.11 to 3.13, this is %d.%d; try: make PYTHON=python3.12" % v)'

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-LAYERS = ("criteria", "edtk.model", "edtk.design", "edtk.inference", "edtk.study", "edtk.cli")
+LAYERS = ("criteria", "edtk.model", "edtk.design", "edtk.inference", "edtk.study", "edtk.commands", "edtk.cli")
 ABOVE = {layer: set(LAYERS[i + 1 :]) | {"paper_figures", "studies"} for i, layer in enumerate(LAYERS)}
 ABOVE["criteria"] |= {"edtk"}
 FILES = sorted(p for folder in ("criteria", "edtk") for p in (ROOT / folder).rglob("*.py"))

@@ -8,7 +8,8 @@ from typing import Any
 import click
 
 from edtk.atomic import require_writable
-from edtk.commands.sampling import FilePath, Sampling, sampling_options
+from edtk.commands.sampling import Sampling, sampling_options
+from edtk.commands.shared import FilePath
 
 
 class _Number(click.ParamType[Any]):

@@ -5,9 +5,7 @@ from pathlib import Path
 
 import click
 
-from edtk.errors import UserError
-
-FilePath = click.Path(path_type=Path, dir_okay=False)
+from edtk.commands.shared import FilePath, mistakes_in
 
 
 @click.command("bias")
@@ -20,13 +18,10 @@ def command(study: Path, plan: Path, as_json: bool) -> None:
     The robot of the [simulation] of STUDY (TOML) comes to rest under each load of the plan, however large; the linear
     model, Eq. (2), is fitted to its deflections.
     """
-    from edtk.inference import SingularPlanError
     from edtk.study import load_study
     from edtk.study.biased import biased
 
     loaded = load_study(study)
-    try:
+    with mistakes_in(plan):
         found = biased(loaded, loaded.load_plan(plan), plan)
-    except SingularPlanError as error:
-        raise UserError(f"{plan}: {error}") from error
     click.echo(json.dumps(found.to_json(), indent=2) if as_json else found.summary())

@@ -6,8 +6,7 @@ from pathlib import Path
 import click
 
 from edtk.atomic import require_writable
-
-FilePath = click.Path(path_type=Path, dir_okay=False)
+from edtk.commands.shared import FilePath
 
 
 @click.command("compensate")

@@ -6,7 +6,8 @@ from pathlib import Path
 import click
 
 from edtk.atomic import require_writable
-from edtk.commands.sampling import FilePath, Sampling, sampling_options
+from edtk.commands.sampling import Sampling, sampling_options
+from edtk.commands.shared import FilePath
 from edtk.errors import UserError
 
 

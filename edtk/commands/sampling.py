@@ -12,9 +12,9 @@ import click
 from tqdm import tqdm
 
 from edtk.atomic import require_writable
+from edtk.commands.shared import FilePath
 from edtk.errors import UserError
 
-FilePath = click.Path(path_type=Path, dir_okay=False)
 Command = Callable[..., None]
 _OPTIONS = (
     click.option(

@@ -5,8 +5,7 @@ from pathlib import Path
 import click
 
 from edtk.atomic import atomic_path, require_writable
-
-FilePath = click.Path(path_type=Path, dir_okay=False)
+from edtk.commands.shared import FilePath
 
 
 @click.command("template")

@@ -1,4 +1,4 @@
-"""How long does the sampled check of a plan take, and how near does it come to the closed form?
+"""How long do identification and the sampled posterior take, and how near does that come to the closed form?
 
     python studies/benchmarks/inference.py
 
@@ -7,15 +7,19 @@ standard deviations at once; the chain's are held against them, in units of thei
 """
 
 import statistics
+import sys
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from time import perf_counter
 
 import numpy as np
 from measure import machine, measure
 
 from edtk.atomic import write_text
-from edtk.inference import Noise, estimate, sample_posterior, simulate
+from edtk.design import Plan
+from edtk.inference import Measurements, Noise, estimate, identify, sample_posterior, simulate
+from edtk.inference.measurements import DEFLECTION_COLUMNS, MARKER_COLUMNS
 from edtk.study import load_study
 from edtk.study.markdown import markdown_table
 
@@ -71,6 +75,42 @@ def timing(plan_name: str, case: str) -> Timing:
     return Timing(median(seconds), median(exact), median(steps), max(errors), max(off))
 
 
+def identification(rows: int, markers: bool, robust: bool) -> tuple[float, float]:
+    """Median seconds to read a file of so many measurements, and to identify from it with all statistics."""
+    study = load_study(STUDY)
+    plan = study.published_plans()["table_4_12"]
+    each = np.arange(rows) % len(plan.q)
+    q, wrench = plan.q[each], plan.wrench[each]
+    measured = simulate(study.model.regressor(q, wrench), study.compliances, study.sigma, np.random.default_rng(0))[0]
+    table = Plan(q, wrench, np.ones(rows, dtype=int)).table(study.robot).drop(columns="repeats")
+    table[list(DEFLECTION_COLUMNS)] = 1e3 * measured
+    if markers:
+        table[list(MARKER_COLUMNS)] = 0.001
+    reading, fitting = [], []
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "measured.csv"
+        table.to_csv(path, index=False, float_format="%.10g")
+        for _ in range(REPEATS):
+            start = perf_counter()
+            data = Measurements.from_csv(path, study.robot, study.fixed, None, study.sigma)
+            reading.append(perf_counter() - start)
+            start = perf_counter()
+            A = data.regressor(study.model)
+            identify(A, data.deflection, data.sigma, study.model.parameters, robust)
+            fitting.append(perf_counter() - start)
+    return statistics.median(reading), statistics.median(fitting)
+
+
+def calibration(case: int) -> float:
+    """Seconds of 500 simulated calibrations on all cores, each with its chain, ranks and intervals."""
+    sys.path.insert(0, str(HERE.parent))
+    from calibration_check import CASES, run_case
+
+    start = perf_counter()
+    run_case(load_study(STUDY), CASES[case], 500, None, lambda runs: None)
+    return perf_counter() - start
+
+
 def main() -> None:
     """Run the benchmark."""
     plans = load_study(STUDY).published_plans()
@@ -91,17 +131,29 @@ def main() -> None:
                 off,
             )
         )
+    kinds = {"": (False, False), "with markers": (True, False), "Huber's loss": (False, True)}
+    identified = []
+    for n in (1_000, 100_000):
+        for kind, options in kinds.items():
+            got = measure(identification, n, *options)
+            identified.append((f"{n}", kind, *(f"{s:.3f}" for s in got.answer), f"{got.peak_mb:.0f}"))
+    studies = [(title, f"{calibration(case):.0f}") for title, case in (("sigma known", 0), ("sigma unknown", 1))]
     header = (
         "plan", "noise", "chain [s]", "closed form [ms]", "steps", "error of std", "deviation [errors]",
     )  # fmt: skip
     text = (
-        "# Seconds of the sampled posterior\n\n"
+        "# Seconds of identification and posterior\n\n"
         f"`python studies/benchmarks/inference.py` wrote this file on {machine()}.\n\n"
+        "## Sampled posterior\n\n"
         f"KUKA KR 270, flat prior, 32 walkers, the accuracy that `edtk bayes` asks for; medians of {REPEATS} simulated "
         "calibrations. The error of std is the greatest Monte-Carlo error of a posterior standard deviation. The "
         f"deviation is the greatest distance of the {5 * REPEATS} sampled standard deviations from the closed form, "
         "Eq. (13), in such errors; of as many independent normal numbers the greatest is 2.2 in the median and below "
-        "3.5 in 99 cases of a hundred.\n\n" + markdown_table(header, rows)
+        "3.5 in 99 cases of a hundred.\n\n" + markdown_table(header, rows) + "\n## Identification\n\nMedians of "
+        f"{REPEATS}; a measurement is three coordinates. Statistics are all those of `edtk identify`.\n\n"
+        + markdown_table(("measurements", "kind", "read CSV [s]", "identify [s]", "peak memory [MB]"), identified)
+        + "\n## Simulation-based calibration\n\n500 simulated calibrations of `studies/calibration_check.py`, all "
+        "cores.\n\n" + markdown_table(("case", "seconds"), studies)
     )
     write_text(HERE / "inference.md", text)
 

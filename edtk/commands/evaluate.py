@@ -1,0 +1,33 @@
+"""`edtk evaluate`: a plan under all criteria."""
+
+import json
+from pathlib import Path
+
+import click
+
+import criteria
+from edtk.commands.shared import FilePath, mistakes_in
+
+
+@click.command("evaluate")
+@click.argument("study", type=FilePath)
+@click.argument("plan", type=FilePath)
+@click.option("--json", "as_json", is_flag=True, help="Print JSON, in SI units.")
+def command(study: Path, plan: Path, as_json: bool) -> None:
+    """Score PLAN (CSV) under every criterion of STUDY (TOML)."""
+    from edtk.study import evaluate, load_study
+
+    loaded = load_study(study)
+    with mistakes_in(plan):
+        result = evaluate(loaded, loaded.load_plan(plan))
+    if as_json:
+        click.echo(json.dumps(result.to_json(), indent=2))
+        return
+    click.echo(f"{result.experiments} experiments")
+    for name, value in result.criteria.items():
+        cls = criteria.get(name)
+        shown = f"{1e3 * value:.6g} mm" if name == "rho0" else f"{value:.6g}"
+        click.echo(f"  {name:6}{cls.sense:5}{shown:18}{cls.formula}")
+    click.echo("standard deviations")
+    for name, std in zip(result.parameters, result.std, strict=True):
+        click.echo(f"  {name:6}{std:.4g} rad/(N m)")
