@@ -8,6 +8,7 @@ from scipy.stats import norm, probplot
 import edtk
 from edtk.inference.identify import Identification
 from edtk.study.bayes import BayesCheck
+from edtk.study.digits import digits
 from edtk.study.figures import COLOURS
 from edtk.study.page import Page, footer, heading, paragraph, picture, table, verdict
 from edtk.study.posterior_report import posterior_part
@@ -120,7 +121,9 @@ def _compliances(study: Study, fit: Identification) -> str:
     for name, k, std in zip(study.model.parameters, fit.k, fit.std, strict=True):
         share = f"{100 * std / k:.2g} %" if k > 0 else "-"
         half = norm.ppf(0.975) * std
-        rows.append([name, f"{k:.4e}", f"{std:.1e}", share, f"{k - half:.3e} .. {k + half:.3e}"])
+        rows.append(
+            [name, digits(k, std), f"{std:.1e}", share, f"{digits(max(k - half, 0.0), std)} .. {digits(k + half, std)}"]
+        )
     return table(["parameter", "rad/(N m)", "std", "std, relative", "95 % interval"], rows)
 
 

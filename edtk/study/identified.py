@@ -20,6 +20,7 @@ from edtk.inference.identify import Identification, NothingLeftError, identify
 from edtk.inference.measurements import Measurements
 from edtk.study.bayes import BayesCheck, posterior_check
 from edtk.study.biased import bias_in_test_pose
+from edtk.study.digits import digits
 from edtk.study.doubts import doubts, file_doubts
 from edtk.study.identification_report import identification_page
 from edtk.study.mistakes import mistake
@@ -116,7 +117,8 @@ class Identified:
         m, rows = fit.residual.shape
         lines = [f"{m} measurements of {self.data.pose.max() + 1} poses, {m * rows} coordinates"]
         lines += [
-            f"  {name:6}{k:12.5g} +- {std:.2g} rad/(N m)" for name, k, std in zip(names, fit.k, fit.std, strict=True)
+            f"  {name:6}{digits(k, std):>12} +- {std:.1e} rad/(N m)"
+            for name, k, std in zip(names, fit.k, fit.std, strict=True)
         ]
         lines += ["correlation"]
         lines += [

@@ -1,6 +1,7 @@
 """The part of a calibration's report that shows the sampled posterior."""
 
 from edtk.study.bayes import BayesCheck
+from edtk.study.digits import digits
 from edtk.study.page import heading, paragraph, picture, table
 from edtk.study.pose_error import PoseError
 from edtk.study.posterior_figures import corner, residuals, trace
@@ -33,17 +34,14 @@ def _chain(check: BayesCheck) -> str:
 
 def _compliances(check: BayesCheck) -> str:
     """One row a parameter."""
-    rows = [
-        [
-            row.parameter,
-            f"{row.mean:.4e}",
-            f"{row.std_posterior:.2e}",
-            f"{row.std_eq13:.2e}",
-            f"{row.ratio:.3f} \u00b1 {row.ratio_error:.3f}",
-            f"{row.low_95:.3e} .. {row.high_95:.3e}",
-        ]
-        for row in check.table.itertuples()
-    ]
+    columns = check.table.set_index("parameter")
+    rows = []
+    for name, row in zip(columns.index, columns.to_numpy(dtype=float), strict=True):
+        of = dict(zip(columns, row.tolist(), strict=True))
+        std = of["std_posterior"]
+        ratio = f"{of['ratio']:.3f} \u00b1 {of['ratio_error']:.3f}"
+        interval = f"{digits(of['low_95'], std)} .. {digits(of['high_95'], std)}"
+        rows.append([name, digits(of["mean"], std), f"{std:.2e}", f"{of['std_eq13']:.2e}", ratio, interval])
     return table(["parameter", "mean [rad/(N m)]", "std", "std by Eq. (13)", "ratio", "95 % interval"], rows)
 
 

@@ -11,6 +11,7 @@ import pytest
 from edtk.inference import simulate
 from edtk.inference.identify import identify
 from edtk.study import load_study
+from edtk.study.digits import digits
 from edtk.study.identification_report import identification_page
 
 STUDY = load_study(Path(__file__).parents[2] / "studies" / "kr270_milling.toml")
@@ -38,7 +39,7 @@ def test_a_good_calibration():
     assert f"Expect an error of {1e3 * value:.2g} mm" in text
     assert "Nothing is wrong" in text
     for name, k, std in zip(STUDY.model.parameters, fit.k, fit.std, strict=True):
-        assert f"<td>{name}</td><td>{k:.4e}</td><td>{std:.1e}</td>" in text
+        assert f"<td>{name}</td><td>{digits(k, std)}</td><td>{std:.1e}</td>" in text
 
 
 def test_an_interval_where_sigma_is_estimated():
