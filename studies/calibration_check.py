@@ -98,7 +98,7 @@ def ranks(A: Array, sigma: Array, centre: Array, case: Case, seeds: list[int]) -
             posterior = sample_posterior(A, measured, sigma, fit, rng, prior=prior, noise=case.noise, demand=DEMAND)
             samples = np.concatenate([posterior.samples, posterior.noise], axis=-1)
             truth = np.append(k, [s] * len(posterior.noise_names))
-            thinned = samples[:: int(np.ceil(posterior.tau.max()))].reshape(-1, len(truth))
+            thinned = samples[:: int(np.ceil(max(*posterior.tau, *posterior.noise_tau)))].reshape(-1, len(truth))
             drawn = rng.choice(thinned, DRAWS, replace=False)
             low, high = np.quantile(samples, [0.025, 0.975], axis=(0, 1))
             found.append((drawn < truth).sum(axis=0))

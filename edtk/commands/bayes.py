@@ -74,7 +74,7 @@ def command(
     degrees = given.nu if nu is None else words[nu] if isinstance(nu, str) else nu
     noise = Noise(given.sigma_factor if sigma_factor is None else sigma_factor, degrees)
     loaded_plan = loaded.load_plan(plan)
-    sampling.require_writable()
+    sampling.require_writable(study, plan)
     if figures is not None:
         require_writable(figures / "corner.png")
     with sampling.arguments(plan, loaded.file.seed) as arguments:

@@ -27,8 +27,14 @@ def command(study: Path, k: Path, task: Path, as_json: bool, out: Path | None) -
 
     loaded = load_study(study)
     poses = load_task(loaded, task)
-    found = compensated(loaded, load_compliances(k, loaded.robot.joint_names, loaded.file.joints.unknown), poses, task)
+    given = load_compliances(k, loaded.robot.joint_names, loaded.file.joints.unknown)
+    found = compensated(loaded, given, poses, task)
     if out is not None:
         require_writable(out)
         found.to_csv(out)
+    if given.verdict == "bad":
+        click.echo(
+            f"edtk: {k}: the calibration says not to use these compliances; its error band is not to be trusted",
+            err=True,
+        )
     click.echo(json.dumps(found.to_json(), indent=2) if as_json else found.summary())

@@ -45,6 +45,7 @@ def command(
     --sigma-unknown. A killed run with --chain goes on where it was when it is started again.
     """
     from edtk.study import load_study
+    from edtk.study.doubts import NOTE
     from edtk.study.identified import identified
     from edtk.study.inference_data import export
 
@@ -54,7 +55,7 @@ def command(
     planned = None if plan is None else loaded.load_plan(plan)
     found = identified(loaded, measurements, robust, not sigma_unknown, planned)
     if bayes:
-        sampling.require_writable()
+        sampling.require_writable(study, measurements)
         if out is not None:
             require_writable(out / "k.json")
         with sampling.arguments(measurements, loaded.file.seed) as arguments:
@@ -64,5 +65,6 @@ def command(
     if out is not None:
         found.write(out)
     click.echo(json.dumps(found.to_json(), indent=2) if as_json else found.summary())
-    for line in found.doubts:
-        click.echo(f"edtk: {measurements}: {line}", err=True)
+    for doubt in found.doubts:
+        if doubt.severity > NOTE:
+            click.echo(f"edtk: {measurements}: {doubt.text}", err=True)

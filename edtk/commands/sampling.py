@@ -43,11 +43,12 @@ class Sampling:
         """Names of the options that are given."""
         return [f"--{name}" for name, value in vars(self).items() if value is not None]
 
-    def require_writable(self) -> None:
-        """Check, before long work, that the files can be written and ArviZ is there.
+    def require_writable(self, *inputs: Path) -> None:
+        """Check, before long work, that the files can be written, are none of the inputs, and ArviZ is there.
 
         Raises:
-            UserError: They cannot, or it is not.
+            UserError: They are one, or it is not.
+            OSError: They cannot be written.
         """
         from edtk.study.inference_data import require_arviz
 
@@ -56,6 +57,8 @@ class Sampling:
         for path in (self.chain, self.export):
             if path is not None:
                 require_writable(path)
+                if any(path.resolve() == other.resolve() for other in inputs):
+                    raise UserError(f"{path}: is read by this command; expected another file to write")
 
     @contextmanager
     def arguments(self, source: Path, seed: int) -> Iterator[dict[str, Any]]:
@@ -75,7 +78,7 @@ class Sampling:
         default = Demand()
         demand = Demand(self.accuracy or default.accuracy, default.length, self.most or default.most)
         rng = np.random.default_rng(seed if self.seed is None else self.seed)
-        with tqdm(unit="step", file=sys.stderr, desc="emcee") as bar:
+        with tqdm(unit="step", file=sys.stderr, desc="emcee", delay=1.0, leave=False) as bar:
             try:
                 yield {
                     "rng": rng,

@@ -19,12 +19,13 @@ def command(study: Path, plan: Path, positions: bool, out: Path | None) -> None:
     It has a row for each repetition, in an order in which the joints travel little; `edtk identify` reads it.
     """
     from edtk.study import load_study
-    from edtk.study.sheet import sheet
+    from edtk.study.sheet import require_empty, sheet
 
     loaded = load_study(study)
     measured = loaded.load_plan(plan)
     if out is not None:
         require_writable(out)
+        require_empty(out)
     if measured.experiments > 1_000_000:
         raise click.UsageError(f"{plan}: {measured.experiments} experiments; expected 1000000 at most for a sheet")
     table = sheet(loaded, measured, positions)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from edtk.model import Robot
 
 Array = NDArray[np.float64]
+LARGEST = 1e12  # number in a file; no quantity here comes near it in its unit
 WRENCH_COLUMNS = ("Fx_N", "Fy_N", "Fz_N", "Tx_Nm", "Ty_Nm", "Tz_Nm")
 
 
@@ -64,7 +65,12 @@ class PoseTable:
             pd.errors.EmptyDataError,
             pd.errors.ParserWarning,
         ) as error:
-            raise PoseFileError(f"{path}: not readable as CSV ({str(error).splitlines()[0].strip()})") from error
+            why = (
+                "a row has more cells than the header"
+                if isinstance(error, pd.errors.ParserWarning)
+                else _first_line(error)
+            )
+            raise PoseFileError(f"{path}: not readable as CSV ({why}); expected commas between columns") from error
         if cells.empty:
             raise PoseFileError(f"{path}: the {what} has no rows")
         return cls(path, cells)
@@ -83,9 +89,19 @@ class PoseTable:
         """Check that each column is a joint's, a wrench's, or one of `optional`.
 
         Raises:
-            PoseFileError: Names the first that is not.
+            PoseFileError: Names the first that is not, or what is wrong with the header.
         """
         columns = pose_columns(robot)
+        header = list(map(str, self.cells))
+        for sign, name in ((";", "semicolons"), ("\t", "tabs")):
+            if len(header) == 1 and sign in header[0]:
+                raise self.error(f"the columns are separated by {name}; expected commas, and points in numbers")
+        for column in header:
+            if (first := column.rpartition(".")[0]) in header and column.rpartition(".")[2].isdigit():
+                raise self.error(f"column {first!r} is there twice; expected each once")
+            if column.startswith("Unnamed: "):
+                number = int(column.rpartition(" ")[2]) + 1
+                raise self.error(f"column {number} has no name; expected one in the header")
         unknown = [c for c in self.cells if c not in (*columns, *WRENCH_COLUMNS, *optional)]
         if unknown:
             raise self.error(
@@ -106,6 +122,9 @@ class PoseTable:
             cell = cells.iloc[bad[0]]
             shown = "an empty or NaN cell" if pd.isna(cell) else repr(str(cell))
             raise self.error(f"row {bad[0] + 1}, column {column}: {shown} is not a finite number")
+        large = np.flatnonzero(np.abs(values) > LARGEST)
+        if len(large):
+            raise self.error(f"row {large[0] + 1}, column {column}: {values[large[0]]:g} is larger than {LARGEST:g}")
         return values
 
     def poses(self, robot: Robot, fixed: dict[int, float]) -> Array:
@@ -145,3 +164,7 @@ class PoseTable:
             if column in self:
                 W[:, j] = self.numbers(column)
         return W
+
+
+def _first_line(error: Exception) -> str:
+    return str(error).splitlines()[0].strip()

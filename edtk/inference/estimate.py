@@ -98,10 +98,11 @@ class Whitened:
         """
         weight = 1.0 / np.broadcast_to(np.asarray(sigma, dtype=float), A.shape[:2])
         stacked = (A * weight[..., None]).reshape(-1, A.shape[-1])
-        cov = covariance(stacked.T @ stacked, parameters)
+        covariance(stacked.T @ stacked, parameters)  # refuses what is singular
         scale = np.linalg.norm(stacked, axis=0)
         Q, R = np.linalg.qr(stacked / scale)
-        return cls(Q.reshape(A.shape), R, scale, weight, cov)
+        inverse = np.linalg.inv(R) / scale[:, None]
+        return cls(Q.reshape(A.shape), R, scale, weight, inverse @ inverse.T)
 
     def project(self, measured: Array) -> Array:
         """``Q' (dp / sigma)`` (..., p): all that deflections (..., m, rows) say about the parameters."""

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
-from scipy.stats import chi2
+from scipy.stats import chi2, t
 
 from edtk.inference.estimate import Whitened
 from edtk.inference.outliers import find_outliers
@@ -13,10 +13,11 @@ from edtk.inference.robust import HuberFit, fit_huber
 
 Array = NDArray[np.float64]
 MAD_EFFICIENCY = 0.37  # of the median absolute deviation, beside the standard deviation, for normal noise
+HUBER_CERTAINTY = 0.7  # of the covariance, beside that of least squares with sigma estimated; 0.71 to 0.82 simulated
 
 
 class NothingLeftError(ValueError):
-    """There are no more measured coordinates than parameters, and the noise was to be estimated from them."""
+    """The residuals cannot tell the noise that was to be estimated from them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,8 +41,10 @@ class Identification:
         p_value: Probability of so large a chi2 under the given sigma; None where that is not believed, or dof = 0.
         scale: Estimated noise over the given: sqrt(chi2/dof), or from the median absolute deviation if robust; NaN
             where dof = 0.
-        certain: Degrees of freedom of that scale, for intervals: dof, or 0.37 of it if robust.
+        certain: Degrees of freedom of the covariance, for intervals: inf where sigma is believed, dof where it is
+            estimated, and 0.7 of it if robust, as then the residuals enter the covariance in any case.
         known: Whether the given sigma is believed.
+        robust: Whether the loss is Huber's.
         outliers: Rows (measurements) that do not belong to the others, counted from 0, see `edtk.inference.outliers`.
     """
 
@@ -58,6 +61,7 @@ class Identification:
     scale: float
     certain: float
     known: bool
+    robust: bool
     outliers: NDArray[np.int_]
 
     @property
@@ -70,17 +74,23 @@ class Identification:
         """Correlations (p, p)."""
         return self.covariance / np.outer(self.std, self.std)
 
+    @property
+    def half_interval(self) -> Array:
+        """Half the width (p,) of 95 % intervals about `unbounded`: std times t with `certain` degrees of freedom."""
+        return t.ppf(0.975, self.certain) * self.std
+
     def accuracy(self, target: Array) -> tuple[float, tuple[float, float]]:
         """rho0 = sqrt(trace(A0 cov A0')), Eq. (20), and its 95 % interval [m].
 
         ``dof s^2 / sigma^2`` has the chi-square distribution, so that the interval is rho0 times the square roots of
-        ``dof / chi2_0.975`` and ``dof / chi2_0.025``. Where sigma is known so is rho0, and the interval has no width.
+        ``dof / chi2_0.975`` and ``dof / chi2_0.025``, with `certain` for dof (an approximation if robust). Where sigma
+        is known so is rho0, and the interval has no width.
 
         Args:
             target: A0 (3, p).
         """
         value = float(np.sqrt(np.einsum("ri,ij,rj->", target, self.covariance, target)))
-        if self.known:
+        if np.isinf(self.certain):
             return value, (value, value)
         low, high = value * np.sqrt(self.certain / chi2.ppf([0.975, 0.025], self.certain))
         return value, (float(low), float(high))
@@ -106,7 +116,8 @@ def identify(
 
     Raises:
         SingularPlanError: The measurements do not identify all parameters; names parameters and directions.
-        NothingLeftError: Sigma is to be estimated and there are no degrees of freedom.
+        NothingLeftError: Sigma is to be estimated, and there are no degrees of freedom or no residuals.
+        SigmaTooSmallError: Robust, and no residual is as small as sigma says.
     """
     whitened = Whitened.of(A, sigma, parameters)
     dof = measured.size - A.shape[-1]
@@ -115,6 +126,8 @@ def identify(
             f"{measured.size} measured coordinates for {A.shape[-1]} parameters leave nothing to estimate sigma from"
         )
     fit = _least_squares(whitened, A, measured, dof, known)
+    if not known and not _without_rounding(fit.residual * whitened.weight, measured * whitened.weight).any():
+        raise NothingLeftError("the model fits the measurements exactly, which leaves nothing to estimate sigma from")
     return _robust(fit, whitened, A, measured) if robust and dof else fit
 
 
@@ -144,8 +157,9 @@ def _least_squares(whitened: Whitened, A: Array, measured: Array, dof: int, know
         dof=dof,
         p_value=float(chi2.sf(square, dof)) if known and dof else None,
         scale=scale,
-        certain=float(dof),
+        certain=np.inf if known else float(dof),
         known=known,
+        robust=False,
         outliers=find_outliers(whitened.Q, _without_rounding(z, measured * whitened.weight), dof),
     )
 
@@ -161,7 +175,7 @@ def _robust(fit: Identification, whitened: Whitened, A: Array, measured: Array) 
     residual = measured - A @ k
     z = residual * whitened.weight
     trusted = 1.0 if fit.known else found.scale
-    certain = np.inf if fit.known else MAD_EFFICIENCY * fit.dof
+    of_scale = np.inf if fit.known else MAD_EFFICIENCY * fit.dof
     return replace(
         fit,
         k=bounded,
@@ -173,8 +187,9 @@ def _robust(fit: Identification, whitened: Whitened, A: Array, measured: Array) 
         chi2=float((z**2).sum()),
         p_value=None,
         scale=found.scale,
-        certain=MAD_EFFICIENCY * fit.dof,
-        outliers=find_outliers(whitened.Q, _without_rounding(z, y), certain, trusted),
+        robust=True,
+        certain=HUBER_CERTAINTY * fit.dof,
+        outliers=find_outliers(whitened.Q, _without_rounding(z, y), of_scale, trusted),
     )
 
 

@@ -18,6 +18,7 @@ UNLOADED_COLUMNS = ("x0_mm", "y0_mm", "z0_mm")
 LOADED_COLUMNS = ("x_mm", "y_mm", "z_mm")
 ROTATION_COLUMNS = ("drx_deg", "dry_deg", "drz_deg")
 MARKER_COLUMNS = ("marker_x_mm", "marker_y_mm", "marker_z_mm")
+LEAST_MM = 1e-9  # standard deviation that can be meant
 _OPTIONAL = (*DEFLECTION_COLUMNS, *UNLOADED_COLUMNS, *LOADED_COLUMNS, *ROTATION_COLUMNS, "sigma_mm", *MARKER_COLUMNS)
 
 
@@ -139,6 +140,8 @@ def _position(table: PoseTable) -> Array:
 def _positive(table: PoseTable, column: str) -> Array:
     """One column of positive numbers."""
     values = table.numbers(column)
-    if len(rows := np.flatnonzero(values <= 0)):
-        raise table.error(f"row {rows[0] + 1}, column {column}: {values[rows[0]]:g} is not a positive number")
+    if len(rows := np.flatnonzero(values < LEAST_MM)):
+        raise table.error(
+            f"row {rows[0] + 1}, column {column}: {values[rows[0]]:g} is not a positive number of at least {LEAST_MM:g}"
+        )
     return values

@@ -14,6 +14,7 @@ from edtk.inference.convergence import std_error
 from edtk.inference.estimate import Estimate
 from edtk.inference.noise import Noise
 from edtk.inference.prior import Prior, flat
+from edtk.inference.truncated import draw_positive
 
 __all__ = ["ImproperPosteriorError", "Posterior", "UnconvergedError", "sample_posterior"]
 
@@ -33,6 +34,7 @@ class Posterior:
         tau: Integrated autocorrelation time (p,), in steps.
         steps: Length of the whole chain.
         r_hat: Split-chain potential scale reductions (p,).
+        noise_tau: Integrated autocorrelation times (e,) of what is unknown of the noise, of its logarithms.
         noise: Samples of what is unknown of the noise (steps, walkers, e), by `noise_names`.
         noise_names: "sigma_factor", "nu", or none of them.
     """
@@ -41,6 +43,7 @@ class Posterior:
     tau: Array
     steps: int
     r_hat: Array
+    noise_tau: Array
     noise: Array
     noise_names: tuple[str, ...] = ()
 
@@ -86,7 +89,7 @@ def sample_posterior(
     """Sample ``prior(k) prod_i p((dp_i - A_i k) / sigma)``, with what is unknown of the noise.
 
     Coordinates are whitened, ``k = c + L x``, by the least-squares fit and the Gaussian part of the prior; the walkers
-    start as independent draws from that Gaussian, and so need little burn-in.
+    start as independent draws from that Gaussian, positive if they must be, and so need little burn-in.
 
     Args:
         A: Regressors (m, rows, p).
@@ -103,18 +106,18 @@ def sample_posterior(
 
     Raises:
         UnconvergedError: The limit on the number of steps was reached first.
-        ImproperPosteriorError: Sigma is unknown, and too few rows were measured to tell.
+        ImproperPosteriorError: Too few rows were measured for what is unknown of the noise.
         ChainFileError: The file is no chain, or of another problem.
         OSError: The file cannot be written.
     """
     p, N = A.shape[-1], A.shape[0] * A.shape[1]
     prior = flat(p) if prior is None else prior
     noise = Noise() if noise is None else noise
-    _check(prior, noise, N - p)
     walkers = max(walkers, 4 * (p + len(noise.names)))
     rows = (A / np.broadcast_to(sigma, measured.shape)[..., None]).reshape(-1, p)
     y = (measured / sigma).ravel()
     squares = float(((y - rows @ fit.k) ** 2).sum())
+    _check(prior, noise, N - p, squares <= 1e-22 * float(y @ y))
 
     scale = np.sqrt(np.diag(fit.covariance))
     inverse = np.linalg.inv(fit.covariance / np.outer(scale, scale)) / noise.spread(squares, N - p)
@@ -124,7 +127,7 @@ def sample_posterior(
     L = scale[:, None] * np.linalg.inv(np.linalg.cholesky(precision)).T
     k = centre + rng.standard_normal((walkers, p)) @ L.T
     if prior.log_density(k).min() == -np.inf:
-        k = np.abs(k)
+        k = scale * draw_positive(centre / scale, precision, walkers, rng)
     x = np.linalg.solve(L, (k - centre).T).T
     start = np.concatenate([x, noise.start(squares, N - p, rng, walkers)], axis=1)
     seed = int(rng.integers(2**31))
@@ -137,7 +140,8 @@ def sample_posterior(
     def log_density(x: Array) -> Array:
         extra = x[:, p:]
         likelihood = noise.log_likelihood(residual - x[:, :p] @ B.T, extra, hidden, rest)
-        return likelihood + noise.log_prior(extra) + prior.log_density(centre + x[:, :p] @ L.T)
+        total = likelihood + noise.log_prior(extra) + prior.log_density(centre + x[:, :p] @ L.T)
+        return np.where(np.isnan(total), -np.inf, total)
 
     def view(x: Array) -> Array:
         return np.concatenate([centre + x[..., :p] @ L.T, x[..., p:]], axis=-1)
@@ -150,13 +154,26 @@ def sample_posterior(
         file = ChainFile(chain, digest.hexdigest())
     found = run_chain(log_density, view, start, seed, demand or Demand(), file, progress)
     samples, extra = found.samples[..., :p], np.exp(found.samples[..., p:])
-    return Posterior(samples, found.tau[:p], found.steps, found.r_hat[:p], extra, noise.names)
+    return Posterior(samples, found.tau[:p], found.steps, found.r_hat[:p], found.tau[p:], extra, noise.names)
 
 
-def _check(prior: Prior, noise: Noise, freedom: int) -> None:
-    """Under Jeffreys' prior the compliances are Student-t: of two degrees of freedom their variance is infinite."""
+def _check(prior: Prior, noise: Noise, freedom: int, exact: bool) -> None:
+    """Refuse posteriors without variances.
+
+    Under Jeffreys' prior of sigma the compliances are Student-t with `freedom` degrees of freedom. Under Student-t
+    errors at least ``r = freedom + 1`` rows tell of every direction, along which the density falls like ``|k|^(-r (nu +
+    1))``: ``r (nu + 1) - 1`` degrees of freedom. With two of them or fewer variances are infinite.
+    """
     if noise.sigma_factor == np.inf and freedom <= (0 if prior.proper else 2):
         raise ImproperPosteriorError(
             f"with sigma unknown the measured rows must outnumber the compliances by {1 if prior.proper else 3}, "
             f"and do by {freedom}; measure more, or say how well sigma is known"
+        )
+    if noise.sigma_factor == np.inf and exact:
+        raise ImproperPosteriorError("the model fits the measurements exactly, which leaves nothing to tell sigma from")
+    least = 0.0 if noise.nu is None else noise.nu
+    if not noise.normal and not prior.proper and (freedom + 1) * (least + 1) - 1 <= 2:
+        raise ImproperPosteriorError(
+            f"with Student-t errors the measured rows must outnumber the compliances by more, and do by {freedom}; "
+            f"measure more, or give every compliance a prior"
         )

@@ -133,17 +133,20 @@ class Prior:
         """Draws (n, p) [rad/(N m)].
 
         Raises:
-            ValueError: A marginal is flat and there is no earlier calibration, or both kinds are given.
+            ValueError: A marginal is flat and there is no earlier calibration, or both kinds are given; or the earlier
+                calibration hardly leaves positive compliances.
         """
         if self.earlier is None:
             return np.stack([marginal.draw(rng, n) for marginal in self.marginals], axis=-1)
         if any(not isinstance(marginal, Flat) for marginal in self.marginals):
             raise ValueError("an earlier calibration together with other priors cannot be drawn from")
         found = np.empty((0, len(self.marginals)))
-        while len(found) < n:
+        for _ in range(1000):
             k = self.earlier.draw(rng, n)
             found = np.concatenate([found, k[(k > 0).all(axis=-1)] if self.positive else k])
-        return found[:n]
+            if len(found) >= n:
+                return found[:n]
+        raise ValueError("of the earlier calibration's normal distribution hardly anything is positive")
 
     @property
     def proper(self) -> bool:

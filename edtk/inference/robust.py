@@ -10,6 +10,10 @@ Array = NDArray[np.float64]
 CORNER = 1.345  # in standard deviations: 95 % efficient for normal noise
 
 
+class SigmaTooSmallError(ValueError):
+    """No residual is as small as the noise that is believed."""
+
+
 @dataclass(frozen=True, eq=False)
 class HuberFit:
     """A robust fit.
@@ -39,6 +43,9 @@ def fit_huber(X: Array, y: Array, start: Array, known: bool, least: float = -np.
         start: Where to begin (p,), the least-squares estimate.
         known: Whether the noise of y is of size one; else its size is estimated along with x.
         least: Lower bound of every parameter.
+
+    Raises:
+        SigmaTooSmallError: The size of the noise is known, and no residual is below the corner.
     """
     columns, measured = X.reshape(-1, X.shape[-1]), y.ravel()
     N, p = columns.shape
@@ -55,6 +62,10 @@ def fit_huber(X: Array, y: Array, start: Array, known: bool, least: float = -np.
             break
     r = measured - columns @ x
     inside = float(np.mean(np.abs(r) <= corner))
+    if not inside:
+        raise SigmaTooSmallError(
+            f"the smallest residual is {np.abs(r).min():.3g} times sigma: expected a larger sigma, or --sigma-unknown"
+        )
     correction = 1 + p / N * (1 - inside) / inside
     spread = float((np.clip(r, -corner, corner) ** 2).sum()) / (N - p)
     return HuberFit(x, scale, correction**2 * spread / inside**2)

@@ -24,9 +24,10 @@ class BayesCheck:
     """One calibration, simulated or real, and its posterior.
 
     Attributes:
-        table: One row per parameter, SI units: `parameter`, `true` (if simulated) or `identified` (by least squares),
-            `mean`, `low_95`, `high_95`, `std_posterior`, `std_eq13`, `ratio`, `ratio_error` (Monte-Carlo standard
-            error of the ratio), `tau_steps`, `r_hat`, `effective_samples`.
+        table: One row per parameter, SI units: `parameter`, `reference`, `mean`, `low_95`, `high_95`, `std_posterior`,
+            `std_eq13`, `ratio`, `ratio_error` (Monte-Carlo standard error of the ratio), `tau_steps`, `r_hat`,
+            `effective_samples`.
+        reference: What the column `reference` holds: the assumed truth, or what was identified.
         posterior: The samples.
         A: Regressors (m, rows, p).
         measured: Deflections (m, rows) [m, rad].
@@ -36,19 +37,13 @@ class BayesCheck:
     """
 
     table: pd.DataFrame
+    reference: str
     posterior: Posterior
     A: Array
     measured: Array
     sigma: Array
     noise: Noise
     pose: PoseError | None
-
-    @property
-    def reference(self) -> tuple[Array, str]:
-        """Compliances (p,) that the posterior is held against, and what they are."""
-        simulated = "true" in self.table
-        values = self.table["true" if simulated else "identified"].to_numpy(dtype=float)
-        return values, "assumed truth" if simulated else "least squares"
 
     @property
     def noise_intervals(self) -> dict[str, tuple[float, float, float]]:
@@ -121,9 +116,7 @@ def bayes_check(
     fit = estimate(A, measured, study.sigma, study.model.parameters)
     sigma = np.broadcast_to(study.sigma, measured.shape)
     found = posterior_check(study, A, measured, sigma, fit, rng, progress, noise=noise, demand=demand, chain=chain)
-    table = found.table.rename(columns={"identified": "true"})
-    table["true"] = study.compliances
-    return replace(found, table=table)
+    return replace(found, table=found.table.assign(reference=study.compliances), reference="assumed truth")
 
 
 def posterior_check(
@@ -131,12 +124,11 @@ def posterior_check(
     A: Array,
     measured: Array,
     sigma: Array,
-    fit: Estimate,
+    identified: Estimate,
     rng: np.random.Generator,
     progress: Callable[[int], object] = lambda steps: None,
     *,
     noise: Noise | None = None,
-    scale: float = 1.0,
     demand: Demand | None = None,
     chain: Path | None = None,
 ) -> BayesCheck:
@@ -147,11 +139,11 @@ def posterior_check(
         A: Regressors (m, rows, p).
         measured: Deflections (m, rows) [m, rad].
         sigma: Noise (m, rows) [m, rad].
-        fit: Their least-squares estimate, with Eq. (13) for that noise.
+        identified: What was identified from them, with its covariance: Eq. (13), as it was corrected where sigma was
+            estimated, or where the loss was not least squares.
         rng: Source of randomness.
         progress: Called with the number of steps of the chain so far.
         noise: What is assumed of the noise; None for what the study says.
-        scale: Factor on sigma that Eq. (13) is compared with, where the least squares estimated one.
         demand: When the chain is long enough.
         chain: File in which the chain is kept, and from which it goes on.
 
@@ -162,16 +154,16 @@ def posterior_check(
         ChainFileError: The file is no chain, or of another problem.
     """
     prior, noise = study_prior(study), study.file.prior.noise() if noise is None else noise
+    fit = estimate(A, measured, sigma, study.model.parameters)
     posterior = sample_posterior(
         A, measured, sigma, fit, rng, prior=prior, noise=noise, demand=demand, chain=chain, progress=progress
     )
-    eq13 = Estimate(fit.k, fit.covariance * scale**2)
-    std = np.sqrt(np.diag(eq13.covariance))
+    std = np.sqrt(np.diag(identified.covariance))
     low, high = posterior.interval()
     table = pd.DataFrame(
         {
             "parameter": study.model.parameters,
-            "identified": fit.k,
+            "reference": identified.k,
             "mean": posterior.mean,
             "low_95": low,
             "high_95": high,
@@ -184,5 +176,5 @@ def posterior_check(
             "effective_samples": posterior.effective,
         }
     )
-    pose = None if study.target is None else pose_error(study.target, eq13, posterior)
-    return BayesCheck(table, posterior, A, measured, sigma, noise, pose)
+    pose = None if study.target is None else pose_error(study.target, identified, posterior)
+    return BayesCheck(table, "identified", posterior, A, measured, sigma, noise, pose)

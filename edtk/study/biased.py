@@ -28,7 +28,7 @@ class Biased:
         parameters: Names (p,) of the parameters.
         experiments: Number of measurements.
         rho0: Eq. (20), what the noise leaves in the test pose [m]; None without one.
-        in_test_pose: Length of the mean error that the bias leaves there [m]; None without one.
+        rho0_bias: Length of the mean error that the bias leaves there [m]; None without one.
     """
 
     bias: Bias
@@ -36,7 +36,7 @@ class Biased:
     parameters: tuple[str, ...]
     experiments: int
     rho0: float | None
-    in_test_pose: float | None
+    rho0_bias: float | None
 
     def to_json(self) -> dict[str, Any]:
         """Plain numbers in SI units; a per cent value that is infinite is null."""
@@ -48,7 +48,7 @@ class Biased:
             **{name: dict(zip(self.joints, values.tolist(), strict=True)) for name, values in columns.items()},
             "bias_percent": dict(zip(self.joints, percent, strict=True)),
             "rho0": self.rho0,
-            "rho0_bias": self.in_test_pose,
+            "rho0_bias": self.rho0_bias,
         }
 
     def summary(self) -> str:
@@ -59,10 +59,10 @@ class Biased:
         rows = zip(self.parameters, b.true, b.bias, b.std, b.in_std, b.percent, strict=True)
         lines += [f"{n:7}{t:11.4g}{x:+12.3g}{s:11.4g}{r:+10.3f}{p:+9.3f}" for n, t, x, s, r, p in rows]
         lines.append("compliances in rad/(N m)")
-        if self.rho0 is not None and self.in_test_pose is not None:
-            both = float(np.hypot(self.rho0, self.in_test_pose))
+        if self.rho0 is not None and self.rho0_bias is not None:
+            both = float(np.hypot(self.rho0, self.rho0_bias))
             lines.append(
-                f"test pose: noise leaves rho0 = {1e3 * self.rho0:.4g} mm, the bias {1e3 * self.in_test_pose:.4g} mm, "
+                f"test pose: noise leaves rho0 = {1e3 * self.rho0:.4g} mm, the bias {1e3 * self.rho0_bias:.4g} mm, "
                 f"both {1e3 * both:.4g} mm (root mean square)"
             )
         return "\n".join(lines)
@@ -104,7 +104,7 @@ def biased(study: Study, plan: Plan, path: Path) -> Biased:
         parameters=study.model.parameters,
         experiments=plan.experiments,
         rho0=None if A0 is None else float(compensation_accuracy(A0, found.covariance)),
-        in_test_pose=None if A0 is None else found.in_pose(A0),
+        rho0_bias=None if A0 is None else found.in_pose(A0),
     )
 
 

@@ -21,11 +21,13 @@ class Compliances:
         joints: Names (p,) of the joints.
         k: Their compliances (p,) [rad/(N m)].
         covariance: Covariance (p, p) of these [(rad/(N m))^2]; None where the file says nothing about it.
+        verdict: "good", "warn" or "bad", as the identification judged itself; None where the file does not say.
     """
 
     joints: tuple[str, ...]
     k: Array
     covariance: Array | None
+    verdict: str | None = None
 
 
 def load_compliances(path: Path, names: tuple[str, ...], needed: tuple[str, ...]) -> Compliances:
@@ -66,7 +68,7 @@ def load_compliances(path: Path, names: tuple[str, ...], needed: tuple[str, ...]
             raise UserError(f"{path}: {where}{joint}: expected the compliance of joint {joint!r} in rad/(N m)")
     joints = tuple(table)
     k = np.array([_not_negative(path, f"{where}{joint}", table[joint]) for joint in joints])
-    return Compliances(joints, k, _covariance(path, rest, joints))
+    return Compliances(joints, k, _covariance(path, rest, joints), rest.get("verdict"))
 
 
 def _not_negative(path: Path, key: str, value: Any) -> float:

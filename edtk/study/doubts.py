@@ -1,44 +1,99 @@
-"""What looks wrong in measurements that can be used all the same: units, signs, noise, poses left out."""
+"""What looks wrong in measurements that can be used all the same: units, signs, noise, outliers, poses."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import chi2
 
-from edtk.design import Plan, pose_factors
-from edtk.inference.identify import Identification
+from edtk.design import FixedLoad, Plan, pose_factors
+from edtk.design.plan import pose_columns
+from edtk.inference.estimate import Whitened
+from edtk.inference.identify import MAD_EFFICIENCY, Identification
 from edtk.inference.measurements import Measurements
 from edtk.study.mistakes import far, resolution_of
 from edtk.study.study import Study
 
 Array = NDArray[np.float64]
+NOTE, WARNING, ALARM = 0, 1, 2
+
+UNLIKELY = 0.01  # p-value of the residuals that is worth a warning
+IMPOSSIBLE = 0.001  # and an alarm
+FAR_BELOW_ZERO = -3.0  # standard deviations
+WEAK = 0.5  # standard deviation over the compliance
+ALIKE = 0.99  # correlation above which two parameters are hardly told apart
+ALONE, UNSEEN = 0.05, 0.005  # share of an error in one pose that the residuals show
+SHOWN = 10  # rows that are named
+
+
+@dataclass(frozen=True)
+class Doubt:
+    """One thing that looks wrong.
+
+    Attributes:
+        severity: NOTE, WARNING, or ALARM: do not use the result.
+        text: What, where, and what was expected.
+    """
+
+    severity: int
+    text: str
 
 
 def doubts(
-    study: Study, data: Measurements, A: Array, fit: Identification, plan: Plan | None = None
-) -> tuple[str, ...]:
-    """Lines about what looks wrong, for a person; none where nothing does.
+    study: Study,
+    data: Measurements,
+    A: Array,
+    fit: Identification,
+    plan: Plan | None = None,
+    rho0_bias: float | None = None,
+) -> tuple[Doubt, ...]:
+    """What looks wrong, the worst first; nothing where nothing does.
 
     Args:
-        study: The question; its assumed true compliances, if it has any, say how large deflections are.
+        study: The question; its load and its assumed true compliances, if it has any, say how large things are.
         data: The measurements.
         A: Their regressors (m, rows, p).
         fit: What they gave.
         plan: The plan that was to be carried out.
+        rho0_bias: Error that the linear model leaves in the test pose [m]; None if it is unknown.
     """
-    units = _units(study, data, A, fit)
-    return (*file_doubts(study, data, A, fit, plan), *_signs(study, fit), *([] if units else _noise(fit)))
+    found = list(_units(study, data, A, fit, plan))
+    if not found:  # else all that follows is a consequence
+        found += [*_signs(study, fit), *_weak(study, fit), *_noise(fit), *_outliers(fit), *_alike(study, fit)]
+        found += [*_alone(study, data, A, fit), *_linear(study, fit, rho0_bias)]
+    found += [*_limits(study, data), *([] if plan is None else _not_measured(study, data, plan))]
+    return tuple(sorted(found, key=lambda doubt: -doubt.severity))
 
 
-def file_doubts(
-    study: Study, data: Measurements, A: Array, fit: Identification, plan: Plan | None = None
-) -> tuple[str, ...]:
-    """Those of them that are about the file and not about the fit; arguments as for `doubts`."""
-    poses = [] if plan is None else _not_measured(study, data, plan)
-    return (*_units(study, data, A, fit), *poses)
-
-
-def _units(study: Study, data: Measurements, A: Array, fit: Identification) -> list[str]:
+def _units(study: Study, data: Measurements, A: Array, fit: Identification, plan: Plan | None) -> Iterator[Doubt]:
     """Numbers that look like those of another unit."""
-    return _lengths(study, data, A, fit) + _rotations(study, data, A) + _angles(study, data)
+    forces = list(_forces(study, data, plan))
+    yield from forces
+    if not forces:
+        yield from _lengths(study, data, A, fit)
+    yield from _rotations(study, data, A)
+    yield from _angles(study, data)
+
+
+def _forces(study: Study, data: Measurements, plan: Plan | None) -> Iterator[Doubt]:
+    """Forces of another size than those of the plan, or of the study's load."""
+    load = study.design.load
+    if plan is not None:
+        expected, whose = np.median(np.linalg.norm(plan.wrench[:, :3], axis=1)), "the plan"
+    elif isinstance(load, FixedLoad):
+        expected, whose = np.linalg.norm(load.always[:3]), "the study's [load]"
+    else:
+        return
+    applied = np.median(np.linalg.norm(data.wrench[:, :3], axis=1))
+    ratio = float(applied / expected) if expected > 0 and applied > 0 else 1.0
+    if 1 / 1.5 < ratio < 1.5:
+        return
+    units = {1e-3: "kilonewtons", 1e3: "millinewtons", 1 / 9.81: "kilograms"}
+    named = [unit for factor, unit in units.items() if 1 / 1.2 < ratio / factor < 1.2]
+    why = f": are they in {named[0]}? expected newtons" if named else "; expected those that were applied, in newtons"
+    text = f"columns Fx_N to Fz_N: the forces are {ratio:.3g} times those of {whose}{why}"
+    yield Doubt(ALARM if named else WARNING, text)
 
 
 def _ratio(study: Study, data: Measurements, A: Array, columns: slice) -> float | None:
@@ -50,7 +105,7 @@ def _ratio(study: Study, data: Measurements, A: Array, columns: slice) -> float 
     return float(np.linalg.norm(data.deflection[:, columns]) / predicted) if predicted > 0 else None
 
 
-def _lengths(study: Study, data: Measurements, A: Array, fit: Identification) -> list[str]:
+def _lengths(study: Study, data: Measurements, A: Array, fit: Identification) -> Iterator[Doubt]:
     """Displacements a thousand times too small or too large, within a factor of ten.
 
     Beside the prediction where there is one; else the residuals beside sigma, where there are enough of them.
@@ -60,60 +115,151 @@ def _lengths(study: Study, data: Measurements, A: Array, fit: Identification) ->
     if ratio is None and fit.dof >= 5:
         ratio, what = fit.scale, "the residuals are {:.2g} times sigma"
     if ratio is not None and 1e-4 < ratio < 1e-2:
-        return [f"{what.format(ratio)}: are they in metres? expected millimetres"]
+        yield Doubt(ALARM, f"{what.format(ratio)}: are they in metres? expected millimetres")
     if ratio is not None and 1e2 < ratio < 1e4:
-        return [f"{what.format(ratio)}: are they in micrometres? expected millimetres"]
-    return []
+        yield Doubt(ALARM, f"{what.format(ratio)}: are they in micrometres? expected millimetres")
 
 
-def _rotations(study: Study, data: Measurements, A: Array) -> list[str]:
+def _rotations(study: Study, data: Measurements, A: Array) -> Iterator[Doubt]:
     """Rotations 57 times too small, within a factor of three."""
     ratio = _ratio(study, data, A, slice(3, 6)) if data.deflection.shape[1] == 6 else None
-    if ratio is None or not 1 / 3 < ratio * 180 / np.pi < 3:
-        return []
-    return [f"the rotations are {ratio:.2g} times those predicted: are they in radians? expected degrees"]
+    if ratio is not None and 1 / 3 < ratio * 180 / np.pi < 3:
+        yield Doubt(
+            ALARM, f"the rotations are {ratio:.2g} times those predicted: are they in radians? expected degrees"
+        )
 
 
-def _angles(study: Study, data: Measurements) -> list[str]:
+def _angles(study: Study, data: Measurements) -> Iterator[Doubt]:
     """Several poses, all of them within 2 pi degrees of zero."""
     turning = [j for j, joint in enumerate(study.robot.joints) if joint.kind == "revolute" and j not in study.fixed]
     degrees = np.rad2deg(data.q[:, turning])
-    if not turning or np.abs(degrees).max() > 2 * np.pi or not np.ptp(degrees, axis=0).any():
-        return []
-    return ["all joint angles are within 6.3 degrees of zero: are they in radians? expected degrees"]
+    if turning and np.abs(degrees).max() <= 2 * np.pi and np.ptp(degrees, axis=0).any():
+        text = "all joint angles are within 6.3 degrees of zero: are they in radians? expected degrees"
+        yield Doubt(ALARM, text)
 
 
-def _signs(study: Study, fit: Identification) -> list[str]:
-    """Compliances that come out negative."""
+def _signs(study: Study, fit: Identification) -> Iterator[Doubt]:
+    """Compliances that come out negative, by far or not."""
     if fit.negative.all():
-        return [
+        yield Doubt(
+            ALARM,
             "every compliance comes out negative, and was set to zero: are the loaded and the unloaded positions "
-            "swapped, or has the load the wrong sign?"
-        ]
-    named = [
-        f"{name} = {k:.2g} +- {std:.2g}"
-        for name, k, std, yes in zip(study.model.parameters, fit.unbounded, fit.std, fit.negative, strict=True)
-        if yes
-    ]
-    return [f"{', '.join(named)} rad/(N m): negative; the best fit without negative compliances is given"] * bool(named)
+            "swapped, or has the load the wrong sign?",
+        )
+        return
+    for name, k, std in zip(study.model.parameters, fit.unbounded, fit.std, strict=True):
+        if k < min(FAR_BELOW_ZERO * std, 0):
+            text = f"{name} comes out as {k:.2g} +- {std:.2g}, far below zero: model, tool, units or poses are wrong"
+            yield Doubt(ALARM, text)
 
 
-def _not_measured(study: Study, data: Measurements, plan: Plan) -> list[str]:
+def _weak(study: Study, fit: Identification) -> Iterator[Doubt]:
+    """Compliances that cannot be told from zero."""
+    for name, k, std in zip(study.model.parameters, fit.unbounded, fit.std, strict=True):
+        if FAR_BELOW_ZERO * std <= k < std / WEAK and not fit.negative.all():
+            what = ", and was set to zero" if k < 0 else ""
+            yield Doubt(WARNING, f"{name} can hardly be told from zero ({k:.2g} +- {std:.2g}){what}")
+
+
+def _noise(fit: Identification) -> Iterator[Doubt]:
+    """Residuals that the stated noise makes improbable.
+
+    The sum of squares has the chi-square distribution with dof degrees of freedom; with Huber's loss the scale, from
+    a median absolute deviation, has about 0.37 dof.
+    """
+    if not fit.dof:
+        text = "there are as many measured coordinates as parameters: no residual tells whether anything is wrong"
+        yield Doubt(WARNING, text)
+        return
+    n = MAD_EFFICIENCY * fit.dof if fit.robust else fit.dof
+    p = float(chi2.sf(fit.scale**2 * n, n))
+    if p < UNLIKELY and fit.known:
+        text = (
+            f"the residuals are {fit.scale:.3g} times what the stated noise allows (p = {p:.1g}): sigma is too small, "
+            "there are outliers, or the model does not fit; see --sigma-unknown and --robust"
+        )
+        yield Doubt(ALARM if p < IMPOSSIBLE else WARNING, text)
+    elif p < IMPOSSIBLE:
+        text = (
+            f"the noise is estimated as {fit.scale:.3g} times the stated one: if that was right, the model, the tool "
+            "or the poses are wrong"
+        )
+        yield Doubt(WARNING, text)
+    elif p > 1 - IMPOSSIBLE and fit.known:
+        yield Doubt(WARNING, f"the residuals are only {fit.scale:.3g} times what sigma says: sigma is too large")
+
+
+def _outliers(fit: Identification) -> Iterator[Doubt]:
+    """Rows that do not belong to the others, and whether there are too many."""
+    if len(fit.outliers):
+        hidden = "" if fit.robust else "; several can hide each other, --robust shows them all"
+        text = f"{named('row', fit.outliers.tolist())}: outlier{'s' * (len(fit.outliers) > 1)}{hidden}"
+        yield Doubt(ALARM if 3 * len(fit.outliers) > len(fit.residual) else WARNING, text)
+
+
+def _alike(study: Study, fit: Identification) -> Iterator[Doubt]:
+    """The two parameters that are hardest to tell apart."""
+    off = np.abs(fit.correlation - np.eye(len(fit.k)))
+    if off.max() > ALIKE:
+        i, j = np.unravel_index(int(off.argmax()), off.shape)
+        pair = f"{study.model.parameters[j]} and {study.model.parameters[i]}"
+        yield Doubt(WARNING, f"{pair} are hardly told apart (correlation {fit.correlation[i, j]:+.3f})")
+
+
+def _alone(study: Study, data: Measurements, A: Array, fit: Identification) -> Iterator[Doubt]:
+    """Parameters that rest on one pose.
+
+    With G = Q'Q of a pose's rows, the least eigenvalue of I - G is the share of an error there that residuals show;
+    without the pose the covariance becomes ``T (I - G)^-1 T'`` where it is ``T T'`` with it.
+    """
+    share = np.bincount(data.pose, fit.leverage.sum(axis=1))
+    suspects = np.flatnonzero(share > 1 - ALONE)
+    if not len(suspects):
+        return
+    whitened = Whitened.of(A, data.sigma, study.model.parameters)
+    T = np.linalg.inv(whitened.R)
+    for pose in suspects:
+        rows = np.flatnonzero(data.pose == pose)
+        Q = whitened.Q[rows].reshape(-1, T.shape[1])
+        left, V = np.linalg.eigh(np.eye(T.shape[1]) - Q.T @ Q)
+        if left[0] < ALONE:
+            without = ((T @ V) ** 2 / np.maximum(left, 1e-12)).sum(axis=1)
+            growth = without / (T**2).sum(axis=1)
+            names = np.array(study.model.parameters)[growth >= min(4.0, growth.max())]
+            who = f"{', '.join(names)} rest{'s' if len(names) == 1 else ''}"
+            text = f"{who} on one pose alone, {named('row', rows.tolist())}: the residuals hardly show an error there"
+            yield Doubt(WARNING if left[0] < UNSEEN else NOTE, text)
+
+
+def _linear(study: Study, fit: Identification, rho0_bias: float | None) -> Iterator[Doubt]:
+    """A linear model that costs more than the noise."""
+    if study.target is not None and rho0_bias is not None and rho0_bias > fit.accuracy(study.target)[0]:
+        text = f"the linear model leaves {1e3 * rho0_bias:.2g} mm in the test pose, more than noise: use lighter loads"
+        yield Doubt(WARNING, text)
+
+
+def _limits(study: Study, data: Measurements) -> Iterator[Doubt]:
+    """The first pose beyond a joint's limits."""
+    slack = resolution_of(study) * pose_factors(study.robot)
+    lower, upper = study.robot.limits
+    beyond = np.argwhere((data.q < lower - slack) | (data.q > upper + slack))
+    if len(beyond):
+        i, j = beyond[0].tolist()
+        column, factor = pose_columns(study.robot)[j], pose_factors(study.robot)[j]
+        ends = f"{lower[j] / factor:g} to {upper[j] / factor:g}"
+        text = f"row {i + 1}, column {column}: {data.q[i, j] / factor:g} is beyond the joint's limits, {ends}"
+        yield Doubt(WARNING, text)
+
+
+def _not_measured(study: Study, data: Measurements, plan: Plan) -> Iterator[Doubt]:
     """Planned poses that were not measured."""
     factors = pose_factors(study.robot)
-    rows = far(plan.q / factors, data.q / factors, resolution_of(study))
-    return [f"{_named('pose', rows)} of the plan: not measured"] * bool(rows)
+    poses = far(plan.q / factors, data.q / factors, resolution_of(study))
+    if poses:
+        yield Doubt(WARNING, f"{named('pose', poses)} of the plan: not measured")
 
 
-def _named(what: str, rows: list[int]) -> str:
+def named(what: str, rows: list[int]) -> str:
     """Some rows, counted from 1."""
-    shown = ", ".join(str(i + 1) for i in rows[:10])
-    return f"{what}{'s' * (len(rows) > 1)} {shown}{f' and {len(rows) - 10} more' if len(rows) > 10 else ''}"
-
-
-def _noise(fit: Identification) -> list[str]:
-    """A chi-square that the given sigma makes improbable."""
-    if fit.p_value is None or 1e-3 <= fit.p_value <= 1 - 1e-3:
-        return []
-    why = "sigma is too small, there are outliers, or the model does not fit" if fit.scale > 1 else "sigma is too large"
-    return [f"the residuals are {fit.scale:.3g} times what sigma says: {why}; see --sigma-unknown and --robust"]
+    shown = ", ".join(str(i + 1) for i in rows[:SHOWN])
+    return f"{what}{'s' * (len(rows) > 1)} {shown}{f' and {len(rows) - SHOWN} more' if len(rows) > SHOWN else ''}"

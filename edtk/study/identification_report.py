@@ -3,22 +3,21 @@
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
-from scipy.stats import norm, probplot
+from scipy.stats import probplot
 
 import edtk
 from edtk.inference.identify import Identification
 from edtk.study.bayes import BayesCheck
 from edtk.study.digits import digits
+from edtk.study.doubts import Doubt
 from edtk.study.figures import COLOURS
 from edtk.study.page import Page, footer, heading, paragraph, picture, table, verdict
 from edtk.study.posterior_report import posterior_part
 from edtk.study.study import Study
 
 Array = NDArray[np.float64]
-UNLIKELY = 0.01  # p-value below which the residuals do not fit the stated noise
-ALIKE = 0.99  # correlation above which two parameters are hardly told apart
 LEVELS = ("good", "warn", "bad")
-SHOWN = 30  # rows of the longest table
+SHOWN = 8  # rows of the table of residuals
 AXES = ("x", "y", "z", "rotation x", "rotation y", "rotation z")
 
 
@@ -27,8 +26,8 @@ def identification_page(
     fit: Identification,
     pose: NDArray[np.int_],
     name: str,
-    doubts: tuple[str, ...] = (),
-    linear: float | None = None,
+    doubts: tuple[Doubt, ...] = (),
+    rho0_bias: float | None = None,
     check: BayesCheck | None = None,
 ) -> str:
     """The text of `report.html`.
@@ -38,11 +37,11 @@ def identification_page(
         fit: What was identified from the measurements.
         pose: Number (m,) of the pose of each measurement, counted from 0.
         name: Name of the measurement file.
-        doubts: Lines about what looks wrong in that file.
-        linear: Error that the linear model leaves in the test pose [m]; None if it is unknown.
+        doubts: What looks wrong, the worst first.
+        rho0_bias: Error that the linear model leaves in the test pose [m]; None if it is unknown.
         check: The posterior; None where it was not sampled.
     """
-    page = Page(f"Calibration: {study.file.title}") + _verdict(study, fit, name, doubts, linear)
+    page = Page(f"Calibration: {study.file.title}") + _verdict(study, fit, doubts, rho0_bias)
     page = page + heading("Compliances") + _compliances(study, fit) + picture(_intervals(study, fit), _INTERVALS)
     page = page + heading("Do the residuals fit the noise?") + paragraph(_noise(fit))
     page = page + picture(_residuals(fit), _RESIDUALS) + picture(_quantiles(fit), _QUANTILES) + _worst(fit, pose)
@@ -66,41 +65,28 @@ _QUANTILES = "Standardised residuals against the normal law: on the line where t
 _CORRELATION = "Correlation of the estimates."
 
 
-def _verdict(study: Study, fit: Identification, name: str, doubts: tuple[str, ...], linear: float | None) -> str:
+def verdict_level(doubts: tuple[Doubt, ...]) -> str:
+    """Of a calibration with these doubts: "good", "warn" or "bad"."""
+    return LEVELS[max((doubt.severity for doubt in doubts), default=0)]
+
+
+def _verdict(study: Study, fit: Identification, doubts: tuple[Doubt, ...], rho0_bias: float | None) -> str:
     """What accuracy to expect, and what is wrong, the most important first."""
-    trouble = [(1, f"{line[:1].upper()}{line[1:]}.") for line in doubts]
-    if fit.negative.any():
-        wrong = ", ".join(np.array(study.model.parameters)[fit.negative])
-        trouble.append((2, f"Negative compliance for {wrong}, set to zero: model, units or poses are wrong."))
-    if fit.p_value is not None and fit.p_value < UNLIKELY:
-        trouble.append(
-            (2, f"The residuals are {fit.scale:.2g} times what the stated noise allows (p = {fit.p_value:.1g}).")
-        )
-    if len(fit.outliers):
-        rows = ", ".join(str(row + 1) for row in fit.outliers[:SHOWN])
-        trouble.append((1, f"Outliers: row{'s' if len(fit.outliers) > 1 else ''} {rows} of {name}."))
-    off = np.abs(fit.correlation - np.eye(len(fit.k)))
-    if off.max() > ALIKE:
-        i, j = np.unravel_index(int(off.argmax()), off.shape)
-        pair = f"{study.model.parameters[j]} and {study.model.parameters[i]}"
-        trouble.append((1, f"{pair} are hardly told apart (correlation {fit.correlation[i, j]:+.3f})."))
-    if study.target is not None and linear is not None and linear > fit.accuracy(study.target)[0]:
-        trouble.append(
-            (
-                1,
-                f"The linear model leaves {1e3 * linear:.2g} mm in the test pose, more than noise: use lighter loads.",
-            )
-        )
-    level = max((severity for severity, _ in trouble), default=0)
-    quality = ("Good calibration.", "Usable calibration, with a warning.", "Do not use this calibration yet.")[level]
-    opening = quality if level == 2 else f"{quality} {_expected(study, fit, linear)}"
-    lines = [opening, *(text for _, text in sorted(trouble, key=lambda t: -t[0]))]
-    if not trouble:
-        lines.append("Nothing is wrong: the residuals fit the noise, there are no outliers, all compliances positive.")
-    return verdict(LEVELS[level], lines)
+    level = verdict_level(doubts)
+    quality = {
+        "good": "Good calibration.",
+        "warn": "Usable calibration, with a warning.",
+        "bad": "Do not use this calibration yet.",
+    }[level]
+    lines = [quality if level == "bad" else f"{quality} {_expected(study, fit, rho0_bias)}"]
+    if level == "good":
+        noise = "the residuals fit the noise" if fit.known else "the noise was estimated and is not larger than stated"
+        lines.append(f"Nothing is wrong: {noise}, there are no outliers, all compliances are positive.")
+    lines += [f"{doubt.text[:1].upper()}{doubt.text[1:]}." for doubt in doubts]
+    return verdict(level, lines)
 
 
-def _expected(study: Study, fit: Identification, linear: float | None) -> str:
+def _expected(study: Study, fit: Identification, rho0_bias: float | None) -> str:
     """The accuracy to expect, in one or two sentences."""
     if study.target is None:
         worst = int(np.argmax(fit.std / np.maximum(np.abs(fit.k), 1e-300)))
@@ -108,22 +94,21 @@ def _expected(study: Study, fit: Identification, linear: float | None) -> str:
         return f"The least certain compliance is {study.model.parameters[worst]}, to {share:.2g} %."
     value, (low, high) = fit.accuracy(study.target)
     text = f"Expect an error of {1e3 * value:.2g} mm (root mean square) in the test pose after compensation"
-    text += "." if fit.known else f", between {1e3 * low:.2g} and {1e3 * high:.2g} mm (95 %)."
-    if linear is None:
+    text += "." if low == high else f", between {1e3 * low:.2g} and {1e3 * high:.2g} mm (95 %)."
+    both = "" if rho0_bias is None else f"{1e3 * np.hypot(value, rho0_bias):.2g}"
+    if both in ("", f"{1e3 * value:.2g}"):
         return text
-    both = float(np.hypot(value, linear))
-    return f"{text} What the linear model leaves out makes it {1e3 * both:.2g} mm."
+    return f"{text} What the linear model leaves out makes it {both} mm."
 
 
 def _compliances(study: Study, fit: Identification) -> str:
     """One row a parameter."""
     rows = []
-    for name, k, std in zip(study.model.parameters, fit.k, fit.std, strict=True):
+    given = zip(study.model.parameters, fit.k, fit.unbounded, fit.std, fit.half_interval, strict=True)
+    for name, k, unbounded, std, half in given:
         share = f"{100 * std / k:.2g} %" if k > 0 else "-"
-        half = norm.ppf(0.975) * std
-        rows.append(
-            [name, digits(k, std), f"{std:.1e}", share, f"{digits(max(k - half, 0.0), std)} .. {digits(k + half, std)}"]
-        )
+        low, high = max(unbounded - half, 0.0), max(unbounded + half, 0.0)
+        rows.append([name, digits(k, std), f"{std:.1e}", share, f"{digits(low, std)} .. {digits(high, std)}"])
     return table(["parameter", "rad/(N m)", "std", "std, relative", "95 % interval"], rows)
 
 
@@ -131,7 +116,10 @@ def _noise(fit: Identification) -> str:
     """What chi-square says."""
     if not fit.dof:
         return "As many coordinates as parameters were measured: nothing is left to judge the noise by."
-    text = f"chi-square = {fit.chi2:.4g} for {fit.dof} degrees of freedom; noise is {fit.scale:.3g} times the stated"
+    how = "identified with Huber's loss, by which outliers count less; " if fit.robust else ""
+    text = (
+        f"{how}chi-square = {fit.chi2:.4g} for {fit.dof} degrees of freedom; noise is {fit.scale:.3g} times the stated"
+    )
     return text + (f", p = {fit.p_value:.2g}." if fit.p_value is not None else ", and was estimated.")
 
 
@@ -139,7 +127,7 @@ def _worst(fit: Identification, pose: NDArray[np.int_]) -> str:
     """The measurements that fit least."""
     size = np.abs(fit.standardised).max(axis=1)
     rows = []
-    for i in np.argsort(-size, kind="stable")[: min(SHOWN, 8)]:
+    for i in np.argsort(-size, kind="stable")[:SHOWN]:
         flag = "outlier" if i in fit.outliers else ""
         shown = [f"{1e3 * r:+.4f}" for r in fit.residual[i, :3]]
         rows.append([i + 1, pose[i] + 1, *shown, f"{size[i]:.2f}", f"{fit.leverage[i].max():.2f}", flag])
@@ -152,7 +140,7 @@ def _intervals(study: Study, fit: Identification) -> Figure:
     figure = Figure(figsize=(6.4, 0.8 + 0.4 * len(fit.k)), layout="constrained")
     ax = figure.add_subplot()
     scale = np.where(fit.k > 0, fit.k, fit.std)
-    half = 100 * norm.ppf(0.975) * fit.std / scale
+    half = 100 * fit.half_interval / scale
     at = np.arange(len(fit.k))
     ax.errorbar(np.zeros(len(at)), at, xerr=half, fmt="o", color=COLOURS[0], capsize=4)
     ax.set_yticks(at, study.model.parameters)

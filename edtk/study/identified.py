@@ -15,14 +15,15 @@ from edtk.design import FixedLoad, Plan
 from edtk.design.pose_table import PoseFileError
 from edtk.errors import UserError
 from edtk.inference.chain import Demand
-from edtk.inference.estimate import SingularPlanError, estimate
+from edtk.inference.estimate import Estimate, SingularPlanError
 from edtk.inference.identify import Identification, NothingLeftError, identify
 from edtk.inference.measurements import Measurements
+from edtk.inference.robust import SigmaTooSmallError
 from edtk.study.bayes import BayesCheck, posterior_check
 from edtk.study.biased import bias_in_test_pose
 from edtk.study.digits import digits
-from edtk.study.doubts import doubts, file_doubts
-from edtk.study.identification_report import identification_page
+from edtk.study.doubts import Doubt, doubts, named
+from edtk.study.identification_report import identification_page, verdict_level
 from edtk.study.mistakes import mistake
 from edtk.study.study import Study
 
@@ -38,22 +39,18 @@ class Identified:
         study: The question.
         data: The measurements.
         fit: Estimates and statistics.
-        doubts: Lines about what looks wrong in the measurements.
+        doubts: What looks wrong, the worst first.
         path: Where the measurements are.
-        file_doubts: Those of the doubts that are about the file and not about the fit.
-        linear: Length of the mean error in the test pose that the linear model leaves there [m]; None if it is unknown.
-        robust: Whether the loss is Huber's.
+        rho0_bias: Length of the mean error in the test pose that the linear model leaves [m]; None if it is unknown.
         check: The posterior; None where it was not sampled.
     """
 
     study: Study
     data: Measurements
     fit: Identification
-    doubts: tuple[str, ...]
+    doubts: tuple[Doubt, ...]
     path: Path
-    file_doubts: tuple[str, ...]
-    linear: float | None
-    robust: bool
+    rho0_bias: float | None
     check: BayesCheck | None = None
 
     @property
@@ -78,7 +75,9 @@ class Identified:
             "p_value": fit.p_value,
             "outliers": (fit.outliers + 1).tolist(),
             "rho0": rho0,
-            "rho0_bias": self.linear,
+            "rho0_bias": self.rho0_bias,
+            "verdict": verdict_level(self.doubts),
+            "doubts": [doubt.text for doubt in self.doubts],
             "negative": [joint for joint, yes in zip(joints, fit.negative.tolist(), strict=True) if yes],
             "k_unbounded": dict(zip(joints, fit.unbounded.tolist(), strict=True)),
             "posterior": None if self.check is None else self.check.to_json(),
@@ -107,7 +106,7 @@ class Identified:
             self.residuals().to_csv(temporary, index=False, float_format="%.10g")
         write_text(folder / "k.json", json.dumps(self.to_json(), indent=2) + "\n")
         text = identification_page(
-            self.study, self.fit, self.data.pose, self.path.name, self.file_doubts, self.linear, self.check
+            self.study, self.fit, self.data.pose, self.path.name, self.doubts, self.rho0_bias, self.check
         )
         write_text(folder / "report.html", text)
 
@@ -115,7 +114,8 @@ class Identified:
         """What a person reads."""
         fit, names = self.fit, self.study.model.parameters
         m, rows = fit.residual.shape
-        lines = [f"{m} measurements of {self.data.pose.max() + 1} poses, {m * rows} coordinates"]
+        loss = ", Huber's loss" if fit.robust else ""
+        lines = [f"{m} measurements of {self.data.pose.max() + 1} poses, {m * rows} coordinates{loss}"]
         lines += [
             f"  {name:6}{digits(k, std):>12} +- {std:.1e} rad/(N m)"
             for name, k, std in zip(names, fit.k, fit.std, strict=True)
@@ -132,16 +132,15 @@ class Identified:
             value, (low, high) = fit.accuracy(self.study.target)
             between = "" if low == high else f", with 95 % between {1e3 * low:.5g} and {1e3 * high:.5g} mm"
             lines += [f"rho0 {1e3 * value:.5g} mm{between}"]
-        if self.linear is not None:
-            lines += [f"beside it the linear model leaves an error of {1e3 * self.linear:.3g} mm"]
+        if self.rho0_bias is not None:
+            lines += [f"beside it the linear model leaves an error of {1e3 * self.rho0_bias:.3g} mm"]
         of_pose = np.bincount(self.data.pose, (fit.residual[:, :3] ** 2).mean(axis=1)) / np.bincount(self.data.pose)
         worst = int(of_pose.argmax())
         lines += [f"largest residuals in pose {worst + 1}: {1e3 * np.sqrt(of_pose[worst]):.4g} mm root mean square"]
         i, j = np.unravel_index(fit.leverage.argmax(), fit.leverage.shape)
         lines += [f"largest leverage {fit.leverage[i, j]:.3f}: row {i + 1}, {COORDINATES[j]}"]
         if len(fit.outliers):
-            shown = ", ".join(map(str, (fit.outliers[:20] + 1).tolist()))
-            lines += [f"outliers ({len(fit.outliers)}): rows {shown}{', ...' if len(fit.outliers) > 20 else ''}"]
+            lines += [f"outliers ({len(fit.outliers)}): {named('row', fit.outliers.tolist())}"]
         if self.check is not None:
             lines += ["posterior", self.check.summary()]
         return "\n".join(lines)
@@ -172,21 +171,19 @@ class Identified:
         """
         study, data, fit = self.study, self.data, self.fit
         A, noise = data.regressor(study.model), study.file.prior.noise()
-        if not fit.known and noise.sigma_factor == 1:
+        if not fit.known:
             noise = replace(noise, sigma_factor=np.inf)
-        if self.robust and noise.normal:
+        if fit.robust and noise.normal:
             noise = replace(noise, nu=None)
-        eq13 = estimate(A, data.deflection, data.sigma, study.model.parameters)
         check = posterior_check(
             study,
             A,
             data.deflection,
             data.sigma,
-            eq13,
+            Estimate(fit.k, fit.covariance),
             rng,
             progress,
             noise=noise,
-            scale=1.0 if fit.known else fit.scale,
             demand=demand,
             chain=chain,
         )
@@ -217,10 +214,9 @@ def identified(
     A = data.regressor(study.model)
     try:
         fit = identify(A, data.deflection, data.sigma, study.model.parameters, robust, known)
-    except (SingularPlanError, NothingLeftError) as error:
+    except (SingularPlanError, NothingLeftError, SigmaTooSmallError) as error:
         raise UserError(f"{path}: {error}") from error
     if wrong := mistake(study, data, fit, plan):
         raise UserError(f"{path}: {wrong}")
-    linear = bias_in_test_pose(study, data, fit.k)
-    given = (study, data, A, fit, plan)
-    return Identified(study, data, fit, doubts(*given), path, file_doubts(*given), linear, robust)
+    rho0_bias = bias_in_test_pose(study, data, fit.k)
+    return Identified(study, data, fit, doubts(study, data, A, fit, plan, rho0_bias), path, rho0_bias)

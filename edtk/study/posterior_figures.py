@@ -27,7 +27,7 @@ def draw_figures(check: BayesCheck, folder: Path) -> None:
 
 def parameters(check: BayesCheck) -> tuple[list[str], Array, Array]:
     """Labels with units, samples (steps, walkers, d) and reference (d,) as a person reads them; nu as its logarithm."""
-    posterior, (truth, what) = check.posterior, check.reference
+    posterior, truth = check.posterior, check.table["reference"].to_numpy(dtype=float)
     power = 3 * np.floor(np.log10(posterior.mean) / 3 + 1e-9)
     exponents = [int(e) for e in power]
     labels = [f"{n}\n[$10^{{{e}}}$ rad/(N m)]" for n, e in zip(check.table["parameter"], exponents, strict=True)]
@@ -35,7 +35,7 @@ def parameters(check: BayesCheck) -> tuple[list[str], Array, Array]:
     pairs = zip(posterior.noise_names, _columns(posterior.noise), strict=True)
     extra = [np.log10(x) if name == "nu" else x for name, x in pairs]
     samples = np.concatenate([posterior.samples / 10.0**power, *(x[..., None] for x in extra)], axis=-1)
-    known = what == "assumed truth"
+    known = check.reference == "assumed truth"
     noise = (1.0 if known and name == "sigma_factor" else np.nan for name in posterior.noise_names)
     truths = [*(truth / 10.0**power), *noise]
     return labels + [names[n] for n in posterior.noise_names], samples, np.array(truths)
@@ -73,7 +73,7 @@ def corner(check: BayesCheck) -> Figure:
                 ax.set_ylabel(labels[i], fontsize=8)
             elif j < i:
                 ax.set_yticklabels([])
-    figure.suptitle(f"Posterior, with contours that hold 39 % and 86 %; lines: {check.reference[1]}", fontsize=11)
+    figure.suptitle(f"Posterior, with contours that hold 39 % and 86 %; lines: {check.reference}", fontsize=11)
     return figure
 
 
@@ -93,7 +93,7 @@ def trace(check: BayesCheck) -> Figure:
         ax.tick_params(labelsize=7)
         ax.margins(x=0)
     axes[-1].set_xlabel("step")
-    figure.suptitle(f"Walkers (blue), their mean (black) and {check.reference[1]} (orange)", fontsize=11)
+    figure.suptitle(f"Walkers (blue), their mean (black) and {check.reference} (orange)", fontsize=11)
     return figure
 
 

@@ -1,9 +1,12 @@
 """The sheet on which a plan's measurements are written down."""
 
+from pathlib import Path
+
 import numpy as np
 import pandas as pd
 
 from edtk.design import Plan
+from edtk.errors import UserError
 from edtk.inference.measurements import DEFLECTION_COLUMNS, LOADED_COLUMNS, ROTATION_COLUMNS, UNLOADED_COLUMNS
 from edtk.inference.visiting_order import visiting_order
 from edtk.study.study import Study
@@ -28,3 +31,20 @@ def sheet(study: Study, plan: Plan, positions: bool = False) -> pd.DataFrame:
         empty += ROTATION_COLUMNS
     table[list(empty)] = np.nan
     return table
+
+
+def require_empty(path: Path) -> None:
+    """Check that a sheet in this place, if there is one, has not been filled in.
+
+    Raises:
+        UserError: It has; it is not to be overwritten.
+    """
+    if not path.exists():
+        return
+    try:
+        there = pd.read_csv(path)
+    except ValueError:  # no table: nothing that was measured
+        return
+    columns = [c for c in (*DEFLECTION_COLUMNS, *LOADED_COLUMNS, *UNLOADED_COLUMNS, *ROTATION_COLUMNS) if c in there]
+    if there[columns].notna().to_numpy().any():
+        raise UserError(f"{path}: has measurements in it; expected another file for the empty sheet")

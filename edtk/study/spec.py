@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
 from edtk import design, inference
@@ -179,11 +179,21 @@ class PriorTable(_Table):
     joints: dict[str, Marginal] = {}
     earlier: Earlier | None = None
     sigma_factor: Annotated[float, Field(ge=1)] = 1.0
-    nu: Positive | Literal["normal", "sampled"] = "normal"
+    nu: float | str = "normal"
+
+    @field_validator("nu", mode="plain")
+    @classmethod
+    def _known_nu(cls, nu: object) -> float | str:
+        if nu in ("normal", "sampled"):
+            return str(nu)
+        if isinstance(nu, int | float) and not isinstance(nu, bool) and 0 < nu < np.inf:
+            return float(nu)
+        raise PydanticCustomError("nu", "expected a number greater than 0, 'normal' or 'sampled'")
 
     def noise(self) -> inference.Noise:
         """The noise: sigma known to a factor (1 exactly, inf not at all), errors normal or Student-t."""
-        nu = {"normal": np.inf, "sampled": None}[self.nu] if isinstance(self.nu, str) else self.nu
+        words: dict[object, float | None] = {"normal": np.inf, "sampled": None}
+        nu = words[self.nu] if isinstance(self.nu, str) else self.nu
         return inference.Noise(self.sigma_factor, nu)
 
 

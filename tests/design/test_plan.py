@@ -76,7 +76,7 @@ GOOD = "-90,0,10,20,30"
         (f"{HEAD}\n-90,0,1,2,inf\n", ["row 1", "q6_deg"]),
         (f"{HEAD}\n{GOOD}\n{GOOD}\n-90,0,many,2,3\n", ["row 3", "q4_deg", "many"]),
         (f"{HEAD},q7_deg\n{GOOD},1\n", ["unknown column", "q7_deg"]),
-        (f"{HEAD},q2_deg\n{GOOD},1\n", ["unknown column", "q2_deg"]),
+        (f"{HEAD},q2_deg\n{GOOD},1\n", ["q2_deg", "is there twice"]),
         ("q2_deg,q3_deg,q4_deg,q5_deg\n1,2,3,4\n", ["q6_deg", "missing"]),
         (f"{HEAD},repeats\n{GOOD},0\n", ["row 1", "repeats"]),
         (f"{HEAD},repeats\n{GOOD},1\n{GOOD},1.5\n", ["row 2", "repeats", "1.5"]),

@@ -159,6 +159,6 @@ def test_too_few_measurements():
 def test_effective_samples():
     """The effective number is samples over tau; the error of the deviation of white samples is std/sqrt(2N)."""
     samples = np.random.default_rng(0).normal(size=(500, 10, 1))
-    posterior = Posterior(samples, np.array([5.0]), 600, np.ones(1), samples[..., :0])
+    posterior = Posterior(samples, np.array([5.0]), 600, np.ones(1), np.empty(0), samples[..., :0])
     assert posterior.effective == pytest.approx(1000)
     assert posterior.std_error == pytest.approx(posterior.std / np.sqrt(2 * 5000), rel=0.1)

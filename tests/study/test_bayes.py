@@ -44,7 +44,7 @@ def test_columns(checked):
     plan, check, _ = checked
     table = check.table
     assert table["parameter"].tolist() == ["k2", "k3", "k4", "k5", "k6"]
-    np.testing.assert_array_equal(table["true"], STUDY.compliances)
+    np.testing.assert_array_equal(table["reference"], STUDY.compliances)
     cov = np.linalg.inv(STUDY.design.information(plan))
     np.testing.assert_allclose(table["std_eq13"], np.sqrt(cov.diagonal()), rtol=1e-9)
     np.testing.assert_allclose(table["ratio"], table["std_posterior"] / table["std_eq13"], rtol=1e-14)
@@ -54,7 +54,7 @@ def test_columns(checked):
 def test_posterior_lies_about_the_truth(checked):
     """The posterior's mean is the truth within five standard deviations of the one simulated calibration."""
     table = checked[1].table
-    assert (np.abs(table["mean"] - table["true"]) < 5 * table["std_eq13"]).all()
+    assert (np.abs(table["mean"] - table["reference"]) < 5 * table["std_eq13"]).all()
 
 
 def test_progress_counts_steps(checked):

@@ -8,10 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from edtk.inference import simulate
+from edtk.inference import Measurements, simulate
 from edtk.inference.identify import identify
 from edtk.study import load_study
 from edtk.study.digits import digits
+from edtk.study.doubts import doubts
 from edtk.study.identification_report import identification_page
 
 STUDY = load_study(Path(__file__).parents[2] / "studies" / "kr270_milling.toml")
@@ -23,8 +24,15 @@ CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shuti
 def page(spoil=lambda y: y, k=STUDY.compliances, known=True, seed=3):
     """The report on simulated measurements of the published plan of twelve, which may be spoiled."""
     y = spoil(simulate(A, k, STUDY.sigma, np.random.default_rng(seed))[0])
-    fit = identify(A, y, np.broadcast_to(STUDY.sigma, y.shape), STUDY.model.parameters, known=known)
-    return identification_page(STUDY, fit, np.arange(len(y)), "day <1>.csv"), fit
+    data = Measurements(
+        np.repeat(PLAN.q, PLAN.repeats, axis=0),
+        np.repeat(PLAN.wrench, PLAN.repeats, axis=0),
+        y,
+        np.tile(STUDY.sigma, (len(y), 1)),
+        np.zeros((len(y), 3)),
+    )
+    fit = identify(A, y, data.sigma, STUDY.model.parameters, known=known)
+    return identification_page(STUDY, fit, data.pose, "day <1>.csv", doubts(STUDY, data, A, fit)), fit
 
 
 def level_of(text):
@@ -59,8 +67,8 @@ def test_one_bad_measurement():
 
     text, fit = page(spoil)
     assert level_of(text) == "bad"
-    assert "Outliers: row 5 of day &lt;1&gt;.csv" in text
-    assert f"{fit.scale:.2g} times what the stated noise allows" in text
+    assert "Row 5: outlier" in text
+    assert f"{fit.scale:.3g} times what the stated noise allows" in text
     assert "Expect an error" not in text
 
 
@@ -69,7 +77,7 @@ def test_negative_compliance():
     k = STUDY.compliances * [1, 1, 1, 1, -1]
     text, _ = page(k=k)
     assert level_of(text) == "bad"
-    assert "Negative compliance for k6" in text
+    assert "K6 comes out as -" in text
 
 
 def test_nothing_from_outside():

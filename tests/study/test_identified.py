@@ -74,7 +74,7 @@ def test_rotations_too(save, tmp_path):
     assert set(found.residuals()["coordinate"]) == {*D, "drx_deg", "dry_deg", "drz_deg"}
     table = filled(study)
     table[["drx_deg", "dry_deg", "drz_deg"]] *= np.pi / 180
-    assert "radians" in identified(study, save(table)).doubts[0]
+    assert "radians" in identified(study, save(table)).doubts[0].text
 
 
 def test_json_and_files(save, tmp_path):
@@ -84,7 +84,7 @@ def test_json_and_files(save, tmp_path):
     found = identified(STUDY, save(table), known=False)
     content = found.to_json()
     keys = {"k", "std", "correlation", "sigma_hat", "chi2", "dof", "p_value", "outliers", "rho0", "negative"}
-    assert set(content) == {*keys, "k_unbounded", "rho0_bias", "posterior"}
+    assert set(content) == {*keys, "k_unbounded", "rho0_bias", "posterior", "verdict", "doubts"}
     assert content["posterior"] is None
     assert content["outliers"] == [5]
     assert content["negative"] == []
@@ -105,7 +105,7 @@ def test_json_and_files(save, tmp_path):
     measured = table[D].to_numpy().ravel()
     np.testing.assert_allclose(written["residual"], measured - 1e3 * predicted.ravel(), atol=1e-8)
     assert written["standardised"].abs().idxmax() == 4 * 3 + 2
-    assert "outliers (1): rows 5" in found.summary()
+    assert "outliers (1): row 5" in found.summary()
 
 
 def test_without_a_test_pose_there_is_no_rho0(save, tmp_path):
@@ -148,7 +148,7 @@ def test_posterior_of_measurements(save):
         found = plain.sampled(np.random.default_rng(0), demand=Demand(0.05))
         table = found.check.table
         np.testing.assert_allclose(table["std_eq13"], plain.fit.std, rtol=1e-6)
-        np.testing.assert_allclose(table["identified"], plain.fit.k, rtol=1e-9)
+        np.testing.assert_allclose(table["reference"], plain.fit.k, rtol=1e-9)
         slack = 1.0 if known else np.sqrt(plain.fit.dof / (plain.fit.dof - 2))  # Student-t is wider
         assert (np.abs(table["ratio"] / slack - 1) < 5 * table["ratio_error"]).all()
         assert found.check.posterior.noise_names == (() if known else ("sigma_factor",))
@@ -176,10 +176,10 @@ def test_what_the_linear_model_leaves_out(save):
     """The bias in the test pose is that of `edtk bias`, if measurements are those of the robot that was assumed."""
     table = filled()
     found = identified(STUDY, save(table))
-    expected = biased(STUDY, PLAN, Path("plan.csv")).in_test_pose
-    assert found.linear == pytest.approx(expected, rel=0.05)
-    assert found.to_json()["rho0_bias"] == found.linear
+    expected = biased(STUDY, PLAN, Path("plan.csv")).rho0_bias
+    assert found.rho0_bias == pytest.approx(expected, rel=0.05)
+    assert found.to_json()["rho0_bias"] == found.rho0_bias
     assert "the linear model leaves" in found.summary()
     for column in ("marker_x_mm", "marker_y_mm", "marker_z_mm"):
         table[column] = 1.0
-    assert identified(STUDY, save(table)).linear is None
+    assert identified(STUDY, save(table)).rho0_bias is None
