@@ -29,5 +29,5 @@ def command(study: Path, plan: Path, as_json: bool) -> None:
         shown = f"{1e3 * value:.6g} mm" if name == "rho0" else f"{value:.6g}"
         click.echo(f"  {name:6}{cls.sense:5}{shown:18}{cls.formula}")
     click.echo("standard deviations")
-    for name, std in zip(result.parameters, result.std, strict=True):
-        click.echo(f"  {name:6}{std:.4g} rad/(N m)")
+    for name, std, unit in zip(result.parameters, result.std, loaded.model.units, strict=True):
+        click.echo(f"  {name:6}{std:.4g} {unit}")

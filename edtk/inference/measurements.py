@@ -100,6 +100,8 @@ class Measurements:
                 f"row {rows[0] + 1}, columns Fx_N to Tz_Nm: the wrench is zero; expected the load applied"
             )
         deflection = _position(table)
+        if not deflection.any():
+            raise table.error("all measured displacements are zero; expected those that the load made")
         turned = [c for c in ROTATION_COLUMNS if c in table]
         if len(sigma) == 6:
             deflection = np.hstack([deflection, np.deg2rad(_vector(table, ROTATION_COLUMNS))])

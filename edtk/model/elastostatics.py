@@ -47,6 +47,17 @@ class ElastostaticModel:
         return tuple(f"k{n[1:]}" if n[:1] == "q" and n[1:].isdigit() else f"k_{n}" for n in names)
 
     @property
+    def units(self) -> tuple[str, ...]:
+        """Units of the parameters: those of prismatic joints are displacements per force."""
+        kinds = (self.robot.joints[j].kind for j in self.joints)
+        return tuple("rad/(N m)" if kind == "revolute" else "m/N" for kind in kinds)
+
+    @property
+    def unit(self) -> str:
+        """The unit of all parameters, or the units where they differ."""
+        return " or ".join(sorted(set(self.units), reverse=True))
+
+    @property
     def p(self) -> int:
         """Number of parameters."""
         return len(self.joints)

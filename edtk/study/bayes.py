@@ -24,9 +24,9 @@ class BayesCheck:
     """One calibration, simulated or real, and its posterior.
 
     Attributes:
-        table: One row per parameter, SI units: `parameter`, `reference`, `mean`, `low_95`, `high_95`, `std_posterior`,
-            `std_eq13`, `ratio`, `ratio_error` (Monte-Carlo standard error of the ratio), `tau_steps`, `r_hat`,
-            `effective_samples`.
+        table: One row per parameter, SI units: `parameter`, `unit`, `reference`, `mean`, `low_95`, `high_95`,
+            `std_posterior`, `std_eq13`, `ratio`, `ratio_error` (Monte-Carlo standard error of the ratio), `tau_steps`,
+            `r_hat`, `effective_samples`.
         reference: What the column `reference` holds: the assumed truth, or what was identified.
         posterior: The samples.
         A: Regressors (m, rows, p).
@@ -75,7 +75,7 @@ class BayesCheck:
                 f"{row.parameter:8}{row.std_posterior:14.5g}{row.std_eq13:14.5g}{row.ratio:9.4f}{row.ratio_error:9.4f}"
                 f"{interval:>26}{row.effective_samples:19.0f}"
             )
-        lines.append("standard deviations and intervals in rad/(N m)")
+        lines.append(f"standard deviations and intervals in {' or '.join(self.table['unit'].unique())}")
         lines += [
             f"{name}: {median:.4g}, 95 % interval {low:.4g} to {high:.4g}"
             for name, (median, low, high) in self.noise_intervals.items()
@@ -163,6 +163,7 @@ def posterior_check(
     table = pd.DataFrame(
         {
             "parameter": study.model.parameters,
+            "unit": study.model.units,
             "reference": identified.k,
             "mean": posterior.mean,
             "low_95": low,

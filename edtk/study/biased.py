@@ -27,6 +27,7 @@ class Biased:
         joints: Names (p,) of their joints.
         parameters: Names (p,) of the parameters.
         experiments: Number of measurements.
+        unit: Of the parameters.
         rho0: Eq. (20), what the noise leaves in the test pose [m]; None without one.
         rho0_bias: Length of the mean error that the bias leaves there [m]; None without one.
     """
@@ -35,6 +36,7 @@ class Biased:
     joints: tuple[str, ...]
     parameters: tuple[str, ...]
     experiments: int
+    unit: str
     rho0: float | None
     rho0_bias: float | None
 
@@ -58,7 +60,7 @@ class Biased:
         lines.append(f"{'param':7}{'true':>11}{'bias':>12}{'std':>11}{'bias/std':>10}{'bias %':>9}")
         rows = zip(self.parameters, b.true, b.bias, b.std, b.in_std, b.percent, strict=True)
         lines += [f"{n:7}{t:11.4g}{x:+12.3g}{s:11.4g}{r:+10.3f}{p:+9.3f}" for n, t, x, s, r, p in rows]
-        lines.append("compliances in rad/(N m)")
+        lines.append(f"compliances in {self.unit}")
         if self.rho0 is not None and self.rho0_bias is not None:
             both = float(np.hypot(self.rho0, self.rho0_bias))
             lines.append(
@@ -103,6 +105,7 @@ def biased(study: Study, plan: Plan, path: Path) -> Biased:
         joints=study.file.joints.unknown,
         parameters=study.model.parameters,
         experiments=plan.experiments,
+        unit=study.model.unit,
         rho0=None if A0 is None else float(compensation_accuracy(A0, found.covariance)),
         rho0_bias=None if A0 is None else found.in_pose(A0),
     )

@@ -174,9 +174,11 @@ def _noise(fit: Identification) -> Iterator[Doubt]:
     n = MAD_EFFICIENCY * fit.dof if fit.robust else fit.dof
     p = float(chi2.sf(fit.scale**2 * n, n))
     if p < UNLIKELY and fit.known:
+        likely = f"p = {p:.1g}" if p > 0 else "p < 1e-300"
+        more = "--sigma-unknown" if fit.robust else "--sigma-unknown and --robust"
         text = (
-            f"the residuals are {fit.scale:.3g} times what the stated noise allows (p = {p:.1g}): sigma is too small, "
-            "there are outliers, or the model does not fit; see --sigma-unknown and --robust"
+            f"the residuals are {fit.scale:.3g} times what the stated noise allows ({likely}): sigma is too small, "
+            f"there are outliers, or the model does not fit; see {more}"
         )
         yield Doubt(ALARM if p < IMPOSSIBLE else WARNING, text)
     elif p < IMPOSSIBLE:

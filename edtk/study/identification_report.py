@@ -82,8 +82,13 @@ def _verdict(study: Study, fit: Identification, doubts: tuple[Doubt, ...], rho0_
     if level == "good":
         noise = "the residuals fit the noise" if fit.known else "the noise was estimated and is not larger than stated"
         lines.append(f"Nothing is wrong: {noise}, there are no outliers, all compliances are positive.")
-    lines += [f"{doubt.text[:1].upper()}{doubt.text[1:]}." for doubt in doubts]
+    lines += [f"{_sentence(study, doubt.text)}." for doubt in doubts]
     return verdict(level, lines)
+
+
+def _sentence(study: Study, text: str) -> str:
+    """The text with a capital letter, unless it begins with the name of a parameter."""
+    return text if text.startswith(study.model.parameters) else f"{text[:1].upper()}{text[1:]}"
 
 
 def _expected(study: Study, fit: Identification, rho0_bias: float | None) -> str:
@@ -109,7 +114,7 @@ def _compliances(study: Study, fit: Identification) -> str:
         share = f"{100 * std / k:.2g} %" if k > 0 else "-"
         low, high = max(unbounded - half, 0.0), max(unbounded + half, 0.0)
         rows.append([name, digits(k, std), f"{std:.1e}", share, f"{digits(low, std)} .. {digits(high, std)}"])
-    return table(["parameter", "rad/(N m)", "std", "std, relative", "95 % interval"], rows)
+    return table(["parameter", study.model.unit, "std", "std, relative", "95 % interval"], rows)
 
 
 def _noise(fit: Identification) -> str:

@@ -117,8 +117,8 @@ class Identified:
         loss = ", Huber's loss" if fit.robust else ""
         lines = [f"{m} measurements of {self.data.pose.max() + 1} poses, {m * rows} coordinates{loss}"]
         lines += [
-            f"  {name:6}{digits(k, std):>12} +- {std:.1e} rad/(N m)"
-            for name, k, std in zip(names, fit.k, fit.std, strict=True)
+            f"  {name:6}{digits(k, std):>12} +- {std:.1e} {unit}"
+            for name, k, std, unit in zip(names, fit.k, fit.std, self.study.model.units, strict=True)
         ]
         lines += ["correlation"]
         lines += [

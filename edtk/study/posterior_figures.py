@@ -30,7 +30,8 @@ def parameters(check: BayesCheck) -> tuple[list[str], Array, Array]:
     posterior, truth = check.posterior, check.table["reference"].to_numpy(dtype=float)
     power = 3 * np.floor(np.log10(posterior.mean) / 3 + 1e-9)
     exponents = [int(e) for e in power]
-    labels = [f"{n}\n[$10^{{{e}}}$ rad/(N m)]" for n, e in zip(check.table["parameter"], exponents, strict=True)]
+    named = zip(check.table["parameter"], exponents, check.table["unit"], strict=True)
+    labels = [f"{name}\n[$10^{{{e}}}$ {unit}]" for name, e, unit in named]
     names = {"sigma_factor": "sigma factor", "nu": "log10 nu"}
     pairs = zip(posterior.noise_names, _columns(posterior.noise), strict=True)
     extra = [np.log10(x) if name == "nu" else x for name, x in pairs]

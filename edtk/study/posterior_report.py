@@ -34,15 +34,15 @@ def _chain(check: BayesCheck) -> str:
 
 def _compliances(check: BayesCheck) -> str:
     """One row a parameter."""
-    columns = check.table.set_index("parameter")
+    columns = check.table.set_index("parameter").drop(columns="unit")
     rows = []
-    for name, row in zip(columns.index, columns.to_numpy(dtype=float), strict=True):
+    for name, unit, row in zip(columns.index, check.table["unit"], columns.to_numpy(dtype=float), strict=True):
         of = dict(zip(columns, row.tolist(), strict=True))
         std = of["std_posterior"]
         ratio = f"{of['ratio']:.3f} \u00b1 {of['ratio_error']:.3f}"
         interval = f"{digits(of['low_95'], std)} .. {digits(of['high_95'], std)}"
-        rows.append([name, digits(of["mean"], std), f"{std:.2e}", f"{of['std_eq13']:.2e}", ratio, interval])
-    return table(["parameter", "mean [rad/(N m)]", "std", "std by Eq. (13)", "ratio", "95 % interval"], rows)
+        rows.append([name, unit, digits(of["mean"], std), f"{std:.2e}", f"{of['std_eq13']:.2e}", ratio, interval])
+    return table(["parameter", "unit", "mean", "std", "std by Eq. (13)", "ratio", "95 % interval"], rows)
 
 
 def _test_pose(pose: PoseError) -> str:

@@ -192,3 +192,51 @@ def test_poses_that_are_not_in_the_plan(measured: Path) -> None:
     table.loc[2, "q3_deg"] += 1
     table.to_csv(measured, index=False)
     assert_one_line(edtk("identify", PAPER, measured, "--plan", PLAN), "row 3, column q3_deg", "not in the plan")
+
+
+def test_a_filled_sheet_stays(measured: Path) -> None:
+    """`edtk template` does not overwrite measurements."""
+    before = measured.read_bytes()
+    assert_one_line(edtk("template", PAPER, PLAN, "--out", measured), "has measurements in it")
+    assert measured.read_bytes() == before
+
+
+def test_a_bad_calibration_is_said_again(measured: Path, tmp_path: Path) -> None:
+    """`edtk compensate` warns if the calibration said not to use its compliances."""
+    task = tmp_path / "task.csv"
+    task.write_text("q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n-60,70,10,30,0\n")
+    assert edtk("identify", PAPER, measured, "--out", tmp_path / "good").exit_code == 0
+    assert edtk("compensate", PAPER, tmp_path / "good/k.json", task).stderr == ""
+    table = pd.read_csv(measured)
+    table[D] += np.random.default_rng(0).normal(size=(4, 3))
+    table.to_csv(measured, index=False)
+    answer = edtk("identify", PAPER, measured, "--out", tmp_path / "bad", "--json")
+    assert json.loads(answer.stdout)["verdict"] == "bad"
+    answer = edtk("compensate", PAPER, tmp_path / "bad/k.json", task)
+    assert answer.exit_code == 0
+    assert "says not to use these compliances" in answer.stderr
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda text: text.replace(",", ";"), ("separated by semicolons", "expected commas")),
+        (lambda text: text.replace(",", "\t"), ("separated by tabs",)),
+        (lambda text: text.replace("dy_mm", "dx_mm"), ("'dx_mm' is there twice",)),
+        (lambda text: text.replace(",dz_mm", ","), ("column 15 has no name",)),
+        (lambda text: text.replace("-2500", "-2.5e200"), ("row 1, column Fz_N", "is larger than")),
+        (lambda text: text.replace("-2500", "0,0", 1), ("more cells than the header",)),
+    ],
+)
+def test_files_of_spreadsheets(measured: Path, change, words: tuple[str, ...]) -> None:
+    """What spreadsheets make of a table is refused in words of the table."""
+    measured.write_text(change(measured.read_text()))
+    assert_one_line(edtk("identify", PAPER, measured), *words)
+
+
+def test_no_displacement_at_all(measured: Path) -> None:
+    """A sheet of zeros is no measurement."""
+    table = pd.read_csv(measured)
+    table[D] = 0
+    table.to_csv(measured, index=False)
+    assert_one_line(edtk("identify", PAPER, measured, "--sigma-unknown"), "all measured displacements are zero")

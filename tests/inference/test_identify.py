@@ -164,3 +164,23 @@ def test_what_cannot_be_identified_is_named():
     assert not exact.standardised.any()
     with pytest.raises(NothingLeftError, match="3 measured coordinates for 3 parameters"):
         identify(A, A @ K0[:3], np.full((1, 3), S), NAMES[:3], known=False)
+
+
+@pytest.mark.parametrize(("known", "robust"), [(True, False), (False, False), (True, True), (False, True)])
+def test_intervals_hold_the_truth(known, robust):
+    """The 95 % intervals of the compliances hold the truth in 95 % of the runs, also of a plan of four poses."""
+    A = regressor("table_4_4")
+    runs = fits(A, S, 400, 11, known=known, robust=robust)
+    held = np.mean([np.abs(fit.unbounded - K0) <= fit.half_interval for fit in runs])
+    assert abs(held - 0.95) < (0.03 if robust else 4 * np.sqrt(0.95 * 0.05 / 400 / 3))
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_interval_of_the_accuracy_if_robust(known):
+    """The interval of rho0 of a robust fit holds the accuracy of Huber's estimate in some 95 % of the runs."""
+    A = regressor("table_4_12")
+    runs = fits(A, S, 400, 12, known=known, robust=True)
+    errors = [STUDY.target @ (fit.unbounded - K0) for fit in runs]
+    true = np.sqrt(np.mean([e @ e for e in errors]))
+    held = np.mean([low <= true <= high for low, high in (fit.accuracy(STUDY.target)[1] for fit in runs)])
+    assert 0.9 < held < 0.99

@@ -162,3 +162,22 @@ def test_effective_samples():
     posterior = Posterior(samples, np.array([5.0]), 600, np.ones(1), np.empty(0), samples[..., :0])
     assert posterior.effective == pytest.approx(1000)
     assert posterior.std_error == pytest.approx(posterior.std / np.sqrt(2 * 5000), rel=0.1)
+
+
+def test_far_behind_the_bound():
+    """Where the estimate is forty deviations below zero the posterior is the exponential that is left of the normal."""
+    found = one([-40.0], 1.0)
+    assert distance(found, stats.truncnorm(40.0, np.inf, loc=-40.0).cdf) < 2
+
+
+@pytest.mark.parametrize("noise", [Noise(nu=1.0), Noise(nu=None), Noise(np.inf, 5.0), Noise(np.inf)])
+def test_no_variance_no_answer(noise):
+    """Too few measurements for what is unknown of the noise are refused, and not sampled for ever."""
+    with pytest.raises(ImproperPosteriorError, match="measured rows must outnumber"):
+        one([1.0], 1.0, noise=noise)
+
+
+def test_exact_measurements_tell_nothing_of_sigma():
+    """Readings that the model fits exactly are refused where sigma is unknown."""
+    with pytest.raises(ImproperPosteriorError, match="exactly"):
+        one([5.0] * 6, 1.0, noise=Noise(np.inf))

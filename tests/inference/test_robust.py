@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from edtk.inference.robust import CORNER, fit_huber
+from edtk.inference.robust import CORNER, SigmaTooSmallError, fit_huber
 
 M, ROWS, P = 20, 3, 3
 RNG = np.random.default_rng(0)
@@ -62,3 +62,9 @@ def test_scale_of_the_bulk():
     y = X @ TRUE + 0.5 * np.random.default_rng(5).normal(size=(M, ROWS))
     y[:6, 0] += 1000
     assert fit_huber(X, y, start(y), False).scale == pytest.approx(0.5, rel=0.4)
+
+
+def test_sigma_that_is_far_too_small():
+    """Where no residual is as small as sigma says that is said, and nothing is divided by zero."""
+    with pytest.raises(SigmaTooSmallError, match="times sigma"):
+        fit_huber(np.ones((2, 1, 1)), np.array([[0.0], [100.0]]), np.array([50.0]), True)

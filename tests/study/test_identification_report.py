@@ -77,7 +77,7 @@ def test_negative_compliance():
     k = STUDY.compliances * [1, 1, 1, 1, -1]
     text, _ = page(k=k)
     assert level_of(text) == "bad"
-    assert "K6 comes out as -" in text
+    assert "<p>k6 comes out as -" in text
 
 
 def test_nothing_from_outside():

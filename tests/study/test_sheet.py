@@ -3,10 +3,12 @@
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from edtk.design import Plan
+from edtk.errors import UserError
 from edtk.study import load_study
-from edtk.study.sheet import sheet
+from edtk.study.sheet import require_empty, sheet
 
 STUDY = load_study(Path(__file__).parents[2] / "studies" / "kr270_milling.toml")
 PLAN = STUDY.published_plans()["table_4_6"]
@@ -35,3 +37,18 @@ def test_columns():
     assert table.iloc[:, -3:].isna().all(axis=None)
     assert not table.iloc[:, :-3].isna().any(axis=None)
     assert list(sheet(STUDY, PLAN, True))[12:] == ["x0_mm", "y0_mm", "z0_mm", "x_mm", "y_mm", "z_mm"]
+
+
+def test_a_filled_sheet_is_not_overwritten(tmp_path):
+    """A sheet with a single reading in it is refused; an empty one, or another file, is not."""
+    path = tmp_path / "sheet.csv"
+    require_empty(path)
+    table = sheet(STUDY, PLAN)
+    table.to_csv(path, index=False)
+    require_empty(path)
+    table.loc[2, "dy_mm"] = 0.1
+    table.to_csv(path, index=False)
+    with pytest.raises(UserError, match="has measurements in it"):
+        require_empty(path)
+    path.write_text("")
+    require_empty(path)
