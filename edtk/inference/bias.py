@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation
 
 from edtk.inference.estimate import estimate
 from edtk.model import ElastostaticModel
@@ -55,19 +56,29 @@ class Bias:
         return float(np.linalg.norm(A @ self.bias))
 
 
-def equilibrium_deflection(model: ElastostaticModel, q: ArrayLike, wrench: ArrayLike, k: ArrayLike) -> Array:
-    """What is measured without noise: the tool's motion (..., rows) under load [m, rad].
+def equilibrium_deflection(
+    model: ElastostaticModel, q: ArrayLike, wrench: ArrayLike, k: ArrayLike, marker: ArrayLike = (0.0, 0.0, 0.0)
+) -> Array:
+    """What is measured without noise: the motion (..., rows) of the tool, or of a marker on it, under load [m, rad].
+
+    The tool turns by R, so that a marker at an offset o from the tool point moves by ``d + (R - I) o``.
 
     Args:
         model: The robot with its calibration tool, and the measured rows.
         q: Joint variables (..., n) [rad or m].
-        wrench: Forces and torques (..., 6) or (6,) [N, N m].
+        wrench: Forces and torques (..., 6) or (6,) at the tool point [N, N m].
         k: Compliances (..., n) or (n,) of all joints [rad/(N m)].
+        marker: Offsets (..., 3) or (3,) from the tool point, in the tool frame [m].
 
     Raises:
         NoEquilibriumError: A pose buckles under the load.
     """
-    moved = equilibrium(model.robot, q, wrench, k).displacement
+    moved, marker = equilibrium(model.robot, q, wrench, k).displacement, np.asarray(marker, dtype=float)
+    if marker.any():
+        at = np.broadcast_to(model.robot.forward(q)[..., :3, :3], (*moved.shape[:-1], 3, 3))
+        offset = (at @ marker[..., None])[..., 0].reshape(-1, 3)
+        swing = Rotation.from_rotvec(moved[..., 3:].reshape(-1, 3)).apply(offset) - offset
+        moved = moved + np.concatenate([swing, np.zeros_like(swing)], axis=-1).reshape(moved.shape)
     return moved[..., :3] if model.rows == "position" else moved
 
 

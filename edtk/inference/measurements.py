@@ -1,6 +1,6 @@
 """Measured deflections: what a measurement file holds."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 from pathlib import Path
 
@@ -42,6 +42,10 @@ class Measurements:
 
     def __len__(self) -> int:
         return len(self.q)
+
+    def __getitem__(self, rows: NDArray[np.int_] | slice) -> "Measurements":
+        """Some of them."""
+        return Measurements(*(getattr(self, f.name)[rows] for f in fields(self)))
 
     @cached_property
     def pose(self) -> NDArray[np.int_]:

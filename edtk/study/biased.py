@@ -122,21 +122,21 @@ def bias_in_test_pose(study: Study, data: Measurements, k: Array) -> float | Non
         k: Those compliances (p,) [rad/(N m)].
 
     Returns:
-        Length of the mean error ``|A0 (E(k_hat) - k)|`` [m]; None without a test pose, where markers are away from the
-        tool point, or if such a robot would not come to rest.
+        Length of the mean error ``|A0 (E(k_hat) - k)|`` [m]; None without a test pose, or if such a robot would not
+        come to rest.
     """
-    if study.target is None or data.marker.any():
+    if study.target is None:
         return None
     all_joints = np.zeros(study.robot.n)
     all_joints[study.model.joints] = k
-    _, first = np.unique(data.pose, return_index=True)
-    every = -(-len(first) // MOST_POSES)
-    rows = np.flatnonzero(data.pose % every == 0)
-    q, wrench = data.q[first[::every]], data.wrench[first[::every]]
+    every = -(-(1 + data.pose.max()) // MOST_POSES)
+    some = data[np.flatnonzero(data.pose % every == 0)]
+    places = np.column_stack([some.pose, some.marker])
+    _, first, place = np.unique(places, axis=0, return_index=True, return_inverse=True)
+    one = some[first]
     try:
-        measured = equilibrium_deflection(study.model, q, wrench, all_joints)[data.pose[rows] // every]
-        A = study.model.regressor(data.q[rows], data.wrench[rows])
-        expected = estimate(A, measured, data.sigma[rows], study.model.parameters).k
+        measured = equilibrium_deflection(study.model, one.q, one.wrench, all_joints, one.marker)[place.ravel()]
+        expected = estimate(some.regressor(study.model), measured, some.sigma, study.model.parameters).k
     except (NoEquilibriumError, SingularPlanError):
         return None
     return float(np.linalg.norm(study.target @ (expected - k)))

@@ -105,9 +105,7 @@ def _swapped(study: Study, data: Measurements, fit: Identification) -> str | Non
     if fit.dof < 5 or not fit.scale > SUSPECT:
         return None
     every = -(-len(data) // ENOUGH)
-    rows = Measurements(
-        data.q[::every], data.wrench[::every], data.deflection[::every], data.sigma[::every], data.marker[::every]
-    )
+    rows = data[::every]
     before = _size(study, rows, bounded=False)
     sizes = {words: _size(study, other) for words, other in _readings(study, rows)}
     best = min(sizes.values())

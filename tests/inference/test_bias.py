@@ -6,7 +6,9 @@ import pytest
 from edtk.inference import SingularPlanError
 from edtk.inference.bias import equilibrium_deflection, linearisation_bias
 from edtk.inference.estimate import estimate
+from edtk.inference.measurements import Measurements
 from edtk.model import ElastostaticModel, load_robot, transform
+from edtk.model.equilibrium import equilibrium
 
 K = np.array([0.0, 0.302, 0.406, 3.002, 3.303, 2.365]) * 1e-6
 MODEL = ElastostaticModel(load_robot("kuka_kr270").with_tool(transform((0.6115, 0.0, -0.460))), (1, 2, 3, 4, 5))
@@ -66,3 +68,17 @@ def test_zero_compliance_and_singular_plan():
     assert np.isinf(linearisation_bias(MODEL, Q, LOAD, SIGMA, k).percent[-1])
     with pytest.raises(SingularPlanError, match="cannot identify"):
         linearisation_bias(MODEL, Q[:1], LOAD, SIGMA, K)
+
+
+def test_markers_move_with_the_loaded_tool():
+    """A marker's motion is that of a tool point put there, and of first order the one that its regressor promises."""
+    offset = np.random.default_rng(2).uniform(-0.5, 0.5, (len(Q), 3))
+    theta = equilibrium(MODEL.robot, Q, LOAD, K).theta
+    for i, o in enumerate(offset):
+        there = MODEL.robot.with_tool(MODEL.robot.tool @ transform(o))
+        moved = there.forward(Q[i] + theta[i])[:3, 3] - there.forward(Q[i])[:3, 3]
+        np.testing.assert_allclose(equilibrium_deflection(MODEL, Q[i], LOAD, K, o), moved, atol=1e-13)
+    model = ElastostaticModel(MODEL.robot, MODEL.unknown, "pose")
+    found = equilibrium_deflection(model, Q, 1e-4 * LOAD, K, offset)
+    data = Measurements(Q, np.tile(1e-4 * LOAD, (len(Q), 1)), found, np.full((len(Q), 6), SIGMA), offset)
+    np.testing.assert_allclose(found, data.regressor(model) @ K[1:], atol=1e-6 * np.abs(found).max())
