@@ -61,13 +61,13 @@ class Plan:
         table[list(WRENCH_COLUMNS)] = self.wrench
         return table
 
-    def to_csv(self, path: Path, robot: Robot) -> None:
+    def to_csv(self, path: Path | str, robot: Robot) -> None:
         """Write the plan atomically, see `table`."""
         with atomic_path(path) as temporary:
             self.table(robot).to_csv(temporary, index=False, float_format="%.10g")
 
     @classmethod
-    def from_csv(cls, path: Path, robot: Robot, fixed: dict[int, float], wrench: Array | None) -> "Plan":
+    def from_csv(cls, path: Path | str, robot: Robot, fixed: dict[int, float], wrench: Array | None) -> "Plan":
         """Read a plan: columns q1_deg .. qn_deg, optionally `repeats` and all or some wrench columns.
 
         Args:

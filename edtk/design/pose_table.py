@@ -42,7 +42,7 @@ class PoseTable:
     cells: pd.DataFrame
 
     @classmethod
-    def read(cls, path: Path, what: str) -> "PoseTable":
+    def read(cls, path: Path | str, what: str) -> "PoseTable":
         """Read a file.
 
         Args:
@@ -52,6 +52,7 @@ class PoseTable:
         Raises:
             PoseFileError: The file is absent, empty or ragged.
         """
+        path = Path(path)
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("error", pd.errors.ParserWarning)  # a row longer than the header

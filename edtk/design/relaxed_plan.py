@@ -149,7 +149,7 @@ class RelaxedPlan:
             "seconds": self.seconds,
         }
 
-    def to_csv(self, path: Path) -> None:
+    def to_csv(self, path: Path | str) -> None:
         """Write poses in degrees and millimetres, and weights, atomically; the heaviest first."""
         with atomic_path(path) as temporary:
             self.table.to_csv(temporary, index=False, float_format="%.10g")

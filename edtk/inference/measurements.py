@@ -50,8 +50,12 @@ class Measurements:
     @cached_property
     def pose(self) -> NDArray[np.int_]:
         """Number (m,) of each row's pose and load, counted from 0 in order of appearance."""
-        keys = pd.util.hash_pandas_object(pd.DataFrame(np.hstack([self.q, self.wrench]) + 0.0), index=False)
-        return np.asarray(pd.factorize(keys)[0])
+        return _numbers(self.q, self.wrench)
+
+    @cached_property
+    def place(self) -> NDArray[np.int_]:
+        """Number (m,) of each row's pose, load and marker, counted likewise."""
+        return _numbers(self.q, self.wrench, self.marker)
 
     def regressor(self, model: ElastostaticModel) -> Array:
         """Regressors (m, rows, p) of what was measured.
@@ -77,7 +81,7 @@ class Measurements:
 
     @classmethod
     def from_csv(
-        cls, path: Path, robot: Robot, fixed: dict[int, float], wrench: Array | None, sigma: Array
+        cls, path: Path | str, robot: Robot, fixed: dict[int, float], wrench: Array | None, sigma: Array
     ) -> "Measurements":
         """Read a measurement file.
 
@@ -117,6 +121,12 @@ class Measurements:
         marked = any(c in table for c in MARKER_COLUMNS)
         marker = _vector(table, MARKER_COLUMNS) / 1e3 if marked else np.zeros((len(table), 3))
         return cls(q, W, deflection, noise, marker)
+
+
+def _numbers(*columns: Array) -> NDArray[np.int_]:
+    """Numbers (m,) of rows, the same for equal ones, counted from 0 in order of appearance."""
+    keys = pd.util.hash_pandas_object(pd.DataFrame(np.hstack(columns) + 0.0), index=False)
+    return np.asarray(pd.factorize(keys)[0])
 
 
 def _vector(table: PoseTable, columns: tuple[str, ...]) -> Array:

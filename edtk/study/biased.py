@@ -131,11 +131,9 @@ def bias_in_test_pose(study: Study, data: Measurements, k: Array) -> float | Non
     all_joints[study.model.joints] = k
     every = -(-(1 + data.pose.max()) // MOST_POSES)
     some = data[np.flatnonzero(data.pose % every == 0)]
-    places = np.column_stack([some.pose, some.marker])
-    _, first, place = np.unique(places, axis=0, return_index=True, return_inverse=True)
-    one = some[first]
+    one = some[np.unique(some.place, return_index=True)[1]]
     try:
-        measured = equilibrium_deflection(study.model, one.q, one.wrench, all_joints, one.marker)[place.ravel()]
+        measured = equilibrium_deflection(study.model, one.q, one.wrench, all_joints, one.marker)[some.place]
         expected = estimate(some.regressor(study.model), measured, some.sigma, study.model.parameters).k
     except (NoEquilibriumError, SingularPlanError):
         return None

@@ -56,7 +56,7 @@ class Compensated:
             table[["remaining_low_mm", "remaining_high_mm"]] = 1e3 * self.band
         return table
 
-    def to_csv(self, path: Path) -> None:
+    def to_csv(self, path: Path | str) -> None:
         """Write the table atomically."""
         with atomic_path(path) as temporary:
             self.table().to_csv(temporary, index=False, float_format="%.10g")
@@ -93,7 +93,7 @@ class Compensated:
         return "\n".join(lines)
 
 
-def load_task(study: Study, path: Path) -> Plan:
+def load_task(study: Study, path: Path | str) -> Plan:
     """Read task poses, columns as in a plan; without wrench columns, the test pose's load acts.
 
     Joints that the study fixes may be left out, as in a plan. A column `repeats` means nothing here.

@@ -30,7 +30,7 @@ class Compliances:
     verdict: str | None = None
 
 
-def load_compliances(path: Path, names: tuple[str, ...], needed: tuple[str, ...]) -> Compliances:
+def load_compliances(path: Path | str, names: tuple[str, ...], needed: tuple[str, ...]) -> Compliances:
     """Read ``{"k": {joint: value}}``, with ``"covariance": [[..]]`` or ``"std"`` and ``"correlation"``, or nothing.
 
     Matrices and lists follow the order of the joints in "k"; "std" may also be given by joint, and without
@@ -45,6 +45,7 @@ def load_compliances(path: Path, names: tuple[str, ...], needed: tuple[str, ...]
     Raises:
         UserError: One line: the file, the key and what was expected.
     """
+    path = Path(path)
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:

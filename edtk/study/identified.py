@@ -191,7 +191,7 @@ class Identified:
 
 
 def identified(
-    study: Study, path: Path, robust: bool = False, known: bool = True, plan: Plan | None = None
+    study: Study, path: Path | str, robust: bool = False, known: bool = True, plan: Plan | None = None
 ) -> Identified:
     """Identify the study's unknown compliances from a measurement file.
 
@@ -205,7 +205,7 @@ def identified(
     Raises:
         UserError: One line that names the file, and row and column where there are any.
     """
-    load = study.design.load
+    path, load = Path(path), study.design.load
     wrench = load.always if isinstance(load, FixedLoad) else None
     try:
         data = Measurements.from_csv(path, study.robot, study.fixed, wrench, study.sigma)

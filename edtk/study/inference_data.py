@@ -8,7 +8,7 @@ from edtk.errors import UserError
 from edtk.study.bayes import BayesCheck
 
 
-def require_arviz(path: Path) -> None:
+def require_arviz(path: Path | str) -> None:
     """Check, before long work, that ArviZ is there.
 
     Raises:
@@ -22,7 +22,7 @@ def require_arviz(path: Path) -> None:
         raise UserError(f"{path}: the export needs the extra edtk[posterior], which is not installed") from None
 
 
-def export(check: BayesCheck, path: Path) -> None:
+def export(check: BayesCheck, path: Path | str) -> None:
     """Write posterior and measurements; walkers are ArviZ's chains.
 
     Raises:

@@ -133,7 +133,7 @@ class Study:
         within = float(np.deg2rad(self.file.workspace.excluded_within_deg))
         return [Excluded(self._read(path, np.zeros(6)).q, within) for path in files]
 
-    def _read(self, path: Path, wrench: Array | None) -> Plan:
+    def _read(self, path: Path | str, wrench: Array | None) -> Plan:
         """A plan's file, unchecked."""
         try:
             return Plan.from_csv(path, self.robot, self.fixed, wrench)
@@ -171,7 +171,7 @@ class Study:
                 raise self.error("simulation.compliance_rad_per_Nm", f"expected a value for joint {name!r}")
         return np.array([given[name] for name in self.file.joints.unknown])
 
-    def load_plan(self, path: Path) -> Plan:
+    def load_plan(self, path: Path | str) -> Plan:
         """Read a plan and check every pose against limits and workspace.
 
         A pose counts as feasible if one within the study's `plan_resolution_deg` of it is (published poses are
@@ -197,7 +197,7 @@ class Study:
         return {Path(name).stem: self.load_plan(self.path.parent / name) for name in self.file.published}
 
 
-def load_study(path: Path, excluded: Path | None = None) -> Study:
+def load_study(path: Path | str, excluded: Path | str | None = None) -> Study:
     """Read and validate a study file.
 
     Args:
@@ -207,6 +207,7 @@ def load_study(path: Path, excluded: Path | None = None) -> Study:
     Raises:
         UserError: One line that names the file, the key and what was expected.
     """
+    path = Path(path)
     try:
         raw = path.read_bytes()
         content: dict[str, Any] = tomllib.loads(raw.decode("utf-8"))
@@ -226,4 +227,4 @@ def load_study(path: Path, excluded: Path | None = None) -> Study:
             expected = "this key is required"
         given = "" if isinstance(first["input"], dict) else f" (got {first['input']!r})"
         raise UserError(f"{path}: {key}: {expected}{given}") from error
-    return Study(path, file, hashlib.sha256(raw).hexdigest()[:12], excluded)
+    return Study(path, file, hashlib.sha256(raw).hexdigest()[:12], None if excluded is None else Path(excluded))

@@ -183,3 +183,12 @@ def test_what_the_linear_model_leaves_out(save):
     for column in ("marker_x_mm", "marker_y_mm", "marker_z_mm"):
         table[column] = 1e-3
     assert identified(STUDY, save(table)).rho0_bias == pytest.approx(found.rho0_bias, rel=1e-3)
+
+
+def test_paths_may_be_strings(save):
+    """A study, a plan and measurements are found by a name as by a Path."""
+    study = load_study(str(ROOT / "studies" / "kr270_milling.toml"))
+    plan = study.load_plan(str(ROOT / "studies" / "plans" / "table_4_12.csv"))
+    np.testing.assert_array_equal(plan.q, PLAN.q)
+    found = identified(study, str(save(filled())))
+    np.testing.assert_array_equal(found.fit.k, identified(STUDY, save(filled())).fit.k)
