@@ -103,9 +103,10 @@ class CandidateSource:
         """
         require_some(n)
         left, drawn = n, 0
-        size = min(CHUNK, 1 << (4 * n).bit_length())  # a few candidates need not wait for many
+        size = min(CHUNK, 1 << (2 * n).bit_length())  # a few candidates need not wait for many
         violated = np.zeros(len(self.design.labels))
-        for some, information, outside in self._parallel(size):
+        parts = self._parallel(size) if size == CHUNK else map(self._evaluate, self._cubes(size))
+        for some, information, outside in parts:
             drawn, violated = drawn + size, violated + outside
             if left == n and not len(some) and drawn >= self.patience * CHUNK:
                 worst = int(violated.argmax())
