@@ -5,8 +5,7 @@ from pathlib import Path
 
 import click
 
-from edtk.atomic import require_writable
-from edtk.commands.shared import FilePath
+from edtk.commands.shared import FilePath, require_output
 
 
 @click.command("compensate")
@@ -25,12 +24,12 @@ def command(study: Path, k: Path, task: Path, as_json: bool, out: Path | None) -
     from edtk.study.compensated import compensated, load_task
     from edtk.study.compliance_file import load_compliances
 
+    require_output(out, study, k, task)
     loaded = load_study(study)
     poses = load_task(loaded, task)
     given = load_compliances(k, loaded.robot.joint_names, loaded.file.joints.unknown)
     found = compensated(loaded, given, poses, task)
     if out is not None:
-        require_writable(out)
         found.to_csv(out)
     if given.verdict == "bad":
         click.echo(

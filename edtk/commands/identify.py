@@ -5,9 +5,8 @@ from pathlib import Path
 
 import click
 
-from edtk.atomic import require_writable
 from edtk.commands.sampling import Sampling, sampling_options
-from edtk.commands.shared import FilePath
+from edtk.commands.shared import FilePath, require_output
 from edtk.errors import UserError
 
 
@@ -46,18 +45,19 @@ def command(
     """
     from edtk.study import load_study
     from edtk.study.doubts import NOTE
-    from edtk.study.identified import identified
+    from edtk.study.identified import WRITTEN, identified
     from edtk.study.inference_data import export
 
     if sampling.given() and not bayes:
         raise UserError(f"{sampling.given()[0]}: expected --bayes with it")
+    if out is not None:
+        for name in WRITTEN:
+            require_output(out / name, study, measurements, plan, sampling.chain)
     loaded = load_study(study)
     planned = None if plan is None else loaded.load_plan(plan)
     found = identified(loaded, measurements, robust, not sigma_unknown, planned)
     if bayes:
-        sampling.require_writable(study, measurements)
-        if out is not None:
-            require_writable(out / "k.json")
+        sampling.require_writable(study, measurements, plan)
         with sampling.arguments(measurements, loaded.file.seed) as arguments:
             found = found.sampled(**arguments)
     if found.check is not None and sampling.export is not None:

@@ -7,8 +7,7 @@ from pathlib import Path
 import click
 from tqdm import tqdm
 
-from edtk.atomic import require_writable
-from edtk.commands.shared import FilePath, dask_option, mistakes_in, team_of, workers_option
+from edtk.commands.shared import FilePath, Range, dask_option, mistakes_in, require_output, team_of, workers_option
 
 
 @click.command("plan")
@@ -18,7 +17,7 @@ from edtk.commands.shared import FilePath, dask_option, mistakes_in, team_of, wo
 @click.option("--criterion", "name", help="Criterion to optimise [default: the first that the study optimises].")
 @click.option("--keep", type=FilePath, help="Plan (CSV) of experiments that are there already.")
 @click.option("--exclude", type=FilePath, help="Plan (CSV) of poses to stay away from.")
-@click.option("--budget", type=click.FloatRange(min=0, min_open=True), help="Seconds after which to stop.")
+@click.option("--budget", type=Range(min=0, min_open=True), help="Seconds after which to stop.")
 @workers_option
 @dask_option
 @click.option("--seed", type=click.IntRange(min=0), help="Seed [default: the study's].")
@@ -47,8 +46,7 @@ def command(
 
     loaded = load_study(study, exclude)
     kept = loaded.load_plan(keep) if keep is not None else None
-    if out is not None:
-        require_writable(out)
+    require_output(out, study, keep, exclude)
     with (
         team_of(workers, dask) as team,
         tqdm(unit="step", file=sys.stderr, bar_format="{desc} [{elapsed}]", desc="bound") as bar,

@@ -7,8 +7,7 @@ from pathlib import Path
 import click
 from tqdm import tqdm
 
-from edtk.atomic import require_writable
-from edtk.commands.shared import FilePath, mistakes_in
+from edtk.commands.shared import FilePath, Range, mistakes_in, require_output
 
 
 @click.command("relax")
@@ -17,7 +16,7 @@ from edtk.commands.shared import FilePath, mistakes_in
 @click.option("--candidates", type=click.IntRange(min=1), help="Candidate poses [default: the study's].")
 @click.option("--continuous", is_flag=True, help="Leave the candidates: search over all feasible poses.")
 @click.option("--seed", type=click.IntRange(min=0), help="Seed [default: the study's].")
-@click.option("--memory", type=click.FloatRange(min=0), default=1000, show_default=True, help="Limit on memory [MB].")
+@click.option("--memory", type=Range(min=0), default=1000, show_default=True, help="Limit on memory [MB].")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 @click.option("--out", type=FilePath, help="Write poses and weights (CSV).")
 def command(
@@ -39,8 +38,7 @@ def command(
     from edtk.study.relaxed import relaxed_plan
 
     loaded = load_study(study)
-    if out is not None:
-        require_writable(out)
+    require_output(out, study)
     interrupted = False
     with (
         tqdm(unit="step", file=sys.stderr, bar_format="{desc} [{elapsed}]", desc="candidates") as bar,

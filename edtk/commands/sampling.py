@@ -11,15 +11,14 @@ from typing import Any
 import click
 from tqdm import tqdm
 
-from edtk.atomic import require_writable
-from edtk.commands.shared import FilePath
+from edtk.commands.shared import FilePath, Range, require_output
 from edtk.errors import UserError
 
 Command = Callable[..., None]
 _OPTIONS = (
     click.option(
         "--accuracy",
-        type=click.FloatRange(min=1e-4, max=0.5),
+        type=Range(min=1e-4, max=0.5),
         help="Monte-Carlo error of standard deviations, relative.  [default: 0.01]",
     ),
     click.option("--most", type=click.IntRange(min=1), help="Limit on steps.  [default: 60000]"),
@@ -43,7 +42,7 @@ class Sampling:
         """Names of the options that are given."""
         return [f"--{name}" for name, value in vars(self).items() if value is not None]
 
-    def require_writable(self, *inputs: Path) -> None:
+    def require_writable(self, *inputs: Path | None) -> None:
         """Check, before long work, that the files can be written, are none of the inputs, and ArviZ is there.
 
         Raises:
@@ -55,10 +54,8 @@ class Sampling:
         if self.export is not None:
             require_arviz(self.export)
         for path in (self.chain, self.export):
-            if path is not None:
-                require_writable(path)
-                if any(path.resolve() == other.resolve() for other in inputs):
-                    raise UserError(f"{path}: is read by this command; expected another file to write")
+            require_output(path, *inputs)
+        require_output(self.export, self.chain)
 
     @contextmanager
     def arguments(self, source: Path, seed: int) -> Iterator[dict[str, Any]]:

@@ -1,18 +1,45 @@
 """What several commands have in common."""
 
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
+from edtk.atomic import require_writable
 from edtk.errors import UserError
 
 if TYPE_CHECKING:
     from edtk.parallel import Team
 
 FilePath = click.Path(path_type=Path, dir_okay=False)
+
+
+class Range(click.FloatRange):
+    """A range that holds no NaN."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """The number."""
+        number = super().convert(value, param, ctx)
+        if math.isnan(number):
+            self.fail(f"{value!r} is not in the range {self._describe_range()}.", param, ctx)
+        return number
+
+
+def require_output(path: Path | None, *inputs: Path | None) -> None:
+    """Check, before long work, that a file can be written, and is none of those that the command reads.
+
+    Raises:
+        UserError: It is one of them.
+        OSError: It cannot be written.
+    """
+    if path is None:
+        return
+    if any(other is not None and path.resolve() == other.resolve() for other in inputs):
+        raise UserError(f"{path}: is read by this command; expected another file to write")
+    require_writable(path)
 
 
 @contextmanager

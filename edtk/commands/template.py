@@ -4,8 +4,8 @@ from pathlib import Path
 
 import click
 
-from edtk.atomic import atomic_path, require_writable
-from edtk.commands.shared import FilePath
+from edtk.atomic import atomic_path
+from edtk.commands.shared import FilePath, require_output
 
 
 @click.command("template")
@@ -24,7 +24,7 @@ def command(study: Path, plan: Path, positions: bool, out: Path | None) -> None:
     loaded = load_study(study)
     measured = loaded.load_plan(plan)
     if out is not None:
-        require_writable(out)
+        require_output(out, study, plan)
         require_empty(out)
     if measured.experiments > 1_000_000:
         raise click.UsageError(f"{plan}: {measured.experiments} experiments; expected 1000000 at most for a sheet")

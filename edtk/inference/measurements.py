@@ -50,12 +50,12 @@ class Measurements:
     @cached_property
     def pose(self) -> NDArray[np.int_]:
         """Number (m,) of each row's pose and load, counted from 0 in order of appearance."""
-        return _numbers(self.q, self.wrench)
+        return row_numbers(self.q, self.wrench)
 
     @cached_property
     def place(self) -> NDArray[np.int_]:
         """Number (m,) of each row's pose, load and marker, counted likewise."""
-        return _numbers(self.q, self.wrench, self.marker)
+        return row_numbers(self.q, self.wrench, self.marker)
 
     def regressor(self, model: ElastostaticModel) -> Array:
         """Regressors (m, rows, p) of what was measured.
@@ -123,7 +123,7 @@ class Measurements:
         return cls(q, W, deflection, noise, marker)
 
 
-def _numbers(*columns: Array) -> NDArray[np.int_]:
+def row_numbers(*columns: Array) -> NDArray[np.int_]:
     """Numbers (m,) of rows, the same for equal ones, counted from 0 in order of appearance."""
     keys = pd.util.hash_pandas_object(pd.DataFrame(np.hstack(columns) + 0.0), index=False)
     return np.asarray(pd.factorize(keys)[0])

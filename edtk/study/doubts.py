@@ -12,7 +12,7 @@ from edtk.design.plan import pose_columns
 from edtk.inference.estimate import Whitened
 from edtk.inference.identify import MAD_EFFICIENCY, Identification
 from edtk.inference.measurements import Measurements
-from edtk.study.mistakes import far, resolution_of
+from edtk.study.matching import matching, resolution_of
 from edtk.study.study import Study
 
 Array = NDArray[np.float64]
@@ -23,6 +23,7 @@ IMPOSSIBLE = 0.001  # and an alarm
 FAR_BELOW_ZERO = -3.0  # standard deviations
 WEAK = 0.5  # standard deviation over the compliance
 ALIKE = 0.99  # correlation above which two parameters are hardly told apart
+OTHER_LOAD = 0.25  # of the planned one
 ALONE, UNSEEN = 0.05, 0.005  # share of an error in one pose that the residuals show
 SHOWN = 10  # rows that are named
 
@@ -59,7 +60,7 @@ def doubts(
         rho0_bias: Error that the linear model leaves in the test pose [m]; None if it is unknown.
     """
     found = list(_units(study, data, A, fit, plan))
-    if not found:  # else all that follows is a consequence
+    if all(doubt.severity < ALARM for doubt in found):  # else all that follows is a consequence
         found += [*_signs(study, fit), *_weak(study, fit), *_noise(fit), *_outliers(fit), *_alike(study, fit)]
         found += [*_alone(study, data, A, fit), *_linear(study, fit, rho0_bias)]
     found += [*_limits(study, data), *([] if plan is None else _not_measured(study, data, plan))]
@@ -77,23 +78,30 @@ def _units(study: Study, data: Measurements, A: Array, fit: Identification, plan
 
 
 def _forces(study: Study, data: Measurements, plan: Plan | None) -> Iterator[Doubt]:
-    """Forces of another size than those of the plan, or of the study's load."""
+    """Forces of another size or direction than those of the plan, or of another size than the study's load."""
     load = study.design.load
     if plan is not None:
-        expected, whose = np.median(np.linalg.norm(plan.wrench[:, :3], axis=1)), "the plan"
+        expected, whose = plan.wrench[matching(study, data, plan).experiment], "the plan"
     elif isinstance(load, FixedLoad):
-        expected, whose = np.linalg.norm(load.always[:3]), "the study's [load]"
+        expected, whose = np.broadcast_to(load.always, data.wrench.shape), "the study's [load]"
     else:
         return
-    applied = np.median(np.linalg.norm(data.wrench[:, :3], axis=1))
-    ratio = float(applied / expected) if expected > 0 and applied > 0 else 1.0
-    if 1 / 1.5 < ratio < 1.5:
-        return
-    units = {1e-3: "kilonewtons", 1e3: "millinewtons", 1 / 9.81: "kilograms"}
-    named = [unit for factor, unit in units.items() if 1 / 1.2 < ratio / factor < 1.2]
-    why = f": are they in {named[0]}? expected newtons" if named else "; expected those that were applied, in newtons"
-    text = f"columns Fx_N to Fz_N: the forces are {ratio:.3g} times those of {whose}{why}"
-    yield Doubt(ALARM if named else WARNING, text)
+    size, applied = (np.linalg.norm(W[:, :3], axis=1) for W in (expected, data.wrench))
+    both = (size > 0) & (applied > 0)
+    ratio = float(np.median(applied[both] / size[both])) if both.any() else 1.0
+    if not 1 / 1.5 < ratio < 1.5:
+        factors = {1e-3: "kilonewtons", 1e3: "millinewtons", 1 / 9.81: "kilograms"}
+        units = [unit for factor, unit in factors.items() if 1 / 1.2 < ratio / factor < 1.2]
+        why = (
+            f": are they in {units[0]}? expected newtons" if units else "; expected those that were applied, in newtons"
+        )
+        text = f"columns Fx_N to Fz_N: the forces are {ratio:.3g} times those of {whose}{why}"
+        yield Doubt(ALARM if units else WARNING, text)
+    elif plan is not None:
+        off = np.abs(data.wrench - expected).max(axis=1) > OTHER_LOAD * np.abs(expected).max(axis=1)
+        if off.any():
+            text = f"{named('row', np.flatnonzero(off).tolist())}: the load is not the one planned in this pose"
+            yield Doubt(WARNING, f"{text}; expected it within {100 * OTHER_LOAD:g} %")
 
 
 def _ratio(study: Study, data: Measurements, A: Array, columns: slice) -> float | None:
@@ -254,11 +262,10 @@ def _limits(study: Study, data: Measurements) -> Iterator[Doubt]:
 
 
 def _not_measured(study: Study, data: Measurements, plan: Plan) -> Iterator[Doubt]:
-    """Planned poses that were not measured."""
-    factors = pose_factors(study.robot)
-    poses = far(plan.q / factors, data.q / factors, resolution_of(study))
-    if poses:
-        yield Doubt(WARNING, f"{named('pose', poses)} of the plan: not measured")
+    """Planned experiments that were not made."""
+    missing = matching(study, data, plan).missing
+    if len(missing):
+        yield Doubt(WARNING, f"{named('row', missing.tolist())} of the plan: not measured")
 
 
 def named(what: str, rows: list[int]) -> str:

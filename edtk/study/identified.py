@@ -17,7 +17,7 @@ from edtk.errors import UserError
 from edtk.inference.chain import Demand
 from edtk.inference.estimate import Estimate, SingularPlanError
 from edtk.inference.identify import Identification, NothingLeftError, identify
-from edtk.inference.measurements import Measurements
+from edtk.inference.measurements import DEFLECTION_COLUMNS, ROTATION_COLUMNS, Measurements
 from edtk.inference.robust import SigmaTooSmallError
 from edtk.study.bayes import BayesCheck, posterior_check
 from edtk.study.biased import bias_in_test_pose
@@ -28,7 +28,8 @@ from edtk.study.mistakes import mistake
 from edtk.study.study import Study
 
 Array = NDArray[np.float64]
-COORDINATES = ("dx_mm", "dy_mm", "dz_mm", "drx_deg", "dry_deg", "drz_deg")
+COORDINATES = (*DEFLECTION_COLUMNS, *ROTATION_COLUMNS)
+WRITTEN = ("k.json", "residuals.csv", "report.html")
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +101,7 @@ class Identified:
 
     def write(self, folder: Path) -> None:
         """Write `k.json`, `residuals.csv` and `report.html`, each atomically."""
-        for name in ("k.json", "residuals.csv", "report.html"):
+        for name in WRITTEN:
             require_writable(folder / name)
         with atomic_path(folder / "residuals.csv") as temporary:
             self.residuals().to_csv(temporary, index=False, float_format="%.10g")

@@ -7,7 +7,6 @@ from itertools import combinations, permutations, product
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 from scipy.stats import poisson
 
 from edtk.design import Plan, pose_factors
@@ -15,6 +14,7 @@ from edtk.design.plan import WRENCH_COLUMNS, pose_columns
 from edtk.inference import Identification, Measurements
 from edtk.inference.estimate import SingularPlanError, Whitened
 from edtk.inference.measurements import DEFLECTION_COLUMNS
+from edtk.study.matching import matching, resolution_of
 from edtk.study.study import Study
 
 Array = NDArray[np.float64]
@@ -37,29 +37,19 @@ def mistake(study: Study, data: Measurements, fit: Identification, plan: Plan | 
     return found or _copies(data) or _swapped(study, data, fit)
 
 
-def far(points: Array, others: Array, within: float) -> list[int]:
-    """Indices of the points that are farther than that, in some joint, from all others."""
-    distance = cKDTree(others).query(points, p=np.inf, distance_upper_bound=within)[0]
-    return np.flatnonzero(np.isinf(distance)).tolist()
-
-
-def resolution_of(study: Study) -> float:
-    """How far [deg, mm] a pose may be from a planned one, for the digits that a plan is printed with."""
-    return max(study.file.workspace.plan_resolution_deg, 1e-3) * (1 + 1e-9)
-
-
 def _other_pose(study: Study, data: Measurements, plan: Plan) -> str | None:
     """The first measured pose that is not planned, with the column where it is farthest from the nearest one."""
-    measured, planned = data.q / pose_factors(study.robot), plan.q / pose_factors(study.robot)
-    rows = far(measured, planned, resolution_of(study))
-    if not rows:
+    found = matching(study, data, plan)
+    rows = np.flatnonzero(found.distance > resolution_of(study))
+    if not len(rows):
         return None
-    distance, nearest = cKDTree(planned).query(measured[rows[0]], p=np.inf)
-    column = pose_columns(study.robot)[int(np.abs(measured[rows[0]] - planned[nearest]).argmax())]
+    row, nearest = rows[0], found.pose[rows[0]]
+    off = np.abs(data.q[row] - plan.q[nearest]) / pose_factors(study.robot)
+    column = pose_columns(study.robot)[int(off.argmax())]
     more = f"; {len(rows) - 1} more rows are not either" if len(rows) > 1 else ""
     return (
-        f"row {rows[0] + 1}, column {column}: the pose is not in the plan; the nearest planned one, row {nearest + 1}, "
-        f"is {distance:.3g} {column.rsplit('_')[-1]} away{more}"
+        f"row {row + 1}, column {column}: the pose is not in the plan; the nearest planned one, row {nearest + 1}, "
+        f"is {found.distance[row]:.3g} {column.rsplit('_')[-1]} away{more}"
     )
 
 
@@ -104,12 +94,13 @@ def _swapped(study: Study, data: Measurements, fit: Identification) -> str | Non
         )
     if fit.dof < 5 or not fit.scale > SUSPECT:
         return None
-    every = -(-len(data) // ENOUGH)
-    rows = data[::every]
+    rows = data
+    if len(data) > ENOUGH:  # by chance, as every second one may be of the same pose
+        rows = data[np.sort(np.random.default_rng(0).choice(len(data), ENOUGH, replace=False))]
     before = _size(study, rows, bounded=False)
     sizes = {words: _size(study, other) for words, other in _readings(study, rows)}
     best = min(sizes.values())
-    if best * BETTER > before:
+    if not best * BETTER <= before < np.inf:
         return None
     words, after = next((words, size) for words, size in sizes.items() if size <= 1.2 * best)
     return f"{words}, which makes the residuals {after:.3g} times sigma instead of {before:.3g}"

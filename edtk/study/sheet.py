@@ -34,17 +34,19 @@ def sheet(study: Study, plan: Plan, positions: bool = False) -> pd.DataFrame:
 
 
 def require_empty(path: Path) -> None:
-    """Check that a sheet in this place, if there is one, has not been filled in.
+    """Check that a file in this place, if there is one, is a sheet that has not been filled in.
 
     Raises:
-        UserError: It has; it is not to be overwritten.
+        UserError: It is something else, or has; it is not to be overwritten.
     """
-    if not path.exists():
+    if not path.exists() or not path.stat().st_size:
         return
     try:
-        there = pd.read_csv(path)
-    except ValueError:  # no table: nothing that was measured
-        return
+        there = pd.read_csv(path, comment="#")
+    except ValueError:
+        there = pd.DataFrame()
     columns = [c for c in (*DEFLECTION_COLUMNS, *LOADED_COLUMNS, *UNLOADED_COLUMNS, *ROTATION_COLUMNS) if c in there]
+    if not columns:
+        raise UserError(f"{path}: is there already and no empty sheet; expected another file")
     if there[columns].notna().to_numpy().any():
         raise UserError(f"{path}: has measurements in it; expected another file for the empty sheet")

@@ -96,7 +96,7 @@ def test_poses_that_were_not_measured():
     other = data.q.copy()
     other[[2, 5]] += np.deg2rad(1)
     found = lines(data, plan=Plan(other, data.wrench, np.ones(12, dtype=int)))
-    assert found == ("poses 3, 6 of the plan: not measured",)
+    assert found == ("rows 3, 6 of the plan: not measured",)
 
 
 @pytest.mark.parametrize(("factor", "why"), [(3, "sigma is too small"), (1 / 3, "sigma is too large")])
@@ -142,6 +142,36 @@ def test_forces_in_another_unit(factor, named, severity):
             assert named in texts[0].text
             assert texts[0].severity == severity
             assert not any("displacements" in line for line in lines(data, plan=plan))
+
+
+def _two_loads():
+    """A plan of three poses, each under two loads, the second of them repeated, and its measurements."""
+    q, W = np.repeat(PLAN.q[:6:2], 2, axis=0), np.tile([[0, 0, -2500, 0, 0, 0], [700, 0, 0, 0, 0, 0.0]], (3, 1))
+    plan = Plan(q, W, np.tile([1, 4], 3))
+    q, W = (np.repeat(x, plan.repeats, axis=0) for x in (q, W))
+    moved = simulate(STUDY.model.regressor(q, W), STUDY.compliances, STUDY.sigma, np.random.default_rng(3))[0]
+    return plan, Measurements(q, W, moved, np.tile(STUDY.sigma, (len(q), 1)), np.zeros((len(q), 3)))
+
+
+def test_the_load_is_part_of_an_experiment():
+    """Loads are compared with those planned in the same pose; one left out, or another, is named."""
+    plan, data = _two_loads()
+    assert not [line for line in lines(data, plan=plan) if "plan" in line or "forces" in line]
+    some = np.flatnonzero(np.arange(len(data)) != 5)
+    assert "row 3 of the plan: not measured" in lines(data[some], plan=plan)
+    wrench = data.wrench.copy()
+    wrench[7] = [700, 0, -2200, 0, 0, 0]
+    (line,) = [line for line in lines(replace(data, wrench=wrench), plan=plan) if "load" in line]
+    assert line.startswith("row 8: the load is not the one planned in this pose")
+
+
+def test_a_warning_of_forces_hides_no_alarm():
+    """With forces off by two a gross error is still an alarm."""
+    data = measured()
+    deflection = data.deflection.copy()
+    deflection[3, 2] += 0.01
+    severities = {d.severity for d in found(replace(data, deflection=deflection, wrench=2 * data.wrench))}
+    assert severities >= {WARNING, ALARM}
 
 
 def test_what_cannot_be_told_from_zero():

@@ -40,7 +40,7 @@ def test_columns():
 
 
 def test_a_filled_sheet_is_not_overwritten(tmp_path):
-    """A sheet with a single reading in it is refused; an empty one, or another file, is not."""
+    """A sheet with a single reading in it is refused, in whatever dialect; an empty one, or an empty file, is not."""
     path = tmp_path / "sheet.csv"
     require_empty(path)
     table = sheet(STUDY, PLAN)
@@ -50,5 +50,9 @@ def test_a_filled_sheet_is_not_overwritten(tmp_path):
     table.to_csv(path, index=False)
     with pytest.raises(UserError, match="has measurements in it"):
         require_empty(path)
+    for text in (table.to_csv(sep=";"), "# day 1\n" + table.to_csv(), "q1_deg;dx_mm\n1,5;0,3\n", 'title = "a study"\n'):
+        path.write_text(text)
+        with pytest.raises(UserError, match=r"has measurements in it|no empty sheet"):
+            require_empty(path)
     path.write_text("")
     require_empty(path)
