@@ -375,3 +375,31 @@ def test_relax_to_a_place_that_cannot_be_written(study: Path, tmp_path: Path) ->
         assert_one_line(edtk("relax", study, "--json", "--out", out), str(out if out == tmp_path else file))
     assert file.read_text() == "mine"
     assert set(tmp_path.iterdir()) == {study, file}
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "plan STUDY --size 3 --out STUDY", "plan STUDY --size 3 --keep PLAN --out PLAN",
+        "plan STUDY --size 3 --exclude PLAN --out PLAN", "relax STUDY --out STUDY", "template STUDY PLAN --out STUDY",
+        "template STUDY PLAN --out PLAN", "compensate STUDY K PLAN --out PLAN", "compensate STUDY K PLAN --out K",
+        "identify STUDY PLAN --out DIR --plan DIR/k.json", "identify STUDY PLAN --bayes --chain PLAN",
+        "bayes STUDY PLAN --chain PLAN", "bayes STUDY PLAN --export STUDY", "bayes STUDY PLAN --chain K --export K",
+    ],
+)  # fmt: skip
+def test_no_command_overwrites_what_it_reads(study: Path, tmp_path: Path, line: str) -> None:
+    """One line, before any work, and every file is as it was."""
+    plan, k = tmp_path / "plan.csv", tmp_path / "k.json"
+    plan.write_text(PLAN_3.read_text())
+    k.write_text('{"q2": 3e-7, "q3": 4e-7, "q4": 2.8e-6, "q5": 2.8e-6, "q6": 2.1e-6}')
+    before = {path: path.read_bytes() for path in (study, plan, k)}
+    named = {"STUDY": study, "PLAN": plan, "K": k, "DIR": tmp_path, "DIR/k.json": k}
+    assert_one_line(edtk(*(named.get(word, word) for word in line.split())), "is read by this command")
+    assert {path: path.read_bytes() for path in before} == before
+
+
+@pytest.mark.parametrize("line", ["plan STUDY --size 3 --budget nan", "bayes STUDY PLAN --accuracy nan"])
+def test_options_that_are_no_number(study: Path, line: str) -> None:
+    """NaN is no number of seconds, and no accuracy."""
+    named = {"STUDY": study, "PLAN": PLAN_3}
+    assert_one_line(edtk(*(named.get(word, word) for word in line.split())), "nan", "range")

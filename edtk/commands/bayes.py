@@ -68,13 +68,13 @@ def command(
     from edtk.study.bayes import bayes_check
     from edtk.study.inference_data import export
 
+    sampling.require_writable(study, plan)
     loaded = load_study(study)
     given = loaded.file.prior.noise()
     words = {"normal": math.inf, "sampled": None}
     degrees = given.nu if nu is None else words[nu] if isinstance(nu, str) else nu
     noise = Noise(given.sigma_factor if sigma_factor is None else sigma_factor, degrees)
     loaded_plan = loaded.load_plan(plan)
-    sampling.require_writable(study, plan)
     if figures is not None:
         require_writable(figures / "corner.png")
     with sampling.arguments(plan, loaded.file.seed) as arguments:

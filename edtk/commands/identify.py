@@ -53,11 +53,11 @@ def command(
     if out is not None:
         for name in WRITTEN:
             require_output(out / name, study, measurements, plan, sampling.chain)
+    sampling.require_writable(study, measurements, plan)
     loaded = load_study(study)
     planned = None if plan is None else loaded.load_plan(plan)
     found = identified(loaded, measurements, robust, not sigma_unknown, planned)
     if bayes:
-        sampling.require_writable(study, measurements, plan)
         with sampling.arguments(measurements, loaded.file.seed) as arguments:
             found = found.sampled(**arguments)
     if found.check is not None and sampling.export is not None:
