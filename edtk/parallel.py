@@ -27,10 +27,12 @@ class Team:
     Attributes:
         size: Number of pieces that are done at the same time.
         name: What a person calls it.
+        remote: Whether it is reached over a network.
     """
 
     size: int = 1
     name: str = "this machine"
+    remote: bool = False
 
     def run(self, pieces: Sequence[Callable[[], T]]) -> Iterator[tuple[int, T]]:
         """The index of each piece and its answer, in the order in which they are done.
@@ -44,7 +46,11 @@ class Team:
         work = (joblib.delayed(_numbered)(i, piece) for i, piece in enumerate(pieces))
         try:
             yield from joblib.Parallel(n_jobs=self.size, return_as="generator_unordered")(work)
-        except (CancelledError, asyncio.CancelledError, BrokenExecutor, OSError, TimeoutError) as error:
+        except (CancelledError, asyncio.CancelledError, BrokenExecutor) as error:
+            raise WorkersLostError(f"the workers of {self.name} have gone away") from error
+        except (OSError, TimeoutError) as error:
+            if not self.remote:  # a mistake in the work itself
+                raise
             raise WorkersLostError(f"the workers of {self.name} have gone away") from error
         except Exception as error:
             if type(error).__name__ == "KilledWorker":
@@ -77,11 +83,23 @@ def team(workers: int | None = None, dask: str | None = None) -> Iterator[Team]:
         if not cores:
             raise WorkersLostError(f"the Dask cluster at {dask} has no workers")
         Thread(target=_watch, args=(client, done), daemon=True).start()
-        with joblib.parallel_config(backend="dask", client=client, wait_for_workers_timeout=PATIENCE_S):
-            yield Team(max(2, cores), f"the Dask cluster at {dask}")
+        with joblib.parallel_config(backend=_backend(client)):
+            yield Team(max(2, cores), f"the Dask cluster at {dask}", remote=True)
     finally:
         done.set()
         client.close(timeout=2)
+
+
+def _backend(client: Any) -> Any:
+    """Joblib's way to a cluster, which is taken even where a single core is left of it."""
+    from joblib._dask import DaskDistributedBackend
+
+    class Backend(DaskDistributedBackend):
+        def effective_n_jobs(self, n_jobs: int) -> int:
+            """At least two: for one, joblib would do the work in this process."""
+            return max(2, super().effective_n_jobs(n_jobs))
+
+    return Backend(client=client, wait_for_workers_timeout=PATIENCE_S)
 
 
 def _client(address: str) -> Any:
@@ -91,7 +109,8 @@ def _client(address: str) -> Any:
         from distributed.comm import resolve_address
     except ModuleNotFoundError:
         raise WorkersLostError("a Dask cluster needs the extra edtk[cluster], which is not installed") from None
-    logging.getLogger("distributed").setLevel(logging.CRITICAL + 1)
+    for name in ("distributed", "distributed.client"):
+        logging.getLogger(name).setLevel(logging.CRITICAL + 1)
     try:
         resolve_address(address)  # a client that cannot even try is noisy when it is collected
         return Client(address, timeout=5, set_as_default=False)

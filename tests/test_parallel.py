@@ -30,6 +30,14 @@ DEADLY = partial(signal.raise_signal, signal.SIGKILL)
 FAULTY = partial(operator.truediv, 1, 0)
 
 
+def _wait_for(path: Path) -> None:
+    """A piece of work that another process ends."""
+    limit = time() + STARTED_S
+    while not path.exists():
+        assert time() < limit
+        sleep(0.02)
+
+
 @cache
 def relaxed():
     """The paper's problem over a few candidates."""
@@ -103,10 +111,15 @@ def test_every_piece_is_answered_once(size):
     assert sorted(Team(size).run(pieces)) == [(i, 10**i) for i in range(5)]
 
 
-def test_answers_come_when_they_are_there():
+def test_answers_come_when_they_are_there(tmp_path):
     """A piece that takes long does not hold up those after it."""
-    list(Team(2).run([partial(pow, 1, 1)] * 2))  # the processes are there
-    assert [i for i, _ in Team(2).run([partial(sleep, 2.0), NAP, partial(pow, 1, 1)])][-1] == 0
+    path = tmp_path / "others_are_done"
+    order = []
+    for i, _ in Team(2).run([partial(_wait_for, path), partial(pow, 1, 1), partial(pow, 1, 1)]):
+        order.append(i)
+        if len(order) == 2:
+            path.touch()
+    assert order[-1] == 0
 
 
 @pytest.mark.parametrize("size", [1, 2])
@@ -158,6 +171,13 @@ def test_scheduler_without_workers(cluster):
     assert perf_counter() - since < SOON_S
 
 
+def test_a_single_core_is_enough(cluster):
+    """A cluster of one core does the work itself: not a piece of it is done in this process."""
+    cluster.join(1)
+    with team(dask=cluster.address) as one:
+        assert {pid for _, pid in one.run([os.getpid] * 4)} == {cluster.workers[0].pid}
+
+
 def test_a_worker_killed_between_batches(cluster):
     """Two Dask workers, of which one is killed in the middle of the search, find the very plan that one process finds.
 
@@ -184,11 +204,12 @@ def test_a_worker_killed_at_work(cluster):
         done = [next(answers)]  # and the next ones are under way
         cluster.workers[1].kill()
         assert sorted([*done, *answers]) == [(i, None) for i in range(4)]
+        assert {pid for _, pid in both.run([os.getpid] * 4)} == {cluster.workers[0].pid}
 
 
 @pytest.mark.parametrize("who", ["scheduler", "workers"])
-def test_all_killed_at_work(cluster, monkeypatch, who):
-    """When the scheduler is killed, or every worker is, the work in progress soon ends by a message."""
+def test_all_killed_at_work(cluster, monkeypatch, capfd, who):
+    """When the scheduler is killed, or every worker is, the work in progress soon ends by a message, and no other."""
     monkeypatch.setattr(parallel, "PATIENCE_S", 2.0)
     cluster.join(2)
     killed = []
@@ -203,3 +224,4 @@ def test_all_killed_at_work(cluster, monkeypatch, who):
     with pytest.raises(WorkersLostError, match=f"{cluster.address} have gone away"):
         work()
     assert perf_counter() - killed[0] < SOON_S
+    assert "distributed" not in capfd.readouterr().err

@@ -13,7 +13,11 @@ from edtk.commands.shared import FilePath, Range, dask_option, mistakes_in, requ
 @click.command("plan")
 @click.argument("study", type=FilePath)
 @click.option("--size", type=click.IntRange(min=1), required=True, help="Number of experiments m, kept ones counted.")
-@click.option("--distinct", type=click.IntRange(min=1), help="Distinct new poses at most [default: any number].")
+@click.option(
+    "--distinct",
+    type=click.IntRange(min=1),
+    help="Distinct new poses at most [default: p(p+1)/2 + 1 of p parameters].",
+)
 @click.option("--criterion", "name", help="Criterion to optimise [default: the first that the study optimises].")
 @click.option("--keep", type=FilePath, help="Plan (CSV) of experiments that are there already.")
 @click.option("--exclude", type=FilePath, help="Plan (CSV) of poses to stay away from.")

@@ -10,6 +10,7 @@ from edtk.design.plan import Plan, pose_factors
 from edtk.design.relaxed_plan import RelaxedPlan
 
 Array = NDArray[np.float64]
+CUT_OFF = 1e-3  # relative gap of a bound beyond which a person is told
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,7 +25,7 @@ class ExactPlan:
         starts: Number of descents.
         found: How many of the plans that were refined to the end came out as this one.
         optima: How many different plans they came out as.
-        seconds: How long the search took [s].
+        seconds: How long it took [s].
         ended: Why it ended: "stagnation", "starts", "budget" or "interrupted".
     """
 
@@ -59,6 +60,11 @@ class ExactPlan:
         return self.relaxed.printed(self.bound_cost)
 
     @property
+    def bound_gap(self) -> float:
+        """How far the bound may still be below the best weights; large only if its search was cut off."""
+        return 1 - self.relaxed.best_bound / self.relaxed.cost
+
+    @property
     def efficiency(self) -> float:
         """``bound_cost / cost``: one for a plan that cannot be improved."""
         return self.bound_cost / self.cost
@@ -84,6 +90,7 @@ class ExactPlan:
             "value": self.value,
             "bound": bound if np.isfinite(bound) else None,
             "bound_searched": self.relaxed.searched is not None,
+            "bound_gap": self.bound_gap if np.isfinite(self.bound_gap) else None,
             "efficiency": self.efficiency,
             "starts": self.starts,
             "found": self.found,
@@ -99,6 +106,8 @@ class ExactPlan:
         c, whole = self.relaxed.criterion, self.whole
         factor, unit = (1e3, " mm") if c.name == "rho0" else (1.0, "")
         reach = "searched over all poses, not proved" if self.relaxed.searched is not None else "over the candidates"
+        if self.bound_gap > CUT_OFF:
+            reach += f"; its search was cut off, when it could be {100 * self.bound_gap:.2g} % better"
         kept = "" if self.kept is None else f", {self.kept.experiments} of them there already"
         lines = [
             f"{c.name}, {c.title}; {whole.experiments} experiments in {len(whole.q)} poses{kept}",

@@ -1,7 +1,7 @@
 """The search for the best plan of exactly m experiments: batches of starts, on every core, until nothing new comes."""
 
 from collections.abc import Callable
-from time import perf_counter, time
+from time import monotonic
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,7 @@ PATIENCE = 6  # batches without improvement after which the search has stagnated
 STARTS = 64 * SIZE
 FINEST, SHARPEST = 300, (1000.0, 4000.0)  # steps and soft maxima of the last descent
 GAIN = 1e-4  # relative improvement that counts
+DRAWN, REGULAR = 4000, 1e-7  # random poses, and least eigenvalue beside that of their mean, see `smallest_size`
 SAME = 1e-3  # relative difference of information below which two plans are the same
 
 
@@ -48,24 +49,24 @@ def find_plan(
     kept: Plan | None = None,
     starts: int = STARTS,
     patience: int = PATIENCE,
-    deadline: float = np.inf,
+    seconds: float = np.inf,
     team: Team = Team(),  # noqa: B008, frozen
     progress: Progress = lambda starts, cost: None,
 ) -> ExactPlan:
     """Search for the best plan of m new experiments.
 
     Batches of starts are judged in the order of their numbers, and each depends on the seed and its number alone, so
-    that the plan depends on neither the team nor its speed, unless the deadline comes first.
+    that the plan depends on neither the team nor its speed, unless the time is over first.
 
     Args:
         relaxed: The relaxation of the same design and criterion, with its bound.
         m: Number of new experiments.
-        k: Number of distinct poses at most; None for as many as could be of use.
+        k: Number of distinct poses at most; None for p(p+1)/2 + 1, as the best weights need no more.
         seed: Seed.
         kept: Experiments that are there already; the relaxation's design counts their information as shared.
         starts: Limit on the number of starts; rounded up to whole batches.
         patience: Batches without an improvement of 1e-4 after which the search ends.
-        deadline: When to return the best plan so far [s since the epoch].
+        seconds: After which to return the best plan so far.
         team: Who does the work.
         progress: Called with the number of starts so far and the best cost.
 
@@ -76,17 +77,20 @@ def find_plan(
         TooFewError: So few experiments cannot identify all parameters.
         WorkersLostError: The team has gone away.
     """
-    since = perf_counter()
+    since = monotonic()
     design, criterion = relaxed.design, relaxed.criterion
     places = min(m, design.model.p * (design.model.p + 1) // 2 + 1) if k is None else k
     require_enough(design, m, places)
     record = _Record(design)
 
     def batch(i: int) -> Batch:
-        return Batch(design, criterion, m, places, relaxed.x, relaxed.weights, (seed, m, places, i), deadline)
+        return Batch(design, criterion, m, places, relaxed.x, relaxed.weights, (seed, m, places, i), left())
+
+    def left() -> float:
+        return since + seconds - monotonic()
 
     try:
-        ended = _search(batch, -(-starts // SIZE), patience, deadline, team, record, progress)
+        ended = _search(batch, -(-starts // SIZE), patience, left, team, record, progress)
     except KeyboardInterrupt:
         if not record.costs:
             raise
@@ -95,14 +99,14 @@ def find_plan(
     plan = design.plan(x, repeats.astype(int))
     cost = float(criterion.cost(design.information(plan)))
     found, optima = record.census()
-    return ExactPlan(relaxed, plan, kept, cost, record.batches * SIZE, found, optima, perf_counter() - since, ended)
+    return ExactPlan(relaxed, plan, kept, cost, record.batches * SIZE, found, optima, monotonic() - since, ended)
 
 
 def _search(
     batch: Callable[[int], Batch],
     most: int,
     patience: int,
-    deadline: float,
+    left: Callable[[], float],
     team: Team,
     record: "_Record",
     progress: Progress,
@@ -115,7 +119,7 @@ def _search(
             progress(record.batches * SIZE, record.cost)
             if record.idle >= patience:
                 return "stagnation"
-        if time() >= deadline:
+        if left() <= 0:
             return "budget"
     return "starts"
 
@@ -133,20 +137,25 @@ def require_enough(design: PoseDesign, m: int, places: int) -> None:
 
 
 def smallest_size(design: PoseDesign) -> int:
-    """The least number of experiments, at random poses, whose information is regular.
+    """The least number of experiments whose information is regular, each taken for the most that it adds.
+
+    What is taken, of random poses, has the largest determinant beside those that are there, of rank first; a pose that
+    adds a direction is not passed over, and p of them have them all.
 
     Raises:
         RankDeficientError: No number of experiments can identify all parameters.
     """
-    p = design.model.p
-    problem = CandidateSource(design, 0, workers=1).take(16 * p).problem
+    problem = CandidateSource(design, 0, workers=1).take(DRAWN).problem
     problem.require_identifiable()
-    blocks = problem.blocks().reshape(16, p, p, p)
-    sums = np.cumsum(blocks, axis=1)
-    scale = np.sqrt(np.maximum(np.diagonal(sums[:, -1], axis1=-2, axis2=-1), np.finfo(float).tiny))
-    least = np.linalg.eigvalsh(sums / (scale[:, None, :, None] * scale[:, None, None, :]))[..., 0]
-    regular = (least > 1e-10).any(axis=0)
-    return int(regular.argmax()) + 1 if regular.any() else p
+    p = design.model.p
+    T = whitener(problem.mean)
+    blocks = T.T @ problem.blocks() @ T
+    M = 1e-9 * np.eye(p)
+    for size in range(1, p + 1):
+        M = M + blocks[int(np.linalg.slogdet(M + blocks).logabsdet.argmax())]
+        if np.linalg.eigvalsh(M)[0] > REGULAR:
+            return size
+    return p
 
 
 class _Record:

@@ -1,7 +1,8 @@
 """One batch of a search for exact plans: many starts, a coarse descent, and a fine one of the best."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from time import time
+from time import monotonic
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,7 +38,7 @@ class Batch:
         support: Design variables (s, v) of the relaxed design.
         weights: Their weights (s,).
         seed: Seed of this batch.
-        deadline: When to come back with what there is [s since the epoch].
+        seconds: After which to come back with what there is, counted from the call.
     """
 
     design: PoseDesign
@@ -47,28 +48,29 @@ class Batch:
     support: Array
     weights: Array
     seed: tuple[int, ...]
-    deadline: float = np.inf
+    seconds: float = np.inf
 
     def __call__(self) -> tuple[Array, Starts]:
         """Costs (e,) of the plans that were refined to the end, the best first, and these plans."""
+        end = monotonic() + self.seconds
         with threadpool_limits(1):  # the sum of a product may depend on the number of threads
-            return self._search()
+            return self._search(lambda: monotonic() >= end)
 
-    def _search(self) -> tuple[Array, Starts]:
+    def _search(self, late: Callable[[], bool]) -> tuple[Array, Starts]:
         support = Candidates(self.support, self.design.problem(self.support))
         plans = starts(self.criterion, self.m, self.k, support, self.weights, self._fresh(0), SIZE, self.seed)
-        costs, plans = self._refined(plans, COARSE, BLUNT)
+        costs, plans = self._refined(plans, COARSE, BLUNT, late)
         order = np.argsort(costs, kind="stable")
         plans, costs = plans[order], costs[order]
         finite = np.flatnonzero(np.isfinite(costs))
         M = information(self.design.at(plans.x[finite]), plans.repeats[finite])
         plans = plans[finite[distinct(M, whitener(M[0]), 1e-3)[:ELITE]]] if len(finite) else plans[order[:1]]
-        costs, plans = self._refined(plans, FINE, SHARP)
+        costs, plans = self._refined(plans, FINE, SHARP, late)
         for turn in range(1, ROUNDS):
-            if self._late():
+            if late():
                 break
             tried = self._exchanged(plans, self._fresh(turn))
-            found, tried = self._refined(tried, FINE, SHARP)
+            found, tried = self._refined(tried, FINE, SHARP, late)
             better = found < costs * (1 - 1e-6)
             if not better.any():
                 break
@@ -80,16 +82,15 @@ class Batch:
         order = np.argsort(costs, kind="stable")
         return costs[order], plans[order]
 
-    def _late(self) -> bool:
-        return time() >= self.deadline
-
     def _fresh(self, turn: int) -> Candidates:
         """Feasible candidates of this batch's own."""
         return CandidateSource(self.design, (*self.seed, turn), workers=1).take(POOL)
 
-    def _refined(self, plans: Starts, iterations: int, sharpness: tuple[float, ...]) -> tuple[Array, Starts]:
+    def _refined(
+        self, plans: Starts, iterations: int, sharpness: tuple[float, ...], late: Callable[[], bool]
+    ) -> tuple[Array, Starts]:
         """Costs and plans after a descent of all of them."""
-        x, costs = refine(self.design, self.criterion, plans.x, plans.repeats, iterations, sharpness, self._late)
+        x, costs = refine(self.design, self.criterion, plans.x, plans.repeats, iterations, sharpness, late)
         return costs, Starts(x, plans.repeats)
 
     def _exchanged(self, plans: Starts, fresh: Candidates) -> Starts:

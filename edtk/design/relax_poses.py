@@ -55,8 +55,8 @@ def relax_poses(
     gap: float = 1e-6,
     tolerance: float = 1e-5,
     memory_mb: float = MEMORY_MB,
-    candidates: Candidates | None = None,
     progress: Progress = lambda stage, gap: None,
+    stop: Callable[[], bool] = lambda: False,
 ) -> RelaxedPlan:
     """The best weights over the first n candidates of a source, and on request over all feasible poses.
 
@@ -73,8 +73,8 @@ def relax_poses(
         gap: Relative gap to prove on the candidates.
         tolerance: Relative gap at which the search over the continuum ends; half of it may be spent on merging.
         memory_mb: Limit on memory [MB].
-        candidates: The first n candidates, where they are at hand.
         progress: Called with the stage and its relative gap.
+        stop: Asked, in the continuum, whether the bound that is proved or searched so far is enough.
 
     Raises:
         MemoryLimitError: The limit leaves no room for candidates.
@@ -88,16 +88,14 @@ def relax_poses(
     run = _Run(source, n, criterion, gap, tolerance, progress)
     fit = capacity(source.design.model.p, source.design.size, memory_mb)
     try:
-        head = run.candidates(min(n, fit)) if candidates is None else candidates
-        if len(head.x) > n:
-            head = head[np.arange(n)]
+        head = run.candidates(min(n, fit))
         active = run.solve(head)
         if n > len(head.x) or continuous:
             active = run.reduced(active)
         if n > len(head.x):
             active = run.beyond_memory(active)
         if continuous:
-            run.continuum(active, head)
+            run.continuum(active, head, stop)
     except KeyboardInterrupt as interrupt:
         if run.best is None:
             raise
@@ -191,7 +189,7 @@ class _Run:
             active = active.over(active.poses + dearest, self.gap / 2)
         return active
 
-    def continuum(self, active: Active, head: Candidates) -> None:
+    def continuum(self, active: Active, head: Candidates, stop: Callable[[], bool]) -> None:
         """Ascent after ascent, until the dearest pose found anywhere is within the tolerance."""
         away, last = 1.0, active.support
         for turn in range(ROUNDS):
@@ -210,6 +208,8 @@ class _Run:
                 design = active.merged(0.5 * self.tolerance, self.gap, last)
                 self._spend("continuous")
                 self._keep(active, self.n, proved, searched, design)
+                return
+            if stop():
                 return
             active, last = active.over(active.poses + found, max(0.5 * self.gap, 0.03 * away)), found
 

@@ -6,10 +6,13 @@ from numpy.typing import NDArray
 from criteria import Criterion
 
 Array = NDArray[np.float64]
+CHUNK = 20_000  # moves that are judged at once
 
 
 def best_repeats(criterion: Criterion, blocks: Array, repeats: Array) -> Array:
-    """Move one measurement from one pose to another, as long as that lowers the cost; the steepest move first.
+    """Move measurements from one pose to another, as long as that lowers the cost; the steepest move first.
+
+    Of many measurements many are moved at once to begin with, half as many when that no longer helps, and so on.
 
     Args:
         criterion: What to improve.
@@ -17,16 +20,23 @@ def best_repeats(criterion: Criterion, blocks: Array, repeats: Array) -> Array:
         repeats: Whole numbers to start from (k,); zero is allowed.
 
     Returns:
-        Whole numbers (k,) of the same sum; none of the k (k - 1) single moves lowers their cost.
+        Whole numbers (k,) of the same sum; none of the k (k - 1) moves of a single measurement lowers their cost.
     """
-    r = np.array(repeats, dtype=float)
-    moves = np.eye(len(r))[:, None] - np.eye(len(r))[None]  # from the second index to the first
-    cost = float(criterion.cost(np.tensordot(r, blocks, 1)))
-    while len(r) > 1:
-        trial = r + moves
-        costs = np.where((trial >= 0).all(axis=-1), criterion.cost(np.tensordot(trial, blocks, 1)), np.inf)
-        best = np.unravel_index(int(costs.argmin()), costs.shape)
-        if not costs[best] < cost * (1 - 1e-12):
-            break
-        r, cost = trial[best], float(costs[best])
+    r, k = np.array(repeats, dtype=float), len(repeats)
+    M = np.tensordot(r, blocks, 1)
+    cost = float(criterion.cost(M))
+    moved = 2.0 ** np.floor(np.log2(max(1.0, r.sum() / k)))
+    while k > 1 and moved >= 1:
+        costs = np.empty((k, k))  # to the first pose from the second
+        for part in np.array_split(np.arange(k), -(-k * k // CHUNK)):
+            costs[part] = criterion.cost(M + moved * (blocks[part, None] - blocks))
+        costs[:, r < moved] = np.inf
+        to, source = divmod(int(costs.argmin()), k)
+        if not costs[to, source] < cost * (1 - 1e-12):
+            moved /= 2
+            continue
+        r[to] += moved
+        r[source] -= moved
+        M = np.tensordot(r, blocks, 1)
+        cost = float(criterion.cost(M))
     return r

@@ -1,7 +1,8 @@
 """The exact plan that a study asks for."""
 
 from collections.abc import Callable
-from time import time
+from dataclasses import replace
+from time import monotonic
 
 import numpy as np
 
@@ -9,10 +10,7 @@ from edtk.design import (
     EmptyFeasibleSetError,
     ExactPlan,
     Plan,
-    PlanInterrupted,
-    PoseDesign,
     RankDeficientError,
-    RelaxedPlan,
     TooFewError,
     find_plan,
 )
@@ -23,6 +21,7 @@ from edtk.study.relaxed import relaxed_plan
 from edtk.study.study import Study
 
 Progress = Callable[[str], object]
+MOST_PLACES = 200  # distinct poses: descents hold matrices of the square of their number
 
 
 def planned(
@@ -42,10 +41,10 @@ def planned(
         study: The question.
         size: Number of experiments, those that are there already counted.
         name: Name of a criterion.
-        distinct: Number of distinct new poses at most; None for any.
+        distinct: Number of distinct new poses at most; None for p(p+1)/2 + 1, as the best weights need no more.
         kept: Experiments that are there already.
-        budget: Seconds after which to return the best plan so far; None for no limit. At least the relaxation over
-            the candidates, and one round of starts, are made.
+        budget: Seconds after which to return the best plan so far; None for no limit. The bound takes half of it at
+            most; at least the relaxation over the candidates, and one round of starts, are made.
         seed: Seed; None for the study's.
         team: Who does the work.
         progress: Called with a line about where it stands.
@@ -53,28 +52,39 @@ def planned(
     Raises:
         UserError: One line that says what cannot be done, and where.
     """
-    deadline = np.inf if budget is None else time() + budget
+    since, limit = monotonic(), np.inf if budget is None else budget
     there = 0 if kept is None else kept.experiments
     new = size - there
     if new < 1:
         raise UserError(f"--size {size}: {there} experiments are kept; expected more than that")
     if distinct is not None and distinct > new:
         raise UserError(f"--distinct {distinct}: expected at most {new}, the number of new experiments")
+    if (distinct or 0) > MOST_PLACES:
+        raise UserError(f"--distinct {distinct}: expected at most {MOST_PLACES}")
     design = study.design if kept is None else study.design.beside(study.design.information(kept), new)
     try:
         require_enough(design, new, new if distinct is None else distinct)
-        relaxed = _relaxed(study, name, design, seed, deadline, progress)
-        return find_plan(
+        relaxed = relaxed_plan(
+            study,
+            name,
+            seed=seed,
+            continuous=True,
+            design=design,
+            progress=lambda stage, gap: progress(f"bound: {stage}"),
+            stop=lambda: monotonic() >= since + limit / 2,
+        )
+        found = find_plan(
             relaxed,
             new,
             distinct,
             study.file.seed if seed is None else seed,
             kept,
             starts=STARTS,
-            deadline=deadline,
+            seconds=since + limit - monotonic(),
             team=team,
             progress=lambda starts, cost: progress(f"{starts} starts"),
         )
+        return replace(found, seconds=monotonic() - since)
     except TooFewError as error:
         which = "--size" if new < error.least else "--distinct"
         total = f"; with the {there} kept ones: {there + error.least}" if there and which == "--size" else ""
@@ -85,22 +95,3 @@ def planned(
         raise study.error("joints.unknown", str(error)) from error
     except WorkersLostError as error:
         raise UserError(str(error)) from error
-
-
-def _relaxed(
-    study: Study, name: str, design: PoseDesign, seed: int | None, deadline: float, progress: Progress
-) -> RelaxedPlan:
-    """The relaxation over all feasible poses, or what there is of it when half of the time is over."""
-    half = 0.5 * (time() + deadline)
-
-    def report(stage: str, gap: float) -> None:
-        progress(f"bound: {stage}")
-        if stage == "continuum" and time() >= half:
-            raise KeyboardInterrupt
-
-    try:
-        return relaxed_plan(study, name, seed=seed, continuous=True, design=design, progress=report)
-    except PlanInterrupted as interrupt:
-        if time() < half:
-            raise
-        return interrupt.best

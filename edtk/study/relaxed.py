@@ -1,8 +1,9 @@
 """The relaxation that a study asks for."""
 
+from collections.abc import Callable
+
 import criteria
 from edtk.design import (
-    Candidates,
     CandidateSource,
     EmptyFeasibleSetError,
     MemoryLimitError,
@@ -12,7 +13,7 @@ from edtk.design import (
     RelaxedPlan,
     relax_poses,
 )
-from edtk.design.relax_poses import MEMORY_MB, Progress, capacity
+from edtk.design.relax_poses import MEMORY_MB, Progress
 from edtk.errors import UserError
 from edtk.study.study import Study
 
@@ -20,19 +21,6 @@ from edtk.study.study import Study
 def source_of(study: Study, seed: int | None = None, design: PoseDesign | None = None) -> CandidateSource:
     """Where the study's candidates come from; `design` takes the place of the study's own."""
     return CandidateSource(design or study.design, (study.file.seed if seed is None else seed, 0), study.file.sampling)
-
-
-def candidates_of(study: Study, memory_mb: float = MEMORY_MB) -> Candidates:
-    """The study's candidates, as many as memory allows.
-
-    Raises:
-        UserError: No feasible pose turns up.
-    """
-    fit = capacity(study.model.p, study.robot.n, memory_mb)
-    try:
-        return source_of(study).take(min(study.file.candidates, fit))
-    except EmptyFeasibleSetError as error:
-        raise study.error("workspace", str(error)) from error
 
 
 def relaxed_plan(
@@ -43,9 +31,9 @@ def relaxed_plan(
     continuous: bool = False,
     tolerance: float = 1e-5,
     memory_mb: float = MEMORY_MB,
-    candidates: Candidates | None = None,
     design: PoseDesign | None = None,
     progress: Progress = lambda stage, gap: None,
+    stop: Callable[[], bool] = lambda: False,
 ) -> RelaxedPlan:
     """`relax_poses` for one criterion of a study.
 
@@ -57,9 +45,9 @@ def relaxed_plan(
         continuous: Whether to leave the candidates.
         tolerance: Relative gap at which the search over the continuum ends.
         memory_mb: Limit on memory [MB].
-        candidates: The study's candidates, where they are at hand.
         design: What takes the place of the study's own; None for that.
         progress: Called with the stage and its relative gap.
+        stop: Asked, in the continuum, whether the bound so far is enough.
 
     Raises:
         UserError: One line that says what cannot be done, and where.
@@ -74,8 +62,8 @@ def relaxed_plan(
             continuous,
             tolerance=tolerance,
             memory_mb=memory_mb,
-            candidates=candidates,
             progress=progress,
+            stop=stop,
         )
     except EmptyFeasibleSetError as error:
         raise study.error("workspace", str(error)) from error

@@ -8,6 +8,7 @@ import pandas as pd
 import criteria
 from edtk.atomic import write_text
 from edtk.design import RelaxedPlan
+from edtk.design.multistart import SIZE
 from edtk.study.figures import by_size, heat_map, save, unit_of
 from edtk.study.markdown import markdown_table
 from edtk.study.study import Study
@@ -61,10 +62,11 @@ def _setting(study: Study) -> str:
     """One paragraph on what was asked."""
     file = study.file
     unknown = ", ".join(study.model.parameters)
+    least, most = (SIZE * -(-n // SIZE) for n in (file.starts, file.descents(file.main)))
     return (
         f"Robot {study.robot.name}; unknown compliances {unknown}; {file.load.describe()}; "
         f"sigma = {file.measurement.sigma_mm:g} mm per coordinate; {file.candidates} candidate poses; at most "
-        f"{file.starts} descents per plan, four times as many for {file.main}.\n"
+        f"{least} descents per plan, {most} for {file.main}.\n"
     )
 
 

@@ -12,19 +12,20 @@ import pandas as pd
 import criteria
 import edtk
 from edtk.atomic import atomic_path
-from edtk.design import Candidates, EmptyFeasibleSetError, Plan, RankDeficientError, RelaxedPlan, TooFewError, find_plan
+from edtk.design import EmptyFeasibleSetError, Plan, RankDeficientError, RelaxedPlan, TooFewError, find_plan
+from edtk.design.candidates import sample_feasible
 from edtk.design.find_plan import smallest_size
+from edtk.design.refine import information
 from edtk.errors import UserError
 from edtk.parallel import Team, WorkersLostError
 from edtk.study.ledger import Ledger, ledger_of
-from edtk.study.relaxed import candidates_of, relaxed_plan, source_of
+from edtk.study.relaxed import relaxed_plan, source_of
 from edtk.study.report import write_report
 from edtk.study.study import Study
 
 Progress = Callable[[str], object]
 TOLERANCE = 1e-4  # of the search over the continuum
 OURS = re.compile(r"(optimised|distinct|random)_(.+_)?m\d+(_k\d+)?")  # names of plans that a run writes
-THOROUGH = 4  # times as many starts for the criterion that the study is about
 RANDOM = 101  # random plans, of which the median is shown
 PLACES = 8  # distinct poses up to which fewer are compared with more
 
@@ -79,7 +80,7 @@ class _Planning:
 
     def __call__(self) -> dict[str, Any]:
         file = self.study.file
-        starts = file.starts * (THOROUGH if self.case.optimised == file.main else 1)
+        starts = file.descents(self.case.optimised)
         try:
             found = find_plan(self.relaxed, self.case.size, self.case.places, file.seed, starts=starts)
         except TooFewError as error:
@@ -118,18 +119,18 @@ def run_study(
         UserError: No feasible poses, the candidates cannot identify all parameters, or the workers are lost.
     """
     published = study.published_plans()
-    candidates = candidates_of(study)
-    progress("candidates")
+    questions = _questions(study)
+    progress("questions")
     ledger = ledger_of(study, out / "cases")
     if fresh:
         ledger.forget(())
     try:
         relaxed = _relaxations(study, ledger, team, progress)
-        cases = _searched(study, relaxed, ledger, team, progress)
+        cases = _searched(study, questions, relaxed, ledger, team, progress)
     except WorkersLostError as error:
         raise UserError(f"{error}; what is finished is kept, run again to go on") from error
     for i, size in enumerate(study.file.sizes):
-        cases.append(_random(study, candidates, size, i))
+        cases.append(_random(study, size, i))
         progress(cases[-1].name)
     cases += [Case("published", "", plan.experiments, plan) for plan in published.values()]
     table = _table(study, cases, relaxed)
@@ -181,10 +182,14 @@ def _relaxations(study: Study, ledger: Ledger, team: Team, progress: Progress) -
 
 
 def _searched(
-    study: Study, relaxed: dict[str, RelaxedPlan], ledger: Ledger, team: Team, progress: Progress
+    study: Study,
+    questions: list[Case],
+    relaxed: dict[str, RelaxedPlan],
+    ledger: Ledger,
+    team: Team,
+    progress: Progress,
 ) -> list[Case]:
     """The plans that were searched for, or why there is none."""
-    questions = _questions(study)
     hardest_first = sorted(questions, key=lambda case: -case.size)
     pieces = {case.name: _Planning(study, relaxed[case.optimised], case) for case in hardest_first}
     answers = _answered(pieces, ledger, team, progress)
@@ -215,17 +220,14 @@ def _answered(
     return answers
 
 
-def _random(study: Study, candidates: Candidates, size: int, stream: int) -> Case:
-    """Of many plans of candidates drawn at random, from a stream of its own, the one of median worth."""
-    rng = np.random.default_rng([study.file.seed, 2, stream])
-    n = len(candidates.x)
-    drawn = np.array([rng.choice(n, size=size, replace=size > n) for _ in range(RANDOM)])
-    blocks = candidates.problem.blocks(drawn.ravel()).reshape(RANDOM, size, study.model.p, study.model.p)
-    costs = study.criterion(study.file.main).cost(blocks.sum(axis=1))
+def _random(study: Study, size: int, stream: int) -> Case:
+    """Of many plans of feasible poses drawn at random, from a stream of its own, the one of median worth."""
+    x = sample_feasible(study.design, RANDOM * size, (study.file.seed, 2, stream)).reshape(RANDOM, size, -1)
+    costs = study.criterion(study.file.main).cost(information(study.design.at(x), np.ones((RANDOM, size))))
     middle = int(np.argsort(costs, kind="stable")[RANDOM // 2])
     if not np.isfinite(costs[middle]):
         return Case("random", "", size, reason="such a plan cannot identify all parameters")
-    return Case("random", "", size, study.design.plan(candidates.x[drawn[middle]], np.ones(size, dtype=int)))
+    return Case("random", "", size, study.design.plan(x[middle], np.ones(size, dtype=int)))
 
 
 def _write_plans(study: Study, cases: list[Case], folder: Path) -> None:

@@ -13,6 +13,8 @@ from edtk.model import Constraint, Height, Radius, Tilt, transform
 Array = NDArray[np.float64]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[Finite, Field(gt=0)]
+Sigma = Annotated[Finite, Field(ge=1e-9)]  # less is no measurement's, and squares underflow
+Compliance = Annotated[Finite, Field(ge=1e-30, le=1e30)]
 Vector3 = tuple[Finite, Finite, Finite]
 ZERO: Vector3 = (0.0, 0.0, 0.0)
 
@@ -90,8 +92,8 @@ class Measurement(_Table):
     """What is measured, and how well."""
 
     rows: Literal["position", "pose"] = "position"
-    sigma_mm: Positive
-    sigma_deg: Positive | None = None
+    sigma_mm: Sigma
+    sigma_deg: Sigma | None = None
 
 
 class Joints(_Table):
@@ -143,8 +145,8 @@ class Marginal(_Table):
     """What is known of one compliance before the measurements."""
 
     kind: Literal["flat", "half-normal", "log-normal"]
-    scale_rad_per_Nm: Positive | None = None
-    median_rad_per_Nm: Positive | None = None
+    scale_rad_per_Nm: Compliance | None = None
+    median_rad_per_Nm: Compliance | None = None
     factor: Annotated[Finite, Field(gt=1)] | None = None
 
     @model_validator(mode="after")
@@ -219,7 +221,18 @@ class StudyFile(_Table):
     simulation: Simulation | None = None
     prior: PriorTable = PriorTable()
 
+    @field_validator("criteria", "optimise", "sizes")
+    @classmethod
+    def _once_each(cls, given: tuple[object, ...]) -> tuple[object, ...]:
+        if twice := [entry for entry in given if given.count(entry) > 1]:
+            raise PydanticCustomError("twice", "{entry} is listed twice", {"entry": repr(twice[0])})
+        return given
+
     @property
     def main(self) -> str:
         """The criterion that the study is about: rho0 where it is optimised, else the first that is."""
         return "rho0" if "rho0" in self.optimise else self.optimise[0]
+
+    def descents(self, name: str) -> int:
+        """How many, at most, a search for one plan makes: four times as many for the criterion that it is about."""
+        return self.starts * (4 if name == self.main else 1)

@@ -21,8 +21,8 @@ PAPERS = ROOT / "studies" / "plans" / "table_4_3.csv"
 POSES = [f"q{i}_deg" for i in range(1, 7)]
 FORCES = ["Fx_N", "Fy_N", "Fz_N"]
 WRENCH = [*FORCES, "Tx_Nm", "Ty_Nm", "Tz_Nm"]
-KEYS = ["criterion", "experiments", "value", "bound", "bound_searched", "efficiency", "starts", "found", "optima"]
-KEYS += ["ended", "seconds", "constraint_violation", "plan"]
+KEYS = ["criterion", "experiments", "value", "bound", "bound_searched", "bound_gap", "efficiency", "starts", "found"]
+KEYS += ["optima", "ended", "seconds", "constraint_violation", "plan"]
 LOADS = {
     "bounded": "F_max_N = 2500\ndirection = [0, 0, -2]",
     "free": "F_max_N = 2500",

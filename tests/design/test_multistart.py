@@ -16,11 +16,11 @@ from edtk.design.start import starts
 
 
 @cache
-def batch(name="rho0", m=4, k=4, seed=(0,), deadline=np.inf, design=KR270):
+def batch(name="rho0", m=4, k=4, seed=(0,), seconds=np.inf, design=KR270):
     """A batch after a relaxation over a few candidates."""
     criterion = STUDY.criterion("rho0") if name == "rho0" else create(name)
     plan = relax_poses(CandidateSource(design, 0, "sobol", workers=1), 200, criterion)
-    return Batch(design, criterion, m, k, plan.x, plan.weights, seed, deadline)
+    return Batch(design, criterion, m, k, plan.x, plan.weights, seed, seconds)
 
 
 @cache
@@ -87,7 +87,7 @@ def test_it_depends_on_itself_alone():
 
 def test_one_thread(monkeypatch):
     """Its products are sums in one thread, whatever is allowed outside, so that their rounding is always the same."""
-    monkeypatch.setattr(Batch, "_search", lambda self: [pool["num_threads"] for pool in threadpool_info()])
+    monkeypatch.setattr(Batch, "_search", lambda self, late: [pool["num_threads"] for pool in threadpool_info()])
     with threadpool_limits(2):
         assert set(batch()()) == {1}
 
@@ -98,7 +98,7 @@ def test_seeds_differ():
 
 
 @pytest.mark.parametrize("args", CASES)
-def test_a_deadline_in_the_past(args):
+def test_no_time(args):
     """A batch that is late from the beginning makes its starts, no descent, and comes back with feasible plans."""
     late = (*args, (0,), 0.0)
     assert_sound(batch(*late), *answer(*late))

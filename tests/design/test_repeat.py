@@ -97,3 +97,17 @@ def test_the_start_is_not_changed():
     start = np.array([1, 7])
     best_repeats(criteria.create("A"), np.stack([np.diag([1 / 9, 0.0]), np.diag([0.0, 1.0])]), start)
     assert start.tolist() == [1, 7]
+
+
+@pytest.mark.parametrize("name", ["rho0", "D", "E"])
+def test_very_many_measurements(name):
+    """A hundred thousand measurements are shared out as a thousand are, a hundred times over, and no move helps."""
+    _, blocks, A0 = case(3)
+    criterion, k = criteria.create(name, A0), len(blocks)
+    few, many = (best_repeats(criterion, blocks, np.bincount([0], [m], k)) for m in (1000, 100_000))
+    assert many.sum() == 100_000
+    np.testing.assert_allclose(many / 100, few, atol=3)
+    reached = cost(criterion, blocks, many)
+    moves = np.eye(k)[:, None] - np.eye(k)
+    trial = (many + moves).reshape(-1, k)
+    assert (cost(criterion, blocks, trial[(trial >= 0).all(axis=1)]) >= reached * (1 - 1e-9)).all()

@@ -1,7 +1,6 @@
 """The exact plan of a study, from Python: its bound, its limits in time, and what cannot be done."""
 
 from pathlib import Path
-from time import perf_counter
 
 import numpy as np
 import pytest
@@ -59,16 +58,15 @@ def test_kept_repetitions_count():
 
 
 def test_a_short_budget_still_gives_a_plan():
-    """Whatever the budget, there are a bound and a feasible plan of the size asked for, within a few seconds of it."""
-    planned(STUDY, 3, "A", budget=SOON)  # what is made once only
-    since = perf_counter()
+    """Whatever the budget, there are a bound and a feasible plan of the size asked for; a bound cut off is said so."""
     found = planned(STUDY, 3, "A", budget=1e-6)
-    assert perf_counter() - since < 20
     assert found.ended == "budget"
     assert found.starts == 16
     assert found.plan.experiments == 3
     assert found.violation == 0
     assert 0 < found.bound < found.value < np.inf
+    assert 1 > found.bound_gap > 1e-3
+    assert "its search was cut off" in found.summary()
 
 
 def test_interrupted_search_has_its_best_plan(monkeypatch):

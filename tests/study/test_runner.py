@@ -9,6 +9,7 @@ import sys
 import time
 import tomllib
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -19,7 +20,7 @@ import criteria
 from edtk.cli import main
 from edtk.design import apportion, find_plan
 from edtk.errors import UserError
-from edtk.study import evaluate, load_study, run_study
+from edtk.study import evaluate, load_study, run_study, runner
 from edtk.study.ledger import ledger_of
 from edtk.study.relaxed import relaxed_plan
 from edtk.study.runner import steps
@@ -219,7 +220,6 @@ def test_ctrl_c_keeps_finished_cases_only(tmp_path):
     out = tmp_path / "out"
     with started(study, out, "--workers", 1) as process:
         wait_for(process, (out / "cases/relaxation_E.json").exists)
-        time.sleep(1)  # so that some starts of the search are done
         process.send_signal(signal.SIGINT)
         said = process.communicate(timeout=60)[1].decode()
     assert process.returncode == 130, said
@@ -228,6 +228,13 @@ def test_ctrl_c_keeps_finished_cases_only(tmp_path):
     answers = [json.loads(path.read_bytes())["answer"] for path in out.glob("cases/*.json")]
     assert all(answer.get("ended") != "interrupted" for answer in answers)
     assert set(files(out)) < {"cases/relaxation_E.json", "cases/relaxation_rho0.json", "cases/optimised_rho0_m6.json"}
+
+
+def test_what_an_interrupted_search_leaves_is_no_answer(monkeypatch):
+    """A search that Ctrl-C ended with a plan is interrupted all the same, and not kept as a case."""
+    monkeypatch.setattr(runner, "find_plan", lambda *args, **options: SimpleNamespace(ended="interrupted"))
+    with pytest.raises(KeyboardInterrupt):
+        runner._Planning(load_study(STUDIES / "kr270_milling.toml"), None, runner.Case("optimised", "rho0", 6))()
 
 
 def test_unusable_cases_are_computed_anew(done, tmp_path):
@@ -336,7 +343,7 @@ def test_progress(done):
     """Progress is reported as often as `steps` promises, the report last."""
     study, _, _, labels = done
     assert len(labels) == steps(study)
-    assert labels[:3] == ["candidates", "relaxation_rho0", "relaxation_E"]
+    assert labels[:3] == ["questions", "relaxation_rho0", "relaxation_E"]
     assert labels[-1] == "report"
 
 
