@@ -1,11 +1,12 @@
-"""How large the error |A dk| of a compensation may be: quantiles of a weighted sum of chi-squares."""
+"""How large the error |A dk| of a compensation may be: quantiles of weighted sums of chi-squares."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq
-from scipy.stats import chi2
+from scipy.stats import chi2, f
 
 Array = NDArray[np.float64]
+MIXED = 256  # nodes of the rule over the estimated noise
 NODES = 24  # the quadrature's error is of the order 3.9^-NODES, and its rounding some 60 times that of a double
 
 
@@ -33,16 +34,18 @@ def weighted_chi_square_cdf(x: ArrayLike, weights: ArrayLike) -> Array:
     return np.clip(2 * total.imag / NODES, 0.0, 1.0)
 
 
-def error_quantiles(A: Array, cov: Array, levels: ArrayLike) -> Array:
-    """Quantiles of ``|A dk|`` for normal dk with that covariance.
+def error_quantiles(A: Array, cov: Array, levels: ArrayLike, dof: float = np.inf) -> Array:
+    """Quantiles of ``|A dk|`` for errors dk with that covariance.
 
-    ``|A dk|^2 = sum_i l_i z_i^2`` with the eigenvalues l of ``A cov A'``. Its quantile lies between those of
-    ``l_1 z_1^2`` and of ``l_1 (z_1^2 + ... + z_r^2)``, l_1 being the largest, where Brent's method finds it.
+    ``|A dk|^2 = sum_i l_i z_i^2 / s`` with the eigenvalues l of ``A cov A'``, where s is one for normal dk, and
+    chi-square over its degrees of freedom, independent of z, for Student's t. The quantile lies between those of
+    ``l_1 z_1^2 / s`` and of ``l_1 (z_1^2 + ... + z_r^2) / s``, l_1 being the largest, where Brent's method finds it.
 
     Args:
         A: Regressors (..., rows, p) of the task poses [m/(rad/(N m))].
-        cov: Covariance (p, p) of the compliances.
+        cov: Covariance (p, p) of the compliances; if dof is finite, the estimated one.
         levels: Probabilities (c,) strictly between 0 and 1.
+        dof: Degrees of freedom of the covariance; inf where sigma is known.
 
     Returns:
         Quantiles (..., c) [m].
@@ -50,19 +53,25 @@ def error_quantiles(A: Array, cov: Array, levels: ArrayLike) -> Array:
     levels = np.asarray(levels, dtype=float)
     spectrum = np.maximum(np.linalg.eigvalsh(A @ cov @ np.swapaxes(A, -1, -2)), 0.0)
     found = np.zeros((*spectrum.shape[:-1], len(levels)))
+    mixed = np.ones(1), np.ones(1)
+    if np.isfinite(dof):  # Gauss' rule over the probability of s
+        nodes, shares = np.polynomial.legendre.leggauss(MIXED)
+        mixed = chi2.ppf((1 + nodes) / 2, dof) / dof, shares / 2
     for i in np.ndindex(*spectrum.shape[:-1]):
         largest = spectrum[i].max()
         if largest > 0:
-            found[i] = [np.sqrt(largest * _quantile(spectrum[i] / largest, level)) for level in levels]
+            found[i] = [np.sqrt(largest * _quantile(spectrum[i] / largest, level, dof, *mixed)) for level in levels]
     return found
 
 
-def _quantile(weights: Array, level: float) -> float:
-    """The quantile for weights whose largest is one."""
-    low, high = chi2.ppf(level, 1), chi2.ppf(level, len(weights))
+def _quantile(weights: Array, level: float, dof: float, scales: Array, shares: Array) -> float:
+    """The quantile for weights whose largest is one, s being one of some scales with such probabilities."""
+    r = len(weights)
+    law = chi2.ppf if np.isinf(dof) else lambda level, n: n * f.ppf(level, n, dof)
+    low, high = law(level, 1), law(level, r)
 
     def excess(x: float) -> float:
-        return float(weighted_chi_square_cdf(x, weights)) - level
+        return float(shares @ weighted_chi_square_cdf(x * scales, weights)) - level
 
     # With but one weight that counts, the quantile is an end of the bracket, which rounding may exclude.
     if excess(low) >= 0:

@@ -41,8 +41,8 @@ class Identification:
         p_value: Probability of so large a chi2 under the given sigma; None where that is not believed, or dof = 0.
         scale: Estimated noise over the given: sqrt(chi2/dof), or from the median absolute deviation if robust; NaN
             where dof = 0.
-        certain: Degrees of freedom of the covariance, for intervals: inf where sigma is believed, dof where it is
-            estimated, and 0.7 of it if robust, as then the residuals enter the covariance in any case.
+        covariance_dof: Degrees of freedom of the covariance, for intervals: inf where sigma is believed, dof where it
+            is estimated, and 0.7 of it if robust, as then the residuals enter the covariance in any case.
         known: Whether the given sigma is believed.
         robust: Whether the loss is Huber's.
         outliers: Rows (measurements) that do not belong to the others, counted from 0, see `edtk.inference.outliers`.
@@ -59,7 +59,7 @@ class Identification:
     dof: int
     p_value: float | None
     scale: float
-    certain: float
+    covariance_dof: float
     known: bool
     robust: bool
     outliers: NDArray[np.int_]
@@ -76,23 +76,23 @@ class Identification:
 
     @property
     def half_interval(self) -> Array:
-        """Half the width (p,) of 95 % intervals about `unbounded`: std times t with `certain` degrees of freedom."""
-        return t.ppf(0.975, self.certain) * self.std
+        """Half the width (p,) of 95 % intervals about `unbounded`: std times t of `covariance_dof`."""
+        return t.ppf(0.975, self.covariance_dof) * self.std
 
     def accuracy(self, target: Array) -> tuple[float, tuple[float, float]]:
         """rho0 = sqrt(trace(A0 cov A0')), Eq. (20), and its 95 % interval [m].
 
         ``dof s^2 / sigma^2`` has the chi-square distribution, so that the interval is rho0 times the square roots of
-        ``dof / chi2_0.975`` and ``dof / chi2_0.025``, with `certain` for dof (an approximation if robust). Where sigma
-        is known so is rho0, and the interval has no width.
+        ``dof / chi2_0.975`` and ``dof / chi2_0.025``, with `covariance_dof` for dof (an approximation if robust).
+        Where sigma is known so is rho0, and the interval has no width.
 
         Args:
             target: A0 (3, p).
         """
         value = float(np.sqrt(np.einsum("ri,ij,rj->", target, self.covariance, target)))
-        if np.isinf(self.certain):
+        if np.isinf(self.covariance_dof):
             return value, (value, value)
-        low, high = value * np.sqrt(self.certain / chi2.ppf([0.975, 0.025], self.certain))
+        low, high = value * np.sqrt(self.covariance_dof / chi2.ppf([0.975, 0.025], self.covariance_dof))
         return value, (float(low), float(high))
 
 
@@ -157,7 +157,7 @@ def _least_squares(whitened: Whitened, A: Array, measured: Array, dof: int, know
         dof=dof,
         p_value=float(chi2.sf(square, dof)) if known and dof else None,
         scale=scale,
-        certain=np.inf if known else float(dof),
+        covariance_dof=np.inf if known else float(dof),
         known=known,
         robust=False,
         outliers=find_outliers(whitened.Q, _without_rounding(z, measured * whitened.weight), dof),
@@ -168,6 +168,8 @@ def _robust(fit: Identification, whitened: Whitened, A: Array, measured: Array) 
     """The same with Huber's loss; p-values of chi2 are left out, since it is not minimised any more."""
     columns, y = whitened.Q @ whitened.R, measured * whitened.weight
     found: HuberFit = fit_huber(columns, y, fit.unbounded * whitened.scale, fit.known)
+    if not fit.known and not found.scale > 1e-11 * np.abs(y).max():
+        raise NothingLeftError("the model fits half of the measurements exactly, which leaves no estimate of sigma")
     k = found.x / whitened.scale
     bounded = k
     if (k < 0).any():
@@ -188,7 +190,7 @@ def _robust(fit: Identification, whitened: Whitened, A: Array, measured: Array) 
         p_value=None,
         scale=found.scale,
         robust=True,
-        certain=HUBER_CERTAINTY * fit.dof,
+        covariance_dof=HUBER_CERTAINTY * fit.dof,
         outliers=find_outliers(whitened.Q, _without_rounding(z, y), of_scale, trusted),
     )
 

@@ -95,7 +95,8 @@ class Measurements:
             robot: Names the columns.
             fixed: Values [rad or m] of joints, by index, that the file may leave out.
             wrench: Default wrench (6,); None where the file must say which forces are applied.
-            sigma: Noise (rows,) of each measured row [m, rad]; the first three are overridden by ``sigma_mm``.
+            sigma: Noise (rows,) of each measured row [m, rad], of the difference where positions are given; the first
+                three are overridden by ``sigma_mm``.
 
         Raises:
             PoseFileError: Names the file and the row or column.
@@ -108,6 +109,13 @@ class Measurements:
                 f"row {rows[0] + 1}, columns Fx_N to Tz_Nm: the wrench is zero; expected the load applied"
             )
         deflection = _position(table)
+        far = np.flatnonzero(np.abs(deflection).max(axis=1) > 0.1 * robot.reach)
+        if len(far) and LOADED_COLUMNS[0] in table and np.abs(_vector(table, LOADED_COLUMNS)).max() < 3e4 * robot.reach:
+            raise table.error(
+                f"row {far[0] + 1}, columns {', '.join((*UNLOADED_COLUMNS, *LOADED_COLUMNS))}: the marker moved by "
+                f"{1e3 * np.linalg.norm(deflection[far[0]]):.4g} mm under load; are columns swapped? expected "
+                "positions without and with load, in the same frame"
+            )
         if not deflection.any():
             raise table.error("all measured displacements are zero; expected those that the load made")
         turned = [c for c in ROTATION_COLUMNS if c in table]

@@ -36,6 +36,7 @@ class Compensated:
         uncompensated: Distance (t,) of the loaded tool point from the desired one, were `desired` commanded [m].
         remaining: Root mean square (t,) of what errors of the compliances leave, Eq. (17) [m]; None if not known.
         band: Its 2.5 % and 97.5 % quantiles (t, 2) [m]; None if not known.
+        rho0_bias: What the linear model of the identification leaves beside it in the test pose [m]; None if not known.
     """
 
     robot: Robot
@@ -45,6 +46,7 @@ class Compensated:
     uncompensated: Array
     remaining: Array | None
     band: Array | None
+    rho0_bias: float | None = None
 
     def table(self) -> pd.DataFrame:
         """Commands, wrenches and errors: degrees, millimetres, newtons and newton metres."""
@@ -62,7 +64,7 @@ class Compensated:
             self.table().to_csv(temporary, index=False, float_format="%.10g")
 
     def to_json(self) -> list[dict[str, Any]]:
-        """One object per task pose, in SI units; what is not known is null."""
+        """One object per task pose, in SI units, but `q_deg` in degrees and millimetres; what is not known is null."""
         degrees = self.command / pose_factors(self.robot)
         nothing = [None] * len(self.command)
         return [
@@ -90,6 +92,9 @@ class Compensated:
             lines.append(line)
         if self.remaining is None:
             lines.append("the compliances come without a covariance: what errors of theirs leave is not known")
+        elif self.rho0_bias is not None:
+            bias = f"{1e3 * self.rho0_bias:.2g} mm"
+            lines.append(f"beside that, identifying with the linear model left {bias} in the test pose")
         return "\n".join(lines)
 
 
@@ -148,7 +153,8 @@ def compensated(study: Study, found: Compliances, task: Plan, path: Path) -> Com
         command=q,
         uncompensated=np.linalg.norm(moved, axis=-1),
         remaining=None if cov is None else compensation_accuracy(A, cov),
-        band=None if cov is None else error_quantiles(A, cov, BAND),
+        band=None if cov is None else error_quantiles(A, cov, BAND, found.covariance_dof),
+        rho0_bias=found.rho0_bias,
     )
 
 

@@ -21,12 +21,16 @@ class Compliances:
         joints: Names (p,) of the joints.
         k: Their compliances (p,) [rad/(N m)].
         covariance: Covariance (p, p) of these [(rad/(N m))^2]; None where the file says nothing about it.
+        covariance_dof: Its degrees of freedom; inf where sigma was known.
+        rho0_bias: Error that the linear model left in the test pose [m]; None where the file does not say.
         verdict: "good", "warn" or "bad", as the identification judged itself; None where the file does not say.
     """
 
     joints: tuple[str, ...]
     k: Array
     covariance: Array | None
+    covariance_dof: float = np.inf
+    rho0_bias: float | None = None
     verdict: str | None = None
 
 
@@ -34,8 +38,8 @@ def load_compliances(path: Path | str, names: tuple[str, ...], needed: tuple[str
     """Read ``{"k": {joint: value}}``, with ``"covariance": [[..]]`` or ``"std"`` and ``"correlation"``, or nothing.
 
     Matrices and lists follow the order of the joints in "k"; "std" may also be given by joint, and without
-    "correlation" the errors count as independent. A file that is just ``{joint: value}`` is read too. Other keys
-    beside "k" are left alone.
+    "correlation" the errors count as independent. A file that is just ``{joint: value}`` is read too. Where
+    sigma was estimated, "covariance_dof" are its degrees of freedom. Other keys are left alone.
 
     Args:
         path: The file, in SI units.
@@ -69,7 +73,12 @@ def load_compliances(path: Path | str, names: tuple[str, ...], needed: tuple[str
             raise UserError(f"{path}: {where}{joint}: expected the compliance of joint {joint!r} in rad/(N m)")
     joints = tuple(table)
     k = np.array([_not_negative(path, f"{where}{joint}", table[joint]) for joint in joints])
-    return Compliances(joints, k, _covariance(path, rest, joints), rest.get("verdict"))
+    dof, rho0_bias = rest.get("covariance_dof"), rest.get("rho0_bias")
+    dof = np.inf if dof is None else _not_negative(path, "covariance_dof", dof)
+    if not dof:
+        raise UserError(f"{path}: covariance_dof: expected more than none")
+    rho0_bias = None if rho0_bias is None else _not_negative(path, "rho0_bias", rho0_bias)
+    return Compliances(joints, k, _covariance(path, rest, joints), dof, rho0_bias, rest.get("verdict"))
 
 
 def _not_negative(path: Path, key: str, value: Any) -> float:

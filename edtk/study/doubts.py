@@ -13,6 +13,7 @@ from edtk.inference.estimate import Whitened
 from edtk.inference.identify import MAD_EFFICIENCY, Identification
 from edtk.inference.measurements import Measurements
 from edtk.study.matching import matching, resolution_of
+from edtk.study.mistakes import twins
 from edtk.study.study import Study
 
 Array = NDArray[np.float64]
@@ -62,7 +63,7 @@ def doubts(
     found = list(_units(study, data, A, fit, plan))
     if all(doubt.severity < ALARM for doubt in found):  # else all that follows is a consequence
         found += [*_signs(study, fit), *_weak(study, fit), *_noise(fit), *_outliers(fit), *_alike(study, fit)]
-        found += [*_alone(study, data, A, fit), *_linear(study, fit, rho0_bias)]
+        found += [*_twins(data), *_alone(study, data, A, fit), *_linear(study, fit, rho0_bias)]
     found += [*_limits(study, data), *([] if plan is None else _not_measured(study, data, plan))]
     return tuple(sorted(found, key=lambda doubt: -doubt.severity))
 
@@ -205,6 +206,13 @@ def _outliers(fit: Identification) -> Iterator[Doubt]:
         hidden = "" if fit.robust else "; several can hide each other, --robust shows them all"
         text = f"{named('row', fit.outliers.tolist())}: outlier{'s' * (len(fit.outliers) > 1)}{hidden}"
         yield Doubt(ALARM if 3 * len(fit.outliers) > len(fit.residual) else WARNING, text)
+
+
+def _twins(data: Measurements) -> Iterator[Doubt]:
+    """Equal rows that chance may have made."""
+    text, chance = twins(data)
+    if text:
+        yield Doubt(NOTE, f"{text}: as readings so coarse may be by chance ({chance:.2g}), or was it copied?")
 
 
 def _alike(study: Study, fit: Identification) -> Iterator[Doubt]:

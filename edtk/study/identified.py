@@ -70,6 +70,7 @@ class Identified:
             "k": dict(zip(joints, fit.k.tolist(), strict=True)),
             "std": dict(zip(joints, fit.std.tolist(), strict=True)),
             "correlation": fit.correlation.tolist(),
+            "covariance_dof": fit.covariance_dof if np.isfinite(fit.covariance_dof) else None,
             "sigma_hat": self.sigma_hat if np.isfinite(fit.scale) else None,
             "chi2": fit.chi2,
             "dof": fit.dof,

@@ -13,7 +13,7 @@ from edtk.design import Plan, pose_factors
 from edtk.design.plan import WRENCH_COLUMNS, pose_columns
 from edtk.inference import Identification, Measurements
 from edtk.inference.estimate import SingularPlanError, Whitened
-from edtk.inference.measurements import DEFLECTION_COLUMNS
+from edtk.inference.measurements import DEFLECTION_COLUMNS, MARKER_COLUMNS, ROTATION_COLUMNS
 from edtk.study.matching import matching, resolution_of
 from edtk.study.study import Study
 
@@ -21,6 +21,7 @@ Array = NDArray[np.float64]
 
 SUSPECT = 3.0  # residuals over sigma beyond which other readings of the columns are tried
 BETTER = 4.0  # factor by which such a reading must reduce the residuals
+CHANCE = 1e-3  # probability of equal rows up to which they are copies
 ENOUGH = 1000  # rows on which readings are compared
 
 
@@ -54,26 +55,31 @@ def _other_pose(study: Study, data: Measurements, plan: Plan) -> str | None:
 
 
 def _copies(data: Measurements) -> str | None:
-    """Rows that are the same to the last digit, if there are more than the resolution of the readings explains.
+    """Rows that are the same to the last digit, if there are more than the resolution of the readings explains."""
+    text, chance = twins(data)
+    return f"{text}; expected measurements anew" if text and chance <= CHANCE else None
 
-    Two repetitions agree in a coordinate of resolution d with probability ``d / (2 sqrt(pi) sigma)`` at most; a
-    number of agreeing pairs that has a probability below 0.001 is reported.
+
+def twins(data: Measurements) -> tuple[str, float]:
+    """Rows that are the same to the last digit, in words, and the probability of so many.
+
+    Two repetitions agree in a coordinate of resolution d with probability ``d / (2 sqrt(pi) sigma)`` at most, and the
+    number of agreeing pairs is about Poisson's.
     """
     where = np.hstack([data.q, data.wrench, data.marker]) + 0.0
     pose = pd.util.hash_pandas_object(pd.DataFrame(where), index=False)
     row = pd.util.hash_pandas_object(pd.DataFrame(np.hstack([where, data.deflection + 0.0])), index=False)
     first = ~row.duplicated().to_numpy()
     if first.all():
-        return None
+        return "", 1.0
     pairs, same = (float((n * (n - 1) / 2).sum()) for n in (pose.value_counts(), row.value_counts()))
     agree = _resolution(data.deflection[:, :3] * 1e3) / 1e3 / (2 * np.sqrt(np.pi) * data.sigma[:, :3].mean(axis=0))
-    if poisson.sf(same - 1, pairs * np.minimum(agree, 1.0).prod()) > 1e-3:
-        return None
     later = int(np.flatnonzero(~first)[0])
     earlier = int(np.flatnonzero(row.to_numpy() == row.iloc[later])[0])
     more = int((~first).sum()) - 1
     others = f", and {more} more rows have such a twin" if more else ""
-    return f"row {later + 1} is row {earlier + 1} to the last digit, in all columns{others}; expected measurements anew"
+    text = f"row {later + 1} is row {earlier + 1} to the last digit, in all columns{others}"
+    return text, float(poisson.sf(same - 1, pairs * np.minimum(agree, 1.0).prod()))
 
 
 def _resolution(values: Array) -> float:
@@ -138,11 +144,23 @@ def _readings(study: Study, data: Measurements) -> Iterator[tuple[str, Measureme
         if data.wrench[:, [i, j]].any():
             words = _words(f"{WRENCH_COLUMNS[i]} and {WRENCH_COLUMNS[j]}")
             yield words, replace(data, wrench=_exchanged(data.wrench, i, j))
+    for i, j in combinations(range(3, moved.shape[1]), 2):
+        yield (
+            _words(f"{ROTATION_COLUMNS[i - 3]} and {ROTATION_COLUMNS[j - 3]}"),
+            replace(data, deflection=_exchanged(moved, i, j)),
+        )
+    if data.marker.any():
+        for i, j in combinations(range(3), 2):
+            words = _words(f"{MARKER_COLUMNS[i]} and {MARKER_COLUMNS[j]}")
+            yield words, replace(data, marker=_exchanged(data.marker, i, j))
+        words = f"columns {', '.join(MARKER_COLUMNS)} look as if they were in metres; expected millimetres"
+        yield words, replace(data, marker=1e3 * data.marker)
     for order, signs in product(permutations(range(3)), product((1, -1), repeat=3)):
         read = [f"{'-' * (s < 0)}{DEFLECTION_COLUMNS[i]}" for i, s in zip(order, signs, strict=True)]
-        other = np.hstack([moved[:, order] * signs, moved[:, 3:]])
+        handed = np.linalg.det(np.eye(3)[list(order)]) * np.prod(signs)  # rotation vectors are axial
+        turned = [s * part[:, order] * signs for s, part in ((1, moved[:, :3]), (handed, moved[:, 3:])) if part.size]
         words = f"columns {', '.join(DEFLECTION_COLUMNS)} look as if they were of a frame with other axes than the "
-        yield f"{words}robot's; expected them to be {', '.join(read)}", replace(data, deflection=other)
+        yield f"{words}robot's; expected them to be {', '.join(read)}", replace(data, deflection=np.hstack(turned))
 
 
 def _words(columns: str) -> str:

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scipy.stats import chi2
+from scipy.stats import chi2, f
 
 from edtk.inference.error_quantiles import error_quantiles, weighted_chi_square_cdf
 
@@ -43,3 +43,23 @@ def test_one_direction_and_none():
     found = error_quantiles(A, np.eye(2), [0.025, 0.95])
     np.testing.assert_allclose(found[0], 5 * np.sqrt(chi2.ppf([0.025, 0.95], 1)), rtol=1e-9)
     assert not found[1].any()
+
+
+@pytest.mark.parametrize("dof", [1.0, 2.8, 4.0, 30.0])
+def test_estimated_noise_makes_an_f_law(dof):
+    """With equal eigenvalues, and with a single one, the squares follow Fisher's law, to 1e-5."""
+    levels = np.array([0.025, 0.5, 0.95, 0.975])
+    for r, A in ((3, np.eye(3)[None]), (1, np.diag([1.0, 0, 0])[None])):
+        expected = np.sqrt(r * f.ppf(levels, r, dof))
+        np.testing.assert_allclose(error_quantiles(A, np.eye(3), levels, dof)[0], expected, rtol=1e-5)
+
+
+def test_quantiles_of_drawn_errors_with_estimated_noise():
+    """Of 400000 errors over an estimated noise the stated share lies below each quantile, within five errors."""
+    rng, dof = np.random.default_rng(1), 4
+    A, root = rng.normal(size=(3, 5)), rng.normal(size=(5, 5)) * 1e-8
+    levels = np.array([0.025, 0.5, 0.95, 0.975])
+    found = error_quantiles(A[None], root @ root.T, levels, dof)[0]
+    drawn = rng.normal(size=(400_000, 5)) @ root.T / np.sqrt(rng.chisquare(dof, (400_000, 1)) / dof)
+    share = (np.linalg.norm(drawn @ A.T, axis=-1)[:, None] <= found).mean(axis=0)
+    assert (np.abs(share - levels) < 5 * np.sqrt(levels * (1 - levels) / len(drawn))).all()

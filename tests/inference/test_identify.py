@@ -150,6 +150,10 @@ def test_exact_measurements():
         assert not len(fit.outliers)
         with pytest.raises(NothingLeftError, match="fits the measurements exactly"):
             identify(A, A @ K0, np.full((12, 3), S), NAMES, known=False, **options)
+    gross = A @ K0
+    gross[[2, 7], 0] += 1e-3
+    with pytest.raises(NothingLeftError, match="half of the measurements exactly"):
+        identify(A, gross, np.full((12, 3), S), NAMES, known=False, robust=True)
 
 
 def test_what_cannot_be_identified_is_named():

@@ -61,6 +61,15 @@ def test_poses_are_counted_in_order_of_appearance(read):
     assert data.pose.tolist() == [0, 1, 0, 2]
 
 
+def test_positions_far_apart(read):
+    """Columns of positions that were exchanged, or of two frames, are refused; micrometres are read, and judged."""
+    columns = "x0_mm,y0_mm,z0_mm,x_mm,y_mm,z_mm,Fz_N"
+    assert len(read(f"{HEAD},{columns}\n{GOOD},1500,-200,900,1500.1,-200.1,898.9,-1\n"))
+    with pytest.raises(PoseFileError, match=r"row 1, columns x0_mm, .* moved by 2404 mm under load"):
+        read(f"{HEAD},{columns}\n{GOOD},-200,1500,900,1500.1,-200.1,898.9,-1\n")
+    assert len(read(f"{HEAD},{columns}\n{GOOD},1500000,-200000,900000,1500100,-200100,898900,-1\n"))
+
+
 def random_measurements(rows, marker, seed=0, m=20):
     rng = np.random.default_rng(seed)
     q, W = rng.uniform(*KR270.limits, size=(m, 6)), rng.normal(size=(m, 6)) * [1e3] * 6

@@ -9,8 +9,12 @@ import pytest
 from click.testing import CliRunner
 
 from edtk.cli import main
+from edtk.inference import simulate
+from edtk.inference.error_quantiles import error_quantiles
+from edtk.inference.identify import identify
 from edtk.model.equilibrium import equilibrium
 from edtk.study import evaluate, load_study
+from edtk.study.compensated import BAND
 
 ROOT = Path(__file__).parents[2]
 PATH = ROOT / "studies" / "kr270_milling.toml"
@@ -148,3 +152,32 @@ def test_other_mistakes(given, tmp_path):
     result = edtk(bare, k, task)
     assert (result.exit_code, result.stderr.count("\n")) == (2, 1)
     assert "test_pose: expected a table" in result.stderr
+
+
+def test_the_band_holds_where_sigma_was_estimated():
+    """Of 400 calibrations of three poses that estimate sigma 95 % leave errors inside their own bands."""
+    A, A0 = STUDY.model.regressor(*_plan_3()), STUDY.target
+    rng, runs, inside = np.random.default_rng(4), 400, 0
+    for moved in simulate(A, STUDY.compliances, STUDY.sigma, rng, runs):
+        fit = identify(A, moved, np.tile(STUDY.sigma, (len(A), 1)), STUDY.model.parameters, known=False)
+        low, high = error_quantiles(A0[None], fit.covariance, BAND, fit.covariance_dof)[0]
+        inside += low <= np.linalg.norm(A0 @ (fit.unbounded - STUDY.compliances)) <= high
+    assert abs(inside - 0.95 * runs) < 4 * np.sqrt(0.95 * 0.05 * runs)
+
+
+def test_degrees_of_freedom_and_bias_of_the_file_count(given):
+    """Few degrees of freedom widen the band, none are refused, and what the linear model leaves is said."""
+    k, task, _ = given
+    content = json.loads(k.read_text(encoding="utf-8"))
+    before = json.loads(edtk(PATH, k, task, "--json").stdout)[0]["remaining_band"]
+    k.write_text(json.dumps(content | {"covariance_dof": 4, "rho0_bias": 1e-6}), encoding="utf-8")
+    after = json.loads(edtk(PATH, k, task, "--json").stdout)[0]["remaining_band"]
+    assert after[1] > 1.3 * before[1]
+    assert "the linear model left 0.001 mm in the test pose" in edtk(PATH, k, task).stdout
+    k.write_text(json.dumps(content | {"covariance_dof": 0}), encoding="utf-8")
+    assert edtk(PATH, k, task).exit_code == 2
+
+
+def _plan_3():
+    plan = STUDY.published_plans()["table_4_3"]
+    return plan.q, plan.wrench

@@ -174,6 +174,15 @@ def test_a_warning_of_forces_hides_no_alarm():
     assert severities >= {WARNING, ALARM}
 
 
+def test_coarse_readings_that_are_the_same():
+    """Equal rows that may be so by chance are no mistake, but a note names the first of them."""
+    data = measured(digits=1)
+    data.deflection[7] = data.deflection[6]
+    (note,) = [d for d in found(data, known=False) if "to the last digit" in d.text]
+    assert note.severity == NOTE
+    assert note.text.startswith("row ")
+
+
 def test_what_cannot_be_told_from_zero():
     """A stiff joint is no alarm: its compliance is said to be as good as zero."""
     data, k = measured(repeats=1), STUDY.compliances * [1, 1, 1, 1, 1e-3]

@@ -84,7 +84,7 @@ def test_json_and_files(save, tmp_path):
     found = identified(STUDY, save(table), known=False)
     content = found.to_json()
     keys = {"k", "std", "correlation", "sigma_hat", "chi2", "dof", "p_value", "outliers", "rho0", "negative"}
-    assert set(content) == {*keys, "k_unbounded", "rho0_bias", "posterior", "verdict", "doubts"}
+    assert set(content) == {*keys, "covariance_dof", "k_unbounded", "rho0_bias", "posterior", "verdict", "doubts"}
     assert content["posterior"] is None
     assert content["outliers"] == [5]
     assert content["negative"] == []

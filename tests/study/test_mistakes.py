@@ -2,12 +2,14 @@
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from edtk.design import Plan
 from edtk.inference import Measurements, identify, simulate
+from edtk.model import ElastostaticModel
 from edtk.study import load_study
 from edtk.study.mistakes import mistake
 
@@ -75,6 +77,57 @@ def test_turned_frame():
     line = found(replace(data, deflection=np.stack([y, -x, z], axis=-1)))
     assert "frame with other axes" in line
     assert line.split("expected them to be ")[1].startswith("-dy_mm, dx_mm, dz_mm")
+
+
+def _poses():
+    """The study with rotations measured too, and readings of the plan."""
+    model = ElastostaticModel(STUDY.robot, STUDY.model.joints, "pose")
+    sigma = np.tile([3e-5] * 3 + [5e-5] * 3, (12, 1))
+    moved = simulate(model.regressor(PLAN.q, PLAN.wrench), STUDY.compliances, sigma, np.random.default_rng(1))[0]
+    return model, Measurements(PLAN.q, PLAN.wrench, moved, sigma, np.zeros((12, 3)))
+
+
+def _judged(model, data):
+    fit = identify(data.regressor(model), data.deflection, data.sigma, model.parameters)
+    return mistake(SimpleNamespace(model=model, robot=model.robot, fixed=STUDY.fixed), data, fit)
+
+
+@pytest.mark.parametrize(("i", "j"), [(0, 1), (0, 2), (1, 2)])
+def test_swapped_rotations(i, j):
+    """Two rotation columns that were exchanged are named."""
+    model, data = _poses()
+    assert _judged(model, data) is None
+    line = _judged(model, replace(data, deflection=exchanged(data.deflection, 3 + i, 3 + j)))
+    assert line.startswith(f"columns dr{'xyz'[i]}_deg and dr{'xyz'[j]}_deg look swapped")
+
+
+def test_turned_frame_of_rotations():
+    """Displacements and rotations in a frame turned by 90 degrees are recognised."""
+    model, data = _poses()
+    x, y, z, rx, ry, rz = data.deflection.T
+    line = _judged(model, replace(data, deflection=np.stack([y, -x, z, ry, -rx, rz], axis=-1)))
+    assert line.split("expected them to be ")[1].startswith("-dy_mm, dx_mm, dz_mm")
+
+
+def test_markers():
+    """Marker columns that were exchanged, or are in metres, are named."""
+    data = measured()
+    marker = np.random.default_rng(5).uniform(-0.3, 0.3, (len(data), 3))
+    data = replace(data, marker=marker)
+    moved = simulate(data.regressor(STUDY.model), STUDY.compliances, STUDY.sigma, np.random.default_rng(6))[0]
+    data = replace(data, deflection=moved)
+    assert found(data) is None
+    assert "marker_x_mm and marker_y_mm look swapped" in found(replace(data, marker=exchanged(marker, 0, 1)))
+    assert "marker_z_mm look as if they were in metres" in found(replace(data, marker=marker / 1e3))
+
+
+def test_many_rows_of_few_poses():
+    """Noise four times as large in very many rows, the poses in turn, is not blamed on columns."""
+    data = measured(repeats=1)
+    data = data[np.tile(np.arange(12), 1000)]
+    clean = data.regressor(STUDY.model) @ STUDY.compliances
+    noise = 4 * STUDY.sigma * np.random.default_rng(7).standard_normal(clean.shape)
+    assert found(replace(data, deflection=clean + noise)) is None
 
 
 def test_wrong_sign():
