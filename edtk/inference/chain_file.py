@@ -8,7 +8,7 @@ import numpy as np
 
 from edtk.atomic import atomic_path
 
-GROUP, PROBLEM = "mcmc", "edtk_problem"
+GROUP, PROBLEM, GOAL = "mcmc", "edtk_problem", "edtk_goal"
 
 
 class ChainFileError(ValueError):
@@ -30,8 +30,8 @@ class ChainFile:
     path: Path
     problem: str
 
-    def load(self) -> emcee.backends.Backend | None:
-        """The chain so far with its random state; None where there is no file.
+    def load(self) -> tuple[emcee.backends.Backend, int] | None:
+        """The chain so far with its random state, and the length at which it is judged; None where there is no file.
 
         Raises:
             ChainFileError: h5py is missing, the file is no chain, or one of another problem.
@@ -47,7 +47,7 @@ class ChainFile:
         stored = emcee.backends.HDFBackend(str(self.path), name=GROUP, read_only=True)
         try:
             with h5py.File(self.path, "r") as file:
-                problem = file[GROUP].attrs.get(PROBLEM)
+                problem, goal = file[GROUP].attrs.get(PROBLEM), int(file[GROUP].attrs.get(GOAL, 0))
             backend = emcee.backends.Backend()
             backend.reset(*stored.shape)
             backend.chain, backend.log_prob = stored.get_chain(), stored.get_log_prob()
@@ -57,10 +57,10 @@ class ChainFile:
             raise ChainFileError(f"{self.path}: not a chain of emcee's") from error
         if problem != self.problem:
             raise ChainFileError(f"{self.path}: the chain is of another study, plan, seed or prior; name another file")
-        return backend
+        return backend, goal
 
-    def save(self, backend: emcee.backends.Backend) -> None:
-        """Write the chain, atomically.
+    def save(self, backend: emcee.backends.Backend, goal: int) -> None:
+        """Write the chain, and the length at which it is judged, atomically.
 
         Raises:
             OSError: It cannot be written.
@@ -75,6 +75,6 @@ class ChainFile:
                 group = file[GROUP]
                 group["chain"][...], group["log_prob"][...] = backend.chain[:n], backend.log_prob[:n]
                 group["accepted"][...] = backend.accepted
-                group.attrs["iteration"], group.attrs[PROBLEM] = n, self.problem
+                group.attrs["iteration"], group.attrs[PROBLEM], group.attrs[GOAL] = n, self.problem, goal
                 for i, element in enumerate(backend.random_state):
                     group.attrs[f"random_state_{i}"] = np.asarray(element) if i == 1 else element

@@ -30,7 +30,7 @@ class Noise:
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the further parameters, without the logarithm."""
-        return ("sigma_factor",) * (self.sigma_factor > 1) + ("nu",) * (self.nu is None)
+        return ("sigma_ratio",) * (self.sigma_factor > 1) + ("nu",) * (self.nu is None)
 
     def log_prior(self, extra: Array) -> Array:
         """Logarithm (...) of the prior of the logarithms `extra` (..., e), up to a constant."""

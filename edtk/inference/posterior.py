@@ -36,7 +36,7 @@ class Posterior:
         r_hat: Split-chain potential scale reductions (p,).
         noise_tau: Integrated autocorrelation times (e,) of what is unknown of the noise, of its logarithms.
         noise: Samples of what is unknown of the noise (steps, walkers, e), by `noise_names`.
-        noise_names: "sigma_factor", "nu", or none of them.
+        noise_names: "sigma_ratio", "nu", or none of them.
     """
 
     samples: Array
@@ -117,7 +117,8 @@ def sample_posterior(
     rows = (A / np.broadcast_to(sigma, measured.shape)[..., None]).reshape(-1, p)
     y = (measured / sigma).ravel()
     squares = float(((y - rows @ fit.k) ** 2).sum())
-    _check(prior, noise, N - p, squares <= 1e-22 * float(y @ y))
+    telling = min(N - p + 1, int((rows != 0).sum(axis=0).min()))
+    _check(prior, noise, N - p, telling, squares <= 1e-22 * float(y @ y))
 
     scale = np.sqrt(np.diag(fit.covariance))
     inverse = np.linalg.inv(fit.covariance / np.outer(scale, scale)) / noise.spread(squares, N - p)
@@ -157,12 +158,13 @@ def sample_posterior(
     return Posterior(samples, found.tau[:p], found.steps, found.r_hat[:p], found.tau[p:], extra, noise.names)
 
 
-def _check(prior: Prior, noise: Noise, freedom: int, exact: bool) -> None:
+def _check(prior: Prior, noise: Noise, freedom: int, telling: int, exact: bool) -> None:
     """Refuse posteriors without variances.
 
     Under Jeffreys' prior of sigma the compliances are Student-t with `freedom` degrees of freedom. Under Student-t
-    errors at least ``r = freedom + 1`` rows tell of every direction, along which the density falls like ``|k|^(-r (nu +
-    1))``: ``r (nu + 1) - 1`` degrees of freedom. With two of them or fewer variances are infinite.
+    errors the density falls like ``|k|^(-r (nu + 1))`` along a direction of which r rows tell: ``r (nu + 1) - 1``
+    degrees of freedom. With two of them or fewer variances are infinite. Of N rows in general position ``N - p + 1``
+    tell of every direction, and of a parameter those whose entry is not zero: the least of these is `telling`.
     """
     if noise.sigma_factor == np.inf and freedom <= (0 if prior.proper else 2):
         raise ImproperPosteriorError(
@@ -172,8 +174,8 @@ def _check(prior: Prior, noise: Noise, freedom: int, exact: bool) -> None:
     if noise.sigma_factor == np.inf and exact:
         raise ImproperPosteriorError("the model fits the measurements exactly, which leaves nothing to tell sigma from")
     least = 0.0 if noise.nu is None else noise.nu
-    if not noise.normal and not prior.proper and (freedom + 1) * (least + 1) - 1 <= 2:
+    if not noise.normal and not prior.proper and telling * (least + 1) - 1 <= 2:
         raise ImproperPosteriorError(
-            f"with Student-t errors the measured rows must outnumber the compliances by more, and do by {freedom}; "
-            f"measure more, or give every compliance a prior"
+            f"with Student-t errors more than {telling} measured rows must tell of each compliance; measure more, or "
+            "give every compliance a prior"
         )

@@ -47,8 +47,10 @@ def export(check: BayesCheck, path: Path | str) -> None:
                 "regressor": ["experiment", "row", "compliance"],
                 "sigma": ["experiment", "row"],
             },
-            posterior_attrs={"units": "rad/(N m)", "sampler": "emcee", "steps": posterior.steps},
+            posterior_attrs={"sampler": "emcee", "steps": posterior.steps},
         )
+        for name, unit in zip(check.table["parameter"], check.table["unit"], strict=True):
+            data.posterior[name].attrs["units"] = unit
         with atomic_path(path) as temporary:
             temporary.unlink()  # an empty file is no NetCDF file that could be added to
             data.to_netcdf(str(temporary))

@@ -32,12 +32,12 @@ def parameters(check: BayesCheck) -> tuple[list[str], Array, Array]:
     exponents = [int(e) for e in power]
     named = zip(check.table["parameter"], exponents, check.table["unit"], strict=True)
     labels = [f"{name}\n[$10^{{{e}}}$ {unit}]" for name, e, unit in named]
-    names = {"sigma_factor": "sigma factor", "nu": "log10 nu"}
+    names = {"sigma_ratio": "sigma ratio", "nu": "log10 nu"}
     pairs = zip(posterior.noise_names, _columns(posterior.noise), strict=True)
     extra = [np.log10(x) if name == "nu" else x for name, x in pairs]
     samples = np.concatenate([posterior.samples / 10.0**power, *(x[..., None] for x in extra)], axis=-1)
     known = check.reference == "assumed truth"
-    noise = (1.0 if known and name == "sigma_factor" else np.nan for name in posterior.noise_names)
+    noise = (1.0 if known and name == "sigma_ratio" else np.nan for name in posterior.noise_names)
     truths = [*(truth / 10.0**power), *noise]
     return labels + [names[n] for n in posterior.noise_names], samples, np.array(truths)
 
@@ -112,7 +112,7 @@ def residuals(check: BayesCheck) -> Figure:
     chosen = rng.choice(len(k), size=min(4000, len(k)), replace=False)
     noise = posterior.noise.reshape(len(k), -1)[chosen]
     named = dict(zip(posterior.noise_names, noise.T, strict=True))
-    s = named.get("sigma_factor", np.ones(len(chosen)))
+    s = named.get("sigma_ratio", np.ones(len(chosen)))
     nu = named.get("nu", np.full(len(chosen), np.inf if check.noise.nu is None else check.noise.nu))
     errors = rng.standard_normal((len(chosen), m, rows))
     heavy = np.isfinite(nu)

@@ -20,7 +20,7 @@ def posterior_part(check: BayesCheck) -> str:
     return "\n".join(parts)
 
 
-_NOISE = {"sigma_factor": "Noise over the stated one", "nu": "Degrees of freedom of Student's t"}
+_NOISE = {"sigma_ratio": "Noise over the stated one", "nu": "Degrees of freedom of Student's t"}
 
 
 def _chain(check: BayesCheck) -> str:

@@ -3,6 +3,7 @@
 import numpy as np
 
 from edtk.inference import Normal, Prior
+from edtk.study.compliance_file import load_compliances
 from edtk.study.study import Study
 
 
@@ -10,13 +11,15 @@ def study_prior(study: Study) -> Prior:
     """The [prior] table on the study's unknown compliances, which are positive.
 
     Raises:
-        UserError: The table names another joint, or its covariance is none.
+        UserError: The table names another joint, or its covariance is none, or its file cannot be read.
     """
     table, unknown = study.file.prior, study.file.joints.unknown
     for name in table.joints:
         if name not in unknown:
             raise study.error("prior.joints", f"{name!r} is no unknown joint; expected {', '.join(unknown)}")
     marginals = tuple(table.joints.get(name, table.all).build() for name in unknown)
+    if table.earlier_file is not None:
+        return Prior(marginals, _from_file(study, table.earlier_file))
     if table.earlier is None:
         return Prior(marginals)
     mean = table.earlier.mean_rad_per_Nm
@@ -31,5 +34,19 @@ def study_prior(study: Study) -> Prior:
         raise mistake
     try:
         return Prior(marginals, Normal(np.array([mean[name] for name in unknown]), covariance))
+    except np.linalg.LinAlgError:
+        raise mistake from None
+
+
+def _from_file(study: Study, name: str) -> Normal:
+    """What `edtk identify` found earlier, and wrote as k.json."""
+    unknown = study.file.joints.unknown
+    found = load_compliances(study.path.parent / name, study.robot.joint_names, unknown)
+    mistake = study.error("prior.earlier_file", f"{name}: expected a positive definite covariance, or std, beside k")
+    if found.covariance is None:
+        raise mistake
+    chosen = [found.joints.index(joint) for joint in unknown]
+    try:
+        return Normal(found.k[chosen], found.covariance[np.ix_(chosen, chosen)])
     except np.linalg.LinAlgError:
         raise mistake from None

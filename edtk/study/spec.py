@@ -180,8 +180,15 @@ class PriorTable(_Table):
     all: Marginal = Marginal(kind="flat")
     joints: dict[str, Marginal] = {}
     earlier: Earlier | None = None
+    earlier_file: str | None = None
     sigma_factor: Annotated[float, Field(ge=1)] = 1.0
     nu: float | str = "normal"
+
+    @model_validator(mode="after")
+    def _one_calibration(self) -> "PriorTable":
+        if self.earlier is not None and self.earlier_file is not None:
+            raise PydanticCustomError("earlier", "expected one of earlier and earlier_file")
+        return self
 
     @field_validator("nu", mode="plain")
     @classmethod

@@ -87,7 +87,7 @@ def test_files(tmp_path):
         import arviz
 
         data = arviz.from_netcdf(str(nc))
-    assert set(data.posterior) == {"k2", "k3", "k4", "k5", "k6", "sigma_factor", "nu"}
+    assert set(data.posterior) == {"k2", "k3", "k4", "k5", "k6", "sigma_ratio", "nu"}
     assert data.posterior["k2"].shape[0] == 32
     assert data.observed_data["deflection"].shape == (12, 3)
 

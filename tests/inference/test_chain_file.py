@@ -35,8 +35,17 @@ def test_resumed_chain_is_the_uninterrupted_one(stopped):
     whole = stopped.parent / "whole.h5"
     sample(0, FINE, chain=whole)
     uninterrupted = emcee.backends.HDFBackend(whole, read_only=True).get_chain()
-    n = min(len(after), len(uninterrupted))
-    np.testing.assert_array_equal(after[:n], uninterrupted[:n])
+    np.testing.assert_array_equal(after, uninterrupted)
+
+
+@pytest.mark.parametrize("most", [500, 501, 900, 1100])
+def test_wherever_it_stopped(tmp_path, most):
+    """A chain that ended at some limit is, gone on with, as long as one that never stopped."""
+    path = tmp_path / "chain.h5"
+    with pytest.raises(UnconvergedError):
+        sample(0, Demand(0.01, most=most), chain=path)
+    resumed, whole = (sample(0, FINE, chain=file) for file in (path, None))
+    np.testing.assert_array_equal(resumed.samples, whole.samples)
 
 
 def test_finished_chain_is_only_read(tmp_path):

@@ -67,9 +67,9 @@ def test_progress_counts_steps(checked):
 def test_unknown_noise(checked):
     """With sigma and nu unknown their intervals are told, by name."""
     check = bayes_check(STUDY, checked[0], np.random.default_rng(0), noise=Noise(np.inf, None), demand=Demand(0.1))
-    low, high = check.noise_intervals["sigma_factor"][1:]
+    low, high = check.noise_intervals["sigma_ratio"][1:]
     assert 0.3 < low < 0.85 < high < 1.6
-    assert set(check.to_json()["noise"]) == {"sigma_factor", "nu"}
+    assert set(check.to_json()["noise"]) == {"sigma_ratio", "nu"}
     assert "nu: " in check.summary()
 
 
