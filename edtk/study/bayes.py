@@ -25,8 +25,8 @@ class BayesCheck:
 
     Attributes:
         table: One row per parameter, SI units: `parameter`, `unit`, `reference`, `mean`, `low_95`, `high_95`,
-            `std_posterior`, `std_eq13`, `ratio`, `ratio_error` (Monte-Carlo standard error of the ratio), `tau_steps`,
-            `r_hat`, `effective_samples`.
+            `std_posterior`, `std_fit` (of a simulated calibration `std_eq13`), `ratio`, `ratio_error` (Monte-Carlo
+            standard error of the ratio), `tau_steps`, `r_hat`, `effective_samples`.
         reference: What the column `reference` holds: the assumed truth, or what was identified.
         posterior: The samples.
         A: Regressors (m, rows, p).
@@ -52,6 +52,18 @@ class BayesCheck:
         ends = {name: np.quantile(self.posterior.noise[..., i], [0.5, 0.025, 0.975]).tolist() for i, name in named}
         return {name: (row[0], row[1], row[2]) for name, row in ends.items()}
 
+    @property
+    def compared(self) -> tuple[str, str]:
+        """The column that posterior standard deviations stand beside, and what a person calls it."""
+        return ("std_eq13", "std by Eq. (13)") if "std_eq13" in self.table else ("std_fit", "std of the fit")
+
+    @property
+    def ratio_to_expect(self) -> float:
+        """Posterior deviation over that of the fit: sqrt(dof/(dof - 2)) where both estimate sigma, else one."""
+        dof = self.measured.size - len(self.table)
+        estimated = self.compared[0] == "std_fit" and self.noise.normal and self.noise.sigma_factor == np.inf
+        return float(np.sqrt(dof / (dof - 2))) if estimated and dof > 2 else 1.0
+
     def to_json(self) -> dict[str, Any]:
         """Plain data, SI units."""
         return {
@@ -67,15 +79,18 @@ class BayesCheck:
 
     def summary(self) -> str:
         """What a person reads."""
-        head = ("param", "std posterior", "std Eq. (13)", "ratio", "+- (MC)", "95 % interval", "effective samples")
-        lines = [f"{head[0]:8}{head[1]:>14}{head[2]:>14}{head[3]:>9}{head[4]:>9}{head[5]:>26}{head[6]:>19}"]
+        column, label = self.compared
+        head = ("param", "std posterior", label, "ratio", "+- (MC)", "95 % interval", "effective samples")
+        lines = [f"{head[0]:8}{head[1]:>14}{head[2]:>17}{head[3]:>9}{head[4]:>9}{head[5]:>26}{head[6]:>19}"]
         for row in self.table.itertuples():
-            interval = f"{row.low_95:.4e} to {row.high_95:.4e}"
+            interval, std = f"{row.low_95:.4e} to {row.high_95:.4e}", getattr(row, column)
             lines.append(
-                f"{row.parameter:8}{row.std_posterior:14.5g}{row.std_eq13:14.5g}{row.ratio:9.4f}{row.ratio_error:9.4f}"
+                f"{row.parameter:8}{row.std_posterior:14.5g}{std:17.5g}{row.ratio:9.4f}{row.ratio_error:9.4f}"
                 f"{interval:>26}{row.effective_samples:19.0f}"
             )
         lines.append(f"standard deviations and intervals in {' or '.join(self.table['unit'].unique())}")
+        if self.ratio_to_expect != 1:
+            lines.append(f"as sigma was estimated, a ratio of {self.ratio_to_expect:.4f} is to be expected")
         lines += [
             f"{name}: {median:.4g}, 95 % interval {low:.4g} to {high:.4g}"
             for name, (median, low, high) in self.noise_intervals.items()
@@ -116,7 +131,8 @@ def bayes_check(
     fit = estimate(A, measured, study.sigma, study.model.parameters)
     sigma = np.broadcast_to(study.sigma, measured.shape)
     found = posterior_check(study, A, measured, sigma, fit, rng, progress, noise=noise, demand=demand, chain=chain)
-    return replace(found, table=found.table.assign(reference=study.compliances), reference="assumed truth")
+    table = found.table.assign(reference=study.compliances).rename(columns={"std_fit": "std_eq13"})
+    return replace(found, table=table, reference="assumed truth")
 
 
 def posterior_check(
@@ -169,7 +185,7 @@ def posterior_check(
             "low_95": low,
             "high_95": high,
             "std_posterior": posterior.std,
-            "std_eq13": std,
+            "std_fit": std,
             "ratio": posterior.std / std,
             "ratio_error": posterior.std_error / std,
             "tau_steps": posterior.tau,

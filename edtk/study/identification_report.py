@@ -130,14 +130,16 @@ def _noise(fit: Identification) -> str:
 
 def _worst(fit: Identification, pose: NDArray[np.int_]) -> str:
     """The measurements that fit least."""
-    size = np.abs(fit.standardised).max(axis=1)
+    z = np.abs(fit.standardised)
     rows = []
-    for i in np.argsort(-size, kind="stable")[:SHOWN]:
-        flag = "outlier" if i in fit.outliers else ""
-        shown = [f"{1e3 * r:+.4f}" for r in fit.residual[i, :3]]
-        rows.append([i + 1, pose[i] + 1, *shown, f"{size[i]:.2f}", f"{fit.leverage[i].max():.2f}", flag])
-    header = ["row", "pose", "x [mm]", "y [mm]", "z [mm]", "largest, standardised", "leverage", ""]
-    return table(header, rows)
+    for i in np.argsort(-z.max(axis=1), kind="stable")[:SHOWN]:
+        flag, j = "outlier" if i in fit.outliers else "", int(z[i].argmax())
+        shown = [f"{1e3 * r:+.4f}" for r in fit.residual[i, :3]] + [
+            f"{np.rad2deg(r):+.4f}" for r in fit.residual[i, 3:]
+        ]
+        rows.append([i + 1, pose[i] + 1, *shown, f"{z[i, j]:.2f} ({AXES[j]})", f"{fit.leverage[i].max():.2f}", flag])
+    units = [f"{axis} [{'mm' if j < 3 else 'deg'}]" for j, axis in enumerate(AXES[: z.shape[1]])]
+    return table(["row", "pose", *units, "largest, standardised", "leverage", ""], rows)
 
 
 def _intervals(study: Study, fit: Identification) -> Figure:
@@ -156,32 +158,34 @@ def _intervals(study: Study, fit: Identification) -> Figure:
 
 
 def _residuals(fit: Identification) -> Figure:
-    """Residuals by measurement and coordinate."""
-    figure = Figure(figsize=(6.4, 3.6), layout="constrained")
-    ax = figure.add_subplot()
-    at = 1 + np.arange(len(fit.residual))
-    for j, label in enumerate(AXES[: min(3, fit.residual.shape[1])]):
-        ax.plot(
-            at, 1e3 * fit.residual[:, j], linestyle="", marker="osD"[j], markersize=4, color=COLOURS[j], label=label
-        )
-    noise = np.abs(1e3 * fit.residual[:, :3] / np.where(fit.standardised[:, :3] == 0, 1, fit.standardised[:, :3]))
-    band = 2 * float(np.median(noise))
-    ax.axhspan(-band, band, color="grey", alpha=0.15, linewidth=0)
-    if len(fit.outliers):
-        worst = np.abs(fit.residual[fit.outliers, :3]).argmax(axis=1)
-        ax.plot(
-            fit.outliers + 1,
-            1e3 * fit.residual[fit.outliers, worst],
-            linestyle="",
-            marker="o",
-            markersize=12,
-            fillstyle="none",
-            color=COLOURS[1],
-            label="outlier",
-        )
-    ax.set(xlabel="measurement (row of the file)", ylabel="residual [mm]")
-    ax.grid(alpha=0.3)
-    figure.legend(ncols=4, fontsize=9, frameon=False, loc="outside upper center")
+    """Residuals by measurement and coordinate: positions, and below them rotations where they are measured."""
+    parts = fit.residual.shape[1] // 3
+    figure = Figure(figsize=(6.4, 0.8 + 2.8 * parts), layout="constrained")
+    axes = figure.subplots(parts, 1, sharex=True, squeeze=False)[:, 0]
+    at, worst = 1 + np.arange(len(fit.residual)), np.abs(fit.standardised).argmax(axis=1)
+    for part, (ax, factor, unit) in enumerate(zip(axes, (1e3, 180 / np.pi), ("mm", "deg"), strict=False)):
+        chosen = slice(3 * part, 3 * part + 3)
+        residual, z = factor * fit.residual[:, chosen], fit.standardised[:, chosen]
+        for j in range(3):
+            ax.plot(at, residual[:, j], linestyle="", marker="osD"[j], markersize=4, color=COLOURS[j], label="xyz"[j])
+        band = 2 * float(np.median(np.abs(residual / np.where(z == 0, 1, z))))
+        ax.axhspan(-band, band, color="grey", alpha=0.15, linewidth=0)
+        here = fit.outliers[worst[fit.outliers] // 3 == part]
+        if len(here):
+            ax.plot(
+                here + 1,
+                residual[here, worst[here] - 3 * part],
+                linestyle="",
+                marker="o",
+                markersize=12,
+                fillstyle="none",
+                color=COLOURS[1],
+                label="outlier",
+            )
+        ax.set_ylabel(f"{'rotation ' * part}residual [{unit}]")
+        ax.grid(alpha=0.3)
+        ax.legend(ncols=4, fontsize=9, frameon=False, loc="lower center", bbox_to_anchor=(0.5, 1.0))
+    axes[-1].set_xlabel("measurement (row of the file)")
     return figure
 
 

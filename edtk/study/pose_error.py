@@ -19,7 +19,7 @@ class PoseError:
     Attributes:
         rho0: ``sqrt(E |A0 (k - k_hat)|^2)``.
         rho0_error: Its Monte-Carlo standard error.
-        rho0_eq20: ``sqrt(trace(A0 cov A0'))``, Eq. (20).
+        rho0_fit: ``sqrt(trace(A0 cov A0'))``, Eq. (20), with the covariance of the fit.
         error_95: Length that ``|A0 (k - k_hat)|`` does not exceed with a probability of 95 %.
         displacement: Mean of the displacement ``A0 k`` under the task's load (3,).
         displacement_95: Ends of its 95 % intervals, by coordinate (2, 3).
@@ -27,7 +27,7 @@ class PoseError:
 
     rho0: float
     rho0_error: float
-    rho0_eq20: float
+    rho0_fit: float
     error_95: float
     displacement: Array
     displacement_95: Array
@@ -42,7 +42,7 @@ class PoseError:
         axes = ", ".join(f"{n} {a:.4f} to {b:.4f}" for n, a, b in zip("xyz", low, high, strict=True))
         return (
             f"test pose: rho0 {1e3 * self.rho0:.6f} +- {1e3 * self.rho0_error:.6f} mm, "
-            f"by Eq. (20) {1e3 * self.rho0_eq20:.6f} mm\n"
+            f"by the fit, Eq. (20), {1e3 * self.rho0_fit:.6f} mm\n"
             f"error after compensation below {1e3 * self.error_95:.6f} mm with probability 95 %\n"
             f"displacement under the task's load, 95 % intervals [mm]: {axes}"
         )

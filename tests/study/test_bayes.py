@@ -30,8 +30,8 @@ def test_posterior_has_the_covariance_of_eq_13(checked):
 def test_accuracy_in_the_test_pose(checked):
     """The sampled rho0 is Eq. (20)'s within three Monte-Carlo errors; 95 % of the errors are below 1 to 3 times it."""
     pose = checked[1].pose
-    assert abs(pose.rho0 - pose.rho0_eq20) < 3 * pose.rho0_error < 0.05 * pose.rho0
-    assert pose.rho0_eq20 == pytest.approx(STUDY.criterion("rho0").value(STUDY.design.information(checked[0])))
+    assert abs(pose.rho0 - pose.rho0_fit) < 3 * pose.rho0_error < 0.05 * pose.rho0
+    assert pose.rho0_fit == pytest.approx(STUDY.criterion("rho0").value(STUDY.design.information(checked[0])))
     assert pose.rho0 < pose.error_95 < 3 * pose.rho0
     truth = STUDY.target @ STUDY.compliances
     low, high = pose.displacement_95

@@ -8,9 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from edtk.inference import Measurements, simulate
+from edtk.inference import Estimate, Measurements, simulate
+from edtk.inference.chain import Demand
 from edtk.inference.identify import identify
 from edtk.study import load_study
+from edtk.study.bayes import posterior_check
 from edtk.study.digits import digits
 from edtk.study.doubts import doubts
 from edtk.study.identification_report import identification_page
@@ -21,7 +23,7 @@ A = np.repeat(STUDY.model.regressor(PLAN.q, PLAN.wrench), PLAN.repeats, axis=0)
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 
 
-def page(spoil=lambda y: y, k=STUDY.compliances, known=True, seed=3):
+def page(spoil=lambda y: y, k=STUDY.compliances, known=True, seed=3, bayes=False):
     """The report on simulated measurements of the published plan of twelve, which may be spoiled."""
     y = spoil(simulate(A, k, STUDY.sigma, np.random.default_rng(seed))[0])
     data = Measurements(
@@ -32,7 +34,12 @@ def page(spoil=lambda y: y, k=STUDY.compliances, known=True, seed=3):
         np.zeros((len(y), 3)),
     )
     fit = identify(A, y, data.sigma, STUDY.model.parameters, known=known)
-    return identification_page(STUDY, fit, data.pose, "day <1>.csv", doubts(STUDY, data, A, fit)), fit
+    check = None
+    if bayes:
+        estimate, rng = Estimate(fit.k, fit.covariance), np.random.default_rng(seed)
+        check = posterior_check(STUDY, A, y, data.sigma, estimate, rng, demand=Demand(0.1))
+    found = doubts(STUDY, data, A, fit)
+    return identification_page(STUDY, fit, data.pose, "day <1>.csv", found, check=check), fit
 
 
 def level_of(text):
@@ -91,8 +98,9 @@ def test_nothing_from_outside():
 
 @pytest.mark.skipif(CHROMIUM is None, reason="there is no chromium on this machine")
 @pytest.mark.parametrize("width", [1200, 390])
-def test_in_a_browser(tmp_path, width):
-    """A headless browser shows the verdict and all four pictures, at desk and phone width, without a console error.
+@pytest.mark.parametrize(("bayes", "pictures"), [(False, 4), (True, 7)])
+def test_in_a_browser(tmp_path, width, bayes, pictures):
+    """A headless browser shows the verdict and all pictures, at desk and phone width, without a console error.
 
     A script that is added for the test writes down what the browser made of the page; nothing is wider than the screen.
     """
@@ -103,10 +111,10 @@ def test_in_a_browser(tmp_path, width):
         document.documentElement.scrollWidth <= innerWidth].join(' ');
     });</script></body>"""
     path = tmp_path / "report.html"
-    path.write_text(page()[0].replace("</body>", probe), encoding="utf-8")
+    path.write_text(page(bayes=bayes)[0].replace("</body>", probe), encoding="utf-8")
     options = ["--headless", "--no-sandbox", "--disable-gpu", "--enable-logging=stderr", f"--user-data-dir={tmp_path}"]
     command = [CHROMIUM, *options, f"--window-size={width},900", "--virtual-time-budget=5000", "--dump-dom", str(path)]
     answer = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
     assert "CONSOLE" not in answer.stderr
-    assert re.search("<title>(.*)</title>", answer.stdout)[1] == "4 4 true true"
+    assert re.search("<title>(.*)</title>", answer.stdout)[1] == f"{pictures} {pictures} true true"
     assert "Good calibration." in answer.stdout

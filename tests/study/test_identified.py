@@ -147,12 +147,12 @@ def test_posterior_of_measurements(save):
         plain = identified(STUDY, path, known=known)
         found = plain.sampled(np.random.default_rng(0), demand=Demand(0.05))
         table = found.check.table
-        np.testing.assert_allclose(table["std_eq13"], plain.fit.std, rtol=1e-6)
+        np.testing.assert_allclose(table["std_fit"], plain.fit.std, rtol=1e-6)
         np.testing.assert_allclose(table["reference"], plain.fit.k, rtol=1e-9)
         slack = 1.0 if known else np.sqrt(plain.fit.dof / (plain.fit.dof - 2))  # Student-t is wider
         assert (np.abs(table["ratio"] / slack - 1) < 5 * table["ratio_error"]).all()
         assert found.check.posterior.noise_names == (() if known else ("sigma_ratio",))
-        assert found.check.pose.rho0_eq20 == pytest.approx(plain.fit.accuracy(STUDY.target)[0])
+        assert found.check.pose.rho0_fit == pytest.approx(plain.fit.accuracy(STUDY.target)[0])
         content = found.to_json()["posterior"]
         assert {"parameters", "noise", "test_pose", "steps", "walkers"} == set(content)
         assert json.loads(json.dumps(content)) == content
