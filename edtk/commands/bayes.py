@@ -80,7 +80,7 @@ def command(
     with sampling.arguments(plan, loaded.file.seed) as arguments:
         check = bayes_check(loaded, loaded_plan, noise=noise, **arguments)
     if sampling.export is not None:
-        export(check, sampling.export)
+        export(check, sampling.export, loaded.target)
     if figures is not None:
         from edtk.study.posterior_figures import draw_figures
 

@@ -36,9 +36,9 @@ def command(
     """Identify the compliances of STUDY (TOML) from MEASUREMENTS (CSV), by weighted least squares.
 
     Columns of MEASUREMENTS: poses and wrenches as in a plan; dx_mm dy_mm dz_mm, or positions x0_mm y0_mm z0_mm without
-    and x_mm y_mm z_mm with load; drx_deg dry_deg drz_deg if rotations are measured; optionally sigma_mm, and the
-    marker's offset from the tool point in the tool frame, marker_x_mm marker_y_mm marker_z_mm. `edtk template` makes
-    such a sheet.
+    and x_mm y_mm z_mm with load; drx_deg dry_deg drz_deg if rotations are measured; optionally sigma_mm, of the
+    displacement (the difference of the positions), and the marker's offset from the tool point in the tool frame,
+    marker_x_mm marker_y_mm marker_z_mm. `edtk template` makes such a sheet.
 
     With --bayes priors are those of the [prior] of STUDY, errors Student-t if --robust, sigma unknown if
     --sigma-unknown. A killed run with --chain goes on where it was when it is started again.
@@ -61,7 +61,7 @@ def command(
         with sampling.arguments(measurements, loaded.file.seed) as arguments:
             found = found.sampled(**arguments)
     if found.check is not None and sampling.export is not None:
-        export(found.check, sampling.export)
+        export(found.check, sampling.export, loaded.target)
     if out is not None:
         found.write(out)
     click.echo(json.dumps(found.to_json(), indent=2) if as_json else found.summary())

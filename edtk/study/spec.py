@@ -89,7 +89,7 @@ class LoadChoice(_Table):
 
 
 class Measurement(_Table):
-    """What is measured, and how well."""
+    """What is measured, and how well: sigma is that of a displacement, so of the difference of two positions."""
 
     rows: Literal["position", "pose"] = "position"
     sigma_mm: Sigma

@@ -87,9 +87,11 @@ def test_files(tmp_path):
         import arviz
 
         data = arviz.from_netcdf(str(nc))
-    assert set(data.posterior) == {"k2", "k3", "k4", "k5", "k6", "sigma_ratio", "nu"}
+    assert set(data.posterior) == {"k2", "k3", "k4", "k5", "k6", "sigma_ratio", "nu", "displacement"}
     assert data.posterior["k2"].shape[0] == 32
     assert data.observed_data["deflection"].shape == (12, 3)
+    assert (data.posterior["k2"].units, data.posterior["displacement"].units) == ("rad/(N m)", "m")
+    assert data.posterior["displacement"].shape[2:] == (3,)
 
 
 def test_killed_run_goes_on(tmp_path):

@@ -20,15 +20,35 @@ def check():
     return module
 
 
-def test_ranks_are_uniform(check):
-    """Ranks of the truth in twenty runs where the prior matters pass Kolmogorov's test at 1e-3, each parameter's."""
+def run(check, case, runs):
     study = check.load_study(PATH.parent / "kr270_milling.toml")
     A = check.plan_rows(study, check.PLAN)
-    found = check.ranks(A, study.sigma, study.compliances, check.CASES[-1], list(range(20)))
-    assert found.ranks.shape == (20, 6)
+    return check.ranks(A, study.sigma, study.compliances, case, list(range(runs)))
+
+
+@pytest.mark.parametrize("case", [2, 3])
+def test_ranks(check, case):
+    """Twenty runs where the prior matters pass Kolmogorov's test and cover the truth; noise twice as large fails."""
+    found = run(check, case, 20)
+    assert found.ranks.shape == (20, 6 if case == 2 else 5)
     for column in found.ranks.T:
         assert stats.kstest((column + 0.5) / (check.DRAWS + 1), "uniform").pvalue > 1e-3
-    assert found.covered.mean() > 0.85
+    assert found.covered.mean() > 0.88
+    right = check.simulate
+    check.simulate = lambda A, k, sigma, rng: right(A, k, 2 * sigma, rng)
+    try:
+        assert run(check, case, 20).covered.mean() < 0.88
+    finally:
+        check.simulate = right
+
+
+def test_verdict(check):
+    """A case holds with uniform ranks and 95 % coverage, and not with other ranks, or if one parameter is off."""
+    p, covered = np.full(5, 0.3), np.full(5, 0.95)
+    assert check.holds(p, covered, 500)[1]
+    assert not check.holds(p * [1, 1, 1, 1, 1e-3], covered, 500)[1]
+    assert not check.holds(p, covered - 0.03, 500)[1]
+    assert not check.holds(p, covered - [0, 0, 0, 0, 0.05], 500)[1]
 
 
 def test_uniformity(check):

@@ -56,3 +56,11 @@ def test_a_filled_sheet_is_not_overwritten(tmp_path):
             require_empty(path)
     path.write_text("")
     require_empty(path)
+
+
+def test_markers():
+    """With three markers each repetition has three rows, and empty columns for where each marker is."""
+    one, three = sheet(STUDY, PLAN.repeated(2)), sheet(STUDY, PLAN.repeated(2), markers=3)
+    assert len(three) == 3 * len(one)
+    np.testing.assert_array_equal(three.iloc[::3, :12], one.iloc[:, :12])
+    assert three[["marker_x_mm", "marker_y_mm", "marker_z_mm", "dx_mm"]].isna().all(axis=None)
