@@ -43,6 +43,7 @@ class Criterion(ABC):
         monotone: Whether more information never hurts.
         unit_free: Whether efficiencies are free of the parameters' units.
         needs_target: Whether the constructor takes the target matrix A0.
+        determinant_only: Whether `cost` depends on the determinant alone.
         expression_power: `expression` and `formulation` model ``cost**expression_power``.
     """
 
@@ -56,6 +57,7 @@ class Criterion(ABC):
     monotone: bool = True
     unit_free: ClassVar[bool] = False
     needs_target: ClassVar[bool] = False
+    determinant_only: ClassVar[bool] = False
     expression_power: ClassVar[float] = 1.0
 
     def _cost(self, M: Array, cov: Array) -> Array:
@@ -65,6 +67,13 @@ class Criterion(ABC):
     def _gradient(self, M: Array, cov: Array) -> Array:
         """Symmetric G (..., p, p) with d cost = <G, dM>; at a kink, any subgradient."""
         return gradient_of(self, M)
+
+    def cost_of_log_determinant(self, log_det: Array, p: int) -> Array:
+        """Costs (...) of regular (p, p) matrices of which log det M (...) is known, where `determinant_only`.
+
+        It lets an exchange use the lemma of the determinant, for which no inverse is updated.
+        """
+        raise NotImplementedError(f"criterion {self.name} takes more than the determinant")
 
     def expression(self, M: "cp.Expression", T: Array | None = None) -> "cp.Expression":
         """Convex cvxpy expression of ``cost**expression_power``.

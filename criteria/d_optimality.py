@@ -24,9 +24,14 @@ class DOptimality(Criterion):
     sense = "max"
     degree = 1.0
     unit_free = True
+    determinant_only = True
 
     def _cost(self, M: Array, cov: Array) -> Array:
-        return np.exp(-np.linalg.slogdet(M).logabsdet / M.shape[-1])
+        return self.cost_of_log_determinant(np.linalg.slogdet(M).logabsdet, M.shape[-1])
+
+    def cost_of_log_determinant(self, log_det: Array, p: int) -> Array:
+        """All that counts."""
+        return np.asarray(np.exp(-log_det / p))
 
     def _gradient(self, M: Array, cov: Array) -> Array:
         return -self._cost(M, cov)[..., None, None] / M.shape[-1] * cov

@@ -73,8 +73,9 @@ def _best(
 
 
 def _costs(criterion: Criterion, rest: Array, joined: Array, U: Array, times: Array) -> Array:
-    """Costs (k, n) of ``R_i + r_i U_j' U_j``, by the lemma of the inverse where the rest R_i is far from singular.
+    """Costs (k, n) of ``R_i + r_i U_j' U_j``, by one of two lemmas where the rest R_i is far from singular.
 
+    ``det(R + r U' U) = det(R) det(I + r U R^-1 U')`` where the determinant is all that counts, else
     ``(R + r U' U)^-1 = R^-1 - R^-1 U' (I/r + U R^-1 U')^-1 U R^-1``.
     """
     _, cov, regular = guarded_inverse(rest, ACCURATE)
@@ -88,6 +89,10 @@ def _costs(criterion: Criterion, rest: Array, joined: Array, U: Array, times: Ar
             costs[regular] = _costs(criterion, rest[regular], joined, U, times[regular])
         return costs
     W = U @ cov[:, None]
-    S = np.eye(U.shape[1]) / times[:, None, None, None] + W @ np.swapaxes(U, -1, -2)
-    updated = cov[:, None] - np.swapaxes(W, -1, -2) @ np.linalg.solve(S, W)
+    S = W @ np.swapaxes(U, -1, -2)
+    eye, r = np.eye(U.shape[1]), times[:, None, None, None]
+    if criterion.determinant_only:
+        log_det = np.linalg.slogdet(rest).logabsdet[:, None] + np.linalg.slogdet(eye + r * S).logabsdet
+        return criterion.cost_of_log_determinant(log_det, rest.shape[-1])
+    updated = cov[:, None] - np.swapaxes(W, -1, -2) @ np.linalg.solve(eye / r + S, W)
     return criterion.cost_of_regular(trial, updated)

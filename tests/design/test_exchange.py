@@ -11,12 +11,11 @@ from edtk.design import Problem, exchange
 from edtk.design.exchange import _costs
 
 EPS = np.finfo(float).eps
-STARTS = 100  # at most; most criteria need a few, the condition number up to this many
-FAMILIES = {
-    "volume": ("D", "O1"),
-    "traces": ("A", "G", "O5", "rho0"),
-    "least eigenvalue": ("E", "O3"),
-    "ratio of eigenvalues": ("O2", "O4"),
+FAMILIES = {  # and the number of starts that each is given
+    "volume": (("D", "O1"), 5),
+    "traces": (("A", "G", "O5", "rho0"), 8),
+    "least eigenvalue": (("E", "O3"), 20),
+    "ratio of eigenvalues": (("O2", "O4"), 100),
 }
 
 
@@ -47,7 +46,7 @@ def assert_no_exchange_helps(problem, criterion, plan, repeats, cost):
     assert criterion.cost(tried).min() >= cost * (1 - 1e-12 - slip(M))
 
 
-def assert_close_to_enumeration(names, repeated):
+def assert_close_to_enumeration(names, starts, repeated):
     """In at least 95 of 100 cases the best of the starts is the best of all plans; it is never more than 1 % off."""
     assert sum(100 // len(names) for _ in names) == 100
     off = []
@@ -62,7 +61,7 @@ def assert_close_to_enumeration(names, repeated):
             plans = np.array(list(combinations_with_replacement(range(problem.n), m)))
         best = criterion.cost(np.einsum("k,nkij->nij", repeats, problem.blocks()[plans])).min()
         found = np.inf
-        for _ in range(STARTS):
+        for _ in range(starts):
             found = min(found, exchange(problem, criterion, rng.integers(0, problem.n, len(repeats)), repeats)[1])
             if found <= best * (1 + 1e-9):
                 break
@@ -75,12 +74,12 @@ def assert_close_to_enumeration(names, repeated):
 @pytest.mark.parametrize("family", FAMILIES)
 def test_against_enumeration(family):
     """From random starts the best plan of all is found in 95 of 100 cases, and missed by 1 % at most."""
-    assert_close_to_enumeration(FAMILIES[family], repeated=False)
+    assert_close_to_enumeration(*FAMILIES[family], repeated=False)
 
 
 def test_repetitions_against_enumeration():
     """The same holds for places that are measured one to four times each, over all ten criteria."""
-    assert_close_to_enumeration(criteria.available(), repeated=True)
+    assert_close_to_enumeration(criteria.available(), 40, repeated=True)
 
 
 @pytest.mark.parametrize("name", criteria.available())
