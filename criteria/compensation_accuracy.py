@@ -34,6 +34,7 @@ class CompensationAccuracy(Criterion):
     degree = 0.5
     unit_free = True
     needs_target = True
+    shown = (1e3, "mm")
     expression_power = 2.0
 
     def __init__(self, target: ArrayLike) -> None:

@@ -44,6 +44,7 @@ class Criterion(ABC):
         unit_free: Whether efficiencies are free of the parameters' units.
         needs_target: Whether the constructor takes the target matrix A0.
         determinant_only: Whether `cost` depends on the determinant alone.
+        shown: Factor from SI, and unit, in which a person reads `value`; no unit where it has none worth printing.
         expression_power: `expression` and `formulation` model ``cost**expression_power``.
     """
 
@@ -58,6 +59,7 @@ class Criterion(ABC):
     unit_free: ClassVar[bool] = False
     needs_target: ClassVar[bool] = False
     determinant_only: ClassVar[bool] = False
+    shown: ClassVar[tuple[float, str]] = (1.0, "")
     expression_power: ClassVar[float] = 1.0
 
     def _cost(self, M: Array, cov: Array) -> Array:

@@ -84,10 +84,10 @@ def main() -> None:
         "# Exact plans beside the published ones\n\n"
         "`python studies/plan_quality.py` wrote this file; it ends with code 1 if a row does not hold.\n\n"
         "rho0 [1e-3 mm] of m experiments, KUKA KR 270 example, for A0 itself and for max(A0, 0). Each plan was "
-        f"searched for from {len(SEEDS)} seeds, as `edtk plan` does it, its relaxation included, on {workers.size} cores. The "
-        "bound is searched over all feasible poses, not proved. Violations are of any constraint, in m or rad; seconds "
-        f"are medians. Asked of every row: a spread below {SPREAD} %, violations up to {VIOLATION:g}, and less than "
-        f"{SECONDS:g} s for each seed.\n\n{markdown_table(header, rows)}"
+        f"searched for from {len(SEEDS)} seeds, as `edtk plan` does it, its relaxation included, on {workers.size} "
+        "cores. The bound is searched over all feasible poses, not proved. Violations are of any constraint, in m or "
+        f"rad; seconds are medians. Asked of every row: a spread below {SPREAD} %, violations up to {VIOLATION:g}, and "
+        f"less than {SECONDS:g} s for each seed.\n\n{markdown_table(header, rows)}"
     )
     write_text(HERE / "plan_quality.md", text)
     sys.exit(0 if good else 1)

@@ -26,7 +26,8 @@ def command(study: Path, plan: Path, as_json: bool) -> None:
     click.echo(f"{result.experiments} experiments")
     for name, value in result.criteria.items():
         cls = criteria.get(name)
-        shown = f"{1e3 * value:.6g} mm" if name == "rho0" else f"{value:.6g}"
+        factor, unit = cls.shown
+        shown = f"{factor * value:.6g} {unit}"
         click.echo(f"  {name:6}{cls.sense:5}{shown:18}{cls.formula}")
     click.echo("standard deviations")
     for name, std, unit in zip(result.parameters, result.std, loaded.model.units, strict=True):

@@ -104,7 +104,7 @@ class ExactPlan:
     def summary(self) -> str:
         """What a person reads: value, bound, how the search went, and the poses."""
         c, whole = self.relaxed.criterion, self.whole
-        factor, unit = (1e3, " mm") if c.name == "rho0" else (1.0, "")
+        factor, unit = c.shown[0], f" {c.shown[1]}".rstrip()
         reach = "searched over all poses, not proved" if self.relaxed.searched is not None else "over the candidates"
         if self.bound_gap > CUT_OFF:
             reach += f"; its search was cut off, when it could be {100 * self.bound_gap:.2g} % better"

@@ -111,7 +111,7 @@ class RelaxedPlan:
     def summary(self) -> str:
         """What a person reads: value, bounds and poses."""
         c = self.criterion
-        factor, unit = (1e3, " mm") if c.name == "rho0" else (1.0, "")
+        factor, unit = c.shown[0], f" {c.shown[1]}".rstrip()
         rows = [("value", self.cost, ""), (f"bound, proved on {self.candidates:,} candidates", self.bound, "")]
         if self.searched is not None:
             rows.append(("bound, searched over all poses", self.searched, "; not proved"))

@@ -21,7 +21,8 @@ MARKERS = "osD^vPX*<>hd"
 
 def unit_of(name: str) -> tuple[float, str]:
     """Factor and unit in which a person reads a criterion."""
-    return (1e6, "1e-3 mm") if name == "rho0" else (1.0, "SI")
+    factor, unit = criteria.get(name).shown
+    return (1e3 * factor, f"1e-3 {unit}") if unit else (factor, "SI")
 
 
 def save(figure: Figure, path: Path) -> None:

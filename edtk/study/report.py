@@ -115,7 +115,7 @@ def _by_size(table: pd.DataFrame, main: str) -> str:
     return f"{main} ({unit}), and the bound over all feasible poses:\n\n{markdown_table(header, rows)}"
 
 
-def _losses(table: pd.DataFrame, main: str, best: float, values: pd.Series) -> pd.Series:
+def _losses(main: str, best: float, values: pd.Series) -> pd.Series:
     """By how much plans are worse than the best, as a share of its cost."""
     return values / best - 1 if criteria.get(main).sense == "min" else best / values - 1
 
@@ -132,8 +132,7 @@ def _cost_of_others(study: Study, table: pd.DataFrame, main: str) -> str:
         if all(found.empty for found in part.values()):
             continue
         losses = [
-            float(_losses(table, main, best[m], found[main]).iloc[0]) if len(found := part[m]) else np.nan
-            for m in sizes
+            float(_losses(main, best[m], found[main]).iloc[0]) if len(found := part[m]) else np.nan for m in sizes
         ]
         rows.append([label, *("-" if np.isnan(loss) else f"{100 * loss:+.1f} %" for loss in losses)])
         classical += [(loss, name, m) for loss, m in zip(losses, sizes, strict=True) if name and not np.isnan(loss)]
@@ -160,7 +159,7 @@ def _distinct(table: pd.DataFrame, main: str) -> str:
         free = _of(table, "optimised", main, m)
         own = pd.concat([some[some["experiments"] == m], free]).set_index("distinct_at_most")[main].sort_index()
         own = own.cummin() if criteria.get(main).sense == "min" else own.cummax()  # fewer poses would do, too
-        losses = _losses(table, main, own.iloc[-1], own)
+        losses = _losses(main, own.iloc[-1], own)
         enough = int(losses.index[losses < WORTH][0])
         advice.append(f"{enough} for m = {m}")
         cells = [f"{_number(factor * own[k])} ({100 * losses[k]:+.2f} %)" if k in own else "" for k in places]
