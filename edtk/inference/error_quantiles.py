@@ -1,12 +1,13 @@
 """How large the error |A dk| of a compensation may be: quantiles of weighted sums of chi-squares."""
 
+from functools import cache
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq
-from scipy.stats import chi2, f
+from scipy.stats import chi2, f, norm
 
 Array = NDArray[np.float64]
-MIXED = 256  # nodes of the rule over the estimated noise
 NODES = 24  # the quadrature's error is of the order 3.9^-NODES, and its rounding some 60 times that of a double
 
 
@@ -54,14 +55,27 @@ def error_quantiles(A: Array, cov: Array, levels: ArrayLike, dof: float = np.inf
     spectrum = np.maximum(np.linalg.eigvalsh(A @ cov @ np.swapaxes(A, -1, -2)), 0.0)
     found = np.zeros((*spectrum.shape[:-1], len(levels)))
     mixed = np.ones(1), np.ones(1)
-    if np.isfinite(dof):  # Gauss' rule over the probability of s
-        nodes, shares = np.polynomial.legendre.leggauss(MIXED)
-        mixed = chi2.ppf((1 + nodes) / 2, dof) / dof, shares / 2
+    if np.isfinite(dof):
+        mixed = _estimated(dof)
     for i in np.ndindex(*spectrum.shape[:-1]):
         largest = spectrum[i].max()
         if largest > 0:
             found[i] = [np.sqrt(largest * _quantile(spectrum[i] / largest, level, dof, *mixed)) for level in levels]
     return found
+
+
+@cache
+def _estimated(dof: float) -> tuple[Array, Array]:
+    """Nodes (n,) and probabilities (n,) of chi-square over its degrees of freedom.
+
+    As a function of the normal variable of the same rank it is smooth, which Gauss' and Hermite's rule wants. With
+    fewer than three degrees its tails are too heavy for that; the rule is Gauss' and Legendre's over the probability.
+    """
+    if dof < 3:
+        z, share = np.polynomial.legendre.leggauss(256)
+        return chi2.ppf((1 + z) / 2, dof) / dof, share / 2
+    z, share = np.polynomial.hermite_e.hermegauss(48)
+    return np.where(z < 0, chi2.ppf(norm.cdf(z), dof), chi2.isf(norm.sf(z), dof)) / dof, share / share.sum()
 
 
 def _quantile(weights: Array, level: float, dof: float, scales: Array, shares: Array) -> float:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, f
 
-from edtk.inference.error_quantiles import error_quantiles, weighted_chi_square_cdf
+from edtk.inference.error_quantiles import _estimated, error_quantiles, weighted_chi_square_cdf
 
 
 @pytest.mark.parametrize("r", [1, 2, 3, 6])
@@ -45,13 +45,14 @@ def test_one_direction_and_none():
     assert not found[1].any()
 
 
-@pytest.mark.parametrize("dof", [1.0, 2.8, 4.0, 30.0])
-def test_estimated_noise_makes_an_f_law(dof):
-    """With equal eigenvalues, and with a single one, the squares follow Fisher's law, to 1e-5."""
-    levels = np.array([0.025, 0.5, 0.95, 0.975])
-    for r, A in ((3, np.eye(3)[None]), (1, np.diag([1.0, 0, 0])[None])):
-        expected = np.sqrt(r * f.ppf(levels, r, dof))
-        np.testing.assert_allclose(error_quantiles(A, np.eye(3), levels, dof)[0], expected, rtol=1e-5)
+@pytest.mark.parametrize(("dof", "accuracy"), [(1.0, 1e-4), (2.8, 1e-4), (4.0, 1e-6), (30.0, 1e-11), (3e5, 1e-11)])
+def test_estimated_noise_makes_an_f_law(dof, accuracy):
+    """With equal eigenvalues the squares over an estimated noise follow Fisher's law."""
+    scales, shares = _estimated(dof)
+    for r in (1, 2, 3, 6):
+        x = r * f.ppf([0.001, 0.025, 0.3, 0.5, 0.95, 0.975, 0.999], r, dof)
+        found = weighted_chi_square_cdf(x[:, None] * scales, np.ones(r)) @ shares
+        np.testing.assert_allclose(found, f.cdf(x / r, r, dof), atol=accuracy)
 
 
 def test_quantiles_of_drawn_errors_with_estimated_noise():
