@@ -37,7 +37,7 @@ def write(folder, *changes, published=True):
     small = [
         ("sizes = [2, 3, 4, 6, 12]", SIZES),
         ("candidates = 2000", "candidates = 200"),
-        ("starts = 32", "starts = 16"),
+        ("starts = 32", "starts = 1"),
         ('optimise = ["rho0", "A", "D", "E", "G", "O1", "O2", "O3", "O4", "O5"]', OPTIMISE),
         ('criteria = ["A", "D", "E", "G", "O1", "O2", "O3", "O4", "O5", "rho0"]', CRITERIA),
     ]
@@ -216,7 +216,7 @@ def test_killed_run_goes_on(done, tmp_path):
 
 def test_ctrl_c_keeps_finished_cases_only(tmp_path):
     """Ctrl-C ends a run with code 130; the search that it interrupted is no finished case."""
-    study = write(tmp_path, (SIZES, "sizes = [6]"), ("starts = 16", "starts = 9999"), published=False)
+    study = write(tmp_path, (SIZES, "sizes = [6]"), ("starts = 1 ", "starts = 9999 "), published=False)
     out = tmp_path / "out"
     with started(study, out, "--workers", 1) as process:
         wait_for(process, (out / "cases/relaxation_E.json").exists)
