@@ -59,7 +59,10 @@ def ours(m: int, seed: int) -> float:
             reached = reached or bool((here.feasible.all(axis=1) & (f <= target)).any())
         return f, g
 
-    exchange(CandidateSource(design, seed).take(POOL).problem, criterion, np.arange(m))  # first calls load libraries
+    warm = CandidateSource(design, seed).take(POOL)  # first calls load libraries
+    exchange(warm.problem, criterion, np.arange(m))
+    descend(design, warm.x[None, :m], objective, 1)
+    reached = False
     since = perf_counter()
     with threadpool_limits(1):
         for turn in range(10_000):
@@ -103,20 +106,16 @@ def slsqp(m: int, seed: int) -> float:
     design = study.design
     value, slack = _flat(design, study, m, target)
     bounds = list(zip(*np.tile(design.limits[:, design.free], m), strict=True))
-    value(CandidateSource(design, seed).take(m).x[:, design.free].ravel())  # first calls load libraries
+    constraints = [{"type": "ineq", "fun": slack}]
+    warm = CandidateSource(design, seed).take(m).x[:, design.free].ravel()  # first calls load libraries
+    with suppress(_Reached):
+        minimize(value, warm, method="SLSQP", bounds=bounds, constraints=constraints, options={"maxiter": 1})
     since = perf_counter()
     with threadpool_limits(1):
         for turn in range(10_000):
             x = CandidateSource(design, (seed, turn), workers=1).take(m).x[:, design.free].ravel()
             try:
-                minimize(
-                    value,
-                    x,
-                    method="SLSQP",
-                    bounds=bounds,
-                    constraints=[{"type": "ineq", "fun": slack}],
-                    options={"maxiter": 150},
-                )
+                minimize(value, x, method="SLSQP", bounds=bounds, constraints=constraints, options={"maxiter": 150})
             except _Reached:
                 break
     return perf_counter() - since
