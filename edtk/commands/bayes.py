@@ -64,6 +64,7 @@ def command(
     was when it is started again.
     """
     from edtk.inference import Noise
+    from edtk.inference.noise import NU_IN_WORDS
     from edtk.study import load_study
     from edtk.study.bayes import bayes_check
     from edtk.study.inference_data import export
@@ -71,8 +72,7 @@ def command(
     sampling.require_writable(study, plan)
     loaded = load_study(study)
     given = loaded.file.prior.noise()
-    words = {"normal": math.inf, "sampled": None}
-    degrees = given.nu if nu is None else words[nu] if isinstance(nu, str) else nu
+    degrees = given.nu if nu is None else NU_IN_WORDS[nu] if isinstance(nu, str) else nu
     noise = Noise(given.sigma_factor if sigma_factor is None else sigma_factor, degrees)
     loaded_plan = loaded.load_plan(plan)
     if figures is not None:

@@ -9,6 +9,7 @@ from scipy.special import gammaln
 
 Array = NDArray[np.float64]
 
+NU_IN_WORDS = {"normal": math.inf, "sampled": None}
 NU_SHAPE, NU_RATE = 2.0, 0.1  # gamma prior of Juarez and Steel (2010): mean 20, little mass near normal noise
 
 

@@ -8,6 +8,7 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator, model_valida
 from pydantic_core import PydanticCustomError
 
 from edtk import design, inference
+from edtk.inference.noise import NU_IN_WORDS
 from edtk.model import Constraint, Height, Radius, Tilt, transform
 
 Array = NDArray[np.float64]
@@ -193,7 +194,7 @@ class PriorTable(_Table):
     @field_validator("nu", mode="plain")
     @classmethod
     def _known_nu(cls, nu: object) -> float | str:
-        if nu in ("normal", "sampled"):
+        if isinstance(nu, str) and nu in NU_IN_WORDS:
             return str(nu)
         if isinstance(nu, int | float) and not isinstance(nu, bool) and 0 < nu < np.inf:
             return float(nu)
@@ -201,8 +202,7 @@ class PriorTable(_Table):
 
     def noise(self) -> inference.Noise:
         """The noise: sigma known to a factor (1 exactly, inf not at all), errors normal or Student-t."""
-        words: dict[object, float | None] = {"normal": np.inf, "sampled": None}
-        nu = words[self.nu] if isinstance(self.nu, str) else self.nu
+        nu = NU_IN_WORDS[self.nu] if isinstance(self.nu, str) else self.nu
         return inference.Noise(self.sigma_factor, nu)
 
 
