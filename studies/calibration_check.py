@@ -71,7 +71,7 @@ def half_normal(k: Array, std: Array) -> Prior:
 
 
 def earlier(k: Array, std: Array) -> Prior:
-    """An earlier calibration, which left errors of ten standard deviations of this one, correlated by a half."""
+    """An earlier calibration, with ten times the errors of the plan at the study's sigma, correlated by a half."""
     R = 0.5 * np.eye(len(k)) + 0.5
     return Prior((Flat(),) * len(k), Normal(k, 100 * R * np.outer(std, std)))
 

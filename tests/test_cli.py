@@ -400,6 +400,18 @@ def test_no_command_overwrites_what_it_reads(study: Path, tmp_path: Path, line: 
     assert {path: path.read_bytes() for path in before} == before
 
 
+def test_what_the_study_names_is_not_overwritten(study: Path, tmp_path: Path) -> None:
+    """Plans and earlier calibrations that a study names are inputs too."""
+    plan, k = tmp_path / "plan.csv", tmp_path / "k.json"
+    plan.write_text(PLAN_3.read_text())
+    k.write_text("{}")
+    text = study.read_text()
+    study.write_text(f'published = ["plan.csv"]\n{text}\n[prior]\nearlier_file = "k.json"\n')
+    for line in (["relax", study, "--out", plan], ["identify", study, PLAN_3, "--out", tmp_path]):
+        assert_one_line(edtk(*line), "is read by this command")
+    assert (plan.read_text(), k.read_text()) == (PLAN_3.read_text(), "{}")
+
+
 @pytest.mark.parametrize("line", ["plan STUDY --size 3 --budget nan", "bayes STUDY PLAN --accuracy nan"])
 def test_options_that_are_no_number(study: Path, line: str) -> None:
     """NaN is no number of seconds, and no accuracy."""

@@ -69,8 +69,8 @@ def command(
     from edtk.study.bayes import bayes_check
     from edtk.study.inference_data import export
 
-    sampling.require_writable(study, plan)
     loaded = load_study(study)
+    sampling.require_writable(*loaded.reads, plan)
     given = loaded.file.prior.noise()
     degrees = given.nu if nu is None else NU_IN_WORDS[nu] if isinstance(nu, str) else nu
     noise = Noise(given.sigma_factor if sigma_factor is None else sigma_factor, degrees)

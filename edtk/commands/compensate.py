@@ -24,8 +24,8 @@ def command(study: Path, k: Path, task: Path, as_json: bool, out: Path | None) -
     from edtk.study.compensated import compensated, load_task
     from edtk.study.compliance_file import load_compliances
 
-    require_output(out, study, k, task)
     loaded = load_study(study)
+    require_output(out, *loaded.reads, k, task)
     poses = load_task(loaded, task)
     given = load_compliances(k, loaded.robot.joint_names, loaded.file.joints.unknown)
     found = compensated(loaded, given, poses, task)

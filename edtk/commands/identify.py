@@ -50,11 +50,11 @@ def command(
 
     if sampling.given() and not bayes:
         raise UserError(f"{sampling.given()[0]}: expected --bayes with it")
+    loaded = load_study(study)
+    sampling.require_writable(*loaded.reads, measurements, plan)
     if out is not None:
         for name in WRITTEN:
-            require_output(out / name, study, measurements, plan, sampling.chain)
-    sampling.require_writable(study, measurements, plan)
-    loaded = load_study(study)
+            require_output(out / name, *loaded.reads, measurements, plan, sampling.chain, sampling.export)
     planned = None if plan is None else loaded.load_plan(plan)
     found = identified(loaded, measurements, robust, not sigma_unknown, planned)
     if bayes:

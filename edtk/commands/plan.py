@@ -50,7 +50,7 @@ def command(
 
     loaded = load_study(study, exclude)
     kept = loaded.load_plan(keep) if keep is not None else None
-    require_output(out, study, keep, exclude)
+    require_output(out, *loaded.reads, keep)
     with (
         team_of(workers, dask) as team,
         tqdm(unit="step", file=sys.stderr, bar_format="{desc} [{elapsed}]", desc="bound") as bar,

@@ -38,7 +38,7 @@ def command(
     from edtk.study.relaxed import relaxed_plan
 
     loaded = load_study(study)
-    require_output(out, study)
+    require_output(out, *loaded.reads)
     interrupted = False
     with (
         tqdm(unit="step", file=sys.stderr, bar_format="{desc} [{elapsed}]", desc="candidates") as bar,

@@ -26,7 +26,7 @@ def command(study: Path, plan: Path, positions: bool, markers: int | None, out: 
     loaded = load_study(study)
     measured = loaded.load_plan(plan)
     if out is not None:
-        require_output(out, study, plan)
+        require_output(out, *loaded.reads, plan)
         require_empty(out)
     if measured.experiments > 1_000_000:
         raise click.UsageError(f"{plan}: {measured.experiments} experiments; expected 1000000 at most for a sheet")

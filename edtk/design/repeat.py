@@ -32,11 +32,13 @@ def best_repeats(criterion: Criterion, blocks: Array, repeats: Array) -> Array:
             costs[part] = criterion.cost(M + moved * (blocks[part, None] - blocks))
         costs[:, r < moved] = np.inf
         to, source = divmod(int(costs.argmin()), k)
-        if not costs[to, source] < cost * (1 - 1e-12):
+        tried = r.copy()
+        tried[to] += moved
+        tried[source] -= moved
+        trial = np.tensordot(tried, blocks, 1)  # summed anew, or equal poses are exchanged for ever by rounding
+        reached = float(criterion.cost(trial))
+        if max(reached, float(costs[to, source])) < cost * (1 - 1e-12):
+            r, M, cost = tried, trial, reached
+        else:
             moved /= 2
-            continue
-        r[to] += moved
-        r[source] -= moved
-        M = np.tensordot(r, blocks, 1)
-        cost = float(criterion.cost(M))
     return r

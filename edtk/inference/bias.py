@@ -73,7 +73,19 @@ def equilibrium_deflection(
     Raises:
         NoEquilibriumError: A pose buckles under the load.
     """
-    moved, marker = equilibrium(model.robot, q, wrench, k).displacement, np.asarray(marker, dtype=float)
+    return marker_motion(model, q, equilibrium(model.robot, q, wrench, k).displacement, marker)
+
+
+def marker_motion(model: ElastostaticModel, q: ArrayLike, moved: Array, marker: ArrayLike) -> Array:
+    """Motion (..., rows) of markers on a tool that moves by a displacement and a rotation vector (..., 6) [m, rad].
+
+    Args:
+        model: The robot with its calibration tool, and the measured rows.
+        q: Joint variables (..., n) without load [rad or m].
+        moved: Motion of the tool (..., 6), in world axes.
+        marker: Offsets (..., 3) or (3,) from the tool point, in the tool frame [m].
+    """
+    marker = np.asarray(marker, dtype=float)
     if marker.any():
         at = np.broadcast_to(model.robot.forward(q)[..., :3, :3], (*moved.shape[:-1], 3, 3))
         offset = (at @ marker[..., None])[..., 0].reshape(-1, 3)

@@ -86,7 +86,7 @@ def run_chain(
         ChainFileError: The file cannot be gone on from.
         OSError: The file cannot be written.
     """
-    kept = file.load() if file is not None else None
+    kept = file.load(demand.accuracy) if file is not None else None
     backend, goal = (None, 0) if kept is None else kept
     move = emcee.moves.DEMove(sigma=0.1)
     sampler = emcee.EnsembleSampler(*start.shape, log_density, moves=move, vectorize=True, backend=backend)
@@ -94,7 +94,7 @@ def run_chain(
     if backend is None:
         sampler.random_state = np.random.RandomState(seed).get_state()
         state = emcee.State(start, random_state=sampler.random_state)
-    goal, saved, price = max(goal, BLOCK), monotonic(), 0.0
+    goal, saved, price = max(goal, sampler.iteration, BLOCK), monotonic(), 0.0
     while True:
         end = min(goal, demand.most)
         while sampler.iteration < end:
@@ -102,7 +102,7 @@ def run_chain(
             progress(sampler.iteration)
             if file is not None and (sampler.iteration >= end or monotonic() - saved > 10 * price):
                 before = monotonic()
-                file.save(sampler.backend, goal)
+                file.save(sampler.backend, goal, demand.accuracy)
                 saved = monotonic()
                 price = saved - before
         found, longer = _judge(view, sampler, demand)

@@ -8,7 +8,7 @@ import numpy as np
 
 from edtk.atomic import atomic_path
 
-GROUP, PROBLEM, GOAL = "mcmc", "edtk_problem", "edtk_goal"
+GROUP, PROBLEM, GOAL, ACCURACY = "mcmc", "edtk_problem", "edtk_goal", "edtk_accuracy"
 
 
 class ChainFileError(ValueError):
@@ -30,8 +30,11 @@ class ChainFile:
     path: Path
     problem: str
 
-    def load(self) -> tuple[emcee.backends.Backend, int] | None:
+    def load(self, accuracy: float) -> tuple[emcee.backends.Backend, int] | None:
         """The chain so far with its random state, and the length at which it is judged; None where there is no file.
+
+        Args:
+            accuracy: What is asked now; where that is less than before, the chain is judged as it is.
 
         Raises:
             ChainFileError: h5py is missing, the file is no chain, or one of another problem.
@@ -48,6 +51,7 @@ class ChainFile:
         try:
             with h5py.File(self.path, "r") as file:
                 problem, goal = file[GROUP].attrs.get(PROBLEM), int(file[GROUP].attrs.get(GOAL, 0))
+                goal = goal if accuracy <= file[GROUP].attrs.get(ACCURACY, np.inf) else 0
             backend = emcee.backends.Backend()
             backend.reset(*stored.shape)
             backend.chain, backend.log_prob = stored.get_chain(), stored.get_log_prob()
@@ -59,8 +63,8 @@ class ChainFile:
             raise ChainFileError(f"{self.path}: the chain is of another study, plan, seed or prior; name another file")
         return backend, goal
 
-    def save(self, backend: emcee.backends.Backend, goal: int) -> None:
-        """Write the chain, and the length at which it is judged, atomically.
+    def save(self, backend: emcee.backends.Backend, goal: int, accuracy: float) -> None:
+        """Write the chain, and the length at which it is judged for what accuracy, atomically.
 
         Raises:
             OSError: It cannot be written.
@@ -75,6 +79,7 @@ class ChainFile:
                 group = file[GROUP]
                 group["chain"][...], group["log_prob"][...] = backend.chain[:n], backend.log_prob[:n]
                 group["accepted"][...] = backend.accepted
-                group.attrs["iteration"], group.attrs[PROBLEM], group.attrs[GOAL] = n, self.problem, goal
+                group.attrs["iteration"], group.attrs[PROBLEM] = n, self.problem
+                group.attrs[GOAL], group.attrs[ACCURACY] = goal, accuracy
                 for i, element in enumerate(backend.random_state):
                     group.attrs[f"random_state_{i}"] = np.asarray(element) if i == 1 else element

@@ -52,11 +52,6 @@ class Measurements:
         """Number (m,) of each row's pose and load, counted from 0 in order of appearance."""
         return row_numbers(self.q, self.wrench)
 
-    @cached_property
-    def place(self) -> NDArray[np.int_]:
-        """Number (m,) of each row's pose, load and marker, counted likewise."""
-        return row_numbers(self.q, self.wrench, self.marker)
-
     def regressor(self, model: ElastostaticModel) -> Array:
         """Regressors (m, rows, p) of what was measured.
 

@@ -176,6 +176,6 @@ def _check(prior: Prior, noise: Noise, freedom: int, telling: int, exact: bool) 
     least = 0.0 if noise.nu is None else noise.nu
     if not noise.normal and not prior.proper and telling * (least + 1) - 1 <= 2:
         raise ImproperPosteriorError(
-            f"with Student-t errors more than {telling} measured rows must tell of each compliance; measure more, or "
-            "give every compliance a prior"
+            f"with Student-t errors {telling} measured rows that tell of a compliance, or of several together, are too "
+            "few; measure more, or give every compliance a prior"
         )

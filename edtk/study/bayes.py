@@ -34,6 +34,7 @@ class BayesCheck:
         sigma: Noise (m, rows) [m, rad].
         noise: What is assumed of the noise.
         pose: Errors in the test pose; None without one.
+        sigma_estimated: Whether posterior and fit both estimated the size of normal noise, and all priors are flat.
     """
 
     table: pd.DataFrame
@@ -44,6 +45,7 @@ class BayesCheck:
     sigma: Array
     noise: Noise
     pose: PoseError | None
+    sigma_estimated: bool = False
 
     @property
     def noise_intervals(self) -> dict[str, tuple[float, float, float]]:
@@ -61,8 +63,7 @@ class BayesCheck:
     def ratio_to_expect(self) -> float:
         """Posterior deviation over that of the fit: sqrt(dof/(dof - 2)) where both estimate sigma, else one."""
         dof = self.measured.size - len(self.table)
-        estimated = self.compared[0] == "std_fit" and self.noise.normal and self.noise.sigma_factor == np.inf
-        return float(np.sqrt(dof / (dof - 2))) if estimated and dof > 2 else 1.0
+        return float(np.sqrt(dof / (dof - 2))) if self.sigma_estimated and dof > 2 else 1.0
 
     def to_json(self) -> dict[str, Any]:
         """Plain data, SI units."""

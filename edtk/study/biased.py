@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from edtk.design import Plan
 from edtk.errors import UserError
 from edtk.inference import Measurements, SingularPlanError, compensation_accuracy, estimate
-from edtk.inference.bias import Bias, equilibrium_deflection, linearisation_bias
-from edtk.model.equilibrium import NoEquilibriumError
+from edtk.inference.bias import Bias, linearisation_bias, marker_motion
+from edtk.model.equilibrium import NoEquilibriumError, equilibrium
 from edtk.study.study import Study
 
 Array = NDArray[np.float64]
@@ -131,9 +131,10 @@ def bias_in_test_pose(study: Study, data: Measurements, k: Array) -> float | Non
     all_joints[study.model.joints] = k
     every = -(-(1 + data.pose.max()) // MOST_POSES)
     some = data[np.flatnonzero(data.pose % every == 0)]
-    one = some[np.unique(some.place, return_index=True)[1]]
+    one = some[np.unique(some.pose, return_index=True)[1]]
     try:
-        measured = equilibrium_deflection(study.model, one.q, one.wrench, all_joints, one.marker)[some.place]
+        moved = equilibrium(study.robot, one.q, one.wrench, all_joints).displacement[some.pose]
+        measured = marker_motion(study.model, some.q, moved, some.marker)
         expected = estimate(some.regressor(study.model), measured, some.sigma, study.model.parameters).k
     except (NoEquilibriumError, SingularPlanError):
         return None

@@ -20,7 +20,8 @@ class Compliances:
     Attributes:
         joints: Names (p,) of the joints.
         k: Their compliances (p,) [rad/(N m)].
-        covariance: Covariance (p, p) of these [(rad/(N m))^2]; None where the file says nothing about it.
+        unbounded: What they would be without the bound k >= 0 (p,); k itself where the file does not say.
+        covariance: Covariance (p, p) of `unbounded` [(rad/(N m))^2]; None where the file says nothing about it.
         covariance_dof: Its degrees of freedom; inf where sigma was known.
         rho0_bias: Error that the linear model left in the test pose [m]; None where the file does not say.
         verdict: "good", "warn" or "bad", as the identification judged itself; None where the file does not say.
@@ -28,6 +29,7 @@ class Compliances:
 
     joints: tuple[str, ...]
     k: Array
+    unbounded: Array
     covariance: Array | None
     covariance_dof: float = np.inf
     rho0_bias: float | None = None
@@ -78,7 +80,17 @@ def load_compliances(path: Path | str, names: tuple[str, ...], needed: tuple[str
     if not dof:
         raise UserError(f"{path}: covariance_dof: expected more than none")
     rho0_bias = None if rho0_bias is None else _not_negative(path, "rho0_bias", rho0_bias)
-    return Compliances(joints, k, _covariance(path, rest, joints), dof, rho0_bias, rest.get("verdict"))
+    unbounded = k if rest.get("k_unbounded") is None else _unbounded(path, rest["k_unbounded"], joints)
+    return Compliances(joints, k, unbounded, _covariance(path, rest, joints), dof, rho0_bias, rest.get("verdict"))
+
+
+def _unbounded(path: Path, value: Any, joints: tuple[str, ...]) -> Array:
+    """Finite numbers (p,) by joint."""
+    numbers = [value.get(joint) if isinstance(value, dict) else None for joint in joints]
+    for joint, x in zip(joints, numbers, strict=True):
+        if not isinstance(x, int | float) or isinstance(x, bool) or not abs(x) <= 1e300:
+            raise UserError(f"{path}: k_unbounded.{joint}: expected a finite number")
+    return np.array(numbers, dtype=float)
 
 
 def _not_negative(path: Path, key: str, value: Any) -> float:

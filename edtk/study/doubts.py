@@ -12,7 +12,7 @@ from edtk.design.plan import pose_columns
 from edtk.inference.estimate import Whitened
 from edtk.inference.identify import MAD_EFFICIENCY, Identification
 from edtk.inference.measurements import Measurements
-from edtk.study.matching import matching, resolution_of
+from edtk.study.matching import OTHER_LOAD, matching, resolution_of
 from edtk.study.mistakes import twins
 from edtk.study.study import Study
 
@@ -24,7 +24,6 @@ IMPOSSIBLE = 0.001  # and an alarm
 FAR_BELOW_ZERO = -3.0  # standard deviations
 WEAK = 0.5  # standard deviation over the compliance
 ALIKE = 0.99  # correlation above which two parameters are hardly told apart
-OTHER_LOAD = 0.25  # of the planned one
 ALONE, UNSEEN = 0.05, 0.005  # share of an error in one pose that the residuals show
 SHOWN = 10  # rows that are named
 
@@ -72,7 +71,7 @@ def _units(study: Study, data: Measurements, A: Array, fit: Identification, plan
     """Numbers that look like those of another unit."""
     forces = list(_forces(study, data, plan))
     yield from forces
-    if not forces:
+    if all(doubt.severity < ALARM for doubt in forces):  # else these are its consequence
         yield from _lengths(study, data, A, fit)
     yield from _rotations(study, data, A)
     yield from _angles(study, data)

@@ -14,6 +14,7 @@ from edtk.atomic import atomic_path, require_writable, write_text
 from edtk.design import FixedLoad, Plan
 from edtk.design.pose_table import PoseFileError
 from edtk.errors import UserError
+from edtk.inference import Flat
 from edtk.inference.chain import Demand
 from edtk.inference.estimate import Estimate, SingularPlanError
 from edtk.inference.identify import Identification, NothingLeftError, identify
@@ -25,6 +26,7 @@ from edtk.study.digits import digits
 from edtk.study.doubts import Doubt, doubts, named
 from edtk.study.identification_report import identification_page, verdict_level
 from edtk.study.mistakes import mistake
+from edtk.study.prior import study_prior
 from edtk.study.study import Study
 
 Array = NDArray[np.float64]
@@ -189,7 +191,10 @@ class Identified:
             demand=demand,
             chain=chain,
         )
-        return replace(self, check=check)
+        prior = study_prior(study)
+        vague = prior.earlier is None and all(isinstance(marginal, Flat) for marginal in prior.marginals)
+        estimated = vague and noise.normal and not fit.known and not fit.robust
+        return replace(self, check=replace(check, sigma_estimated=estimated))
 
 
 def identified(

@@ -13,6 +13,7 @@ from edtk.study.study import Study
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int_]
+OTHER_LOAD = 0.25  # of the planned one: what is farther off is another load
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,20 +34,24 @@ class Matching:
 
 
 def matching(study: Study, data: Measurements, plan: Plan) -> Matching:
-    """Find each measurement's experiment by its pose, then by the direction of its force."""
-    factors = pose_factors(study.robot)
-    distance, pose = cKDTree(plan.q / factors).query(data.q / factors, p=np.inf)
+    """Find each measurement's experiment by its pose, then by its load: the planned one nearest to what was applied.
+
+    Where none of those planned in the pose is near, as with forces in another unit, the direction tells.
+    """
+    factors, within = pose_factors(study.robot), resolution_of(study)
+    tree, measured = cKDTree(plan.q / factors), data.q / factors
+    distance, pose = tree.query(measured, p=np.inf)
     experiment = pose.copy()
-    group, whole = row_numbers(plan.q), row_numbers(plan.q, plan.wrench)
-    order = np.argsort(group[pose], kind="stable")
-    rows_of = np.split(order, np.cumsum(np.bincount(group[pose], minlength=group.max() + 1))[:-1])
-    planned_of = np.split(np.argsort(group, kind="stable"), np.cumsum(np.bincount(group))[:-1])
-    for rows, planned in zip(rows_of, planned_of, strict=True):
-        if len(rows) and len(planned) > 1:
-            alike = _direction(data.wrench[rows]) @ _direction(plan.wrench[planned]).T
-            experiment[rows] = planned[alike.argmax(axis=1)]
-    made = whole[experiment[distance <= resolution_of(study)]]
-    return Matching(pose, distance, experiment, np.flatnonzero(~np.isin(whole, made)))
+    several = np.flatnonzero(tree.query_ball_point(measured, within, p=np.inf, return_length=True) > 1)
+    for row, here in zip(several, tree.query_ball_point(measured[several], within, p=np.inf), strict=True):
+        planned = np.array(sorted(here))
+        W, loads = data.wrench[row], plan.wrench[planned]
+        off = np.linalg.norm(loads - W, axis=1)
+        if off.min() > OTHER_LOAD * np.linalg.norm(loads[off.argmin()]):
+            off = -(_direction(loads) @ _direction(W[None])[0])
+        experiment[row] = planned[off.argmin()]
+    whole = row_numbers(plan.q, plan.wrench)
+    return Matching(pose, distance, experiment, np.flatnonzero(~np.isin(whole, whole[experiment[distance <= within]])))
 
 
 def resolution_of(study: Study) -> float:

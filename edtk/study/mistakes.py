@@ -73,7 +73,9 @@ def twins(data: Measurements) -> tuple[str, float]:
     if first.all():
         return "", 1.0
     pairs, same = (float((n * (n - 1) / 2).sum()) for n in (pose.value_counts(), row.value_counts()))
-    agree = _resolution(data.deflection[:, :3] * 1e3) / 1e3 / (2 * np.sqrt(np.pi) * data.sigma[:, :3].mean(axis=0))
+    parts = [(data.deflection[:, :3], 1e3), (data.deflection[:, 3:], 180 / np.pi)]
+    steps = [np.full(x.shape[1], _resolution(x * factor) / factor) for x, factor in parts if x.size]
+    agree = np.concatenate(steps) / (2 * np.sqrt(np.pi) * data.sigma.mean(axis=0))
     later = int(np.flatnonzero(~first)[0])
     earlier = int(np.flatnonzero(row.to_numpy() == row.iloc[later])[0])
     more = int((~first).sum()) - 1

@@ -39,14 +39,17 @@ def study_prior(study: Study) -> Prior:
 
 
 def _from_file(study: Study, name: str) -> Normal:
-    """What `edtk identify` found earlier, and wrote as k.json."""
+    """What `edtk identify` found earlier, and wrote as k.json; where it estimated sigma, as wide as Student's t is."""
     unknown = study.file.joints.unknown
     found = load_compliances(study.path.parent / name, study.robot.joint_names, unknown)
     mistake = study.error("prior.earlier_file", f"{name}: expected a positive definite covariance, or std, beside k")
     if found.covariance is None:
         raise mistake
-    chosen = [found.joints.index(joint) for joint in unknown]
+    dof, chosen = found.covariance_dof, [found.joints.index(joint) for joint in unknown]
+    if dof <= 2:
+        raise study.error("prior.earlier_file", f"{name}: expected a covariance_dof above 2, or no variance is finite")
+    wider = dof / (dof - 2) if np.isfinite(dof) else 1.0
     try:
-        return Normal(found.k[chosen], found.covariance[np.ix_(chosen, chosen)])
+        return Normal(found.unbounded[chosen], wider * found.covariance[np.ix_(chosen, chosen)])
     except np.linalg.LinAlgError:
         raise mistake from None

@@ -58,5 +58,6 @@ def require_empty(path: Path) -> None:
     columns = [c for c in (*DEFLECTION_COLUMNS, *LOADED_COLUMNS, *UNLOADED_COLUMNS, *ROTATION_COLUMNS) if c in there]
     if not columns:
         raise UserError(f"{path}: is there already and no empty sheet; expected another file")
+    columns += [c for c in (*MARKER_COLUMNS, "sigma_mm") if c in there]
     if there[columns].notna().to_numpy().any():
         raise UserError(f"{path}: has measurements in it; expected another file for the empty sheet")

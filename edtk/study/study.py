@@ -171,6 +171,14 @@ class Study:
                 raise self.error("simulation.compliance_rad_per_Nm", f"expected a value for joint {name!r}")
         return np.array([given[name] for name in self.file.joints.unknown])
 
+    @property
+    def reads(self) -> tuple[Path, ...]:
+        """All files that the study is read from: its own, and those that it names."""
+        named = [*self.file.published, self.file.workspace.excluded, self.file.prior.earlier_file]
+        named += [self.file.robot] if self.file.robot.endswith(".toml") else []
+        beside = [self.path.parent / name for name in named if name]
+        return (self.path, *beside, *([self.excluded] if self.excluded else []))
+
     def load_plan(self, path: Path | str) -> Plan:
         """Read a plan and check every pose against limits and workspace.
 

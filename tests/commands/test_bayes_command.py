@@ -118,7 +118,7 @@ def test_killed_run_goes_on(tmp_path):
         (["--most", 600, "--accuracy", 0.001], ("did not converge in 600 steps",)),
         (["--nu", "many"], ("--nu", "above zero or 'normal' or 'sampled'")),
         (["--sigma-factor", "0.5"], ("--sigma-factor", "at least 1")),
-        (["--chain", PLAN.with_name("table_4_4.csv")], ("table_4_4.csv: not a chain",)),
+        (["--chain", ROOT / "README.md"], ("README.md: not a chain",)),
         (["--chain", STUDY], ("kr270_milling.toml: is read by this command",)),
         (["--export", STUDY / "x.nc"], ("cannot be written there",)),
     ],

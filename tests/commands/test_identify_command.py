@@ -163,7 +163,7 @@ def test_bayes(measured: Path, tmp_path: Path) -> None:
     [
         (["--seed", 3], ("--seed: expected --bayes",)),
         (["--bayes", "--most", 600, "--accuracy", 0.001], ("did not converge in 600 steps", "--most")),
-        (["--bayes", "--chain", PLAN], ("table_4_4.csv: not a chain",)),
+        (["--bayes", "--chain", ROOT / "README.md"], ("README.md: not a chain",)),
         (["--bayes", "--export", PAPER], ("kr270_milling.toml: is read by this command",)),
     ],
 )

@@ -111,3 +111,13 @@ def test_very_many_measurements(name):
     moves = np.eye(k)[:, None] - np.eye(k)
     trial = (many + moves).reshape(-1, k)
     assert (cost(criterion, blocks, trial[(trial >= 0).all(axis=1)]) >= reached * (1 - 1e-9)).all()
+
+
+@pytest.mark.parametrize("name", ["E", "rho0", "O4"])
+def test_equal_poses_end(name):
+    """Poses of the same information, but for rounding, are not exchanged for ever."""
+    for seed in range(60):
+        rng, blocks, A0 = case(seed)
+        twins = blocks[[0, 1, 1, 0]] * (1 + 1e-15 * rng.integers(-4, 5, size=(4, 1, 1)))
+        found = best_repeats(criteria.create(name, A0), twins, np.array([6, 6, 6, 6]))
+        assert found.sum() == 24

@@ -80,3 +80,12 @@ def test_without_h5py(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "h5py", None)
     with pytest.raises(ChainFileError, match=r"edtk\[posterior\]"):
         sample(0, FINE, chain=tmp_path / "chain.h5")
+
+
+def test_less_accuracy_than_before(tmp_path):
+    """A chain that was to be very long is judged as it is where less is asked."""
+    path, steps = tmp_path / "chain.h5", []
+    with pytest.raises(UnconvergedError):
+        sample(0, Demand(0.002, most=3000), chain=path)
+    sample(0, Demand(0.05), chain=path, progress=steps.append)
+    assert steps == []

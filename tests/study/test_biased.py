@@ -8,8 +8,10 @@ import pytest
 from click.testing import CliRunner
 
 from edtk.cli import main
-from edtk.inference.bias import linearisation_bias
+from edtk.inference import Measurements, estimate
+from edtk.inference.bias import equilibrium_deflection, linearisation_bias
 from edtk.study import load_study
+from edtk.study.biased import bias_in_test_pose
 
 ROOT = Path(__file__).parents[2]
 PATH = ROOT / "studies" / "kr270_milling.toml"
@@ -101,3 +103,17 @@ def test_mistakes(tmp_path):
     (tmp_path / "one.csv").write_text("\n".join(PLAN.read_text(encoding="utf-8").split()[:2]))
     assert "one.csv: the plan cannot identify all parameters: k" in refused(PATH, tmp_path / "one.csv")
     assert "no such file" in refused(PATH, tmp_path / "none.csv")
+
+
+def test_in_the_test_pose_with_several_markers():
+    """With rows in any order and several markers it is what each row's own equilibrium gives."""
+    study, rng = load_study(PATH), np.random.default_rng(0)
+    plan = study.load_plan(PLAN)
+    q, W = (np.repeat(x, 4, axis=0)[order] for order in [rng.permutation(12)] for x in (plan.q, plan.wrench))
+    marker = rng.uniform(-0.3, 0.3, (3, 3))[rng.integers(0, 3, 12)]
+    data = Measurements(q, W, np.zeros((12, 3)), np.tile(study.sigma, (12, 1)), marker)
+    k = np.r_[0, study.compliances]
+    moved = np.array([equilibrium_deflection(study.model, *each, k, o) for *each, o in zip(q, W, marker, strict=True)])
+    fit = estimate(data.regressor(study.model), moved, data.sigma, study.model.parameters)
+    expected = np.linalg.norm(study.target @ (fit.k - study.compliances))
+    assert bias_in_test_pose(study, data, study.compliances) == pytest.approx(expected, rel=1e-9)

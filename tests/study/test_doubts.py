@@ -165,6 +165,20 @@ def test_the_load_is_part_of_an_experiment():
     assert line.startswith("row 8: the load is not the one planned in this pose")
 
 
+def test_loads_of_one_direction():
+    """Two sizes of load in every pose are told apart by their size, and a length in metres beside another load."""
+    q, W = np.repeat(PLAN.q[:6], 2, axis=0), np.tile([[0, 0, -1000.0, 0, 0, 0], [0, 0, -2500.0, 0, 0, 0]], (6, 1))
+    plan = Plan(q, W, np.ones(12, dtype=int))
+    moved = simulate(STUDY.model.regressor(q, W), STUDY.compliances, STUDY.sigma, np.random.default_rng(4))[0]
+    data = Measurements(q.round(5), W * 1.02, moved, np.tile(STUDY.sigma, (12, 1)), np.zeros((12, 3)))
+    assert not [line for line in lines(data, plan=plan) if "plan" in line or "forces" in line]
+    other = data.wrench.copy()
+    other[3] *= 1.3
+    text = lines(replace(data, wrench=other, deflection=data.deflection / 1e3), plan=plan)
+    assert any("row 4: the load is not the one planned" in line for line in text)
+    assert any("in metres" in line for line in text)
+
+
 def test_a_warning_of_forces_hides_no_alarm():
     """With forces off by two a gross error is still an alarm."""
     data = measured()

@@ -109,6 +109,17 @@ def test_turned_frame_of_rotations():
     assert line.split("expected them to be ")[1].startswith("-dy_mm, dx_mm, dz_mm")
 
 
+def test_copied_rotations():
+    """A row whose rotations are copied to the last digit is one, however coarse its positions are."""
+    model, data = _poses()
+    data = data[np.repeat(np.arange(12), 2)]
+    data.deflection[:, :3] = data.deflection[:, :3].round(4)
+    data.deflection[:, 3:] += 5e-5 * np.random.default_rng(9).standard_normal((24, 3))
+    assert _judged(model, data) is None
+    data.deflection[7] = data.deflection[6]
+    assert _judged(model, data).startswith("row 8 is row 7 to the last digit")
+
+
 def test_markers():
     """Marker columns that were exchanged, or are in metres, are named."""
     data = measured()

@@ -58,9 +58,15 @@ def test_a_filled_sheet_is_not_overwritten(tmp_path):
     require_empty(path)
 
 
-def test_markers():
+def test_markers(tmp_path):
     """With three markers each repetition has three rows, and empty columns for where each marker is."""
     one, three = sheet(STUDY, PLAN.repeated(2)), sheet(STUDY, PLAN.repeated(2), markers=3)
     assert len(three) == 3 * len(one)
     np.testing.assert_array_equal(three.iloc[::3, :12], one.iloc[:, :12])
     assert three[["marker_x_mm", "marker_y_mm", "marker_z_mm", "dx_mm"]].isna().all(axis=None)
+    path = tmp_path / "sheet.csv"
+    three.to_csv(path, index=False)
+    require_empty(path)
+    three.assign(marker_x_mm=5.0).to_csv(path, index=False)
+    with pytest.raises(UserError, match="has measurements in it"):
+        require_empty(path)

@@ -45,6 +45,20 @@ def test_an_earlier_calibration_is_read_from_its_file(with_prior):
     np.testing.assert_allclose(prior.earlier.covariance, covariance, rtol=1e-9)
 
 
+def test_what_the_bound_and_an_estimated_sigma_leave(with_prior, tmp_path):
+    """The mean is that without the bound k >= 0; the covariance is widened for few degrees of freedom."""
+    load, covariance = with_prior
+    content = json.loads((tmp_path / "k.json").read_text())
+    unbounded = dict(zip(content["k"], [*K[:4], -1e-8], strict=True))
+    (tmp_path / "k.json").write_text(json.dumps(content | {"k_unbounded": unbounded, "covariance_dof": 4}))
+    prior = study_prior(load('earlier_file = "k.json"'))
+    np.testing.assert_allclose(prior.earlier.mean, [*K[:4], -1e-8])
+    np.testing.assert_allclose(prior.earlier.covariance, 2 * covariance, rtol=1e-9)
+    (tmp_path / "k.json").write_text(json.dumps(content | {"covariance_dof": 1}))
+    with pytest.raises(UserError, match="covariance_dof above 2"):
+        study_prior(load('earlier_file = "k.json"'))
+
+
 @pytest.mark.parametrize(
     ("line", "words"),
     [
