@@ -114,7 +114,7 @@ def _client(address: str) -> Any:
     try:
         resolve_address(address)  # a client that cannot even try is noisy when it is collected
         return Client(address, timeout=5, set_as_default=False)
-    except (OSError, ValueError, TimeoutError) as error:
+    except (OSError, ValueError, TimeoutError, MemoryError) as error:
         raise WorkersLostError(f"no Dask scheduler answers at {address}") from error
 
 

@@ -53,6 +53,8 @@ class PoseTable:
             PoseFileError: The file is absent, empty or ragged.
         """
         path = Path(path)
+        if sign := _separator(path):
+            raise PoseFileError(f"{path}: the columns are separated by {sign}; expected commas, and points in numbers")
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("error", pd.errors.ParserWarning)  # a row longer than the header
@@ -94,9 +96,6 @@ class PoseTable:
         """
         columns = pose_columns(robot)
         header = list(map(str, self.cells))
-        for sign, name in ((";", "semicolons"), ("\t", "tabs")):
-            if len(header) == 1 and sign in header[0]:
-                raise self.error(f"the columns are separated by {name}; expected commas, and points in numbers")
         for column in header:
             if (first := column.rpartition(".")[0]) in header and column.rpartition(".")[2].isdigit():
                 raise self.error(f"column {first!r} is there twice; expected each once")
@@ -169,3 +168,16 @@ class PoseTable:
 
 def _first_line(error: Exception) -> str:
     return str(error).splitlines()[0].strip()
+
+
+def _separator(path: Path) -> str | None:
+    """What separates the columns of the header, if not commas."""
+    if not path.is_file():  # a pipe can be read but once
+        return None
+    try:
+        with path.open(encoding="utf-8-sig") as file:
+            header = next((line for line in file if line.strip() and not line.startswith("#")), "")
+    except (OSError, UnicodeDecodeError):
+        return None  # it is told when the file is read
+    names = {";": "semicolons", "\t": "tabs"}
+    return next((name for sign, name in names.items() if sign in header and "," not in header), None)

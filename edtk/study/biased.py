@@ -57,9 +57,9 @@ class Biased:
         """What a person reads."""
         b = self.bias
         lines = [f"{self.experiments} experiments on the loaded equilibrium, identified with the linear model"]
-        lines.append(f"{'param':7}{'true':>11}{'bias':>12}{'std':>11}{'bias/std':>10}{'bias %':>9}")
+        lines.append(f"{'param':7}{'true':>11} {'bias':>11} {'std':>10} {'bias/std':>10} {'bias %':>9}")
         rows = zip(self.parameters, b.true, b.bias, b.std, b.in_std, b.percent, strict=True)
-        lines += [f"{n:7}{t:11.4g}{x:+12.3g}{s:11.4g}{r:+10.3f}{p:+9.3f}" for n, t, x, s, r, p in rows]
+        lines += [f"{n:7}{t:11.4g} {x:+11.3g} {s:10.4g} {r:+10.4g} {p:+9.4g}" for n, t, x, s, r, p in rows]
         lines.append(f"compliances in {self.unit}")
         if self.rho0 is not None and self.rho0_bias is not None:
             both = float(np.hypot(self.rho0, self.rho0_bias))

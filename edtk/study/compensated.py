@@ -18,6 +18,7 @@ from edtk.inference.error_quantiles import error_quantiles
 from edtk.model import ElastostaticModel, Robot
 from edtk.model.equilibrium import NoEquilibriumError, equilibrium
 from edtk.study.compliance_file import Compliances
+from edtk.study.rigid import rigid_joints
 from edtk.study.study import Study
 
 Array = NDArray[np.float64]
@@ -36,6 +37,7 @@ class Compensated:
         uncompensated: Distance (t,) of the loaded tool point from the desired one, were `desired` commanded [m].
         remaining: Root mean square (t,) of what errors of the compliances leave, Eq. (17) [m]; None if not known.
         band: Its 2.5 % and 97.5 % quantiles (t, 2) [m]; None if not known.
+        rigid: Which joints count as rigid although the load turns them, in words.
         rho0_bias: What the linear model of the identification leaves beside it in the test pose [m]; None if not known.
     """
 
@@ -47,6 +49,7 @@ class Compensated:
     remaining: Array | None
     band: Array | None
     rho0_bias: float | None = None
+    rigid: str = ""
 
     def table(self) -> pd.DataFrame:
         """Commands, wrenches and errors: degrees, millimetres, newtons and newton metres."""
@@ -95,7 +98,7 @@ class Compensated:
         elif self.rho0_bias is not None:
             bias = f"{1e3 * self.rho0_bias:.2g} mm"
             lines.append(f"beside that, identifying with the linear model left {bias} in the test pose")
-        return "\n".join(lines)
+        return "\n".join([*lines, self.rigid] if self.rigid else lines)
 
 
 def load_task(study: Study, path: Path | str) -> Plan:
@@ -155,6 +158,7 @@ def compensated(study: Study, found: Compliances, task: Plan, path: Path) -> Com
         remaining=None if cov is None else compensation_accuracy(A, cov),
         band=None if cov is None else error_quantiles(A, cov, BAND, found.covariance_dof),
         rho0_bias=found.rho0_bias,
+        rigid=rigid_joints(robot, task.q, task.wrench, found.joints),
     )
 
 

@@ -21,6 +21,7 @@ NOTE, WARNING, ALARM = 0, 1, 2
 
 UNLIKELY = 0.01  # p-value of the residuals that is worth a warning
 IMPOSSIBLE = 0.001  # and an alarm
+TINY = 0.2  # estimated noise over the stated one that looks like another unit
 FAR_BELOW_ZERO = -3.0  # standard deviations
 WEAK = 0.5  # standard deviation over the compliance
 ALIKE = 0.99  # correlation above which two parameters are hardly told apart
@@ -197,6 +198,9 @@ def _noise(fit: Identification) -> Iterator[Doubt]:
         yield Doubt(WARNING, text)
     elif p > 1 - IMPOSSIBLE and fit.known:
         yield Doubt(WARNING, f"the residuals are only {fit.scale:.3g} times what sigma says: sigma is too large")
+    elif p > 1 - IMPOSSIBLE and fit.scale < TINY:
+        text = f"the noise is estimated as only {fit.scale:.2g} times the stated one: displacements in another unit?"
+        yield Doubt(ALARM, f"{text} expected millimetres")
 
 
 def _outliers(fit: Identification) -> Iterator[Doubt]:

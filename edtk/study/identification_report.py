@@ -83,6 +83,8 @@ def _verdict(study: Study, fit: Identification, doubts: tuple[Doubt, ...], rho0_
         noise = "the residuals fit the noise" if fit.known else "the noise was estimated and is not larger than stated"
         lines.append(f"Nothing is wrong: {noise}, there are no outliers, all compliances are positive.")
     lines += [f"{_sentence(study, doubt.text)}." for doubt in doubts]
+    if study.rigid and level != "bad":
+        lines.append(f"{_sentence(study, study.rigid)}.")
     return verdict(level, lines)
 
 

@@ -23,7 +23,7 @@ from edtk.inference.robust import SigmaTooSmallError
 from edtk.study.bayes import BayesCheck, posterior_check
 from edtk.study.biased import bias_in_test_pose
 from edtk.study.digits import digits
-from edtk.study.doubts import Doubt, doubts, named
+from edtk.study.doubts import NOTE, Doubt, doubts, named
 from edtk.study.identification_report import identification_page, verdict_level
 from edtk.study.mistakes import mistake
 from edtk.study.prior import study_prior
@@ -145,9 +145,11 @@ class Identified:
         lines += [f"largest leverage {fit.leverage[i, j]:.3f}: row {i + 1}, {COORDINATES[j]}"]
         if len(fit.outliers):
             lines += [f"outliers ({len(fit.outliers)}): {named('row', fit.outliers.tolist())}"]
+        lines += [self.study.rigid] if self.study.rigid else []
         if self.check is not None:
             lines += ["posterior", self.check.summary()]
-        return "\n".join(lines)
+        lines += [f"note: {doubt.text}" for doubt in self.doubts if doubt.severity == NOTE]
+        return "\n".join([*lines, f"verdict: {verdict_level(self.doubts)}"])
 
     def sampled(
         self,

@@ -14,6 +14,7 @@ import criteria
 from edtk.design import FixedLoad, Plan, PlanFileError, PoseDesign, pose_factors
 from edtk.errors import UserError
 from edtk.model import Constraint, ElastostaticModel, Excluded, Robot, RobotFileError, Workspace, load_robot
+from edtk.study.rigid import rigid_joints
 from edtk.study.spec import StudyFile
 
 Array = NDArray[np.float64]
@@ -148,6 +149,16 @@ class Study:
             return None
         task = ElastostaticModel(self.robot.with_tool(pose.tool.build()), self._unknown)
         return task.regressor(pose.q_deg * pose_factors(self.robot), pose.load.build())
+
+    @property
+    def rigid(self) -> str:
+        """Which joints count as rigid in the test pose although its load turns them, in words; nothing for none."""
+        pose = self.file.test_pose
+        if pose is None:
+            return ""
+        q = np.array(pose.q_deg)[None] * pose_factors(self.robot)
+        robot = self.robot.with_tool(pose.tool.build())
+        return rigid_joints(robot, q, pose.load.build()[None], self.file.joints.unknown)
 
     @property
     def names(self) -> tuple[str, ...]:

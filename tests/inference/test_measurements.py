@@ -70,6 +70,13 @@ def test_positions_far_apart(read):
     assert len(read(f"{HEAD},{columns}\n{GOOD},1500000,-200000,900000,1500100,-200100,898900,-1\n"))
 
 
+def test_a_german_spreadsheet(read):
+    """Semicolons between columns are named, with commas in the numbers too."""
+    head, good = f"{HEAD},{D}".replace(",", ";"), "-90,5;0,1;10,2;20,3;30,4;1,5;2,5;3,5"
+    with pytest.raises(PoseFileError, match="separated by semicolons; expected commas, and points in numbers"):
+        read(f"{head}\n{good}\n")
+
+
 def random_measurements(rows, marker, seed=0, m=20):
     rng = np.random.default_rng(seed)
     q, W = rng.uniform(*KR270.limits, size=(m, 6)), rng.normal(size=(m, 6)) * [1e3] * 6

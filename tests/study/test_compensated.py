@@ -181,3 +181,17 @@ def test_degrees_of_freedom_and_bias_of_the_file_count(given):
 def _plan_3():
     plan = STUDY.published_plans()["table_4_3"]
     return plan.q, plan.wrench
+
+
+def test_a_joint_without_compliance_is_named(given):
+    """The load turns joint 1, whose compliance is not in the file: what 1e-7 rad/(N m) of it adds is said."""
+    k, task, _ = given
+    line = edtk(PATH, k, task).stdout.splitlines()[-1]
+    assert line.startswith("without a known compliance, and so taken as rigid: q1 (")
+    said = float(line.split("q1 (")[1].split(" mm")[0])
+    desired = np.deg2rad(np.loadtxt(POSES.split("\n")[1:3], delimiter=","))
+    load = STUDY.file.test_pose.load.build()
+    moved = equilibrium(ROBOT, desired, load, np.r_[1e-7, np.zeros(5)]).displacement[:, :3]
+    assert said == pytest.approx(1e3 * np.linalg.norm(moved, axis=1).max(), rel=0.1)
+    k.write_text(json.dumps({"q1": 1e-7, **K}), encoding="utf-8")
+    assert "rigid" not in edtk(PATH, k, task).stdout

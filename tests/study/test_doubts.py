@@ -64,6 +64,15 @@ def test_units(unassuming, factor, named, known):
         assert "expected millimetres" in line
 
 
+@pytest.mark.parametrize("factor", [1 / 25.4, 0.1])
+def test_inches_and_centimetres(unassuming, factor):
+    """A noise that comes out far smaller than the stated one is an alarm, as everything scales with the unit."""
+    data = measured()
+    data = replace(data, deflection=data.deflection * factor)
+    (doubt,) = [d for d in found(data, unassuming, known=False) if "another unit" in d.text]
+    assert doubt.severity == ALARM
+
+
 def test_radians():
     """Angles given in radians where degrees are expected are noticed."""
     data = measured()
