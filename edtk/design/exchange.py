@@ -16,13 +16,18 @@ ACCURATE = 1e-6
 
 
 def exchange(
-    problem: Problem, criterion: Criterion, start: Indices, repeats: Array | None = None, dearest: int = 50
+    problem: Problem,
+    criterion: Criterion,
+    start: Indices,
+    repeats: Array | None = None,
+    dearest: int = 50,
+    thorough: bool = True,
 ) -> tuple[Indices, float]:
     """Replace one place of a plan by a candidate as long as that lowers the cost (Fedorov; KL first).
 
     Each round judges all exchanges of a place for one of the dearest candidates, by the criterion's gradient, and
-    carries out the best. Only when none of these helps, the exchanges for every candidate are judged; the plan that
-    is returned cannot be improved by any single exchange.
+    carries out the best. Only when none of these helps, the exchanges for every candidate are judged, if it is to be
+    thorough; the plan that is returned then cannot be improved by any single exchange.
 
     Args:
         problem: The candidates.
@@ -30,6 +35,7 @@ def exchange(
         start: Candidates at the k places (k,), the same one twice allowed.
         repeats: How often each place is measured (k,), which is kept; once where None.
         dearest: Number of candidates that are judged first.
+        thorough: Whether to judge all others too; of a singular plan they are judged anyway.
 
     Returns:
         The candidates (k,) by place, and the cost.
@@ -44,7 +50,7 @@ def exchange(
         if np.isfinite(cost) and dearest < problem.n:
             some = np.argpartition(-problem.prices(-guide.gradient(M)), dearest)[:dearest]
         found = _best(problem, criterion, plan, times, M, some)
-        if not found[0] < cost * (1 - 1e-12) and len(some) < problem.n:
+        if thorough and not found[0] < cost * (1 - 1e-12) and len(some) < problem.n:
             found = _best(problem, criterion, plan, times, M, every)
         if not found[0] < cost * (1 - 1e-12):
             return plan, cost

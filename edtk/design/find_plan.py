@@ -10,10 +10,11 @@ from criteria import Criterion
 from criteria.inverse import whitener
 from edtk.design.candidates import CandidateSource
 from edtk.design.exact_plan import ExactPlan
+from edtk.design.log_cost import information
 from edtk.design.multistart import SIZE, Batch
 from edtk.design.plan import Plan
 from edtk.design.pose_design import PoseDesign
-from edtk.design.refine import information, refine
+from edtk.design.refine import refine
 from edtk.design.relaxed_plan import RelaxedPlan
 from edtk.design.search import distinct
 from edtk.design.start import Starts
@@ -23,7 +24,7 @@ Array = NDArray[np.float64]
 Progress = Callable[[int, float], object]
 PATIENCE = 6  # batches without improvement after which the search has stagnated
 STARTS = 64 * SIZE
-FINEST, SHARPEST = 300, (1000.0, 4000.0)  # steps and soft maxima of the last descent
+FINEST, SHARPEST = 100, (1000.0, 4000.0)  # steps and soft maxima of the last descent
 GAIN = 1e-4  # relative improvement that counts
 DRAWN, REGULAR = 4000, 1e-7  # random poses, and least eigenvalue beside that of their mean, see `smallest_size`
 SAME = 1e-3  # relative difference of information below which two plans are the same

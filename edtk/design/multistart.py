@@ -11,8 +11,9 @@ from threadpoolctl import threadpool_limits
 from criteria import Criterion
 from criteria.inverse import whitener
 from edtk.design.candidates import Candidates, CandidateSource
+from edtk.design.log_cost import information
 from edtk.design.pose_design import PoseDesign
-from edtk.design.refine import information, refine
+from edtk.design.refine import refine
 from edtk.design.repeat import best_repeats
 from edtk.design.search import distinct
 from edtk.design.start import Starts, exchanged, starts
@@ -20,7 +21,7 @@ from edtk.design.start import Starts, exchanged, starts
 Array = NDArray[np.float64]
 SIZE = 16  # starts of a batch
 ELITE = 4  # of these are refined to the end
-COARSE, FINE = 40, 200  # steps of the first descent and of the others
+COARSE, FINE = 15, 60  # steps of the first descent and of the others
 BLUNT, SHARP = (30.0,), (250.0,)  # soft maxima of these, see `refine`
 POOL = 256  # fresh candidates of a batch, and of each round
 ROUNDS = 4  # of exchange and refinement, at most

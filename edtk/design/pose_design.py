@@ -148,17 +148,17 @@ class Experiments:
             M += self.design.shared[np.triu_indices(self.design.model.p)].reshape(-1, *[1] * (M.ndim - 1))
         return M
 
-    @property
-    def regressor_gradient(self) -> Array:
-        """Derivative (..., rows, p, v) of ``A/sigma`` by all design variables; A is linear in the wrench."""
-        design, u = self.design, self._load
-        dA = design.model.regressor_gradient_of(self.frames, design.load.wrench(u))
-        dA = batch_first(dA, (2, 0, 1))
-        if u.shape[-1]:
-            dW = np.moveaxis(design.load.derivative(u), -1, 0)
-            by_load = [batch_first(design.model.regressor_of(self.frames, w), (1, 0)) for w in dW]
-            dA = np.concatenate([dA, np.stack(by_load, axis=-1)], axis=-1)
-        return dA / design.sigma[:, None, None]
+    def slope(self, B: Array) -> Array:
+        """Derivatives (..., v) of ``<B, A/sigma>`` by all design variables, weights B (..., rows, p) held fixed.
+
+        A is linear in the wrench, so that by a load's variable it is ``<B, A(dW)/sigma>``.
+        """
+        design, model, u = self.design, self.design.model, self._load
+        weights = np.moveaxis(B / design.sigma[:, None], (-1, -2), (0, 1))
+        by_joint = model.regressor_slope_of(self.frames, design.load.wrench(u), weights)
+        dW = np.moveaxis(design.load.derivative(u), -1, 0)
+        by_load = [(weights * model.regressor_of(self.frames, w)).sum(axis=(0, 1)) for w in dW]
+        return np.moveaxis(np.concatenate([by_joint, np.array(by_load).reshape(-1, *by_joint.shape[1:])]), 0, -1)
 
     @property
     def slack(self) -> Array:

@@ -69,17 +69,19 @@ def starts(
         elif i % 4 == 2:
             plan, times = anywhere, even
         else:
-            plan, times = exchanged(pool.problem, criterion, anywhere, even)
+            plan, times = exchanged(pool.problem, criterion, anywhere, even, thorough=False)
         places.append(plan)
         repeats.append(times)
     return Starts(pool.x[np.array(places)], np.array(repeats))
 
 
-def exchanged(problem: Problem, criterion: Criterion, places: Indices, repeats: Array) -> tuple[Indices, Array]:
-    """Places (k,) and repetitions (k,) exchanged in turn, until neither improves the plan."""
+def exchanged(
+    problem: Problem, criterion: Criterion, places: Indices, repeats: Array, thorough: bool = True
+) -> tuple[Indices, Array]:
+    """Places (k,) and repetitions (k,) exchanged in turn, until neither improves the plan; see `exchange`."""
     cost = np.inf
     while True:
-        places, reached = exchange(problem, criterion, places, repeats)
+        places, reached = exchange(problem, criterion, places, repeats, thorough=thorough)
         if len(places) == repeats.sum() or not reached < cost * (1 - 1e-9):
             return places, repeats
         cost = reached

@@ -1,7 +1,7 @@
 """The elastostatic model: deflection under load, linear in the joint compliances."""
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -76,10 +76,7 @@ class ElastostaticModel:
 
     def regressor_of(self, frames: Frames, wrench: ArrayLike) -> Array:
         """Regressors (p, rows, ...) of poses whose frames are at hand, component first."""
-        W = np.moveaxis(np.asarray(wrench, dtype=float), -1, 0)
-        F, T = W[:3], W[3:]
-        lift = (slice(None),) + (None,) * (frames.position.ndim - F.ndim)
-        F, T = F[lift], T[lift]
+        F, T = _forces(wrench, frames)
         linear, angular = frames.linear[self.joints], frames.angular[self.joints]
         linear = _without_rounding(linear, self.robot.reach)
         torque = _dot(linear, F)
@@ -90,43 +87,49 @@ class ElastostaticModel:
         A = linear * torque[:, None]
         return A if self.rows == "position" else np.concatenate([A, angular * torque[:, None]], axis=1)
 
-    def regressor_gradient(self, q: ArrayLike, wrench: ArrayLike) -> Array:
-        """Derivative of the regressor with respect to all joint variables.
+    def regressor_slope(self, q: ArrayLike, wrench: ArrayLike, B: ArrayLike) -> Array:
+        """Derivatives of ``<B, A>`` by all joint variables, B held fixed: all that the derivatives of A are needed for.
 
-        ``dA_j/dq_k = dJ_j/dq_k (J_j' W) + J_j (dJ_j/dq_k' W)``, where a revolute joint k at or before j turns
-        the column J_j about its axis, and a joint k behind a revolute j moves the tool point:
-        ``dJ_j/dq_k = (a_k x v_j, a_k x w_j)`` for k <= j, ``(w_j x v_k, 0)`` for k > j.
+        Column j of A is ``(v_j, w_j) tau_j`` with ``(v_j, w_j)`` that of the Jacobian and ``tau_j = v_j.F + w_j.T``. A
+        revolute joint k at or before j turns both about its axis, ``d(v_j, w_j)/dq_k = (w_k x v_j, w_k x w_j)``, and
+        a joint k behind a revolute j moves the tool point, ``(w_j x v_k, 0)``. So with ``(b_j, c_j)`` the column of
+        B and ``s_j = v_j.b_j + w_j.c_j``,
+
+            d<B, A>/dq_k = w_k . sum_{j >= k} (v_j x f_j + w_j x t_j) + v_k . sum_{j < k} f_j x w_j,
+            f_j = tau_j b_j + s_j F,   t_j = tau_j c_j + s_j T.
 
         Args:
             q: Joint variables (..., n) [rad or m].
             wrench: Forces and torques (..., 6) or (6,) [N, N m].
+            B: Weights (..., rows, p) or (rows, p) of the regressor's entries.
 
         Returns:
-            Array (..., rows, p, n).
+            Array (..., n).
         """
-        return np.moveaxis(self.regressor_gradient_of(self.robot.frames(q), wrench), (2, 0, 1), (-3, -2, -1))
+        frames, B = self.robot.frames(q), np.asarray(B, dtype=float)
+        B = np.broadcast_to(B, (*frames.position.shape[1:], *B.shape[-2:]))
+        return np.moveaxis(self.regressor_slope_of(frames, wrench, np.moveaxis(B, (-1, -2), (0, 1))), 0, -1)
 
-    def regressor_gradient_of(self, frames: Frames, wrench: ArrayLike) -> Array:
-        """Derivatives (p, n, rows, ...) of the regressors of poses whose frames are at hand, component first."""
-        v, w = frames.linear, frames.angular
-        n, batch = self.robot.n, v.shape[2:]
-        j, k = (index.ravel() for index in np.meshgrid(self.joints, range(n), indexing="ij"))
-        dv = cross(w[np.minimum(j, k)], v[np.maximum(j, k)]).reshape(self.p, n, 3, *batch)
-        W = np.moveaxis(np.broadcast_to(np.asarray(wrench, dtype=float), (*batch, 6)), -1, 0)
-        F, T = W[:3], W[3:]
-        vj, wj = v[self.joints], w[self.joints]
-        torque, change = _dot(vj, F), _dot(dv, F, axis=2)
+    def regressor_slope_of(self, frames: Frames, wrench: ArrayLike, B: Array) -> Array:
+        """Slopes (n, ...) in poses whose frames are at hand, component first: B is (p, rows, ...)."""
+        v, w = frames.linear[self.joints], frames.angular[self.joints]
+        F, T = _forces(wrench, frames)
+        by_row = np.swapaxes(B, 0, 1)
+        tau, s = _dot(v, F), _dot(v, by_row[:3])
         turned = self.rows == "pose" or bool(T.any())
         if turned:
-            dw = cross(w[k], w[j])
-            dw[k > j] = 0.0
-            dw = dw.reshape(self.p, n, 3, *batch)
-            torque, change = torque + _dot(wj, T), change + _dot(dw, T, axis=2)
-        dA = dv * torque[:, None, None]
-        dA += vj[:, None] * change[:, :, None]
-        if self.rows == "position":
-            return dA
-        return np.concatenate([dA, dw * torque[:, None, None] + wj[:, None] * change[:, :, None]], axis=2)
+            tau, s = tau + _dot(w, T), s + _dot(w, by_row[3:])
+        f = tau[:, None] * B[:, :3] + s[:, None] * F
+        turning, moving = np.zeros((2, self.robot.n, *f.shape[1:]))
+        turning[self.joints], moving[self.joints] = cross(v, f), cross(f, w)
+        if turned:
+            t = s[:, None] * T
+            if self.rows == "pose":
+                t = t + tau[:, None] * B[:, 3:]
+            turning[self.joints] += cross(w, t)
+        at_or_behind = np.cumsum(turning[::-1], axis=0)[::-1]
+        before = np.cumsum(moving, axis=0) - moving
+        return _dot(frames.angular, np.swapaxes(at_or_behind, 0, 1)) + _dot(frames.linear, np.swapaxes(before, 0, 1))
 
     def cartesian_stiffness(self, q: ArrayLike, k: ArrayLike) -> Array:
         """Eq. (1): ``K_C = J^-T K_theta J^-1``, as the inverse of ``J k_theta J'`` (any number of joints).
@@ -173,10 +176,16 @@ def _without_rounding(x: Array, size: ArrayLike) -> Array:
     return np.where(np.abs(x) <= 64 * np.finfo(float).eps * np.asarray(size), 0.0, x)
 
 
-def _dot(a: Array, b: Array, axis: int = 1) -> Array:
-    """Sum of products along one short axis of a; b has that axis first."""
-    before: tuple[Any, ...] = (slice(None),) * axis
-    total = a[(*before, 0)] * b[0]
+def _forces(wrench: ArrayLike, frames: Frames) -> tuple[Array, Array]:
+    """Force and torque (3, ...), component first, that go with the last batch axes of the frames."""
+    W = np.moveaxis(np.asarray(wrench, dtype=float), -1, 0)
+    W = W[(slice(None),) + (None,) * (frames.position.ndim - W.ndim)]
+    return W[:3], W[3:]
+
+
+def _dot(a: Array, b: Array) -> Array:
+    """Sum of products (n, ...) along the second axis of a (n, c, ...), which is the first of b; zero if b is empty."""
+    total = np.zeros(()) if not len(b) else a[:, 0] * b[0]
     for i in range(1, len(b)):
-        total += a[(*before, i)] * b[i]
+        total = total + a[:, i] * b[i]
     return total

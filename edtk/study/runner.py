@@ -15,7 +15,7 @@ from edtk.atomic import atomic_path
 from edtk.design import EmptyFeasibleSetError, Plan, RankDeficientError, RelaxedPlan, TooFewError, find_plan
 from edtk.design.candidates import sample_feasible
 from edtk.design.find_plan import smallest_size
-from edtk.design.refine import information
+from edtk.design.log_cost import information
 from edtk.errors import UserError
 from edtk.parallel import Team, WorkersLostError
 from edtk.study.ledger import Ledger, ledger_of

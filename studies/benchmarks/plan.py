@@ -20,9 +20,10 @@ from tqdm import tqdm
 
 from edtk.atomic import write_text
 from edtk.design import CandidateSource, PoseDesign, exchange
-from edtk.design.descend import descend
+from edtk.design.descend import Indices, Local, descend
+from edtk.design.log_cost import LogCost
+from edtk.design.neighbourhood import Neighbourhood
 from edtk.design.pose_design import Experiments
-from edtk.design.refine import cost_and_gradient
 from edtk.study import Study, load_study
 from edtk.study.markdown import markdown_table
 
@@ -32,7 +33,7 @@ BEST = HERE.parents[1] / "paper_figures" / "own_plans"
 SIZES = (3, 6, 12)
 SEEDS = {"ours": 11, "slsqp": 5, "evolution": 1}
 LIMIT_S = {"ours": 100.0, "slsqp": 120.0, "evolution": 60.0}
-POOL, STARTS = 512, 2
+POOL, STARTS = 512, 1
 
 
 class _Reached(Exception):
@@ -50,26 +51,30 @@ def ours(m: int, seed: int) -> float:
     """Seconds: batches of exchanged candidates, all refined at once."""
     study, target = load(m)
     design, criterion = study.design, study.criterion("rho0")
-    reached = False
+    reached: list[float] = []
 
-    def objective(here: Experiments, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        nonlocal reached
-        f, g = cost_and_gradient(criterion, here, np.ones((len(start), m)))
-        if f.min() <= target:
-            reached = reached or bool((here.feasible.all(axis=1) & (f <= target)).any())
-        return f, g
+    class UntilGood(LogCost):
+        """Log rho0 that takes note of a feasible plan that is good enough."""
 
+        def local(self, near: Neighbourhood, start: Indices) -> Local:
+            local = super().local(near, start)
+            if local[0].min() <= target and design.at(near.x[local[0] <= target]).feasible.all(axis=1).any():
+                reached.append(target)
+            return local
+
+    objective = UntilGood(criterion, np.ones((STARTS, m)))
     warm = CandidateSource(design, seed).take(POOL)  # first calls load libraries
     exchange(warm.problem, criterion, np.arange(m))
     descend(design, warm.x[None, :m], objective, 1)
-    reached = False
-    since = perf_counter()
+    reached.clear()
     with threadpool_limits(1):
+        since = perf_counter()
         for turn in range(10_000):
             pool = CandidateSource(design, (seed, turn), workers=1).take(POOL)
             rng = np.random.default_rng((seed, turn))
-            places = [exchange(pool.problem, criterion, rng.integers(0, POOL, m))[0] for _ in range(STARTS)]
-            descend(design, pool.x[np.array(places)], objective, 100, barrier=0.002, stop=lambda: reached)
+            drawn = rng.integers(0, POOL, (STARTS, m))
+            places = [exchange(pool.problem, criterion, some, thorough=False)[0] for some in drawn]
+            descend(design, pool.x[np.array(places)], objective, barrier=0.002, stop=lambda: bool(reached))
             if reached:
                 break
     return perf_counter() - since
@@ -110,8 +115,8 @@ def slsqp(m: int, seed: int) -> float:
     warm = CandidateSource(design, seed).take(m).x[:, design.free].ravel()  # first calls load libraries
     with suppress(_Reached):
         minimize(value, warm, method="SLSQP", bounds=bounds, constraints=constraints, options={"maxiter": 1})
-    since = perf_counter()
     with threadpool_limits(1):
+        since = perf_counter()
         for turn in range(10_000):
             x = CandidateSource(design, (seed, turn), workers=1).take(m).x[:, design.free].ravel()
             try:
@@ -128,8 +133,8 @@ def evolution(m: int, seed: int) -> float:
     value, slack = _flat(design, study, m, target)
     bounds = list(zip(*np.tile(design.limits[:, design.free], m), strict=True))
     value(CandidateSource(design, seed).take(m).x[:, design.free].ravel())  # first calls load libraries
-    since = perf_counter()
     with threadpool_limits(1), suppress(_Reached):
+        since = perf_counter()
         differential_evolution(
             value,
             bounds,

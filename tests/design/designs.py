@@ -6,6 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from edtk.design import BoundedLoad, FixedLoad, FreeLoad, ListedLoad, PoseDesign
+from edtk.design.log_cost import LogCost
+from edtk.design.neighbourhood import Neighbourhood
 from edtk.model import ElastostaticModel, Height, Joint, Robot, Tilt, Workspace, transform
 from edtk.study import load_study
 
@@ -51,3 +53,10 @@ LOADED = {
     for name, design in DESIGNS.items()
     for kind, load in loads(design.load.always).items()
 }
+
+
+def log_cost_slope(design, criterion, x, repeats):
+    """Log costs (b,) of plans x (b, k, v) with repetitions (b, k), and slopes (b, k, d) by the movable variables."""
+    near = Neighbourhood(design, x)
+    value, slope, _, _ = LogCost(criterion, repeats).local(near, np.arange(len(x)))
+    return value, slope / near.span

@@ -11,13 +11,42 @@ import pytest
 from designs import DESIGNS, LOADED
 
 from edtk.design import FreeLoad, ListedLoad, sample_feasible
-from edtk.design.descend import MARGIN, descend, inward
+from edtk.design.descend import MARGIN, Objective, inward
+from edtk.design.descend import descend as descended
 from edtk.model import Height, Workspace
 
 on_each = pytest.mark.parametrize("design", DESIGNS.values(), ids=DESIGNS)
 on_every_load = pytest.mark.parametrize("design", LOADED.values(), ids=LOADED)
 ACCURACY = 1e-9
 NEAR = np.sqrt(2 * ACCURACY)
+
+
+class Given(Objective):
+    """An objective given by a function of experiments and starts: values (b,) and gradients (b, k, v)."""
+
+    def __init__(self, function):
+        self.function = function
+
+    def value(self, here, start):
+        """What the function says."""
+        return self.function(here, start)[0]
+
+    def local(self, near, start):
+        """Value and gradient of the function, and the differences of its gradient as what couples all variables."""
+        (b, k), d, h = near.x.shape[:2], len(near.span), 1e-6
+        f, g = self.function(near.design.at(near.x), start)
+        H = np.zeros((b, k, d, k, d))
+        for i, a in np.ndindex(k, d):
+            x = near.x.copy()
+            x[:, i, near.design.movable[a]] += h * near.span[a]
+            H[:, i, a] = near.first(self.function(near.design.at(x), start)[1] - g) / h
+        H = H.reshape(b, k * d, k * d)
+        return f, near.first(g), np.zeros((b, k, d, d)), 0.5 * (H + np.swapaxes(H, 1, 2))
+
+
+def descend(design, x, function, *arguments, **options):
+    """The descent of an objective that is given by a function."""
+    return descended(design, x, Given(function), *arguments, **options)
 
 
 def distance_to(targets):

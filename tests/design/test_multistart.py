@@ -10,8 +10,8 @@ from threadpoolctl import threadpool_info, threadpool_limits
 
 from criteria import create
 from edtk.design import CandidateSource, relax_poses
+from edtk.design.log_cost import information
 from edtk.design.multistart import ELITE, Batch
-from edtk.design.refine import information
 from edtk.design.start import starts
 
 

@@ -8,7 +8,7 @@ from criteria import create
 from criteria.inverse import whitener
 from edtk.design import CandidateSource, relax, sample_feasible
 from edtk.design.search import distinct, search
-from edtk.design.sensitivity import price_and_gradient
+from edtk.design.sensitivity import price_and_slope
 
 on_each = pytest.mark.parametrize("design", DESIGNS.values(), ids=DESIGNS)
 ACCURACY = 1e-6
@@ -42,7 +42,7 @@ def answer(case):
 def prices(criterion, Z, x):
     """Prices (r, n) of experiments (n, v), by the other formula for them."""
     here = KR270.at(np.broadcast_to(x, (len(Z), *x.shape)))
-    return price_and_gradient(here, Z, criterion.degree == 0)[0]
+    return price_and_slope(here, Z, criterion.degree == 0)[0]
 
 
 def test_found_poses_are_feasible_and_have_their_information(case, answer):

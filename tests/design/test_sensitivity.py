@@ -9,8 +9,7 @@ from scipy.optimize import nnls
 
 from criteria import create
 from edtk.design import FixedLoad, FreeLoad, relax, sample_feasible
-from edtk.design.descend import descend
-from edtk.design.sensitivity import ascend, price_and_gradient
+from edtk.design.sensitivity import ascend, price_and_slope
 
 on_each = pytest.mark.parametrize("design", DESIGNS.values(), ids=DESIGNS)
 on_every_load = pytest.mark.parametrize("design", LOADED.values(), ids=LOADED)
@@ -28,7 +27,7 @@ shared_or_not = pytest.mark.parametrize("design", BESIDE.values(), ids=BESIDE)
 
 def priced(design, x, Z, per_trace=False):
     """Prices (n,) and slopes (n, v) of experiments (n, v) by one multiplier (p, p)."""
-    price, slope = price_and_gradient(design.at(x[None]), Z[None], per_trace)
+    price, slope = price_and_slope(design.at(x[None]), Z[None], per_trace)
     return price[0], slope[0]
 
 
@@ -74,7 +73,7 @@ def test_price_is_the_inner_product_with_the_information(design, per_trace, Z_of
 def test_rows_have_their_own_multipliers(per_trace):
     """Each row of experiments is priced by its own multiplier."""
     x, Z = sample_feasible(KR270, 12, 1).reshape(3, 4, 6), np.array([multiplier(KR270, s) for s in range(3)])
-    price, slope = price_and_gradient(KR270.at(x), Z, per_trace)
+    price, slope = price_and_slope(KR270.at(x), Z, per_trace)
     for i in range(3):
         alone = priced(KR270, x[i], Z[i], per_trace)
         np.testing.assert_allclose(price[i], alone[0], rtol=1e-12)
@@ -189,10 +188,6 @@ def test_the_dearest_force_is_the_largest(design):
     Z, starts = optimal(free, per_trace=False), sample_feasible(free, 8, 3)
     unit = float(priced(free, starts, Z)[0].max())
 
-    def objective(here, start):
-        price, slope = price_and_gradient(here, np.tile(Z, (len(start), 1, 1)))
-        return -price[:, 0] / unit, -slope / unit
-
-    ends = descend(free, starts[:, None], objective, accuracy=1e-6)[:, 0]
+    ends = uphill(free, starts, Z, unit=unit, accuracy=1e-6)
     short = 1 - ends[:, len(design.fixed)]
     assert (2 * short * priced(free, ends, Z)[0] <= 1e-6 * unit).all()

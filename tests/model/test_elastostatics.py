@@ -1,4 +1,4 @@
-"""Regressors, their gradients, and the paper's Eq. (1) to (4) and (23)."""
+"""Regressors, their slopes, and the paper's Eq. (1) to (4) and (23)."""
 
 import numpy as np
 import pytest
@@ -22,17 +22,36 @@ def poses(robot, *batch, seed=1):
     return np.random.default_rng(seed).uniform(*robot.limits, size=(*batch, robot.n))
 
 
+def gradient(model, q, wrench):
+    """Derivative (rows, p, n) of the regressor in one pose: the slopes of one entry after another."""
+    rows = 3 if model.rows == "position" else 6
+    each = np.eye(rows * model.p).reshape(-1, rows, model.p)
+    return model.regressor_slope(np.tile(q, (len(each), 1)), wrench, each).reshape(rows, model.p, -1)
+
+
 @subsets
 @either
 @both
-def test_regressor_gradient_matches_finite_differences(robot, rows, unknown, derivative):
+def test_regressor_slope_matches_finite_differences(robot, rows, unknown, derivative):
     """dA/dq agrees with differences for forces and torques, all rows, any joints, prismatic ones too."""
     model = ElastostaticModel(robot, unknown, rows)
     for q in poses(robot, 5):
         numeric = derivative(lambda x: model.regressor(x, WRENCH), q)
-        exact = model.regressor_gradient(q, WRENCH)
+        exact = gradient(model, q, WRENCH)
         assert exact.shape == (3 if rows == "position" else 6, model.p, robot.n)
         np.testing.assert_allclose(exact, numeric, atol=1e-9 * np.abs(numeric).max())
+
+
+@either
+@pytest.mark.parametrize("wrench", [np.r_[WRENCH[:3], 0, 0, 0], np.r_[0, 0, 0, WRENCH[3:]]], ids=["force", "torque"])
+def test_slope_is_linear_in_the_weights(rows, wrench):
+    """The slope of <B, A> is <B, dA> for any weights B, under forces or torques alone."""
+    model = ElastostaticModel(ROBOTS["mixed"], (4, 0, 2), rows)
+    for q in poses(model.robot, 3):
+        dA = gradient(model, q, wrench)
+        B = np.random.default_rng(0).normal(size=dA.shape[:2])
+        slope = model.regressor_slope(q, wrench, B)
+        np.testing.assert_allclose(slope, np.einsum("rp,rpn->n", B, dA), atol=1e-12 * np.abs(dA).max())
 
 
 @subsets
@@ -90,29 +109,30 @@ def test_batches_equal_loops(robot, rows, batch):
     """Any batch of poses, with one wrench or one each, gives what its members give."""
     model = ElastostaticModel(robot, (1, 4, 5), rows)
     q, k = poses(robot, *batch), np.array([1e-6, 2e-6, 3e-6])
-    each = np.random.default_rng(3).normal(size=(*batch, 6))
+    each, rank = np.random.default_rng(3).normal(size=(*batch, 6)), 3 if rows == "position" else 6
+    B = np.random.default_rng(4).normal(size=(rank, 3))
     for W in (WRENCH, each):
-        A, dA, t = model.regressor(q, W), model.regressor_gradient(q, W), model.deflection(q, W, k)
-        rank = 3 if rows == "position" else 6
-        assert (A.shape, dA.shape, t.shape) == ((*batch, rank, 3), (*batch, rank, 3, robot.n), (*batch, rank))
+        A, slope, t = model.regressor(q, W), model.regressor_slope(q, W, B), model.deflection(q, W, k)
+        assert (A.shape, slope.shape, t.shape) == ((*batch, rank, 3), (*batch, robot.n), (*batch, rank))
         assert model.cartesian_compliance(q, k).shape == (*batch, 6, 6)
         for i in np.ndindex(*batch):
             w = W if W is WRENCH else W[i]
             for got, expected in (
                 (A[i], model.regressor(q[i], w)),
-                (dA[i], model.regressor_gradient(q[i], w)),
+                (slope[i], model.regressor_slope(q[i], w, B)),
                 (t[i], model.deflection(q[i], w, k)),
             ):
                 np.testing.assert_allclose(got, expected, rtol=1e-12, atol=1e-13 * np.abs(expected).max())
 
 
 def test_wrench_of_the_last_axis_only_is_shared_by_the_first():
-    """A wrench (3, 6) goes with the last batch axis of poses (2, 3, n), for regressor and gradient."""
+    """A wrench (3, 6) goes with the last batch axis of poses (2, 3, n), for regressor and slope."""
     robot = ROBOTS["kuka"]
     model, q, W = ElastostaticModel(robot), poses(robot, 2, 3), np.random.default_rng(4).normal(size=(3, 6))
     full = np.broadcast_to(W, (2, 3, 6))
     np.testing.assert_array_equal(model.regressor(q, W), model.regressor(q, full))
-    np.testing.assert_array_equal(model.regressor_gradient(q, W), model.regressor_gradient(q, full))
+    B = np.random.default_rng(5).normal(size=(3, 6))
+    np.testing.assert_array_equal(model.regressor_slope(q, W, B), model.regressor_slope(q, full, B))
 
 
 def test_regressor_is_linear_in_the_wrench():

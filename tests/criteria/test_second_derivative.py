@@ -1,0 +1,78 @@
+"""Second derivatives of every criterion, as descents use them."""
+
+import numpy as np
+import pytest
+from matrices import make, positive, symmetric, units
+
+import criteria
+from criteria.second_derivative import derivatives
+
+every = pytest.mark.parametrize("name", criteria.available())
+
+
+def smooth(name, p):
+    """The criterion, or a smooth one above it."""
+    return make(name, p) if make(name, p).smooth else make(name, p).smoothed(20.0)
+
+
+def triangle(dM):
+    """The upper triangle (q,) of a symmetric matrix, row by row."""
+    return dM[np.triu_indices(len(dM))]
+
+
+@every
+@pytest.mark.parametrize("p", [1, 2, 5])
+def test_curvature_along_any_direction(name, p, derivative):
+    """Along any symmetric direction the second derivative of the cost is ``v' K v``, and the first ``<G, dM>``."""
+    rng, criterion = np.random.default_rng(p), smooth(name, p)
+    for _ in range(5):
+        M = positive(rng, p)
+        H = symmetric(rng, p)
+        cost, G, K = (part[0] for part in derivatives(criterion, M[None]))
+        assert cost == pytest.approx(float(criterion.cost(M)), rel=1e-12)
+        np.testing.assert_allclose(G, criterion.gradient(M), rtol=1e-12)
+        v = triangle(H)
+        curvature = derivative(lambda t, M=M, H=H: np.vdot(criterion.gradient(M + t[0] * H), H)[None], np.zeros(1))[
+            0, 0
+        ]
+        assert v @ K @ v == pytest.approx(curvature, abs=1e-3 * np.abs(K).max() + 1e-9 * cost)
+        np.testing.assert_array_equal(K, K.T)
+
+
+@every
+def test_units(name):
+    """Scaled parameters, from 1e-7 to 1e4, have the curvature of the unscaled ones, where units do not matter."""
+    if not criteria.get(name).unit_free or criteria.get(name).needs_target:
+        pytest.skip("this criterion depends on units")
+    rng, p = np.random.default_rng(3), 3
+    t = units(rng, p)
+    M, tt = positive(rng, p), np.outer(t, t)
+    cost, _, K = (part[0] for part in derivatives(smooth(name, p), M[None]))
+    other, _, scaled = (part[0] for part in derivatives(smooth(name, p), (M * tt)[None]))
+    weight = np.outer(triangle(tt), triangle(tt))
+    np.testing.assert_allclose(scaled * weight / other, K / cost, rtol=0, atol=1e-4 * np.abs(K).max() / cost)
+
+
+@every
+def test_batches_and_singular_members(name):
+    """Each of a batch has its own; a singular one has infinite cost, no derivatives, and disturbs no other."""
+    rng, p = np.random.default_rng(4), 3
+    criterion = smooth(name, p)
+    M = np.array([positive(rng, p), np.diag([1.0, 1.0, 0.0]), positive(rng, p)])
+    cost, G, K = derivatives(criterion, M)
+    assert cost[1] == np.inf
+    assert np.isnan(G[1]).all()
+    assert np.isnan(K[1]).any()
+    for i in (0, 2):
+        alone = derivatives(criterion, M[i : i + 1])
+        for whole, part in zip((cost, G, K), alone, strict=True):
+            np.testing.assert_allclose(whole[i], part[0], rtol=1e-9, atol=1e-9 * np.abs(part[0]).max())
+
+
+@pytest.mark.parametrize("name", [n for n in criteria.available() if criteria.get(n).convex])
+def test_convex_criteria_bend_upwards(name):
+    """Where the cost is convex, K is positive semidefinite, to what differences leave."""
+    rng, p = np.random.default_rng(5), 4
+    for _ in range(5):
+        K = derivatives(smooth(name, p), positive(rng, p)[None])[2][0]
+        assert np.linalg.eigvalsh(K)[0] >= -1e-4 * np.abs(K).max()
