@@ -31,7 +31,7 @@ HERE = Path(__file__).parent
 STUDY = HERE.parent / "kr270_milling.toml"
 BEST = HERE.parents[1] / "paper_figures" / "own_plans"
 SIZES = (3, 6, 12)
-SEEDS = {"ours": 11, "slsqp": 5, "evolution": 1}
+SEEDS = {"ours": 11, "slsqp": 11, "evolution": 1}
 LIMIT_S = {"ours": 100.0, "slsqp": 120.0, "evolution": 60.0}
 POOL, STARTS = 512, 1
 
