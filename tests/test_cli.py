@@ -400,6 +400,27 @@ def test_no_command_overwrites_what_it_reads(study: Path, tmp_path: Path, line: 
     assert {path: path.read_bytes() for path in before} == before
 
 
+@pytest.mark.parametrize(
+    "line",
+    [
+        "plan STUDY --size 3 --out SHEET", "relax STUDY --out SHEET", "compensate STUDY K PLAN --out SHEET",
+        "bayes STUDY PLAN --export SHEET",
+    ],
+)  # fmt: skip
+def test_measurements_are_never_overwritten(study: Path, tmp_path: Path, line: str) -> None:
+    """A sheet that somebody has filled in is refused as an output, before any work, whatever the command."""
+    sheet, k = tmp_path / "day1.csv", tmp_path / "k.json"
+    k.write_text('{"q2": 3e-7, "q3": 4e-7, "q4": 2.8e-6, "q5": 2.8e-6, "q6": 2.1e-6}')
+    assert edtk("template", study, PLAN_3, "--out", sheet).returncode == 0
+    empty = sheet.read_text()
+    sheet.write_text(empty.replace(",,", ",0.1,", 1))
+    filled = sheet.read_text()
+    assert filled != empty
+    named = {"STUDY": study, "PLAN": PLAN_3, "K": k, "SHEET": sheet}
+    assert_one_line(edtk(*(named.get(word, word) for word in line.split())), "day1.csv: has measurements in it")
+    assert sheet.read_text() == filled
+
+
 def test_what_the_study_names_is_not_overwritten(study: Path, tmp_path: Path) -> None:
     """Plans and earlier calibrations that a study names are inputs too."""
     plan, k = tmp_path / "plan.csv", tmp_path / "k.json"

@@ -29,10 +29,10 @@ class Range(click.FloatRange):
 
 
 def require_output(path: Path | None, *inputs: Path | None) -> None:
-    """Check, before long work, that a file can be written, and is none of those that the command reads.
+    """Check, before long work, that a file can be written, and is neither read by the command nor a filled sheet.
 
     Raises:
-        UserError: It is one of them.
+        UserError: It is one of them, or has measurements in it.
         OSError: It cannot be written.
     """
     if path is None:
@@ -40,6 +40,11 @@ def require_output(path: Path | None, *inputs: Path | None) -> None:
     if any(other is not None and path.resolve() == other.resolve() for other in inputs):
         raise UserError(f"{path}: is read by this command; expected another file to write")
     require_writable(path)
+    if path.exists():
+        from edtk.study.sheet import filled
+
+        if filled(path):
+            raise UserError(f"{path}: has measurements in it; expected another file to write")
 
 
 @contextmanager

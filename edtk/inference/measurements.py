@@ -19,7 +19,7 @@ LOADED_COLUMNS = ("x_mm", "y_mm", "z_mm")
 ROTATION_COLUMNS = ("drx_deg", "dry_deg", "drz_deg")
 MARKER_COLUMNS = ("marker_x_mm", "marker_y_mm", "marker_z_mm")
 LEAST_MM = 1e-9  # standard deviation that can be meant
-_OPTIONAL = (*DEFLECTION_COLUMNS, *UNLOADED_COLUMNS, *LOADED_COLUMNS, *ROTATION_COLUMNS, "sigma_mm", *MARKER_COLUMNS)
+MEASURED = (*DEFLECTION_COLUMNS, *UNLOADED_COLUMNS, *LOADED_COLUMNS, *ROTATION_COLUMNS, "sigma_mm", *MARKER_COLUMNS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +97,7 @@ class Measurements:
             PoseFileError: Names the file and the row or column.
         """
         table = PoseTable.read(path, "measurement file")
-        table.require_known(robot, _OPTIONAL)
+        table.require_known(robot, MEASURED)
         q, W = table.poses(robot, fixed), table.wrenches(wrench)
         if len(rows := np.flatnonzero(~W.any(axis=1))):
             raise table.error(

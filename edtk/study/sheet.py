@@ -1,5 +1,6 @@
 """The sheet on which a plan's measurements are written down."""
 
+import csv
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from edtk.inference.measurements import (
     DEFLECTION_COLUMNS,
     LOADED_COLUMNS,
     MARKER_COLUMNS,
+    MEASURED,
     ROTATION_COLUMNS,
     UNLOADED_COLUMNS,
 )
@@ -43,6 +45,19 @@ def sheet(study: Study, plan: Plan, positions: bool = False, markers: int = 0) -
     return table
 
 
+def filled(path: Path) -> bool | None:
+    """Whether anything was written on a sheet, whatever separates its columns; None for a file that is no sheet."""
+    with path.open(encoding="utf-8-sig", errors="replace", newline="") as file:
+        lines = (line for line in file if line.strip() and not line.startswith("#"))
+        header = next(lines, "")[:10_000]  # of any file, such as a chain
+        sign = max(",;\t", key=header.count)
+        columns = [name.strip() for name in next(csv.reader([header], delimiter=sign), [])]
+        if not set(columns) & {*DEFLECTION_COLUMNS, *LOADED_COLUMNS, *UNLOADED_COLUMNS, *ROTATION_COLUMNS}:
+            return None
+        places = [i for i, name in enumerate(columns) if name in MEASURED]
+        return any(row[i].strip() for row in csv.reader(lines, delimiter=sign) for i in places if i < len(row))
+
+
 def require_empty(path: Path) -> None:
     """Check that a file in this place, if there is one, is a sheet that has not been filled in.
 
@@ -51,13 +66,8 @@ def require_empty(path: Path) -> None:
     """
     if not path.exists() or not path.stat().st_size:
         return
-    try:
-        there = pd.read_csv(path, comment="#")
-    except ValueError:
-        there = pd.DataFrame()
-    columns = [c for c in (*DEFLECTION_COLUMNS, *LOADED_COLUMNS, *UNLOADED_COLUMNS, *ROTATION_COLUMNS) if c in there]
-    if not columns:
+    entries = filled(path)
+    if entries is None:
         raise UserError(f"{path}: is there already and no empty sheet; expected another file")
-    columns += [c for c in (*MARKER_COLUMNS, "sigma_mm") if c in there]
-    if there[columns].notna().to_numpy().any():
+    if entries:
         raise UserError(f"{path}: has measurements in it; expected another file for the empty sheet")

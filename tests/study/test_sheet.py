@@ -8,7 +8,7 @@ import pytest
 from edtk.design import Plan
 from edtk.errors import UserError
 from edtk.study import load_study
-from edtk.study.sheet import require_empty, sheet
+from edtk.study.sheet import filled, require_empty, sheet
 
 STUDY = load_study(Path(__file__).parents[2] / "studies" / "kr270_milling.toml")
 PLAN = STUDY.published_plans()["table_4_6"]
@@ -70,3 +70,16 @@ def test_markers(tmp_path):
     three.assign(marker_x_mm=5.0).to_csv(path, index=False)
     with pytest.raises(UserError, match="has measurements in it"):
         require_empty(path)
+
+
+def test_what_is_a_filled_sheet(tmp_path):
+    """One entry among the measured columns makes a sheet a filled one; plans, texts and bytes are no sheets at all."""
+    path, table = tmp_path / "file", sheet(STUDY, PLAN)
+    for separator in (",", ";", "\t"):
+        path.write_text("# day 1\n" + table.to_csv(index=False, sep=separator))
+        assert filled(path) is False
+        path.write_text("# day 1\n" + table.assign(sigma_mm=0.03).to_csv(index=False, sep=separator))
+        assert filled(path) is True
+    for content in (b"", b"q1_deg,repeats\n1,2\n", b'{"q2": 1}', b"dx_mmm\n1\n", bytes(range(256)) * 2000):
+        path.write_bytes(content)
+        assert filled(path) is None
