@@ -4,7 +4,7 @@ import asyncio
 import logging
 import os
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import BrokenExecutor, CancelledError
+from concurrent.futures import BrokenExecutor, CancelledError, ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
 from threading import Event, Thread
@@ -13,6 +13,7 @@ from typing import Any, TypeVar
 import joblib
 
 T = TypeVar("T")
+GREETING_S = 5.0  # for a scheduler to answer
 PATIENCE_S = 20.0  # with a cluster that has lost all its workers
 
 
@@ -112,10 +113,31 @@ def _client(address: str) -> Any:
     for name in ("distributed", "distributed.client"):
         logging.getLogger(name).setLevel(logging.CRITICAL + 1)
     try:
-        resolve_address(address)  # a client that cannot even try is noisy when it is collected
+        resolve_address(address)
+        with ThreadPoolExecutor(1) as thread:  # an event loop of its own, also where one is running
+            thread.submit(asyncio.run, asyncio.wait_for(_greeted(address), GREETING_S)).result()
         return Client(address, timeout=5, set_as_default=False)
-    except (OSError, ValueError, TimeoutError, MemoryError) as error:
+    except (OSError, ValueError, TypeError, TimeoutError, MemoryError) as error:
         raise WorkersLostError(f"no Dask scheduler answers at {address}") from error
+
+
+async def _greeted(address: str) -> None:
+    """Ask a scheduler who it is; a client would wait for ever for a silent one, and is noisy where it cannot connect.
+
+    Raises:
+        ValueError: Something else answers.
+    """
+    from distributed.comm import connect
+    from distributed.security import Security
+
+    comm = await connect(address, timeout=GREETING_S, **Security().get_connection_args("client"))
+    try:
+        await comm.write({"op": "identity", "reply": True})
+        answer = await comm.read()
+    finally:
+        comm.abort()
+    if not isinstance(answer, dict) or answer.get("type") != "Scheduler":
+        raise ValueError(f"{address} is no scheduler")
 
 
 def _watch(client: Any, done: Event) -> None:

@@ -7,8 +7,10 @@ import socket
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from functools import cache, partial
 from pathlib import Path
+from threading import Thread
 from time import perf_counter, sleep, time
 
 import pytest
@@ -154,6 +156,30 @@ def test_nobody_there(address):
         with pytest.raises(WorkersLostError, match=f"answers at {address}"), team(dask=address):
             pass
         assert perf_counter() - since < SOON_S
+
+
+@pytest.mark.parametrize("answer", [None, b"", b"HTTP/1.1 400 Bad Request\r\n\r\n" + 100 * b"x"])
+def test_something_else_answers(answer, capfd):
+    """Where something listens that is no scheduler (silent, hanging up, a web server) one line says so, and soon."""
+    pytest.importorskip("distributed")
+    with socket.create_server((LOOPBACK, 0)) as server:
+        address, callers = f"tcp://{LOOPBACK}:{server.getsockname()[1]}", []
+
+        def listen():
+            with suppress(OSError):  # closed at the end
+                while True:
+                    callers.append(server.accept()[0])
+                    if answer is not None:
+                        callers[-1].sendall(answer)
+                        callers[-1].close()
+
+        Thread(target=listen, daemon=True).start()
+        start = perf_counter()
+        with pytest.raises(WorkersLostError, match=f"no Dask scheduler answers at {address}"), team(dask=address):
+            pass
+        assert perf_counter() - start < SOON_S
+    assert callers
+    assert capfd.readouterr() == ("", "")
 
 
 def test_without_distributed(monkeypatch):
