@@ -6,7 +6,7 @@ from pathlib import Path
 import click
 from tqdm import tqdm
 
-from edtk.commands.shared import FilePath, dask_option, mistakes_in, team_of, workers_option
+from edtk.commands.shared import FilePath, dask_option, mistakes_in, require_output, team_of, workers_option
 
 
 @click.command("run")
@@ -25,6 +25,7 @@ def command(study: Path, out: Path | None, workers: int | None, dask: str | None
 
     loaded = load_study(study)
     folder = out or Path("results") / study.stem
+    require_output(folder / "report.md")
     with (
         team_of(workers, dask) as team,
         tqdm(total=steps(loaded), unit="step", file=sys.stderr) as bar,

@@ -79,11 +79,13 @@ def descend(
     answer = np.array(x)
     if not design.movable or not len(x):
         return answer
-    path = _Path(design, objective, barrier, inward(design, answer))
-    feasible = np.flatnonzero(design.at(answer).feasible.all(axis=1))
+    inside = inward(design, answer)
+    path = _Path(design, objective, barrier, inside)
     least = np.full(len(x), np.inf)
-    if len(feasible):
-        least[feasible] = objective.value(design.at(answer[feasible]), feasible)
+    pushed = np.flatnonzero((inside != answer).any(axis=(1, 2)))  # the others begin where they are
+    if len(pushed):
+        before = design.at(answer[pushed])
+        least[pushed] = np.where(before.feasible.all(axis=1), objective.value(before, pushed), np.inf)
     state = path.begin()
     floor = 0.1 * accuracy / max(1, state.point.s[:1].size)
     for taken in range(iterations + 1):

@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 from criteria.soft_maximum import conjugate
 
 Array = NDArray[np.float64]
+LARGE = 200  # order of a matrix of which no eigenvalues are taken
 LEAST = 1e-3  # size of an eigenvalue whose sign is changed
 
 
@@ -13,7 +14,7 @@ def direction(own: Array, joint: Array, slope: Array, late: NDArray[np.bool_]) -
     """Steps (b, k, d) down: ``-K^-1 slope``, where K has negative eigenvalues with their signs changed.
 
     Blocks and what couples them are mended apart at first, which is cheap; near the end all of K is, so that no start
-    is held up at a saddle.
+    is held up at a saddle, unless K is large.
 
     Args:
         own: Blocks (b, k, d, d) of the Hessian K, one for each experiment.
@@ -22,8 +23,8 @@ def direction(own: Array, joint: Array, slope: Array, late: NDArray[np.bool_]) -
         late: Which starts (b,) are near their end.
     """
     K = _sum(own, joint)
-    bent = ~_positive(K)
-    early, saddle = np.flatnonzero(bent & ~late), np.flatnonzero(bent & late)
+    bent, whole = ~_positive(K), late & (K.shape[-1] <= LARGE)
+    early, saddle = np.flatnonzero(bent & ~whole), np.flatnonzero(bent & whole)
     if len(early):
         K[early] = _sum(_mended(own[early]), joint[early])
     if len(saddle):
