@@ -88,7 +88,7 @@ def equilibrium(robot: Robot, q: ArrayLike, wrench: ArrayLike, k: ArrayLike) -> 
 def torque_and_derivative(robot: Robot, q: Array, wrench: Array) -> tuple[Array, Array]:
     """Joint loads ``tau = J'W`` (N, n) and their derivatives ``H_jl = dtau_j/dq_l`` (N, n, n), W being constant.
 
-    As in `ElastostaticModel.regressor_gradient`: ``dJ_j/dq_l = (w_l x v_j, w_l x w_j)`` for l <= j and
+    As in `ElastostaticModel.regressor_slope`: ``dJ_j/dq_l = (w_l x v_j, w_l x w_j)`` for l <= j and
     ``(w_j x v_l, 0)`` for l > j, with the linear and angular columns v and w of the Jacobian.
     """
     frames = robot.frames(q)
