@@ -107,13 +107,11 @@ def _client(address: str) -> Any:
     """A connection to a scheduler, which reports by errors and not by a log."""
     try:
         from distributed import Client
-        from distributed.comm import resolve_address
     except ModuleNotFoundError:
         raise WorkersLostError("a Dask cluster needs the extra edtk[cluster], which is not installed") from None
     for name in ("distributed", "distributed.client"):
         logging.getLogger(name).setLevel(logging.CRITICAL + 1)
     try:
-        resolve_address(address)
         with ThreadPoolExecutor(1) as thread:  # an event loop of its own, also where one is running
             thread.submit(asyncio.run, asyncio.wait_for(_greeted(address), GREETING_S)).result()
         return Client(address, timeout=5, set_as_default=False)
