@@ -143,11 +143,10 @@ class CandidateSource:
 
     def _evaluate(self, cube: Array) -> tuple[Array, Array, Array]:
         """Feasible experiments of a chunk, their packed information, and how many each constraint excludes."""
-        design = self.design
-        x = design.draw(cube)
-        inside = design.at(x).slack >= 0
-        feasible = x[inside.all(axis=-1)]
-        return feasible, design.at(feasible).packed, (~inside).sum(axis=0)
+        drawn = self.design.at(self.design.draw(cube))
+        inside = drawn.slack >= 0
+        feasible = drawn[np.flatnonzero(inside.all(axis=-1))]
+        return feasible.x, feasible.packed, (~inside).sum(axis=0)
 
 
 def require_some(n: int) -> None:

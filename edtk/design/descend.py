@@ -6,8 +6,10 @@ included. Iterates stay strictly inside. With multipliers z and barrier mu a ste
     (H + sum_i (z_i/s_i) g_i g_i') dx = -(grad f - sum_i (mu/s_i) g_i),   dz = mu/s - z - (z/s) g' dx,
 
 where g_i is the gradient of the slack s_i and H the Hessian of the Lagrangian ``f - sum z_i s_i`` (Nocedal and Wright,
-Numerical Optimization, 2nd ed., Chapter 19). As each slack belongs to one experiment, the sum is block-diagonal. All
-starts take their steps in the same few array operations.
+Numerical Optimization, 2nd ed., Chapter 19). As each slack belongs to one experiment, the sum is block-diagonal. The
+barrier follows from what could be: the step is linear in mu, and mu is the mean of ``s_i z_i`` where its part without
+mu would lead, as far as the constraints let it (a rule of Mehrotra's; Nocedal, Waechter and Waltz, Adaptive barrier
+update strategies, SIAM J. Optim. 19, 2009). All starts take their steps in the same few array operations.
 """
 
 from abc import ABC, abstractmethod
@@ -29,9 +31,8 @@ TO_BOUNDARY = 0.995  # share of the way to a constraint that one step may go
 LONGEST = 0.3  # step of a variable, in parts of its range
 ARMIJO = 1e-4
 TRIALS = 20  # of one step, each shorter than the one before
-LOWER = 0.1  # factor on the barrier once a step promises less than the barrier itself holds back
+LOWER = 0.1  # least factor on the barrier from one step to the next
 CREEPING = 0.03  # share of what a step promises below which it creeps along a wall: the barrier is raised again
-ROOM = 10.0  # up to this many times the one at the beginning
 LATE = 1e-4  # barrier below which a start is near its end
 
 
@@ -57,7 +58,7 @@ def descend(
     objective: Objective,
     iterations: int = 100,
     accuracy: float = 1e-7,
-    barrier: float = 1e-3,
+    barrier: float = 0.03,
     stop: Callable[[], bool] = lambda: False,
 ) -> Array:
     """Design variables from which no way leads further down, as far as the steps can tell.
@@ -69,7 +70,7 @@ def descend(
         objective: What is minimised.
         iterations: Limit on steps.
         accuracy: On the objective: what slope and constraints still hold back when a start is done.
-        barrier: Weight mu of the logarithmic barrier at the beginning; see ROOM for later on.
+        barrier: Weight mu of the logarithmic barrier at the beginning, times k: what an experiment is worth.
         stop: Asked before each step whether to end early.
 
     Returns:
@@ -164,19 +165,21 @@ class _State:
         point: What is seen where they are.
         z: Multipliers (b, k, c).
         mu: Barriers (b,).
+        bounds: Those of the next ones (2, b).
         done: Whether next to nothing is left to gain (b,).
     """
 
     point: _Point
     z: Array
     mu: Array
+    bounds: Array
     done: NDArray[np.bool_]
 
     def __getitem__(self, chosen: Indices) -> "_State":
         """Some of the starts; itself if all."""
         if len(chosen) == len(self.mu):
             return self
-        return _State(self.point[chosen], self.z[chosen], self.mu[chosen], self.done[chosen])
+        return _State(self.point[chosen], self.z[chosen], self.mu[chosen], self.bounds[:, chosen], self.done[chosen])
 
 
 class _Path:
@@ -211,32 +214,42 @@ class _Path:
     def begin(self) -> _State:
         """All starts that are strictly inside and of finite value."""
         y = (self.x[..., self.move] - self.lower) / (self.upper - self.lower)
-        point, mu = self.look(y, np.arange(len(y))), np.full(len(y), self.barrier)
+        point, mu = self.look(y, np.arange(len(y))), np.full(len(y), self.barrier / y.shape[1])
         inside = np.flatnonzero(np.isfinite(point.f) & (point.s > 0).all(axis=(1, 2)))
         with np.errstate(divide="ignore"):
             z = mu[:, None, None] / point.s
-        return _State(point, z, mu, np.zeros(len(y), dtype=bool))[inside]
+        return _State(point, z, mu, np.stack([LOWER * mu, mu]), np.zeros(len(y), dtype=bool))[inside]
 
     def step(self, state: _State, floor: float, accuracy: float) -> _State:
         """One step of every start."""
-        here, z, mu = state.point, state.z, state.mu
-        pull, w = mu[:, None, None] / here.s, z / here.s
-        slope = here.g - (pull[..., None, :] @ here.G)[..., 0, :]
+        here, z, w = state.point, state.z, state.z / state.point.s
         curved = np.einsum("bkc,bkcij->bkij", z[..., : here.C.shape[2]], here.C)
         own = here.own - curved + np.swapaxes(here.G * w[..., None], -1, -2) @ here.G
-        d = direction(own, here.joint, slope, mu < LATE)
-        d *= np.minimum(1.0, LONGEST / np.maximum(np.abs(d).max(axis=(1, 2)), 1e-300))[:, None, None]
+        inward = ((1.0 / here.s)[..., None, :] @ here.G)[..., 0, :]
+        outright, centring = direction(own, here.joint, np.stack([here.g, -inward]), state.mu < LATE)
+        mu = np.clip(self._barrier(here, z, outright), *state.bounds)
+        each = mu[:, None, None]
+        slope, d = here.g - each * inward, outright + each * centring
+        d *= _shortened(d)
         fall, toward = (slope * d).sum(axis=(1, 2)), (here.G @ d[..., None])[..., 0]
         there = self._search(here, mu, d, fall, _to_boundary(toward, here.s))
-        dz = pull - z - w * toward
-        z = z + _to_boundary(dz, z)[:, None, None] * dz
-        ideal = mu[:, None, None] / there.s
+        dz = each / here.s - z - w * toward
+        z, ideal = z + _to_boundary(dz, z)[:, None, None] * dz, each / there.s
         gain = np.minimum(_merit(here.f, here.s, mu) - _merit(there.f, there.s, mu), -fall)
         done = (mu * here.s[0].size <= accuracy) & (gain <= accuracy)
-        near, stuck = (-fall <= mu * here.s.shape[1]) | (gain <= 1e-12), gain < CREEPING * -fall
-        lowered, raised = np.maximum(floor, LOWER * mu), np.minimum(ROOM * self.barrier, mu / LOWER)
-        mu = np.where(near, lowered, np.where(stuck, raised, mu))
-        return _State(there, np.clip(z, 1e-10 * ideal, 1e10 * ideal), mu, done)
+        most = self.barrier / here.s.shape[1]
+        lower, higher = np.maximum(floor, LOWER * mu), np.minimum(most, mu / LOWER)
+        failed, creeping = gain <= 1e-12, gain < CREEPING * -fall
+        bounds = np.stack([np.where(creeping & ~failed, higher, lower), np.where(failed, lower, most)])
+        return _State(there, np.clip(z, 1e-10 * ideal, 1e10 * ideal), mu, bounds, done)
+
+    def _barrier(self, here: _Point, z: Array, d: Array) -> Array:
+        """Means (b,) of ``s z`` where steps d (b, k, d) without a barrier would lead, up to the constraints."""
+        ds, short = (here.G @ d[..., None])[..., 0], _shortened(d)
+        dz = -z - z / here.s * ds
+        s = here.s + np.minimum(short, _to_boundary(ds, here.s)[:, None, None]) * ds
+        z = z + np.minimum(short, _to_boundary(dz, z)[:, None, None]) * dz
+        return np.asarray((s * z).mean(axis=(1, 2)))
 
     def _search(self, here: _Point, mu: Array, d: Array, fall: Array, length: Array) -> _Point:
         """Where the longest of some steps leads that lowers the barrier function enough; no step if none does."""
@@ -260,6 +273,11 @@ class _Path:
         if not len(late):
             return there
         return there.but(late, self.look(here.y[late] + length[late, None, None] * d[late], here.start[late]))
+
+
+def _shortened(d: Array) -> Array:
+    """Factors (b, 1, 1) that make steps d (b, k, d) no longer than the longest."""
+    return np.minimum(1.0, LONGEST / np.maximum(np.abs(d).max(axis=(1, 2), keepdims=True), 1e-300))
 
 
 def _with_walls(slack: Array, y: Array) -> Array:

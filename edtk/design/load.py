@@ -96,15 +96,16 @@ class FreeLoad(Load):
     """Any force up to a size [N], |F| <= F_max (Eq. 22), and no torque.
 
     In polar variables ``u = (r, elevation, azimuth)``, ``F = F_max r (cos e cos a, cos e sin a, sin e)``, so that the
-    limit is a plain bound ``r <= 1``; the elevation may pass the poles.
+    limit is a plain bound ``|r| <= 1``; the elevation may pass the poles. A negative r reverses the force: without it
+    a descent that aims the wrong way would end at no force at all.
     """
 
     largest: float
 
     @property
     def limits(self) -> Array:
-        """From no force to the largest, elevation half a turn and azimuth a whole turn to either side."""
-        return np.array([[0.0, -np.pi, -2 * np.pi], [1.0, np.pi, 2 * np.pi]])
+        """The largest force, elevation half a turn and azimuth a whole turn, all to either side."""
+        return np.array([[-1.0, -np.pi, -2 * np.pi], [1.0, np.pi, 2 * np.pi]])
 
     def wrench(self, u: Array) -> Array:
         """``(F, 0)``."""

@@ -95,12 +95,11 @@ class Batch:
         return costs, Starts(x, plans.repeats)
 
     def _exchanged(self, plans: Starts, fresh: Candidates) -> Starts:
-        """Each plan with its repetitions moved and its places exchanged for fresh candidates, where that helps."""
-        x, repeats = [], []
-        for own, times in zip(plans.x, plans.repeats, strict=True):
-            pool = Candidates(own, self.design.problem(own)) + fresh
-            times = best_repeats(self.criterion, pool.problem.blocks(np.arange(self.k)), times)
-            places, times = exchanged(pool.problem, self.criterion, np.arange(self.k), times)
-            x.append(pool.x[places])
-            repeats.append(times)
-        return Starts(np.array(x), np.array(repeats))
+        """Plans with repetitions moved and places exchanged for fresh candidates, or each other's, where that helps."""
+        own = plans.x.reshape(-1, plans.x.shape[-1])
+        pool = Candidates(own, self.design.problem(own)) + fresh
+        places = np.arange(len(own)).reshape(plans.repeats.shape)
+        blocks = pool.problem.blocks(places)
+        repeats = [best_repeats(self.criterion, *plan) for plan in zip(blocks, plans.repeats, strict=True)]
+        places, times = exchanged(pool.problem, self.criterion, places, np.array(repeats))
+        return Starts(pool.x[places], times)

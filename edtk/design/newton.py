@@ -11,7 +11,7 @@ LEAST = 1e-3  # size of an eigenvalue whose sign is changed
 
 
 def direction(own: Array, joint: Array, slope: Array, late: NDArray[np.bool_]) -> Array:
-    """Steps (b, k, d) down: ``-K^-1 slope``, where K has negative eigenvalues with their signs changed.
+    """Steps (..., b, k, d) down: ``-K^-1 slope``, where K has negative eigenvalues with their signs changed.
 
     Blocks and what couples them are mended apart at first, which is cheap; near the end all of K is, so that no start
     is held up at a saddle, unless K is large.
@@ -19,7 +19,7 @@ def direction(own: Array, joint: Array, slope: Array, late: NDArray[np.bool_]) -
     Args:
         own: Blocks (b, k, d, d) of the Hessian K, one for each experiment.
         joint: What is to be added to them (b, kd, kd).
-        slope: Slopes (b, k, d).
+        slope: Slopes (..., b, k, d).
         late: Which starts (b,) are near their end.
     """
     K = _sum(own, joint)
@@ -29,7 +29,8 @@ def direction(own: Array, joint: Array, slope: Array, late: NDArray[np.bool_]) -
         K[early] = _sum(_mended(own[early]), joint[early])
     if len(saddle):
         K[saddle] = _mended(K[saddle])
-    return np.asarray(np.linalg.solve(K, -slope.reshape(len(K), -1, 1)).reshape(slope.shape))
+    right = -slope.reshape(-1, *K.shape[:2]).transpose(1, 2, 0)
+    return np.asarray(np.linalg.solve(K, right).transpose(2, 0, 1).reshape(slope.shape))
 
 
 def _sum(own: Array, joint: Array) -> Array:

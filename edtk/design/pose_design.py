@@ -79,7 +79,7 @@ class PoseDesign:
 
     def at(self, x: Array) -> "Experiments":
         """The experiments of design variables x (..., v)."""
-        return Experiments(self, x)
+        return Experiments(self, x, self.workspace.robot.frames(x[..., : len(self.fixed)]))
 
     def draw(self, cube: Array) -> Array:
         """Design variables (k, v) within the bounds, of points of the unit cube (k, len(drawn))."""
@@ -115,15 +115,15 @@ class PoseDesign:
 
 @dataclass(frozen=True, eq=False)
 class Experiments:
-    """Experiments x (..., v) of a design; all that is computed rests on frames that are computed once."""
+    """Experiments x (..., v) of a design; all that is computed rests on the same frames, the chain in these poses."""
 
     design: PoseDesign
     x: Array
+    frames: Frames
 
-    @cached_property
-    def frames(self) -> Frames:
-        """The chain in these poses."""
-        return self.design.workspace.robot.frames(self.x[..., : len(self.design.fixed)])
+    def __getitem__(self, chosen: NDArray[np.int_]) -> "Experiments":
+        """Some of experiments (n, v), nothing being computed anew."""
+        return Experiments(self.design, self.x[chosen], self.frames[chosen])
 
     @property
     def _load(self) -> Array:

@@ -74,11 +74,21 @@ class Problem:
 
     @cached_property
     def _factors(self) -> Array:
-        """U (n, r, p) with ``U' U`` the information of each candidate, r the largest rank; made when first asked."""
+        """U (n, r, p) with ``U' U`` the information of each candidate, r the largest rank; made when first asked.
+
+        A Cholesky factorization with pivots, of all candidates at once: each step takes away what goes with the
+        largest entry that is left on a diagonal, until nothing but rounding is left of any.
+        """
         scale = np.sqrt(np.maximum(np.diag(self.mean), np.finfo(float).tiny))
-        size, V = np.linalg.eigh(self.blocks() / np.outer(scale, scale))
-        r = max(1, int((size > 1e-13 * size[:, -1:]).sum(axis=1).max()))
-        return np.swapaxes(V[..., -r:] * np.sqrt(np.maximum(size[:, None, -r:], 0.0)), -1, -2) * scale
+        S = self.blocks() / np.outer(scale, scale)
+        d, each = np.diagonal(S, axis1=1, axis2=2), np.arange(self.n)
+        least = 1e-13 * d.max(axis=1)
+        rows: list[Array] = []
+        while len(rows) < self.p and ((top := d.max(axis=1)) > least).any():
+            row = S[each, d.argmax(axis=1)] / np.sqrt(np.where(top > least, top, np.inf))[:, None]
+            S -= row[:, :, None] * row[:, None]
+            rows.append(row)
+        return np.stack(rows or [np.zeros((self.n, self.p))], axis=1) * scale
 
     def factors(self, chosen: ArrayLike = slice(None)) -> Array:  # type: ignore[assignment]
         """U (k, r, p) with ``U' U = A' A/sigma^2`` of some candidates, r the largest rank of all."""

@@ -44,7 +44,7 @@ def refine(
     guides = [criterion] if criterion.smooth else [criterion.smoothed(s) for s in sharpness]
     met = [x]
     for i, guide in enumerate(guides):
-        barrier = 1e-3 if i == 0 else 1e-4
+        barrier = 0.03 if i == 0 else 0.003
         met.append(descend(design, met[-1], LogCost(guide, repeats), iterations, barrier=barrier, stop=stop))
     costs = np.array([_cost(design.at(m), criterion, repeats) for m in met])
     best = costs.argmin(axis=0)

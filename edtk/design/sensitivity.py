@@ -67,4 +67,4 @@ def ascend(
         unit: A price's size.
         accuracy: On the price, in that unit.
     """
-    return descend(design, x[:, None], _Price(Z / unit, per_trace), accuracy=accuracy, barrier=0.01)[:, 0]
+    return descend(design, x[:, None], _Price(Z / unit, per_trace), accuracy=accuracy, barrier=0.1)[:, 0]

@@ -64,28 +64,27 @@ def starts(
     for i in range(1, size):
         by_weight = rng.choice(n, size=k, p=weights)
         anywhere = rng.choice(len(pool.x), size=k)
-        if i % 4 == 0:
-            plan, times = by_weight, even
-        elif i % 4 == 2:
-            plan, times = anywhere, even
-        else:
-            plan, times = exchanged(pool.problem, criterion, anywhere, even, thorough=False)
-        places.append(plan)
-        repeats.append(times)
-    return Starts(pool.x[np.array(places)], np.array(repeats))
+        places.append(by_weight if i % 4 == 0 else anywhere)
+        repeats.append(even)
+    plans, times = np.array(places), np.array(repeats)
+    plans[1::2], times[1::2] = exchanged(pool.problem, criterion, plans[1::2], times[1::2], thorough=False)
+    return Starts(pool.x[plans], times)
 
 
 def exchanged(
-    problem: Problem, criterion: Criterion, places: Indices, repeats: Array, thorough: bool = True
+    problem: Problem, criterion: Criterion, plans: Indices, repeats: Array, thorough: bool = True
 ) -> tuple[Indices, Array]:
-    """Places (k,) and repetitions (k,) exchanged in turn, until neither improves the plan; see `exchange`."""
-    cost = np.inf
-    while True:
-        places, reached = exchange(problem, criterion, places, repeats, thorough=thorough)
-        if len(places) == repeats.sum() or not reached < cost * (1 - 1e-9):
-            return places, repeats
-        cost = reached
-        repeats = best_repeats(criterion, problem.blocks(places), repeats)
+    """Places (b, k) and repetitions (b, k) exchanged in turn until neither improves a plan; see `exchange`."""
+    plans, repeats, costs = plans.copy(), repeats.copy(), np.full(len(plans), np.inf)
+    left = np.arange(len(plans))
+    while len(left):
+        plans[left], reached = exchange(problem, criterion, plans[left], repeats[left], thorough=thorough)
+        better = (reached < costs[left] * (1 - 1e-9)) & (repeats[left].sum(axis=1) > plans.shape[1])
+        costs[left] = reached
+        left = left[better]
+        for i in left:
+            repeats[i] = best_repeats(criterion, problem.blocks(plans[i]), repeats[i])
+    return plans, repeats
 
 
 def _rounded(weights: Array, m: int, k: int) -> Array:

@@ -73,6 +73,13 @@ class Frames:
     position: Array
     prismatic: NDArray[np.bool_]
 
+    def __getitem__(self, chosen: NDArray[np.int_]) -> "Frames":
+        """The chain in some of the poses, chosen along the last axis."""
+        arrays = {
+            name: getattr(self, name).take(chosen, axis=-1) for name in ("q", "axes", "origins", "rotation", "position")
+        }
+        return replace(self, **arrays)
+
     @cached_property
     def linear(self) -> Array:
         """Velocity of the tool point per joint (n, 3, ...): ``a x (p - o)``, or ``a`` if prismatic."""

@@ -171,7 +171,8 @@ def test_updates_equal_direct_costs(name, rows):
         scaled = R / np.sqrt(np.outer(np.diag(R), np.diag(R)))
         rest, joined = R * np.outer(unit, unit), J * np.outer(unit, unit)
         direct = criterion.cost(rest + joined)
-        once, twice = _costs(criterion, np.array([rest, rest]), joined, U * unit, np.array([1.0, 2.0]))
+        both = np.stack([joined, joined]), np.stack([U, U]) * unit
+        once, twice = _costs(criterion, np.array([rest, rest]), *both, np.array([1.0, 2.0]))
         np.testing.assert_allclose(once, direct, rtol=slip(scaled) * lost)
         np.testing.assert_allclose(twice, criterion.cost(rest + 2 * joined), rtol=slip(scaled) * 2 * lost)
 
@@ -194,7 +195,7 @@ def test_near_singular_rest(name, left):
     direct = criterion.cost(rest + joined)
     assert np.isfinite(direct).all()
     regular = np.eye(p)
-    both = _costs(criterion, np.array([rest, regular]), joined, U, np.ones(2))
+    both = _costs(criterion, np.array([rest, regular]), np.stack([joined] * 2), np.stack([U] * 2), np.ones(2))
     assert both[0].tolist() == direct.tolist()
     np.testing.assert_allclose(both[1], criterion.cost(regular + joined), rtol=1e-12)
 
@@ -211,7 +212,7 @@ def test_a_singular_start_is_left():
 
 
 @pytest.mark.parametrize("repeats", [np.ones(6), np.array([1.0, 5, 2, 1, 1, 3])])
-@pytest.mark.parametrize("dearest", [1, 20])
+@pytest.mark.parametrize("dearest", [(1,), (20,), (2, 30)])
 def test_many_candidates(repeats, dearest):
     """Judging the dearest candidates first, even one alone, ends in a plan that none of 3000 candidates improves."""
     rng = np.random.default_rng(0)
@@ -228,3 +229,19 @@ def test_chunks(monkeypatch):
     monkeypatch.setattr(import_module("edtk.design.exchange"), "CHUNK", 2)
     parts = exchange(problem, criterion, start)
     assert (parts[0].tolist(), parts[1]) == (whole[0].tolist(), whole[1])
+
+
+@pytest.mark.parametrize("name", ["rho0", "D", "O2"])
+@pytest.mark.parametrize("thorough", [False, True])
+def test_plans_of_a_batch_do_not_see_each_other(name, thorough):
+    """Plans that are exchanged together end as each does alone; a singular one and a single place are among them."""
+    rng = np.random.default_rng(2)
+    problem, criterion = Problem(rng.normal(size=(300, 2, 3))), criteria.create(name, rng.normal(size=(2, 3)))
+    start, repeats = rng.integers(0, 300, (2, 3, 4)), rng.integers(0, 4, (2, 3, 4)).astype(float)
+    start[0, 1], repeats[..., 0] = 7, 1.0
+    together, costs = exchange(problem, criterion, start, repeats, thorough=thorough)
+    assert together.shape == start.shape
+    assert costs.shape == (2, 3)
+    for i in np.ndindex(2, 3):
+        alone, cost = exchange(problem, criterion, start[i], repeats[i], thorough=thorough)
+        assert (together[i].tolist(), costs[i]) == (alone.tolist(), cost)

@@ -68,3 +68,12 @@ def test_starts_do_not_see_each_other():
     for i in range(B):
         alone = direction(own[i : i + 1], joint[i : i + 1], slope[i : i + 1], late[i : i + 1])
         np.testing.assert_allclose(together[i], alone[0], rtol=1e-9)
+
+
+def test_several_slopes_at_once():
+    """Steps of several slopes are those of each of them."""
+    own, joint, slope = case(4)
+    slopes, late = np.stack([slope, 2 * slope, slope[::-1]]), np.arange(B) % 2 == 0
+    together = direction(own, joint, slopes, late)
+    for some, steps in zip(slopes, together, strict=True):
+        np.testing.assert_allclose(direction(own, joint, some, late), steps, rtol=1e-9, atol=1e-12)

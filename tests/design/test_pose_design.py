@@ -80,6 +80,17 @@ def test_experiments_of_any_shape(design):
 
 
 @on_every_load
+def test_some_experiments(design):
+    """What is chosen from experiments is, bit by bit, what they are when computed anew."""
+    x, chosen = sample_feasible(design, 9, 4), np.array([7, 0, 0, 3])
+    some, anew = design.at(x)[chosen], design.at(x[chosen])
+    for name in ("x", "regressor", "packed", "slack", "slack_gradient", "feasible"):
+        np.testing.assert_array_equal(getattr(some, name), getattr(anew, name))
+    B = np.random.default_rng(0).normal(size=anew.regressor.shape)
+    np.testing.assert_array_equal(some.slope(B), anew.slope(B))
+
+
+@on_every_load
 def test_a_plan_has_the_wrenches_of_its_variables(design):
     """Poses and wrenches of a plan are those of the design variables, and tell what these tell."""
     x, n = sample_feasible(design, 8, 4), len(design.fixed)

@@ -121,5 +121,5 @@ def test_exchange_beside_the_rounding_of_nothing():
     U = np.random.default_rng(0).normal(size=(50, 3, 3)) * 1e6
     joined = np.swapaxes(U, -1, -2) @ U
     criterion = criteria.create("A")
-    costs = _costs(criterion, rest[None], joined, U, np.ones(1))[0]
+    costs = _costs(criterion, rest[None], joined[None], U[None], np.ones(1))[0]
     np.testing.assert_allclose(costs, criterion.cost(rest + joined), rtol=1e-9)
