@@ -202,9 +202,14 @@ class Criterion(ABC):
     def cost_and_gradient(self, M: Array) -> tuple[Array, Array]:
         """`cost` (...) and `gradient` (..., p, p) of finite M (..., p, p), with one inversion for both."""
         safe, cov, regular = guarded_inverse(M)
-        G = self._gradient(safe, cov)
-        G = 0.5 * (G + np.swapaxes(G, -1, -2))
+        G = self.gradient_of_regular(safe, cov)
         return np.where(regular, self._cost(safe, cov), np.inf), np.where(regular[..., None, None], G, np.nan)
+
+    @final
+    def gradient_of_regular(self, M: Array, cov: Array) -> Array:
+        """Gradients (..., p, p) where the inverses are at hand, see `cost_of_regular`."""
+        G = self._gradient(M, cov)
+        return 0.5 * (G + np.swapaxes(G, -1, -2))
 
     @final
     def efficiency(self, M: ArrayLike, best: ArrayLike) -> Array:

@@ -1,19 +1,33 @@
 """Second derivatives of a criterion's cost, as differences of its analytic gradient."""
 
+from functools import cache
+
 import numpy as np
 from numpy.typing import NDArray
 
 from criteria.criterion import Criterion
+from criteria.inverse import guarded_inverse
+from criteria.triangle import triangle
 
 Array = NDArray[np.float64]
 STEP = 1e-6  # of an entry of M, in parts of the root of the product of its two diagonal entries
+
+
+@cache
+def _entries(p: int) -> Array:
+    """Symmetric matrices (1 + q, p, p): zero, then one of ones in each place of the triangle and its mirror."""
+    i, j = triangle(p)
+    E, k = np.zeros((1 + len(i), p, p)), np.arange(1, 1 + len(i))
+    E[k, i, j] = E[k, j, i] = 1.0
+    return E
 
 
 def derivatives(criterion: Criterion, M: Array) -> tuple[Array, Array, Array]:
     """Cost, gradient, and second derivative by the entries of the upper triangle.
 
     With dM given by its triangle v (q,), row by row, q = p (p + 1)/2, the cost is ``f + <G, dM> + v' K v / 2`` up to
-    third order. All differences of all matrices are taken in one call.
+    third order. All differences of all matrices are taken in one call; the inverse changes
+    by ``-cov (dM - dM cov dM) cov``, to the same order.
 
     Args:
         criterion: The criterion, smooth near M.
@@ -22,14 +36,14 @@ def derivatives(criterion: Criterion, M: Array) -> tuple[Array, Array, Array]:
     Returns:
         Costs f (b,), gradients G (b, p, p) and K (b, q, q); inf, nan and nan where M is singular.
     """
-    i, j = np.triu_indices(M.shape[-1])
-    k = np.arange(len(i))
-    d = np.sqrt(np.diagonal(M, axis1=1, axis2=2))
-    step = STEP * d[:, i] * d[:, j]
-    around = np.repeat(M[:, None], 1 + len(k), axis=1)
-    around[:, 1 + k, i, j] += step
-    around[:, 1 + k, j, i] = around[:, 1 + k, i, j]
-    cost, G = criterion.cost_and_gradient(around)
-    with np.errstate(invalid="ignore"):
-        K = (G[:, 1:, i, j] - G[:, :1, i, j]) * np.where(i == j, 1.0, 2.0) / step[..., None]
-    return cost[:, 0], G[:, 0], 0.5 * (K + np.swapaxes(K, 1, 2))
+    i, j = triangle(M.shape[-1])
+    safe, cov, regular = guarded_inverse(M)
+    d = np.sqrt(np.diagonal(safe, axis1=1, axis2=2))
+    dM = STEP * (d[:, :, None] * d[:, None])[:, None] * _entries(M.shape[-1])
+    C = np.broadcast_to(cov[:, None], dM.shape)
+    change = dM @ C
+    G = criterion.gradient_of_regular(safe[:, None] + dM, C - C @ (change - change @ change))
+    K = (G[:, 1:, i, j] - G[:, :1, i, j]) * np.where(i == j, 1.0, 2.0) / (STEP * d[:, i] * d[:, j])[..., None]
+    cost = np.where(regular, criterion.cost_of_regular(safe, cov), np.inf)
+    nan = np.where(regular, 0.0, np.nan)[:, None, None]
+    return cost, G[:, 0] + nan, 0.5 * (K + np.swapaxes(K, 1, 2)) + nan

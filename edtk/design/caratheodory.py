@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linprog
 
+from criteria.triangle import triangle
 from edtk.design.packed import order
 
 Array = NDArray[np.float64]
@@ -24,7 +25,7 @@ def sparse_weights(packed: Array, weights: Array) -> Array:
     """
     if len(weights) <= len(packed) + 1:
         return weights
-    rows, columns = np.triu_indices(order(len(packed)))
+    rows, columns = triangle(order(len(packed)))
     d = np.sqrt((packed @ weights)[rows == columns])
     scaled = packed / (d[rows] * d[columns])[:, None]
     A = np.vstack([scaled, np.ones(len(weights))])

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from criteria import Criterion
 from criteria.second_derivative import derivatives
+from criteria.triangle import triangle
 from edtk.design.descend import Indices, Local, Objective
 from edtk.design.neighbourhood import Neighbourhood
 from edtk.design.pose_design import Experiments
@@ -60,9 +61,9 @@ class LogCost(Objective):
         c = np.where(finite, cost[:, None, None], 1.0)
         G, K = np.where(finite, G / c, 0.0), np.where(finite, K / c, 0.0)
         slopes = near.first(near.experiments.slope(2.0 * repeats * (A @ G[:, None])))
-        i, j = np.triu_indices(p)
+        i, j = triangle(p)
         M = (repeats * (np.swapaxes(A, -1, -2) @ A))[..., i, j]
-        dM = np.moveaxis(near.differences(M), 0, 2).reshape(b, -1, len(i))
+        dM = near.differences(M).transpose(1, 2, 0, 3).reshape(b, -1, len(i))
         g = slopes[0].reshape(b, -1)
         joint = dM @ K @ np.swapaxes(dM, 1, 2) - g[:, :, None] * g[:, None]
         return np.log(cost), slopes[0], near.second(slopes), joint

@@ -11,6 +11,7 @@ from scipy.optimize import minimize
 
 from criteria import Criterion
 from criteria.inverse import whitener
+from criteria.triangle import triangle
 
 Array = NDArray[np.float64]
 SOLVERS: dict[str, dict[str, float]] = {
@@ -40,7 +41,7 @@ class Master:
     def __init__(self, criterion: Criterion, around: Array, size: int) -> None:
         self.criterion, self.size, self.T = criterion, size, whitener(around)
         p = len(self.T)
-        self.rows, self.columns = np.triu_indices(p)
+        self.rows, self.columns = triangle(p)
         self.w = cp.Variable(size, nonneg=True)
         self.blocks = cp.Parameter((len(self.rows), size))
         M = cp.Variable((p, p), symmetric=True)

@@ -51,5 +51,6 @@ class Neighbourhood:
 
     def second(self, first: Array) -> Array:
         """Second derivatives (b, k, ..., d, d) of first ones (1 + d, b, k, ..., d)."""
-        H = np.moveaxis(self.differences(first), 0, -2)
+        H = self.differences(first)
+        H = H.transpose(*range(1, H.ndim - 1), 0, H.ndim - 1)
         return 0.5 * (H + np.swapaxes(H, -1, -2))

@@ -6,6 +6,8 @@ A million 5 x 5 information matrices are then one (15, 10^6) array, and pricing 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from criteria.triangle import triangle
+
 Array = NDArray[np.float64]
 
 
@@ -25,7 +27,7 @@ def pack_gram(A: Array) -> Array:
     """``A' A`` packed (p(p+1)/2, ...) of regressors A (p, rows, ...), component first."""
     p = len(A)
     packed = np.empty((p * (p + 1) // 2, *A.shape[2:]))
-    for k, (i, j) in enumerate(zip(*np.triu_indices(p), strict=True)):
+    for k, (i, j) in enumerate(zip(*triangle(p), strict=True)):
         out = packed[k, ...]
         np.multiply(A[i, 0], A[j, 0], out=out)
         for r in range(1, A.shape[1]):
@@ -36,14 +38,14 @@ def pack_gram(A: Array) -> Array:
 def unpack(packed: Array) -> Array:
     """Symmetric matrices (..., p, p) of packed columns (p(p+1)/2, ...)."""
     p = order(len(packed))
-    rows, columns = np.triu_indices(p)
+    rows, columns = triangle(p)
     M = np.empty((*packed.shape[1:], p, p))
-    M[..., rows, columns] = M[..., columns, rows] = np.moveaxis(packed, 0, -1)
+    M[..., rows, columns] = M[..., columns, rows] = packed.transpose(*range(1, packed.ndim), 0)
     return M
 
 
 def price_rows(Z: ArrayLike) -> Array:
     """Rows (..., p(p+1)/2) whose product with packed matrices is ``<Z, M>``: off-diagonal entries count twice."""
     Z = np.asarray(Z, dtype=float)
-    rows, columns = np.triu_indices(Z.shape[-1])
+    rows, columns = triangle(Z.shape[-1])
     return Z[..., rows, columns] * np.where(rows == columns, 1.0, 2.0)

@@ -6,6 +6,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from criteria.triangle import triangle
 from edtk.design.load import Load
 from edtk.design.packed import pack_gram
 from edtk.design.plan import Plan
@@ -145,7 +146,7 @@ class Experiments:
         """Information ``A' A/sigma^2``, and what is shared, packed (p(p+1)/2, ...)."""
         M = pack_gram(self._regressor)
         if self.design.shared is not None:
-            M += self.design.shared[np.triu_indices(self.design.model.p)].reshape(-1, *[1] * (M.ndim - 1))
+            M += self.design.shared[triangle(self.design.model.p)].reshape(-1, *[1] * (M.ndim - 1))
         return M
 
     def slope(self, B: Array) -> Array:
@@ -154,11 +155,11 @@ class Experiments:
         A is linear in the wrench, so that by a load's variable it is ``<B, A(dW)/sigma>``.
         """
         design, model, u = self.design, self.design.model, self._load
-        weights = np.moveaxis(B / design.sigma[:, None], (-1, -2), (0, 1))
+        weights = component_first(B / design.sigma[:, None], (-1, -2))
         by_joint = model.regressor_slope_of(self.frames, design.load.wrench(u), weights)
-        dW = np.moveaxis(design.load.derivative(u), -1, 0)
+        dW = component_first(design.load.derivative(u), (-1,))
         by_load = [(weights * model.regressor_of(self.frames, w)).sum(axis=(0, 1)) for w in dW]
-        return np.moveaxis(np.concatenate([by_joint, np.array(by_load).reshape(-1, *by_joint.shape[1:])]), 0, -1)
+        return batch_first(np.concatenate([by_joint, np.array(by_load).reshape(-1, *by_joint.shape[1:])]), (0,))
 
     @property
     def slack(self) -> Array:
@@ -186,3 +187,8 @@ class Experiments:
 def batch_first(A: Array, last: tuple[int, ...]) -> Array:
     """A view of component-first A whose leading axes come last, in this order."""
     return A.transpose(*range(len(last), A.ndim), *last)
+
+
+def component_first(A: Array, last: tuple[int, ...]) -> Array:
+    """A view of batch-first A whose last axes, counted from the end, come first, in this order."""
+    return A.transpose(*last, *range(A.ndim - len(last)))

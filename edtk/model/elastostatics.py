@@ -82,7 +82,7 @@ class ElastostaticModel:
         torque = _dot(linear, F)
         if T.any():
             torque += _dot(angular, T)
-        size = self.robot.reach * np.abs(F).sum(axis=0) + np.abs(T).sum(axis=0)
+        size = self.robot.reach * np.abs(F).sum(axis=1) + np.abs(T).sum(axis=1)
         torque = _without_rounding(torque, size)
         A = linear * torque[:, None]
         return A if self.rows == "position" else np.concatenate([A, angular * torque[:, None]], axis=1)
@@ -114,11 +114,12 @@ class ElastostaticModel:
         """Slopes (n, ...) in poses whose frames are at hand, component first: B is (p, rows, ...)."""
         v, w = frames.linear[self.joints], frames.angular[self.joints]
         F, T = _forces(wrench, frames)
-        by_row = np.swapaxes(B, 0, 1)
-        tau, s = _dot(v, F), _dot(v, by_row[:3])
+        tau, s = _dot(v, F), _dot(v, B[:, :3])
         turned = self.rows == "pose" or bool(T.any())
         if turned:
-            tau, s = tau + _dot(w, T), s + _dot(w, by_row[3:])
+            tau += _dot(w, T)
+        if self.rows == "pose":
+            s += _dot(w, B[:, 3:])
         f = tau[:, None] * B[:, :3] + s[:, None] * F
         turning, moving = np.zeros((2, self.robot.n, *f.shape[1:]))
         turning[self.joints], moving[self.joints] = cross(v, f), cross(f, w)
@@ -129,7 +130,7 @@ class ElastostaticModel:
             turning[self.joints] += cross(w, t)
         at_or_behind = np.cumsum(turning[::-1], axis=0)[::-1]
         before = np.cumsum(moving, axis=0) - moving
-        return _dot(frames.angular, np.swapaxes(at_or_behind, 0, 1)) + _dot(frames.linear, np.swapaxes(before, 0, 1))
+        return _dot(frames.angular, at_or_behind) + _dot(frames.linear, before)
 
     def cartesian_stiffness(self, q: ArrayLike, k: ArrayLike) -> Array:
         """Eq. (1): ``K_C = J^-T K_theta J^-1``, as the inverse of ``J k_theta J'`` (any number of joints).
@@ -177,15 +178,13 @@ def _without_rounding(x: Array, size: ArrayLike) -> Array:
 
 
 def _forces(wrench: ArrayLike, frames: Frames) -> tuple[Array, Array]:
-    """Force and torque (3, ...), component first, that go with the last batch axes of the frames."""
-    W = np.moveaxis(np.asarray(wrench, dtype=float), -1, 0)
+    """Force and torque (1, 3, ...), component first, that go with the last batch axes of the frames."""
+    W = np.asarray(wrench, dtype=float)
+    W = W.transpose(-1, *range(W.ndim - 1))
     W = W[(slice(None),) + (None,) * (frames.position.ndim - W.ndim)]
-    return W[:3], W[3:]
+    return W[None, :3], W[None, 3:]
 
 
 def _dot(a: Array, b: Array) -> Array:
-    """Sum of products (n, ...) along the second axis of a (n, c, ...), which is the first of b; zero if b is empty."""
-    total = np.zeros(()) if not len(b) else a[:, 0] * b[0]
-    for i in range(1, len(b)):
-        total = total + a[:, i] * b[i]
-    return total
+    """Sums of products (n, ...) along the second axis of a and b, (n, c, ...) or (1, c, ...)."""
+    return np.asarray(np.einsum("nc...,nc...->n...", a, b))

@@ -10,6 +10,8 @@ from scipy.spatial.transform import Rotation
 
 Array = NDArray[np.float64]
 Kind = Literal["revolute", "prismatic"]
+NEXT, LAST = np.array([1, 2, 0]), np.array([2, 0, 1])  # of three components in turn
+FEW = 20_000  # numbers whose copies cost less than more calls
 
 
 def transform(position: ArrayLike = (0, 0, 0), rpy: ArrayLike = (0, 0, 0)) -> Array:
@@ -99,7 +101,12 @@ class Frames:
 
 
 def cross(a: Array, b: Array) -> Array:
-    """Cross product along the second axis (m, 3, ...), leaving the others in place (no copies of the inputs)."""
+    """Cross product along the second axis (m, 3, ...), leaving the others in place.
+
+    Of few vectors it is taken in as few calls as possible, of many without copies of the inputs.
+    """
+    if max(a.size, b.size) < FEW:
+        return a.take(NEXT, 1) * b.take(LAST, 1) - a.take(LAST, 1) * b.take(NEXT, 1)
     out = np.empty(np.broadcast_shapes(a.shape, b.shape))
     for i, (j, k) in enumerate(((1, 2), (2, 0), (0, 1))):
         np.multiply(a[:, j], b[:, k], out=out[:, i])
