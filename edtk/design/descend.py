@@ -30,7 +30,7 @@ MARGIN = 1e-3  # of a start to its constraints [m, rad], and to its bounds in pa
 TO_BOUNDARY = 0.995  # share of the way to a constraint that one step may go
 LONGEST = 0.3  # step of a variable, in parts of its range
 ARMIJO = 1e-4
-TRIALS = 20  # of one step, each shorter than the one before
+SHORTER = np.array([1.0, 0.5, 0.25, 0.125, 0.025, 5e-3, 1e-3, 1e-4, 1e-6])  # of a step: what is tried in turn
 LOWER = 0.1  # least factor on the barrier from one step to the next
 CREEPING = 0.03  # share of what a step promises below which it creeps along a wall: the barrier is raised again
 LATE = 1e-4  # barrier below which a start is near its end
@@ -68,7 +68,7 @@ def descend(
         x: Starts (b, k, v): b groups of k experiments each. One that lies outside, or on a bound, is pushed inside
             first; where that fails, it stays as it is.
         objective: What is minimised.
-        iterations: Limit on steps.
+        iterations: Limit on steps that are tried.
         accuracy: On the objective: what slope and constraints still hold back when a start is done.
         barrier: Weight mu of the logarithmic barrier at the beginning, times k: what an experiment is worth.
         stop: Asked before each step whether to end early.
@@ -149,11 +149,13 @@ class _Point:
         return _Point(*(getattr(self, f.name)[chosen] for f in fields(self)))
 
     def but(self, chosen: Indices, other: "_Point") -> "_Point":
-        """The same, with some of the starts from another."""
+        """The same, with some of the starts from another; itself if none."""
+        if not len(chosen):
+            return self
         arrays = []
         for f in fields(self):
             arrays.append(np.array(getattr(self, f.name)))
-            arrays[-1][chosen] = getattr(other, f.name)
+            arrays[-1][chosen] = getattr(other, f.name)[chosen]
         return _Point(*arrays)
 
 
@@ -166,6 +168,7 @@ class _State:
         z: Multipliers (b, k, c).
         mu: Barriers (b,).
         bounds: Those of the next ones (2, b).
+        tried: How often a step from here was tried in vain (b,).
         done: Whether next to nothing is left to gain (b,).
     """
 
@@ -173,13 +176,15 @@ class _State:
     z: Array
     mu: Array
     bounds: Array
+    tried: Indices
     done: NDArray[np.bool_]
 
     def __getitem__(self, chosen: Indices) -> "_State":
         """Some of the starts; itself if all."""
         if len(chosen) == len(self.mu):
             return self
-        return _State(self.point[chosen], self.z[chosen], self.mu[chosen], self.bounds[:, chosen], self.done[chosen])
+        bounds, tried, done = self.bounds[:, chosen], self.tried[chosen], self.done[chosen]
+        return _State(self.point[chosen], self.z[chosen], self.mu[chosen], bounds, tried, done)
 
 
 class _Path:
@@ -197,11 +202,6 @@ class _Path:
         x[..., self.move] = np.clip(self.lower + (self.upper - self.lower) * y, self.lower, self.upper)
         return x
 
-    def glance(self, y: Array, start: Indices) -> tuple[Array, Array]:
-        """Values (b,) and slacks (b, k, c) at y (b, k, d)."""
-        here = self.design.at(self.variables(y, start))
-        return self.objective.value(here, start), _with_walls(here.slack, y)
-
     def look(self, y: Array, start: Indices) -> _Point:
         """All that is seen at y (b, k, d)."""
         near = Neighbourhood(self.design, self.variables(y, start))
@@ -218,10 +218,11 @@ class _Path:
         inside = np.flatnonzero(np.isfinite(point.f) & (point.s > 0).all(axis=(1, 2)))
         with np.errstate(divide="ignore"):
             z = mu[:, None, None] / point.s
-        return _State(point, z, mu, np.stack([LOWER * mu, mu]), np.zeros(len(y), dtype=bool))[inside]
+        never = np.zeros(len(y), dtype=int)
+        return _State(point, z, mu, np.stack([LOWER * mu, mu]), never, never > 0)[inside]
 
     def step(self, state: _State, floor: float, accuracy: float) -> _State:
-        """One step of every start."""
+        """Try one step of every start: where it does not lower the barrier function enough, the next try is shorter."""
         here, z, w = state.point, state.z, state.z / state.point.s
         curved = np.einsum("bkc,bkcij->bkij", z[..., : here.C.shape[2]], here.C)
         own = here.own - curved + np.swapaxes(here.G * w[..., None], -1, -2) @ here.G
@@ -232,16 +233,31 @@ class _Path:
         slope, d = here.g - each * inward, outright + each * centring
         d *= _shortened(d)
         fall, toward = (slope * d).sum(axis=(1, 2)), (here.G @ d[..., None])[..., 0]
-        there = self._search(here, mu, d, fall, _to_boundary(toward, here.s))
+        length = _to_boundary(toward, here.s) * SHORTER[state.tried]
+        there = self.look(here.y + length[:, None, None] * d, here.start)
+        before = _merit(here.f, here.s, mu)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            drop = before - _merit(there.f, there.s, mu)
+        inside = (there.s > (1 - TO_BOUNDARY) * here.s).all(axis=(1, 2))
+        taken = inside & (drop >= -ARMIJO * length * fall - 1e-14 * np.abs(before))
+        there = there.but(np.flatnonzero(~taken), here)
+        over = taken | (state.tried == len(SHORTER) - 1)
         dz = each / here.s - z - w * toward
-        z, ideal = z + _to_boundary(dz, z)[:, None, None] * dz, each / there.s
-        gain = np.minimum(_merit(here.f, here.s, mu) - _merit(there.f, there.s, mu), -fall)
-        done = (mu * here.s[0].size <= accuracy) & (gain <= accuracy)
+        moved, ideal = z + _to_boundary(dz, z)[:, None, None] * dz, each / there.s
+        moved = np.clip(moved, 1e-10 * ideal, 1e10 * ideal)
+        gain = np.minimum(np.where(taken, drop, np.where(over, 0.0, np.inf)), -fall)
         most = self.barrier / here.s.shape[1]
         lower, higher = np.maximum(floor, LOWER * mu), np.minimum(most, mu / LOWER)
         failed, creeping = gain <= 1e-12, gain < CREEPING * -fall
         bounds = np.stack([np.where(creeping & ~failed, higher, lower), np.where(failed, lower, most)])
-        return _State(there, np.clip(z, 1e-10 * ideal, 1e10 * ideal), mu, bounds, done)
+        return _State(
+            there,
+            np.where(over[:, None, None], moved, z),
+            np.where(over, mu, state.mu),
+            np.where(over, bounds, state.bounds),
+            np.where(over, 0, state.tried + 1),
+            (mu * here.s[0].size <= accuracy) & (gain <= accuracy),
+        )
 
     def _barrier(self, here: _Point, z: Array, d: Array) -> Array:
         """Means (b,) of ``s z`` where steps d (b, k, d) without a barrier would lead, up to the constraints."""
@@ -250,29 +266,6 @@ class _Path:
         s = here.s + np.minimum(short, _to_boundary(ds, here.s)[:, None, None]) * ds
         z = z + np.minimum(short, _to_boundary(dz, z)[:, None, None]) * dz
         return np.asarray((s * z).mean(axis=(1, 2)))
-
-    def _search(self, here: _Point, mu: Array, d: Array, fall: Array, length: Array) -> _Point:
-        """Where the longest of some steps leads that lowers the barrier function enough; no step if none does."""
-        before = _merit(here.f, here.s, mu)
-
-        def enough(left: Indices, f: Array, s: Array) -> NDArray[np.bool_]:
-            with np.errstate(invalid="ignore", divide="ignore"):
-                after = _merit(f, s, mu[left])
-            most = before[left] + ARMIJO * length[left] * fall[left] + 1e-14 * np.abs(before[left])
-            return np.asarray((s > (1 - TO_BOUNDARY) * here.s[left]).all(axis=(1, 2)) & (after <= most))
-
-        there = self.look(here.y + length[:, None, None] * d, here.start)
-        late = left = np.flatnonzero(~enough(np.arange(len(mu)), there.f, there.s))
-        for trial in range(1, TRIALS):
-            if not len(left):
-                break
-            length[left] *= 0.5 if trial < 4 else 0.2
-            found = self.glance(here.y[left] + length[left, None, None] * d[left], here.start[left])
-            left = left[~enough(left, *found)]
-        length[left] = 0.0
-        if not len(late):
-            return there
-        return there.but(late, self.look(here.y[late] + length[late, None, None] * d[late], here.start[late]))
 
 
 def _shortened(d: Array) -> Array:

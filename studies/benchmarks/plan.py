@@ -33,7 +33,8 @@ BEST = HERE.parents[1] / "paper_figures" / "own_plans"
 SIZES = (3, 6, 12)
 SEEDS = {"ours": 41, "slsqp": 15, "evolution": 1}
 LIMIT_S = {"ours": 100.0, "slsqp": 120.0, "evolution": 60.0}
-POOL, STEPS = 512, 15
+POOL, STARTS, STEPS, DEAREST = 256, 4, 12, (16,)
+WARM = 5  # searches before the one that is timed, which takes milliseconds only
 
 
 class _Reached(Exception):
@@ -48,7 +49,7 @@ def load(m: int) -> tuple[Study, float]:
 
 
 def ours(m: int, seed: int) -> float:
-    """Seconds: one plan of exchanged candidates refined after the other."""
+    """Seconds: a few plans at a time, exchanged among random candidates and refined together, until one is good."""
     study, target = load(m)
     design, criterion = study.design, study.criterion("rho0")
     reached: list[float] = []
@@ -62,22 +63,24 @@ def ours(m: int, seed: int) -> float:
                 reached.append(target)
             return local
 
-    objective = UntilGood(criterion, np.ones((1, m)))
-    warm = CandidateSource(design, seed).take(POOL)  # first calls load libraries
-    exchange(warm.problem, criterion, np.arange(m))
-    descend(design, warm.x[None, :m], objective, 20)
-    reached.clear()
-    with threadpool_limits(1):
+    objective = UntilGood(criterion, np.ones((STARTS, m)))
+
+    def search(seed: int) -> float:
         since = perf_counter()
+        reached.clear()
         for turn in range(10_000):
             pool = CandidateSource(design, (seed, turn), workers=1).take(POOL)
-            rng = np.random.default_rng((seed, turn))
-            drawn = rng.integers(0, POOL, m)
-            places, _ = exchange(pool.problem, criterion, drawn, thorough=False)
-            descend(design, pool.x[places][None], objective, STEPS, barrier=0.002, stop=lambda: bool(reached))
+            drawn = np.random.default_rng((seed, turn)).integers(0, POOL, (STARTS, m))
+            places, _ = exchange(pool.problem, criterion, drawn, dearest=DEAREST, thorough=False)
+            descend(design, pool.x[places], objective, STEPS, stop=lambda: bool(reached))
             if reached:
                 break
-    return perf_counter() - since
+        return perf_counter() - since
+
+    with threadpool_limits(1):
+        for i in range(WARM):
+            search(10_000 + i)
+        return search(seed)
 
 
 def _flat(design: PoseDesign, study: Study, m: int, target: float) -> tuple[Callable, Callable]:
@@ -114,7 +117,7 @@ def slsqp(m: int, seed: int) -> float:
     constraints = [{"type": "ineq", "fun": slack}]
     warm = CandidateSource(design, seed).take(m).x[:, design.free].ravel()  # first calls load libraries
     with suppress(_Reached):
-        minimize(value, warm, method="SLSQP", bounds=bounds, constraints=constraints, options={"maxiter": 1})
+        minimize(value, warm, method="SLSQP", bounds=bounds, constraints=constraints, options={"maxiter": 20})
     with threadpool_limits(1):
         since = perf_counter()
         for turn in range(10_000):
@@ -173,10 +176,11 @@ def main() -> None:
         f"rho0 of m poses, KUKA KR 270 example, constraints of the study; {machine()}, one of them used. Median "
         f"(least .. largest) of {SEEDS['ours']}, {SEEDS['slsqp']} and {SEEDS['evolution']} seeds, cut off at "
         f"{LIMIT_S['slsqp']:g} s and {LIMIT_S['evolution']:g} s, side by side.\n\n{markdown_table(header, rows)}\n"
-        f"Ours: one plan after another, exchanged among {POOL} random feasible poses and then refined by {STEPS} "
-        f"steps, until one is good enough; drawing and exchanging are counted. SLSQP: scipy's, from random feasible "
-        f"poses, with finite differences of objective and constraints, the objective and the slacks in our vectorised "
-        f"arithmetic. Differential evolution: scipy's, with its own handling of constraints.\n"
+        f"Ours: {STARTS} plans at a time are exchanged among {POOL} random feasible poses and refined by {STEPS} "
+        f"steps, until one is good enough; drawing and exchanging are counted. SLSQP: scipy's, from random feasible poses, "
+        f"with finite differences of objective and constraints, the objective and the slacks in our vectorised "
+        f"arithmetic. Differential evolution: scipy's, with its own handling of constraints. Each in a process of its "
+        f"own that has done the like before.\n"
     )
     write_text(HERE / "plan.md", text)
 
