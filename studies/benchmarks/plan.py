@@ -177,8 +177,8 @@ def main() -> None:
         f"(least .. largest) of {SEEDS['ours']}, {SEEDS['slsqp']} and {SEEDS['evolution']} seeds, cut off at "
         f"{LIMIT_S['slsqp']:g} s and {LIMIT_S['evolution']:g} s, side by side.\n\n{markdown_table(header, rows)}\n"
         f"Ours: {STARTS} plans at a time are exchanged among {POOL} random feasible poses and refined by {STEPS} "
-        f"steps, until one is good enough; drawing and exchanging are counted. SLSQP: scipy's, from random feasible poses, "
-        f"with finite differences of objective and constraints, the objective and the slacks in our vectorised "
+        f"steps, until one is good enough; drawing and exchanging are counted. SLSQP: scipy's, from random feasible "
+        f"poses, with finite differences of objective and constraints, the objective and the slacks in our vectorised "
         f"arithmetic. Differential evolution: scipy's, with its own handling of constraints. Each in a process of its "
         f"own that has done the like before.\n"
     )
