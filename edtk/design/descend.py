@@ -19,6 +19,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
+from edtk.design.barrier import LOWER, TO_BOUNDARY, merit, next_bounds, reachable, shortened, to_boundary
 from edtk.design.neighbourhood import Neighbourhood
 from edtk.design.newton import direction
 from edtk.design.pose_design import Experiments, PoseDesign
@@ -27,12 +28,8 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int_]
 Local = tuple[Array, Array, Array, Array]
 MARGIN = 1e-3  # of a start to its constraints [m, rad], and to its bounds in parts of their range
-TO_BOUNDARY = 0.995  # share of the way to a constraint that one step may go
-LONGEST = 0.3  # step of a variable, in parts of its range
 ARMIJO = 1e-4
 SHORTER = np.array([1.0, 0.5, 0.25, 0.125, 0.025, 5e-3, 1e-3, 1e-4, 1e-6])  # of a step: what is tried in turn
-LOWER = 0.1  # least factor on the barrier from one step to the next
-CREEPING = 0.03  # share of what a step promises below which it creeps along a wall: the barrier is raised again
 LATE = 1e-4  # barrier below which a start is near its end
 
 
@@ -56,7 +53,7 @@ def descend(
     design: PoseDesign,
     x: Array,
     objective: Objective,
-    iterations: int = 100,
+    iterations: int = 200,
     accuracy: float = 1e-7,
     barrier: float = 0.03,
     stop: Callable[[], bool] = lambda: False,
@@ -148,6 +145,10 @@ class _Point:
         """Some of the starts."""
         return _Point(*(getattr(self, f.name)[chosen] for f in fields(self)))
 
+    def along(self, d: Array) -> Array:
+        """Changes (b, k, c) of the slacks along d (b, k, d), to first order."""
+        return np.asarray((self.G @ d[..., None])[..., 0])
+
     def but(self, chosen: Indices, other: "_Point") -> "_Point":
         """The same, with some of the starts from another; itself if none."""
         if not len(chosen):
@@ -223,66 +224,43 @@ class _Path:
 
     def step(self, state: _State, floor: float, accuracy: float) -> _State:
         """Try one step of every start: where it does not lower the barrier function enough, the next try is shorter."""
+        here = state.point
+        mu, d, dz, fall = self._direction(state)
+        length = to_boundary(here.along(d), here.s) * SHORTER[state.tried]
+        there = self.look(here.y + length[:, None, None] * d, here.start)
+        before = merit(here.f, here.s, mu)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            drop = before - merit(there.f, there.s, mu)
+        inside = (there.s > (1 - TO_BOUNDARY) * here.s).all(axis=(1, 2))
+        taken = inside & (drop >= -ARMIJO * length * fall - 1e-14 * np.abs(before))
+        there = there.but(np.flatnonzero(~taken), here)
+        over = taken | (state.tried == len(SHORTER) - 1)
+        gain = np.minimum(np.where(taken, drop, np.where(over, 0.0, np.inf)), -fall)
+        ideal = mu[:, None, None] / there.s
+        z = np.clip(state.z + to_boundary(dz, state.z)[:, None, None] * dz, 1e-10 * ideal, 1e10 * ideal)
+        return _State(
+            there,
+            np.where(over[:, None, None], z, state.z),
+            np.where(over, mu, state.mu),
+            np.where(over, next_bounds(mu, gain, -fall, floor, self.barrier, self.x.shape[1]), state.bounds),
+            np.where(over, 0, state.tried + 1),
+            (mu * here.s[0].size <= accuracy) & (gain <= accuracy),
+        )
+
+    def _direction(self, state: _State) -> tuple[Array, Array, Array, Array]:
+        """Barriers (b,), steps (b, k, d) of variables, (b, k, c) of multipliers, and slopes (b,) along the former."""
         here, z, w = state.point, state.z, state.z / state.point.s
         curved = np.einsum("bkc,bkcij->bkij", z[..., : here.C.shape[2]], here.C)
         own = here.own - curved + np.swapaxes(here.G * w[..., None], -1, -2) @ here.G
         inward = ((1.0 / here.s)[..., None, :] @ here.G)[..., 0, :]
         outright, centring = direction(own, here.joint, np.stack([here.g, -inward]), state.mu < LATE)
-        mu = np.clip(self._barrier(here, z, outright), *state.bounds)
+        mu = np.clip(reachable(here.s, z, here.along(outright), shortened(outright)), *state.bounds)
         each = mu[:, None, None]
         slope, d = here.g - each * inward, outright + each * centring
-        d *= _shortened(d)
-        fall, toward = (slope * d).sum(axis=(1, 2)), (here.G @ d[..., None])[..., 0]
-        length = _to_boundary(toward, here.s) * SHORTER[state.tried]
-        there = self.look(here.y + length[:, None, None] * d, here.start)
-        before = _merit(here.f, here.s, mu)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            drop = before - _merit(there.f, there.s, mu)
-        inside = (there.s > (1 - TO_BOUNDARY) * here.s).all(axis=(1, 2))
-        taken = inside & (drop >= -ARMIJO * length * fall - 1e-14 * np.abs(before))
-        there = there.but(np.flatnonzero(~taken), here)
-        over = taken | (state.tried == len(SHORTER) - 1)
-        dz = each / here.s - z - w * toward
-        moved, ideal = z + _to_boundary(dz, z)[:, None, None] * dz, each / there.s
-        moved = np.clip(moved, 1e-10 * ideal, 1e10 * ideal)
-        gain = np.minimum(np.where(taken, drop, np.where(over, 0.0, np.inf)), -fall)
-        most = self.barrier / here.s.shape[1]
-        lower, higher = np.maximum(floor, LOWER * mu), np.minimum(most, mu / LOWER)
-        failed, creeping = gain <= 1e-12, gain < CREEPING * -fall
-        bounds = np.stack([np.where(creeping & ~failed, higher, lower), np.where(failed, lower, most)])
-        return _State(
-            there,
-            np.where(over[:, None, None], moved, z),
-            np.where(over, mu, state.mu),
-            np.where(over, bounds, state.bounds),
-            np.where(over, 0, state.tried + 1),
-            (mu * here.s[0].size <= accuracy) & (gain <= accuracy),
-        )
-
-    def _barrier(self, here: _Point, z: Array, d: Array) -> Array:
-        """Means (b,) of ``s z`` where steps d (b, k, d) without a barrier would lead, up to the constraints."""
-        ds, short = (here.G @ d[..., None])[..., 0], _shortened(d)
-        dz = -z - z / here.s * ds
-        s = here.s + np.minimum(short, _to_boundary(ds, here.s)[:, None, None]) * ds
-        z = z + np.minimum(short, _to_boundary(dz, z)[:, None, None]) * dz
-        return np.asarray((s * z).mean(axis=(1, 2)))
-
-
-def _shortened(d: Array) -> Array:
-    """Factors (b, 1, 1) that make steps d (b, k, d) no longer than the longest."""
-    return np.minimum(1.0, LONGEST / np.maximum(np.abs(d).max(axis=(1, 2), keepdims=True), 1e-300))
+        d *= shortened(d)
+        return mu, d, each / here.s - z - w * here.along(d), (slope * d).sum(axis=(1, 2))
 
 
 def _with_walls(slack: Array, y: Array) -> Array:
     """Slacks (b, k, c) of the constraints, then those of the bounds of y (b, k, d)."""
     return np.concatenate([slack, y, 1.0 - y], axis=-1)
-
-
-def _merit(f: Array, s: Array, mu: Array) -> Array:
-    """Barrier function (b,) of values (b,) and slacks (b, k, c)."""
-    return np.asarray(f - mu * np.log(s).sum(axis=(1, 2)))
-
-
-def _to_boundary(change: Array, x: Array) -> Array:
-    """Lengths (b,), at most one, at which positive x (b, k, c) stays positive."""
-    return np.minimum(1.0, TO_BOUNDARY / np.maximum((-change / x).max(axis=(1, 2)), 1e-300))

@@ -19,7 +19,7 @@ def refine(
     criterion: Criterion,
     x: Array,
     repeats: Array,
-    iterations: int = 100,
+    iterations: int = 200,
     sharpness: tuple[float, ...] = SHARPNESS,
     stop: Callable[[], bool] = lambda: False,
 ) -> tuple[Array, Array]:
