@@ -33,7 +33,7 @@ BEST = HERE.parents[1] / "paper_figures" / "own_plans"
 SIZES = (3, 6, 12)
 SEEDS = {"ours": 41, "slsqp": 15, "evolution": 1}
 LIMIT_S = {"ours": 100.0, "slsqp": 120.0, "evolution": 60.0}
-POOL, STARTS, STEPS, DEAREST = 256, 4, 12, (16,)
+POOL, STARTS, STEPS, DEAREST = 256, 4, 20, (16,)
 WARM = 5  # searches before the one that is timed, which takes milliseconds only
 
 
