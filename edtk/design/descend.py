@@ -225,8 +225,8 @@ class _Path:
     def step(self, state: _State, floor: float, accuracy: float) -> _State:
         """Try one step of every start: where it does not lower the barrier function enough, the next try is shorter."""
         here = state.point
-        mu, d, dz, fall = self._direction(state)
-        length = to_boundary(here.along(d), here.s) * SHORTER[state.tried]
+        mu, d, ds, dz, fall = self._direction(state)
+        length = to_boundary(ds, here.s) * SHORTER[state.tried]
         there = self.look(here.y + length[:, None, None] * d, here.start)
         before = merit(here.f, here.s, mu)
         with np.errstate(invalid="ignore", divide="ignore"):
@@ -247,8 +247,8 @@ class _Path:
             (mu * here.s[0].size <= accuracy) & (gain <= accuracy),
         )
 
-    def _direction(self, state: _State) -> tuple[Array, Array, Array, Array]:
-        """Barriers (b,), steps (b, k, d) of variables, (b, k, c) of multipliers, and slopes (b,) along the former."""
+    def _direction(self, state: _State) -> tuple[Array, Array, Array, Array, Array]:
+        """Barriers (b,), steps of variables (b, k, d), slacks and multipliers (b, k, c), and slopes (b,) along them."""
         here, z, w = state.point, state.z, state.z / state.point.s
         curved = np.einsum("bkc,bkcij->bkij", z[..., : here.C.shape[2]], here.C)
         own = here.own - curved + np.swapaxes(here.G * w[..., None], -1, -2) @ here.G
@@ -258,7 +258,8 @@ class _Path:
         each = mu[:, None, None]
         slope, d = here.g - each * inward, outright + each * centring
         d *= shortened(d)
-        return mu, d, each / here.s - z - w * here.along(d), (slope * d).sum(axis=(1, 2))
+        ds = here.along(d)
+        return mu, d, ds, each / here.s - z - w * ds, (slope * d).sum(axis=(1, 2))
 
 
 def _with_walls(slack: Array, y: Array) -> Array:

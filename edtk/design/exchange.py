@@ -94,11 +94,11 @@ def _best(problem: Problem, criterion: Criterion, plans: Indices, times: Array, 
         costs = np.full((*plans.shape, part.shape[1]), np.inf)
         costs[of, place] = _costs(criterion, rest, problem.blocks(part)[of], problem.factors(part)[of], r)
         costs = costs.reshape(len(plans), -1)
-        i, j = np.divmod(costs.argmin(axis=1), part.shape[1])
-        better = np.flatnonzero(costs.min(axis=1) < best)
+        least, (i, j) = costs.min(axis=1), np.divmod(costs.argmin(axis=1), part.shape[1])
+        better = np.flatnonzero(least < best)
         changed[better] = plans[better]
         changed[better, i[better]] = part[better, j[better]]
-        best[better] = costs.min(axis=1)[better]
+        best[better] = least[better]
     return changed
 
 
