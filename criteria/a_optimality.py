@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from criteria.criterion import Array, Criterion
-from criteria.inverse import power_trace
+from criteria.linalg.inverse import power_trace
 from criteria.registry import register
 
 if TYPE_CHECKING:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from criteria.criterion import Array, Criterion
-from criteria.inverse import power_trace
+from criteria.linalg.inverse import power_trace
 from criteria.registry import register
 
 if TYPE_CHECKING:

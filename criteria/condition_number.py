@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from criteria.criterion import Array, Criterion, Formulation
+from criteria.linalg.soft_maximum import conjugate, soft_maximum
+from criteria.linalg.spectrum import bounded_below, largest, parts
 from criteria.registry import register
-from criteria.soft_maximum import conjugate, soft_maximum
-from criteria.spectrum import bounded_below, largest, parts
 
 if TYPE_CHECKING:
     import cvxpy as cp
@@ -49,11 +49,13 @@ class ConditionNumber(Criterion):
         G = conjugate(V, v / high[..., None]) - conjugate(U, u * c**2 / low[..., None])
         return 0.5 * np.sqrt(high * low)[..., None, None] * G
 
-    def formulation(self, M: "cp.Expression", total: "cp.Expression", T: Array, unit: float) -> Formulation:
+    def formulation(
+        self, M: "cp.Expression", total: "cp.Expression", T: Array, unit: float
+    ) -> Formulation:
         """Homogenised: ``min kappa`` over ``I <= sum u_i M_i <= kappa I``, where the sum of u is free."""
         return largest(M, T), [bounded_below(M, T)]
 
-    def floor(self, Z: Array, t: Array, M: Array) -> float:
+    def lower_bound(self, Z: Array, t: Array, M: Array) -> float:
         """Designs of unit trace obey ``<Z - t I, X> <= 0``, so that ``kappa >= trace(Y+)/trace(Y-)``, Y = Z - t I.
 
         Of all X with ``I <= X <= kappa I`` the least ``<Y, X>`` is ``trace(Y+) - kappa trace(Y-)``.

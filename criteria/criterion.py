@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from criteria.expression import cost_of, gradient_of, polar_of
-from criteria.inverse import guarded_inverse
+from criteria.linalg.inverse import guarded_inverse
 
 if TYPE_CHECKING:
     import cvxpy as cp
@@ -90,7 +90,9 @@ class Criterion(ABC):
         """
         raise NotImplementedError(f"criterion {self.name} has no convex expression")
 
-    def formulation(self, M: "cp.Expression", total: "cp.Expression", T: Array, unit: float) -> Formulation:
+    def formulation(
+        self, M: "cp.Expression", total: "cp.Expression", T: Array, unit: float
+    ) -> Formulation:
         """The relaxation as a convex program: an objective to minimise and its constraints.
 
         The weights that it is solved for may have any sum; divided by it they are the design. By default the
@@ -116,7 +118,7 @@ class Criterion(ABC):
         """
         return polar_of(self, Z, M)
 
-    def floor(self, Z: Array, t: Array, M: Array) -> float:
+    def lower_bound(self, Z: Array, t: Array, M: Array) -> float:
         """A lower bound on the cost of every design X with ``<Z_j, X> <= t_j`` for all j.
 
         By homogeneity it is the best of ``polar(Z_j) t_j^-degree``. For a criterion of degree zero, designs are
@@ -127,7 +129,10 @@ class Criterion(ABC):
             t: Their dearest prices (r,) over the candidates.
             M: A regular design (p, p), near which the bound shall be tight.
         """
-        return max(self.polar(z, M) * top**-self.degree if top > 0 else 0.0 for z, top in zip(Z, t, strict=True))
+        return max(
+            self.polar(z, M) * top**-self.degree if top > 0 else 0.0
+            for z, top in zip(Z, t, strict=True)
+        )
 
     def subproblem(self, Z: Array, t: Array, M: Array) -> "Criterion":
         """What to solve next, given multipliers and their dearest prices so far: a convex criterion itself.
@@ -152,7 +157,10 @@ class Criterion(ABC):
     @classmethod
     def has_convex_form(cls) -> bool:
         """Whether the criterion can be relaxed: by an `expression`, a `formulation` or `subproblem`s."""
-        return any(getattr(cls, f) is not getattr(Criterion, f) for f in ("expression", "formulation", "subproblem"))
+        return any(
+            getattr(cls, f) is not getattr(Criterion, f)
+            for f in ("expression", "formulation", "subproblem")
+        )
 
     @final
     def cost(self, M: ArrayLike) -> Array:
@@ -203,7 +211,9 @@ class Criterion(ABC):
         """`cost` (...) and `gradient` (..., p, p) of finite M (..., p, p), with one inversion for both."""
         safe, cov, regular = guarded_inverse(M)
         G = self.gradient_of_regular(safe, cov)
-        return np.where(regular, self._cost(safe, cov), np.inf), np.where(regular[..., None, None], G, np.nan)
+        return np.where(regular, self._cost(safe, cov), np.inf), np.where(
+            regular[..., None, None], G, np.nan
+        )
 
     @final
     def gradient_of_regular(self, M: Array, cov: Array) -> Array:
@@ -235,5 +245,15 @@ class Criterion(ABC):
     @classmethod
     def describe(cls) -> dict[str, Any]:
         """The declared properties as a plain dictionary, for tables and JSON."""
-        keys = ("name", "title", "formula", "sense", "degree", "convex", "smooth", "monotone", "unit_free")
+        keys = (
+            "name",
+            "title",
+            "formula",
+            "sense",
+            "degree",
+            "convex",
+            "smooth",
+            "monotone",
+            "unit_free",
+        )
         return {key: getattr(cls, key) for key in keys}

@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from criteria.criterion import Array, Criterion, Formulation
+from criteria.linalg.soft_maximum import conjugate, soft_maximum
+from criteria.linalg.spectrum import bounded_below
 from criteria.registry import register
-from criteria.soft_maximum import conjugate, soft_maximum
-from criteria.spectrum import bounded_below
 
 if TYPE_CHECKING:
     import cvxpy as cp
@@ -44,7 +44,9 @@ class EOptimality(Criterion):
         """``trace(Z)``, since ``lambda_min(X) trace(Z) <= <Z, X>``."""
         return float(np.trace(Z))
 
-    def formulation(self, M: "cp.Expression", total: "cp.Expression", T: Array, unit: float) -> Formulation:
+    def formulation(
+        self, M: "cp.Expression", total: "cp.Expression", T: Array, unit: float
+    ) -> Formulation:
         """Homogenised: the least sum of weights u with ``sum u_i M_i >= I``, which is ``1/lambda_min``."""
         return total, [bounded_below(M, T)]
 

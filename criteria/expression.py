@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from criteria.inverse import whitener
+from criteria.linalg.inverse import whitener
 
 if TYPE_CHECKING:
     import cvxpy as cp
@@ -62,7 +62,12 @@ def polar_of(criterion: "Criterion", Z: Array, M: Array) -> float:
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # of inaccuracy
-                program.solve(solver="CLARABEL", tol_gap_rel=tolerance, tol_gap_abs=tolerance, tol_feas=tolerance)
+                program.solve(
+                    solver="CLARABEL",
+                    tol_gap_rel=tolerance,
+                    tol_gap_abs=tolerance,
+                    tol_feas=tolerance,
+                )
         except cp.SolverError:
             continue
         if program.status == cp.OPTIMAL:

@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from criteria.criterion import Array, Criterion
-from criteria.inverse import power_trace, whitener
+from criteria.linalg.inverse import power_trace, whitener
+from criteria.linalg.soft_maximum import conjugate, soft_maximum
 from criteria.registry import register
-from criteria.soft_maximum import conjugate, soft_maximum
 
 if TYPE_CHECKING:
     import cvxpy as cp
@@ -51,7 +51,9 @@ class GOptimality(Criterion):
         ``u ~ diag(K^(1/2))`` never make it worse. Next to it stands all weight on the largest variance.
         """
         T = whitener(M)
-        S = np.linalg.inv(T)  # M = S'S and cov = T T': parameters of whatever units lose nothing in rounding
+        S = np.linalg.inv(
+            T
+        )  # M = S'S and cov = T T': parameters of whatever units lose nothing in rounding
         variance = np.square(T).sum(axis=1)
         u = np.einsum("ai,ab,bi->i", S, S @ Z @ S.T, S)
         u = np.where(u * variance > 1e-8 * (u * variance).max(), u, 0.0)

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from criteria.criterion import Array, Criterion, Formulation
-from criteria.inverse import power_trace
+from criteria.linalg.inverse import power_trace
 from criteria.registry import register
 
 if TYPE_CHECKING:
@@ -32,7 +32,9 @@ class InverseSingularValueSum(Criterion):
         c, V = np.linalg.eigh(cov)
         return -0.5 * (V * np.maximum(c, 0.0)[..., None, :] ** 1.5) @ np.swapaxes(V, -1, -2)
 
-    def formulation(self, M: "cp.Expression", total: "cp.Expression", T: Array, unit: float) -> Formulation:
+    def formulation(
+        self, M: "cp.Expression", total: "cp.Expression", T: Array, unit: float
+    ) -> Formulation:
         """``min trace R^-1`` over ``R^2 <= M`` in the original units, whose best R is M^(1/2).
 
         With ``T = U diag(s) Q`` that is ``diag(s) R^2 diag(s) <= Q M Q'``, R turned by U. It is measured in p/unit,

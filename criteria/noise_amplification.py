@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from criteria.criterion import Array, Criterion, Formulation
+from criteria.linalg.soft_maximum import conjugate, soft_maximum
+from criteria.linalg.spectrum import bounded_below, extremes, largest, parts
 from criteria.registry import register
-from criteria.soft_maximum import conjugate, soft_maximum
-from criteria.spectrum import bounded_below, extremes, largest, parts
 
 if TYPE_CHECKING:
     import cvxpy as cp
@@ -54,7 +54,7 @@ class NoiseAmplification(Criterion):
         G = conjugate(V, 0.5 * v / high[..., None]) - conjugate(U, u * c**2 / low[..., None])
         return (np.sqrt(high) * low)[..., None, None] * G
 
-    def floor(self, Z: Array, t: Array, M: Array) -> float:
+    def lower_bound(self, Z: Array, t: Array, M: Array) -> float:
         """``sqrt(s kappa)`` at the least corner of the polygon that the multipliers prove, see `_corner`."""
         return float(np.sqrt(np.prod(_corner(Z, t))))
 
@@ -92,12 +92,16 @@ class SpectralBalance(Criterion):
     def _cost(self, M: Array, cov: Array) -> Array:
         return (self.a * np.linalg.eigvalsh(M)[..., -1] + self.b) * np.linalg.eigvalsh(cov)[..., -1]
 
-    def formulation(self, M: "cp.Expression", total: "cp.Expression", T: Array, unit: float) -> Formulation:
+    def formulation(
+        self, M: "cp.Expression", total: "cp.Expression", T: Array, unit: float
+    ) -> Formulation:
         """Homogenised: ``min a kappa + b s`` over ``I <= sum u_i M_i <= kappa I`` with s the sum of u."""
         low, high = extremes(T)
-        return self.a * high / low / unit * largest(M, T) + self.b / low / unit * total, [bounded_below(M, T)]
+        return self.a * high / low / unit * largest(M, T) + self.b / low / unit * total, [
+            bounded_below(M, T)
+        ]
 
-    def floor(self, Z: Array, t: Array, M: Array) -> float:
+    def lower_bound(self, Z: Array, t: Array, M: Array) -> float:
         """The least of ``a kappa + b s`` over the corners of the half-planes that the multipliers prove."""
         return float(min(self.a * kappa + self.b * s for s, kappa in _corners(Z, t)))
 
@@ -123,7 +127,9 @@ def _corners(Z: Array, t: Array) -> Array:
         G = np.stack([u[:2], v[:2]])
         if abs(np.linalg.det(G)) > 1e-30 * np.prod(np.linalg.norm(G, axis=1)):
             corner = np.linalg.solve(G, [u[2], v[2]])
-            if (rows[:, :2] @ corner >= rows[:, 2] - 1e-9 * np.abs(rows[:, :2]) @ np.abs(corner)).all():
+            if (
+                rows[:, :2] @ corner >= rows[:, 2] - 1e-9 * np.abs(rows[:, :2]) @ np.abs(corner)
+            ).all():
                 found.append(np.maximum(corner, rows[:2, 2]))
     return np.array(found or [rows[:2, 2]]) / unit
 

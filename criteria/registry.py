@@ -84,13 +84,19 @@ def get(name: str) -> type[Criterion]:
     if name in _registered:
         return _registered[name]
     if name not in plugins:
-        raise UnknownCriterionError(f"unknown criterion {name!r}; available: {', '.join(available())}")
+        raise UnknownCriterionError(
+            f"unknown criterion {name!r}; available: {', '.join(available())}"
+        )
     try:
         cls = plugins[name].load()
     except Exception as error:
         why = " ".join(str(error).split())
-        raise CriterionError(f"criterion plug-in {plugins[name].value!r} does not load: {why}") from error
-    if not (isinstance(cls, type) and issubclass(cls, Criterion) and getattr(cls, "name", None) == name):
+        raise CriterionError(
+            f"criterion plug-in {plugins[name].value!r} does not load: {why}"
+        ) from error
+    if not (
+        isinstance(cls, type) and issubclass(cls, Criterion) and getattr(cls, "name", None) == name
+    ):
         raise CriterionError(
             f"criterion plug-in {plugins[name].value!r} must be a Criterion class whose name is {name!r}"
         )
@@ -111,5 +117,7 @@ def create(name: str, target: ArrayLike | None = None) -> Criterion:
     if not cls.needs_target:
         return cls()
     if target is None:
-        raise CriterionError(f"criterion {name!r} needs a target: the regressor A0 of the test pose")
+        raise CriterionError(
+            f"criterion {name!r} needs a target: the regressor A0 of the test pose"
+        )
     return cls(target)  # type: ignore[call-arg]

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from criteria.criterion import Criterion
-from criteria.inverse import guarded_inverse
-from criteria.triangle import triangle
+from criteria.linalg.inverse import guarded_inverse
+from criteria.linalg.triangle import triangle
 
 Array = NDArray[np.float64]
 STEP = 1e-6  # of an entry of M, in parts of the root of the product of its two diagonal entries
@@ -43,7 +43,11 @@ def derivatives(criterion: Criterion, M: Array) -> tuple[Array, Array, Array]:
     C = np.broadcast_to(cov[:, None], dM.shape)
     change = dM @ C
     G = criterion.gradient_of_regular(safe[:, None] + dM, C - C @ (change - change @ change))
-    K = (G[:, 1:, i, j] - G[:, :1, i, j]) * np.where(i == j, 1.0, 2.0) / (STEP * d[:, i] * d[:, j])[..., None]
+    K = (
+        (G[:, 1:, i, j] - G[:, :1, i, j])
+        * np.where(i == j, 1.0, 2.0)
+        / (STEP * d[:, i] * d[:, j])[..., None]
+    )
     cost = np.where(regular, criterion.cost_of_regular(safe, cov), np.inf)
     nan = np.where(regular, 0.0, np.nan)[:, None, None]
     return cost, G[:, 0] + nan, 0.5 * (K + np.swapaxes(K, 1, 2)) + nan

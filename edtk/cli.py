@@ -3,15 +3,28 @@
 import click
 
 import edtk
-from edtk.commands import bayes, bias, compensate, criteria, evaluate, identify, plan, relax, run, template
-from edtk.one_line import OneLine
+from edtk.commands import (
+    bayes,
+    bias,
+    compensate,
+    criteria,
+    evaluate,
+    identify,
+    plan,
+    relax,
+    run,
+    template,
+)
+from edtk.commands.one_line import OneLine
 
 
 class _Group(OneLine, click.Group):
     """The program: a group of commands that answer mistakes with one line."""
 
 
-@click.group(cls=_Group, context_settings={"help_option_names": ["-h", "--help"]}, no_args_is_help=False)
+@click.group(
+    cls=_Group, context_settings={"help_option_names": ["-h", "--help"]}, no_args_is_help=False
+)
 @click.version_option(edtk.__version__, prog_name="edtk")
 def main() -> None:
     """Design calibration experiments, identify compliances, and say how good both are."""

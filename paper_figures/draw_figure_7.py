@@ -10,13 +10,20 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from edtk.atomic import atomic_path
+from edtk.system.atomic_file import atomic_path
 from paper_figures.simulated import Errors
 
 DOTS = 30
 UNIT = 1e-6
 HEADROOM = 1.03  # so that the highest dot is whole
-COLOURS = ("#595959", "#0072B2", "#C44E00", "#00805E", "#B0558A", "#946B00")  # Okabe and Ito, darkened
+COLOURS = (
+    "#595959",
+    "#0072B2",
+    "#C44E00",
+    "#00805E",
+    "#B0558A",
+    "#946B00",
+)  # Okabe and Ito, darkened
 TITLES = {
     "clipped": "(a) $\\max(\\mathbf{A}_0, 0)$: agrees with print in Table 6",
     "true": "(b) $\\mathbf{A}_0$ itself, as in Eq. (23)",
@@ -57,9 +64,20 @@ def _panel(ax: Axes, errors: Sequence[Errors]) -> None:
         ax.plot(column, e.exact_mean / UNIT, "D", ms=4.2, mfc="white", mec="black", mew=1, zorder=5)
         label = f"({e.line})\n{e.mean / UNIT:.2f}"
         place = ax.get_xaxis_transform()
-        ax.text(column, 1.01, label, ha="center", va="bottom", color=colour, weight="bold", transform=place)
+        ax.text(
+            column,
+            1.01,
+            label,
+            ha="center",
+            va="bottom",
+            color=colour,
+            weight="bold",
+            transform=place,
+        )
         ax.plot(column, e.rho0 / UNIT, "^", ms=4.6, mfc="white", mec="black", mew=1, zorder=5)
-    ax.set_xticks(range(len(errors)), [f"({e.plan})\n{n}" for e, n in zip(errors, NAMES, strict=True)])
+    ax.set_xticks(
+        range(len(errors)), [f"({e.plan})\n{n}" for e, n in zip(errors, NAMES, strict=True)]
+    )
     ax.set_xlim(-0.55, len(errors) - 0.35)
     ax.tick_params(axis="x", length=0)
     ax.yaxis.grid(True, color="0.9", lw=0.6)
@@ -75,7 +93,9 @@ def _legend(errors: Sequence[Errors]) -> list[Line2D]:
             [],
             color="0.4",
             lw=2.4,
-            label=f"mean of {len(errors[0].distances):,} simulations (value above)".replace(",", " "),
+            label=f"mean of {len(errors[0].distances):,} simulations (value above)".replace(
+                ",", " "
+            ),
         ),
         Line2D([], [], color="black", lw=1.3, ls=(0, (3, 2)), label="printed mean"),
         Line2D([], [], marker="D", ms=4.2, label="exact mean", **marks),

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from edtk.design import Plan
-from edtk.study import Study, load_study
+from edtk.design.plan import Plan
+from edtk.study.study import Study, load_study
 
 Array = NDArray[np.float64]
 STUDY = Path(__file__).parent.parent / "studies" / "kr270_milling.toml"

@@ -7,9 +7,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from edtk.atomic import write_text
-from edtk.study import Study
-from edtk.study.markdown import markdown_table
+from edtk.report.markdown import markdown_table
+from edtk.study.study import Study
+from edtk.system.atomic_file import write_text
 from paper_figures.csv_file import write_csv
 from paper_figures.draw_figure_7 import DOTS, save
 from paper_figures.random_plans import random_plans
@@ -123,7 +123,10 @@ def _misses(errors: Sequence[Errors]) -> str:
 
 def _noise(errors: Sequence[Errors]) -> float:
     """Largest standard error [%] of a mean of as many simulations as there are dots."""
-    return max(100 * float(np.sqrt((e.rho0 / e.exact_mean) ** 2 - 1) / np.sqrt(DOTS)) for e in _optimal(errors))
+    return max(
+        100 * float(np.sqrt((e.rho0 / e.exact_mean) ** 2 - 1) / np.sqrt(DOTS))
+        for e in _optimal(errors)
+    )
 
 
 def write(study: Study, out: Path) -> tuple[Path, ...]:

@@ -10,10 +10,13 @@ from pathlib import Path
 from tqdm import tqdm
 
 import criteria
-from edtk.design import ExactPlan, Plan, find_plan, relax_poses
-from edtk.parallel import Team, team
-from edtk.study import Study
-from edtk.study.relaxed import source_of
+from edtk.design.exact.exact_plan import ExactPlan
+from edtk.design.exact.find_plan import find_plan
+from edtk.design.plan import Plan
+from edtk.design.relaxation.relax_poses import relax_poses
+from edtk.study.relax_study import source_of
+from edtk.study.study import Study
+from edtk.system.workers import Workers, open_workers
 from paper_figures.example import load_example, target_of
 from paper_figures.targets import both
 
@@ -23,23 +26,29 @@ PATIENCE = 40
 
 def own_plans(study: Study, name: str) -> dict[int, Plan]:
     """The plans for "true" or "clipped" A0 by their number of experiments."""
-    return {m: study.load_plan(FOLDER / f"{name}_m{m}.csv") for m in study.file.sizes}
+    return {m: study.load_plan(FOLDER / f"{name}_m{m}.csv") for m in study.specification.sizes}
 
 
-def search(study: Study, name: str, size: int, workers: Team, patience: int = PATIENCE) -> ExactPlan:
+def search_plan(
+    study: Study, name: str, size: int, workers: Workers, patience: int = PATIENCE
+) -> ExactPlan:
     """The best plan of so many experiments for "true" or "clipped" A0."""
     criterion = criteria.create("rho0", both(target_of(study))[name])
-    relaxed = relax_poses(source_of(study), study.file.candidates, criterion, continuous=True)
-    return find_plan(relaxed, size, seed=study.file.seed, patience=patience, team=workers)
+    relaxed = relax_poses(
+        source_of(study), study.specification.candidates, criterion, continuous=True
+    )
+    return find_plan(
+        relaxed, size, seed=study.specification.seed, patience=patience, workers=workers
+    )
 
 
 def main() -> None:
     """Search for all plans anew, and write them."""
     study = load_example()
-    cases = [(name, m) for name in both(target_of(study)) for m in study.file.sizes]
-    with team() as workers:
+    cases = [(name, m) for name in both(target_of(study)) for m in study.specification.sizes]
+    with open_workers() as workers:
         for name, m in (bar := tqdm(cases, file=sys.stderr)):
-            found = search(study, name, m, workers)
+            found = search_plan(study, name, m, workers)
             found.plan.to_csv(FOLDER / f"{name}_m{m}.csv", study.robot)
             bar.write(
                 f"{name}, {m} experiments: {1e3 * found.value:.6g} mm, {100 * found.efficiency:.2f} % of the bound"

@@ -5,9 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from edtk.design import Plan, sample_feasible
-from edtk.inference import covariance
-from edtk.study import Study
+from edtk.design.candidates import sample_feasible
+from edtk.design.plan import Plan
+from edtk.inference.least_squares import covariance
+from edtk.study.study import Study
 from paper_figures.example import target_of
 from paper_figures.mean_distance import mean_distance
 from paper_figures.targets import both
@@ -33,11 +34,11 @@ class RandomPlans:
 
 def random_plans(study: Study, plans: int = PLANS) -> RandomPlans:
     """Draw plans of feasible poses, uniform in the joint limits, from the study's seed; plans is odd."""
-    design, p = study.design, study.model.parameters
-    q = sample_feasible(design, plans * EXPERIMENTS, (study.file.seed, STREAM))
-    blocks = design.problem(q).blocks().reshape(plans, EXPERIMENTS, len(p), len(p))
+    space, p = study.space, study.model.parameters
+    q = sample_feasible(space, plans * EXPERIMENTS, (study.specification.seed, STREAM))
+    blocks = space.problem(q).blocks().reshape(plans, EXPERIMENTS, len(p), len(p))
     cov = np.array([covariance(M, p) for M in blocks.sum(axis=1)])
     means = {name: mean_distance(A0 @ cov @ A0.T) for name, A0 in both(target_of(study)).items()}
     middle = int(np.argsort(means["true"], kind="stable")[plans // 2])
     poses = q.reshape(plans, EXPERIMENTS, -1)[middle]
-    return RandomPlans(design.plan(poses, np.ones(EXPERIMENTS, dtype=int)), means)
+    return RandomPlans(space.plan(poses, np.ones(EXPERIMENTS, dtype=int)), means)

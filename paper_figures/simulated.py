@@ -5,9 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from edtk.design import Plan
-from edtk.inference import compensation_accuracy, covariance, estimate, simulate
-from edtk.study import Study
+from edtk.design.plan import Plan
+from edtk.inference.least_squares import covariance, estimate
+from edtk.inference.simulate import simulate
+from edtk.model.compensation import compensation_accuracy
+from edtk.study.study import Study
 from paper_figures import printed_values
 from paper_figures.example import plans_of_table_4, target_of
 from paper_figures.mean_distance import mean_distance
@@ -58,7 +60,9 @@ class Errors:
     @property
     def rms_error(self) -> float:
         """Standard error of `rms`: ``std(d^2) / (2 rms sqrt(runs))``."""
-        return float((self.distances**2).std(ddof=1) / (2 * self.rms * np.sqrt(len(self.distances))))
+        return float(
+            (self.distances**2).std(ddof=1) / (2 * self.rms * np.sqrt(len(self.distances)))
+        )
 
 
 def parameter_errors(study: Study, plan: Plan, rng: np.random.Generator, runs: int) -> Array:
@@ -80,11 +84,11 @@ def simulate_errors(study: Study, random_plan: Plan, runs: int = RUNS) -> tuple[
     published = plans_of_table_4(study)
     found = []
     for index, line in enumerate(printed_values.figure_7()):
-        rng = np.random.default_rng([study.file.seed, index])
+        rng = np.random.default_rng([study.specification.seed, index])
         k = line.configurations
         plan = random_plan if k is None else published[k].repeated(EXPERIMENTS // k)
         dk = parameter_errors(study, plan, rng, runs)
-        cov = covariance(study.design.information(plan), study.model.parameters)
+        cov = covariance(study.space.information(plan), study.model.parameters)
         for name, A0 in both(target_of(study)).items():
             found.append(
                 Errors(

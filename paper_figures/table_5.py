@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from edtk.atomic import write_text
-from edtk.inference import covariance
-from edtk.study import Study
-from edtk.study.markdown import markdown_table
+from edtk.inference.least_squares import covariance
+from edtk.report.markdown import markdown_table
+from edtk.study.study import Study
+from edtk.system.atomic_file import write_text
 from paper_figures import printed_values
 from paper_figures.csv_file import write_csv
 from paper_figures.example import plans_of_table_4
@@ -31,10 +31,12 @@ def compute(study: Study) -> pd.DataFrame:
     printed = printed_values.table_5()
     rows = []
     for m, plan in plans_of_table_4(study).items():
-        cov = covariance(study.design.information(plan), study.model.parameters)
+        cov = covariance(study.space.information(plan), study.model.parameters)
         for name, value in zip(study.model.parameters, np.sqrt(np.diag(cov)) / UNIT, strict=True):
             rows.append((m, name, float(value), float(printed[name].loc[m])))
-    table = pd.DataFrame(rows, columns=["experiments", "parameter", "computed_1e-9", "printed_1e-9"])
+    table = pd.DataFrame(
+        rows, columns=["experiments", "parameter", "computed_1e-9", "printed_1e-9"]
+    )
     table["difference_percent"] = 100 * (table["computed_1e-9"] / table["printed_1e-9"] - 1)
     return table
 
@@ -48,7 +50,9 @@ def readable(table: pd.DataFrame) -> str:
         rows.append(["", "printed", *(f"{v:.3g}" for v in group["printed_1e-9"])])
         rows.append(["", "difference", *(f"{v:+.2f} %" for v in group["difference_percent"])])
     largest = float(table["difference_percent"].abs().max())
-    return TEXT.format(table=markdown_table(["plan", "", *(f"d{p}" for p in parameters)], rows), largest=largest)
+    return TEXT.format(
+        table=markdown_table(["plan", "", *(f"d{p}" for p in parameters)], rows), largest=largest
+    )
 
 
 def write(study: Study, out: Path) -> tuple[Path, ...]:

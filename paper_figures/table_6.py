@@ -6,10 +6,10 @@ import numpy as np
 import pandas as pd
 
 import criteria
-from edtk.atomic import write_text
-from edtk.design import Plan
-from edtk.study import Study
-from edtk.study.markdown import markdown_table
+from edtk.design.plan import Plan
+from edtk.report.markdown import markdown_table
+from edtk.study.study import Study
+from edtk.system.atomic_file import write_text
 from paper_figures import printed_values
 from paper_figures.csv_file import write_csv
 from paper_figures.example import Array, plans_of_table_4, target_of
@@ -65,7 +65,13 @@ def compute(study: Study) -> pd.DataFrame:
             row = (name, m, k, value[m, k], c.rho0, 100 * (value[m, k] / c.rho0 - 1), loss, c.loss)
             rows.append((*row, own[m, k], 100 * (1 - own[m, k] / value[m, k])))
     columns = ["A0", "experiments", "configurations", "computed_1e-3_mm", "printed_1e-3_mm"]
-    columns += ["difference_percent", "loss_percent", "printed_loss_percent", "own_1e-3_mm", "gain_percent"]
+    columns += [
+        "difference_percent",
+        "loss_percent",
+        "printed_loss_percent",
+        "own_1e-3_mm",
+        "gain_percent",
+    ]
     return pd.DataFrame(rows, columns=columns)
 
 
@@ -74,7 +80,11 @@ def _values(study: Study, target: Array, plans: dict[int, Plan]) -> dict[tuple[i
     rho0 = criteria.create("rho0", target)
     return {
         (c.experiments, c.configurations): float(
-            rho0.value(study.design.information(plans[c.configurations].repeated(c.experiments // c.configurations)))
+            rho0.value(
+                study.space.information(
+                    plans[c.configurations].repeated(c.experiments // c.configurations)
+                )
+            )
         )
         / UNIT
         for c in printed_values.table_6()
@@ -91,7 +101,11 @@ def readable(table: pd.DataFrame, study: Study) -> str:
             [
                 cell,
                 f"{c['printed_1e-3_mm']:.3f}",
-                *(text for v in (c, t) for text in (f"{v['computed_1e-3_mm']:.3f}", _percent(v["difference_percent"]))),
+                *(
+                    text
+                    for v in (c, t)
+                    for text in (f"{v['computed_1e-3_mm']:.3f}", _percent(v["difference_percent"]))
+                ),
             ]
         )
         numbers = (f"{v['own_1e-3_mm']:.3f}|{v['gain_percent']:.1f} %" for v in (c, t))
@@ -102,7 +116,8 @@ def readable(table: pd.DataFrame, study: Study) -> str:
     largest = table["difference_percent"].abs().groupby(table["A0"]).max()
     return TEXT.format(
         accuracy=markdown_table(
-            ["m x k", "printed", "clipped A0", "difference", "true A0", "difference from print"], accuracy
+            ["m x k", "printed", "clipped A0", "difference", "true A0", "difference from print"],
+            accuracy,
         ),
         own=markdown_table(["m x k", "own, clipped A0", "gain", "own, true A0", "gain"], own),
         loss=markdown_table(["m x k", "printed", "clipped A0", "true A0"], loss),

@@ -22,13 +22,16 @@ from scipy import stats
 from threadpoolctl import threadpool_limits
 from tqdm import tqdm
 
-from edtk.atomic import write_text
-from edtk.inference import Flat, HalfNormal, LogNormal, Noise, Normal, Prior, estimate, sample_posterior, simulate
-from edtk.inference.chain import Demand
-from edtk.inference.prior import flat
-from edtk.parallel import team
-from edtk.study import Study, load_study
-from edtk.study.markdown import markdown_table
+from edtk.inference.least_squares import estimate
+from edtk.inference.mcmc import Demand
+from edtk.inference.noise import Noise
+from edtk.inference.posterior import sample_posterior
+from edtk.inference.prior import Flat, HalfNormal, LogNormal, Normal, Prior, flat
+from edtk.inference.simulate import simulate
+from edtk.report.markdown import markdown_table
+from edtk.study.study import Study, load_study
+from edtk.system.atomic_file import write_text
+from edtk.system.workers import open_workers
 
 Array = NDArray[np.float64]
 
@@ -79,7 +82,12 @@ def earlier(k: Array, std: Array) -> Prior:
 CASES = (
     Case("sigma known, log-normal prior", log_normal, Noise()),
     Case("sigma unknown, flat prior", log_normal, Noise(inf), flat=True),
-    Case("sigma 30 times as large, known to a factor 1.5, half-normal prior", half_normal, Noise(1.5), coarser=30.0),
+    Case(
+        "sigma 30 times as large, known to a factor 1.5, half-normal prior",
+        half_normal,
+        Noise(1.5),
+        coarser=30.0,
+    ),
     Case("sigma 10 times as large, after an earlier calibration", earlier, Noise(), coarser=10.0),
 )
 
@@ -112,13 +120,21 @@ def ranks(A: Array, sigma: Array, centre: Array, case: int, seeds: list[int]) ->
         for seed in seeds:
             rng = np.random.default_rng([2026, case, seed])
             k = known.draw(rng, 1)[0]
-            s = of.noise.sigma_factor ** rng.standard_normal() if 1 < of.noise.sigma_factor < inf else 1.0
+            s = (
+                of.noise.sigma_factor ** rng.standard_normal()
+                if 1 < of.noise.sigma_factor < inf
+                else 1.0
+            )
             measured = simulate(A, k, s * sigma, rng)[0]
             fit = estimate(A, measured, sigma, names)
-            posterior = sample_posterior(A, measured, sigma, fit, rng, prior=prior, noise=of.noise, demand=DEMAND)
+            posterior = sample_posterior(
+                A, measured, sigma, fit, rng, prior=prior, noise=of.noise, demand=DEMAND
+            )
             samples = np.concatenate([posterior.samples, posterior.noise], axis=-1)
             truth = np.append(k, [s] * len(posterior.noise_names))
-            thinned = samples[:: int(np.ceil(max(*posterior.tau, *posterior.noise_tau)))].reshape(-1, len(truth))
+            thinned = samples[:: int(np.ceil(max(*posterior.tau, *posterior.noise_tau)))].reshape(
+                -1, len(truth)
+            )
             drawn = rng.choice(thinned, DRAWS, replace=False)
             low, high = np.quantile(samples, [0.025, 0.975], axis=(0, 1))
             found.append((drawn < truth).sum(axis=0))
@@ -128,11 +144,15 @@ def ranks(A: Array, sigma: Array, centre: Array, case: int, seeds: list[int]) ->
 
 def uniformity(found: Array) -> Array:
     """P-values (d,) of the chi-square test that ranks (runs, d) are uniform, in BINS bins."""
-    counts = np.stack([np.histogram(column, bins=BINS, range=(0, DRAWS + 1))[0] for column in found.T])
+    counts = np.stack(
+        [np.histogram(column, bins=BINS, range=(0, DRAWS + 1))[0] for column in found.T]
+    )
     return stats.chisquare(counts, axis=1).pvalue
 
 
-def run_case(study: Study, case: int, runs: int, workers: int | None, bar: Callable[[int], object]) -> Ranks:
+def run_case(
+    study: Study, case: int, runs: int, workers: int | None, bar: Callable[[int], object]
+) -> Ranks:
     """All runs of a case on the cores of this machine."""
     A, sigma = plan_rows(study, PLAN), study.sigma
     size = 10
@@ -141,12 +161,14 @@ def run_case(study: Study, case: int, runs: int, workers: int | None, bar: Calla
         for i in range(0, runs, size)
     ]
     found: dict[int, Ranks] = {}
-    with team(workers) as crew:
+    with open_workers(workers) as crew:
         for i, piece in crew.run(pieces):
             found[i] = piece
             bar(len(piece.ranks))
     parts = [found[i] for i in sorted(found)]
-    return Ranks(np.concatenate([p.ranks for p in parts]), np.concatenate([p.covered for p in parts]))
+    return Ranks(
+        np.concatenate([p.ranks for p in parts]), np.concatenate([p.covered for p in parts])
+    )
 
 
 def plan_rows(study: Study, name: str) -> Array:
@@ -155,19 +177,25 @@ def plan_rows(study: Study, name: str) -> Array:
     return np.repeat(study.model.regressor(plan.q, plan.wrench), plan.repeats, axis=0)
 
 
-def least_squares(A: Array, sigma: Array, k: Array, rng: np.random.Generator, runs: int) -> tuple[float, float]:
+def least_squares(
+    A: Array, sigma: Array, k: Array, rng: np.random.Generator, runs: int
+) -> tuple[float, float]:
     """Greatest deviation of the empirical covariance from Eq. (13), and the p-value of all of them together.
 
     In whitened parameters n times the empirical covariance is Wishart's: its diagonal has variance 2/n, the rest
     1/n. The deviation is of an entry, in those standard errors; their squares sum to about chi-square.
     """
-    fit = estimate(A, simulate(A, k, sigma, rng, runs), sigma, tuple(f"k{i}" for i in range(len(k))))
+    fit = estimate(
+        A, simulate(A, k, sigma, rng, runs), sigma, tuple(f"k{i}" for i in range(len(k)))
+    )
     T = np.linalg.inv(np.linalg.cholesky(fit.covariance))
     z = (fit.k - k) @ T.T
     S = z.T @ z / runs - np.eye(len(k))
     i, j = np.tril_indices(len(k))
     deviations = S[i, j] * np.sqrt(runs / np.where(i == j, 2.0, 1.0))
-    return float(np.abs(deviations).max()), float(stats.chi2.sf((deviations**2).sum(), len(deviations)))
+    return float(np.abs(deviations).max()), float(
+        stats.chi2.sf((deviations**2).sum(), len(deviations))
+    )
 
 
 def holds(p: Array, covered: Array, runs: int) -> tuple[str, bool]:
@@ -179,7 +207,10 @@ def holds(p: Array, covered: Array, runs: int) -> tuple[str, bool]:
     least, mean = min(1.0, float(p.min() * len(p))), float(covered.mean())
     off = float(np.abs(covered - 0.95).max()) / np.sqrt(0.95 * 0.05 / runs)
     good = least > 0.01 and 0.93 <= mean <= 0.97 and off < 3.5
-    return f"{least:.3f} | {100 * mean:.1f} % | {off:.1f} | {'holds' if good else 'does not hold'}", good
+    return (
+        f"{least:.3f} | {100 * mean:.1f} % | {off:.1f} | {'holds' if good else 'does not hold'}",
+        good,
+    )
 
 
 @click.command()
@@ -197,18 +228,31 @@ def main(runs: int, workers: int | None) -> None:
             p, covered = uniformity(found.ranks), found.covered.mean(axis=0)
             names = (*study.model.parameters, *case.noise.names)
             rows += [
-                (case.title, name, f"{a:.3f}", f"{100 * b:.1f} %") for name, a, b in zip(names, p, covered, strict=True)
+                (case.title, name, f"{a:.3f}", f"{100 * b:.1f} %")
+                for name, a, b in zip(names, p, covered, strict=True)
             ]
             text, holding = holds(p, covered, runs)
             verdicts.append((case.title, *text.split(" | "), f"{seconds:.0f}"))
             good = good and holding
     rng = np.random.default_rng(2026)
     ls = [
-        (name, *least_squares(plan_rows(study, name), study.sigma, study.compliances, rng, RUNS_OF_LEAST_SQUARES))
+        (
+            name,
+            *least_squares(
+                plan_rows(study, name), study.sigma, study.compliances, rng, RUNS_OF_LEAST_SQUARES
+            ),
+        )
         for name in study.published_plans()
     ]
     good = good and min(p for _, _, p in ls) * len(ls) > 0.01
-    head = ("case", "p-value, all parameters", "coverage, mean", "farthest from 95 % [errors]", "verdict", "seconds")
+    head = (
+        "case",
+        "p-value, all parameters",
+        "coverage, mean",
+        "farthest from 95 % [errors]",
+        "verdict",
+        "seconds",
+    )
     text = (
         "# Are the posterior and Eq. (13) right?\n\n"
         "`python studies/calibration_check.py` wrote this file; it ends with code 1 if something does not hold.\n\n"
@@ -220,11 +264,16 @@ def main(runs: int, workers: int | None) -> None:
         f"and one parameter's coverage would have a standard error of {100 * np.sqrt(0.95 * 0.05 / runs):.1f} %.\n\n"
         + markdown_table(head, verdicts)
         + "\n"
-        + markdown_table(("case", "parameter", "p-value of uniform ranks", "coverage of 95 % intervals"), rows)
+        + markdown_table(
+            ("case", "parameter", "p-value of uniform ranks", "coverage of 95 % intervals"), rows
+        )
         + f"\n## Least squares\n\nEmpirical covariance of {RUNS_OF_LEAST_SQUARES} simulated calibrations against "
         "Eq. (13), in whitened parameters: the entry that deviates most, in its standard errors, and the chi-square "
         "test of all 15 entries together.\n\n"
-        + markdown_table(("plan", "greatest deviation", "p-value"), [(n, f"{z:.2f}", f"{p:.3f}") for n, z, p in ls])
+        + markdown_table(
+            ("plan", "greatest deviation", "p-value"),
+            [(n, f"{z:.2f}", f"{p:.3f}") for n, z, p in ls],
+        )
     )
     write_text(HERE / "calibration_check.md", text)
     sys.exit(0 if good else 1)

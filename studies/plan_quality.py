@@ -15,18 +15,26 @@ import numpy as np
 from tqdm import tqdm
 
 import criteria
-from edtk.atomic import write_text
-from edtk.design import ExactPlan, find_plan, relax_poses
-from edtk.parallel import team
-from edtk.study.markdown import markdown_table
-from edtk.study.relaxed import source_of
+from edtk.design.exact.exact_plan import ExactPlan
+from edtk.design.exact.find_plan import find_plan
+from edtk.design.relaxation.relax_poses import relax_poses
+from edtk.report.markdown import markdown_table
+from edtk.study.relax_study import source_of
+from edtk.system.atomic_file import write_text
+from edtk.system.workers import open_workers
 from paper_figures.example import load_example, target_of
 from paper_figures.targets import both
 
 HERE = Path(__file__).parent
 SEEDS = range(2026, 2031)
 TRUE = {12: 1.2, 6: 1.3, 4: 3.2}  # distance to the bound [%], at most
-CLIPPED = {2: 0.5, 3: 2.5, 4: 6.0, 6: 5.0, 12: 5.0}  # improvement on the published plan [%], at least
+CLIPPED = {
+    2: 0.5,
+    3: 2.5,
+    4: 6.0,
+    6: 5.0,
+    12: 5.0,
+}  # improvement on the published plan [%], at least
 SPREAD = 0.3  # of the seeds [%], at most
 VIOLATION = 1e-6  # of any constraint [m, rad], at most
 SECONDS = 60.0
@@ -37,19 +45,24 @@ def main() -> None:
     study = load_example()
     published = {plan.experiments: plan for plan in study.published_plans().values()}
     rows, good = [], True
-    cases = [(name, m) for name in both(target_of(study)) for m in study.file.sizes]
-    with team() as workers:
+    cases = [(name, m) for name in both(target_of(study)) for m in study.specification.sizes]
+    with open_workers() as workers:
         for name, m in tqdm(cases, file=sys.stderr):
             criterion = criteria.create("rho0", both(target_of(study))[name])
             found: list[ExactPlan] = []
             seconds = []
             for seed in SEEDS:
                 start = perf_counter()
-                relaxed = relax_poses(source_of(study, seed), study.file.candidates, criterion, continuous=True)
-                found.append(find_plan(relaxed, m, seed=seed, team=workers))
+                relaxed = relax_poses(
+                    source_of(study, seed),
+                    study.specification.candidates,
+                    criterion,
+                    continuous=True,
+                )
+                found.append(find_plan(relaxed, m, seed=seed, workers=workers))
                 seconds.append(perf_counter() - start)
             values = np.array([plan.value for plan in found])
-            old = float(criterion.value(study.design.information(published[m])))
+            old = float(criterion.value(study.space.information(published[m])))
             away = max(100 * (1 - plan.efficiency) for plan in found)
             gain = 100 * (1 - values.max() / old)
             spread = 100 * (values.max() / values.min() - 1)

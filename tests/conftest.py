@@ -61,7 +61,13 @@ def plugin_site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     source.mkdir()
     (source / "my_criterion.py").write_text(PLUGIN_MODULE)
     (source / "pyproject.toml").write_text(PLUGIN_PROJECT)
-    options = ["--no-deps", "--no-build-isolation", "--no-index", "--disable-pip-version-check", "--quiet"]
+    options = [
+        "--no-deps",
+        "--no-build-isolation",
+        "--no-index",
+        "--disable-pip-version-check",
+        "--quiet",
+    ]
     command = [sys.executable, "-m", "pip", "install", *options, "--target", str(site), str(source)]
     done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr

@@ -15,7 +15,7 @@ from click.testing import CliRunner
 
 import criteria
 from edtk.cli import main
-from edtk.study import load_study
+from edtk.study.study import load_study
 
 ROOT = Path(__file__).parents[1]
 PAPER = ROOT / "studies/kr270_milling.toml"
@@ -38,13 +38,17 @@ def edtk(*args: object) -> Answer:
 def process(*args: object, env: dict[str, str] | None = None) -> Answer:
     """The command in a process of its own, as a user starts it."""
     command = [sys.executable, "-m", "edtk", *map(str, args)]
-    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, env={**os.environ, **(env or {})})
+    return subprocess.run(
+        command, cwd=ROOT, capture_output=True, text=True, env={**os.environ, **(env or {})}
+    )
 
 
 def interrupted(after: bytes, *args: object) -> Answer:
     """The command's answer to Ctrl-C, which comes as soon as its progress says `after`."""
     command = [sys.executable, "-m", "edtk", *map(str, args)]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=ROOT) as running:
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=ROOT
+    ) as running:
         assert running.stderr is not None
         said = b""
         while after not in said:
@@ -52,7 +56,9 @@ def interrupted(after: bytes, *args: object) -> Answer:
             assert chunk, f"ended before {after!r}: {said!r}"
         running.send_signal(signal.SIGINT)
         stdout, rest = running.communicate(timeout=60)
-    return subprocess.CompletedProcess(command, running.returncode, stdout.decode(), (said + rest).decode())
+    return subprocess.CompletedProcess(
+        command, running.returncode, stdout.decode(), (said + rest).decode()
+    )
 
 
 def messages(answer: Answer) -> list[str]:
@@ -75,10 +81,16 @@ def assert_one_line(answer: Answer, *words: str) -> None:
 def study(tmp_path: Path) -> Path:
     """A small copy of the paper's study with two criteria, without published plans."""
     text = STUDY[: STUDY.index("published = [")] + STUDY[STUDY.index("[tool]") :]
-    text = text.replace("candidates = 2000", "candidates = 300").replace("sizes = [2, 3, 4, 6, 12]", "sizes = [3]")
+    text = text.replace("candidates = 2000", "candidates = 300").replace(
+        "sizes = [2, 3, 4, 6, 12]", "sizes = [3]"
+    )
     text = text.replace("starts = 32", "starts = 1")
-    text = text.replace('["rho0", "A", "D", "E", "G", "O1", "O2", "O3", "O4", "O5"]', '["rho0", "E"]')
-    text = text.replace('["A", "D", "E", "G", "O1", "O2", "O3", "O4", "O5", "rho0"]', '["E", "rho0"]')
+    text = text.replace(
+        '["rho0", "A", "D", "E", "G", "O1", "O2", "O3", "O4", "O5"]', '["rho0", "E"]'
+    )
+    text = text.replace(
+        '["A", "D", "E", "G", "O1", "O2", "O3", "O4", "O5", "rho0"]', '["E", "rho0"]'
+    )
     path = tmp_path / "study.toml"
     path.write_text(text)
     return path
@@ -110,7 +122,9 @@ def test_evaluate_json_is_alone_on_standard_output_and_in_si() -> None:
     assert result["std"]["q2"] == pytest.approx(np.sqrt(result["covariance"][0][0]))
     sigma = 0.03e-3
     for name in ("O1", "O3", "O4"):
-        assert result["observability_unscaled"][name] == pytest.approx(result["criteria"][name] * sigma)
+        assert result["observability_unscaled"][name] == pytest.approx(
+            result["criteria"][name] * sigma
+        )
 
 
 def test_evaluate_counts_repeats_and_takes_a_wrench(tmp_path: Path) -> None:
@@ -133,15 +147,24 @@ def test_run_writes_results_plans_and_report(study: Path, tmp_path: Path) -> Non
     assert answer.stdout == ""
     assert [line.split(" ")[0] for line in messages(answer)] == ["wrote"]
     figures = {p.name for p in out.glob("*.png")}
-    assert {p.name for p in out.iterdir()} - figures == {"results.csv", "report.md", "cases", "plans"}
+    assert {p.name for p in out.iterdir()} - figures == {
+        "results.csv",
+        "report.md",
+        "cases",
+        "plans",
+    }
     assert "comparison.png" in figures
     assert all(f"({name})" in (out / "report.md").read_text() for name in figures)
     result = json.loads(edtk("evaluate", study, out / "plans/optimised_E_m3.csv", "--json").stdout)
     table = pd.read_csv(out / "results.csv").set_index("plan")
-    assert result["criteria"]["E"] == pytest.approx(table.loc["optimised_E_m3", "E"], rel=1e-6)  # written to ten digits
+    assert result["criteria"]["E"] == pytest.approx(
+        table.loc["optimised_E_m3", "E"], rel=1e-6
+    )  # written to ten digits
 
 
-def test_a_plug_in_criterion_is_found_by_name_in_a_study(study: Path, plugin_site: Path, tmp_path: Path) -> None:
+def test_a_plug_in_criterion_is_found_by_name_in_a_study(
+    study: Path, plugin_site: Path, tmp_path: Path
+) -> None:
     """A criterion of another distribution has values in the results, and efficiencies if it has a convex form."""
     env = {"PYTHONPATH": str(plugin_site)}
     name = next(r["name"] for r in json.loads(process("criteria", "--json", env=env).stdout)[10:])
@@ -154,13 +177,17 @@ def test_a_plug_in_criterion_is_found_by_name_in_a_study(study: Path, plugin_sit
     assert_one_line(edtk("run", study), name, "available: A, D")
 
 
-def test_a_plug_in_criterion_without_convex_form_is_not_relaxed(study: Path, plugin_site: Path, tmp_path: Path) -> None:
+def test_a_plug_in_criterion_without_convex_form_is_not_relaxed(
+    study: Path, plugin_site: Path, tmp_path: Path
+) -> None:
     """`relax` refuses it in one line and writes nothing; so does a study that wants it optimised."""
     env, out = {"PYTHONPATH": str(plugin_site)}, tmp_path / "plan.csv"
     answer = process("relax", study, "--criterion", "trace_M", "--json", "--out", out, env=env)
     assert_one_line(answer, "study.toml", "trace_M", "no convex form")
     edit(study, '["rho0", "E"]', '["trace_M"]')
-    assert_one_line(process("run", study, "--out", out, env=env), "study.toml", "optimise", "no convex form")
+    assert_one_line(
+        process("run", study, "--out", out, env=env), "study.toml", "optimise", "no convex form"
+    )
     assert list(tmp_path.iterdir()) == [study]
 
 
@@ -180,7 +207,9 @@ def test_a_plug_in_criterion_without_convex_form_is_not_relaxed(study: Path, plu
     ],
 )
 @pytest.mark.parametrize("command", ["evaluate", "bayes"])
-def test_bad_plan(study: Path, tmp_path: Path, command: str, content: str, words: tuple[str, ...]) -> None:
+def test_bad_plan(
+    study: Path, tmp_path: Path, command: str, content: str, words: tuple[str, ...]
+) -> None:
     """Each mistake in a plan is one line that names the file, and the row or column where there is one."""
     path = tmp_path / "plan.csv"
     path.write_text(content)
@@ -195,11 +224,19 @@ def test_bad_plan(study: Path, tmp_path: Path, command: str, content: str, words
         ('["E", "rho0"]', '["E", "O6"]', ("criteria", "'O6'", "available: A, D")),
         ('optimise = ["rho0", "E"]', 'optimise = ["O6"]', ("optimise", "'O6'", "available: A, D")),
         ("seed = 2026", 'sampling = "grid"', ("sampling", "'random' or 'sobol'", "'grid'")),
-        ("sigma_mm = 0.03 ", "sigma_mm = -0.03 ", ("measurement.sigma_mm", "greater than or equal to")),
+        (
+            "sigma_mm = 0.03 ",
+            "sigma_mm = -0.03 ",
+            ("measurement.sigma_mm", "greater than or equal to"),
+        ),
         ("sizes = [3]", "sizes = [3, 2, 3]", ("sizes", "3 is listed twice")),
         ("sigma_mm = 0.03 ", "sigma_mm = 1e-160 ", ("measurement.sigma_mm",)),
         ("sigma_mm = 0.03 ", "sigma_mm = nan ", ("measurement.sigma_mm",)),
-        ("height_min_mm = 800", "height_min_mm = 9000", ("workspace", "no feasible pose", "height")),
+        (
+            "height_min_mm = 800",
+            "height_min_mm = 9000",
+            ("workspace", "no feasible pose", "height"),
+        ),
         ("q_deg = [0, -56.9,", "q_deg = [-56.9,", ("test_pose.q_deg", "5 entries, expected 6")),
         ('unknown = ["q2",', 'unknown = ["q9",', ("joints.unknown", "'q9'", "q1, q2")),
         ('unknown = ["q2",', 'unknown = ["q1", "q2",', ("joints.unknown", "k1")),
@@ -207,9 +244,17 @@ def test_bad_plan(study: Path, tmp_path: Path, command: str, content: str, words
         ("seed = 2026", "seed = ", ("not valid TOML",)),
         ("candidates = 300", 'published = ["nowhere.csv"]', ("nowhere.csv", "no such file")),
         ("height_min_mm = 800", 'excluded = "nowhere.csv"', ("nowhere.csv", "no such file")),
-        ("height_min_mm = 800", "excluded_within_deg = 0", ("workspace.excluded_within_deg", "greater than 0")),
+        (
+            "height_min_mm = 800",
+            "excluded_within_deg = 0",
+            ("workspace.excluded_within_deg", "greater than 0"),
+        ),
         (LOAD, f"{LOAD}\nF_max_N = 2500", ("load", "one of F_N, F_max_N and list_F_N")),
-        (LOAD, "F_max_N = 2500\nlist_F_N = [[0, 0, 1]]", ("load", "one of F_N, F_max_N and list_F_N")),
+        (
+            LOAD,
+            "F_max_N = 2500\nlist_F_N = [[0, 0, 1]]",
+            ("load", "one of F_N, F_max_N and list_F_N"),
+        ),
         (LOAD, "T_Nm = [1, 0, 0]", ("load", "one of F_N, F_max_N and list_F_N")),
         (LOAD, "F_max_N = 2500\nT_Nm = [1, 0, 0]", ("load", "T_Nm goes with F_N only")),
         (LOAD, f"{LOAD}\ndirection = [0, 0, 1]", ("load", "direction goes with F_max_N")),
@@ -246,7 +291,9 @@ def test_ctrl_c_leaves_the_best_certified_plan(tmp_path: Path) -> None:
     q = np.deg2rad([s["q_deg"] for s in result["support"]])
     A = np.sqrt(weights)[:, None, None] * study.model.regressor(q, [0, 0, -2500, 0, 0, 0]) / 0.03e-3
     s = np.linalg.svd(A.reshape(-1, 5), compute_uv=False)
-    assert result["value"] == pytest.approx(s[-1] ** 2 / s[0], rel=1e-11)  # eps times a condition number of 1e3
+    assert result["value"] == pytest.approx(
+        s[-1] ** 2 / s[0], rel=1e-11
+    )  # eps times a condition number of 1e3
     assert result["value"] <= result["bound"] <= result["value"] * (1 + 2e-6)
     assert pd.read_csv(out)["weight"].to_numpy() == pytest.approx(weights, rel=1e-9)
     assert list(tmp_path.iterdir()) == [out]
@@ -274,13 +321,25 @@ def test_ctrl_c_before_there_is_a_plan(tmp_path: Path) -> None:
         (["--memory", "100"], None, ("--memory", "100 MB is too small", "MB or more")),
         (["--memory", "nan"], None, ("--memory",)),
         (["--colour"], None, ("--colour",)),
-        ([], ('["q2",', '["q1", "q2",'), ("study.toml", "joints.unknown", "no candidate excites k1")),
-        ([], ("height_min_mm = 800", "height_min_mm = 9000"), ("study.toml", "workspace", "height p_z > 9000 mm")),
+        (
+            [],
+            ('["q2",', '["q1", "q2",'),
+            ("study.toml", "joints.unknown", "no candidate excites k1"),
+        ),
+        (
+            [],
+            ("height_min_mm = 800", "height_min_mm = 9000"),
+            ("study.toml", "workspace", "height p_z > 9000 mm"),
+        ),
         ([], ("seed = 2026", 'sampling = "grid"'), ("study.toml", "sampling", "'grid'")),
     ],
 )
 def test_bad_relax(
-    study: Path, tmp_path: Path, options: list[str], change: tuple[str, str] | None, words: tuple[str, ...]
+    study: Path,
+    tmp_path: Path,
+    options: list[str],
+    change: tuple[str, str] | None,
+    words: tuple[str, ...],
 ) -> None:
     """Each mistake is one line that names the file and key, or the option, and an earlier file stays as it was."""
     if change:
@@ -297,36 +356,86 @@ def test_bad_relax(
     [
         ([], None, ("--size",)),
         (["--size", "0"], None, ("--size", "0 is not in the range x>=1")),
-        (["--size", "1"], None, ("study.toml", "--size", "1 experiment cannot identify 5", "smallest number is 2")),
+        (
+            ["--size", "1"],
+            None,
+            ("study.toml", "--size", "1 experiment cannot identify 5", "smallest number is 2"),
+        ),
         (["--size", "3", "--distinct", "4"], None, ("--distinct 4", "at most 3")),
-        (["--size", "3", "--distinct", "1"], None, ("study.toml", "--distinct", "1 distinct pose", "number is 2")),
+        (
+            ["--size", "3", "--distinct", "1"],
+            None,
+            ("study.toml", "--distinct", "1 distinct pose", "number is 2"),
+        ),
         (["--size", "3", "--distinct", "0"], None, ("--distinct", "0 is not in the range x>=1")),
         (["--size", "3", "--budget", "0"], None, ("--budget", "0.0 is not in the range x>0")),
         (["--size", "3", "--budget", "-1"], None, ("--budget", "-1.0 is not in the range x>0")),
         (["--size", "3", "--workers", "0"], None, ("--workers", "0 is not in the range x>=1")),
         (["--size", "3", "--seed", "-1"], None, ("--seed", "-1 is not in the range x>=0")),
         (["--size", "3", "--criterion", "O6"], None, ("unknown criterion 'O6'", "available: A, D")),
-        (["--size", "3", "--keep", str(PLAN_3)], None, ("--size 3", "3 experiments are kept", "more than that")),
-        (["--size", "2", "--keep", str(PLAN_3)], None, ("--size 2", "3 experiments are kept", "more than that")),
-        (["--size", "5", "--distinct", "3", "--keep", str(PLAN_3)], None, ("--distinct 3", "at most 2")),
+        (
+            ["--size", "3", "--keep", str(PLAN_3)],
+            None,
+            ("--size 3", "3 experiments are kept", "more than that"),
+        ),
+        (
+            ["--size", "2", "--keep", str(PLAN_3)],
+            None,
+            ("--size 2", "3 experiments are kept", "more than that"),
+        ),
+        (
+            ["--size", "5", "--distinct", "3", "--keep", str(PLAN_3)],
+            None,
+            ("--distinct 3", "at most 2"),
+        ),
         (["--size", "3", "--keep", "nowhere.csv"], None, ("nowhere.csv", "no such file")),
         (["--size", "3", "--exclude", "nowhere.csv"], None, ("nowhere.csv", "no such file")),
-        (["--size", "4", "--keep", str(PLAN_3)], (LOAD, "F_max_N = 2500"), ("table_4_3.csv", "Fx_N", "load open")),
-        (["--size", "3"], (LOAD, "F_max_N = 2500\ndirection = [0, 0, 0]"), ("study.toml", "load", "not zero")),
-        (["--size", "3"], ("height_min_mm = 800", 'excluded = "nowhere.csv"'), ("nowhere.csv", "no such file")),
-        (["--size", "3"], ("height_min_mm = 800", "height_min_mm = 9000"), ("study.toml", "workspace", "height")),
-        (["--size", "3"], ('["q2",', '["q1", "q2",'), ("study.toml", "joints.unknown", "no candidate excites k1")),
+        (
+            ["--size", "4", "--keep", str(PLAN_3)],
+            (LOAD, "F_max_N = 2500"),
+            ("table_4_3.csv", "Fx_N", "load open"),
+        ),
+        (
+            ["--size", "3"],
+            (LOAD, "F_max_N = 2500\ndirection = [0, 0, 0]"),
+            ("study.toml", "load", "not zero"),
+        ),
+        (
+            ["--size", "3"],
+            ("height_min_mm = 800", 'excluded = "nowhere.csv"'),
+            ("nowhere.csv", "no such file"),
+        ),
+        (
+            ["--size", "3"],
+            ("height_min_mm = 800", "height_min_mm = 9000"),
+            ("study.toml", "workspace", "height"),
+        ),
+        (
+            ["--size", "3"],
+            ('["q2",', '["q1", "q2",'),
+            ("study.toml", "joints.unknown", "no candidate excites k1"),
+        ),
     ],
 )
 def test_bad_plan_question(
-    study: Path, tmp_path: Path, options: list[str], change: tuple[str, str] | None, words: tuple[str, ...]
+    study: Path,
+    tmp_path: Path,
+    options: list[str],
+    change: tuple[str, str] | None,
+    words: tuple[str, ...],
 ) -> None:
     """Each mistake is one line that says what was expected, and an earlier file stays as it was."""
     if change:
         edit(study, *change)
     out = tmp_path / "plan.csv"
     out.write_text("earlier")
-    short = ["--budget", "1", "--workers", "1", *options]  # the relaxation comes before some of them
+    short = [
+        "--budget",
+        "1",
+        "--workers",
+        "1",
+        *options,
+    ]  # the relaxation comes before some of them
     assert_one_line(edtk("plan", study, *short, "--json", "--out", out), *words)
     assert out.read_text() == "earlier"
     assert set(tmp_path.iterdir()) == {study, out}
@@ -345,12 +454,19 @@ def test_kept_pose_that_is_infeasible_is_named_by_its_row(study: Path, tmp_path:
 def test_plan_without_forces_where_the_load_is_open(study: Path, command: str) -> None:
     """A plan has to say which forces are applied where the study does not."""
     edit(study, LOAD, "list_F_N = [[0, 0, -2500], [0, 0, -1000]]")
-    assert_one_line(edtk(command, study, PLAN_3), "table_4_3.csv", "'Fx_N' is missing", "leaves the load open")
+    assert_one_line(
+        edtk(command, study, PLAN_3), "table_4_3.csv", "'Fx_N' is missing", "leaves the load open"
+    )
 
 
 @pytest.mark.parametrize(
     ("command", "address"),
-    [("run", "tcp://127.0.0.1:9"), ("plan", "nobody at all"), ("plan", "tcp://127.0.0.1"), ("plan", "carrier://a:1")],
+    [
+        ("run", "tcp://127.0.0.1:9"),
+        ("plan", "nobody at all"),
+        ("plan", "tcp://127.0.0.1"),
+        ("plan", "carrier://a:1"),
+    ],
 )
 def test_cluster_that_is_not_there(study: Path, tmp_path: Path, command: str, address: str) -> None:
     """An address at which no scheduler answers, or that is none, is one line without a log; nothing is written."""
@@ -365,7 +481,9 @@ def test_relax_for_a_test_pose_that_is_not_there(study: Path) -> None:
     text = study.read_text().replace('["rho0", "E"]', '["E"]').replace('["E", "rho0"]', '["E"]')
     start, end = text.index("[test_pose]"), text.index("[simulation]")
     study.write_text(text[:start] + text[end:])
-    assert_one_line(edtk("relax", study, "--criterion", "rho0", "--json"), "study.toml", "rho0", "test pose")
+    assert_one_line(
+        edtk("relax", study, "--criterion", "rho0", "--json"), "study.toml", "rho0", "test pose"
+    )
     assert json.loads(edtk("relax", study, "--json").stdout)["criterion"] == "E"
 
 
@@ -374,7 +492,9 @@ def test_relax_to_a_place_that_cannot_be_written(study: Path, tmp_path: Path) ->
     file = tmp_path / "file"
     file.write_text("mine")
     for out in (tmp_path, file / "plan.csv", file / "below" / "plan.csv"):
-        assert_one_line(edtk("relax", study, "--json", "--out", out), str(out if out == tmp_path else file))
+        assert_one_line(
+            edtk("relax", study, "--json", "--out", out), str(out if out == tmp_path else file)
+        )
     assert file.read_text() == "mine"
     assert set(tmp_path.iterdir()) == {study, file}
 
@@ -396,7 +516,9 @@ def test_no_command_overwrites_what_it_reads(study: Path, tmp_path: Path, line: 
     k.write_text('{"q2": 3e-7, "q3": 4e-7, "q4": 2.8e-6, "q5": 2.8e-6, "q6": 2.1e-6}')
     before = {path: path.read_bytes() for path in (study, plan, k)}
     named = {"STUDY": study, "PLAN": plan, "K": k, "DIR": tmp_path, "DIR/k.json": k}
-    assert_one_line(edtk(*(named.get(word, word) for word in line.split())), "is read by this command")
+    assert_one_line(
+        edtk(*(named.get(word, word) for word in line.split())), "is read by this command"
+    )
     assert {path: path.read_bytes() for path in before} == before
 
 
@@ -417,7 +539,9 @@ def test_measurements_are_never_overwritten(study: Path, tmp_path: Path, line: s
     filled = sheet.read_text()
     assert filled != empty
     named = {"STUDY": study, "PLAN": PLAN_3, "K": k, "SHEET": sheet}
-    assert_one_line(edtk(*(named.get(word, word) for word in line.split())), "day1.csv: has measurements in it")
+    assert_one_line(
+        edtk(*(named.get(word, word) for word in line.split())), "day1.csv: has measurements in it"
+    )
     assert sheet.read_text() == filled
 
 
@@ -433,7 +557,9 @@ def test_what_the_study_names_is_not_overwritten(study: Path, tmp_path: Path) ->
     assert (plan.read_text(), k.read_text()) == (PLAN_3.read_text(), "{}")
 
 
-@pytest.mark.parametrize("line", ["plan STUDY --size 3 --budget nan", "bayes STUDY PLAN --accuracy nan"])
+@pytest.mark.parametrize(
+    "line", ["plan STUDY --size 3 --budget nan", "bayes STUDY PLAN --accuracy nan"]
+)
 def test_options_that_are_no_number(study: Path, line: str) -> None:
     """NaN is no number of seconds, and no accuracy."""
     named = {"STUDY": study, "PLAN": PLAN_3}

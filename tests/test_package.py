@@ -55,14 +55,23 @@ def test_wheel_works_from_another_folder(wheel: Path, tmp_path: Path) -> None:
         "assert criteria.__file__.startswith(sys.path[0]) and m.__file__.startswith(sys.path[0]); "
         "print(len(criteria.available()), m.load_robot('kuka_kr270').n)"
     )
-    answer = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=True)
+    answer = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=True
+    )
     assert answer.stdout.split() == ["10", "6"]
 
 
 def test_no_file_names_a_registry_or_a_machine_path() -> None:
     """No registry host, no address of a package file, and no path of a machine is in any file."""
-    hosts = ("py" + "pi.org", "python" + "hosted.org", "registry." + "npmjs.org", "deb." + "debian.org")
-    paths = re.compile(r"(?<![\w.])/(?:home|root|work|Users|opt)/\w|https?://\S+\.(?:whl|tar\.gz|zip)\b")
+    hosts = (
+        "py" + "pi.org",
+        "python" + "hosted.org",
+        "registry." + "npmjs.org",
+        "deb." + "debian.org",
+    )
+    paths = re.compile(
+        r"(?<![\w.])/(?:home|root|work|Users|opt)/\w|https?://\S+\.(?:whl|tar\.gz|zip)\b"
+    )
     for path in tracked_files():
         if path.suffix in {".png", ".svg"}:
             continue

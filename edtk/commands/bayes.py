@@ -7,9 +7,9 @@ from typing import Any
 
 import click
 
-from edtk.atomic import require_writable
 from edtk.commands.sampling import Sampling, sampling_options
 from edtk.commands.shared import FilePath
+from edtk.system.atomic_file import require_writable
 
 
 class _Number(click.ParamType[Any]):
@@ -18,7 +18,9 @@ class _Number(click.ParamType[Any]):
     def __init__(self, *words: str, least: float = 0.0) -> None:
         self.words, self.least, self.name = words, least, "|".join(("number", *words))
 
-    def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> object:
+    def convert(
+        self, value: object, param: click.Parameter | None, ctx: click.Context | None
+    ) -> object:
         """The word, or the number."""
         if value in self.words:
             return value
@@ -29,7 +31,9 @@ class _Number(click.ParamType[Any]):
         if not (number > 0 and number >= self.least):
             least = f"of at least {self.least:g}" if self.least else "above zero"
             self.fail(
-                f"expected a number {least}{''.join(f' or {w!r}' for w in self.words)}, got {value!r}", param, ctx
+                f"expected a number {least}{''.join(f' or {w!r}' for w in self.words)}, got {value!r}",
+                param,
+                ctx,
             )
         return number
 
@@ -38,7 +42,9 @@ class _Number(click.ParamType[Any]):
 @click.argument("study", type=FilePath)
 @click.argument("plan", type=FilePath)
 @click.option(
-    "--sigma-factor", type=_Number(least=1.0), help="Sigma is known to that factor: 1, or inf for not at all."
+    "--sigma-factor",
+    type=_Number(least=1.0),
+    help="Sigma is known to that factor: 1, or inf for not at all.",
 )
 @click.option(
     "--nu",
@@ -47,7 +53,9 @@ class _Number(click.ParamType[Any]):
     help="Student-t errors with so many degrees of freedom.",
 )
 @sampling_options
-@click.option("--figures", type=click.Path(path_type=Path, file_okay=False), help="Folder for pictures (PNG).")
+@click.option(
+    "--figures", type=click.Path(path_type=Path, file_okay=False), help="Folder for pictures (PNG)."
+)
 @click.option("--json", "as_json", is_flag=True, help="Print JSON, in SI units.")
 def command(
     study: Path,
@@ -63,26 +71,25 @@ def command(
     What is known before the measurements is the [prior] of STUDY (TOML). A killed run with --chain goes on where it
     was when it is started again.
     """
-    from edtk.inference import Noise
-    from edtk.inference.noise import NU_IN_WORDS
-    from edtk.study import load_study
-    from edtk.study.bayes import bayes_check
-    from edtk.study.inference_data import export
+    from edtk.calibration.inference_data import export
+    from edtk.calibration.posterior_check import check_plan_posterior
+    from edtk.inference.noise import NU_IN_WORDS, Noise
+    from edtk.study.study import load_study
 
     loaded = load_study(study)
     sampling.require_writable(*loaded.reads, plan)
-    given = loaded.file.prior.noise()
+    given = loaded.specification.prior.noise()
     degrees = given.nu if nu is None else NU_IN_WORDS[nu] if isinstance(nu, str) else nu
     noise = Noise(given.sigma_factor if sigma_factor is None else sigma_factor, degrees)
     loaded_plan = loaded.load_plan(plan)
     if figures is not None:
         require_writable(figures / "corner.png")
-    with sampling.arguments(plan, loaded.file.seed) as arguments:
-        check = bayes_check(loaded, loaded_plan, noise=noise, **arguments)
+    with sampling.arguments(plan, loaded.specification.seed) as arguments:
+        check = check_plan_posterior(loaded, loaded_plan, noise=noise, **arguments)
     if sampling.export is not None:
         export(check, sampling.export, loaded.target)
     if figures is not None:
-        from edtk.study.posterior_figures import draw_figures
+        from edtk.report.posterior_figures import draw_figures
 
         draw_figures(check, figures)
-    click.echo(json.dumps(check.to_json(), indent=2) if as_json else check.summary())
+    click.echo(json.dumps(check.to_dict(), indent=2) if as_json else check.summary())

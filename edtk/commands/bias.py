@@ -18,10 +18,10 @@ def command(study: Path, plan: Path, as_json: bool) -> None:
     The robot of the [simulation] of STUDY (TOML) comes to rest under each load of the plan, however large; the linear
     model, Eq. (2), is fitted to its deflections.
     """
-    from edtk.study import load_study
-    from edtk.study.biased import biased
+    from edtk.calibration.plan_bias import plan_bias
+    from edtk.study.study import load_study
 
     loaded = load_study(study)
     with mistakes_in(plan):
-        found = biased(loaded, loaded.load_plan(plan), plan)
-    click.echo(json.dumps(found.to_json(), indent=2) if as_json else found.summary())
+        found = plan_bias(loaded, loaded.load_plan(plan), plan)
+    click.echo(json.dumps(found.to_dict(), indent=2) if as_json else found.summary())

@@ -20,15 +20,15 @@ def command(study: Path, k: Path, task: Path, as_json: bool, out: Path | None) -
     K.json holds the compliances, as an identification writes them; tool, and load where TASK has no wrench columns, are
     those of the test pose of STUDY (TOML).
     """
-    from edtk.study import load_study
-    from edtk.study.compensated import compensated, load_task
-    from edtk.study.compliance_file import load_compliances
+    from edtk.calibration.compensate import compensate, load_task
+    from edtk.study.study import load_study
+    from edtk.tables.compliances import load_compliances
 
     loaded = load_study(study)
     require_output(out, *loaded.reads, k, task)
     poses = load_task(loaded, task)
-    given = load_compliances(k, loaded.robot.joint_names, loaded.file.joints.unknown)
-    found = compensated(loaded, given, poses, task)
+    given = load_compliances(k, loaded.robot.joint_names, loaded.specification.joints.unknown)
+    found = compensate(loaded, given, poses, task)
     if out is not None:
         found.to_csv(out)
     if given.verdict == "bad":
@@ -36,4 +36,4 @@ def command(study: Path, k: Path, task: Path, as_json: bool, out: Path | None) -
             f"edtk: {k}: the calibration says not to use these compliances; its error band is not to be trusted",
             err=True,
         )
-    click.echo(json.dumps(found.to_json(), indent=2) if as_json else found.summary())
+    click.echo(json.dumps(found.to_dict(), indent=2) if as_json else found.summary())

@@ -15,13 +15,14 @@ from edtk.commands.shared import FilePath, mistakes_in
 @click.option("--json", "as_json", is_flag=True, help="Print JSON, in SI units.")
 def command(study: Path, plan: Path, as_json: bool) -> None:
     """Score PLAN (CSV) under every criterion of STUDY (TOML)."""
-    from edtk.study import evaluate, load_study
+    from edtk.study.evaluate import evaluate
+    from edtk.study.study import load_study
 
     loaded = load_study(study)
     with mistakes_in(plan):
         result = evaluate(loaded, loaded.load_plan(plan))
     if as_json:
-        click.echo(json.dumps(result.to_json(), indent=2))
+        click.echo(json.dumps(result.to_dict(), indent=2))
         return
     click.echo(f"{result.experiments} experiments")
     for name, value in result.criteria.items():

@@ -7,20 +7,30 @@ import click
 
 from edtk.commands.sampling import Sampling, sampling_options
 from edtk.commands.shared import FilePath, require_output
-from edtk.errors import UserError
+from edtk.system.errors import UserError
 
 
 @click.command("identify")
 @click.argument("study", type=FilePath)
 @click.argument("measurements", type=FilePath)
-@click.option("--robust", is_flag=True, help="Huber's loss instead of squares: outliers count less.")
-@click.option("--sigma-unknown", is_flag=True, help="Estimate the size of the noise from the residuals.")
-@click.option("--plan", type=FilePath, help="The plan (CSV) that was measured, to compare poses with.")
-@click.option("--bayes", is_flag=True, help="Sample the posterior too; the options that follow are for that.")
+@click.option(
+    "--robust", is_flag=True, help="Huber's loss instead of squares: outliers count less."
+)
+@click.option(
+    "--sigma-unknown", is_flag=True, help="Estimate the size of the noise from the residuals."
+)
+@click.option(
+    "--plan", type=FilePath, help="The plan (CSV) that was measured, to compare poses with."
+)
+@click.option(
+    "--bayes", is_flag=True, help="Sample the posterior too; the options that follow are for that."
+)
 @sampling_options
 @click.option("--json", "as_json", is_flag=True, help="Print JSON, in SI units.")
 @click.option(
-    "--out", type=click.Path(path_type=Path, file_okay=False), help="Write k.json, residuals.csv and report.html there."
+    "--out",
+    type=click.Path(path_type=Path, file_okay=False),
+    help="Write k.json, residuals.csv and report.html there.",
 )
 def command(
     study: Path,
@@ -43,10 +53,10 @@ def command(
     With --bayes priors are those of the [prior] of STUDY, errors Student-t if --robust, sigma unknown if
     --sigma-unknown. A killed run with --chain goes on where it was when it is started again.
     """
-    from edtk.study import load_study
-    from edtk.study.doubts import NOTE
-    from edtk.study.identified import WRITTEN, identified
-    from edtk.study.inference_data import export
+    from edtk.calibration.calibrate import WRITTEN, calibrate
+    from edtk.calibration.diagnostics import NOTE
+    from edtk.calibration.inference_data import export
+    from edtk.study.study import load_study
 
     if sampling.given() and not bayes:
         raise UserError(f"{sampling.given()[0]}: expected --bayes with it")
@@ -54,17 +64,19 @@ def command(
     sampling.require_writable(*loaded.reads, measurements, plan)
     if out is not None:
         for name in WRITTEN:
-            require_output(out / name, *loaded.reads, measurements, plan, sampling.chain, sampling.export)
-    planned = None if plan is None else loaded.load_plan(plan)
-    found = identified(loaded, measurements, robust, not sigma_unknown, planned)
+            require_output(
+                out / name, *loaded.reads, measurements, plan, sampling.chain, sampling.export
+            )
+    plan_study = None if plan is None else loaded.load_plan(plan)
+    found = calibrate(loaded, measurements, robust, not sigma_unknown, plan_study)
     if bayes:
-        with sampling.arguments(measurements, loaded.file.seed) as arguments:
+        with sampling.arguments(measurements, loaded.specification.seed) as arguments:
             found = found.sampled(**arguments)
     if found.check is not None and sampling.export is not None:
         export(found.check, sampling.export, loaded.target)
     if out is not None:
         found.write(out)
-    click.echo(json.dumps(found.to_json(), indent=2) if as_json else found.summary())
-    for doubt in found.doubts:
-        if doubt.severity > NOTE:
-            click.echo(f"edtk: {measurements}: {doubt.text}", err=True)
+    click.echo(json.dumps(found.to_dict(), indent=2) if as_json else found.summary())
+    for diagnostic in found.diagnostics:
+        if diagnostic.severity > NOTE:
+            click.echo(f"edtk: {measurements}: {diagnostic.text}", err=True)

@@ -7,18 +7,35 @@ from pathlib import Path
 import click
 from tqdm import tqdm
 
-from edtk.commands.shared import FilePath, Range, dask_option, mistakes_in, require_output, team_of, workers_option
+from edtk.commands.shared import (
+    FilePath,
+    Range,
+    dask_option,
+    mistakes_in,
+    require_output,
+    team_of,
+    workers_option,
+)
 
 
 @click.command("plan")
 @click.argument("study", type=FilePath)
-@click.option("--size", type=click.IntRange(min=1), required=True, help="Number of experiments m, kept ones counted.")
+@click.option(
+    "--size",
+    type=click.IntRange(min=1),
+    required=True,
+    help="Number of experiments m, kept ones counted.",
+)
 @click.option(
     "--distinct",
     type=click.IntRange(min=1),
     help="Distinct new poses at most [default: p(p+1)/2 + 1 of p parameters].",
 )
-@click.option("--criterion", "name", help="Criterion to optimise [default: the first that the study optimises].")
+@click.option(
+    "--criterion",
+    "name",
+    help="Criterion to optimise [default: the first that the study optimises].",
+)
 @click.option("--keep", type=FilePath, help="Plan (CSV) of experiments that are there already.")
 @click.option("--exclude", type=FilePath, help="Plan (CSV) of poses to stay away from.")
 @click.option("--budget", type=Range(min=0, min_open=True), help="Seconds after which to stop.")
@@ -45,22 +62,24 @@ def command(
 
     Ctrl-C, or the end of the budget, leaves the best plan so far.
     """
-    from edtk.study import load_study
-    from edtk.study.planned import planned
+    from edtk.study.plan_study import plan_study
+    from edtk.study.study import load_study
 
     loaded = load_study(study, exclude)
     kept = loaded.load_plan(keep) if keep is not None else None
     require_output(out, *loaded.reads, keep)
     with (
-        team_of(workers, dask) as team,
+        team_of(workers, dask) as pool,
         tqdm(unit="step", file=sys.stderr, bar_format="{desc} [{elapsed}]", desc="bound") as bar,
         mistakes_in(study),
     ):
-        name = loaded.file.optimise[0] if name is None else name
-        found = planned(loaded, size, name, distinct, kept, budget, seed, team, bar.set_description_str)
+        name = loaded.specification.optimise[0] if name is None else name
+        found = plan_study(
+            loaded, size, name, distinct, kept, budget, seed, pool, bar.set_description_str
+        )
     if out is not None:
         found.whole.to_csv(out, loaded.robot)
-    click.echo(json.dumps(found.to_json(), indent=2) if as_json else found.summary())
+    click.echo(json.dumps(found.to_dict(), indent=2) if as_json else found.summary())
     if found.ended in ("budget", "interrupted"):
         why = "the budget ended the search" if found.ended == "budget" else "interrupted"
         click.echo(f"edtk: {why}; this is the best plan so far", err=True)

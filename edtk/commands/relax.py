@@ -12,11 +12,21 @@ from edtk.commands.shared import FilePath, Range, mistakes_in, require_output
 
 @click.command("relax")
 @click.argument("study", type=FilePath)
-@click.option("--criterion", "name", help="Criterion to optimise [default: the first that the study optimises].")
-@click.option("--candidates", type=click.IntRange(min=1), help="Candidate poses [default: the study's].")
-@click.option("--continuous", is_flag=True, help="Leave the candidates: search over all feasible poses.")
+@click.option(
+    "--criterion",
+    "name",
+    help="Criterion to optimise [default: the first that the study optimises].",
+)
+@click.option(
+    "--candidates", type=click.IntRange(min=1), help="Candidate poses [default: the study's]."
+)
+@click.option(
+    "--continuous", is_flag=True, help="Leave the candidates: search over all feasible poses."
+)
 @click.option("--seed", type=click.IntRange(min=0), help="Seed [default: the study's].")
-@click.option("--memory", type=Range(min=0), default=1000, show_default=True, help="Limit on memory [MB].")
+@click.option(
+    "--memory", type=Range(min=0), default=1000, show_default=True, help="Limit on memory [MB]."
+)
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 @click.option("--out", type=FilePath, help="Write poses and weights (CSV).")
 def command(
@@ -33,15 +43,17 @@ def command(
 
     Ctrl-C ends a long run with the best certified plan so far.
     """
-    from edtk.design import PlanInterrupted
-    from edtk.study import load_study
-    from edtk.study.relaxed import relaxed_plan
+    from edtk.design.relaxation.relax_poses import PlanInterrupted
+    from edtk.study.relax_study import relax_study
+    from edtk.study.study import load_study
 
     loaded = load_study(study)
     require_output(out, *loaded.reads)
     interrupted = False
     with (
-        tqdm(unit="step", file=sys.stderr, bar_format="{desc} [{elapsed}]", desc="candidates") as bar,
+        tqdm(
+            unit="step", file=sys.stderr, bar_format="{desc} [{elapsed}]", desc="candidates"
+        ) as bar,
         mistakes_in(study),
     ):
 
@@ -49,9 +61,9 @@ def command(
             bar.set_description_str(stage if gap >= 1 else f"{stage}: gap {max(gap, 0.0):.1e}")
 
         try:
-            plan = relaxed_plan(
+            plan = relax_study(
                 loaded,
-                loaded.file.optimise[0] if name is None else name,
+                loaded.specification.optimise[0] if name is None else name,
                 candidates,
                 seed,
                 continuous,
@@ -62,7 +74,7 @@ def command(
             plan, interrupted = interrupt.best, True
     if out is not None:
         plan.to_csv(out)
-    click.echo(json.dumps(plan.to_json(), indent=2) if as_json else plan.summary())
+    click.echo(json.dumps(plan.to_dict(), indent=2) if as_json else plan.summary())
     if interrupted:
         click.echo("edtk: interrupted; this is the best certified plan so far", err=True)
         sys.exit(130)

@@ -12,7 +12,7 @@ import click
 from tqdm import tqdm
 
 from edtk.commands.shared import FilePath, Range, require_output
-from edtk.errors import UserError
+from edtk.system.errors import UserError
 
 Command = Callable[..., None]
 _OPTIONS = (
@@ -22,7 +22,9 @@ _OPTIONS = (
         help="Monte-Carlo error of standard deviations, relative.  [default: 0.01]",
     ),
     click.option("--most", type=click.IntRange(min=1), help="Limit on steps.  [default: 60000]"),
-    click.option("--chain", type=FilePath, help="Keep the chain (HDF5), and go on with what is there."),
+    click.option(
+        "--chain", type=FilePath, help="Keep the chain (HDF5), and go on with what is there."
+    ),
     click.option("--export", type=FilePath, help="Write ArviZ InferenceData (NetCDF)."),
     click.option("--seed", type=click.IntRange(min=0), help="Seed [default: the study's]."),
 )
@@ -49,7 +51,7 @@ class Sampling:
             UserError: They are one, or it is not.
             OSError: They cannot be written.
         """
-        from edtk.study.inference_data import require_arviz
+        from edtk.calibration.inference_data import require_arviz
 
         if self.export is not None:
             require_arviz(self.export)
@@ -67,13 +69,15 @@ class Sampling:
         """
         import numpy as np
 
-        from edtk.inference import SingularPlanError
-        from edtk.inference.chain import Demand
         from edtk.inference.chain_file import ChainFileError
-        from edtk.inference.posterior import ImproperPosteriorError, UnconvergedError
+        from edtk.inference.least_squares import SingularPlanError
+        from edtk.inference.mcmc import Demand, UnconvergedError
+        from edtk.inference.posterior import ImproperPosteriorError
 
         default = Demand()
-        demand = Demand(self.accuracy or default.accuracy, default.length, self.most or default.most)
+        demand = Demand(
+            self.accuracy or default.accuracy, default.length, self.most or default.most
+        )
         rng = np.random.default_rng(seed if self.seed is None else self.seed)
         with tqdm(unit="step", file=sys.stderr, desc="emcee", delay=1.0, leave=False) as bar:
             try:
@@ -84,7 +88,9 @@ class Sampling:
                     "chain": self.chain,
                 }
             except UnconvergedError as error:
-                raise UserError(f"{source}: {error} with --most, or expect less with --accuracy") from error
+                raise UserError(
+                    f"{source}: {error} with --most, or expect less with --accuracy"
+                ) from error
             except (SingularPlanError, ImproperPosteriorError) as error:
                 raise UserError(f"{source}: {error}") from error
             except ChainFileError as error:

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from edtk.atomic import require_writable
-from edtk.errors import UserError
+from edtk.system.atomic_file import require_writable
+from edtk.system.errors import UserError
 
 if TYPE_CHECKING:
-    from edtk.parallel import Team
+    from edtk.system.workers import Workers
 
 FilePath = click.Path(path_type=Path, dir_okay=False)
 
@@ -41,7 +41,7 @@ def require_output(path: Path | None, *inputs: Path | None) -> None:
         raise UserError(f"{path}: is read by this command; expected another file to write")
     require_writable(path)
     if path.exists():
-        from edtk.study.sheet import filled
+        from edtk.calibration.template import filled
 
         if filled(path):
             raise UserError(f"{path}: has measurements in it; expected another file to write")
@@ -50,7 +50,7 @@ def require_output(path: Path | None, *inputs: Path | None) -> None:
 @contextmanager
 def mistakes_in(where: Path) -> Iterator[None]:
     """Name the file in mistakes that only show in the arithmetic, or in the file system."""
-    from edtk.inference import SingularPlanError
+    from edtk.inference.least_squares import SingularPlanError
 
     try:
         yield
@@ -63,16 +63,18 @@ def mistakes_in(where: Path) -> Iterator[None]:
 workers_option = click.option(
     "--workers", type=click.IntRange(min=1), help="Processes on this machine [default: one a core]."
 )
-dask_option = click.option("--dask", metavar="ADDRESS", help="Use the workers of a Dask cluster, tcp://HOST:PORT.")
+dask_option = click.option(
+    "--dask", metavar="ADDRESS", help="Use the workers of a Dask cluster, tcp://HOST:PORT."
+)
 
 
 @contextmanager
-def team_of(workers: int | None, dask: str | None) -> Iterator["Team"]:
+def team_of(workers: int | None, dask: str | None) -> Iterator["Workers"]:
     """Who does the work; a cluster that is not there is the user's mistake."""
-    from edtk.parallel import WorkersLostError, team
+    from edtk.system.workers import WorkersLostError, open_workers
 
     try:
-        with team(workers, dask) as found:
+        with open_workers(workers, dask) as found:
             yield found
     except WorkersLostError as error:
         raise UserError(f"--dask: {error}") from error

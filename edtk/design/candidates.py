@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import qmc
 
-from edtk.design.pose_design import PoseDesign
+from edtk.design.design_space import DesignSpace
 from edtk.design.problem import Problem
 
 Array = NDArray[np.float64]
@@ -56,7 +56,7 @@ class CandidateSource:
     order of their points, so that the sequence depends on the seed and not on the machine.
 
     Args:
-        design: Model, feasible set, free joints, noise and wrench.
+        space: Model, feasible set, free joints, noise and wrench.
         seed: Seed, one number or several.
         sampling: "random" or "sobol".
         workers: Number of threads; None for one a core.
@@ -66,7 +66,7 @@ class CandidateSource:
         ValueError: No such sampling.
     """
 
-    design: PoseDesign
+    space: DesignSpace
     seed: int | tuple[int, ...] = 0
     sampling: Sampling = "random"
     workers: int | None = None
@@ -74,7 +74,9 @@ class CandidateSource:
 
     def __post_init__(self) -> None:
         if self.sampling not in get_args(Sampling):
-            raise ValueError(f"sampling must be one of {', '.join(get_args(Sampling))}, not {self.sampling!r}")
+            raise ValueError(
+                f"sampling must be one of {', '.join(get_args(Sampling))}, not {self.sampling!r}"
+            )
 
     def take(self, n: int) -> Candidates:
         """The first n candidates.
@@ -84,15 +86,15 @@ class CandidateSource:
             ValueError: n < 1.
         """
         require_some(n)
-        x = np.empty((n, self.design.size))
-        p = self.design.model.p
+        x = np.empty((n, self.space.size))
+        p = self.space.model.p
         packed = np.empty((p * (p + 1) // 2, n))
         start = 0
         for some, information in self.chunks(n):
             part = slice(start, start + len(some))
             x[part], packed[:, part] = some, information
             start += len(some)
-        return Candidates(x, Problem.of_information(packed, self.design.model.parameters))
+        return Candidates(x, Problem.of_information(packed, self.space.model.parameters))
 
     def chunks(self, n: int) -> Iterator[tuple[Array, Array]]:
         """The first n candidates in chunks: design variables (m, v), and their information packed (p(p+1)/2, m).
@@ -104,7 +106,7 @@ class CandidateSource:
         require_some(n)
         left, drawn = n, 0
         size = min(CHUNK, 1 << (2 * n).bit_length())  # a few candidates need not wait for many
-        violated = np.zeros(len(self.design.labels))
+        violated = np.zeros(len(self.space.labels))
         parts = self._parallel(size) if size == CHUNK else map(self._evaluate, self._cubes(size))
         for some, information, outside in parts:
             drawn, violated = drawn + size, violated + outside
@@ -112,7 +114,7 @@ class CandidateSource:
                 worst = int(violated.argmax())
                 raise EmptyFeasibleSetError(
                     f"no feasible pose among {drawn} samples; the constraint "
-                    f"'{self.design.labels[worst]}' excludes {100 * violated[worst] / drawn:.0f} % of them"
+                    f"'{self.space.labels[worst]}' excludes {100 * violated[worst] / drawn:.0f} % of them"
                 )
             if len(some):
                 yield some[:left], information[:, :left]
@@ -122,7 +124,7 @@ class CandidateSource:
 
     def _cubes(self, size: int) -> Iterator[Array]:
         """Points of the unit cube (size, drawn), for ever; the sequence does not depend on the size."""
-        rng, d = np.random.default_rng(self.seed), len(self.design.drawn)
+        rng, d = np.random.default_rng(self.seed), len(self.space.drawn)
         sobol = qmc.Sobol(d, rng=rng) if self.sampling == "sobol" else None
         while True:
             yield rng.random((size, d)) if sobol is None else sobol.random(size)
@@ -143,7 +145,7 @@ class CandidateSource:
 
     def _evaluate(self, cube: Array) -> tuple[Array, Array, Array]:
         """Feasible experiments of a chunk, their packed information, and how many each constraint excludes."""
-        drawn = self.design.at(self.design.draw(cube))
+        drawn = self.space.at(self.space.draw(cube))
         inside = drawn.slack >= 0
         feasible = drawn[np.flatnonzero(inside.all(axis=-1))]
         return feasible.x, feasible.packed, (~inside).sum(axis=0)
@@ -155,11 +157,11 @@ def require_some(n: int) -> None:
         raise ValueError("at least one candidate is needed")
 
 
-def sample_feasible(design: PoseDesign, n: int, seed: int | tuple[int, ...]) -> Array:
+def sample_feasible(space: DesignSpace, n: int, seed: int | tuple[int, ...]) -> Array:
     """N feasible experiments (n, v), uniform within the bounds.
 
     Raises:
         EmptyFeasibleSetError: No feasible pose turns up; names the constraint that excludes most.
         ValueError: n < 1.
     """
-    return np.concatenate([x for x, _ in CandidateSource(design, seed).chunks(n)])
+    return np.concatenate([x for x, _ in CandidateSource(space, seed).chunks(n)])

@@ -6,7 +6,7 @@ A million 5 x 5 information matrices are then one (15, 10^6) array, and pricing 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from criteria.triangle import triangle
+from criteria.linalg.triangle import triangle
 
 Array = NDArray[np.float64]
 
@@ -44,7 +44,7 @@ def unpack(packed: Array) -> Array:
     return M
 
 
-def price_rows(Z: ArrayLike) -> Array:
+def sensitivity_rows(Z: ArrayLike) -> Array:
     """Rows (..., p(p+1)/2) whose product with packed matrices is ``<Z, M>``: off-diagonal entries count twice."""
     Z = np.asarray(Z, dtype=float)
     rows, columns = triangle(Z.shape[-1])

@@ -7,9 +7,15 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from edtk.atomic import atomic_path
-from edtk.design.pose_table import WRENCH_COLUMNS, PoseFileError, PoseTable, pose_columns, pose_factors
-from edtk.model import Robot
+from edtk.model.robot import Robot
+from edtk.system.atomic_file import atomic_path
+from edtk.tables.pose_table import (
+    WRENCH_COLUMNS,
+    PoseFileError,
+    PoseTable,
+    pose_columns,
+    pose_factors,
+)
 
 Array = NDArray[np.float64]
 __all__ = ["WRENCH_COLUMNS", "Plan", "PlanFileError", "pose_columns", "pose_factors"]
@@ -37,7 +43,11 @@ class Plan:
         k = len(self.q)
         if self.q.ndim != 2 or self.wrench.shape != (k, 6) or self.repeats.shape != (k,) or not k:
             raise ValueError("a plan needs q (k, n), wrench (k, 6) and repeats (k,), with k > 0")
-        if not (np.isfinite(self.q).all() and np.isfinite(self.wrench).all() and (self.repeats >= 1).all()):
+        if not (
+            np.isfinite(self.q).all()
+            and np.isfinite(self.wrench).all()
+            and (self.repeats >= 1).all()
+        ):
             raise ValueError("a plan's entries must be finite and its repetitions at least one")
 
     @property
@@ -67,7 +77,9 @@ class Plan:
             self.table(robot).to_csv(temporary, index=False, float_format="%.10g")
 
     @classmethod
-    def from_csv(cls, path: Path | str, robot: Robot, fixed: dict[int, float], wrench: Array | None) -> "Plan":
+    def from_csv(
+        cls, path: Path | str, robot: Robot, fixed: dict[int, float], wrench: Array | None
+    ) -> "Plan":
         """Read a plan: columns q1_deg .. qn_deg, optionally `repeats` and all or some wrench columns.
 
         Args:
@@ -92,5 +104,7 @@ def _repeats(table: PoseTable) -> NDArray[np.int_]:
     values = table.numbers("repeats")
     bad = np.flatnonzero((values < 1) | (values > 1e9) | (values != np.round(values)))
     if len(bad):
-        raise table.error(f"row {bad[0] + 1}, column repeats: {values[bad[0]]:g} is not a whole number from 1 to 1e9")
+        raise table.error(
+            f"row {bad[0] + 1}, column repeats: {values[bad[0]]:g} is not a whole number from 1 to 1e9"
+        )
     return values.astype(int)

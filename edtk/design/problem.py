@@ -5,8 +5,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from criteria.null_space import open_directions
-from edtk.design.packed import order, pack_gram, price_rows, unpack
+from criteria.linalg.null_space import open_directions
+from edtk.design.packed import order, pack_gram, sensitivity_rows, unpack
 
 Array = NDArray[np.float64]
 
@@ -30,10 +30,14 @@ class Problem:
             many names as parameters.
     """
 
-    def __init__(self, blocks: ArrayLike, sigma: ArrayLike = 1.0, parameters: tuple[str, ...] | None = None) -> None:
+    def __init__(
+        self, blocks: ArrayLike, sigma: ArrayLike = 1.0, parameters: tuple[str, ...] | None = None
+    ) -> None:
         A = np.asarray(blocks, dtype=float)
         if A.ndim != 3 or 0 in A.shape:
-            raise ValueError(f"blocks must be a non-empty array (n, rows, p), not of shape {A.shape}")
+            raise ValueError(
+                f"blocks must be a non-empty array (n, rows, p), not of shape {A.shape}"
+            )
         scale = np.broadcast_to(np.asarray(sigma, dtype=float), A.shape[1:2])
         if not (np.isfinite(scale) & (scale > 0)).all():
             raise ValueError("sigma must be finite and positive")
@@ -51,7 +55,9 @@ class Problem:
             ValueError: No candidates, not so many entries as a triangle has, or one of them not finite.
         """
         if packed.ndim != 2 or 0 in packed.shape:
-            raise ValueError(f"packed information must be a non-empty array (p(p+1)/2, n), not {packed.shape}")
+            raise ValueError(
+                f"packed information must be a non-empty array (p(p+1)/2, n), not {packed.shape}"
+            )
         _refuse_non_finite(np.isfinite(packed.sum(axis=0)))
         problem = cls.__new__(cls)
         problem._set(packed, parameters)
@@ -59,7 +65,9 @@ class Problem:
 
     def _set(self, packed: Array, parameters: tuple[str, ...] | None) -> None:
         self.packed, self.p = packed, order(len(packed))
-        self.parameters = tuple(f"k{i + 1}" for i in range(self.p)) if parameters is None else tuple(parameters)
+        self.parameters = (
+            tuple(f"k{i + 1}" for i in range(self.p)) if parameters is None else tuple(parameters)
+        )
         if len(self.parameters) != self.p:
             raise ValueError(f"{len(self.parameters)} names for {self.p} parameters")
 
@@ -98,7 +106,9 @@ class Problem:
         """Information matrix ``M = sum w_i A_i' A_i / sigma^2`` (p, p) of weights or repetitions (n,)."""
         w = np.asarray(weights, dtype=float)
         support = np.flatnonzero(w)
-        return unpack(self.packed[:, support] @ w[support] if 2 * len(support) < self.n else self.packed @ w)
+        return unpack(
+            self.packed[:, support] @ w[support] if 2 * len(support) < self.n else self.packed @ w
+        )
 
     @cached_property
     def mean(self) -> Array:
@@ -117,9 +127,9 @@ class Problem:
                 f"{' or '.join(directions)}"
             )
 
-    def prices(self, Z: ArrayLike) -> Array:
+    def sensitivities(self, Z: ArrayLike) -> Array:
         """``<Z, A_i' A_i / sigma^2>`` (..., n) of multipliers Z (..., p, p)."""
-        return np.asarray(price_rows(Z) @ self.packed)
+        return np.asarray(sensitivity_rows(Z) @ self.packed)
 
     def with_unit_trace(self) -> "Problem":
         """The same candidates, each scaled to information of trace one (those of none are left); kept once made."""
@@ -127,8 +137,10 @@ class Problem:
 
     @cached_property
     def _unit_trace(self) -> "Problem":
-        trace = self.prices(np.eye(self.p))
-        return Problem.of_information(self.packed / np.where(trace > 0, trace, 1.0), self.parameters)
+        trace = self.sensitivities(np.eye(self.p))
+        return Problem.of_information(
+            self.packed / np.where(trace > 0, trace, 1.0), self.parameters
+        )
 
 
 def _refuse_non_finite(finite: NDArray[np.bool_]) -> None:

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
-from edtk.inference.estimate import estimate
-from edtk.model import ElastostaticModel
+from edtk.inference.least_squares import estimate
+from edtk.model.elastostatic_model import ElastostaticModel
 from edtk.model.equilibrium import equilibrium
 
 Array = NDArray[np.float64]
@@ -57,7 +57,11 @@ class Bias:
 
 
 def equilibrium_deflection(
-    model: ElastostaticModel, q: ArrayLike, wrench: ArrayLike, k: ArrayLike, marker: ArrayLike = (0.0, 0.0, 0.0)
+    model: ElastostaticModel,
+    q: ArrayLike,
+    wrench: ArrayLike,
+    k: ArrayLike,
+    marker: ArrayLike = (0.0, 0.0, 0.0),
 ) -> Array:
     """What is measured without noise: the motion (..., rows) of the tool, or of a marker on it, under load [m, rad].
 
@@ -94,7 +98,9 @@ def marker_motion(model: ElastostaticModel, q: ArrayLike, moved: Array, marker: 
     return moved[..., :3] if model.rows == "position" else moved
 
 
-def linearisation_bias(model: ElastostaticModel, q: Array, wrench: ArrayLike, sigma: ArrayLike, k: ArrayLike) -> Bias:
+def linearisation_bias(
+    model: ElastostaticModel, q: Array, wrench: ArrayLike, sigma: ArrayLike, k: ArrayLike
+) -> Bias:
     """Fit the linear model, Eq. (9), to noise-free measurements of the loaded equilibrium.
 
     Least squares is linear in the measurements, so that what it makes of their mean is the mean of what it makes

@@ -6,7 +6,7 @@ from pathlib import Path
 import emcee
 import numpy as np
 
-from edtk.atomic import atomic_path
+from edtk.system.atomic_file import atomic_path
 
 GROUP, PROBLEM, GOAL, ACCURACY = "mcmc", "edtk_problem", "edtk_goal", "edtk_accuracy"
 
@@ -60,7 +60,9 @@ class ChainFile:
         except (OSError, KeyError, AttributeError, ValueError) as error:
             raise ChainFileError(f"{self.path}: not a chain of emcee's") from error
         if problem != self.problem:
-            raise ChainFileError(f"{self.path}: the chain is of another study, plan, seed or prior; name another file")
+            raise ChainFileError(
+                f"{self.path}: the chain is of another study, plan, seed or prior; name another file"
+            )
         return backend, goal
 
     def save(self, backend: emcee.backends.Backend, goal: int, accuracy: float) -> None:
@@ -77,7 +79,10 @@ class ChainFile:
             stored.grow(n, None)
             with stored.open("a") as file:
                 group = file[GROUP]
-                group["chain"][...], group["log_prob"][...] = backend.chain[:n], backend.log_prob[:n]
+                group["chain"][...], group["log_prob"][...] = (
+                    backend.chain[:n],
+                    backend.log_prob[:n],
+                )
                 group["accepted"][...] = backend.accepted
                 group.attrs["iteration"], group.attrs[PROBLEM] = n, self.problem
                 group.attrs[GOAL], group.attrs[ACCURACY] = goal, accuracy

@@ -6,7 +6,9 @@ from scipy.fft import irfft, next_fast_len, rfft
 
 Array = NDArray[np.float64]
 
-WINDOW = 5.0  # Sokal's: sum autocorrelations up to the first lag beyond so many autocorrelation times
+WINDOW = (
+    5.0  # Sokal's: sum autocorrelations up to the first lag beyond so many autocorrelation times
+)
 
 
 def autocorrelation_time(x: Array) -> Array:
@@ -44,12 +46,16 @@ def split_r_hat(x: Array) -> Array:
         One number per parameter (d,), near one where the parts agree; inf for a parameter that never moves.
     """
     n, w = len(x) // 2, x.shape[1] // 2
-    parts = np.stack([part[:, half] for part in (x[:n], x[-n:]) for half in (slice(None, w), slice(-w, None))])
+    parts = np.stack(
+        [part[:, half] for part in (x[:n], x[-n:]) for half in (slice(None, w), slice(-w, None))]
+    )
     flat = parts.reshape(4, n * w, x.shape[-1])
     within = flat.var(axis=1, ddof=1).mean(axis=0)
     between = flat.mean(axis=1).var(axis=0, ddof=1)
     still = within <= 0
-    return np.where(still, np.inf, np.sqrt(1 - 1 / (n * w) + between / np.where(still, 1.0, within)))
+    return np.where(
+        still, np.inf, np.sqrt(1 - 1 / (n * w) + between / np.where(still, 1.0, within))
+    )
 
 
 def std_error(x: Array) -> Array:

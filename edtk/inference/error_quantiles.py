@@ -26,7 +26,9 @@ def weighted_chi_square_cdf(x: ArrayLike, weights: ArrayLike) -> Array:
         Probabilities (...).
     """
     x, weights = np.asarray(x, dtype=float), np.asarray(weights, dtype=float)
-    angle = (2 * np.arange(NODES // 2) + 1) * np.pi / NODES  # the other half is the complex conjugate
+    angle = (
+        (2 * np.arange(NODES // 2) + 1) * np.pi / NODES
+    )  # the other half is the complex conjugate
     c = 0.6407 * angle
     z = NODES * (-0.6122 + 0.5017 * angle / np.tan(c) + 0.2645j * angle)
     dz = NODES * (0.5017 / np.tan(c) - 0.5017 * c / np.sin(c) ** 2 + 0.2645j)
@@ -60,7 +62,10 @@ def error_quantiles(A: Array, cov: Array, levels: ArrayLike, dof: float = np.inf
     for i in np.ndindex(*spectrum.shape[:-1]):
         largest = spectrum[i].max()
         if largest > 0:
-            found[i] = [np.sqrt(largest * _quantile(spectrum[i] / largest, level, dof, *mixed)) for level in levels]
+            found[i] = [
+                np.sqrt(largest * _quantile(spectrum[i] / largest, level, dof, *mixed))
+                for level in levels
+            ]
     return found
 
 
@@ -75,7 +80,9 @@ def _estimated(dof: float) -> tuple[Array, Array]:
         z, share = np.polynomial.legendre.leggauss(256)
         return chi2.ppf((1 + z) / 2, dof) / dof, share / 2
     z, share = np.polynomial.hermite_e.hermegauss(48)
-    return np.where(z < 0, chi2.ppf(norm.cdf(z), dof), chi2.isf(norm.sf(z), dof)) / dof, share / share.sum()
+    return np.where(
+        z < 0, chi2.ppf(norm.cdf(z), dof), chi2.isf(norm.sf(z), dof)
+    ) / dof, share / share.sum()
 
 
 def _quantile(weights: Array, level: float, dof: float, scales: Array, shares: Array) -> float:

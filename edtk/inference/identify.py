@@ -7,12 +7,14 @@ from numpy.typing import NDArray
 from scipy.optimize import nnls
 from scipy.stats import chi2, t
 
-from edtk.inference.estimate import Whitened
+from edtk.inference.huber import HuberFit, fit_huber
+from edtk.inference.least_squares import Whitened
 from edtk.inference.outliers import find_outliers
-from edtk.inference.robust import HuberFit, fit_huber
 
 Array = NDArray[np.float64]
-MAD_EFFICIENCY = 0.37  # of the median absolute deviation, beside the standard deviation, for normal noise
+MAD_EFFICIENCY = (
+    0.37  # of the median absolute deviation, beside the standard deviation, for normal noise
+)
 HUBER_CERTAINTY = 0.7  # of the covariance, beside that of least squares with sigma estimated; 0.71 to 0.82 simulated
 
 
@@ -92,7 +94,9 @@ class Identification:
         value = float(np.sqrt(np.einsum("ri,ij,rj->", target, self.covariance, target)))
         if np.isinf(self.covariance_dof):
             return value, (value, value)
-        low, high = value * np.sqrt(self.covariance_dof / chi2.ppf([0.975, 0.025], self.covariance_dof))
+        low, high = value * np.sqrt(
+            self.covariance_dof / chi2.ppf([0.975, 0.025], self.covariance_dof)
+        )
         return value, (float(low), float(high))
 
 
@@ -111,7 +115,7 @@ def identify(
         measured: Deflections (m, rows) [m, rad].
         sigma: Noise (m, rows) [m, rad]; only its proportions count where `known` is false.
         parameters: Names (p,), for error messages.
-        robust: Huber's loss instead of squares, see `edtk.inference.robust`.
+        robust: Huber's loss instead of squares, see `edtk.inference.huber`.
         known: Whether sigma is believed, or a common factor of it is estimated from the residuals.
 
     Raises:
@@ -126,12 +130,19 @@ def identify(
             f"{measured.size} measured coordinates for {A.shape[-1]} parameters leave nothing to estimate sigma from"
         )
     fit = _least_squares(whitened, A, measured, dof, known)
-    if not known and not _without_rounding(fit.residual * whitened.weight, measured * whitened.weight).any():
-        raise NothingLeftError("the model fits the measurements exactly, which leaves nothing to estimate sigma from")
+    if (
+        not known
+        and not _without_rounding(fit.residual * whitened.weight, measured * whitened.weight).any()
+    ):
+        raise NothingLeftError(
+            "the model fits the measurements exactly, which leaves nothing to estimate sigma from"
+        )
     return _robust(fit, whitened, A, measured) if robust and dof else fit
 
 
-def _least_squares(whitened: Whitened, A: Array, measured: Array, dof: int, known: bool) -> Identification:
+def _least_squares(
+    whitened: Whitened, A: Array, measured: Array, dof: int, known: bool
+) -> Identification:
     """The fit that Eq. (6) describes."""
     k = whitened.solve(measured)
     negative = k < 0
@@ -169,11 +180,15 @@ def _robust(fit: Identification, whitened: Whitened, A: Array, measured: Array) 
     columns, y = whitened.Q @ whitened.R, measured * whitened.weight
     found: HuberFit = fit_huber(columns, y, fit.unbounded * whitened.scale, fit.known)
     if not fit.known and not found.scale > 1e-11 * np.abs(y).max():
-        raise NothingLeftError("the model fits half of the measurements exactly, which leaves no estimate of sigma")
+        raise NothingLeftError(
+            "the model fits half of the measurements exactly, which leaves no estimate of sigma"
+        )
     k = found.x / whitened.scale
     bounded = k
     if (k < 0).any():
-        bounded = fit_huber(columns, y, fit.k * whitened.scale, fit.known, least=0.0).x / whitened.scale
+        bounded = (
+            fit_huber(columns, y, fit.k * whitened.scale, fit.known, least=0.0).x / whitened.scale
+        )
     residual = measured - A @ k
     z = residual * whitened.weight
     trusted = 1.0 if fit.known else found.scale
@@ -198,7 +213,9 @@ def _robust(fit: Identification, whitened: Whitened, A: Array, measured: Array) 
 def _standardised(z: Array, leverage: Array, scale: float) -> Array:
     """``z / (scale sqrt(1 - leverage))``; zero where the fit runs through the measurement whatever it is."""
     spread = scale * np.sqrt(1 - leverage)
-    return np.divide(z, spread, out=np.zeros_like(z), where=spread > 1e-7 * max(scale, np.finfo(float).tiny))
+    return np.divide(
+        z, spread, out=np.zeros_like(z), where=spread > 1e-7 * max(scale, np.finfo(float).tiny)
+    )
 
 
 def _without_rounding(z: Array, y: Array) -> Array:

@@ -8,9 +8,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from edtk.design.pose_table import PoseTable
-from edtk.model import ElastostaticModel, Robot
-from edtk.model.robot import cross
+from edtk.model.elastostatic_model import ElastostaticModel
+from edtk.model.robot import Robot, cross
+from edtk.tables.pose_table import PoseTable
 
 Array = NDArray[np.float64]
 DEFLECTION_COLUMNS = ("dx_mm", "dy_mm", "dz_mm")
@@ -19,7 +19,14 @@ LOADED_COLUMNS = ("x_mm", "y_mm", "z_mm")
 ROTATION_COLUMNS = ("drx_deg", "dry_deg", "drz_deg")
 MARKER_COLUMNS = ("marker_x_mm", "marker_y_mm", "marker_z_mm")
 LEAST_MM = 1e-9  # standard deviation that can be meant
-MEASURED = (*DEFLECTION_COLUMNS, *UNLOADED_COLUMNS, *LOADED_COLUMNS, *ROTATION_COLUMNS, "sigma_mm", *MARKER_COLUMNS)
+MEASURED = (
+    *DEFLECTION_COLUMNS,
+    *UNLOADED_COLUMNS,
+    *LOADED_COLUMNS,
+    *ROTATION_COLUMNS,
+    "sigma_mm",
+    *MARKER_COLUMNS,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +69,9 @@ class Measurements:
         if not self.marker.any():
             return model.regressor(self.q, self.wrench)
         frames = model.robot.frames(self.q)
-        A = ElastostaticModel(model.robot, model.unknown, "pose").regressor_of(frames, self.wrench)  # (p, 6, m)
+        A = ElastostaticModel(model.robot, model.unknown, "pose").regressor_of(
+            frames, self.wrench
+        )  # (p, 6, m)
         offset = (frames.rotation * self.marker.T[:, None]).sum(axis=0)
         linear, angular = A[:, :3], A[:, 3:]
         moved = linear + cross(angular, offset[None])
@@ -76,7 +85,12 @@ class Measurements:
 
     @classmethod
     def from_csv(
-        cls, path: Path | str, robot: Robot, fixed: dict[int, float], wrench: Array | None, sigma: Array
+        cls,
+        path: Path | str,
+        robot: Robot,
+        fixed: dict[int, float],
+        wrench: Array | None,
+        sigma: Array,
     ) -> "Measurements":
         """Read a measurement file.
 
@@ -105,19 +119,27 @@ class Measurements:
             )
         deflection = _position(table)
         far = np.flatnonzero(np.abs(deflection).max(axis=1) > 0.1 * robot.reach)
-        if len(far) and LOADED_COLUMNS[0] in table and np.abs(_vector(table, LOADED_COLUMNS)).max() < 3e4 * robot.reach:
+        if (
+            len(far)
+            and LOADED_COLUMNS[0] in table
+            and np.abs(_vector(table, LOADED_COLUMNS)).max() < 3e4 * robot.reach
+        ):
             raise table.error(
                 f"row {far[0] + 1}, columns {', '.join((*UNLOADED_COLUMNS, *LOADED_COLUMNS))}: the marker moved by "
                 f"{1e3 * np.linalg.norm(deflection[far[0]]):.4g} mm under load; are columns swapped? expected "
                 "positions without and with load, in the same frame"
             )
         if not deflection.any():
-            raise table.error("all measured displacements are zero; expected those that the load made")
+            raise table.error(
+                "all measured displacements are zero; expected those that the load made"
+            )
         turned = [c for c in ROTATION_COLUMNS if c in table]
         if len(sigma) == 6:
             deflection = np.hstack([deflection, np.deg2rad(_vector(table, ROTATION_COLUMNS))])
         elif turned:
-            raise table.error(f"column {turned[0]!r}: the study measures positions only (measurement.rows)")
+            raise table.error(
+                f"column {turned[0]!r}: the study measures positions only (measurement.rows)"
+            )
         noise = np.tile(sigma, (len(table), 1))
         if "sigma_mm" in table:
             noise[:, :3] = _positive(table, "sigma_mm")[:, None] / 1e3
@@ -145,7 +167,9 @@ def _position(table: PoseTable) -> Array:
     given = [c for c in DEFLECTION_COLUMNS if c in table]
     positions = [c for c in (*UNLOADED_COLUMNS, *LOADED_COLUMNS) if c in table]
     if given and positions:
-        raise table.error(f"columns {given[0]!r} and {positions[0]!r}: expected displacements or positions, not both")
+        raise table.error(
+            f"columns {given[0]!r} and {positions[0]!r}: expected displacements or positions, not both"
+        )
     if positions:
         return (_vector(table, LOADED_COLUMNS) - _vector(table, UNLOADED_COLUMNS)) / 1e3
     if not given:

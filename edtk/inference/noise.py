@@ -10,7 +10,10 @@ from scipy.special import gammaln
 Array = NDArray[np.float64]
 
 NU_IN_WORDS = {"normal": math.inf, "sampled": None}
-NU_SHAPE, NU_RATE = 2.0, 0.1  # gamma prior of Juarez and Steel (2010): mean 20, little mass near normal noise
+NU_SHAPE, NU_RATE = (
+    2.0,
+    0.1,
+)  # gamma prior of Juarez and Steel (2010): mean 20, little mass near normal noise
 
 
 @dataclass(frozen=True)
@@ -47,7 +50,9 @@ class Noise:
         """Whether errors are normal, so that the sum of squared residuals says all."""
         return self.nu == math.inf
 
-    def log_likelihood(self, residuals: Array, extra: Array, hidden: int = 0, squares: float = 0.0) -> Array:
+    def log_likelihood(
+        self, residuals: Array, extra: Array, hidden: int = 0, squares: float = 0.0
+    ) -> Array:
         """Logarithm (...) of the density of all measurements, up to a constant.
 
         Args:

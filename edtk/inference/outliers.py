@@ -35,7 +35,9 @@ def find_outliers(Q: Array, z: Array, dof: float, scale: float | None = None) ->
         rest = dof - r if scale is None else np.full(len(r), dof)
         able = (rest > 0) & (r > 0)
         total = (z**2).sum()
-        spread = (total - T) / np.where(able, rest, 1) if scale is None else np.full(len(r), scale**2)
+        spread = (
+            (total - T) / np.where(able, rest, 1) if scale is None else np.full(len(r), scale**2)
+        )
         least = 1e-20 * total + np.finfo(float).tiny  # where one row is all that scatters
         ratio = T / np.where(able, r, 1) / np.maximum(spread, least)
         p = np.where(able, f.sf(ratio, np.where(able, r, 1), np.where(able, rest, 1)), 1.0)
@@ -47,7 +49,9 @@ def _deletion(Q: Array, z: Array) -> tuple[Array, NDArray[np.int_]]:
     keep = np.eye(z.shape[1]) - Q @ np.swapaxes(Q, 1, 2)
     rank = np.full(len(z), z.shape[1])
     T = np.zeros(len(z))
-    alone = np.trace(Q @ np.swapaxes(Q, 1, 2), axis1=1, axis2=2) > 0.99  # else I - H_i is far from singular
+    alone = (
+        np.trace(Q @ np.swapaxes(Q, 1, 2), axis1=1, axis2=2) > 0.99
+    )  # else I - H_i is far from singular
     T[~alone] = (z[~alone] * np.linalg.solve(keep[~alone], z[~alone, :, None])[..., 0]).sum(axis=1)
     if alone.any():
         w, V = np.linalg.eigh(keep[alone])

@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from edtk.inference.chain import Demand, UnconvergedError, run_chain
 from edtk.inference.chain_file import ChainFile
 from edtk.inference.convergence import std_error
-from edtk.inference.estimate import Estimate
+from edtk.inference.draw_positive import draw_positive
+from edtk.inference.least_squares import Estimate
+from edtk.inference.mcmc import Demand, UnconvergedError, run_chain
 from edtk.inference.noise import Noise
 from edtk.inference.prior import Prior, flat
-from edtk.inference.truncated import draw_positive
 
 __all__ = ["ImproperPosteriorError", "Posterior", "UnconvergedError", "sample_posterior"]
 
@@ -133,7 +133,9 @@ def sample_posterior(
     start = np.concatenate([x, noise.start(squares, N - p, rng, walkers)], axis=1)
     seed = int(rng.integers(2**31))
     B, residual, hidden, rest = rows @ L, y - rows @ centre, 0, 0.0
-    if noise.normal and p < N:  # all that N normal rows say is in p of them, and in what those leave of the squares
+    if (
+        noise.normal and p < N
+    ):  # all that N normal rows say is in p of them, and in what those leave of the squares
         Q, B = np.linalg.qr(B)
         total, residual = residual @ residual, residual @ Q
         hidden, rest = N - p, max(float(total - residual @ residual), 0.0)
@@ -155,7 +157,9 @@ def sample_posterior(
         file = ChainFile(chain, digest.hexdigest())
     found = run_chain(log_density, view, start, seed, demand or Demand(), file, progress)
     samples, extra = found.samples[..., :p], np.exp(found.samples[..., p:])
-    return Posterior(samples, found.tau[:p], found.steps, found.r_hat[:p], found.tau[p:], extra, noise.names)
+    return Posterior(
+        samples, found.tau[:p], found.steps, found.r_hat[:p], found.tau[p:], extra, noise.names
+    )
 
 
 def _check(prior: Prior, noise: Noise, freedom: int, telling: int, exact: bool) -> None:
@@ -172,7 +176,9 @@ def _check(prior: Prior, noise: Noise, freedom: int, telling: int, exact: bool) 
             f"and do by {freedom}; measure more, or say how well sigma is known"
         )
     if noise.sigma_factor == np.inf and exact:
-        raise ImproperPosteriorError("the model fits the measurements exactly, which leaves nothing to tell sigma from")
+        raise ImproperPosteriorError(
+            "the model fits the measurements exactly, which leaves nothing to tell sigma from"
+        )
     least = 0.0 if noise.nu is None else noise.nu
     if not noise.normal and not prior.proper and telling * (least + 1) - 1 <= 2:
         raise ImproperPosteriorError(

@@ -110,7 +110,9 @@ class Prior:
 
     def log_density(self, k: Array) -> Array:
         """Logarithm (...) of the density up to a constant, for k (..., p); -inf outside the support."""
-        inside = np.asarray((k > 0).all(axis=-1)) if self._bounded else np.ones(k.shape[:-1], dtype=bool)
+        inside = (
+            np.asarray((k > 0).all(axis=-1)) if self._bounded else np.ones(k.shape[:-1], dtype=bool)
+        )
         safe = np.where(inside[..., None], k, 1.0)  # logarithms want positive numbers
         total = np.zeros(k.shape[:-1])
         for i, marginal in enumerate(self.marginals):
@@ -139,14 +141,18 @@ class Prior:
         if self.earlier is None:
             return np.stack([marginal.draw(rng, n) for marginal in self.marginals], axis=-1)
         if any(not isinstance(marginal, Flat) for marginal in self.marginals):
-            raise ValueError("an earlier calibration together with other priors cannot be drawn from")
+            raise ValueError(
+                "an earlier calibration together with other priors cannot be drawn from"
+            )
         found = np.empty((0, len(self.marginals)))
         for _ in range(1000):
             k = self.earlier.draw(rng, n)
             found = np.concatenate([found, k[(k > 0).all(axis=-1)] if self.positive else k])
             if len(found) >= n:
                 return found[:n]
-        raise ValueError("of the earlier calibration's normal distribution hardly anything is positive")
+        raise ValueError(
+            "of the earlier calibration's normal distribution hardly anything is positive"
+        )
 
     @property
     def proper(self) -> bool:

@@ -6,7 +6,9 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 
 
-def simulate(A: Array, k: ArrayLike, sigma: ArrayLike, rng: np.random.Generator, runs: int = 1) -> Array:
+def simulate(
+    A: Array, k: ArrayLike, sigma: ArrayLike, rng: np.random.Generator, runs: int = 1
+) -> Array:
     """Eq. (10): ``dp_i = A_i k0 + eps_i`` with independent normal noise.
 
     Args:

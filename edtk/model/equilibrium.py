@@ -65,7 +65,11 @@ def equilibrium(robot: Robot, q: ArrayLike, wrench: ArrayLike, k: ArrayLike) -> 
         NoEquilibriumError: Names the first pose that has none.
         ValueError: Shapes do not fit, or a compliance is negative or not finite.
     """
-    q, W, k = np.asarray(q, dtype=float), np.asarray(wrench, dtype=float), np.asarray(k, dtype=float)
+    q, W, k = (
+        np.asarray(q, dtype=float),
+        np.asarray(wrench, dtype=float),
+        np.asarray(k, dtype=float),
+    )
     if q.shape[-1:] != (robot.n,) or k.shape[-1:] != (robot.n,) or W.shape[-1:] != (6,):
         raise ValueError(f"expected q (..., {robot.n}), wrench (..., 6) and k (..., {robot.n})")
     if not np.all((k >= 0) & np.isfinite(k)):
@@ -101,7 +105,9 @@ def torque_and_derivative(robot: Robot, q: Array, wrench: Array) -> tuple[Array,
     return tau, H.reshape(-1, robot.n, robot.n)
 
 
-def _follow(robot: Robot, steps: int, q: Array, W: Array, k: Array) -> tuple[Array, NDArray[np.bool_]]:
+def _follow(
+    robot: Robot, steps: int, q: Array, W: Array, k: Array
+) -> tuple[Array, NDArray[np.bool_]]:
     """Deflections (N, n) under the whole load, raised in equal steps, and whether each pose got there stably (N,)."""
     theta, good = np.zeros_like(q), np.ones(len(q), dtype=bool)
     for part in np.linspace(0, 1, steps + 1)[1:]:
@@ -110,7 +116,9 @@ def _follow(robot: Robot, steps: int, q: Array, W: Array, k: Array) -> tuple[Arr
     return theta, good
 
 
-def _newton(robot: Robot, q: Array, W: Array, k: Array, theta: Array) -> tuple[Array, NDArray[np.bool_]]:
+def _newton(
+    robot: Robot, q: Array, W: Array, k: Array, theta: Array
+) -> tuple[Array, NDArray[np.bool_]]:
     """Deflections (N, n) from a start, and whether each is a converged, stable equilibrium (N,)."""
     theta, eye = theta.copy(), np.eye(robot.n)
     good = np.zeros(len(q), dtype=bool)
@@ -124,9 +132,13 @@ def _newton(robot: Robot, q: Array, W: Array, k: Array, theta: Array) -> tuple[A
         moving, tau, slope = moving[regular], tau[regular], slope[regular]
         step = np.linalg.solve(slope, (k[moving] * tau - theta[moving])[..., None])[..., 0]
         # A step of more than half a radian leaves the range in which the derivative says anything.
-        step *= np.minimum(1.0, 0.5 / np.maximum(np.abs(step).max(axis=-1, initial=0.0), 1e-300))[:, None]
+        step *= np.minimum(1.0, 0.5 / np.maximum(np.abs(step).max(axis=-1, initial=0.0), 1e-300))[
+            :, None
+        ]
         theta[moving] += step
-        still = np.abs(step) <= 1e-12 * np.abs(theta[moving]).max(axis=-1, initial=0.0, keepdims=True)
+        still = np.abs(step) <= 1e-12 * np.abs(theta[moving]).max(
+            axis=-1, initial=0.0, keepdims=True
+        )
         done = still.all(axis=-1)
         good[moving[done]] = np.linalg.eigvals(slope[done]).real.min(axis=-1, initial=np.inf) > 0
         moving = moving[~done]

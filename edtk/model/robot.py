@@ -47,11 +47,15 @@ class Joint:
     def __post_init__(self) -> None:
         axis = np.asarray(self.axis, dtype=float)
         if axis.shape != (3,) or not np.isfinite(axis).all() or not axis.any():
-            raise ValueError(f"joint {self.name}: the axis must be a non-zero vector of three numbers")
+            raise ValueError(
+                f"joint {self.name}: the axis must be a non-zero vector of three numbers"
+            )
         if not self.limits[0] < self.limits[1]:
             raise ValueError(f"joint {self.name}: the lower limit must lie below the upper one")
         if self.kind not in ("revolute", "prismatic"):
-            raise ValueError(f"joint {self.name}: kind must be 'revolute' or 'prismatic', not {self.kind!r}")
+            raise ValueError(
+                f"joint {self.name}: kind must be 'revolute' or 'prismatic', not {self.kind!r}"
+            )
         object.__setattr__(self, "axis", axis / np.linalg.norm(axis))
 
 
@@ -78,7 +82,8 @@ class Frames:
     def __getitem__(self, chosen: NDArray[np.int_]) -> "Frames":
         """The chain in some of the poses, chosen along the last axis."""
         arrays = {
-            name: getattr(self, name).take(chosen, axis=-1) for name in ("q", "axes", "origins", "rotation", "position")
+            name: getattr(self, name).take(chosen, axis=-1)
+            for name in ("q", "axes", "origins", "rotation", "position")
         }
         return replace(self, **arrays)
 
@@ -154,7 +159,9 @@ class Robot:
 
     def __post_init__(self) -> None:
         if not self.joints or len({j.name for j in self.joints}) < len(self.joints):
-            raise ValueError(f"robot {self.name}: needs at least one joint, each with a name of its own")
+            raise ValueError(
+                f"robot {self.name}: needs at least one joint, each with a name of its own"
+            )
 
     @property
     def n(self) -> int:
@@ -209,7 +216,9 @@ class Robot:
         """
         q = np.asarray(q, dtype=float)
         if q.ndim < 1 or q.shape[-1] != self.n:
-            raise ValueError(f"q has shape {q.shape}, expected (..., {self.n}) for robot {self.name}")
+            raise ValueError(
+                f"q has shape {q.shape}, expected (..., {self.n}) for robot {self.name}"
+            )
         q = np.ascontiguousarray(np.moveaxis(q, -1, 0))
         batch = q.shape[1:]
         axes, origins = np.empty((2, self.n, 3, *batch))

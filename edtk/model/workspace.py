@@ -111,7 +111,9 @@ class Excluded(Constraint):
     def labels(self, robot: Robot) -> tuple[str, ...]:
         """One label a pose."""
         bound = np.rad2deg(self.distance)
-        return tuple(f"distance from excluded pose {i + 1} > {bound:g} deg" for i in range(len(self.poses)))
+        return tuple(
+            f"distance from excluded pose {i + 1} > {bound:g} deg" for i in range(len(self.poses))
+        )
 
     def _away(self, frames: Frames) -> tuple[Array, Array]:
         """Differences (c, n, ...) to the poses, and their lengths (c, ...)."""

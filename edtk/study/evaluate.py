@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import criteria
-from edtk.design import Plan
-from edtk.inference import covariance
+from edtk.design.plan import Plan
+from edtk.inference.least_squares import covariance
 from edtk.study.study import Study
 
 Array = NDArray[np.float64]
@@ -36,7 +36,7 @@ class Evaluation:
     joints: tuple[str, ...]
     experiments: int
 
-    def to_json(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Plain numbers, for JSON."""
         return {
             "criteria": self.criteria,
@@ -54,9 +54,13 @@ def evaluate(study: Study, plan: Plan) -> Evaluation:
     Raises:
         SingularPlanError: The plan cannot identify all parameters; names them.
     """
-    M = study.design.information(plan)
+    M = study.space.information(plan)
     cov = covariance(M, study.model.parameters)
-    names = [n for n in criteria.available() if study.target is not None or not criteria.get(n).needs_target]
+    names = [
+        n
+        for n in criteria.available()
+        if study.target is not None or not criteria.get(n).needs_target
+    ]
     values = {n: float(study.criterion(n).value(M)) for n in names}
     return Evaluation(
         criteria=values,
@@ -64,7 +68,7 @@ def evaluate(study: Study, plan: Plan) -> Evaluation:
         std=np.sqrt(np.diag(cov)),
         covariance=cov,
         parameters=study.model.parameters,
-        joints=study.file.joints.unknown,
+        joints=study.specification.joints.unknown,
         experiments=plan.experiments,
     )
 

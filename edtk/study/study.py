@@ -11,11 +11,17 @@ from numpy.typing import NDArray
 from pydantic import ValidationError
 
 import criteria
-from edtk.design import FixedLoad, Plan, PlanFileError, PoseDesign, pose_factors
-from edtk.errors import UserError
-from edtk.model import Constraint, ElastostaticModel, Excluded, Robot, RobotFileError, Workspace, load_robot
-from edtk.study.rigid import rigid_joints
-from edtk.study.spec import StudyFile
+from edtk.design.design_space import DesignSpace
+from edtk.design.plan import Plan, PlanFileError
+from edtk.model.elastostatic_model import ElastostaticModel
+from edtk.model.load import FixedLoad
+from edtk.model.load_robot import RobotFileError, load_robot
+from edtk.model.rigid_joints import rigid_joints
+from edtk.model.robot import Robot
+from edtk.model.workspace import Constraint, Excluded, Workspace
+from edtk.study.schema import Specification
+from edtk.system.errors import UserError
+from edtk.tables.pose_table import pose_factors
 
 Array = NDArray[np.float64]
 
@@ -33,19 +39,25 @@ class Study:
         UserError: Names the file, the key and what was expected.
     """
 
-    def __init__(self, path: Path, file: StudyFile, digest: str, excluded: Path | None = None) -> None:
-        self.path, self.file, self.digest, self.excluded = path, file, digest, excluded
+    def __init__(
+        self, path: Path, file: Specification, digest: str, excluded: Path | None = None
+    ) -> None:
+        self.path, self.specification, self.digest, self.excluded = path, file, digest, excluded
         self.robot = self._load_robot()
         names = self.robot.joint_names
         for key in ("unknown", "fixed_deg", "fixed_mm"):
             for name in getattr(file.joints, key):
                 if name not in names:
-                    raise self.error(f"joints.{key}", f"no joint {name!r}; this robot has {', '.join(names)}")
+                    raise self.error(
+                        f"joints.{key}", f"no joint {name!r}; this robot has {', '.join(names)}"
+                    )
         self._check_fixed()
         if len(set(file.joints.unknown)) < len(file.joints.unknown):
             raise self.error("joints.unknown", "a joint is named twice")
         if file.measurement.rows == "pose" and file.measurement.sigma_deg is None:
-            raise self.error("measurement.sigma_deg", "expected, since rows = 'pose' measures rotations too")
+            raise self.error(
+                "measurement.sigma_deg", "expected, since rows = 'pose' measures rotations too"
+            )
         self._check_test_pose()
         self._check_criteria()
 
@@ -55,83 +67,104 @@ class Study:
 
     def _load_robot(self) -> Robot:
         try:
-            return load_robot(self.file.robot, self.path.parent).with_tool(self.file.tool.build())
+            return load_robot(self.specification.robot, self.path.parent).with_tool(
+                self.specification.tool.build()
+            )
         except RobotFileError as error:
             raise self.error("robot", str(error)) from error
 
     def _check_test_pose(self) -> None:
-        pose = self.file.test_pose
+        pose = self.specification.test_pose
         if pose is not None and len(pose.q_deg) != self.robot.n:
             raise self.error(
-                "test_pose.q_deg", f"has {len(pose.q_deg)} entries, expected {self.robot.n}, one per joint"
+                "test_pose.q_deg",
+                f"has {len(pose.q_deg)} entries, expected {self.robot.n}, one per joint",
             )
 
     def _check_fixed(self) -> None:
         """Fixed values are given in the joint's own unit, and lie within its limits."""
         for key, kind in (("fixed_deg", "revolute"), ("fixed_mm", "prismatic")):
-            for name in getattr(self.file.joints, key):
+            for name in getattr(self.specification.joints, key):
                 joint = self.robot.joints[self.robot.joint_names.index(name)]
                 if joint.kind != kind:
                     other = "fixed_mm" if key == "fixed_deg" else "fixed_deg"
-                    raise self.error(f"joints.{key}.{name}", f"the joint is {joint.kind}; give its value in {other}")
+                    raise self.error(
+                        f"joints.{key}.{name}",
+                        f"the joint is {joint.kind}; give its value in {other}",
+                    )
         for j, value in self.fixed.items():
             low, high = self.robot.joints[j].limits
             if not low <= value <= high:
                 name = self.robot.joint_names[j]
-                key = "fixed_deg" if name in self.file.joints.fixed_deg else "fixed_mm"
+                key = "fixed_deg" if name in self.specification.joints.fixed_deg else "fixed_mm"
                 raise self.error(f"joints.{key}.{name}", "the value is outside the joint's limits")
 
     def _check_criteria(self) -> None:
         for key in ("criteria", "optimise"):
-            for name in getattr(self.file, key):
+            for name in getattr(self.specification, key):
                 try:
                     cls = criteria.get(name)
                 except criteria.CriterionError as error:
                     raise self.error(key, str(error)) from error
-                if cls.needs_target and self.file.test_pose is None:
-                    raise self.error(key, f"criterion {name!r} needs a [test_pose], and there is none")
+                if cls.needs_target and self.specification.test_pose is None:
+                    raise self.error(
+                        key, f"criterion {name!r} needs a [test_pose], and there is none"
+                    )
                 if key == "optimise" and not cls.has_convex_form():
-                    raise self.error(key, f"criterion {name!r} has no convex form to optimise; it can only be compared")
+                    raise self.error(
+                        key,
+                        f"criterion {name!r} has no convex form to optimise; it can only be compared",
+                    )
 
     @cached_property
     def model(self) -> ElastostaticModel:
         """The elastostatic model with the calibration tool."""
-        return ElastostaticModel(self.robot, self._unknown, self.file.measurement.rows)
+        return ElastostaticModel(self.robot, self._unknown, self.specification.measurement.rows)
 
     @property
     def _unknown(self) -> tuple[int, ...]:
-        return tuple(self.robot.joint_names.index(name) for name in self.file.joints.unknown)
+        return tuple(
+            self.robot.joint_names.index(name) for name in self.specification.joints.unknown
+        )
 
     @property
     def fixed(self) -> dict[int, float]:
         """Values [rad or m] of the fixed joints by index."""
-        given = self.file.joints.fixed_deg | self.file.joints.fixed_mm
+        given = self.specification.joints.fixed_deg | self.specification.joints.fixed_mm
         factors = dict(zip(self.robot.joint_names, pose_factors(self.robot), strict=True))
-        return {self.robot.joint_names.index(n): float(value * factors[n]) for n, value in given.items()}
+        return {
+            self.robot.joint_names.index(n): float(value * factors[n]) for n, value in given.items()
+        }
 
     @property
     def sigma(self) -> Array:
         """Standard deviation of each measured row (rows,) [m, rad]."""
-        m = self.file.measurement
+        m = self.specification.measurement
         position = np.full(3, m.sigma_mm / 1e3)
-        return position if m.rows == "position" else np.append(position, np.full(3, np.deg2rad(m.sigma_deg or 0)))
+        return (
+            position
+            if m.rows == "position"
+            else np.append(position, np.full(3, np.deg2rad(m.sigma_deg or 0)))
+        )
 
     @cached_property
-    def design(self) -> PoseDesign:
+    def space(self) -> DesignSpace:
         """Model, feasible set and free joints, for designing plans."""
         fixed = self.fixed
         values = np.array([fixed.get(j, 0.0) for j in range(self.robot.n)])
         free = [j for j in range(self.robot.n) if j not in fixed]
-        constraints = (*self.file.workspace.build(), *self._exclusions())
+        constraints = (*self.specification.workspace.build(), *self._exclusions())
         workspace = Workspace(self.robot, constraints)
-        return PoseDesign(self.model, workspace, self.sigma, self.file.load.build(), free, values)
+        return DesignSpace(
+            self.model, workspace, self.sigma, self.specification.load.build(), free, values
+        )
 
     def _exclusions(self) -> list[Constraint]:
         """Distances from the poses that must not be used."""
-        given = self.file.workspace.excluded
+        given = self.specification.workspace.excluded
         files = [self.path.parent / given] if given else []
         files += [self.excluded] if self.excluded else []
-        within = float(np.deg2rad(self.file.workspace.excluded_within_deg))
+        within = float(np.deg2rad(self.specification.workspace.excluded_within_deg))
         return [Excluded(self._read(path, np.zeros(6)).q, within) for path in files]
 
     def _read(self, path: Path | str, wrench: Array | None) -> Plan:
@@ -144,7 +177,7 @@ class Study:
     @cached_property
     def target(self) -> Array | None:
         """A0 (3, p) of the test pose, Eq. (4) with the task's tool and load; None without a test pose."""
-        pose = self.file.test_pose
+        pose = self.specification.test_pose
         if pose is None:
             return None
         task = ElastostaticModel(self.robot.with_tool(pose.tool.build()), self._unknown)
@@ -153,17 +186,17 @@ class Study:
     @property
     def rigid(self) -> str:
         """Which joints count as rigid in the test pose although its load turns them, in words; nothing for none."""
-        pose = self.file.test_pose
+        pose = self.specification.test_pose
         if pose is None:
             return ""
         q = np.array(pose.q_deg)[None] * pose_factors(self.robot)
         robot = self.robot.with_tool(pose.tool.build())
-        return rigid_joints(robot, q, pose.load.build()[None], self.file.joints.unknown)
+        return rigid_joints(robot, q, pose.load.build()[None], self.specification.joints.unknown)
 
     @property
     def names(self) -> tuple[str, ...]:
         """Criteria that are optimised or compared, those that are optimised first."""
-        return tuple(dict.fromkeys((*self.file.optimise, *self.file.criteria)))
+        return tuple(dict.fromkeys((*self.specification.optimise, *self.specification.criteria)))
 
     def criterion(self, name: str) -> criteria.Criterion:
         """A criterion by name, with this study's target."""
@@ -176,17 +209,27 @@ class Study:
         Raises:
             UserError: The file does not give them for every unknown joint.
         """
-        given = {} if self.file.simulation is None else self.file.simulation.compliance_rad_per_Nm
-        for name in self.file.joints.unknown:
+        given = (
+            {}
+            if self.specification.simulation is None
+            else self.specification.simulation.compliance_rad_per_Nm
+        )
+        for name in self.specification.joints.unknown:
             if name not in given:
-                raise self.error("simulation.compliance_rad_per_Nm", f"expected a value for joint {name!r}")
-        return np.array([given[name] for name in self.file.joints.unknown])
+                raise self.error(
+                    "simulation.compliance_rad_per_Nm", f"expected a value for joint {name!r}"
+                )
+        return np.array([given[name] for name in self.specification.joints.unknown])
 
     @property
     def reads(self) -> tuple[Path, ...]:
         """All files that the study is read from: its own, and those that it names."""
-        named = [*self.file.published, self.file.workspace.excluded, self.file.prior.earlier_file]
-        named += [self.file.robot] if self.file.robot.endswith(".toml") else []
+        named = [
+            *self.specification.published,
+            self.specification.workspace.excluded,
+            self.specification.prior.earlier_file,
+        ]
+        named += [self.specification.robot] if self.specification.robot.endswith(".toml") else []
         beside = [self.path.parent / name for name in named if name]
         return (self.path, *beside, *([self.excluded] if self.excluded else []))
 
@@ -199,11 +242,11 @@ class Study:
         Raises:
             UserError: Names the file and the row.
         """
-        load = self.design.load
+        load = self.space.load
         plan = self._read(path, load.always if isinstance(load, FixedLoad) else None)
         turning = np.array([joint.kind == "revolute" for joint in self.robot.joints])
-        resolution = np.deg2rad(self.file.workspace.plan_resolution_deg) * turning
-        workspace = Workspace(self.robot, self.file.workspace.build())
+        resolution = np.deg2rad(self.specification.workspace.plan_resolution_deg) * turning
+        workspace = Workspace(self.robot, self.specification.workspace.build())
         slack = workspace.slack_within(plan.q, resolution)
         rows = np.flatnonzero((slack < -1e-9).any(axis=1))
         if len(rows):
@@ -213,7 +256,10 @@ class Study:
 
     def published_plans(self) -> dict[str, Plan]:
         """The published plans named in the file, by their file's stem."""
-        return {Path(name).stem: self.load_plan(self.path.parent / name) for name in self.file.published}
+        return {
+            Path(name).stem: self.load_plan(self.path.parent / name)
+            for name in self.specification.published
+        }
 
 
 def load_study(path: Path | str, excluded: Path | str | None = None) -> Study:
@@ -237,7 +283,7 @@ def load_study(path: Path | str, excluded: Path | str | None = None) -> Study:
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise UserError(f"{path}: not valid TOML: {error}") from error
     try:
-        file = StudyFile.model_validate(content)
+        file = Specification.model_validate(content)
     except ValidationError as error:
         first = error.errors()[0]
         key = ".".join(map(str, first["loc"]))
@@ -246,4 +292,9 @@ def load_study(path: Path | str, excluded: Path | str | None = None) -> Study:
             expected = "this key is required"
         given = "" if isinstance(first["input"], dict) else f" (got {first['input']!r})"
         raise UserError(f"{path}: {key}: {expected}{given}") from error
-    return Study(path, file, hashlib.sha256(raw).hexdigest()[:12], None if excluded is None else Path(excluded))
+    return Study(
+        path,
+        file,
+        hashlib.sha256(raw).hexdigest()[:12],
+        None if excluded is None else Path(excluded),
+    )

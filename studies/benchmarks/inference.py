@@ -16,12 +16,16 @@ from time import perf_counter
 import numpy as np
 from measure import machine, measure
 
-from edtk.atomic import write_text
-from edtk.design import Plan
-from edtk.inference import Measurements, Noise, estimate, identify, sample_posterior, simulate
-from edtk.inference.measurements import DEFLECTION_COLUMNS, MARKER_COLUMNS
-from edtk.study import load_study
-from edtk.study.markdown import markdown_table
+from edtk.design.plan import Plan
+from edtk.inference.identify import identify
+from edtk.inference.least_squares import estimate
+from edtk.inference.measurements import DEFLECTION_COLUMNS, MARKER_COLUMNS, Measurements
+from edtk.inference.noise import Noise
+from edtk.inference.posterior import sample_posterior
+from edtk.inference.simulate import simulate
+from edtk.report.markdown import markdown_table
+from edtk.study.study import load_study
+from edtk.system.atomic_file import write_text
 
 HERE = Path(__file__).parent
 STUDY = HERE.parent / "kr270_milling.toml"
@@ -81,7 +85,9 @@ def identification(rows: int, markers: bool, robust: bool) -> tuple[float, float
     plan = study.published_plans()["table_4_12"]
     each = np.arange(rows) % len(plan.q)
     q, wrench = plan.q[each], plan.wrench[each]
-    measured = simulate(study.model.regressor(q, wrench), study.compliances, study.sigma, np.random.default_rng(0))[0]
+    measured = simulate(
+        study.model.regressor(q, wrench), study.compliances, study.sigma, np.random.default_rng(0)
+    )[0]
     table = Plan(q, wrench, np.ones(rows, dtype=int)).table(study.robot).drop(columns="repeats")
     table[list(DEFLECTION_COLUMNS)] = 1e3 * measured
     if markers:
@@ -132,12 +138,17 @@ def main() -> None:
             )
         )
     kinds = {"": (False, False), "with markers": (True, False), "Huber's loss": (False, True)}
-    identified = []
+    calibrate = []
     for n in (1_000, 100_000):
         for kind, options in kinds.items():
             got = measure(identification, n, *options)
-            identified.append((f"{n}", kind, *(f"{s:.3f}" for s in got.answer), f"{got.peak_mb:.0f}"))
-    studies = [(title, f"{calibration(case):.0f}") for title, case in (("sigma known", 0), ("sigma unknown", 1))]
+            calibrate.append(
+                (f"{n}", kind, *(f"{s:.3f}" for s in got.answer), f"{got.peak_mb:.0f}")
+            )
+    studies = [
+        (title, f"{calibration(case):.0f}")
+        for title, case in (("sigma known", 0), ("sigma unknown", 1))
+    ]
     header = (
         "plan", "noise", "chain [s]", "closed form [ms]", "steps", "error of std", "deviation [errors]",
     )  # fmt: skip
@@ -149,9 +160,13 @@ def main() -> None:
         "calibrations. The error of std is the greatest Monte-Carlo error of a posterior standard deviation. The "
         f"deviation is the greatest distance of the {5 * REPEATS} sampled standard deviations from the closed form, "
         "Eq. (13), in such errors; of as many independent normal numbers the greatest is 2.2 in the median and below "
-        "3.5 in 99 cases of a hundred.\n\n" + markdown_table(header, rows) + "\n## Identification\n\nMedians of "
+        "3.5 in 99 cases of a hundred.\n\n"
+        + markdown_table(header, rows)
+        + "\n## Identification\n\nMedians of "
         f"{REPEATS}; a measurement is three coordinates. Statistics are all those of `edtk identify`.\n\n"
-        + markdown_table(("measurements", "kind", "read CSV [s]", "identify [s]", "peak memory [MB]"), identified)
+        + markdown_table(
+            ("measurements", "kind", "read CSV [s]", "identify [s]", "peak memory [MB]"), calibrate
+        )
         + "\n## Simulation-based calibration\n\n500 simulated calibrations of `studies/calibration_check.py`, all "
         "cores.\n\n" + markdown_table(("case", "seconds"), studies)
     )

@@ -18,14 +18,15 @@ from scipy.optimize import NonlinearConstraint, differential_evolution, minimize
 from threadpoolctl import threadpool_limits
 from tqdm import tqdm
 
-from edtk.atomic import write_text
-from edtk.design import CandidateSource, PoseDesign, exchange
-from edtk.design.descend import Indices, Local, descend
-from edtk.design.log_cost import LogCost
-from edtk.design.neighbourhood import Neighbourhood
-from edtk.design.pose_design import Experiments
-from edtk.study import Study, load_study
-from edtk.study.markdown import markdown_table
+from edtk.design.candidates import CandidateSource
+from edtk.design.design_space import DesignSpace, Experiments
+from edtk.design.exact.exchange import exchange
+from edtk.design.exact.log_cost import LogCost
+from edtk.design.interior_point.descend import Indices, Local, descend
+from edtk.design.interior_point.neighbourhood import Neighbourhood
+from edtk.report.markdown import markdown_table
+from edtk.study.study import Study, load_study
+from edtk.system.atomic_file import write_text
 
 HERE = Path(__file__).parent
 STUDY = HERE.parent / "kr270_milling.toml"
@@ -45,13 +46,13 @@ def load(m: int) -> tuple[Study, float]:
     """The study, and the log of 1.01 times the best known rho0."""
     study = load_study(STUDY)
     best = study.load_plan(BEST / f"true_m{m}.csv")
-    return study, float(np.log(1.01 * study.criterion("rho0").cost(study.design.information(best))))
+    return study, float(np.log(1.01 * study.criterion("rho0").cost(study.space.information(best))))
 
 
 def ours(m: int, seed: int) -> float:
     """Seconds: a few plans at a time, exchanged among random candidates and refined together, until one is good."""
     study, target = load(m)
-    design, criterion = study.design, study.criterion("rho0")
+    space, criterion = study.space, study.criterion("rho0")
     reached: list[float] = []
 
     class UntilGood(LogCost):
@@ -59,7 +60,10 @@ def ours(m: int, seed: int) -> float:
 
         def local(self, near: Neighbourhood, start: Indices) -> Local:
             local = super().local(near, start)
-            if local[0].min() <= target and design.at(near.x[local[0] <= target]).feasible.all(axis=1).any():
+            if (
+                local[0].min() <= target
+                and space.at(near.x[local[0] <= target]).feasible.all(axis=1).any()
+            ):
                 reached.append(target)
             return local
 
@@ -69,10 +73,10 @@ def ours(m: int, seed: int) -> float:
         since = perf_counter()
         reached.clear()
         for turn in range(10_000):
-            pool = CandidateSource(design, (seed, turn), workers=1).take(POOL)
+            pool = CandidateSource(space, (seed, turn), workers=1).take(POOL)
             drawn = np.random.default_rng((seed, turn)).integers(0, POOL, (STARTS, m))
             places, _ = exchange(pool.problem, criterion, drawn, dearest=DEAREST, thorough=False)
-            descend(design, pool.x[places], objective, STEPS, stop=lambda: bool(reached))
+            descend(space, pool.x[places], objective, STEPS, stop=lambda: bool(reached))
             if reached:
                 break
         return perf_counter() - since
@@ -83,21 +87,21 @@ def ours(m: int, seed: int) -> float:
         return search(seed)
 
 
-def _flat(design: PoseDesign, study: Study, m: int, target: float) -> tuple[Callable, Callable]:
+def _flat(space: DesignSpace, study: Study, m: int, target: float) -> tuple[Callable, Callable]:
     """Log rho0 and the workspace's slacks as functions of a flat vector of joint angles, for the other two."""
     criterion = study.criterion("rho0")
 
     def poses(y: np.ndarray) -> Experiments:
-        x = np.tile(design.fixed, (m, 1))
-        x[:, design.free] = y.reshape(m, -1)
-        return design.at(x)
+        x = np.tile(space.fixed, (m, 1))
+        x[:, space.free] = y.reshape(m, -1)
+        return space.at(x)
 
     def slack(y: np.ndarray) -> np.ndarray:
         return poses(y).slack.ravel()
 
     def value(y: np.ndarray) -> float:
         here = poses(y)
-        A = here.regressor.reshape(-1, design.model.p)
+        A = here.regressor.reshape(-1, space.model.p)
         cost = float(criterion.cost(A.T @ A))
         if not np.isfinite(cost):
             return 1e3
@@ -111,19 +115,35 @@ def _flat(design: PoseDesign, study: Study, m: int, target: float) -> tuple[Call
 def slsqp(m: int, seed: int) -> float:
     """Seconds: scipy's SLSQP from one random start after the other, derivatives by finite differences."""
     study, target = load(m)
-    design = study.design
-    value, slack = _flat(design, study, m, target)
-    bounds = list(zip(*np.tile(design.limits[:, design.free], m), strict=True))
+    space = study.space
+    value, slack = _flat(space, study, m, target)
+    bounds = list(zip(*np.tile(space.limits[:, space.free], m), strict=True))
     constraints = [{"type": "ineq", "fun": slack}]
-    warm = CandidateSource(design, seed).take(m).x[:, design.free].ravel()  # first calls load libraries
+    warm = (
+        CandidateSource(space, seed).take(m).x[:, space.free].ravel()
+    )  # first calls load libraries
     with suppress(_Reached):
-        minimize(value, warm, method="SLSQP", bounds=bounds, constraints=constraints, options={"maxiter": 20})
+        minimize(
+            value,
+            warm,
+            method="SLSQP",
+            bounds=bounds,
+            constraints=constraints,
+            options={"maxiter": 20},
+        )
     with threadpool_limits(1):
         since = perf_counter()
         for turn in range(10_000):
-            x = CandidateSource(design, (seed, turn), workers=1).take(m).x[:, design.free].ravel()
+            x = CandidateSource(space, (seed, turn), workers=1).take(m).x[:, space.free].ravel()
             try:
-                minimize(value, x, method="SLSQP", bounds=bounds, constraints=constraints, options={"maxiter": 150})
+                minimize(
+                    value,
+                    x,
+                    method="SLSQP",
+                    bounds=bounds,
+                    constraints=constraints,
+                    options={"maxiter": 150},
+                )
             except _Reached:
                 break
     return perf_counter() - since
@@ -132,10 +152,12 @@ def slsqp(m: int, seed: int) -> float:
 def evolution(m: int, seed: int) -> float:
     """Seconds: scipy's differential evolution with its own handling of constraints."""
     study, target = load(m)
-    design = study.design
-    value, slack = _flat(design, study, m, target)
-    bounds = list(zip(*np.tile(design.limits[:, design.free], m), strict=True))
-    value(CandidateSource(design, seed).take(m).x[:, design.free].ravel())  # first calls load libraries
+    space = study.space
+    value, slack = _flat(space, study, m, target)
+    bounds = list(zip(*np.tile(space.limits[:, space.free], m), strict=True))
+    value(
+        CandidateSource(space, seed).take(m).x[:, space.free].ravel()
+    )  # first calls load libraries
     with threadpool_limits(1), suppress(_Reached):
         since = perf_counter()
         differential_evolution(
@@ -161,16 +183,33 @@ def shown(runs: list[Measured], limit: float) -> tuple[float, str, str]:
 def main() -> None:
     """Measure, and write plan.md."""
     ways = {"ours": ours, "slsqp": slsqp, "evolution": evolution}
-    cases = [(m, name, s) for m in SIZES for s in range(max(SEEDS.values())) for name in ways if s < SEEDS[name]]
+    cases = [
+        (m, name, s)
+        for m in SIZES
+        for s in range(max(SEEDS.values()))
+        for name in ways
+        if s < SEEDS[name]
+    ]
     runs: dict[tuple[int, str], list[Measured]] = {}
     for m, name, seed in tqdm(cases, file=sys.stderr):
         runs.setdefault((m, name), []).append(measure(ways[name], m, seed, limit=LIMIT_S[name]))
     rows = []
     for m in SIZES:
-        medians, texts, cuts = zip(*(shown(runs[m, name], LIMIT_S[name]) for name in ways), strict=True)
-        ratios = [f"{cut}{t / medians[0]:.0f}x" for t, cut in zip(medians[1:], cuts[1:], strict=True)]
+        medians, texts, cuts = zip(
+            *(shown(runs[m, name], LIMIT_S[name]) for name in ways), strict=True
+        )
+        ratios = [
+            f"{cut}{t / medians[0]:.0f}x" for t, cut in zip(medians[1:], cuts[1:], strict=True)
+        ]
         rows.append([m, *texts, *ratios])
-    header = ["m", "ours [s]", "SLSQP multi-start [s]", "differential evolution [s]", "SLSQP / ours", "DE / ours"]
+    header = [
+        "m",
+        "ours [s]",
+        "SLSQP multi-start [s]",
+        "differential evolution [s]",
+        "SLSQP / ours",
+        "DE / ours",
+    ]
     text = (
         f"# Time until a plan is within 1 % of the best known one\n\n"
         f"rho0 of m poses, KUKA KR 270 example, constraints of the study; {machine()}, one of them used. Median "

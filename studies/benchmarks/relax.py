@@ -21,11 +21,14 @@ from measure import Measured, machine, measure
 from tqdm import tqdm
 
 import criteria
-from criteria.inverse import whitener
-from edtk.atomic import atomic_path, write_text
-from edtk.design import CandidateSource, Problem, relax, relax_poses
-from edtk.study import Study, load_study
-from edtk.study.markdown import markdown_table
+from criteria.linalg.inverse import whitener
+from edtk.design.candidates import CandidateSource
+from edtk.design.problem import Problem
+from edtk.design.relaxation.relax import relax
+from edtk.design.relaxation.relax_poses import relax_poses
+from edtk.report.markdown import markdown_table
+from edtk.study.study import Study, load_study
+from edtk.system.atomic_file import atomic_path, write_text
 
 HERE = Path(__file__).parent
 STUDY = HERE.parent / "kr270_milling.toml"
@@ -44,14 +47,18 @@ def direct(name: str, n: int, solver: str) -> tuple[float, float]:
     rows = (T.T @ problem.blocks() @ T).reshape(n, -1)
     M = cp.reshape(rows.T @ w, T.shape, order="C")
     M = 0.5 * (M + M.T)
-    objective, constraints = criterion.formulation(M, cp.sum(w), T, float(criterion.cost(problem.mean)))
+    objective, constraints = criterion.formulation(
+        M, cp.sum(w), T, float(criterion.cost(problem.mean))
+    )
     cp.Problem(cp.Minimize(objective), constraints).solve(solver=solver)
     seconds = perf_counter() - start
     weights = np.maximum(w.value, 0.0)
     return seconds, float(criterion.cost(problem.information(weights / weights.sum())))
 
 
-def ours(names: tuple[str, ...], n: int, repeats: int) -> dict[str, tuple[float, float, float, float, float]]:
+def ours(
+    names: tuple[str, ...], n: int, repeats: int
+) -> dict[str, tuple[float, float, float, float, float]]:
     """Median seconds, cost, gap, seconds for the candidates and seconds of the first call, by criterion."""
     study = load_study(STUDY)
     start = perf_counter()
@@ -72,16 +79,23 @@ def ours(names: tuple[str, ...], n: int, repeats: int) -> dict[str, tuple[float,
 def streamed(name: str, n: int) -> tuple[float, float, float, float]:
     """Seconds to price and solve, cost, gap and seconds for the resident candidates, beyond the memory limit."""
     study = load_study(STUDY)
-    plan = relax_poses(CandidateSource(study.design, (study.file.seed, 0)), n, study.criterion(name))
+    plan = relax_poses(
+        CandidateSource(study.space, (study.specification.seed, 0)), n, study.criterion(name)
+    )
     return plan.seconds["solve"], plan.cost, plan.gap, plan.seconds["candidates"]
 
 
 def _problem(study: Study, n: int) -> Problem:
-    return CandidateSource(study.design, (study.file.seed, 0)).take(n).problem
+    return CandidateSource(study.space, (study.specification.seed, 0)).take(n).problem
 
 
 @click.command()
-@click.option("--out", type=click.Path(path_type=Path, file_okay=False), default=HERE, help="Folder for the results.")
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path, file_okay=False),
+    default=HERE,
+    help="Folder for the results.",
+)
 def main(out: Path) -> None:
     """Measure, and write relax.md and relax.png."""
     everything = criteria.available()
@@ -100,7 +114,11 @@ def main(out: Path) -> None:
             for solver in ("CLARABEL", "SCS")
         }
         large = {name: done(measure(streamed, name, STREAMED)) for name in COMPARED}
-    best = {(name, n): _best(others, name, n, mine[n].answer[name][1]) for name in COMPARED for n in DIRECT_SIZES}
+    best = {
+        (name, n): _best(others, name, n, mine[n].answer[name][1])
+        for name in COMPARED
+        for n in DIRECT_SIZES
+    }
     write_text(out / "relax.md", _report(mine, others, large, best))
     with atomic_path(out / "relax.png") as temporary:
         _picture(mine, best, large).savefig(temporary, dpi=130, metadata={"Software": None})
@@ -112,7 +130,9 @@ def _accurate(measured: Measured, cost: float) -> bool:
 
 def _best(others: dict[tuple[str, int, str], Measured], name: str, n: int, cost: float) -> float:
     """Seconds of the fastest direct model that is accurate; nan where none is."""
-    times = [m.answer[0] for key, m in others.items() if key[:2] == (name, n) and _accurate(m, cost)]
+    times = [
+        m.answer[0] for key, m in others.items() if key[:2] == (name, n) and _accurate(m, cost)
+    ]
     return min(times, default=np.nan)
 
 
@@ -151,7 +171,9 @@ def _report(
 
 
 def _versus(
-    mine: dict[int, Measured], others: dict[tuple[str, int, str], Measured], best: dict[tuple[str, int], float]
+    mine: dict[int, Measured],
+    others: dict[tuple[str, int, str], Measured],
+    best: dict[tuple[str, int], float],
 ) -> str:
     rows = []
     for n in DIRECT_SIZES:
@@ -159,9 +181,23 @@ def _versus(
             seconds, cost, gap, _, first = mine[n].answer[name]
             cells = [_cell(others[name, n, solver], cost) for solver in ("CLARABEL", "SCS")]
             ratio = best[name, n] / seconds
-            cells += [f"{first:.3f} s", f"{seconds:.3f} s", f"{gap:.0e}", f"{ratio:.0f}" if ratio > 0 else "-"]
+            cells += [
+                f"{first:.3f} s",
+                f"{seconds:.3f} s",
+                f"{gap:.0e}",
+                f"{ratio:.0f}" if ratio > 0 else "-",
+            ]
             rows.append([f"{n:,}", name, *cells])
-    header = ["candidates", "criterion", "Clarabel", "SCS", "edtk, first call", "edtk", "proved gap", "ratio"]
+    header = [
+        "candidates",
+        "criterion",
+        "Clarabel",
+        "SCS",
+        "edtk, first call",
+        "edtk",
+        "proved gap",
+        "ratio",
+    ]
     return markdown_table(header, rows)
 
 
@@ -169,10 +205,18 @@ def _at_scale(mine: dict[int, Measured]) -> str:
     rows = []
     for n, measured in mine.items():
         answers = list(measured.answer.values())
-        cells = [f"{answers[0][3]:.2f} s", *(f"{a[0]:.2f}" for a in answers), f"{sum(a[0] for a in answers):.2f} s"]
-        rows.append([f"{n:,}", *cells, f"{max(a[2] for a in answers):.0e}", f"{measured.peak_mb:.0f} MB"])
+        cells = [
+            f"{answers[0][3]:.2f} s",
+            *(f"{a[0]:.2f}" for a in answers),
+            f"{sum(a[0] for a in answers):.2f} s",
+        ]
+        rows.append(
+            [f"{n:,}", *cells, f"{max(a[2] for a in answers):.0e}", f"{measured.peak_mb:.0f} MB"]
+        )
     names = list(mine[SIZES[0]].answer)
-    return markdown_table(["candidates", "drawn in", *names, "all", "largest gap", "peak memory"], rows)
+    return markdown_table(
+        ["candidates", "drawn in", *names, "all", "largest gap", "peak memory"], rows
+    )
 
 
 def _beyond_memory(large: dict[str, Measured]) -> str:
@@ -183,11 +227,20 @@ def _beyond_memory(large: dict[str, Measured]) -> str:
             seconds, _, gap, drawn = m.answer
             cells = [f"{drawn:.1f} s", f"{seconds:.1f} s", f"{gap:.0e}", f"{m.peak_mb:.0f} MB"]
         rows.append([f"{STREAMED:,}", name, *cells])
-    header = ["candidates", "criterion", "first part drawn in", "passes and solves", "proved gap", "peak memory"]
+    header = [
+        "candidates",
+        "criterion",
+        "first part drawn in",
+        "passes and solves",
+        "proved gap",
+        "peak memory",
+    ]
     return markdown_table(header, rows)
 
 
-def _picture(mine: dict[int, Measured], best: dict[tuple[str, int], float], large: dict[str, Measured]) -> Figure:
+def _picture(
+    mine: dict[int, Measured], best: dict[tuple[str, int], float], large: dict[str, Measured]
+) -> Figure:
     figure = Figure(figsize=(7.5, 4.6), layout="constrained")
     FigureCanvasAgg(figure)
     ax = figure.add_subplot()
@@ -211,7 +264,12 @@ def _picture(mine: dict[int, Measured], best: dict[tuple[str, int], float], larg
         line(points, color=colour, marker="o", label=f"{name}, edtk")
     totals = ((n, sum(a[0] for a in m.answer.values())) for n, m in mine.items())
     line(totals, color="black", marker="D", label="all ten, edtk")
-    ax.set(xscale="log", yscale="log", xlabel="candidate poses", ylabel="seconds after the candidates are drawn")
+    ax.set(
+        xscale="log",
+        yscale="log",
+        xlabel="candidate poses",
+        ylabel="seconds after the candidates are drawn",
+    )
     ax.set_title("Optimal weights over candidate poses: one cvxpy model against edtk", fontsize=11)
     ax.grid(visible=True, which="both", alpha=0.25)
     ax.legend(fontsize=8, frameon=False, ncols=2)

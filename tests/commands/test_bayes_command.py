@@ -36,13 +36,22 @@ def write(folder, prior):
     [
         ('prior.all = { kind = "cauchy" }', ("prior.all.kind", "half-normal")),
         ('prior.all = { kind = "half-normal" }', ("prior.all", "scale_rad_per_Nm")),
-        ('prior.all = { kind = "log-normal", median_rad_per_Nm = 1e-6 }', ("prior.all", "median", "factor")),
-        ('prior.all = { kind = "log-normal", median_rad_per_Nm = 1e-6, factor = 1 }', ("prior.all.factor", "than 1")),
+        (
+            'prior.all = { kind = "log-normal", median_rad_per_Nm = 1e-6 }',
+            ("prior.all", "median", "factor"),
+        ),
+        (
+            'prior.all = { kind = "log-normal", median_rad_per_Nm = 1e-6, factor = 1 }',
+            ("prior.all.factor", "than 1"),
+        ),
         ('prior.joints.q1 = { kind = "flat" }', ("prior.joints", "'q1'", "q2, q3, q4, q5, q6")),
         ("prior.sigma_factor = 0.5", ("prior.sigma_factor", "greater than or equal to 1")),
         ("prior.nu = -1", ("prior.nu", "greater than 0")),
         ("prior.nu = [1]", ("prior.nu", "greater than 0")),
-        ("prior.earlier = { mean_rad_per_Nm = { q2 = 1 }, covariance = [[1]] }", ("prior.earlier.mean", "q2, q3")),
+        (
+            "prior.earlier = { mean_rad_per_Nm = { q2 = 1 }, covariance = [[1]] }",
+            ("prior.earlier.mean", "q2, q3"),
+        ),
     ],
 )
 def test_bad_prior(tmp_path, prior, words):
@@ -60,7 +69,9 @@ def test_bad_prior(tmp_path, prior, words):
 def test_bad_covariance(tmp_path, covariance):
     """A covariance of the wrong size, or none at all, is one line."""
     means = ", ".join(f"q{i} = 1e-6" for i in range(2, 7))
-    path = write(tmp_path, f"[prior.earlier]\nmean_rad_per_Nm = {{ {means} }}\ncovariance = {covariance}")
+    path = write(
+        tmp_path, f"[prior.earlier]\nmean_rad_per_Nm = {{ {means} }}\ncovariance = {covariance}"
+    )
     answer = edtk(path, PLAN)
     assert answer.exit_code == 2
     assert "prior.earlier.covariance: expected" in answer.stderr
@@ -68,7 +79,9 @@ def test_bad_covariance(tmp_path, covariance):
 
 def test_prior_of_the_study_counts(tmp_path):
     """A narrow prior of one joint makes its posterior as narrow."""
-    prior = '[prior.joints]\nq6 = { kind = "log-normal", median_rad_per_Nm = 2.1e-6, factor = 1.001 }'
+    prior = (
+        '[prior.joints]\nq6 = { kind = "log-normal", median_rad_per_Nm = 2.1e-6, factor = 1.001 }'
+    )
     answer = edtk(write(tmp_path, prior), PLAN, "--json", "--accuracy", 0.05)
     assert answer.exit_code == 0, answer.stderr
     rows = json.loads(answer.stdout)["parameters"]
@@ -88,7 +101,16 @@ def test_files(tmp_path):
         import arviz
 
         data = arviz.from_netcdf(str(nc))
-    assert set(data.posterior) == {"k2", "k3", "k4", "k5", "k6", "sigma_ratio", "nu", "displacement"}
+    assert set(data.posterior) == {
+        "k2",
+        "k3",
+        "k4",
+        "k5",
+        "k6",
+        "sigma_ratio",
+        "nu",
+        "displacement",
+    }
     assert data.posterior["k2"].shape[0] == 32
     assert data.observed_data["deflection"].shape == (12, 3)
     assert (data.posterior["k2"].units, data.posterior["displacement"].units) == ("rad/(N m)", "m")
@@ -98,7 +120,18 @@ def test_files(tmp_path):
 def test_killed_run_goes_on(tmp_path):
     """A run that is killed leaves a whole chain, and another goes on from it."""
     path = tmp_path / "chain.h5"
-    command = [sys.executable, "-m", "edtk", "bayes", STUDY, PLAN, "--chain", path, "--accuracy", "0.001"]
+    command = [
+        sys.executable,
+        "-m",
+        "edtk",
+        "bayes",
+        STUDY,
+        PLAN,
+        "--chain",
+        path,
+        "--accuracy",
+        "0.001",
+    ]
     process = subprocess.Popen(list(map(str, command)), stderr=subprocess.DEVNULL, cwd=ROOT)
     deadline = time.monotonic() + 60
     while not path.exists() and time.monotonic() < deadline:

@@ -9,8 +9,8 @@ import pytest
 from click.testing import CliRunner, Result
 
 from edtk.cli import main
-from edtk.inference import simulate
-from edtk.study import load_study
+from edtk.inference.simulate import simulate
+from edtk.study.study import load_study
 
 ROOT = Path(__file__).parents[2]
 PAPER = ROOT / "studies/kr270_milling.toml"
@@ -55,7 +55,9 @@ def test_sheet_is_printed_or_written(tmp_path: Path) -> None:
     assert (tmp_path / "sheet.csv").read_text() == answer.stdout
     assert answer.stdout.split("\n")[0].endswith("Tz_Nm,dx_mm,dy_mm,dz_mm")
     assert "z0_mm,x_mm" in edtk("template", PAPER, PLAN, "--positions").stdout
-    (tmp_path / "many.csv").write_text("q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,repeats\n-81.1,64.9,-55.4,42.2,149.7,1e9\n")
+    (tmp_path / "many.csv").write_text(
+        "q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,repeats\n-81.1,64.9,-55.4,42.2,149.7,1e9\n"
+    )
     assert_one_line(edtk("template", PAPER, tmp_path / "many.csv"), "1000000 at most")
 
 
@@ -87,7 +89,11 @@ def test_options(measured: Path) -> None:
         for options in ((), ("--sigma-unknown",), ("--robust", "--sigma-unknown"))
     )
     assert unknown["k"] == plain["k"] != robust["k"]
-    assert unknown["rho0"]["interval95"][0] < unknown["rho0"]["value"] < unknown["rho0"]["interval95"][1]
+    assert (
+        unknown["rho0"]["interval95"][0]
+        < unknown["rho0"]["value"]
+        < unknown["rho0"]["interval95"][1]
+    )
     assert unknown["p_value"] is None
 
 
@@ -131,9 +137,13 @@ def test_places_that_cannot_be_written(measured: Path, tmp_path: Path) -> None:
     assert_one_line(edtk("identify", PAPER, measured, "--out", tmp_path / "file"), "file")
     assert_one_line(edtk("identify", PAPER, measured, "--out", tmp_path / "file" / "below"), "file")
     assert_one_line(edtk("identify", PAPER, tmp_path / "none.csv"), "none.csv: no such file")
-    assert_one_line(edtk("template", PAPER, PLAN, "--out", tmp_path / "file" / "below.csv"), "below.csv")
+    assert_one_line(
+        edtk("template", PAPER, PLAN, "--out", tmp_path / "file" / "below.csv"), "below.csv"
+    )
     (tmp_path / "out" / "k.json").mkdir(parents=True)
-    assert_one_line(edtk("identify", PAPER, measured, "--out", tmp_path / "out"), "k.json", "not a regular file")
+    assert_one_line(
+        edtk("identify", PAPER, measured, "--out", tmp_path / "out"), "k.json", "not a regular file"
+    )
     assert [p.name for p in (tmp_path / "out").iterdir()] == ["k.json"]
 
 
@@ -141,7 +151,16 @@ def test_bayes(measured: Path, tmp_path: Path) -> None:
     """--bayes adds the posterior to JSON, table and report; chain and export are written; the same seed, the same."""
     files = ["--chain", tmp_path / "chain.h5", "--export", tmp_path / "posterior.nc"]
     answer = edtk(
-        "identify", PAPER, measured, "--bayes", "--accuracy", 0.05, "--json", "--out", tmp_path / "out", *files
+        "identify",
+        PAPER,
+        measured,
+        "--bayes",
+        "--accuracy",
+        0.05,
+        "--json",
+        "--out",
+        tmp_path / "out",
+        *files,
     )
     assert answer.exit_code == 0, answer.stderr
     found = json.loads(answer.stdout)
@@ -162,12 +181,17 @@ def test_bayes(measured: Path, tmp_path: Path) -> None:
     ("options", "words"),
     [
         (["--seed", 3], ("--seed: expected --bayes",)),
-        (["--bayes", "--most", 600, "--accuracy", 0.001], ("did not converge in 600 steps", "--most")),
+        (
+            ["--bayes", "--most", 600, "--accuracy", 0.001],
+            ("did not converge in 600 steps", "--most"),
+        ),
         (["--bayes", "--chain", ROOT / "README.md"], ("README.md: not a chain",)),
         (["--bayes", "--export", PAPER], ("kr270_milling.toml: is read by this command",)),
     ],
 )
-def test_bayes_mistakes(measured: Path, tmp_path: Path, options: list[object], words: tuple[str, ...]) -> None:
+def test_bayes_mistakes(
+    measured: Path, tmp_path: Path, options: list[object], words: tuple[str, ...]
+) -> None:
     """An unconverged chain gives no interval, and each mistake is a line; nothing is written."""
     answer = edtk("identify", PAPER, measured, "--out", tmp_path / "out", *options)
     assert answer.exit_code == 2
@@ -191,7 +215,9 @@ def test_poses_that_are_not_in_the_plan(measured: Path) -> None:
     table = pd.read_csv(measured)
     table.loc[2, "q3_deg"] += 1
     table.to_csv(measured, index=False)
-    assert_one_line(edtk("identify", PAPER, measured, "--plan", PLAN), "row 3, column q3_deg", "not in the plan")
+    assert_one_line(
+        edtk("identify", PAPER, measured, "--plan", PLAN), "row 3, column q3_deg", "not in the plan"
+    )
 
 
 def test_a_filled_sheet_stays(measured: Path) -> None:
@@ -239,4 +265,6 @@ def test_no_displacement_at_all(measured: Path) -> None:
     table = pd.read_csv(measured)
     table[D] = 0
     table.to_csv(measured, index=False)
-    assert_one_line(edtk("identify", PAPER, measured, "--sigma-unknown"), "all measured displacements are zero")
+    assert_one_line(
+        edtk("identify", PAPER, measured, "--sigma-unknown"), "all measured displacements are zero"
+    )

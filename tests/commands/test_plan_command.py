@@ -13,7 +13,7 @@ import pytest
 from click.testing import CliRunner
 
 from edtk.cli import main
-from edtk.study import load_study
+from edtk.study.study import load_study
 
 ROOT = Path(__file__).parents[2]
 PATH = ROOT / "studies" / "kr270_milling.toml"
@@ -21,7 +21,17 @@ PAPERS = ROOT / "studies" / "plans" / "table_4_3.csv"
 POSES = [f"q{i}_deg" for i in range(1, 7)]
 FORCES = ["Fx_N", "Fy_N", "Fz_N"]
 WRENCH = [*FORCES, "Tx_Nm", "Ty_Nm", "Tz_Nm"]
-KEYS = ["criterion", "experiments", "value", "bound", "bound_searched", "bound_gap", "efficiency", "starts", "found"]
+KEYS = [
+    "criterion",
+    "experiments",
+    "value",
+    "bound",
+    "bound_searched",
+    "bound_gap",
+    "efficiency",
+    "starts",
+    "found",
+]
 KEYS += ["optima", "ended", "seconds", "constraint_violation", "plan"]
 LOADS = {
     "bounded": "F_max_N = 2500\ndirection = [0, 0, -2]",
@@ -33,7 +43,7 @@ LOADS = {
 @pytest.fixture(autouse=True)
 def few_starts(monkeypatch):
     """One batch of starts, where nothing else ends the search."""
-    monkeypatch.setattr("edtk.study.planned.STARTS", 16)
+    monkeypatch.setattr("edtk.study.plan_study.STARTS", 16)
 
 
 def write(folder, load="F_N = [0, 0, -2500]", workspace=""):
@@ -84,7 +94,7 @@ def found(tmp_path_factory):
     study = write(folder)
     answers, outs = {}, {}
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("edtk.study.planned.STARTS", 48)
+        patch.setattr("edtk.study.plan_study.STARTS", 48)
         for name in ("rho0", "D"):
             outs[name] = folder / name / "plan.csv"
             options = ["--size", 3, "--criterion", name, "--workers", 1, "--out", outs[name]]
@@ -106,7 +116,9 @@ def test_json_is_what_the_plan_is_worth(found, name):
     evaluated = json.loads(edtk("evaluate", study, outs[name], "--json").stdout)
     assert evaluated["experiments"] == 3
     assert answer["value"] == pytest.approx(evaluated["criteria"][name], rel=1e-8)
-    ratio = answer["bound"] / answer["value"] if name == "rho0" else answer["value"] / answer["bound"]
+    ratio = (
+        answer["bound"] / answer["value"] if name == "rho0" else answer["value"] / answer["bound"]
+    )
     assert answer["efficiency"] == pytest.approx(ratio, rel=1e-14)
     assert 0.8 < answer["efficiency"] < 1
     assert all(list(row) == ["q_deg", "repeats", "wrench", "kept"] for row in answer["plan"])
@@ -124,7 +136,9 @@ def test_plan_beats_the_papers(found):
 def test_bound_is_that_of_the_relaxation(found):
     """The bound is the searched one of `edtk relax --continuous`, scaled to the number of experiments."""
     study, answers, _ = found
-    relaxed = json.loads(edtk("relax", study, "--criterion", "rho0", "--continuous", "--json").stdout)
+    relaxed = json.loads(
+        edtk("relax", study, "--criterion", "rho0", "--continuous", "--json").stdout
+    )
     assert answers["rho0"]["bound"] == pytest.approx(relaxed["bound_searched"] / 3**0.5, rel=1e-12)
 
 
@@ -134,18 +148,26 @@ def test_file_is_the_json(found):
     table = pd.read_csv(outs["rho0"])
     assert list(table) == [*POSES, "repeats", *WRENCH]
     rows = answers["rho0"]["plan"]
-    np.testing.assert_allclose(table[POSES], [row["q_deg"] for row in rows], rtol=1e-9)  # written to ten digits
+    np.testing.assert_allclose(
+        table[POSES], [row["q_deg"] for row in rows], rtol=1e-9
+    )  # written to ten digits
     assert table["repeats"].tolist() == [row["repeats"] for row in rows]
-    assert table[WRENCH].to_numpy().tolist() == [row["wrench"] for row in rows] == [[0, 0, -2500, 0, 0, 0]] * len(rows)
+    assert (
+        table[WRENCH].to_numpy().tolist()
+        == [row["wrench"] for row in rows]
+        == [[0, 0, -2500, 0, 0, 0]] * len(rows)
+    )
     assert list(outs["rho0"].parent.iterdir()) == [outs["rho0"]]
 
 
 def test_seed_and_workers(found, tmp_path, monkeypatch):
     """Two workers and the study's own seed, named, come to the same file; another seed comes to another plan."""
     study, answers, outs = found
-    monkeypatch.setattr("edtk.study.planned.STARTS", 48)
+    monkeypatch.setattr("edtk.study.plan_study.STARTS", 48)
     out = tmp_path / "plan.csv"
-    named = plan(study, "--size", 3, "--criterion", "D", "--workers", 2, "--seed", 2026, "--out", out)
+    named = plan(
+        study, "--size", 3, "--criterion", "D", "--workers", 2, "--seed", 2026, "--out", out
+    )
     assert untimed(named) == untimed(answers["D"])
     assert out.read_bytes() == outs["D"].read_bytes()
     other = plan(study, "--size", 3, "--criterion", "D", "--workers", 1, "--seed", 7)
@@ -165,7 +187,9 @@ def test_keep(tmp_path):
     study, out, kept = write(tmp_path), tmp_path / "plan.csv", tmp_path / "kept.csv"
     rows = PAPERS.read_text().split()
     kept.write_text(f"{rows[0]},repeats,Fz_N\n{rows[1]},2,-1000\n{rows[2]},1,-2500\n")
-    study.write_text(study.read_text().replace("plan_resolution_deg = 0.0 ", "plan_resolution_deg = 0.1 "))
+    study.write_text(
+        study.read_text().replace("plan_resolution_deg = 0.0 ", "plan_resolution_deg = 0.1 ")
+    )
     answer = plan(study, "--size", 5, "--keep", kept, "--budget", 1, "--workers", 1, "--out", out)
     assert answer["experiments"] == 5
     assert [row["kept"] for row in answer["plan"]][:3] == [True, True, False]
@@ -185,7 +209,9 @@ def test_keep(tmp_path):
 def test_one_more_experiment_where_one_alone_would_not_do(tmp_path):
     """One pose identifies nothing, but beside one that is kept it does; the plan has one new pose."""
     study, kept = write(tmp_path), tmp_path / "kept.csv"
-    study.write_text(study.read_text().replace("plan_resolution_deg = 0.0 ", "plan_resolution_deg = 0.1 "))
+    study.write_text(
+        study.read_text().replace("plan_resolution_deg = 0.0 ", "plan_resolution_deg = 0.1 ")
+    )
     kept.write_text("\n".join(PAPERS.read_text().split()[:2]))
     answer = plan(study, "--size", 2, "--keep", kept, "--budget", 1, "--workers", 1)
     assert [(row["kept"], row["repeats"]) for row in answer["plan"]] == [(True, 1), (False, 1)]
@@ -201,7 +227,9 @@ def test_exclude(found, tmp_path):
     assert distances(q, away).min() >= 5 - 1e-6
     assert answer["constraint_violation"] == 0
     assert answer["plan"] != answers["rho0"]["plan"]
-    assert answer["bound"] >= answers["rho0"]["bound"] * (1 - 1e-5)  # less room; at that gap the search ends
+    assert answer["bound"] >= answers["rho0"]["bound"] * (
+        1 - 1e-5
+    )  # less room; at that gap the search ends
 
 
 def test_exclusions_of_the_study_and_of_the_option(found, tmp_path):
@@ -237,7 +265,9 @@ def test_ctrl_c_leaves_the_best_plan(tmp_path):
     options = ["--size", 6, "--criterion", "A", "--workers", 1, "--json", "--out", out]
     command = [sys.executable, "-m", "edtk", "plan", str(study), *map(str, options)]
     env = {**os.environ, "PYTHONPATH": str(ROOT)}
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=env) as running:
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=env
+    ) as running:
         said = b""
         while b"starts" not in said:
             said += (chunk := os.read(running.stderr.fileno(), 4096))
@@ -256,7 +286,7 @@ def test_ctrl_c_leaves_the_best_plan(tmp_path):
 def test_text_says_what_json_says(found, monkeypatch):
     """Without --json a person reads value and bound in mm, efficiency and poses; rho0 is this study's default."""
     study, answers, _ = found
-    monkeypatch.setattr("edtk.study.planned.STARTS", 48)
+    monkeypatch.setattr("edtk.study.plan_study.STARTS", 48)
     answer = answers["rho0"]
     lines = edtk("plan", study, "--size", 3, "--workers", 1).stdout.splitlines()
     assert lines[0].startswith("rho0, Test-pose accuracy; 3 experiments in ")
@@ -288,23 +318,35 @@ def assert_allowed(kind, forces):
 @pytest.mark.parametrize("kind", LOADS)
 def test_loads_are_designed_from_study_to_file(tmp_path, kind):
     """`plan` and `relax` write the load of every pose, from the family in the study, and `evaluate` reads it back."""
-    study, out, weights = write(tmp_path, LOADS[kind]), tmp_path / "plan.csv", tmp_path / "weights.csv"
-    answer = plan(study, "--size", 3, "--criterion", "D", "--budget", 2, "--workers", 1, "--out", out)
+    study, out, weights = (
+        write(tmp_path, LOADS[kind]),
+        tmp_path / "plan.csv",
+        tmp_path / "weights.csv",
+    )
+    answer = plan(
+        study, "--size", 3, "--criterion", "D", "--budget", 2, "--workers", 1, "--out", out
+    )
     table = pd.read_csv(out)
     assert list(table) == [*POSES, "repeats", *WRENCH]
     assert_allowed(kind, table[FORCES].to_numpy())
-    np.testing.assert_allclose(table[WRENCH], [row["wrench"] for row in answer["plan"]], rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(
+        table[WRENCH], [row["wrench"] for row in answer["plan"]], rtol=1e-9, atol=1e-9
+    )
     evaluated = json.loads(edtk("evaluate", study, out, "--json").stdout)
     assert answer["value"] == pytest.approx(evaluated["criteria"]["D"], rel=1e-8)
     if kind != "listed":  # information grows with the square of the force
         assert np.linalg.norm(table[FORCES], axis=1) == pytest.approx(2500, rel=1e-4)
     if kind == "free":
         assert (np.abs(table[FORCES[:2]]) > 1).any(axis=None)  # the direction is designed too
-    relaxed = json.loads(edtk("relax", study, "--criterion", "D", "--json", "--out", weights).stdout)
+    relaxed = json.loads(
+        edtk("relax", study, "--criterion", "D", "--json", "--out", weights).stdout
+    )
     table = pd.read_csv(weights)
     assert list(table) == [*POSES, *WRENCH, "weight"]
     assert_allowed(kind, table[FORCES].to_numpy())
-    np.testing.assert_allclose(table[WRENCH], [row["wrench"] for row in relaxed["support"]], rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(
+        table[WRENCH], [row["wrench"] for row in relaxed["support"]], rtol=1e-9, atol=1e-9
+    )
     loaded = load_study(study)
     q, W = np.deg2rad(table[POSES].to_numpy()), table[WRENCH].to_numpy()
     A = loaded.model.regressor(q, W) / loaded.sigma[:, None]

@@ -11,10 +11,10 @@ import pytest
 from click.testing import CliRunner
 
 from edtk.cli import main
-from edtk.design import CandidateSource
-from edtk.design.master import CHAIN
-from edtk.design.relax_poses import capacity
-from edtk.study import load_study
+from edtk.design.candidates import CandidateSource
+from edtk.design.relaxation.relax_poses import capacity
+from edtk.design.relaxation.restricted_master import CHAIN
+from edtk.study.study import load_study
 
 ROOT = Path(__file__).parents[2]
 PATH = ROOT / "studies" / "kr270_milling.toml"
@@ -83,7 +83,11 @@ def test_json(name):
     assert list(answer["seconds"]) == ["candidates", "solve", "continuous"]
     assert all(list(s) == ["q_deg", "wrench", "weight"] for s in answer["support"])
     assert all(s["wrench"] == WRENCH.tolist() for s in answer["support"])
-    assert (answer["criterion"], answer["candidates"], answer["bound_searched"]) == (name, 500, None)
+    assert (answer["criterion"], answer["candidates"], answer["bound_searched"]) == (
+        name,
+        500,
+        None,
+    )
     assert answer["solver"] in CHAIN
     assert answer["iterations"] >= 1
     assert answer["seconds"]["solve"] > 0 == answer["seconds"]["continuous"]
@@ -114,7 +118,10 @@ def test_bound_can_be_rechecked(name):
     Weights that are 1e-6 from the optimum in value are 1e-3 from it in gradient, and so is the theorem's bound.
     """
     answer = relaxed(name=name)
-    A, cov = blocks(CandidateSource(STUDY.design, (STUDY.file.seed, 0)).take(500).x), spectrum(answer)[1]
+    A, cov = (
+        blocks(CandidateSource(STUDY.space, (STUDY.specification.seed, 0)).take(500).x),
+        spectrum(answer)[1],
+    )
     W = {"A": np.eye(5), "D": np.linalg.inv(cov), "rho0": STUDY.target.T @ STUDY.target}[name]
     dearest = np.einsum("kri,ij,krj->k", A, cov @ W @ cov, A).max() / np.trace(W @ cov)
     degree = {"A": 1.0, "D": 1.0, "rho0": 0.5}[name]
@@ -129,17 +136,21 @@ def test_bound_can_be_rechecked(name):
 def test_support_is_of_the_candidates(tmp_path, sampling):
     """Every pose is one of the first N feasible poses that seed and sampling name, and obeys the workspace."""
     path = tmp_path / "study.toml"
-    path.write_text(PATH.read_text().replace("seed = 2026", f'seed = 2026\nsampling = "{sampling}"'))
+    path.write_text(
+        PATH.read_text().replace("seed = 2026", f'seed = 2026\nsampling = "{sampling}"')
+    )
     q = support(relaxed("--seed", 5, study=path))[0]
-    candidates = CandidateSource(STUDY.design, (5, 0), sampling).take(500).x
+    candidates = CandidateSource(STUDY.space, (5, 0), sampling).take(500).x
     distance = np.abs(q[:, None] - candidates).max(axis=-1)
     assert distance.min(axis=1).max() < 1e-14  # radians to degrees and back
-    assert STUDY.design.workspace.contains(candidates).all()
+    assert STUDY.space.workspace.contains(candidates).all()
 
 
 def test_same_seed_same_answer():
     """Twice the same, but for the seconds; the study's seed is the default; another seed has other poses."""
-    first, again, named, other = (relaxed(*o) for o in ([], [], ["--seed", STUDY.file.seed], ["--seed", 3]))
+    first, again, named, other = (
+        relaxed(*o) for o in ([], [], ["--seed", STUDY.specification.seed], ["--seed", 3])
+    )
     assert untimed(first) == untimed(again) == untimed(named)
     assert other["support"] != first["support"]
 
@@ -151,7 +162,9 @@ def test_out_is_the_support(tmp_path):
     table = pd.read_csv(out)
     assert list(table) == [*COLUMNS, "weight"]
     degrees = np.array([s["q_deg"] for s in answer["support"]])
-    np.testing.assert_allclose(table[COLUMNS].to_numpy(), degrees, rtol=1e-9)  # written to ten digits
+    np.testing.assert_allclose(
+        table[COLUMNS].to_numpy(), degrees, rtol=1e-9
+    )  # written to ten digits
     np.testing.assert_allclose(table["weight"], support(answer)[1], rtol=1e-9)
     assert list(out.parent.iterdir()) == [out]
 
@@ -161,7 +174,10 @@ def test_json_is_alone_on_standard_output(tmp_path):
     command = [sys.executable, "-m", "edtk", "relax", str(PATH), "--json"]
     done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=tmp_path)
     answer = json.loads(done.stdout)
-    assert (answer["criterion"], answer["candidates"]) == (STUDY.file.optimise[0], STUDY.file.candidates)
+    assert (answer["criterion"], answer["candidates"]) == (
+        STUDY.specification.optimise[0],
+        STUDY.specification.candidates,
+    )
     assert "gap" in done.stderr
     assert "edtk:" not in done.stderr
     assert list(tmp_path.iterdir()) == []
@@ -170,8 +186,12 @@ def test_json_is_alone_on_standard_output(tmp_path):
 def test_text_says_what_json_says():
     """Without --json a person reads value and bound in millimetres, and one line per pose."""
     answer, lines = relaxed(), relax().splitlines()
-    assert lines[0] == "rho0, Test-pose accuracy, for a single experiment's worth of weight; minimised"
-    assert float(lines[1].split()[-2]) == pytest.approx(1e3 * answer["value"], rel=5e-7)  # seven digits
+    assert (
+        lines[0] == "rho0, Test-pose accuracy, for a single experiment's worth of weight; minimised"
+    )
+    assert float(lines[1].split()[-2]) == pytest.approx(
+        1e3 * answer["value"], rel=5e-7
+    )  # seven digits
     assert "proved on 500 candidates" in lines[2]
     assert f"{1e3 * answer['bound']:.7g} mm" in lines[2]
     head = next(i for i, line in enumerate(lines) if line.startswith("weight"))
@@ -202,8 +222,10 @@ def test_continuous_finds_the_best_of_all_poses(seed):
     assert 1 - searched / value <= 1e-5  # at which the search ends
     assert answer["seconds"]["continuous"] > 0
     q = support(answer)[0]
-    assert (STUDY.design.workspace.slack(q) >= -1e-12).all()  # metres and radians, after degrees and back
+    assert (
+        STUDY.space.workspace.slack(q) >= -1e-12
+    ).all()  # metres and radians, after degrees and back
     assert (q[:, 0] == 0).all()
     for plan in STUDY.published_plans().values():
-        rho0 = STUDY.criterion("rho0").value(STUDY.design.information(plan))
+        rho0 = STUDY.criterion("rho0").value(STUDY.space.information(plan))
         assert rho0 * plan.experiments**0.5 >= searched

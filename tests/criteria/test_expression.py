@@ -10,7 +10,7 @@ from matrices import (
     optimum,
     orthogonal,
     positive,
-    prices,
+    sensitivities,
     slip,
     solve,
     symmetric,
@@ -19,7 +19,7 @@ from matrices import (
 )
 
 from criteria import Criterion, create
-from criteria.inverse import whitener
+from criteria.linalg.inverse import whitener
 
 GAP = 1e-6  # that a relaxation stops at
 SAFETY = 1e-7  # of a solver's word, by which polars are lowered
@@ -112,15 +112,25 @@ CLASSES = (Subset, SubsetRoot, LeastTwo, LeastTwoSquare, WorstHalf)
 COPIED = ("A", "D", "G", "O1", "rho0")
 
 third_parties = pytest.mark.parametrize("cls", CLASSES, ids=lambda cls: cls.name)
-smooth_ones = pytest.mark.parametrize("cls", [c for c in CLASSES if c.smooth], ids=lambda cls: cls.name)
-with_kinks = pytest.mark.parametrize("cls", [c for c in CLASSES if not c.smooth], ids=lambda cls: cls.name)
+smooth_ones = pytest.mark.parametrize(
+    "cls", [c for c in CLASSES if c.smooth], ids=lambda cls: cls.name
+)
+with_kinks = pytest.mark.parametrize(
+    "cls", [c for c in CLASSES if not c.smooth], ids=lambda cls: cls.name
+)
 copies = pytest.mark.parametrize("name", COPIED)
 
 
 def copy_of(c):
     """A third party's criterion that has nothing of a built-in one but its declarations and its expression."""
-    declared = {key: getattr(c, key) for key in ("degree", "smooth", "expression_power", "unit_free")}
-    body = {"name": f"copy of {c.name}", "expression": lambda self, M, T=None: c.expression(M, T), **declared}
+    declared = {
+        key: getattr(c, key) for key in ("degree", "smooth", "expression_power", "unit_free")
+    }
+    body = {
+        "name": f"copy of {c.name}",
+        "expression": lambda self, M, T=None: c.expression(M, T),
+        **declared,
+    }
     return type("Copy", (ThirdParty,), body)()
 
 
@@ -183,7 +193,9 @@ def test_homogeneity_as_declared(cls):
     rng, c = np.random.default_rng(3), cls()
     for M in [*(positive(rng, 4) for _ in range(5)), np.eye(4)]:
         for factor in (1e-8, 0.3, 1e8):
-            np.testing.assert_allclose(c.cost(factor * M), factor**-c.degree * c.cost(M), rtol=slip(M))
+            np.testing.assert_allclose(
+                c.cost(factor * M), factor**-c.degree * c.cost(M), rtol=slip(M)
+            )
         assert np.sum(c.gradient(M) * M) == pytest.approx(-c.degree * c.cost(M), rel=slip(M))
 
 
@@ -191,7 +203,9 @@ def test_homogeneity_as_declared(cls):
 def test_convexity_and_monotony_as_declared(cls):
     """cost(N) >= cost(M) + <G(M), N - M> for all pairs, and information that is added does not raise the cost."""
     rng, c = np.random.default_rng(4), cls()
-    samples = np.array([*(positive(rng, 4, 1e3) for _ in range(8)), np.eye(4), np.diag([1.0, 1.0, 1.0, 9.0])])
+    samples = np.array(
+        [*(positive(rng, 4, 1e3) for _ in range(8)), np.eye(4), np.diag([1.0, 1.0, 1.0, 9.0])]
+    )
     costs, gradients = c.cost(samples), c.gradient(samples)
     for M, cost, G in zip(samples, costs, gradients, strict=True):
         terms = G * (samples - M)
@@ -240,9 +254,9 @@ def test_polar_is_tight_at_minus_a_gradient(cls):
     for _ in range(5):
         M = apart(rng)
         Z = -c.gradient(M)
-        floor = c.floor(Z[None], np.array([np.sum(Z * M)]), M)
+        lower_bound = c.lower_bound(Z[None], np.array([np.sum(Z * M)]), M)
         lowered = 0.0 if cls.smooth else 2 * SAFETY / cls.expression_power
-        assert -slip(M, M @ M) <= 1 - floor / c.cost(M) <= lowered + slip(M, M @ M)
+        assert -slip(M, M @ M) <= 1 - lower_bound / c.cost(M) <= lowered + slip(M, M @ M)
 
 
 @third_parties
@@ -298,8 +312,8 @@ def test_floor_survives_that_its_design_is_computed_anew(cls, condition):
     again = np.tensordot(rng.dirichlet(np.ones(7)), np.repeat(M[None], 7, axis=0), axes=1)
     assert np.abs(again - M).max() <= 8 * EPS
     Z = -c.gradient(M)
-    floor = c.floor(Z[None], np.array([np.sum(Z * again)]), again)
-    assert -slip(M) <= 1 - floor / c.cost(M) <= GAP
+    lower_bound = c.lower_bound(Z[None], np.array([np.sum(Z * again)]), again)
+    assert -slip(M) <= 1 - lower_bound / c.cost(M) <= GAP
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -317,11 +331,11 @@ def test_a_program_over_candidates_is_solved_and_proved(cls, seed):
     np.testing.assert_allclose(np.tensordot(weights, blocks, axes=1), M, rtol=0, atol=slip(M))
     assert value == pytest.approx((c.cost(M) / c.cost(mean)) ** c.expression_power, rel=GAP)
     Z = np.stack([Z, -c.gradient(M)] if cls.smooth else [Z])
-    floor = c.floor(Z, prices(Z, blocks), M)
-    assert -slip(M) <= 1 - floor / c.cost(M) <= GAP
+    lower_bound = c.lower_bound(Z, sensitivities(Z, blocks), M)
+    assert -slip(M) <= 1 - lower_bound / c.cost(M) <= GAP
     others = np.tensordot(rng.dirichlet(np.full(12, 0.3), size=200), blocks, axes=1)
     least = min(definition(cls.name, X) for X in (*others, *(0.99 * M + 0.01 * others)))
-    assert floor <= least * (1 + slip(M))
+    assert lower_bound <= least * (1 + slip(M))
     assert c.cost(M) <= least * (1 + GAP)
 
 
@@ -338,8 +352,8 @@ def test_badly_scaled_parameters(cls):
         scaled = np.outer(t, t) * M
         assert c.cost(scaled) == pytest.approx(c.cost(M) * t[0] ** (-2 * c.degree), rel=slip(M))
         Z = -c.gradient(scaled)
-        floor = c.floor(Z[None], np.array([np.sum(Z * scaled)]), scaled)
-        assert -slip(M, M @ M) <= 1 - floor / c.cost(scaled) <= GAP
+        lower_bound = c.lower_bound(Z[None], np.array([np.sum(Z * scaled)]), scaled)
+        assert -slip(M, M @ M) <= 1 - lower_bound / c.cost(scaled) <= GAP
 
 
 @with_kinks
@@ -352,7 +366,11 @@ def test_badly_scaled_parameters_of_criteria_with_kinks(cls):
         cost = definition(cls.name, scaled)
         assert c.cost(scaled) == pytest.approx(cost, rel=1e-9)
         Z = -c.gradient(scaled)
-        assert 0 <= c.floor(Z[None], np.array([np.sum(Z * scaled)]), scaled) <= cost * (1 + slip(M, M @ M))
+        assert (
+            0
+            <= c.lower_bound(Z[None], np.array([np.sum(Z * scaled)]), scaled)
+            <= cost * (1 + slip(M, M @ M))
+        )
 
 
 @third_parties

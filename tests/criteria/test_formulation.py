@@ -7,12 +7,23 @@ the gap that a relaxation stops at.
 import cvxpy as cp
 import numpy as np
 import pytest
-from matrices import SOLVER, balance, candidates, make, optimum, orthogonal, positive, prices, solve, units
+from matrices import (
+    SOLVER,
+    balance,
+    candidates,
+    make,
+    optimum,
+    orthogonal,
+    positive,
+    sensitivities,
+    solve,
+    units,
+)
 from scipy.optimize import minimize_scalar
 
 import criteria
 from criteria import Criterion
-from criteria.inverse import whitener
+from criteria.linalg.inverse import whitener
 from criteria.noise_amplification import SpectralBalance
 
 ACCURACY = 1e-6
@@ -100,7 +111,11 @@ def test_which_convex_form_each_criterion_has():
     """All ten have a convex form: five an expression, four a formulation of their own, O4 a family of convex ones."""
 
     def those_with(method):
-        return {n for n in BUILTINS if getattr(criteria.get(n), method) is not getattr(Criterion, method)}
+        return {
+            n
+            for n in BUILTINS
+            if getattr(criteria.get(n), method) is not getattr(Criterion, method)
+        }
 
     assert all(criteria.get(name).has_convex_form() for name in BUILTINS)
     assert those_with("expression") == {"A", "D", "G", "O1", "rho0"}
@@ -186,10 +201,13 @@ def test_the_family_closes_the_gap_of_the_noise_amplification_index(seed):
     for _ in range(30):
         member = c.subproblem(Z, t, M)
         N, multiplier = optimum(member, blocks)
-        Z, t = np.concatenate([Z, multiplier[None]]), np.append(t, prices(multiplier[None], blocks))
+        Z, t = (
+            np.concatenate([Z, multiplier[None]]),
+            np.append(t, sensitivities(multiplier[None], blocks)),
+        )
         if c.cost(N) < best:
             M, best = N, float(c.cost(N))
-        floors.append(c.floor(Z, t, M))
+        floors.append(c.lower_bound(Z, t, M))
         if floors[-1] >= (1 - ACCURACY) * best:
             break
     assert 0 <= 1 - floors[-1] / best <= ACCURACY

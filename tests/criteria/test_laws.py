@@ -17,14 +17,20 @@ SIZES = (1, 2, 3, 6, 9)
 every = pytest.mark.parametrize("name", NAMES)
 sizes = pytest.mark.parametrize("p", SIZES)
 convex_ones = pytest.mark.parametrize("name", [n for n in NAMES if criteria.get(n).convex])
-other_than_convex = pytest.mark.parametrize("name", [n for n in NAMES if not criteria.get(n).convex])
+other_than_convex = pytest.mark.parametrize(
+    "name", [n for n in NAMES if not criteria.get(n).convex]
+)
 monotone_ones = pytest.mark.parametrize("name", [n for n in NAMES if criteria.get(n).monotone])
-other_than_monotone = pytest.mark.parametrize("name", [n for n in NAMES if not criteria.get(n).monotone])
+other_than_monotone = pytest.mark.parametrize(
+    "name", [n for n in NAMES if not criteria.get(n).monotone]
+)
 expressed_ones = pytest.mark.parametrize(
     "name", [n for n in NAMES if criteria.get(n).expression is not criteria.Criterion.expression]
 )
 unit_free_ones = pytest.mark.parametrize("name", [n for n in NAMES if criteria.get(n).unit_free])
-unit_bound_ones = pytest.mark.parametrize("name", [n for n in NAMES if not criteria.get(n).unit_free])
+unit_bound_ones = pytest.mark.parametrize(
+    "name", [n for n in NAMES if not criteria.get(n).unit_free]
+)
 
 
 def gap(ordered: Array) -> float:
@@ -119,7 +125,9 @@ def test_cost_is_homogeneous_with_its_declared_degree(name, p):
     for M in adversarial(rng, p):
         for factor in (1e-8, 0.3, 1e8):
             c = make(name, p)
-            np.testing.assert_allclose(c.cost(factor * M), factor**-c.degree * c.cost(M), rtol=slip(M))
+            np.testing.assert_allclose(
+                c.cost(factor * M), factor**-c.degree * c.cost(M), rtol=slip(M)
+            )
 
 
 @sizes
@@ -185,7 +193,12 @@ def singular_ones(p: int) -> dict[str, Array]:
     B = rng.normal(size=(p, p - 1))
     hole = np.eye(p)
     hole[0, 0] = 0.0
-    return {"zero": np.zeros((p, p)), "low rank": B @ B.T, "zero row": hole, "ones": np.ones((p, p))}
+    return {
+        "zero": np.zeros((p, p)),
+        "low rank": B @ B.T,
+        "zero row": hole,
+        "ones": np.ones((p, p)),
+    }
 
 
 @pytest.mark.parametrize("p", [2, 3, 6])
@@ -255,7 +268,9 @@ def test_unit_free_ones_rank_alike_in_any_units(name, p):
 @unit_bound_ones
 def test_the_others_do_depend_on_units(name):
     """The flag is truthful: where not declared unit-free, rescaling changes the ratio of two designs."""
-    changes = [abs(after / before - 1) for before, after in (ratios(name, 3, seed) for seed in range(10))]
+    changes = [
+        abs(after / before - 1) for before, after in (ratios(name, 3, seed) for seed in range(10))
+    ]
     assert max(changes) > 0.01
 
 
@@ -271,7 +286,9 @@ def test_batch_equals_loop(name, batch):
     for i in np.ndindex(*batch):
         np.testing.assert_allclose(cost[i], c.cost(M[i]), rtol=1e-12)
         np.testing.assert_allclose(value[i], c.value(M[i]), rtol=1e-12)
-        np.testing.assert_allclose(G[i], c.gradient(M[i]), rtol=1e-9, atol=1e-12 * np.abs(G[i]).max())
+        np.testing.assert_allclose(
+            G[i], c.gradient(M[i]), rtol=1e-9, atol=1e-12 * np.abs(G[i]).max()
+        )
 
 
 @sizes
@@ -281,7 +298,9 @@ def test_value_cost_and_sense_agree(name, p):
     rng, c = np.random.default_rng(13), make(name, p)
     M = np.stack([positive(rng, p) for _ in range(4)])
     assert c.sense in ("min", "max")
-    np.testing.assert_allclose(c.value(M), c.cost(M) if c.sense == "min" else 1 / c.cost(M), rtol=1e-15)
+    np.testing.assert_allclose(
+        c.value(M), c.cost(M) if c.sense == "min" else 1 / c.cost(M), rtol=1e-15
+    )
     assert (c.cost(M) > 0).all()
     np.testing.assert_allclose(c.efficiency(M, M), 1.0, rtol=1e-15)
     np.testing.assert_allclose(c.efficiency(M, 2 * M), 2**-c.degree, rtol=1e-12)
@@ -322,7 +341,9 @@ def test_expression_is_the_cost(name, p):
         whitened = 0.5 * (whitened + whitened.T)
         assert c.expression(cp.Variable((p, p), PSD=True), T).is_convex()
         np.testing.assert_allclose(c.expression(cp.Constant(M)).value, expected, rtol=slip(M))
-        np.testing.assert_allclose(c.expression(cp.Constant(whitened), T).value, expected, rtol=slip(M, whitened))
+        np.testing.assert_allclose(
+            c.expression(cp.Constant(whitened), T).value, expected, rtol=slip(M, whitened)
+        )
 
 
 @every
@@ -332,4 +353,6 @@ def test_description_is_what_is_declared(name):
     described = cls.describe()
     assert described["name"] == name
     assert all(described[key] == getattr(cls, key) for key in described)
-    assert {type(described[flag]) for flag in ("convex", "smooth", "monotone", "unit_free")} == {bool}
+    assert {type(described[flag]) for flag in ("convex", "smooth", "monotone", "unit_free")} == {
+        bool
+    }

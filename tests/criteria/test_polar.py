@@ -10,8 +10,8 @@ from matrices import (
     optimum,
     orthogonal,
     positive,
-    prices,
     semidefinite,
+    sensitivities,
     slip,
     symmetric,
     units,
@@ -19,7 +19,7 @@ from matrices import (
 from scipy.optimize import minimize
 
 import criteria
-from criteria.inverse import whitener
+from criteria.linalg.inverse import whitener
 
 BUILTINS = ("A", "D", "E", "G", "O1", "O2", "O3", "O4", "O5", "rho0")
 POLARS = ("A", "D", "E", "G", "O1", "O3", "O5", "rho0")
@@ -51,7 +51,9 @@ def proofs(c, M):
     if isinstance(c, type(make("O4", 1))):
         return np.stack([-make(name, len(M)).gradient(M) for name in ("E", "O2")])
     m, V = np.linalg.eigh(M)
-    return ((c.cost(M) * np.outer(V[:, 0], V[:, 0]) - c.a * np.outer(V[:, -1], V[:, -1])) / m[0])[None]
+    return ((c.cost(M) * np.outer(V[:, 0], V[:, 0]) - c.a * np.outer(V[:, -1], V[:, -1])) / m[0])[
+        None
+    ]
 
 
 def multipliers(rng, c, blocks):
@@ -61,7 +63,10 @@ def multipliers(rng, c, blocks):
     """
     p = blocks.shape[-1]
     Z = [optimum(choose("balance", blocks.mean(axis=0)) if c.name == "O4" else c, blocks)[1]]
-    Z += [np.linalg.norm(Z[0], 2) * positive(rng, p, 1e3), Z[0] + 0.3 * np.linalg.norm(Z[0], 2) * symmetric(rng, p)]
+    Z += [
+        np.linalg.norm(Z[0], 2) * positive(rng, p, 1e3),
+        Z[0] + 0.3 * np.linalg.norm(Z[0], 2) * symmetric(rng, p),
+    ]
     Z += [Z[0] + size * np.linalg.norm(Z[0], 2) * symmetric(rng, p) for size in (1e-8, 1e-4, 1e-2)]
     Z += [B @ B.T for B in (rng.normal(size=(p, 1)), rng.normal(size=(p, p - 1 or 1)))]
     for w in rng.dirichlet(np.full(len(blocks), 0.3), size=3):
@@ -73,7 +78,9 @@ def multipliers(rng, c, blocks):
 def designs(rng, blocks, best):
     """Information of many designs: of few and of all candidates, each alone, and in the vicinity of the best."""
     n = len(blocks)
-    weights = np.concatenate([rng.dirichlet(np.full(n, a), size=300) for a in (0.05, 0.3, 3.0)] + [np.eye(n)])
+    weights = np.concatenate(
+        [rng.dirichlet(np.full(n, a), size=300) for a in (0.05, 0.3, 3.0)] + [np.eye(n)]
+    )
     far = np.tensordot(weights, blocks, axes=1)
     near = [(1 - step) * best + step * far for step in (1e-6, 1e-3, 0.1)]
     return np.concatenate([best[None], far, *near])
@@ -92,18 +99,18 @@ def test_floor_is_below_every_design(name, seed):
     c = choose(name, blocks.mean(axis=0))
     blocks = unit_trace(c, blocks)
     Z = multipliers(rng, c, blocks)
-    t = prices(Z, blocks)
+    t = sensitivities(Z, blocks)
     best = optimum(choose("balance", blocks.mean(axis=0)) if c.name == "O4" else c, blocks)[0]
     X = designs(rng, blocks, best)
     costs, M = c.cost(X), blocks.mean(axis=0)
     least = X[costs.argmin()]
-    floors = np.array([c.floor(z[None], top[None], M) for z, top in zip(Z, t, strict=True)])
-    together = c.floor(Z, t, M)
+    floors = np.array([c.lower_bound(z[None], top[None], M) for z, top in zip(Z, t, strict=True)])
+    together = c.lower_bound(Z, t, M)
     assert (floors >= 0).all()
     assert max(together, *floors) <= costs.min() * (1 + slip(least))
     assert together >= floors.max() * (1 - 1e-9)
     if name != "O4":  # a single multiplier proves nothing of O4
-        assert c.floor(Z[:1], t[:1], best) >= (1 - GAP) * c.cost(best)
+        assert c.lower_bound(Z[:1], t[:1], best) >= (1 - GAP) * c.cost(best)
 
 
 @sizes
@@ -118,7 +125,7 @@ def test_floor_is_tight_at_the_design_that_a_gradient_belongs_to(name, p):
         c = choose(name, M)
         Z = proofs(c, M)
         t = np.einsum("rij,ij->r", Z, M)
-        assert c.floor(Z, t, M) == pytest.approx(c.cost(M), rel=slip(M, M @ M))
+        assert c.lower_bound(Z, t, M) == pytest.approx(c.cost(M), rel=slip(M, M @ M))
 
 
 @every
@@ -134,13 +141,15 @@ def test_floor_is_homogeneous(name):
         c = choose(name, M)
         blocks = unit_trace(c, blocks)
         Z = rng.permutation(multipliers(rng, c, blocks))[:4]
-        t = prices(Z, blocks)
-        before = c.floor(Z, t, M)
+        t = sensitivities(Z, blocks)
+        before = c.lower_bound(Z, t, M)
         for factor in (1e-20, 1e-16, 1e-14, 1e-8, 1e8, 1e14, 1e20):
             if name == "balance":  # its b is set by the design, as s is
-                after = choose(name, factor * M).floor(Z, factor * t, factor * M)
+                after = choose(name, factor * M).lower_bound(Z, factor * t, factor * M)
             else:
-                after = factor**c.degree * c.floor(factor ** (c.degree == 0) * Z, factor * t, factor * M)
+                after = factor**c.degree * c.lower_bound(
+                    factor ** (c.degree == 0) * Z, factor * t, factor * M
+                )
             assert after == pytest.approx(before, rel=1e-9)
 
 
@@ -153,8 +162,8 @@ def test_further_multipliers_never_lower_the_floor(name):
         c = choose(name, blocks.mean(axis=0))
         blocks = unit_trace(c, blocks)
         Z = multipliers(rng, c, blocks)
-        t, M = prices(Z, blocks), blocks.mean(axis=0)
-        floors = np.array([c.floor(Z[:k], t[:k], M) for k in range(1, len(Z) + 1)])
+        t, M = sensitivities(Z, blocks), blocks.mean(axis=0)
+        floors = np.array([c.lower_bound(Z[:k], t[:k], M) for k in range(1, len(Z) + 1)])
         assert (floors[1:] >= floors[:-1] * (1 - 1e-8)).all()
 
 
@@ -165,8 +174,8 @@ def test_floor_of_several_is_the_best_of_each(name):
     c, M = make(name, 3), positive(rng, 3)
     Z, t = np.stack([positive(rng, 3) for _ in range(4)]), rng.uniform(1, 2, size=4)
     each = [c.polar(z, M) * top**-c.degree for z, top in zip(Z, t, strict=True)]
-    assert c.floor(Z, t, M) == pytest.approx(max(each), rel=1e-14)
-    assert c.floor(Z, np.array([0.0, -1.0, 0.0, -2.0]), M) == 0.0
+    assert c.lower_bound(Z, t, M) == pytest.approx(max(each), rel=1e-14)
+    assert c.lower_bound(Z, np.array([0.0, -1.0, 0.0, -2.0]), M) == 0.0
 
 
 @pytest.mark.parametrize("name", ["O2", "O4", "balance"])
@@ -176,7 +185,7 @@ def test_multipliers_that_prove_nothing(name):
     c = choose(name, M)
     trivial = {"O2": 1.0, "O4": 0.0, "balance": getattr(c, "a", None)}[name]
     for Z, t in ((-M, 1.0), (np.zeros((3, 3)), 1.0), (M, np.inf) if name != "O2" else (M, 1e300)):
-        assert c.floor(Z[None], np.array([t]), M) == trivial
+        assert c.lower_bound(Z[None], np.array([t]), M) == trivial
 
 
 def test_floor_of_the_condition_number_knows_unit_traces():
@@ -187,7 +196,9 @@ def test_floor_of_the_condition_number_knows_unit_traces():
         M, Z = optimum(c, blocks)
         for shift in (-3.0, -0.1, 0.7, 10.0):
             shifted = (Z + shift * np.linalg.norm(Z, 2) * np.eye(4))[None]
-            assert c.floor(shifted, prices(shifted, blocks), M) == pytest.approx(c.cost(M), rel=GAP)
+            assert c.lower_bound(shifted, sensitivities(shifted, blocks), M) == pytest.approx(
+                c.cost(M), rel=GAP
+            )
 
 
 @pytest.mark.parametrize("kappa", [1e2, 1e6, 1e12, 1e18, 1e22])
@@ -199,7 +210,7 @@ def test_floor_counts_a_negative_part_however_small(kappa):
     M, Z = np.diag([1.0, kappa]), np.diag([1.0, -0.4 / kappa])
     c = balance(M, 0.1)
     assert c.cost(M) == pytest.approx(1, rel=slip(np.eye(2)))
-    assert c.floor(Z[None], np.array([0.6]), M) <= 1 + slip(np.eye(2))
+    assert c.lower_bound(Z[None], np.array([0.6]), M) <= 1 + slip(np.eye(2))
 
 
 @pytest.mark.parametrize("p", [2, 4])
@@ -234,7 +245,9 @@ def attaining(name, Z, target):
         s, U = np.linalg.eigh(root @ target.T @ target @ root)
         X = inverse @ (U * s**0.5) @ U.T @ inverse
     else:
-        X = (V * z ** {"A": -0.5, "D": -1.0, "O1": -1.0, "E": 0.0, "O3": 0.0, "O5": -2 / 3}[name]) @ V.T
+        X = (
+            V * z ** {"A": -0.5, "D": -1.0, "O1": -1.0, "E": 0.0, "O3": 0.0, "O5": -2 / 3}[name]
+        ) @ V.T
     return X / np.sum(Z * X)
 
 
@@ -250,7 +263,9 @@ def test_polar_is_attained(name, p):
         expected = pytest.approx(c.cost(X), rel=slip(X, Z))
         assert c.polar(Z, positive(rng, p)) == expected
     if name in ("D", "O1"):
-        np.testing.assert_allclose(X, np.linalg.inv(Z) / p, rtol=slip(Z), atol=slip(Z) * np.abs(X).max())
+        np.testing.assert_allclose(
+            X, np.linalg.inv(Z) / p, rtol=slip(Z), atol=slip(Z) * np.abs(X).max()
+        )
 
 
 @sizes
@@ -281,7 +296,9 @@ def test_polar_of_g_is_near_the_best_over_all_weights(p):
             return np.sqrt(np.maximum(np.linalg.eigvalsh(K), 0)).sum() ** 2
 
         first = np.diag(M @ Z @ M)
-        start = max(bound(first / first.sum()), bound(np.eye(p)[np.diag(np.linalg.inv(M)).argmax()]))
+        start = max(
+            bound(first / first.sum()), bound(np.eye(p)[np.diag(np.linalg.inv(M)).argmax()])
+        )
         best = -minimise_weights(lambda u, bound=bound: -bound(u), p)
         assert start * (1 - slip(Z)) <= c.polar(Z, M) <= best * (1 + GAP)
 
@@ -297,7 +314,10 @@ def test_polar_is_below_every_matrix(name, p):
         X = [positive(rng, p, 1e4) for _ in range(100)] + [M, np.linalg.inv(Z)]
         if name not in ("G", "rho0"):
             best = attaining(name, Z, None)
-            X += [best, *(best + 1e-3 * np.linalg.eigvalsh(best)[0] * symmetric(rng, p) for _ in range(20))]
+            X += [
+                best,
+                *(best + 1e-3 * np.linalg.eigvalsh(best)[0] * symmetric(rng, p) for _ in range(20)),
+            ]
         X = np.stack(X)
         X /= np.einsum("ij,nij->n", Z, X)[:, None, None]
         costs = c.cost(X)
@@ -338,10 +358,10 @@ def test_floor_is_a_bound_in_bad_units(name, seed):
     costs, M = c.cost(X), scaled.mean(axis=0)
     assert np.isfinite(costs.min())
     Z = np.concatenate([Z, *(proofs(c, X[i]) for i in np.argsort(costs)[:3])])
-    top = prices(Z, scaled)
+    top = sensitivities(Z, scaled)
     limit = costs.min() * (1 + slip(np.tensordot(weights[costs.argmin()], blocks, axes=1)))
-    floors = [c.floor(z[None], x[None], M) for z, x in zip(Z, top, strict=True)]
-    assert max(c.floor(Z, top, M), *floors) <= limit
+    floors = [c.lower_bound(z[None], x[None], M) for z, x in zip(Z, top, strict=True)]
+    assert max(c.lower_bound(Z, top, M), *floors) <= limit
     if c.monotone:
         assert max(floors[-3:]) > 0.01 * limit
 
@@ -358,11 +378,16 @@ def test_unit_free_ones_prove_the_same_in_any_units(name):
         good, tops = make(name, 4), np.array([2.0, 3.0])
         bad, TT = good.in_units(np.diag(t)), np.outer(t, t)
         factor = bad.cost(TT * M) / good.cost(M)
-        accuracy = 2 * slip(M, Z) * 4  # rho0 contracts all of A0 Z A0', whose condition may exceed Z's
+        accuracy = (
+            2 * slip(M, Z) * 4
+        )  # rho0 contracts all of A0 Z A0', whose condition may exceed Z's
         if name == "rho0":
             assert factor == pytest.approx(1, rel=slip(M))
         assert bad.polar(Z / TT, TT * M) == pytest.approx(factor * good.polar(Z, M), rel=accuracy)
-        floors = (bad.floor(np.stack([Z, M]) / TT, tops, TT * M), good.floor(np.stack([Z, M]), tops, M))
+        floors = (
+            bad.lower_bound(np.stack([Z, M]) / TT, tops, TT * M),
+            good.lower_bound(np.stack([Z, M]), tops, M),
+        )
         assert floors[0] == pytest.approx(factor * floors[1], rel=accuracy)
 
 
@@ -380,5 +405,5 @@ def test_floor_of_a_gradient_is_tight_in_bad_units(name):
         c = make(name, 4).in_units(np.diag(t))
         Z = proofs(c, M)
         cost = np.linalg.svd(whitener(M), compute_uv=False).sum() if name == "O5" else c.cost(M)
-        gap = 1 - c.floor(Z, np.einsum("rij,ij->r", Z, M), M) / cost
+        gap = 1 - c.lower_bound(Z, np.einsum("rij,ij->r", Z, M), M) / cost
         assert -slip(good) <= gap <= GAP

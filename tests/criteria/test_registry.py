@@ -15,7 +15,9 @@ BUILTINS = ("A", "D", "E", "G", "O1", "O2", "O3", "O4", "O5", "rho0")
 def run(code, site=None):
     """Run code in a fresh interpreter, with a site directory of plug-ins on its path."""
     environment = {**os.environ, "PYTHONPATH": str(site) if site else "", "PYTHONWARNINGS": "error"}
-    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment)
+    return subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, env=environment
+    )
 
 
 def site_with(folder, entry_points, module="", distribution="claimant"):
@@ -64,7 +66,9 @@ def test_duplicate_is_refused_and_changes_nothing():
     """A second class under a taken name is refused in one line that names both, and the first stays."""
     holder = criteria.get("A")
     impostor = type("Impostor", (holder,), {})
-    with pytest.raises(criteria.DuplicateCriterionError, match=r"'A' of .*Impostor .* taken by .*AOptimality"):
+    with pytest.raises(
+        criteria.DuplicateCriterionError, match=r"'A' of .*Impostor .* taken by .*AOptimality"
+    ):
         criteria.register(impostor)
     assert criteria.get("A") is holder
 
@@ -121,7 +125,10 @@ def test_plugin_is_found_by_its_name(plugin_site):
 
 def test_plugin_is_listed_without_being_imported(plugin_site):
     """Listing the names does not run third-party code."""
-    done = run("import sys, criteria; print(criteria.available(), 'my_criterion' in sys.modules)", plugin_site)
+    done = run(
+        "import sys, criteria; print(criteria.available(), 'my_criterion' in sys.modules)",
+        plugin_site,
+    )
     assert done.stdout.strip() == f"{(*BUILTINS, 'trace_M')} False"
 
 
@@ -150,7 +157,11 @@ def test_two_plugins_cannot_share_a_name(tmp_path):
         ("x = claimant:C", "syntax error here", "'claimant:C' does not load"),
         ("x = claimant:C", "raise RuntimeError('first\\nsecond')", "'claimant:C' does not load"),
         ("x = claimant:C", "C = 3", "must be a Criterion class whose name is 'x'"),
-        ("x = claimant:C", "class C:\n    name = 'x'", "must be a Criterion class whose name is 'x'"),
+        (
+            "x = claimant:C",
+            "class C:\n    name = 'x'",
+            "must be a Criterion class whose name is 'x'",
+        ),
     ],
     ids=["no attribute", "no module", "raises", "syntax", "two lines", "no class", "no criterion"],
 )

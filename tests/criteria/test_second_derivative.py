@@ -32,15 +32,20 @@ def test_curvature_along_any_direction(name, p, derivative):
         assert cost == pytest.approx(float(criterion.cost(M)), rel=1e-12)
         np.testing.assert_allclose(G, criterion.gradient(M), rtol=1e-12)
         v = triangle(H)
-        curvature = derivative(lambda t, M=M, H=H: np.vdot(criterion.gradient(M + t[0] * H), H)[None], np.zeros(1))[
-            0, 0
-        ]
+        curvature = derivative(
+            lambda t, M=M, H=H: np.vdot(criterion.gradient(M + t[0] * H), H)[None], np.zeros(1)
+        )[0, 0]
         assert v @ K @ v == pytest.approx(curvature, abs=1e-3 * np.abs(K).max() + 1e-9 * cost)
         np.testing.assert_array_equal(K, K.T)
 
 
 @pytest.mark.parametrize(
-    "name", [n for n in criteria.available() if criteria.get(n).unit_free and not criteria.get(n).needs_target]
+    "name",
+    [
+        n
+        for n in criteria.available()
+        if criteria.get(n).unit_free and not criteria.get(n).needs_target
+    ],
 )
 def test_units(name):
     """Scaled parameters, from 1e-7 to 1e4, have the curvature of the unscaled ones, where units do not matter."""
@@ -50,7 +55,9 @@ def test_units(name):
     cost, _, K = (part[0] for part in derivatives(smooth(name, p), M[None]))
     other, _, scaled = (part[0] for part in derivatives(smooth(name, p), (M * tt)[None]))
     weight = np.outer(triangle(tt), triangle(tt))
-    np.testing.assert_allclose(scaled * weight / other, K / cost, rtol=0, atol=1e-4 * np.abs(K).max() / cost)
+    np.testing.assert_allclose(
+        scaled * weight / other, K / cost, rtol=0, atol=1e-4 * np.abs(K).max() / cost
+    )
 
 
 @every
@@ -66,7 +73,9 @@ def test_batches_and_singular_members(name):
     for i in (0, 2):
         alone = derivatives(criterion, M[i : i + 1])
         for whole, part in zip((cost, G, K), alone, strict=True):
-            np.testing.assert_allclose(whole[i], part[0], rtol=1e-9, atol=1e-9 * np.abs(part[0]).max())
+            np.testing.assert_allclose(
+                whole[i], part[0], rtol=1e-9, atol=1e-9 * np.abs(part[0]).max()
+            )
 
 
 @pytest.mark.parametrize("name", [n for n in criteria.available() if criteria.get(n).convex])

@@ -7,12 +7,17 @@ import pytest
 from designs import DESIGNS, KR270, LOADED
 from scipy.stats import kstest, qmc
 
-from edtk.design import Candidates, CandidateSource, EmptyFeasibleSetError, sample_feasible
-from edtk.model import Height, Workspace
+from edtk.design.candidates import (
+    Candidates,
+    CandidateSource,
+    EmptyFeasibleSetError,
+    sample_feasible,
+)
+from edtk.model.workspace import Height, Workspace
 
 UNBOUNDED = replace(KR270, workspace=Workspace(KR270.workspace.robot))
-on_each = pytest.mark.parametrize("design", DESIGNS.values(), ids=DESIGNS)
-on_every_load = pytest.mark.parametrize("design", LOADED.values(), ids=LOADED)
+on_each = pytest.mark.parametrize("space", DESIGNS.values(), ids=DESIGNS)
+on_every_load = pytest.mark.parametrize("space", LOADED.values(), ids=LOADED)
 either = pytest.mark.parametrize("sampling", ["random", "sobol"])
 
 
@@ -22,10 +27,10 @@ def _many_small_chunks(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("edtk.design.candidates.CHUNK", 256)
 
 
-def cube(design, x):
+def cube(space, x):
     """What is drawn as points of the unit cube, where the bounds alone confine it."""
-    lower, upper = design.limits[:, design.drawn]
-    return (x[:, design.drawn] - lower) / (upper - lower)
+    lower, upper = space.limits[:, space.drawn]
+    return (x[:, space.drawn] - lower) / (upper - lower)
 
 
 def same(a: Candidates, b: Candidates) -> None:
@@ -35,30 +40,32 @@ def same(a: Candidates, b: Candidates) -> None:
 
 @either
 @on_every_load
-def test_all_feasible(design, sampling):
+def test_all_feasible(space, sampling):
     """As many experiments come as are asked for; each is feasible, and joints that are not free stay."""
-    x, n = CandidateSource(design, 0, sampling).take(1000).x, design.workspace.robot.n
-    assert x.shape == (1000, design.size)
-    assert design.at(x).feasible.all()
-    assert design.workspace.contains(x[:, :n]).all()
-    held = np.setdiff1d(np.arange(n), design.free)
-    np.testing.assert_array_equal(x[:, held], np.tile(design.fixed[held], (1000, 1)))
-    spread = np.ptp(cube(design, x), axis=0)
-    assert (spread[: len(design.free)] > 0.9).all()
-    assert (spread[len(design.free) :] > 0.4).all()  # within their bounds all free forces come round more than once
+    x, n = CandidateSource(space, 0, sampling).take(1000).x, space.workspace.robot.n
+    assert x.shape == (1000, space.size)
+    assert space.at(x).feasible.all()
+    assert space.workspace.contains(x[:, :n]).all()
+    held = np.setdiff1d(np.arange(n), space.free)
+    np.testing.assert_array_equal(x[:, held], np.tile(space.fixed[held], (1000, 1)))
+    spread = np.ptp(cube(space, x), axis=0)
+    assert (spread[: len(space.free)] > 0.9).all()
+    assert (
+        spread[len(space.free) :] > 0.4
+    ).all()  # within their bounds all free forces come round more than once
 
 
 @either
 @on_every_load
-def test_information_is_that_of_the_regressor(design, sampling):
+def test_information_is_that_of_the_regressor(space, sampling):
     """Each candidate's information is A'A/sigma^2 with the model's regressor, to rounding of the sums."""
-    candidates, n = CandidateSource(design, 1, sampling).take(300), design.workspace.robot.n
-    q, wrench = candidates.x[:, :n], design.load.wrench(candidates.x[:, n:])
-    A = design.model.regressor(q, wrench) / design.sigma[:, None]
+    candidates, n = CandidateSource(space, 1, sampling).take(300), space.workspace.robot.n
+    q, wrench = candidates.x[:, :n], space.load.wrench(candidates.x[:, n:])
+    A = space.model.regressor(q, wrench) / space.sigma[:, None]
     expected = np.swapaxes(A, 1, 2) @ A
     scale = np.abs(expected).max(axis=(1, 2), keepdims=True)
     assert (np.abs(candidates.problem.blocks() - expected) <= 1e-12 * scale).all()
-    assert candidates.problem.parameters == design.model.parameters
+    assert candidates.problem.parameters == space.model.parameters
 
 
 @either
@@ -72,9 +79,9 @@ def test_seeded(sampling):
 
 @either
 @on_every_load
-def test_a_smaller_number_is_the_head_of_a_larger_one(design, sampling):
+def test_a_smaller_number_is_the_head_of_a_larger_one(space, sampling):
     """The first n candidates do not depend on how many follow, nor on how many are asked for in all."""
-    source = CandidateSource(design, 5, sampling)
+    source = CandidateSource(space, 5, sampling)
     many = source.take(1500)
     for n in (1, 255, 256, 257, 700):
         same(source.take(n), many[np.arange(n)])
@@ -83,23 +90,30 @@ def test_a_smaller_number_is_the_head_of_a_larger_one(design, sampling):
 @either
 @on_each
 @pytest.mark.parametrize("workers", [2, 4, None])
-def test_the_number_of_workers_does_not_matter(design, sampling, workers):
+def test_the_number_of_workers_does_not_matter(space, sampling, workers):
     """One, two and four threads, and one a core, give the same candidates in the same order."""
-    alone, beside = (CandidateSource(design, 6, sampling, workers=k).take(1500) for k in (1, workers))
+    alone, beside = (
+        CandidateSource(space, 6, sampling, workers=k).take(1500) for k in (1, workers)
+    )
     same(alone, beside)
 
 
 @on_each
-def test_chunks_are_the_candidates(design):
+def test_chunks_are_the_candidates(space):
     """Chunk after chunk is what `take` holds at once, poses and packed information, and none is empty."""
-    source, n = CandidateSource(design, 7), 1000
+    source, n = CandidateSource(space, 7), 1000
     chunks = list(source.chunks(n))
     assert len(chunks) > 2
-    assert all(len(x) and packed.shape == (len(source.take(1).problem.packed), len(x)) for x, packed in chunks)
+    assert all(
+        len(x) and packed.shape == (len(source.take(1).problem.packed), len(x))
+        for x, packed in chunks
+    )
     whole = source.take(n)
     np.testing.assert_array_equal(np.concatenate([x for x, _ in chunks]), whole.x)
-    np.testing.assert_array_equal(np.concatenate([packed for _, packed in chunks], axis=1), whole.problem.packed)
-    np.testing.assert_array_equal(sample_feasible(design, n, 7), whole.x)
+    np.testing.assert_array_equal(
+        np.concatenate([packed for _, packed in chunks], axis=1), whole.problem.packed
+    )
+    np.testing.assert_array_equal(sample_feasible(space, n, 7), whole.x)
 
 
 def test_a_source_that_is_not_read_to_its_end_can_be_read_again():
@@ -127,7 +141,10 @@ def test_sobol_is_more_even_than_random(seed):
 
     Of random points the mean square discrepancy falls as 1/n, of scrambled nets as n^-3 up to logarithms.
     """
-    points = {s: cube(UNBOUNDED, CandidateSource(UNBOUNDED, seed, s).take(1024).x) for s in ("random", "sobol")}
+    points = {
+        s: cube(UNBOUNDED, CandidateSource(UNBOUNDED, seed, s).take(1024).x)
+        for s in ("random", "sobol")
+    }
     assert qmc.discrepancy(points["sobol"]) < 0.1 * qmc.discrepancy(points["random"])
 
 
@@ -137,15 +154,19 @@ def test_all_that_is_feasible_among_the_points_of_the_cube(sampling):
     points = CandidateSource(UNBOUNDED, 11, sampling).take(10_000).x
     feasible = points[KR270.workspace.contains(points)]
     assert 1000 < len(feasible) < 9000
-    np.testing.assert_array_equal(CandidateSource(KR270, 11, sampling).take(len(feasible)).x, feasible)
+    np.testing.assert_array_equal(
+        CandidateSource(KR270, 11, sampling).take(len(feasible)).x, feasible
+    )
 
 
 @either
 def test_empty_set_names_the_constraint(sampling):
     """Where no pose is feasible the constraint that excludes all of them is named."""
-    design = replace(KR270, workspace=Workspace(KR270.workspace.robot, (Height(0.8), Height(9.0))))
-    source = CandidateSource(design, sampling=sampling, patience=3)
-    with pytest.raises(EmptyFeasibleSetError, match=r"among 768 samples.*height p_z > 9000 mm.*100 %"):
+    space = replace(KR270, workspace=Workspace(KR270.workspace.robot, (Height(0.8), Height(9.0))))
+    source = CandidateSource(space, sampling=sampling, patience=3)
+    with pytest.raises(
+        EmptyFeasibleSetError, match=r"among 768 samples.*height p_z > 9000 mm.*100 %"
+    ):
         source.take(1)
     with pytest.raises(EmptyFeasibleSetError):
         next(source.chunks(1))
@@ -153,7 +174,10 @@ def test_empty_set_names_the_constraint(sampling):
 
 def test_patience_ends_with_the_first_feasible_pose():
     """A rare feasible set is found if it shows within the patience, and is then sampled for as long as it takes."""
-    rare = replace(KR270, workspace=Workspace(KR270.workspace.robot, (*KR270.workspace.constraints, Height(2.9))))
+    rare = replace(
+        KR270,
+        workspace=Workspace(KR270.workspace.robot, (*KR270.workspace.constraints, Height(2.9))),
+    )
     q = CandidateSource(rare, 0, patience=40).take(30).x
     assert rare.workspace.contains(q).all()
     assert len(q) == 30
@@ -180,5 +204,7 @@ def test_some_of_them_and_others():
     both = a[chosen] + b
     np.testing.assert_array_equal(both.x, np.concatenate([a.x[chosen], b.x]))
     expected = KR270.problem(both.x).blocks()
-    np.testing.assert_allclose(both.problem.blocks(), expected, rtol=0, atol=1e-12 * np.abs(expected).max())
+    np.testing.assert_allclose(
+        both.problem.blocks(), expected, rtol=0, atol=1e-12 * np.abs(expected).max()
+    )
     assert both.problem.parameters == KR270.model.parameters

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from edtk.design.packed import order, pack_gram, price_rows, unpack
+from edtk.design.packed import order, pack_gram, sensitivity_rows, unpack
 
 RNG = np.random.default_rng(0)
 SIZES = pytest.mark.parametrize("p", [1, 2, 3, 5, 12])
@@ -47,9 +47,9 @@ def test_price_rows_give_the_inner_product(p):
     M = unpack(packed)
     expected = np.einsum("abij,nji->abn", Z, M)
     size = np.einsum("abij,nji->abn", np.abs(Z), np.abs(M))
-    assert (np.abs(price_rows(Z) @ packed - expected) <= 2 * p * p * EPS * size).all()
-    np.testing.assert_array_equal(price_rows(Z[1, 2]), price_rows(Z)[1, 2])
-    assert price_rows(Z[:0]).shape == (0, 3, p * (p + 1) // 2)
+    assert (np.abs(sensitivity_rows(Z) @ packed - expected) <= 2 * p * p * EPS * size).all()
+    np.testing.assert_array_equal(sensitivity_rows(Z[1, 2]), sensitivity_rows(Z)[1, 2])
+    assert sensitivity_rows(Z[:0]).shape == (0, 3, p * (p + 1) // 2)
 
 
 def test_order_inverts_the_length_of_a_triangle():

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from edtk.design import Plan, PlanFileError
-from edtk.model import Joint, Robot, load_robot, transform
+from edtk.design.plan import Plan, PlanFileError
+from edtk.model.load_robot import load_robot
+from edtk.model.robot import Joint, Robot, transform
 
 KR270 = load_robot("kuka_kr270")
 MIXED = Robot(
@@ -20,7 +21,11 @@ HEAD = "q2_deg,q3_deg,q4_deg,q5_deg,q6_deg"
 
 def plan_of(robot, k=4, seed=0):
     rng = np.random.default_rng(seed)
-    return Plan(rng.uniform(*robot.limits, size=(k, robot.n)), rng.normal(size=(k, 6)) * 1e3, np.arange(1, k + 1))
+    return Plan(
+        rng.uniform(*robot.limits, size=(k, robot.n)),
+        rng.normal(size=(k, 6)) * 1e3,
+        np.arange(1, k + 1),
+    )
 
 
 @pytest.fixture
@@ -47,7 +52,9 @@ def test_round_trip(robot, tmp_path):
 
 def test_units_of_a_prismatic_joint(tmp_path):
     """A prismatic joint is written in millimetres under NAME_mm, a revolute one in degrees."""
-    Plan(np.array([[np.pi / 2, 0.125]]), np.zeros((1, 6)), np.array([1])).to_csv(tmp_path / "p.csv", MIXED)
+    Plan(np.array([[np.pi / 2, 0.125]]), np.zeros((1, 6)), np.array([1])).to_csv(
+        tmp_path / "p.csv", MIXED
+    )
     header, row = (tmp_path / "p.csv").read_text().splitlines()
     assert header.split(",")[:3] == ["turn_deg", "slide_mm", "repeats"]
     assert row.split(",")[:3] == ["90", "125", "1"]
@@ -147,10 +154,14 @@ def test_a_load_that_the_study_leaves_open_must_be_in_the_file(tmp_path):
     path, columns = tmp_path / "plan.csv", ("Fx_N", "Fy_N", "Fz_N")
     for n in range(3):
         path.write_text(f"{HEAD}{''.join(f',{c}' for c in columns[:n])}\n{GOOD}{',1' * n}\n")
-        with pytest.raises(PlanFileError, match=f"'{columns[n]}' is missing, and the study leaves the load open"):
+        with pytest.raises(
+            PlanFileError, match=f"'{columns[n]}' is missing, and the study leaves the load open"
+        ):
             Plan.from_csv(path, KR270, {0: 0.25}, None)
     path.write_text(f"{HEAD},{','.join(columns)}\n{GOOD},1,2,3\n")
-    np.testing.assert_array_equal(Plan.from_csv(path, KR270, {0: 0.25}, None).wrench, [[1, 2, 3, 0, 0, 0]])
+    np.testing.assert_array_equal(
+        Plan.from_csv(path, KR270, {0: 0.25}, None).wrench, [[1, 2, 3, 0, 0, 0]]
+    )
 
 
 @pytest.mark.parametrize(

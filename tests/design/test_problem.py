@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from edtk.design import Problem, RankDeficientError
+from edtk.design.problem import Problem, RankDeficientError
 
 EPS = np.finfo(float).eps
 X = np.linspace(-1, 1, 41)
@@ -47,7 +47,9 @@ def test_blocks_are_information_of_one_each(blocks):
     np.testing.assert_array_equal(problem.blocks([5, 2, 5]), problem.blocks()[[5, 2, 5]])
 
 
-@pytest.mark.parametrize("units", [np.ones(4), 10.0 ** np.array([-7, -2, 1, 4])], ids=["good units", "bad units"])
+@pytest.mark.parametrize(
+    "units", [np.ones(4), 10.0 ** np.array([-7, -2, 1, 4])], ids=["good units", "bad units"]
+)
 @pytest.mark.parametrize("rows", [1, 3, 6])
 def test_factors_are_roots_of_the_information(rows, units):
     """U' U is the candidate's information, with no more rows than its rank, chosen one by one, as a list, or all.
@@ -93,9 +95,9 @@ def test_prices_are_traces(blocks):
     Z = Z + np.swapaxes(Z, -1, -2)
     expected = np.einsum("rij,nji->rn", Z, problem.blocks())
     size = np.einsum("rij,nji->rn", np.abs(Z), np.abs(problem.blocks()))
-    assert (np.abs(problem.prices(Z) - expected) <= 32 * EPS * size).all()
-    assert problem.prices(Z[0]).shape == (7,)
-    assert problem.prices(Z[:0]).shape == (0, 7)
+    assert (np.abs(problem.sensitivities(Z) - expected) <= 32 * EPS * size).all()
+    assert problem.sensitivities(Z[0]).shape == (7,)
+    assert problem.sensitivities(Z[:0]).shape == (0, 7)
 
 
 def test_of_information_is_the_same_problem_without_a_copy(blocks):
@@ -116,7 +118,9 @@ def test_with_unit_trace(blocks):
     traces = np.trace(problem.blocks(), axis1=1, axis2=2)
     expected = problem.blocks() / np.where(traces > 0, traces, 1.0)[:, None, None]
     np.testing.assert_allclose(unit.blocks(), expected, rtol=16 * EPS, atol=0)
-    np.testing.assert_allclose(np.trace(unit.blocks(), axis1=1, axis2=2), traces > 0, rtol=16 * EPS, atol=0)
+    np.testing.assert_allclose(
+        np.trace(unit.blocks(), axis1=1, axis2=2), traces > 0, rtol=16 * EPS, atol=0
+    )
     assert unit.parameters == problem.parameters
 
 
@@ -196,7 +200,9 @@ def test_sigma(blocks, sigma):
 def test_rank_deficient_candidates_name_the_directions(columns, named, scale):
     """The message names the directions that no candidate excites, whatever the unit of the information."""
     problem = Problem(scale * np.column_stack(columns)[:, None, :])
-    with pytest.raises(RankDeficientError, match=f"no candidate excites {named.replace('+', '[+]')}$"):
+    with pytest.raises(
+        RankDeficientError, match=f"no candidate excites {named.replace('+', '[+]')}$"
+    ):
         problem.require_identifiable()
 
 

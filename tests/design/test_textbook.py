@@ -13,7 +13,8 @@ from numpy.polynomial import Polynomial, chebyshev, legendre
 from scipy.optimize import minimize, minimize_scalar
 
 import criteria
-from edtk.design import Problem, relax
+from edtk.design.problem import Problem
+from edtk.design.relaxation.relax import relax
 
 GAP = 1e-6
 EPS = np.finfo(float).eps
@@ -49,7 +50,9 @@ def check(name, x, F, support, weights, cost):
     r = relax(rows(F), criteria.create(name))
     assert r.gap <= GAP
     assert r.cost == pytest.approx(cost, rel=GAP)
-    assert r.bound <= cost * (1 + 64 * F.shape[1] * EPS * np.linalg.cond(rows(F).information(r.weights)))
+    assert r.bound <= cost * (
+        1 + 64 * F.shape[1] * EPS * np.linalg.cond(rows(F).information(r.weights))
+    )
     np.testing.assert_allclose(at(r.weights, x, support), weights, atol=np.sqrt(GAP))
 
 
@@ -85,7 +88,10 @@ def test_polynomial_regression_a(degree):
     if inner:
         options = {"xatol": 1e-9, "fatol": 1e-15}
         start = minimize(
-            lambda v: np.log(a_optimum(points(v), degree)[1]), start, method="Nelder-Mead", options=options
+            lambda v: np.log(a_optimum(points(v), degree)[1]),
+            start,
+            method="Nelder-Mead",
+            options=options,
         ).x
     support = points(start)
     weights, cost = a_optimum(support, degree)
@@ -101,7 +107,11 @@ def test_polynomial_regression_e(degree):
     """
     support = -np.cos(np.pi * np.arange(degree + 1) / degree)
     c = chebyshev.Chebyshev.basis(degree).convert(kind=Polynomial).coef
-    weights = (-1.0) ** (degree - np.arange(degree + 1)) * np.linalg.solve(vander(support, degree).T, c) / (c @ c)
+    weights = (
+        (-1.0) ** (degree - np.arange(degree + 1))
+        * np.linalg.solve(vander(support, degree).T, c)
+        / (c @ c)
+    )
     x = candidates(support)
     check("E", x, vander(x, degree), support, weights, c @ c)
 
@@ -133,7 +143,9 @@ def full_quadratic(x):
     return np.column_stack([np.ones(len(x)), x, x**2, *mixed])
 
 
-@pytest.mark.parametrize(("factors", "levels", "value"), [(2, 9, 0.474594), (3, 5, 0.474478)], ids=["square", "cube"])
+@pytest.mark.parametrize(
+    ("factors", "levels", "value"), [(2, 9, 0.474594), (3, 5, 0.474478)], ids=["square", "cube"]
+)
 def test_full_quadratic(factors, levels, value):
     """The full quadratic on square and cube: the printed det(M)^(1/p), and the optimum over symmetric 3^q designs."""
     x = np.array(list(product((-1.0, 0.0, 1.0), repeat=factors)))
@@ -162,8 +174,12 @@ def test_wynn_quadrilateral():
     64 v = 18: the weights are 5/16, 9/32, 9/32, 1/8.
     """
     corners, weights = np.array([[2, 2], [-1, 1], [1, -1], [-1, -1]]), np.array([10, 9, 9, 4]) / 32
-    grid = np.array([corner for corner in product(np.linspace(-1, 2, 31), repeat=2) if _inside(corner)])
-    x = np.concatenate([corners, grid[[np.abs(corners - g).sum(axis=1).min() > 1e-9 for g in grid]]])
+    grid = np.array(
+        [corner for corner in product(np.linspace(-1, 2, 31), repeat=2) if _inside(corner)]
+    )
+    x = np.concatenate(
+        [corners, grid[[np.abs(corners - g).sum(axis=1).min() > 1e-9 for g in grid]]]
+    )
     r = relax(rows(np.column_stack([np.ones(len(x)), x])), criteria.create("D"))
     assert r.gap <= GAP
     assert r.cost**-3 == pytest.approx(2.53125, rel=3 * GAP)
@@ -186,13 +202,17 @@ def test_box_lucas():
     def gradient(t):
         a, b = 0.7, 0.2
         d, u, v = a - b, np.exp(-b * t), np.exp(-a * t)
-        return np.stack([a * t * v / d - b * (u - v) / d**2, a * (u - v) / d**2 - a * t * u / d], axis=-1)
+        return np.stack(
+            [a * t * v / d - b * (u - v) / d**2, a * (u - v) / d**2 - a * t * u / d], axis=-1
+        )
 
     def determinant(t):
         return abs(np.linalg.det(gradient(np.asarray(t))))
 
     options = {"xatol": 1e-9, "fatol": 1e-16}
-    support = minimize(lambda t: -determinant(t), [1.0, 7.0], method="Nelder-Mead", options=options).x
+    support = minimize(
+        lambda t: -determinant(t), [1.0, 7.0], method="Nelder-Mead", options=options
+    ).x
     np.testing.assert_allclose(support, [1.2295, 6.8577], atol=0.5e-4)
     h = 1e-6  # the derivatives are right: central differences err by h^2, and by eps/h in rounding
 
@@ -238,7 +258,9 @@ def test_kiefer_wolfowitz(problem):
     top = variance.max()
     assert top >= p * (1 - rounding)
     assert ((top - p) / (2 * top)) ** 2 <= -p * np.log1p(-max(r.gap, rounding))
-    assert (r.weights * (p - variance) <= top - p + 2 * p * rounding).all()  # the mean of p - d_i is zero
+    assert (
+        r.weights * (p - variance) <= top - p + 2 * p * rounding
+    ).all()  # the mean of p - d_i is zero
 
 
 INSTRUMENTS = {
@@ -259,7 +281,9 @@ def test_one_instrument_a_parameter(name, a):
     information. Badly scaled, O4 needs weights of 1e-22 and O5 the cube roots of eigenvalues that are lost in
     rounding: of these two cost and bound enclose the optimum, and the gap may be larger.
     """
-    c = np.array([0.5, 1.0, 2.0, 0.1]) * np.sqrt(a)  # in the units of a, so that all parameters matter
+    c = np.array([0.5, 1.0, 2.0, 0.1]) * np.sqrt(
+        a
+    )  # in the units of a, so that all parameters matter
     least = np.sum(1 / a)
     cost = {
         "A": np.sum(a**-0.5) ** 2,
@@ -363,7 +387,9 @@ def test_o4_of_a_straight_line_by_brute_force(a, b):
     assert r.cost == pytest.approx(min(costs), rel=GAP)
     for other in ("E", "O2"):
         rival = relax(problem, criteria.create(other))
-        assert float(r.criterion.cost(problem.information(rival.weights))) > r.cost * (1 + 1e3 * GAP)
+        assert float(r.criterion.cost(problem.information(rival.weights))) > r.cost * (
+            1 + 1e3 * GAP
+        )
 
 
 def test_o4_by_the_family_of_condition_numbers():
@@ -374,10 +400,15 @@ def test_o4_by_the_family_of_condition_numbers():
     designs of that kappa. The least kappa of all is the square of O2.
     """
     problem = Problem(random_blocks(3, n=25, size=1, p=3) + np.array([2.0, 1.0, 0.0]))
-    r, least = relax(problem, criteria.create("O4")), relax(problem, criteria.create("O2")).cost ** 2
+    r, least = (
+        relax(problem, criteria.create("O4")),
+        relax(problem, criteria.create("O2")).cost ** 2,
+    )
     w, t, kappa = cp.Variable(25, nonneg=True), cp.Variable(), cp.Parameter(nonneg=True)
     M = sum(w[i] * N for i, N in enumerate(problem.blocks()))
-    program = cp.Problem(cp.Maximize(t), [M >> t * np.eye(3), kappa * t * np.eye(3) >> M, cp.sum(w) == 1])
+    program = cp.Problem(
+        cp.Maximize(t), [M >> t * np.eye(3), kappa * t * np.eye(3) >> M, cp.sum(w) == 1]
+    )
 
     def cost(k):
         kappa.value = k
@@ -409,15 +440,23 @@ def test_o5_by_a_general_minimiser(seed):
         return np.sum(m**-0.5), 2 * z / total * (slope - slope @ w)
 
     found = minimize(
-        cost_and_gradient, np.full(12, 1.0), jac=True, method="BFGS", options={"gtol": 1e-7, "maxiter": 5000}
+        cost_and_gradient,
+        np.full(12, 1.0),
+        jac=True,
+        method="BFGS",
+        options={"gtol": 1e-7, "maxiter": 5000},
     )
     r = relax(problem, criteria.create("O5"))
     assert r.gap <= GAP
     assert r.cost == pytest.approx(found.fun, rel=GAP)
-    assert r.bound <= found.fun * (1 + 64 * 3 * EPS * np.linalg.cond(problem.information(r.weights)))
+    assert r.bound <= found.fun * (
+        1 + 64 * 3 * EPS * np.linalg.cond(problem.information(r.weights))
+    )
 
 
-@pytest.mark.parametrize("target", [[0, 1, 0, 0], [1, 2, 4, 8], [1, 0, 0, 0], [0, 0, 0, 1]], ids=str)
+@pytest.mark.parametrize(
+    "target", [[0, 1, 0, 0], [1, 2, 4, 8], [1, 0, 0, 0], [0, 0, 0, 1]], ids=str
+)
 def test_single_quantity_of_the_cubic(target):
     """One quantity c'k of the cubic: slope at 0, extrapolation to 2, value at 0 and leading coefficient.
 

@@ -3,15 +3,18 @@
 import numpy as np
 import pytest
 
-from edtk.inference import SingularPlanError
 from edtk.inference.bias import equilibrium_deflection, linearisation_bias
-from edtk.inference.estimate import estimate
+from edtk.inference.least_squares import SingularPlanError, estimate
 from edtk.inference.measurements import Measurements
-from edtk.model import ElastostaticModel, load_robot, transform
+from edtk.model.elastostatic_model import ElastostaticModel
 from edtk.model.equilibrium import equilibrium
+from edtk.model.load_robot import load_robot
+from edtk.model.robot import transform
 
 K = np.array([0.0, 0.302, 0.406, 3.002, 3.303, 2.365]) * 1e-6
-MODEL = ElastostaticModel(load_robot("kuka_kr270").with_tool(transform((0.6115, 0.0, -0.460))), (1, 2, 3, 4, 5))
+MODEL = ElastostaticModel(
+    load_robot("kuka_kr270").with_tool(transform((0.6115, 0.0, -0.460))), (1, 2, 3, 4, 5)
+)
 Q = np.random.default_rng(0).uniform(*MODEL.robot.limits, size=(8, 6))
 LOAD = np.array([0, 0, -2500.0, 0, 0, 0])
 SIGMA = 0.03e-3
@@ -77,8 +80,14 @@ def test_markers_move_with_the_loaded_tool():
     for i, o in enumerate(offset):
         there = MODEL.robot.with_tool(MODEL.robot.tool @ transform(o))
         moved = there.forward(Q[i] + theta[i])[:3, 3] - there.forward(Q[i])[:3, 3]
-        np.testing.assert_allclose(equilibrium_deflection(MODEL, Q[i], LOAD, K, o), moved, atol=1e-13)
+        np.testing.assert_allclose(
+            equilibrium_deflection(MODEL, Q[i], LOAD, K, o), moved, atol=1e-13
+        )
     model = ElastostaticModel(MODEL.robot, MODEL.unknown, "pose")
     found = equilibrium_deflection(model, Q, 1e-4 * LOAD, K, offset)
-    data = Measurements(Q, np.tile(1e-4 * LOAD, (len(Q), 1)), found, np.full((len(Q), 6), SIGMA), offset)
-    np.testing.assert_allclose(found, data.regressor(model) @ K[1:], atol=1e-6 * np.abs(found).max())
+    data = Measurements(
+        Q, np.tile(1e-4 * LOAD, (len(Q), 1)), found, np.full((len(Q), 6), SIGMA), offset
+    )
+    np.testing.assert_allclose(
+        found, data.regressor(model) @ K[1:], atol=1e-6 * np.abs(found).max()
+    )

@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 from inference.test_posterior import sample
 
-from edtk.inference.chain import Demand
 from edtk.inference.chain_file import ChainFileError
-from edtk.inference.posterior import UnconvergedError
+from edtk.inference.mcmc import Demand, UnconvergedError
 from edtk.inference.prior import flat
 
 FINE = Demand(accuracy=0.01)

@@ -17,7 +17,9 @@ def autoregressive(phi, steps=4000, walkers=32, seed=0):
 @pytest.mark.parametrize("phi", [0.0, 0.5, 0.9])
 def test_autocorrelation_time(phi):
     """An autoregressive process has the time (1 + phi)/(1 - phi), found within a tenth."""
-    assert autocorrelation_time(autoregressive(phi)) == pytest.approx((1 + phi) / (1 - phi), rel=0.1)
+    assert autocorrelation_time(autoregressive(phi)) == pytest.approx(
+        (1 + phi) / (1 - phi), rel=0.1
+    )
 
 
 def test_error_of_standard_deviations():

@@ -11,7 +11,9 @@ from edtk.inference.error_quantiles import _estimated, error_quantiles, weighted
 def test_equal_weights_are_a_chi_square(r):
     """With r weights l the distribution is l times a chi-square of r degrees, to 1e-12."""
     x = np.logspace(-6, 2, 40)
-    np.testing.assert_allclose(weighted_chi_square_cdf(2.5 * x, np.full(r, 2.5)), chi2.cdf(x, r), atol=1e-12)
+    np.testing.assert_allclose(
+        weighted_chi_square_cdf(2.5 * x, np.full(r, 2.5)), chi2.cdf(x, r), atol=1e-12
+    )
 
 
 def test_pairs_of_weights_are_exponentials():
@@ -45,7 +47,9 @@ def test_one_direction_and_none():
     assert not found[1].any()
 
 
-@pytest.mark.parametrize(("dof", "accuracy"), [(1.0, 1e-4), (2.8, 1e-4), (4.0, 1e-6), (30.0, 1e-11), (3e5, 1e-11)])
+@pytest.mark.parametrize(
+    ("dof", "accuracy"), [(1.0, 1e-4), (2.8, 1e-4), (4.0, 1e-6), (30.0, 1e-11), (3e5, 1e-11)]
+)
 def test_estimated_noise_makes_an_f_law(dof, accuracy):
     """With equal eigenvalues the squares over an estimated noise follow Fisher's law."""
     scales, shares = _estimated(dof)

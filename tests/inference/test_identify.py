@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.stats import kstest
 
-from edtk.inference import simulate
-from edtk.inference.estimate import SingularPlanError, covariance, estimate
 from edtk.inference.identify import NothingLeftError, identify
-from edtk.study import load_study
+from edtk.inference.least_squares import SingularPlanError, covariance, estimate
+from edtk.inference.simulate import simulate
+from edtk.study.study import load_study
 
 STUDY = load_study(Path(__file__).parents[2] / "studies" / "kr270_milling.toml")
 PLANS = STUDY.published_plans()
@@ -66,10 +66,14 @@ def test_residuals_are_orthogonal_and_leverages_sum_to_p():
     A = regressor()
     fit = fits(A, S, 1, 4)[0]
     X, r = A.reshape(-1, 5) / S, fit.residual.ravel() / S
-    np.testing.assert_allclose(X.T @ r / np.linalg.norm(X, axis=0) / np.linalg.norm(r), 0, atol=1e-12)
+    np.testing.assert_allclose(
+        X.T @ r / np.linalg.norm(X, axis=0) / np.linalg.norm(r), 0, atol=1e-12
+    )
     assert fit.leverage.sum() == pytest.approx(5, rel=1e-12)
     np.testing.assert_allclose(fit.leverage.ravel(), np.diag(X @ np.linalg.pinv(X)), atol=1e-10)
-    np.testing.assert_allclose(fit.standardised.ravel(), r / np.sqrt(1 - fit.leverage.ravel()), rtol=1e-12)
+    np.testing.assert_allclose(
+        fit.standardised.ravel(), r / np.sqrt(1 - fit.leverage.ravel()), rtol=1e-12
+    )
     assert fit.chi2 == pytest.approx(r @ r, rel=1e-12)
 
 
@@ -93,7 +97,10 @@ def test_sigma_unknown_scales_the_covariance():
     np.testing.assert_allclose(other.standardised, one.standardised, rtol=1e-9)
     assert other.scale == pytest.approx(one.scale / 40)
     assert one.p_value is None
-    (value, interval), (expected, between) = other.accuracy(STUDY.target), one.accuracy(STUDY.target)
+    (value, interval), (expected, between) = (
+        other.accuracy(STUDY.target),
+        one.accuracy(STUDY.target),
+    )
     assert value == pytest.approx(expected)
     assert interval == pytest.approx(between)
     assert between[0] < expected < between[1]
@@ -105,7 +112,8 @@ def test_interval_of_rho0_covers_the_true_one():
     true, interval = fits(A, S, 1, 7)[0].accuracy(STUDY.target)
     assert interval == (true, true)
     hits = [
-        low <= true <= high for _, (low, high) in (f.accuracy(STUDY.target) for f in fits(A, S, runs, 8, known=False))
+        low <= true <= high
+        for _, (low, high) in (f.accuracy(STUDY.target) for f in fits(A, S, runs, 8, known=False))
     ]
     assert abs(np.mean(hits) - 0.95) < 4 * np.sqrt(0.95 * 0.05 / runs)
 
@@ -170,7 +178,9 @@ def test_what_cannot_be_identified_is_named():
         identify(A, A @ K0[:3], np.full((1, 3), S), NAMES[:3], known=False)
 
 
-@pytest.mark.parametrize(("known", "robust"), [(True, False), (False, False), (True, True), (False, True)])
+@pytest.mark.parametrize(
+    ("known", "robust"), [(True, False), (False, False), (True, True), (False, True)]
+)
 def test_intervals_hold_the_truth(known, robust):
     """The 95 % intervals of the compliances hold the truth in 95 % of the runs, also of a plan of four poses."""
     A = regressor("table_4_4")
@@ -186,5 +196,7 @@ def test_interval_of_the_accuracy_if_robust(known):
     runs = fits(A, S, 400, 12, known=known, robust=True)
     errors = [STUDY.target @ (fit.unbounded - K0) for fit in runs]
     true = np.sqrt(np.mean([e @ e for e in errors]))
-    held = np.mean([low <= true <= high for low, high in (fit.accuracy(STUDY.target)[1] for fit in runs)])
+    held = np.mean(
+        [low <= true <= high for low, high in (fit.accuracy(STUDY.target)[1] for fit in runs)]
+    )
     assert 0.9 < held < 0.99

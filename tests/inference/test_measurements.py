@@ -4,10 +4,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from edtk.design.pose_table import PoseFileError
-from edtk.inference.estimate import unidentified
+from edtk.inference.least_squares import unidentified
 from edtk.inference.measurements import Measurements
-from edtk.model import ElastostaticModel, Joint, Robot, load_robot, transform
+from edtk.model.elastostatic_model import ElastostaticModel
+from edtk.model.load_robot import load_robot
+from edtk.model.robot import Joint, Robot, transform
+from edtk.tables.pose_table import PoseFileError
 
 KR270 = load_robot("kuka_kr270").with_tool(transform([0.6115, 0.0, -0.460]))
 MODEL = ElastostaticModel(KR270, (1, 2, 3, 4, 5))
@@ -32,8 +34,12 @@ def read(tmp_path):
 def test_displacements(read):
     """Displacements are read in millimetres, whatever the order of the columns; pose, load and noise have defaults."""
     data = read(f"dz_mm,{HEAD},dx_mm,dy_mm\n-3,{GOOD},1,2\n-6,{GOOD},4,5\n")
-    np.testing.assert_allclose(data.deflection, [[1e-3, 2e-3, -3e-3], [4e-3, 5e-3, -6e-3]], rtol=1e-15)
-    np.testing.assert_allclose(data.q, np.tile(np.r_[0.25, np.deg2rad([-90, 0, 10, 20, 30])], (2, 1)), rtol=1e-15)
+    np.testing.assert_allclose(
+        data.deflection, [[1e-3, 2e-3, -3e-3], [4e-3, 5e-3, -6e-3]], rtol=1e-15
+    )
+    np.testing.assert_allclose(
+        data.q, np.tile(np.r_[0.25, np.deg2rad([-90, 0, 10, 20, 30])], (2, 1)), rtol=1e-15
+    )
     np.testing.assert_array_equal(data.wrench, np.tile(WRENCH, (2, 1)))
     np.testing.assert_array_equal(data.sigma, np.tile(SIGMA, (2, 1)))
     assert not data.marker.any()
@@ -57,7 +63,9 @@ def test_rotations_noise_and_marker(read):
 
 def test_poses_are_counted_in_order_of_appearance(read):
     """Rows of one pose and load have one number; another load makes another pose."""
-    data = read(f"{HEAD},{D},Fz_N\n{GOOD},1,2,3,-1\n-80,0,1,2,3,1,2,3,-1\n{GOOD},4,5,6,-1\n{GOOD},1,2,3,-2\n")
+    data = read(
+        f"{HEAD},{D},Fz_N\n{GOOD},1,2,3,-1\n-80,0,1,2,3,1,2,3,-1\n{GOOD},4,5,6,-1\n{GOOD},1,2,3,-2\n"
+    )
     assert data.pose.tolist() == [0, 1, 0, 2]
 
 
@@ -65,7 +73,9 @@ def test_positions_far_apart(read):
     """Columns of positions that were exchanged, or of two frames, are refused; micrometres are read, and judged."""
     columns = "x0_mm,y0_mm,z0_mm,x_mm,y_mm,z_mm,Fz_N"
     assert len(read(f"{HEAD},{columns}\n{GOOD},1500,-200,900,1500.1,-200.1,898.9,-1\n"))
-    with pytest.raises(PoseFileError, match=r"row 1, columns x0_mm, .* moved by 2404 mm under load"):
+    with pytest.raises(
+        PoseFileError, match=r"row 1, columns x0_mm, .* moved by 2404 mm under load"
+    ):
         read(f"{HEAD},{columns}\n{GOOD},-200,1500,900,1500.1,-200.1,898.9,-1\n")
     assert len(read(f"{HEAD},{columns}\n{GOOD},1500000,-200000,900000,1500100,-200100,898900,-1\n"))
 
@@ -73,14 +83,18 @@ def test_positions_far_apart(read):
 def test_a_german_spreadsheet(read):
     """Semicolons between columns are named, with commas in the numbers too."""
     head, good = f"{HEAD},{D}".replace(",", ";"), "-90,5;0,1;10,2;20,3;30,4;1,5;2,5;3,5"
-    with pytest.raises(PoseFileError, match="separated by semicolons; expected commas, and points in numbers"):
+    with pytest.raises(
+        PoseFileError, match="separated by semicolons; expected commas, and points in numbers"
+    ):
         read(f"{head}\n{good}\n")
 
 
 def random_measurements(rows, marker, seed=0, m=20):
     rng = np.random.default_rng(seed)
     q, W = rng.uniform(*KR270.limits, size=(m, 6)), rng.normal(size=(m, 6)) * [1e3] * 6
-    return Measurements(q, W, np.zeros((m, rows)), np.ones((m, rows)), np.tile(marker, (m, 1)) * 1.0)
+    return Measurements(
+        q, W, np.zeros((m, rows)), np.ones((m, rows)), np.tile(marker, (m, 1)) * 1.0
+    )
 
 
 @pytest.mark.parametrize("rows", ["position", "pose"])
@@ -97,7 +111,9 @@ def test_marker_moves_with_the_joints(rows):
     plus, minus = KR270.forward(data.q + dq) @ tip, KR270.forward(data.q - dq) @ tip
     moved = (plus - minus)[:, :3, 3] / (2 * step)
     if rows == "pose":
-        turned = Rotation.from_matrix(plus[:, :3, :3] @ np.swapaxes(minus[:, :3, :3], 1, 2)).as_rotvec() / (2 * step)
+        turned = Rotation.from_matrix(
+            plus[:, :3, :3] @ np.swapaxes(minus[:, :3, :3], 1, 2)
+        ).as_rotvec() / (2 * step)
         moved = np.hstack([moved, turned])
     np.testing.assert_allclose(data.regressor(model) @ k, moved, atol=1e-6 * np.abs(moved).max())
 
@@ -108,12 +124,16 @@ def test_marker_at_the_tool_point_is_the_plain_model():
     np.testing.assert_array_equal(data.regressor(MODEL), MODEL.regressor(data.q, data.wrench))
     mixed = random_measurements(3, [0.0, 0.0, 0.0])
     mixed.marker[0] = 0.1
-    np.testing.assert_allclose(mixed.regressor(MODEL)[1:], MODEL.regressor(data.q, data.wrench)[1:], rtol=1e-12)
+    np.testing.assert_allclose(
+        mixed.regressor(MODEL)[1:], MODEL.regressor(data.q, data.wrench)[1:], rtol=1e-12
+    )
 
 
 def test_marker_on_the_last_axis_tells_nothing_of_joint_6():
     """The axis of joint 6 runs through the marker, although it does not through the tool point: k6 is named."""
-    data = random_measurements(3, [-0.3, 0.0, 0.460])  # axis 6 is the tool frame's x-axis through its wrist
+    data = random_measurements(
+        3, [-0.3, 0.0, 0.460]
+    )  # axis 6 is the tool frame's x-axis through its wrist
     A = data.regressor(MODEL).reshape(-1, 5)
     assert np.abs(MODEL.regressor(data.q, data.wrench)[..., 4]).max() > 1e-3
     assert unidentified(A.T @ A, MODEL.parameters) == ("k6",)
@@ -123,7 +143,9 @@ def test_marker_beside_a_prismatic_joint():
     """A sliding joint moves every marker alike."""
     slide = Joint("slide", transform(), np.array([1.0, 0, 0]), (0, 2), "prismatic")
     model = ElastostaticModel(Robot("slide", (slide,)))
-    one = Measurements(np.ones((1, 1)), np.ones((1, 6)), np.zeros((1, 3)), np.ones((1, 3)), np.ones((1, 3)))
+    one = Measurements(
+        np.ones((1, 1)), np.ones((1, 6)), np.zeros((1, 3)), np.ones((1, 3)), np.ones((1, 3))
+    )
     np.testing.assert_allclose(one.regressor(model), model.regressor([[1.0]], np.ones(6)))
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from edtk.inference import Noise
+from edtk.inference.noise import Noise
 
 R = np.random.default_rng(0).standard_normal((6, 10))
 LOG_S, LOG_NU = np.random.default_rng(1).normal(size=(2, 6))
@@ -15,7 +15,9 @@ LOG_S, LOG_NU = np.random.default_rng(1).normal(size=(2, 6))
 def test_likelihood(nu, factor):
     """The logarithm differs by a constant from that of scipy's densities, with s and nu known or sampled."""
     noise = Noise(factor, nu)
-    extra = np.stack([x for x, yes in ((LOG_S, factor > 1), (LOG_NU, nu is None)) if yes] or [LOG_S], axis=-1)
+    extra = np.stack(
+        [x for x, yes in ((LOG_S, factor > 1), (LOG_NU, nu is None)) if yes] or [LOG_S], axis=-1
+    )
     extra = extra[:, : len(noise.names)]
     s = np.exp(LOG_S) if factor > 1 else np.ones(6)
     degrees = np.exp(LOG_NU) if nu is None else np.full(6, nu)
@@ -28,5 +30,8 @@ def test_prior_of_the_logarithms():
     extra = np.stack([LOG_S, LOG_NU], axis=-1)
     nu = stats.gamma(2, scale=10).logpdf(np.exp(LOG_NU)) + LOG_NU
     assert np.ptp(Noise(np.inf, None).log_prior(extra) - nu) < 1e-12
-    assert np.ptp(Noise(2.0, None).log_prior(extra) - nu - stats.norm(0, np.log(2)).logpdf(LOG_S)) < 1e-12
+    assert (
+        np.ptp(Noise(2.0, None).log_prior(extra) - nu - stats.norm(0, np.log(2)).logpdf(LOG_S))
+        < 1e-12
+    )
     assert Noise().names == ()

@@ -4,10 +4,12 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from edtk.inference import HalfNormal, LogNormal, Noise, Normal, Posterior, Prior, estimate, sample_posterior, simulate
-from edtk.inference.chain import Demand
-from edtk.inference.posterior import ImproperPosteriorError, UnconvergedError
-from edtk.inference.prior import flat
+from edtk.inference.least_squares import estimate
+from edtk.inference.mcmc import Demand, UnconvergedError
+from edtk.inference.noise import Noise
+from edtk.inference.posterior import ImproperPosteriorError, Posterior, sample_posterior
+from edtk.inference.prior import HalfNormal, LogNormal, Normal, Prior, flat
+from edtk.inference.simulate import simulate
 
 SIGMA = np.array([0.1, 0.2, 0.05])
 A = np.random.default_rng(0).normal(size=(4, 3, 2))
@@ -18,7 +20,9 @@ ROUGH = Demand(accuracy=0.02)
 
 
 def sample(seed, demand=ROUGH, **options):
-    return sample_posterior(A, MEASURED, SIGMA, FIT, np.random.default_rng(seed), demand=demand, **options)
+    return sample_posterior(
+        A, MEASURED, SIGMA, FIT, np.random.default_rng(seed), demand=demand, **options
+    )
 
 
 def one(measured, sigma, seed=0, demand=ROUGH, **options):
@@ -98,7 +102,10 @@ def test_priors_of_one_compliance(marginal, nu):
     found = one([0.7, 1.3, 0.2], 0.6, prior=Prior((marginal,)), noise=Noise(nu=nu))
     k = np.linspace(1e-4, 6, 60_001)
     likelihood = stats.t(nu, loc=[[0.7], [1.3], [0.2]], scale=0.6).pdf(k).prod(axis=0)
-    prior = {HalfNormal: stats.halfnorm(scale=0.8), LogNormal: stats.lognorm(np.log(1.5), scale=1.2)}[type(marginal)]
+    prior = {
+        HalfNormal: stats.halfnorm(scale=0.8),
+        LogNormal: stats.lognorm(np.log(1.5), scale=1.2),
+    }[type(marginal)]
     cdf = np.cumsum(likelihood * prior.pdf(k))
     assert distance(found, lambda x: np.interp(x, k, cdf / cdf[-1])) < 2
 
@@ -108,7 +115,8 @@ def test_earlier_calibration():
     earlier = Normal(FIT.k + STD, np.array([[2.0, 0.5], [0.5, 1.0]]) * np.outer(STD, STD))
     precision = np.linalg.inv(FIT.covariance) + np.linalg.inv(earlier.covariance)
     mean = np.linalg.solve(
-        precision, np.linalg.solve(FIT.covariance, FIT.k) + np.linalg.solve(earlier.covariance, earlier.mean)
+        precision,
+        np.linalg.solve(FIT.covariance, FIT.k) + np.linalg.solve(earlier.covariance, earlier.mean),
     )
     found = sample(0, prior=Prior(flat(2).marginals, earlier))
     std = np.sqrt(np.linalg.inv(precision).diagonal())
@@ -153,7 +161,10 @@ def test_too_few_measurements():
     """A posterior without standard deviations is refused, unless the prior has them."""
     with pytest.raises(ImproperPosteriorError, match="by 3, and do by 2"):
         one([1.0, 1.1, 0.9], 0.1, noise=Noise(np.inf))
-    assert one([1.0, 1.1, 0.9], 0.1, prior=Prior((LogNormal(1.0, 1.2),)), noise=Noise(np.inf)).std < 0.3
+    assert (
+        one([1.0, 1.1, 0.9], 0.1, prior=Prior((LogNormal(1.0, 1.2),)), noise=Noise(np.inf)).std
+        < 0.3
+    )
 
 
 def test_effective_samples():
@@ -170,7 +181,9 @@ def test_far_behind_the_bound():
     assert distance(found, stats.truncnorm(40.0, np.inf, loc=-40.0).cdf) < 2
 
 
-@pytest.mark.parametrize("noise", [Noise(nu=1.0), Noise(nu=None), Noise(np.inf, 5.0), Noise(np.inf)])
+@pytest.mark.parametrize(
+    "noise", [Noise(nu=1.0), Noise(nu=None), Noise(np.inf, 5.0), Noise(np.inf)]
+)
 def test_no_variance_no_answer(noise):
     """Too few measurements for what is unknown of the noise are refused, and not sampled for ever."""
     with pytest.raises(ImproperPosteriorError, match="measured rows"):
@@ -189,5 +202,8 @@ def test_a_compliance_of_which_one_measurement_tells():
     A[..., 0], A[7, 0, 1] = 1.0, 1.0
     measured, sigma = np.ones((20, 1)), np.full(1, 0.1)
     fit = estimate(A, measured, sigma, ("a", "b"))
-    with pytest.raises(ImproperPosteriorError, match="with Student-t errors 1 measured rows that tell of a compliance"):
+    with pytest.raises(
+        ImproperPosteriorError,
+        match="with Student-t errors 1 measured rows that tell of a compliance",
+    ):
         sample_posterior(A, measured, sigma, fit, np.random.default_rng(0), noise=Noise(nu=2.0))

@@ -4,10 +4,12 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from edtk.inference import Flat, HalfNormal, LogNormal, Normal, Prior
-from edtk.inference.prior import flat
+from edtk.inference.prior import Flat, HalfNormal, LogNormal, Normal, Prior, flat
 
-KNOWN = [(HalfNormal(2.0), stats.halfnorm(scale=2.0)), (LogNormal(3.0, 1.5), stats.lognorm(np.log(1.5), scale=3.0))]
+KNOWN = [
+    (HalfNormal(2.0), stats.halfnorm(scale=2.0)),
+    (LogNormal(3.0, 1.5), stats.lognorm(np.log(1.5), scale=3.0)),
+]
 
 
 @pytest.mark.parametrize(("marginal", "exact"), KNOWN)
@@ -26,7 +28,9 @@ def test_earlier_calibration():
     mean, covariance = np.array([0.5, 1.0]), np.array([[1.0, 0.3], [0.3, 0.5]])
     prior = Prior((Flat(), Flat()), Normal(mean, covariance))
     k = np.random.default_rng(0).uniform(0.1, 3, (4, 5, 2))
-    assert np.ptp(prior.log_density(k) - stats.multivariate_normal(mean, covariance).logpdf(k)) < 1e-12
+    assert (
+        np.ptp(prior.log_density(k) - stats.multivariate_normal(mean, covariance).logpdf(k)) < 1e-12
+    )
     draws = prior.draw(np.random.default_rng(1), 500)
     assert draws.shape == (500, 2)
     assert (draws > 0).all()

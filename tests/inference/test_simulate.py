@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from edtk.inference import simulate
+from edtk.inference.simulate import simulate
 
 A = np.random.default_rng(0).normal(size=(4, 3, 2))
 K = [1.0, -2.0]
@@ -29,8 +29,12 @@ def test_noise(sigma):
     Over N runs of 12 standardised entries a mean or a correlation has standard error 1/sqrt(N).
     """
     N = 20_000
-    noise = (simulate(A, K, sigma, np.random.default_rng(3), runs=N) - A @ K) / np.broadcast_to(sigma, 3)
+    noise = (simulate(A, K, sigma, np.random.default_rng(3), runs=N) - A @ K) / np.broadcast_to(
+        sigma, 3
+    )
     z = noise.reshape(N, 12)
     assert np.abs(z.mean(axis=0)).max() * np.sqrt(N) < 4.5
-    second = (z.T @ z / N - np.eye(12)) * np.sqrt(N) / np.where(np.eye(12, dtype=bool), np.sqrt(2), 1)
+    second = (
+        (z.T @ z / N - np.eye(12)) * np.sqrt(N) / np.where(np.eye(12, dtype=bool), np.sqrt(2), 1)
+    )
     assert np.abs(second).max() < 4.5

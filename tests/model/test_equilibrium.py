@@ -6,12 +6,18 @@ from chains import mixed_chain
 from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
-from edtk.model import ElastostaticModel, Joint, Robot, load_robot, transform
+from edtk.model.elastostatic_model import ElastostaticModel
 from edtk.model.equilibrium import NoEquilibriumError, equilibrium, torque_and_derivative
+from edtk.model.load_robot import load_robot
+from edtk.model.robot import Joint, Robot, transform
 
 KR270 = load_robot("kuka_kr270").with_tool(transform((0.6115, 0.0, -0.460)))
 K = np.array([4e-7, 3e-7, 4e-7, 2.8e-6, 2.8e-6, 2.1e-6])
-ARM = Robot("arm", (Joint("q1", transform(), np.array([0.0, 0.0, 1.0]), (-4.0, 4.0)),), tool=transform((2.0, 0.0, 0.0)))
+ARM = Robot(
+    "arm",
+    (Joint("q1", transform(), np.array([0.0, 0.0, 1.0]), (-4.0, 4.0)),),
+    tool=transform((2.0, 0.0, 0.0)),
+)
 
 
 def test_derivative_of_the_joint_loads_is_the_difference_quotient(derivative):
@@ -26,7 +32,10 @@ def test_derivative_of_the_joint_loads_is_the_difference_quotient(derivative):
 def test_springs_and_load_are_in_balance():
     """The deflection solves theta = k tau(q + theta), and the displacement is what the tool moves by."""
     rng = np.random.default_rng(1)
-    q, W = rng.uniform(*KR270.limits, (200, 6)), rng.normal(size=(200, 6)) * [2e3, 2e3, 2e3, 500, 500, 500]
+    q, W = (
+        rng.uniform(*KR270.limits, (200, 6)),
+        rng.normal(size=(200, 6)) * [2e3, 2e3, 2e3, 500, 500, 500],
+    )
     found = equilibrium(KR270, q, W, K)
     tau = np.einsum("nij,ni->nj", KR270.jacobian(q + found.theta), W)
     np.testing.assert_allclose(found.theta, K * tau, rtol=1e-11, atol=1e-16)
@@ -39,9 +48,14 @@ def test_springs_and_load_are_in_balance():
 def test_linear_model_is_the_first_order():
     """Halving the load quarters the distance between the equilibrium and Eq. (2), in position and in rotation."""
     model = ElastostaticModel(KR270, rows="pose")
-    q, W = np.deg2rad([10, -60, 80, 40, 70, 50]), np.array([500.0, -900.0, -2500.0, 100.0, 50.0, -80.0])
+    q, W = (
+        np.deg2rad([10, -60, 80, 40, 70, 50]),
+        np.array([500.0, -900.0, -2500.0, 100.0, 50.0, -80.0]),
+    )
     sizes = 2.0 ** -np.arange(6)
-    off = [equilibrium(KR270, q, s * W, K).displacement - model.deflection(q, s * W, K) for s in sizes]
+    off = [
+        equilibrium(KR270, q, s * W, K).displacement - model.deflection(q, s * W, K) for s in sizes
+    ]
     for rows in (slice(0, 3), slice(3, 6)):
         slope = np.polyfit(np.log(sizes), np.log([np.linalg.norm(x[rows]) for x in off]), 1)[0]
         assert slope == pytest.approx(2.0, abs=0.02)
@@ -52,7 +66,9 @@ def test_one_joint_solves_its_scalar_equation(kFL):
     """A single arm under any force along it rests where theta = k F L sin(q + theta), on the unloaded pose's branch."""
     q, F, L = 0.4, 500.0, 2.0
     theta = equilibrium(ARM, [q], [-F * np.sign(kFL), 0, 0, 0, 0, 0], [abs(kFL) / (F * L)]).theta
-    expected = brentq(lambda t: t - kFL * np.sin(q + t), *((-q, 0.0) if kFL < 0 else (0.0, np.pi)), xtol=1e-15)
+    expected = brentq(
+        lambda t: t - kFL * np.sin(q + t), *((-q, 0.0) if kFL < 0 else (0.0, np.pi)), xtol=1e-15
+    )
     assert theta[0] == pytest.approx(expected, abs=1e-12)
 
 
@@ -74,7 +90,9 @@ def test_absurd_load_is_refused_or_balanced():
             theta = equilibrium(KR270, q, W, K).theta
         except NoEquilibriumError:
             continue
-        np.testing.assert_allclose(theta, K * (KR270.jacobian(q + theta).T @ W), rtol=1e-9, atol=1e-12)
+        np.testing.assert_allclose(
+            theta, K * (KR270.jacobian(q + theta).T @ W), rtol=1e-9, atol=1e-12
+        )
 
 
 def test_rigid_robot_and_no_load():
@@ -93,7 +111,11 @@ def test_rigid_robot_and_no_load():
 def test_batch_equals_the_loop(batch):
     """Poses, wrenches and compliances of any batch shape give what they give one by one."""
     robot, rng = mixed_chain(), np.random.default_rng(3)
-    q, W, k = rng.uniform(-1, 1, (*batch, robot.n)), rng.normal(size=(*batch, 6)), rng.uniform(0, 3e-3, robot.n)
+    q, W, k = (
+        rng.uniform(-1, 1, (*batch, robot.n)),
+        rng.normal(size=(*batch, 6)),
+        rng.uniform(0, 3e-3, robot.n),
+    )
     found = equilibrium(robot, q, W, k)
     assert found.theta.shape == (*batch, robot.n)
     assert found.displacement.shape == (*batch, 6)

@@ -7,8 +7,8 @@ import pytest
 from chains import mixed_chain
 from scipy.spatial.transform import Rotation
 
-from edtk.model import Joint, Robot, load_robot, transform
-from edtk.model.robot import cross
+from edtk.model.load_robot import load_robot
+from edtk.model.robot import Joint, Robot, cross, transform
 
 URDF = Path(__file__).parents[1] / "data" / "kr150_2.urdf"
 
@@ -37,7 +37,11 @@ def test_linear_rows_are_the_derivative_of_the_position(robot, derivative):
 def test_angular_rows_are_the_derivative_of_the_rotation(robot, derivative):
     """The lower half is the finite difference of the rotation: dR/dq_k R' = [w_k x]."""
     for q in poses(robot, 10):
-        spin = np.einsum("ijk,lj->ilk", derivative(lambda x: robot.forward(x)[:3, :3], q), robot.forward(q)[:3, :3])
+        spin = np.einsum(
+            "ijk,lj->ilk",
+            derivative(lambda x: robot.forward(x)[:3, :3], q),
+            robot.forward(q)[:3, :3],
+        )
         numeric = np.stack([spin[2, 1], spin[0, 2], spin[1, 0]])
         np.testing.assert_allclose(robot.jacobian(q)[3:], numeric, atol=1e-10)
         np.testing.assert_allclose(spin, -np.swapaxes(spin, 0, 1), atol=1e-10)
@@ -71,7 +75,13 @@ def test_frames_agree_with_the_jacobian(robot):
 
 @pytest.mark.parametrize(
     ("a", "b"),
-    [((4, 3), (4, 3)), ((4, 3), (1, 3)), ((1, 3, 5), (4, 3, 5)), ((4, 3, 2, 5), (4, 3, 2, 5)), ((1, 3), (0, 3))],
+    [
+        ((4, 3), (4, 3)),
+        ((4, 3), (1, 3)),
+        ((1, 3, 5), (4, 3, 5)),
+        ((4, 3, 2, 5), (4, 3, 2, 5)),
+        ((1, 3), (0, 3)),
+    ],
     ids=["rows", "one row", "batch", "two axes", "none"],
 )
 def test_cross_product_along_the_second_axis(a, b):
@@ -130,7 +140,12 @@ def test_stretched_arm_is_where_the_geometry_says():
 )
 def test_bad_joint_is_refused(change, message):
     """A joint without axis, with limits out of order or of unknown kind is refused by name."""
-    good = {"name": "a", "origin": np.eye(4), "axis": np.array([0.0, 0.0, 2.0]), "limits": (-1.0, 1.0)}
+    good = {
+        "name": "a",
+        "origin": np.eye(4),
+        "axis": np.array([0.0, 0.0, 2.0]),
+        "limits": (-1.0, 1.0),
+    }
     np.testing.assert_array_equal(Joint(**good).axis, [0.0, 0.0, 1.0])
     with pytest.raises(ValueError, match=message):
         Joint(**{**good, **change})
@@ -140,7 +155,9 @@ def test_bad_robot_is_refused():
     """A robot needs joints, and a name for each."""
     joint = mixed_chain().joints[0]
     for joints in ((), (joint, joint)):
-        with pytest.raises(ValueError, match="needs at least one joint, each with a name of its own"):
+        with pytest.raises(
+            ValueError, match="needs at least one joint, each with a name of its own"
+        ):
             Robot("r", joints)
 
 
@@ -150,7 +167,9 @@ def test_same_kinematics_as_pinocchio_reads_from_the_sister_robots_urdf():
     model = pin.buildModelFromUrdf(str(URDF))
     data, flange = model.createData(), model.getFrameId("flange")
     robot = load_robot("kuka_kr270").with_tool(transform([0.230, 0.0, 0.0]))
-    np.testing.assert_allclose(robot.limits, [model.lowerPositionLimit, model.upperPositionLimit], atol=1e-12)
+    np.testing.assert_allclose(
+        robot.limits, [model.lowerPositionLimit, model.upperPositionLimit], atol=1e-12
+    )
     for q in poses(robot, 200):
         pin.forwardKinematics(model, data, q)
         pin.updateFramePlacements(model, data)

@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 from chains import mixed_chain
 
-from edtk.model import Excluded, Height, Joint, JointLimits, Radius, Robot, Tilt, Workspace, load_robot, transform
+from edtk.model.load_robot import load_robot
+from edtk.model.robot import Joint, Robot, transform
+from edtk.model.workspace import Excluded, Height, JointLimits, Radius, Tilt, Workspace
 
 ROBOTS = {
     "mixed": mixed_chain(4),
@@ -39,7 +41,12 @@ def test_slacks_are_their_definitions(robot):
     for q in poses(robot, 10):
         T = robot.forward(q)
         phi = np.arcsin(T[2, 2])
-        head = [T[2, 3] - 0.8, np.hypot(*T[:2, 3]) - 0.6, np.deg2rad(30) - phi, np.deg2rad(30) + phi]
+        head = [
+            T[2, 3] - 0.8,
+            np.hypot(*T[:2, 3]) - 0.6,
+            np.deg2rad(30) - phi,
+            np.deg2rad(30) + phi,
+        ]
         expected = np.concatenate([head, q - robot.limits[0], robot.limits[1] - q])
         np.testing.assert_allclose(workspace.slack(q), expected, atol=1e-13)
         assert workspace.contains(q) == (expected >= 0).all()
@@ -49,10 +56,17 @@ def test_slacks_are_their_definitions(robot):
 @both
 def test_batches_equal_loops(robot, batch):
     """Poses of any batch shape give what they give one by one."""
-    workspace, q = Workspace(robot, (*TABLE_3, Excluded(poses(robot, 3, seed=7), 0.1))), poses(robot, *batch)
+    workspace, q = (
+        Workspace(robot, (*TABLE_3, Excluded(poses(robot, 3, seed=7), 0.1))),
+        poses(robot, *batch),
+    )
     slack, gradient, inside = workspace.slack(q), workspace.gradient(q), workspace.contains(q)
     c = len(workspace.labels)
-    assert (slack.shape, gradient.shape, np.shape(inside)) == ((*batch, c), (*batch, c, robot.n), batch)
+    assert (slack.shape, gradient.shape, np.shape(inside)) == (
+        (*batch, c),
+        (*batch, c, robot.n),
+        batch,
+    )
     for i in np.ndindex(*batch):
         np.testing.assert_allclose(slack[i], workspace.slack(q[i]), atol=1e-13)
         np.testing.assert_allclose(gradient[i], workspace.gradient(q[i]), atol=1e-12)
@@ -98,7 +112,9 @@ def test_a_pose_at_a_bound_is_within_rounding():
     assert (workspace.slack_within(rounded, resolution) >= exact - second_order)[smooth].all()
     assert (workspace.slack(rounded) < exact - second_order)[smooth].any()
     granted = workspace.slack_within(q, resolution) - exact
-    np.testing.assert_allclose(granted, np.abs(workspace.gradient(q)).sum(axis=-1) * resolution / 2, atol=1e-13)
+    np.testing.assert_allclose(
+        granted, np.abs(workspace.gradient(q)).sum(axis=-1) * resolution / 2, atol=1e-13
+    )
 
 
 def test_gradients_stay_finite_at_the_poles():
@@ -121,7 +137,9 @@ def test_gradient_of_excluded_poses(robot, derivative):
         if (np.linalg.norm(apart, axis=1) < 0.5).any() or apart.max() > np.pi - 0.01:
             continue
         used += 1
-        np.testing.assert_allclose(workspace.gradient(q)[:3], derivative(workspace.slack, q)[:3], rtol=0, atol=1e-9)
+        np.testing.assert_allclose(
+            workspace.gradient(q)[:3], derivative(workspace.slack, q)[:3], rtol=0, atol=1e-9
+        )
         np.testing.assert_array_equal(workspace.gradient(q)[:3, ~turning], 0)
     assert used >= 5
 
@@ -136,7 +154,9 @@ def test_distance_from_excluded_poses():
     workspace = Workspace(robot, (Excluded(pose[None], 0.2),))
     expected = np.linalg.norm(away[turning]) - 0.2
     for turns in (0, 1, -2):
-        assert workspace.slack(pose + away + 2 * np.pi * turns * turning)[0] == pytest.approx(expected, abs=1e-12)
+        assert workspace.slack(pose + away + 2 * np.pi * turns * turning)[0] == pytest.approx(
+            expected, abs=1e-12
+        )
     assert workspace.slack(pose + ~turning)[0] == pytest.approx(-0.2, abs=1e-12)
 
 
@@ -145,7 +165,9 @@ def test_the_short_way_round():
     joint = Joint("q1", np.eye(4), np.array([0.0, 0.0, 1.0]), (-4.0, 4.0))
     workspace = Workspace(Robot("one", (joint,)), (Excluded(np.deg2rad([[179.0]]), np.deg2rad(5)),))
     q = np.deg2rad([[-179.0], [-170.0], [170.0], [0.0]])
-    np.testing.assert_allclose(workspace.slack(q)[:, 0], np.deg2rad([-3, 6, 4, 174]), rtol=0, atol=1e-14)
+    np.testing.assert_allclose(
+        workspace.slack(q)[:, 0], np.deg2rad([-3, 6, 4, 174]), rtol=0, atol=1e-14
+    )
     np.testing.assert_allclose(workspace.gradient(q)[:, 0, 0], [1, 1, -1, -1], rtol=1e-12)
 
 
@@ -161,7 +183,9 @@ def test_excluded_poses_in_a_workspace():
     step = np.deg2rad(5) * np.eye(6)[2]
     assert not workspace.contains(inside + 0.999 * step)
     assert workspace.contains(inside + 1.001 * step)
-    assert workspace.violations(workspace.slack(inside)) == ["'distance from excluded pose 1 > 5 deg' by 5 deg"]
+    assert workspace.violations(workspace.slack(inside)) == [
+        "'distance from excluded pose 1 > 5 deg' by 5 deg"
+    ]
 
 
 def test_the_slope_at_an_excluded_pose_itself_is_zero():

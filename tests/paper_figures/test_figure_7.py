@@ -11,7 +11,10 @@ from paper_figures.random_plans import random_plans
 from paper_figures.simulated import simulate_errors
 
 # Means for plans 2a to 2e, from a simulation independent of this package [1e-3 mm].
-INDEPENDENT = {"clipped": [2.145, 2.054, 2.037, 1.990, 1.989], "true": [2.951, 2.912, 2.763, 2.818, 2.814]}
+INDEPENDENT = {
+    "clipped": [2.145, 2.054, 2.037, 1.990, 1.989],
+    "true": [2.951, 2.912, 2.763, 2.818, 2.814],
+}
 
 
 @pytest.fixture(scope="module")
@@ -51,12 +54,14 @@ def test_same_seed_same_result(candidates, errors):
     again = random_plans(load_example())
     assert np.array_equal(again.median.q, candidates.median.q)
     repeated = simulate_errors(load_example(), again.median)
-    assert all(np.array_equal(a.distances, b.distances) for a, b in zip(errors, repeated, strict=True))
+    assert all(
+        np.array_equal(a.distances, b.distances) for a, b in zip(errors, repeated, strict=True)
+    )
 
 
 def test_random_plan_is_feasible_and_the_median_one(candidates, errors):
     """Plan (1) satisfies every constraint and has the median mean error of all random plans under the true A0."""
-    assert (load_example().design.workspace.slack(candidates.median.q) >= 0).all()
+    assert (load_example().space.workspace.slack(candidates.median.q) >= 0).all()
     shown = next(e for e in errors if e.plan == "1" and e.target == "true")
     assert shown.exact_mean == pytest.approx(np.median(candidates.means["true"]), rel=1e-9)
 

@@ -8,7 +8,8 @@ from paper_figures.mean_distance import mean_distance
 
 
 @pytest.mark.parametrize(
-    ("dimensions", "expected"), [(1, np.sqrt(2 / np.pi)), (2, np.sqrt(np.pi / 2)), (3, np.sqrt(8 / np.pi))]
+    ("dimensions", "expected"),
+    [(1, np.sqrt(2 / np.pi)), (2, np.sqrt(np.pi / 2)), (3, np.sqrt(8 / np.pi))],
 )
 def test_equal_variances_give_the_mean_of_the_chi_distribution(dimensions, expected):
     """The integral reproduces the half-normal, Rayleigh and Maxwell means, also at micrometre scale."""

@@ -5,10 +5,10 @@ import pandas as pd
 import pytest
 
 import criteria
-from edtk.parallel import Team
+from edtk.system.workers import Workers
 from paper_figures import printed_values, table_6
 from paper_figures.example import load_example, target_of
-from paper_figures.own_plans import own_plans, search
+from paper_figures.own_plans import own_plans, search_plan
 from paper_figures.targets import clipped
 
 # Eq. (20) with A0 itself, from a computation independent of this package [1e-3 mm].
@@ -70,7 +70,7 @@ def test_own_plans_are_better_than_print(table):
     for name in ("clipped", "true"):
         for m, plan in own_plans(study, name).items():
             assert plan.experiments == m
-            assert study.design.workspace.slack(plan.q).min() >= -1e-9
+            assert study.space.workspace.slack(plan.q).min() >= -1e-9
     full = table[(table["A0"] == "clipped") & (table["experiments"] == table["configurations"])]
     gains = 100 * (1 - full["own_1e-3_mm"] / full["printed_1e-3_mm"])
     assert (gains.to_numpy() >= [0.5, 2.5, 6, 5, 5]).all()
@@ -80,7 +80,7 @@ def test_own_plans_are_better_than_print(table):
 def test_searching_for_a_plan_anew():
     """A short search for three experiments with the clipped A0 ends within 2 % of the plan in the repository."""
     study = load_example()
-    found = search(study, "clipped", 3, Team(), patience=1)
+    found = search_plan(study, "clipped", 3, Workers(), patience=1)
     rho0 = criteria.create("rho0", clipped(target_of(study)))
-    best = float(rho0.value(study.design.information(own_plans(study, "clipped")[3])))
+    best = float(rho0.value(study.space.information(own_plans(study, "clipped")[3])))
     assert best * (1 - 1e-3) <= found.value <= 1.02 * best

@@ -6,9 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from edtk.design import Plan
-from edtk.inference import SingularPlanError
-from edtk.study import evaluate, load_study
+from edtk.design.plan import Plan
+from edtk.inference.least_squares import SingularPlanError
+from edtk.study.evaluate import evaluate
+from edtk.study.study import load_study
 
 STUDY = load_study(Path(__file__).parents[2] / "studies" / "kr270_milling.toml")
 SIGMA = 0.03e-3
@@ -22,7 +23,10 @@ def plan(request):
 
 def test_definitions(plan):
     """Every criterion is what Table 1 prints, from singular values and a plain inverse of the stacked regressor."""
-    A = np.repeat(STUDY.model.regressor(plan.q, plan.wrench), plan.repeats, axis=0).reshape(-1, 5) / SIGMA
+    A = (
+        np.repeat(STUDY.model.regressor(plan.q, plan.wrench), plan.repeats, axis=0).reshape(-1, 5)
+        / SIGMA
+    )
     s = np.linalg.svd(A, compute_uv=False)
     cov = np.linalg.inv(A.T @ A)
     expected = {
@@ -48,15 +52,24 @@ def test_observability_without_sigma(plan):
     """Without division by sigma O1, O3 and O4 are sigma times theirs, O5 a sigma-th, and O2 the same."""
     found = evaluate(STUDY, plan)
     for name, power in {"O1": 1, "O2": 0, "O3": 1, "O4": 1, "O5": -1}.items():
-        assert found.observability_unscaled[name] == pytest.approx(SIGMA**power * found.criteria[name], rel=1e-9)
+        assert found.observability_unscaled[name] == pytest.approx(
+            SIGMA**power * found.criteria[name], rel=1e-9
+        )
     assert len(found.observability_unscaled) == 5
 
 
 def test_json(plan):
     """The JSON form has these keys, standard deviations by joint, and survives a round trip."""
     found = evaluate(STUDY, plan)
-    data = json.loads(json.dumps(found.to_json(), allow_nan=False))
-    assert list(data) == ["criteria", "observability_unscaled", "std", "covariance", "parameters", "experiments"]
+    data = json.loads(json.dumps(found.to_dict(), allow_nan=False))
+    assert list(data) == [
+        "criteria",
+        "observability_unscaled",
+        "std",
+        "covariance",
+        "parameters",
+        "experiments",
+    ]
     assert list(data["std"]) == ["q2", "q3", "q4", "q5", "q6"]
     assert data["parameters"] == ["k2", "k3", "k4", "k5", "k6"]
     assert data["criteria"] == found.criteria
@@ -74,7 +87,7 @@ def test_singular_plan_names_its_parameters():
     """A plan of one pose, however often repeated, is refused with the names of what it leaves open."""
     q = STUDY.published_plans()["table_4_2"].q[:1]
     with pytest.raises(SingularPlanError, match=r"k\d"):
-        evaluate(STUDY, STUDY.design.plan(q, np.array([5])))
+        evaluate(STUDY, STUDY.space.plan(q, np.array([5])))
 
 
 def test_parameter_that_no_pose_excites_is_named():
@@ -83,6 +96,6 @@ def test_parameter_that_no_pose_excites_is_named():
     torque = np.abs(STUDY.model.robot.jacobian(q)[:, 2]).max(axis=0)
     assert torque[5] < 1e-12 < 1e-3 < torque[1]
     with pytest.raises(SingularPlanError) as caught:
-        evaluate(STUDY, STUDY.design.plan(q, np.ones(6, dtype=int)))
+        evaluate(STUDY, STUDY.space.plan(q, np.ones(6, dtype=int)))
     assert "k6" in str(caught.value)
     assert "k2" not in str(caught.value)

@@ -12,8 +12,8 @@ import pytest
 from click.testing import CliRunner
 
 from edtk.cli import main
-from edtk.errors import UserError
-from edtk.study import load_study
+from edtk.study.study import load_study
+from edtk.system.errors import UserError
 
 ROBOT = """
 name = "gantry arm"
@@ -124,8 +124,12 @@ def test_the_whole_way_from_study_to_posterior(study: Path) -> None:
     results = pd.read_csv(out / "results.csv").set_index("plan")
     answer = json.loads(edtk("evaluate", study, plan, "--json"))
     assert answer["parameters"] == ["k_shoulder", "k_elbow", "k_wrist"]
-    assert answer["criteria"]["rho0"] == pytest.approx(results.loc["optimised_rho0_m3", "rho0"], rel=1e-6)
-    assert results.loc["optimised_rho0_m3", "rho0"] == pytest.approx(results["rho0"].min(), rel=1e-6)
+    assert answer["criteria"]["rho0"] == pytest.approx(
+        results.loc["optimised_rho0_m3", "rho0"], rel=1e-6
+    )
+    assert results.loc["optimised_rho0_m3", "rho0"] == pytest.approx(
+        results["rho0"].min(), rel=1e-6
+    )
     assert {"efficiency_rho0", "efficiency_G"} <= set(results)
     # rho0's best plan may leave a joint that does not matter in the test pose to the bound k > 0; A's does not
     edtk("plan", study, "--size", 3, "--criterion", "A", "--workers", 1, "--out", out / "A.csv")
@@ -162,7 +166,9 @@ def test_same_seed_same_answer_on_the_continuum(study: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("options", "key", "gap"), [([], "bound", 1e-6), (["--continuous"], "bound_searched", 1e-5)], ids=["grid", "all"]
+    ("options", "key", "gap"),
+    [([], "bound", 1e-6), (["--continuous"], "bound_searched", 1e-5)],
+    ids=["grid", "all"],
 )
 def test_an_expression_is_all_that_a_third_party_writes(
     study: Path, site: Path, options: list[str], key: str, gap: float
@@ -170,10 +176,14 @@ def test_an_expression_is_all_that_a_third_party_writes(
     """A criterion that is only a cvxpy expression, here that of A, is relaxed and bounded just as A itself."""
     command = ["relax", study, "--candidates", "200", *options, "--json", "--criterion"]
     env = {**os.environ, "PYTHONPATH": str(site)}
-    done = subprocess.run([sys.executable, "-m", "edtk", *command, "total"], capture_output=True, text=True, env=env)
+    done = subprocess.run(
+        [sys.executable, "-m", "edtk", *command, "total"], capture_output=True, text=True, env=env
+    )
     assert done.returncode == 0, done.stderr
     theirs, ours = json.loads(done.stdout), json.loads(edtk(*command, "A"))
-    assert theirs["value"] * (1 - gap) <= theirs[key] <= ours["value"] * (1 + 1e-11)  # rounding, as above
+    assert (
+        theirs["value"] * (1 - gap) <= theirs[key] <= ours["value"] * (1 + 1e-11)
+    )  # rounding, as above
     assert ours["value"] * (1 - gap) <= ours[key] <= theirs["value"] * (1 + 1e-11)
 
 
@@ -189,7 +199,9 @@ def test_an_expression_is_all_that_a_third_party_writes(
         ("sigma_deg = 0.01", "", ("measurement.sigma_deg", "rotations")),
     ],
 )
-def test_units_that_do_not_fit_the_joint_are_refused(study: Path, old: str, new: str, words: tuple[str, ...]) -> None:
+def test_units_that_do_not_fit_the_joint_are_refused(
+    study: Path, old: str, new: str, words: tuple[str, ...]
+) -> None:
     """A prismatic joint is fixed in millimetres, within its limits; measured rotations need their own sigma."""
     study.write_text(STUDY.replace(old, new))
     with pytest.raises(UserError) as caught:

@@ -1,0 +1,1 @@
+"""From a filled-in sheet to compliances, to a verdict, and to corrected commands."""

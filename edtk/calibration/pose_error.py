@@ -1,0 +1,70 @@
+"""What a posterior of the compliances says of the compensation in the test pose."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edtk.inference.convergence import autocorrelation_time
+from edtk.inference.least_squares import Estimate
+from edtk.inference.posterior import Posterior
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class PoseError:
+    """Compensation with the least-squares estimate, judged by the posterior; lengths in m.
+
+    Attributes:
+        rho0: ``sqrt(E |A0 (k - k_hat)|^2)``.
+        rho0_error: Its Monte-Carlo standard error.
+        rho0_fit: ``sqrt(trace(A0 cov A0'))``, Eq. (20), with the covariance of the fit.
+        error_95: Length that ``|A0 (k - k_hat)|`` does not exceed with a probability of 95 %.
+        displacement: Mean of the displacement ``A0 k`` under the task's load (3,).
+        displacement_95: Ends of its 95 % intervals, by coordinate (2, 3).
+    """
+
+    rho0: float
+    rho0_error: float
+    rho0_fit: float
+    error_95: float
+    displacement: Array
+    displacement_95: Array
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data [m]."""
+        return {
+            name: value.tolist() if isinstance(value, np.ndarray) else value
+            for name, value in vars(self).items()
+        }
+
+    def summary(self) -> str:
+        """What a person reads [mm]."""
+        low, high = 1e3 * self.displacement_95
+        axes = ", ".join(
+            f"{n} {a:.4f} to {b:.4f}" for n, a, b in zip("xyz", low, high, strict=True)
+        )
+        return (
+            f"test pose: rho0 {1e3 * self.rho0:.6f} +- {1e3 * self.rho0_error:.6f} mm, "
+            f"by the fit, Eq. (20), {1e3 * self.rho0_fit:.6f} mm\n"
+            f"error after compensation below {1e3 * self.error_95:.6f} mm with probability 95 %\n"
+            f"displacement under the task's load, 95 % intervals [mm]: {axes}"
+        )
+
+
+def pose_error(A0: Array, fit: Estimate, posterior: Posterior) -> PoseError:
+    """Errors and displacements in the pose with regressor A0 (3, p) [m/(rad/(N m))]."""
+    squares = (((posterior.samples - fit.k) @ A0.T) ** 2).sum(axis=-1)
+    rho0 = float(np.sqrt(squares.mean()))
+    effective = squares.size / autocorrelation_time(squares[..., None])[0]
+    moved = posterior.samples @ A0.T
+    return PoseError(
+        rho0,
+        float(squares.std() / np.sqrt(effective) / (2 * rho0)),
+        float(np.sqrt(np.trace(A0 @ fit.covariance @ A0.T))),
+        float(np.sqrt(np.quantile(squares, 0.95))),
+        moved.mean(axis=(0, 1)),
+        np.quantile(moved, [0.025, 0.975], axis=(0, 1)),
+    )

@@ -1,0 +1,1 @@
+"""Plans of exactly m experiments: apportionment, exchange, and many starts."""

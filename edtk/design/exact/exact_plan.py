@@ -1,0 +1,139 @@
+"""A plan of whole experiments with what it is worth, and how far it is from the bound."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edtk.design.plan import Plan
+from edtk.design.relaxation.relaxed_plan import RelaxedPlan
+from edtk.tables.pose_table import pose_factors
+
+Array = NDArray[np.float64]
+CUT_OFF = 1e-3  # relative gap of a bound beyond which a person is told
+
+
+@dataclass(frozen=True, eq=False)
+class ExactPlan:
+    """The best plan of m experiments that a search has found.
+
+    Attributes:
+        relaxed: The relaxation that the search started from, with its bound.
+        plan: Poses, wrenches and repetitions of the new experiments.
+        kept: Experiments that are there already; None for none.
+        cost: The criterion's cost of all experiments together.
+        starts: Number of descents.
+        found: How many of the plans that were refined to the end came out as this one.
+        optima: How many different plans they came out as.
+        seconds: How long it took [s].
+        ended: Why it ended: "stagnation", "starts", "budget" or "interrupted".
+    """
+
+    relaxed: RelaxedPlan
+    plan: Plan
+    kept: Plan | None
+    cost: float
+    starts: int
+    found: int
+    optima: int
+    seconds: float
+    ended: str
+
+    @property
+    def whole(self) -> Plan:
+        """All experiments, those that are there already first."""
+        return self.plan if self.kept is None else self.kept + self.plan
+
+    @property
+    def value(self) -> float:
+        """The criterion as printed in its formula."""
+        return self.relaxed.printed(self.cost)
+
+    @property
+    def bound_cost(self) -> float:
+        """No plan of so many experiments has a lower cost; see `RelaxedPlan.best_bound` for what that rests on."""
+        return float(
+            self.relaxed.best_bound * self.plan.experiments**-self.relaxed.criterion.degree
+        )
+
+    @property
+    def bound(self) -> float:
+        """That bound in the criterion's printed form."""
+        return self.relaxed.printed(self.bound_cost)
+
+    @property
+    def bound_gap(self) -> float:
+        """How far the bound may still be below the best weights; large only if its search was cut off."""
+        return 1 - self.relaxed.best_bound / self.relaxed.cost
+
+    @property
+    def efficiency(self) -> float:
+        """``bound_cost / cost``: one for a plan that cannot be improved."""
+        return self.bound_cost / self.cost
+
+    @property
+    def violation(self) -> float:
+        """By how much the worst of the new poses violates a constraint [m or rad]; zero for none."""
+        return float(max(0.0, -self.relaxed.space.workspace.slack(self.plan.q).min()))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain numbers, for JSON."""
+        robot, bound = self.relaxed.space.workspace.robot, self.bound
+        rows = []
+        for plan, kept in ((self.kept, True), (self.plan, False)):
+            if plan is not None:
+                rows += [
+                    {"q_deg": q.tolist(), "repeats": int(r), "wrench": W.tolist(), "kept": kept}
+                    for q, r, W in zip(
+                        plan.q / pose_factors(robot), plan.repeats, plan.wrench, strict=True
+                    )
+                ]
+        return {
+            "criterion": self.relaxed.criterion.name,
+            "experiments": self.whole.experiments,
+            "value": self.value,
+            "bound": bound if np.isfinite(bound) else None,
+            "bound_searched": self.relaxed.searched is not None,
+            "bound_gap": self.bound_gap if np.isfinite(self.bound_gap) else None,
+            "efficiency": self.efficiency,
+            "starts": self.starts,
+            "found": self.found,
+            "optima": self.optima,
+            "ended": self.ended,
+            "seconds": self.seconds,
+            "constraint_violation": self.violation,
+            "plan": rows,
+        }
+
+    def summary(self) -> str:
+        """What a person reads: value, bound, how the search went, and the poses."""
+        c, whole = self.relaxed.criterion, self.whole
+        factor, unit = c.shown[0], f" {c.shown[1]}".rstrip()
+        reach = (
+            "searched over all poses, not proved"
+            if self.relaxed.searched is not None
+            else "over the candidates"
+        )
+        if self.bound_gap > CUT_OFF:
+            reach += (
+                f"; its search was cut off, when it could be {100 * self.bound_gap:.2g} % better"
+            )
+        kept = "" if self.kept is None else f", {self.kept.experiments} of them there already"
+        lines = [
+            f"{c.name}, {c.title}; {whole.experiments} experiments in {len(whole.q)} poses{kept}",
+            f"  value       {factor * self.value:.6g}{unit}",
+            f"  bound       {factor * self.bound:.6g}{unit}  ({reach})",
+            f"  efficiency  {100 * self.efficiency:.2f} %",
+            f"{self.starts} starts in {self.seconds:.1f} s; {self.found} of the plans refined to the end are this one, "
+            f"among {self.optima} different",
+        ]
+        table = whole.table(self.relaxed.space.workspace.robot)
+        if not self.relaxed.space.load.limits.size and self.kept is None:
+            table = table.iloc[:, : -whole.wrench.shape[1]]
+        repeats = table.pop("repeats")
+        lines.append("repeats  " + " ".join(f"{column:>9}" for column in table.columns))
+        for i, (times, row) in enumerate(zip(repeats, table.to_numpy(), strict=True)):
+            there = "  kept" if self.kept is not None and i < len(self.kept.q) else ""
+            lines.append(f"{times:7}  " + " ".join(f"{x:9.3f}" for x in row) + there)
+        return "\n".join(lines)

@@ -1,0 +1,58 @@
+"""Experiments and their neighbours: second derivatives as differences of analytic first ones."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edtk.design.design_space import DesignSpace, Experiments
+
+Array = NDArray[np.float64]
+STEP = 1e-6  # to a neighbour
+
+
+@dataclass(frozen=True, eq=False)
+class Neighbourhood:
+    """Experiments, and beside each the same one moved a little along one movable variable after another.
+
+    Derivatives are by the d movable variables, in parts of their range. Those of first order are analytic; a few
+    more poses in the same array operations cost little and give those of second order.
+
+    Args:
+        space: What may move, and how far.
+        x: Design variables (b, k, v).
+    """
+
+    space: DesignSpace
+    x: Array
+
+    @cached_property
+    def span(self) -> Array:
+        """Ranges (d,) of the movable variables."""
+        lower, upper = self.space.limits[:, self.space.movable]
+        return np.asarray(upper - lower)
+
+    @cached_property
+    def experiments(self) -> Experiments:
+        """The experiments themselves and their neighbours (1 + d, b, k)."""
+        move = self.space.movable
+        x = np.repeat(self.x[None], 1 + len(move), axis=0)
+        x[np.arange(1, 1 + len(move)), ..., move] += STEP * self.span.reshape(
+            -1, *[1] * (self.x.ndim - 1)
+        )
+        return self.space.at(x)
+
+    def first(self, gradient: Array) -> Array:
+        """First derivatives (..., d) of gradients (..., v) by all design variables."""
+        return gradient[..., self.space.movable] * self.span
+
+    def differences(self, values: Array) -> Array:
+        """Derivatives (d, b, k, ...) of values (1 + d, b, k, ...), by difference."""
+        return np.asarray((values[1:] - values[0]) / STEP)
+
+    def second(self, first: Array) -> Array:
+        """Second derivatives (b, k, ..., d, d) of first ones (1 + d, b, k, ..., d)."""
+        H = self.differences(first)
+        H = H.transpose(*range(1, H.ndim - 1), 0, H.ndim - 1)
+        return 0.5 * (H + np.swapaxes(H, -1, -2))

@@ -1,0 +1,172 @@
+"""A design over poses: weights instead of repetitions, with the proof of its bound."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from criteria import Criterion
+from edtk.design.candidates import CandidateSource
+from edtk.design.design_space import DesignSpace
+from edtk.design.plan import Plan
+from edtk.design.relaxation.relax import normalised
+from edtk.system.atomic_file import atomic_path
+from edtk.tables.pose_table import WRENCH_COLUMNS, pose_factors
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class RelaxedPlan:
+    """Poses and the share of the experiments that each should have, per single experiment.
+
+    Attributes:
+        source: Where the candidate poses come from.
+        candidates: The bound is proved over the first so many of them, and these poses.
+        criterion: What was minimised.
+        x: Design variables (k, v) of the experiments.
+        weights: Their shares (k,), of sum one.
+        cost: The criterion's cost.
+        bound: Proved: no design over the candidates and these poses has a lower cost.
+        searched: Not proved: a bound on designs over all feasible poses, provided that the search by ascent from
+            many starts has found the dearest pose; None where there was no search.
+        multipliers: What proves the bound (r, p, p), see `Criterion.lower_bound`.
+        solver: The solver whose answer this is.
+        iterations: Number of masters that were solved.
+        seconds: What took how long [s].
+    """
+
+    source: CandidateSource
+    candidates: int
+    criterion: Criterion
+    x: Array
+    weights: Array
+    cost: float
+    bound: float
+    searched: float | None
+    multipliers: Array
+    solver: str
+    iterations: int
+    seconds: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def space(self) -> DesignSpace:
+        """Model, feasible set and noise."""
+        return self.source.space
+
+    @property
+    def gap(self) -> float:
+        """Relative gap ``1 - bound/cost`` of the proved bound."""
+        return 1.0 - self.bound / self.cost
+
+    @property
+    def best_bound(self) -> float:
+        """The bound that speaks of all poses where there is one, else the proved one."""
+        return self.bound if self.searched is None else self.searched
+
+    @property
+    def information(self) -> Array:
+        """Information matrix (p, p) of one experiment's worth of this design."""
+        return self.space.problem(self.x).information(self.weights)
+
+    @property
+    def value(self) -> float:
+        """The criterion as printed in its formula."""
+        return self.printed(self.cost)
+
+    def printed(self, cost: float) -> float:
+        """A cost, or a bound on it, in the criterion's printed form."""
+        return cost if self.criterion.sense == "min" else 1.0 / cost if cost else float("inf")
+
+    @property
+    def _heaviest_first(self) -> NDArray[np.int_]:
+        """Indices (k,) of the experiments in the order in which people and files see them."""
+        return np.argsort(-self.weights, kind="stable")
+
+    @property
+    def plan(self) -> Plan:
+        """Poses and wrenches, the heaviest first, once each."""
+        order = self._heaviest_first
+        return self.space.plan(self.x[order], np.ones(len(order), dtype=int))
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """Poses in degrees and millimetres, wrenches where they are designed too, and weights; the heaviest first."""
+        table = self.plan.table(self.space.workspace.robot).drop(columns="repeats")
+        if not self.space.load.limits.size:
+            table = table.drop(columns=list(WRENCH_COLUMNS))
+        return table.assign(weight=self.weights[self._heaviest_first])
+
+    def certify(self) -> tuple[float, float]:
+        """Cost and proved bound anew, from poses, weights and multipliers alone: every candidate is priced again."""
+        tops = np.full(len(self.multipliers), -np.inf)
+        for x in (self.x, *(x for x, _ in self.source.chunks(self.candidates))):
+            sensitivities = normalised(self.space.problem(x), self.criterion).sensitivities(
+                self.multipliers
+            )
+            tops = np.maximum(tops, sensitivities.max(axis=1))
+        M = self.information
+        return float(self.criterion.cost(M)), self.criterion.lower_bound(self.multipliers, tops, M)
+
+    def summary(self) -> str:
+        """What a person reads: value, bounds and poses."""
+        c = self.criterion
+        factor, unit = c.shown[0], f" {c.shown[1]}".rstrip()
+        rows = [
+            ("value", self.cost, ""),
+            (f"bound, proved on {self.candidates:,} candidates", self.bound, ""),
+        ]
+        if self.searched is not None:
+            rows.append(("bound, searched over all poses", self.searched, "; not proved"))
+        width = max(len(label) for label, *_ in rows)
+        lines = [f"{c.name}, {c.title}, for a single experiment's worth of weight; {c.sense}imised"]
+        for label, cost, proof in rows:
+            gap = (
+                f"  (relative gap {max(1 - cost / self.cost, 0):.1e}{proof})"
+                if label != "value"
+                else ""
+            )
+            lines.append(f"  {label:{width}}  {factor * self.printed(cost):.7g}{unit}{gap}")
+        table = self.table
+        lines.append("weight   " + " ".join(f"{column:>9}" for column in table.columns[:-1]))
+        for *entries, weight in table.itertuples(index=False):
+            lines.append(f"{weight:.5f}  " + " ".join(f"{x:9.3f}" for x in entries))
+        return "\n".join(lines)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain numbers, for JSON; the heaviest pose first."""
+        plan, weights = self.plan, self.weights[self._heaviest_first]
+        degrees = plan.q / pose_factors(self.space.workspace.robot)
+        return {
+            "criterion": self.criterion.name,
+            "value": self.value,
+            "bound": _finite(self.printed(self.bound)),
+            "gap": self.gap,
+            "bound_searched": None
+            if self.searched is None
+            else _finite(self.printed(self.searched)),
+            "candidates": self.candidates,
+            "support": [
+                {"q_deg": q.tolist(), "wrench": W.tolist(), "weight": float(w)}
+                for q, W, w in zip(degrees, plan.wrench, weights, strict=True)
+            ],
+            "multipliers": self.multipliers.tolist(),
+            "seed": self.source.seed,
+            "sampling": self.source.sampling,
+            "solver": self.solver,
+            "iterations": self.iterations,
+            "seconds": self.seconds,
+        }
+
+    def to_csv(self, path: Path | str) -> None:
+        """Write poses in degrees and millimetres, and weights, atomically; the heaviest first."""
+        with atomic_path(path) as temporary:
+            self.table.to_csv(temporary, index=False, float_format="%.10g")
+
+
+def _finite(x: float) -> float | None:
+    """What JSON can hold: None for a bound that says nothing."""
+    return x if np.isfinite(x) else None

@@ -1,0 +1,1 @@
+"""Everything that a person reads: text, HTML, Markdown, figures, number formats."""

@@ -1,0 +1,1 @@
+"""CSV and JSON files that people edit: poses, sheets, compliances."""

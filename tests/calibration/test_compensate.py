@@ -1,0 +1,211 @@
+"""`edtk compensate`: commands for task poses, what they leave of the error, and mistakes."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from click.testing import CliRunner
+
+from edtk.calibration.compensate import BAND
+from edtk.cli import main
+from edtk.inference.error_quantiles import error_quantiles
+from edtk.inference.identify import identify
+from edtk.inference.simulate import simulate
+from edtk.model.equilibrium import equilibrium
+from edtk.study.evaluate import evaluate
+from edtk.study.study import load_study
+
+ROOT = Path(__file__).parents[2]
+PATH = ROOT / "studies" / "kr270_milling.toml"
+STUDY = load_study(PATH)
+ROBOT = STUDY.robot.with_tool(STUDY.specification.test_pose.tool.build())
+K = {"q2": 3e-7, "q3": 4e-7, "q4": 2.8e-6, "q5": 2.8e-6, "q6": 2.1e-6}
+HEADER = "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg"
+POSES = f"{HEADER}\n0,-56.9,89.3,45.1,76,57.2\n20,-80,60,10,-40,100\n"
+
+
+def edtk(*args):
+    result = CliRunner().invoke(main, ["compensate", *map(str, args)])
+    if not isinstance(result.exception, SystemExit | None):
+        raise result.exception
+    return result
+
+
+@pytest.fixture
+def given(tmp_path):
+    """Files of compliances, with the covariance of a published plan, and of two task poses."""
+    result = evaluate(STUDY, STUDY.published_plans()["table_4_3"])
+    k, task = tmp_path / "K.json", tmp_path / "task.csv"
+    k.write_text(json.dumps({"k": K, "covariance": result.covariance.tolist()}), encoding="utf-8")
+    task.write_text(POSES, encoding="utf-8")
+    return k, task, result
+
+
+def test_loaded_robot_is_where_the_task_wants_it(given):
+    """Commanded as printed, the loaded robot rests in the desired joints; uncommanded it misses by what is printed."""
+    k, task, _ = given
+    rows = json.loads(edtk(PATH, k, task, "--json").stdout)
+    load, all_k = STUDY.specification.test_pose.load.build(), np.array([0.0, *K.values()])
+    desired = np.deg2rad(np.loadtxt(POSES.split("\n")[1:3], delimiter=","))
+    for row, q0 in zip(rows, desired, strict=True):
+        q = np.array(row["q"])
+        np.testing.assert_allclose(q + equilibrium(ROBOT, q, load, all_k).theta, q0, atol=1e-13)
+        np.testing.assert_allclose(row["q_deg"], np.rad2deg(q), rtol=1e-12)
+        np.testing.assert_allclose(row["desired_q"], q0)
+        np.testing.assert_array_equal(row["wrench"], load)
+        moved = equilibrium(ROBOT, q0, load, all_k).displacement[:3]
+        assert row["uncompensated"] == pytest.approx(np.linalg.norm(moved), rel=1e-9)
+
+
+def test_what_remains_in_the_test_pose_is_rho0(given):
+    """With the covariance of a plan, the remaining error in the test pose is that plan's rho0, inside its band."""
+    k, task, result = given
+    row = json.loads(edtk(PATH, k, task, "--json").stdout)[0]
+    assert row["remaining_rms"] == pytest.approx(result.criteria["rho0"], rel=1e-9)
+    assert 0 < row["remaining_band"][0] < row["remaining_rms"] < row["remaining_band"][1]
+
+
+def test_file_has_what_is_printed(given, tmp_path):
+    """The CSV holds degrees and millimetres; order and parameters not unknown follow the file of compliances."""
+    k, task, _ = given
+    out = tmp_path / "new" / "out.csv"
+    rows = json.loads(edtk(PATH, k, task, "--json", "--out", out).stdout)
+    table = pd.read_csv(out)
+    np.testing.assert_allclose(table[HEADER.split(",")], [row["q_deg"] for row in rows], atol=1e-7)
+    np.testing.assert_allclose(
+        table["uncompensated_mm"], [1e3 * row["uncompensated"] for row in rows], rtol=1e-9
+    )
+    np.testing.assert_allclose(
+        table["remaining_rms_mm"], [1e3 * row["remaining_rms"] for row in rows], rtol=1e-9
+    )
+    bands = [np.multiply(1e3, row["remaining_band"]) for row in rows]
+    np.testing.assert_allclose(table[["remaining_low_mm", "remaining_high_mm"]], bands, rtol=1e-9)
+    k.write_text(json.dumps({"q1": 4e-7, **dict(reversed(K.items()))}), encoding="utf-8")
+    turned = json.loads(edtk(PATH, k, task, "--json").stdout)
+    assert turned[0]["q"][0] != 0
+    np.testing.assert_allclose(turned[0]["q"][1:], rows[0]["q"][1:], atol=1e-14)
+
+
+def test_without_covariance_nothing_is_said_about_the_rest(given):
+    """Plain compliances give commands, nulls in JSON and a sentence in the text."""
+    k, task, _ = given
+    assert "remaining rms (95 % band)" in edtk(PATH, k, task).stdout
+    k.write_text(json.dumps(K), encoding="utf-8")
+    assert "what errors of theirs leave is not known" in edtk(PATH, k, task).stdout
+    row = json.loads(edtk(PATH, k, task, "--json").stdout)[0]
+    assert (row["remaining_rms"], row["remaining_band"]) == (None, None)
+
+
+def test_wrench_columns_override_the_test_poses_load(given):
+    """Wrench columns of the task act, by component, in place of the test pose's."""
+    k, task, _ = given
+    task.write_text(f"{HEADER},Fz_N,Tx_Nm\n0,-56.9,89.3,45.1,76,57.2,-1000,7\n", encoding="utf-8")
+    row = json.loads(edtk(PATH, k, task, "--json").stdout)[0]
+    assert row["wrench"] == [0, 280, -1000, 7, 0, 0]
+
+
+def test_what_identify_writes_is_read(given, tmp_path):
+    """Measurements go in, and k.json of `edtk identify` compensates the test pose with an error of rho0."""
+    _, task, result = given
+    plan = STUDY.published_plans()["table_4_3"]
+    table = plan.table(STUDY.robot).drop(columns="repeats")
+    table[["dx_mm", "dy_mm", "dz_mm"]] = (
+        1e3 * STUDY.model.regressor(plan.q, plan.wrench) @ np.array([*K.values()])
+    )
+    table.to_csv(tmp_path / "measured.csv", index=False)
+    args = ["identify", PATH, tmp_path / "measured.csv", "--out", tmp_path]
+    done = CliRunner().invoke(main, list(map(str, args)), catch_exceptions=False)
+    assert done.exit_code == 0, done.stderr
+    row = json.loads(edtk(PATH, tmp_path / "k.json", task, "--json").stdout)[0]
+    assert row["remaining_rms"] == pytest.approx(result.criteria["rho0"], rel=1e-6)
+    assert row["uncompensated"] == pytest.approx(
+        np.linalg.norm(STUDY.target @ [*K.values()]), rel=0.01
+    )
+
+
+@pytest.mark.parametrize(
+    ("rows", "message"),
+    [
+        (POSES.replace("q3_deg", "q7_deg"), "unknown column 'q7_deg'"),
+        (POSES.replace("q3_deg,", ""), "not readable as CSV"),
+        (POSES.replace("-80", "x"), "row 2, column q2_deg: 'x' is not a finite number"),
+        (
+            POSES.replace("-80", "80"),
+            "row 2, column q2_deg: the desired value 80 is outside the joint's limits -146 .. 0",
+        ),
+        (f"{HEADER},Fz_N\n20,0,60,10,-40,100,180\n", "row 1, column q2_deg: the commanded value"),
+        (
+            f"{HEADER},Fz_N\n0,-90,0,0,0,0,0\n0,-90,0,0,0,0,-5e6\n",
+            "row 2: the load buckles the arm",
+        ),
+    ],
+)
+def test_task_mistakes(given, tmp_path, rows, message):
+    """A task that cannot be read or commanded is answered with one line, and nothing is written."""
+    k, task, _ = given
+    task.write_text(rows, encoding="utf-8")
+    result = edtk(PATH, k, task, "--out", tmp_path / "out.csv")
+    assert (result.exit_code, result.stdout) == (2, "")
+    assert message in result.stderr
+    assert result.stderr.count("\n") == 1
+    assert not (tmp_path / "out.csv").exists()
+
+
+def test_other_mistakes(given, tmp_path):
+    """A joint missing in K.json, and a study without a test pose, are named."""
+    k, task, _ = given
+    k.write_text(json.dumps({"k": {"q2": 3e-7}}), encoding="utf-8")
+    assert "k.q3: expected the compliance of joint 'q3'" in edtk(PATH, k, task).stderr
+    text = PATH.read_text(encoding="utf-8").replace('"rho0", ', "").replace(', "rho0"', "")
+    bare = tmp_path / "study.toml"
+    bare.write_text(text[: text.index("[test_pose]")], encoding="utf-8")
+    result = edtk(bare, k, task)
+    assert (result.exit_code, result.stderr.count("\n")) == (2, 1)
+    assert "test_pose: expected a table" in result.stderr
+
+
+def test_the_band_holds_where_sigma_was_estimated():
+    """Of 400 calibrations of three poses that estimate sigma 95 % leave errors inside their own bands."""
+    A, A0 = STUDY.model.regressor(*_plan_3()), STUDY.target
+    rng, runs, inside = np.random.default_rng(4), 400, 0
+    for moved in simulate(A, STUDY.compliances, STUDY.sigma, rng, runs):
+        fit = identify(
+            A, moved, np.tile(STUDY.sigma, (len(A), 1)), STUDY.model.parameters, known=False
+        )
+        low, high = error_quantiles(A0[None], fit.covariance, BAND, fit.covariance_dof)[0]
+        inside += low <= np.linalg.norm(A0 @ (fit.unbounded - STUDY.compliances)) <= high
+    assert abs(inside - 0.95 * runs) < 4 * np.sqrt(0.95 * 0.05 * runs)
+
+
+def test_degrees_of_freedom_and_bias_of_the_file_count(given):
+    """Few degrees of freedom widen the band, none are refused, and what the linear model leaves is said."""
+    k, task, _ = given
+    content = json.loads(k.read_text(encoding="utf-8"))
+    before = json.loads(edtk(PATH, k, task, "--json").stdout)[0]["remaining_band"]
+    k.write_text(json.dumps(content | {"covariance_dof": 4, "rho0_bias": 1e-6}), encoding="utf-8")
+    after = json.loads(edtk(PATH, k, task, "--json").stdout)[0]["remaining_band"]
+    assert after[1] > 1.3 * before[1]
+    assert "the linear model left 0.001 mm in the test pose" in edtk(PATH, k, task).stdout
+    k.write_text(json.dumps(content | {"covariance_dof": 0}), encoding="utf-8")
+    assert edtk(PATH, k, task).exit_code == 2
+
+
+def _plan_3():
+    plan = STUDY.published_plans()["table_4_3"]
+    return plan.q, plan.wrench
+
+
+def test_a_joint_without_compliance_is_named(given):
+    """The load turns joint 1, whose compliance is not in the file: what 1e-7 rad/(N m) of it adds is said."""
+    k, task, _ = given
+    line = edtk(PATH, k, task).stdout.splitlines()[-1]
+    assert line.startswith("without a known compliance, and so taken as rigid: q1 (")
+    said = float(line.split("q1 (")[1].split(" mm")[0])
+    desired = np.deg2rad(np.loadtxt(POSES.split("\n")[1:3], delimiter=","))
+    load = STUDY.specification.test_pose.load.build()
+    moved = equilibrium(ROBOT, desired, load, np.r_[1e-7, np.zeros(5)]).displacement[:, :3]
+    assert said == pytest.approx(1e3 * np.linalg.norm(moved, axis=1).max(), rel=0.1)
+    k.write_text(json.dumps({"q1": 1e-7, **K}), encoding="utf-8")
+    assert "rigid" not in edtk(PATH, k, task).stdout

@@ -1,0 +1,308 @@
+"""What looks wrong in measurements is said in a line each, and nothing where nothing is wrong."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from edtk.calibration.diagnostics import ALARM, NOTE, WARNING, diagnostics
+from edtk.design.plan import Plan
+from edtk.inference.identify import identify
+from edtk.inference.measurements import Measurements
+from edtk.inference.simulate import simulate
+from edtk.model.elastostatic_model import ElastostaticModel
+from edtk.study.study import load_study
+
+ROOT = Path(__file__).parents[2]
+STUDY = load_study(ROOT / "studies" / "kr270_milling.toml")
+PLAN = STUDY.published_plans()["table_4_12"]
+
+
+@pytest.fixture(scope="module")
+def unassuming(tmp_path_factory):
+    """The study without assumed true compliances."""
+    text = (ROOT / "studies/kr270_milling.toml").read_text()
+    text = (
+        text[: text.index("published = [")]
+        + text[text.index("[tool]") : text.index("[simulation]")]
+    )
+    path = tmp_path_factory.mktemp("study") / "study.toml"
+    path.write_text(text)
+    return load_study(path)
+
+
+def measured(seed=0, repeats=2, digits=4):
+    """Simulated readings of the plan, each to so many digits of a millimetre."""
+    q, W = np.repeat(PLAN.q, repeats, axis=0), np.repeat(PLAN.wrench, repeats, axis=0)
+    moved = simulate(
+        STUDY.model.regressor(q, W), STUDY.compliances, STUDY.sigma, np.random.default_rng(seed)
+    )[0]
+    return Measurements(
+        q, W, moved.round(digits + 3), np.tile(STUDY.sigma, (len(q), 1)), np.zeros((len(q), 3))
+    )
+
+
+def found(data, study=STUDY, plan=None, known=True, robust=False):
+    A = data.regressor(study.model)
+    fit = identify(
+        A, data.deflection, data.sigma, study.model.parameters, known=known, robust=robust
+    )
+    return diagnostics(study, data, A, fit, plan)
+
+
+def lines(data, *args, **options):
+    return tuple(diagnostic.text for diagnostic in found(data, *args, **options))
+
+
+def test_nothing_wrong(unassuming):
+    """Clean measurements raise no doubts in nineteen runs of twenty, and more."""
+    found = [
+        lines(measured(seed), study, PLAN) for seed in range(40) for study in (STUDY, unassuming)
+    ]
+    assert sum(map(bool, found)) <= 2
+
+
+@pytest.mark.parametrize(("factor", "named"), [(1e-3, "in metres"), (1e3, "in micrometres")])
+@pytest.mark.parametrize("known", [False, True])
+def test_units(unassuming, factor, named, known):
+    """Displacements a thousand times off are noticed, with assumed compliances and without."""
+    data = measured()
+    data = replace(data, deflection=data.deflection * factor)
+    for study in (STUDY, unassuming):
+        (line,) = lines(data, study, known=known)
+        assert named in line
+        assert "expected millimetres" in line
+
+
+@pytest.mark.parametrize("factor", [1 / 25.4, 0.1])
+def test_inches_and_centimetres(unassuming, factor):
+    """A noise that comes out far smaller than the stated one is an alarm, as everything scales with the unit."""
+    data = measured()
+    data = replace(data, deflection=data.deflection * factor)
+    (diagnostic,) = [d for d in found(data, unassuming, known=False) if "another unit" in d.text]
+    assert diagnostic.severity == ALARM
+
+
+def test_radians():
+    """Angles given in radians where degrees are expected are noticed."""
+    data = measured()
+    data = replace(data, q=np.deg2rad(data.q))
+    assert any("radians" in line and "joint angles" in line for line in lines(data))
+
+
+def test_swapped_positions():
+    """Displacements of the wrong sign make every compliance negative, which is said instead of each by name."""
+    data = measured()
+    found = lines(replace(data, deflection=-data.deflection))
+    assert "swapped" in found[0]
+    assert "k2" not in found[0]
+
+
+def test_a_negative_compliance_is_named():
+    """A compliance that comes out negative is named with its estimate."""
+    data = measured()
+    A = data.regressor(STUDY.model)
+    data = replace(data, deflection=data.deflection - A[..., 3] * 1.1 * STUDY.compliances[3])
+    (line,) = lines(data)
+    assert line.startswith("k5 comes out as -")
+    assert "far below zero" in line
+
+
+def test_poses_that_were_not_measured():
+    """Planned poses without a measurement are named."""
+    data = measured(repeats=1)
+    assert lines(data, plan=PLAN) == ()
+    other = data.q.copy()
+    other[[2, 5]] += np.deg2rad(1)
+    found = lines(data, plan=Plan(other, data.wrench, np.ones(12, dtype=int)))
+    assert found == ("rows 3, 6 of the plan: not measured",)
+
+
+@pytest.mark.parametrize(
+    ("factor", "why"), [(3, "sigma is too small"), (1 / 3, "sigma is too large")]
+)
+def test_sigma_that_the_residuals_contradict(factor, why):
+    """Residuals far larger or smaller than sigma are said so, and not where sigma is estimated."""
+    data = measured()
+    A = data.regressor(STUDY.model)
+    clean = A @ STUDY.compliances
+    data = replace(data, deflection=clean + factor * (data.deflection - clean))
+    (line,) = lines(data)
+    assert why in line
+    silent = lines(data, known=False)
+    assert not silent if factor < 1 else "the noise is estimated as" in silent[0]
+    (diagnostic,) = [d for d in found(data, robust=True) if not d.text.startswith("row")]
+    assert why in diagnostic.text
+    assert diagnostic.severity == (ALARM if factor > 1 else WARNING)
+
+
+def test_a_wrong_tool_is_never_good():
+    """Data of a robot whose tool is 100 mm longer raise a doubt in every kind of fit, an alarm where sigma counts."""
+    data, tool = measured(), STUDY.specification.tool.build()
+    tool[:3, 3] += tool[:3, :3] @ [0, 0, 0.1]
+    other = ElastostaticModel(STUDY.robot.with_tool(tool), STUDY.model.joints)
+    data = replace(data, deflection=simulate(other.regressor(data.q, data.wrench), STUDY.compliances, STUDY.sigma,
+                                             np.random.default_rng(1))[0])  # fmt: skip
+    for robust in (False, True):
+        assert max(d.severity for d in found(data, robust=robust)) == ALARM
+        assert max(d.severity for d in found(data, robust=robust, known=False)) >= WARNING
+
+
+@pytest.mark.parametrize(("factor", "named", "severity"), [
+    (1e-3, "kilonewtons", ALARM), (1 / 9.81, "kilograms", ALARM), (1e3, "millinewtons", ALARM), (2, "newtons", WARNING),
+    (1.1, None, NOTE),
+])  # fmt: skip
+def test_forces_in_another_unit(factor, named, severity):
+    """Forces that are not those of the load or the plan are noticed, and named before the displacements are blamed."""
+    data = measured()
+    data = replace(data, wrench=data.wrench * factor)
+    for plan in (None, PLAN):
+        texts = [d for d in found(data, plan=plan) if "forces" in d.text]
+        assert bool(texts) == (named is not None)
+        if named:
+            assert named in texts[0].text
+            assert texts[0].severity == severity
+            assert not any("displacements" in line for line in lines(data, plan=plan))
+
+
+def _two_loads():
+    """A plan of three poses, each under two loads, the second of them repeated, and its measurements."""
+    q, W = (
+        np.repeat(PLAN.q[:6:2], 2, axis=0),
+        np.tile([[0, 0, -2500, 0, 0, 0], [700, 0, 0, 0, 0, 0.0]], (3, 1)),
+    )
+    plan = Plan(q, W, np.tile([1, 4], 3))
+    q, W = (np.repeat(x, plan.repeats, axis=0) for x in (q, W))
+    moved = simulate(
+        STUDY.model.regressor(q, W), STUDY.compliances, STUDY.sigma, np.random.default_rng(3)
+    )[0]
+    return plan, Measurements(q, W, moved, np.tile(STUDY.sigma, (len(q), 1)), np.zeros((len(q), 3)))
+
+
+def test_the_load_is_part_of_an_experiment():
+    """Loads are compared with those planned in the same pose; one left out, or another, is named."""
+    plan, data = _two_loads()
+    assert not [line for line in lines(data, plan=plan) if "plan" in line or "forces" in line]
+    some = np.flatnonzero(np.arange(len(data)) != 5)
+    assert "row 3 of the plan: not measured" in lines(data[some], plan=plan)
+    wrench = data.wrench.copy()
+    wrench[7] = [700, 0, -2200, 0, 0, 0]
+    (line,) = [line for line in lines(replace(data, wrench=wrench), plan=plan) if "load" in line]
+    assert line.startswith("row 8: the load is not the one planned in this pose")
+
+
+def test_loads_of_one_direction():
+    """Two sizes of load in every pose are told apart by their size, and a length in metres beside another load."""
+    q, W = (
+        np.repeat(PLAN.q[:6], 2, axis=0),
+        np.tile([[0, 0, -1000.0, 0, 0, 0], [0, 0, -2500.0, 0, 0, 0]], (6, 1)),
+    )
+    plan = Plan(q, W, np.ones(12, dtype=int))
+    moved = simulate(
+        STUDY.model.regressor(q, W), STUDY.compliances, STUDY.sigma, np.random.default_rng(4)
+    )[0]
+    data = Measurements(
+        q.round(5), W * 1.02, moved, np.tile(STUDY.sigma, (12, 1)), np.zeros((12, 3))
+    )
+    assert not [line for line in lines(data, plan=plan) if "plan" in line or "forces" in line]
+    other = data.wrench.copy()
+    other[3] *= 1.3
+    text = lines(replace(data, wrench=other, deflection=data.deflection / 1e3), plan=plan)
+    assert any("row 4: the load is not the one planned" in line for line in text)
+    assert any("in metres" in line for line in text)
+
+
+def test_a_warning_of_forces_hides_no_alarm():
+    """With forces off by two a gross error is still an alarm."""
+    data = measured()
+    deflection = data.deflection.copy()
+    deflection[3, 2] += 0.01
+    severities = {
+        d.severity for d in found(replace(data, deflection=deflection, wrench=2 * data.wrench))
+    }
+    assert severities >= {WARNING, ALARM}
+
+
+def test_coarse_readings_that_are_the_same():
+    """Equal rows that may be so by chance are no mistake, but a note names the first of them."""
+    data = measured(digits=1)
+    data.deflection[7] = data.deflection[6]
+    (note,) = [d for d in found(data, known=False) if "to the last digit" in d.text]
+    assert note.severity == NOTE
+    assert note.text.startswith("row ")
+
+
+def test_what_cannot_be_told_from_zero():
+    """A stiff joint is no alarm: its compliance is said to be as good as zero."""
+    data, k = measured(repeats=1), STUDY.compliances * [1, 1, 1, 1, 1e-3]
+    A = data.regressor(STUDY.model)
+    told = 0
+    for seed in range(20):
+        moved = simulate(A, k, STUDY.sigma, np.random.default_rng(seed))[0]
+        of_it = [d for d in found(replace(data, deflection=moved)) if "k6" in d.text]
+        told += any("k6 can hardly be told from zero" in d.text for d in of_it)
+        assert all(d.severity <= WARNING for d in of_it)
+    assert told >= 17
+
+
+def test_too_many_outliers():
+    """One outlier is a warning; a third of all rows are an alarm."""
+    data = measured()
+    moved = data.deflection.copy()
+    moved[3] += 1e-3
+    assert any(
+        "row 4: outlier" in d.text and d.severity == WARNING
+        for d in found(replace(data, deflection=moved))
+    )
+    moved[::2] += np.random.default_rng(0).normal(size=(12, 3)) * 1e-3
+    doubted = found(replace(data, deflection=moved), robust=True)
+    assert any("outliers" in d.text and d.severity == ALARM for d in doubted)
+
+
+def test_a_parameter_that_rests_on_one_pose():
+    """An optimal plan of few poses has a parameter that one of them alone tells of: the pose is named."""
+    plan = STUDY.load_plan(ROOT / "paper_figures/own_plans/true_m3.csv")
+    A = STUDY.model.regressor(plan.q, plan.wrench)
+    moved = simulate(A, STUDY.compliances, STUDY.sigma, np.random.default_rng(0))[0]
+    data = Measurements(plan.q, plan.wrench, moved, np.tile(STUDY.sigma, (3, 1)), np.zeros((3, 3)))
+    (diagnostic,) = [d for d in found(data) if "on one pose alone" in d.text]
+    row = int(diagnostic.text.split("row ")[1].split(":")[0]) - 1
+    before = identify(A, moved, data.sigma, STUDY.model.parameters).k
+    moved[row] += 1e-4 * A[row] @ np.ones(5) / np.linalg.norm(A[row] @ np.ones(5))
+    assert np.abs(identify(A, moved, data.sigma, STUDY.model.parameters).k - before).max() > 0
+    assert diagnostic.severity == WARNING
+    assert not any("alone" in line for line in lines(measured()))
+
+
+def test_nothing_left_to_judge_by():
+    """With as many coordinates as parameters it is said that nothing tells whether something is wrong."""
+    data = measured(repeats=1)
+    two = Measurements(
+        data.q[:2], data.wrench[:2], data.deflection[:2], data.sigma[:2], data.marker[:2]
+    )
+    study = load_study(ROOT / "studies/kr270_six_compliances.toml")
+    (diagnostic,) = [d for d in _of_six(study, two) if "no residual tells" in d.text]
+    assert diagnostic.severity == WARNING
+
+
+def _of_six(study, two):
+    """Two measurements, for six compliances."""
+    wrench = np.array([[1000.0, 800, -2000, 0, 0, 0], [-900, 1500, -2500, 0, 0, 0]])
+    data = replace(two, wrench=wrench)
+    A = data.regressor(study.model)
+    data = replace(data, deflection=A @ study.compliances)
+    return diagnostics(
+        study, data, A, identify(A, data.deflection, data.sigma, study.model.parameters)
+    )
+
+
+def test_beyond_the_limits():
+    """A pose beyond a joint's limits is named with row, column and limits."""
+    data = measured()
+    q = data.q.copy()
+    q[4, 2] = np.deg2rad(300)
+    assert any(
+        "row 5, column q3_deg: 300 is beyond the joint's limits" in line
+        for line in lines(replace(data, q=q))
+    )

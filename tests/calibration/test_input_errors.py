@@ -1,0 +1,188 @@
+"""What is certainly wrong in measurements is found, and nothing where nothing is."""
+
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from edtk.calibration.input_errors import find_input_error
+from edtk.design.plan import Plan
+from edtk.inference.identify import identify
+from edtk.inference.measurements import Measurements
+from edtk.inference.simulate import simulate
+from edtk.model.elastostatic_model import ElastostaticModel
+from edtk.study.study import load_study
+
+ROOT = Path(__file__).parents[2]
+STUDY = load_study(ROOT / "studies" / "kr270_milling.toml")
+PLAN = STUDY.published_plans()["table_4_12"]
+
+
+def measured(seed=0, repeats=2, digits=4):
+    """Simulated readings of the plan, each to so many digits of a millimetre."""
+    q, W = np.repeat(PLAN.q, repeats, axis=0), np.repeat(PLAN.wrench, repeats, axis=0)
+    moved = simulate(
+        STUDY.model.regressor(q, W), STUDY.compliances, STUDY.sigma, np.random.default_rng(seed)
+    )[0]
+    return Measurements(
+        q, W, moved.round(digits + 3), np.tile(STUDY.sigma, (len(q), 1)), np.zeros((len(q), 3))
+    )
+
+
+def found(data, plan=None, **options):
+    A = data.regressor(STUDY.model)
+    fit = identify(A, data.deflection, data.sigma, STUDY.model.parameters, **options)
+    return find_input_error(STUDY, data, fit, plan)
+
+
+def exchanged(x, i, j):
+    order = np.arange(x.shape[1])
+    order[[i, j]] = j, i
+    return x[:, order]
+
+
+def test_nothing_wrong():
+    """Clean measurements are never refused, nor are those whose noise is ten times what sigma says."""
+    for seed in range(40):
+        data = measured(seed)
+        assert found(data, PLAN) is None
+        clean = data.regressor(STUDY.model) @ STUDY.compliances
+        assert found(replace(data, deflection=clean + 10 * (data.deflection - clean)), PLAN) is None
+
+
+@pytest.mark.parametrize("options", [{}, {"known": False}, {"robust": True}])
+@pytest.mark.parametrize(("i", "j"), [(0, 1), (0, 2), (1, 2)])
+def test_swapped_displacements(i, j, options):
+    """Two displacement columns that were exchanged are named, whatever the fit."""
+    data = measured()
+    line = found(replace(data, deflection=exchanged(data.deflection, i, j)), **options)
+    assert line.startswith(f"columns d{'xyz'[i]}_mm and d{'xyz'[j]}_mm (or the positions")
+    assert "look swapped; expected them the other way round" in line
+
+
+@pytest.mark.parametrize(("i", "j"), [(1, 2), (2, 3), (3, 4), (1, 5)])
+def test_swapped_joints(i, j):
+    """Two joint columns that were exchanged are named."""
+    data = measured()
+    line = found(replace(data, q=exchanged(data.q, i, j)))
+    assert line.startswith(f"columns q{i + 1}_deg and q{j + 1}_deg look swapped")
+
+
+def test_swapped_forces():
+    """The load in another column than its own is named."""
+    data = measured()
+    assert "Fx_N and Fz_N look swapped" in found(replace(data, wrench=exchanged(data.wrench, 0, 2)))
+
+
+def test_turned_frame():
+    """Displacements in a frame that is turned by 90 degrees about z are recognised, with the axes to expect."""
+    data = measured()
+    x, y, z = data.deflection.T
+    line = found(replace(data, deflection=np.stack([y, -x, z], axis=-1)))
+    assert "frame with other axes" in line
+    assert line.split("expected them to be ")[1].startswith("-dy_mm, dx_mm, dz_mm")
+
+
+def _poses():
+    """The study with rotations measured too, and readings of the plan."""
+    model = ElastostaticModel(STUDY.robot, STUDY.model.joints, "pose")
+    sigma = np.tile([3e-5] * 3 + [5e-5] * 3, (12, 1))
+    moved = simulate(
+        model.regressor(PLAN.q, PLAN.wrench), STUDY.compliances, sigma, np.random.default_rng(1)
+    )[0]
+    return model, Measurements(PLAN.q, PLAN.wrench, moved, sigma, np.zeros((12, 3)))
+
+
+def _judged(model, data):
+    fit = identify(data.regressor(model), data.deflection, data.sigma, model.parameters)
+    return find_input_error(
+        SimpleNamespace(model=model, robot=model.robot, fixed=STUDY.fixed), data, fit
+    )
+
+
+@pytest.mark.parametrize(("i", "j"), [(0, 1), (0, 2), (1, 2)])
+def test_swapped_rotations(i, j):
+    """Two rotation columns that were exchanged are named."""
+    model, data = _poses()
+    assert _judged(model, data) is None
+    line = _judged(model, replace(data, deflection=exchanged(data.deflection, 3 + i, 3 + j)))
+    assert line.startswith(f"columns dr{'xyz'[i]}_deg and dr{'xyz'[j]}_deg look swapped")
+
+
+def test_turned_frame_of_rotations():
+    """Displacements and rotations in a frame turned by 90 degrees are recognised."""
+    model, data = _poses()
+    x, y, z, rx, ry, rz = data.deflection.T
+    line = _judged(model, replace(data, deflection=np.stack([y, -x, z, ry, -rx, rz], axis=-1)))
+    assert line.split("expected them to be ")[1].startswith("-dy_mm, dx_mm, dz_mm")
+
+
+def test_copied_rotations():
+    """A row whose rotations are copied to the last digit is one, however coarse its positions are."""
+    model, data = _poses()
+    data = data[np.repeat(np.arange(12), 2)]
+    data.deflection[:, :3] = data.deflection[:, :3].round(4)
+    data.deflection[:, 3:] += 5e-5 * np.random.default_rng(9).standard_normal((24, 3))
+    assert _judged(model, data) is None
+    data.deflection[7] = data.deflection[6]
+    assert _judged(model, data).startswith("row 8 is row 7 to the last digit")
+
+
+def test_markers():
+    """Marker columns that were exchanged, or are in metres, are named."""
+    data = measured()
+    marker = np.random.default_rng(5).uniform(-0.3, 0.3, (len(data), 3))
+    data = replace(data, marker=marker)
+    moved = simulate(
+        data.regressor(STUDY.model), STUDY.compliances, STUDY.sigma, np.random.default_rng(6)
+    )[0]
+    data = replace(data, deflection=moved)
+    assert found(data) is None
+    assert "marker_x_mm and marker_y_mm look swapped" in found(
+        replace(data, marker=exchanged(marker, 0, 1))
+    )
+    assert "marker_z_mm look as if they were in metres" in found(replace(data, marker=marker / 1e3))
+
+
+def test_many_rows_of_few_poses():
+    """Noise four times as large in very many rows, the poses in turn, is not blamed on columns."""
+    data = measured(repeats=1)
+    data = data[np.tile(np.arange(12), 1000)]
+    clean = data.regressor(STUDY.model) @ STUDY.compliances
+    noise = 4 * STUDY.sigma * np.random.default_rng(7).standard_normal(clean.shape)
+    assert found(replace(data, deflection=clean + noise)) is None
+
+
+def test_wrong_sign():
+    """Displacements of the wrong sign are refused."""
+    data = measured()
+    assert "loaded and unloaded positions look swapped" in found(
+        replace(data, deflection=-data.deflection)
+    )
+
+
+def test_copied_rows():
+    """Rows copied to the last digit are noticed; readings so coarse that they agree by chance are not."""
+    data = measured()
+    data.deflection[7] = data.deflection[6]
+    assert found(data).startswith("row 8 is row 7 to the last digit, in all columns; ")
+    data.deflection[5] = data.deflection[4]
+    assert found(data).startswith("row 6 is row 5 to the last digit, in all columns, and 1 more")
+    coarse = measured(repeats=30, digits=1)
+    assert len(np.unique(np.hstack([coarse.q, coarse.deflection]), axis=0)) < len(coarse)
+    assert found(coarse) is None
+
+
+def test_poses_that_are_not_planned():
+    """The first row in another pose than the plan's is named, with the column and how far it is off."""
+    data = measured(repeats=1)
+    assert found(data, PLAN) is None
+    other = data.q.copy()
+    other[[2, 5]] += np.deg2rad([0, 0.3, 0, -1, 0, 0])
+    line = found(data, Plan(other, data.wrench, np.ones(12, dtype=int)))
+    assert line.startswith(
+        "row 3, column q4_deg: the pose is not in the plan; the nearest planned one, row 3, is 1 deg"
+    )
+    assert line.endswith("away; 1 more rows are not either")

@@ -1,0 +1,110 @@
+"""One batch of a search for exact plans, which depends on nothing but itself."""
+
+import pickle
+from functools import cache
+
+import numpy as np
+import pytest
+from designs import KR270, LOADED, STUDY
+from threadpoolctl import threadpool_info, threadpool_limits
+
+from criteria import create
+from edtk.design.candidates import CandidateSource
+from edtk.design.exact.batch import ELITE, Batch
+from edtk.design.exact.log_cost import information
+from edtk.design.exact.starts import starts
+from edtk.design.relaxation.relax_poses import relax_poses
+
+
+@cache
+def batch(name="rho0", m=4, k=4, seed=(0,), seconds=np.inf, space=KR270):
+    """A batch after a relaxation over a few candidates."""
+    criterion = STUDY.criterion("rho0") if name == "rho0" else create(name)
+    plan = relax_poses(CandidateSource(space, 0, "sobol", workers=1), 200, criterion)
+    return Batch(space, criterion, m, k, plan.x, plan.weights, seed, seconds)
+
+
+@cache
+def answer(*args):
+    """What it comes back with."""
+    return batch(*args)()
+
+
+def assert_equal(one, other):
+    """Two answers are the same, bit by bit."""
+    assert one[0].tobytes() == other[0].tobytes()
+    assert one[1].x.tobytes() == other[1].x.tobytes()
+    assert one[1].repeats.tobytes() == other[1].repeats.tobytes()
+
+
+def assert_sound(work, costs, plans):
+    """Feasible plans of m experiments at k places, at most four, each of its own cost, the best first."""
+    assert plans.x.shape == (len(costs), work.k, work.space.size)
+    assert 1 <= len(costs) <= ELITE
+    assert work.space.at(plans.x).feasible.all()
+    assert (plans.repeats.sum(axis=1) == work.m).all()
+    assert ((plans.repeats >= 0) & (plans.repeats == np.round(plans.repeats))).all()
+    assert (np.diff(costs) >= 0).all()
+    assert np.isfinite(costs).all()
+    M = information(work.space.at(plans.x), plans.repeats)
+    slip = 64 * M.shape[-1] * np.finfo(float).eps * np.linalg.cond(M).max()
+    np.testing.assert_allclose(costs, work.criterion.cost(M), rtol=slip)
+
+
+CASES = [("rho0", 4, 4), ("D", 7, 3), ("O2", 3, 3)]
+
+
+@pytest.mark.parametrize("args", CASES)
+def test_what_it_comes_back_with(args):
+    """Whatever the criterion, smooth or with kinks, the plans are feasible and worth what is said."""
+    assert_sound(batch(*args), *answer(*args))
+
+
+@pytest.mark.parametrize("kind", ["bounded", "listed", "free"])
+def test_loads(kind):
+    """Loads that are chosen along with the poses stay in their family."""
+    args = ("D", 3, 3, (0,), np.inf, LOADED[f"kr270 {kind}"])
+    assert_sound(batch(*args), *answer(*args))
+
+
+@pytest.mark.parametrize("args", CASES)
+def test_better_than_its_starts(args):
+    """The best plan is cheaper than the rounded relaxation, which every batch starts from."""
+    work = batch(*args)
+    from_pool = CandidateSource(work.space, 0, workers=1).take(10)
+    support = CandidateSource(work.space, 0, "sobol", workers=1).take(200)
+    chosen = [int(np.flatnonzero((support.x == x).all(axis=1))[0]) for x in work.support]
+    first = starts(
+        work.criterion, work.m, work.k, support[np.array(chosen)], work.weights, from_pool, 1, (0,)
+    )
+    before = work.criterion.cost(information(work.space.at(first.x), first.repeats))
+    assert answer(*args)[0][0] < before[0] * (1 - 1e-3)
+
+
+def test_it_depends_on_itself_alone():
+    """A copy that has gone through a pipe, with other settings of threads around it, gives the same answer."""
+    copy = pickle.loads(pickle.dumps(batch()))
+    with threadpool_limits(2):
+        assert_equal(copy(), answer())
+
+
+def test_one_thread(monkeypatch):
+    """Its products are sums in one thread, whatever is allowed outside, so that their rounding is always the same."""
+    monkeypatch.setattr(
+        Batch, "_search", lambda self, late: [pool["num_threads"] for pool in threadpool_info()]
+    )
+    with threadpool_limits(2):
+        assert set(batch()()) == {1}
+
+
+def test_seeds_differ():
+    """Another seed takes other starts: what comes out is not the same bit by bit."""
+    assert answer()[1].x.tobytes() != answer("rho0", 4, 4, (1,))[1].x.tobytes()
+
+
+@pytest.mark.parametrize("args", CASES)
+def test_no_time(args):
+    """A batch that is late from the beginning makes its starts, no descent, and comes back with feasible plans."""
+    late = (*args, (0,), 0.0)
+    assert_sound(batch(*late), *answer(*late))
+    assert answer(*late)[0][0] >= answer(*args)[0][0] * (1 - 1e-9)

@@ -1,0 +1,146 @@
+"""What an exact plan says of itself."""
+
+import json
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from designs import KR270, LOADED, STUDY
+
+from criteria import create
+from edtk.design.candidates import CandidateSource, sample_feasible
+from edtk.design.exact.exact_plan import ExactPlan
+from edtk.design.plan import Plan
+from edtk.design.relaxation.relaxed_plan import RelaxedPlan
+
+
+@cache
+def exact(name="D", beside=False, space=KR270):
+    """A plan of two poses and five experiments, with one that was there where asked for; made up, not searched."""
+    criterion = STUDY.criterion("rho0") if name == "rho0" else create(name)
+    x = sample_feasible(space, 3, 4)
+    kept = space.plan(x[2:], np.array([1])) if beside else None
+    if kept is not None:
+        space = space.beside(space.information(kept), 5)
+    plan = space.plan(x[:2], np.array([3, 2]))
+    cost = float(criterion.cost(space.information(plan)))
+    relaxed = RelaxedPlan(
+        source=CandidateSource(space, 0),
+        candidates=10,
+        criterion=criterion,
+        x=x[:2],
+        weights=np.array([0.6, 0.4]),
+        cost=cost * 5**criterion.degree,
+        bound=0.9 * cost * 5**criterion.degree,
+        searched=0.8 * cost * 5**criterion.degree,
+        multipliers=np.eye(5)[None],
+        solver="none",
+        iterations=0,
+    )
+    return ExactPlan(relaxed, plan, kept, cost, 32, 3, 4, 1.25, "stagnation")
+
+
+@pytest.mark.parametrize("name", ["D", "rho0", "O2", "O4"])
+@pytest.mark.parametrize("beside", [False, True])
+def test_bound_and_efficiency(name, beside):
+    """Of m new experiments the bound is that of one, by m to the degree; efficiency is their ratio, below one.
+
+    The bound that speaks of all poses is taken where there is one.
+    """
+    plan = exact(name, beside)
+    assert plan.bound_cost == pytest.approx(0.8 * plan.cost, rel=1e-12)
+    assert plan.efficiency == pytest.approx(0.8, rel=1e-12)
+    proved = replace(plan, relaxed=replace(plan.relaxed, searched=None))
+    assert proved.efficiency == pytest.approx(0.9, rel=1e-12)
+
+
+@pytest.mark.parametrize("name", ["D", "rho0", "O2", "O4"])
+def test_printed_values(name):
+    """Value and bound are those of the formula: the bound is the larger one where the value is maximised."""
+    plan = exact(name)
+    M = KR270.information(plan.plan)
+    maximised = plan.relaxed.criterion.sense == "max"
+    assert plan.value == pytest.approx(float(plan.relaxed.criterion.value(M)), rel=1e-9)
+    assert plan.bound / plan.value == pytest.approx(1 / 0.8 if maximised else 0.8, rel=1e-12)
+
+
+@pytest.mark.parametrize("name", ["D", "rho0"])
+def test_whole(name):
+    """The whole plan has what was there first, and its value is the plan's."""
+    assert exact(name).whole is exact(name).plan
+    plan = exact(name, True)
+    assert plan.whole.repeats.tolist() == [1, 3, 2]
+    np.testing.assert_array_equal(plan.whole.q, np.concatenate([plan.kept.q, plan.plan.q]))
+    value = float(plan.relaxed.criterion.value(KR270.information(plan.whole)))
+    assert plan.value == pytest.approx(value, rel=1e-9)
+
+
+def test_violation():
+    """The worst of the new poses counts, by its distance to the constraint; what is there already does not."""
+    assert exact().violation == 0
+    plan = exact(beside=True)
+    low = Plan(np.array([[0, 0.7, 1.0, 0, 0, 0]]), plan.plan.wrench[:1], np.array([1]))
+    worst = -float(KR270.workspace.slack(low.q).min())
+    assert worst > 0
+    assert replace(plan, plan=plan.plan + low).violation == worst
+    assert replace(plan, kept=low).violation == 0
+
+
+@pytest.mark.parametrize("beside", [False, True])
+def test_json(beside):
+    """Everything a program needs, as plain numbers; a row a pose, with degrees, wrench, and whether it was there."""
+    plan = exact("rho0", beside)
+    data = json.loads(json.dumps(plan.to_dict(), allow_nan=False))
+    assert data["criterion"] == "rho0"
+    assert data["experiments"] == 5 + beside
+    for key in ("value", "bound", "efficiency", "starts", "found", "optima", "ended", "seconds"):
+        assert data[key] == getattr(plan, key)
+    assert data["constraint_violation"] == 0
+    assert data["bound_searched"] is True
+    assert [row["kept"] for row in data["plan"]] == [True] * beside + [False] * 2
+    assert [row["repeats"] for row in data["plan"]] == plan.whole.repeats.tolist()
+    np.testing.assert_allclose(
+        [row["q_deg"] for row in data["plan"]], np.rad2deg(plan.whole.q), rtol=1e-14
+    )
+    np.testing.assert_array_equal([row["wrench"] for row in data["plan"]], plan.whole.wrench)
+
+
+def test_json_without_a_bound():
+    """A bound of nothing is null in JSON, which has no infinity, and a proved one is not called searched."""
+    plan = exact("D")
+    data = replace(plan, relaxed=replace(plan.relaxed, bound=0.0, searched=None)).to_dict()
+    assert data["bound"] is None
+    assert data["efficiency"] == 0
+    assert data["bound_searched"] is False
+    json.dumps(data, allow_nan=False)
+
+
+def test_summary():
+    """A person reads criterion, value and bound in mm, efficiency, how the search went, and a line per pose."""
+    plan = exact("rho0")
+    lines = plan.summary().splitlines()
+    assert lines[0].startswith("rho0, ")
+    assert lines[0].endswith("; 5 experiments in 2 poses")
+    assert lines[1].split() == ["value", f"{1e3 * plan.value:.6g}", "mm"]
+    assert lines[2].split()[:3] == ["bound", f"{1e3 * plan.bound:.6g}", "mm"]
+    assert "not proved" in lines[2]
+    assert lines[3].split() == ["efficiency", "80.00", "%"]
+    assert lines[4].startswith("32 starts in 1.2 s; 3 of the plans")
+    assert lines[4].endswith("among 4 different")
+    assert lines[5].split() == ["repeats", *(f"q{i}_deg" for i in range(1, 7))]
+    assert [line.split()[0] for line in lines[6:]] == ["3", "2"]
+    assert lines[6].split()[1:] == [f"{x:.3f}" for x in np.rad2deg(plan.plan.q[0])]
+    proved = replace(plan, relaxed=replace(plan.relaxed, searched=None))
+    assert "over the candidates" in proved.summary().splitlines()[2]
+    assert "mm" not in exact("D").summary()
+
+
+def test_summary_of_wrenches():
+    """Wrenches are shown where they may differ: when the load is chosen, and when others were there already."""
+    assert "Fz_N" not in exact("D").summary()
+    assert "Fz_N" in exact("D", space=LOADED["kr270 free"]).summary()
+    beside = exact("D", True).summary().splitlines()
+    assert "Fz_N" in beside[5]
+    assert beside[0].endswith("6 experiments in 3 poses, 1 of them there already")
+    assert [line.endswith("kept") for line in beside[6:]] == [True, False, False]

@@ -1,0 +1,141 @@
+"""Where a search for exact plans starts."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from designs import KR270, STUDY
+
+import criteria
+from criteria import create
+from edtk.design.candidates import Candidates, CandidateSource
+from edtk.design.exact.apportion import apportion
+from edtk.design.exact.exchange import exchange
+from edtk.design.exact.starts import Starts, exchanged, starts
+from edtk.design.problem import Problem
+from edtk.design.relaxation.relax_poses import relax_poses
+
+RHO0 = STUDY.criterion("rho0")
+SIZE = 12
+
+
+@cache
+def relaxed():
+    """A relaxation over a few candidates, of fewer support points than the largest number of places here."""
+    return relax_poses(CandidateSource(KR270, 0, "sobol", workers=1), 200, RHO0)
+
+
+@cache
+def made(m, k, seed=0):
+    """Starts of m experiments at k places."""
+    plan = relaxed()
+    support = Candidates(plan.x, KR270.problem(plan.x))
+    fresh = CandidateSource(KR270, 9, workers=1).take(30)
+    return starts(RHO0, m, k, support, plan.weights, fresh, SIZE, (seed,))
+
+
+def costs(some):
+    """Costs (b,) of starts."""
+    M = KR270.problem(some.x.reshape(-1, KR270.size)).blocks().reshape(*some.repeats.shape, 5, 5)
+    return RHO0.cost(np.einsum("bk,bkij->bij", some.repeats, M))
+
+
+@pytest.mark.parametrize(("m", "k"), [(3, 3), (4, 2), (12, 12), (25, 16)])
+def test_what_all_have_in_common(m, k):
+    """Each start has k feasible experiments and whole repetitions of sum m, with and without places to spare."""
+    some = made(m, k)
+    assert some.x.shape == (SIZE, k, KR270.size)
+    assert some.repeats.shape == (SIZE, k)
+    assert (some.repeats.sum(axis=1) == m).all()
+    assert (some.repeats >= 0).all()
+    assert (some.repeats == np.round(some.repeats)).all()
+    assert KR270.at(some.x).feasible.all()
+
+
+@pytest.mark.parametrize(("m", "k"), [(3, 3), (4, 2), (12, 12), (25, 16)])
+def test_the_first_is_the_apportionment(m, k):
+    """The first start measures the k heaviest poses of the relaxation as apportionment says, whatever the seed."""
+    plan = relaxed()
+    heaviest = np.argsort(-plan.weights, kind="stable")[:k]
+    expected = apportion(plan.weights[heaviest], m)
+    for seed in (0, 1):
+        x, repeats = made(m, k, seed).x[0], made(m, k, seed).repeats[0]
+        assert repeats[: len(heaviest)].tolist() == expected.tolist()
+        assert not repeats[len(heaviest) :].any()
+        np.testing.assert_array_equal(x[: len(heaviest)], plan.x[heaviest])
+
+
+def test_the_support_is_smaller_than_the_places():
+    """The largest case above has places to spare beyond the support."""
+    assert len(relaxed().weights) < 16
+
+
+@pytest.mark.parametrize(("m", "k"), [(4, 4), (7, 3)])
+def test_exchanged_ones_are_best_in_their_pool(m, k):
+    """Every other start is exchanged: none of its places can be improved from the pool, and none of its repetitions."""
+    plan, some = relaxed(), made(m, k)
+    pool = Candidates(plan.x, KR270.problem(plan.x)) + CandidateSource(KR270, 9, workers=1).take(30)
+    blocks, found = pool.problem.blocks(), costs(some)
+    for i in range(1, SIZE, 2):
+        own, r = KR270.problem(some.x[i]).blocks(), some.repeats[i]
+        M = np.tensordot(r, own, 1)
+        for j in np.flatnonzero(r):
+            assert RHO0.cost(M + r[j] * (blocks - own[j])).min() >= found[i] * (1 - 1e-9)
+            others = [RHO0.cost(M + own[n] - own[j]) for n in range(k) if n != j]
+            assert m == k or min(others) >= found[i] * (1 - 1e-9)
+    assert np.median(found[1::2]) < np.median(found[2::2])
+
+
+def test_drawn_by_weight():
+    """Every fourth start consists of support points only, and the others draw on fresh experiments too."""
+    plan = relaxed()
+
+    def known(i):
+        return [(x == plan.x).all(axis=1).any() for x in made(12, 12).x[i]]
+
+    assert all(all(known(i)) for i in range(4, SIZE, 4))
+    assert not any(all(known(i)) for i in range(2, SIZE, 4))
+
+
+def test_seeds():
+    """The same seed makes the same starts; another makes others."""
+    again = made.__wrapped__(4, 4)
+    np.testing.assert_array_equal(made(4, 4).x, again.x)
+    np.testing.assert_array_equal(made(4, 4).repeats, again.repeats)
+    assert (made(4, 4, 1).x[1:] != again.x[1:]).any()
+
+
+def test_some_of_them():
+    """Choosing keeps variables and repetitions together."""
+    some = Starts(np.arange(12.0).reshape(3, 2, 2), np.arange(6.0).reshape(3, 2))[np.array([2, 0])]
+    assert some.x[:, 0, 0].tolist() == [8, 0]
+    assert some.repeats[:, 0].tolist() == [4, 0]
+
+
+@pytest.mark.parametrize("name", criteria.available())
+def test_exchange_in_turn(name):
+    """Places and repetitions exchanged in turn keep the sum and are no worse than places exchanged alone."""
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        problem, criterion = (
+            Problem(rng.normal(size=(15, 2, 3))),
+            create(name, rng.normal(size=(2, 3))),
+        )
+        start, even = (
+            rng.integers(0, 15, (4, 3)),
+            np.tile(apportion(np.ones(3), 8).astype(float), (4, 1)),
+        )
+        places, repeats = exchanged(problem, criterion, start, even)
+        reached = criterion.cost(np.einsum("bk,bkij->bij", repeats, problem.blocks(places)))
+        assert (repeats.sum(axis=1) == 8).all()
+        assert (reached <= exchange(problem, criterion, start, even)[1] * (1 + 1e-9)).all()
+        for move in (np.eye(3)[:, None] - np.eye(3)[None]).reshape(-1, 3):
+            allowed = (repeats + move >= 0).all(axis=1)
+            moved = np.einsum(
+                "bk,bkij->bij", (repeats + move)[allowed], problem.blocks(places[allowed])
+            )
+            assert (criterion.cost(moved) >= reached[allowed] * (1 - 1e-8)).all()
+        alone = [
+            exchanged(problem, criterion, start[i : i + 1], even[i : i + 1])[0][0] for i in range(4)
+        ]
+        np.testing.assert_array_equal(places, alone)

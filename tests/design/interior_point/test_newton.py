@@ -1,0 +1,79 @@
+"""Newton directions: exact where the Hessian is positive definite, down in any case."""
+
+import numpy as np
+import pytest
+
+from edtk.design.interior_point.newton import LEAST, direction
+
+B, K, D = 6, 3, 4
+
+
+def whole(own, joint):
+    """Hessians (b, kd, kd) of blocks and what couples them."""
+    H = joint.copy()
+    for i in range(own.shape[1]):
+        part = slice(i * own.shape[2], (i + 1) * own.shape[2])
+        H[:, part, part] += own[:, i]
+    return H
+
+
+def case(seed):
+    """Symmetric blocks, coupling, and slopes, at random."""
+    rng = np.random.default_rng(seed)
+    own, joint = rng.normal(size=(B, K, D, D)), rng.normal(size=(B, K * D, K * D))
+    slope = rng.normal(size=(B, K, D))
+    return own + np.swapaxes(own, -1, -2), 0.1 * joint @ np.swapaxes(joint, -1, -2), slope
+
+
+def positive(own):
+    """Blocks that are positive definite."""
+    return own @ np.swapaxes(own, -1, -2) + np.eye(D)
+
+
+@pytest.mark.parametrize("late", [False, True])
+def test_newton(late):
+    """Where the Hessian is positive definite the step solves ``H d = -slope``, for every start."""
+    own, joint, slope = case(0)
+    d = direction(positive(own), joint, slope, np.full(B, late))
+    left = (whole(positive(own), joint) @ d.reshape(B, -1, 1))[..., 0] + slope.reshape(B, -1)
+    np.testing.assert_allclose(left, 0, atol=1e-9)
+
+
+@pytest.mark.parametrize("late", [False, True])
+def test_every_step_leads_down(late):
+    """Whatever the blocks, with a coupling that is positive semidefinite no step leads up."""
+    for seed in range(20):
+        own, joint, slope = case(seed)
+        assert (np.linalg.eigvalsh(whole(own, joint))[:, 0] < 0).any()
+        assert ((direction(own, joint, slope, np.full(B, late)) * slope).sum(axis=(1, 2)) < 0).all()
+
+
+def test_a_saddle_is_left_along_its_negative_direction():
+    """Near the end the sign of each negative eigenvalue of the whole is changed, small ones raised to a least size."""
+    V = np.linalg.qr(np.random.default_rng(1).normal(size=(K * D, K * D)))[0]
+    e = np.array([-2.0, -1e-9, 1e-9, *np.arange(1.0, K * D - 2)])
+    joint = (V * e) @ V.T
+    slope = V @ np.ones(K * D)
+    d = direction(np.zeros((1, K, D, D)), joint[None], slope.reshape(1, K, D), np.array([True]))
+    expected = -V @ (1 / np.r_[2.0, LEAST, LEAST, e[3:]])
+    np.testing.assert_allclose(d.ravel(), expected, atol=1e-6 / LEAST)
+
+
+def test_starts_do_not_see_each_other():
+    """A start that needs mending does not change the step of one that does not, early or late."""
+    own, joint, slope = case(3)
+    own[::2] = positive(own[::2])
+    late = np.arange(B) % 3 == 0
+    together = direction(own, joint, slope, late)
+    for i in range(B):
+        alone = direction(own[i : i + 1], joint[i : i + 1], slope[i : i + 1], late[i : i + 1])
+        np.testing.assert_allclose(together[i], alone[0], rtol=1e-9)
+
+
+def test_several_slopes_at_once():
+    """Steps of several slopes are those of each of them."""
+    own, joint, slope = case(4)
+    slopes, late = np.stack([slope, 2 * slope, slope[::-1]]), np.arange(B) % 2 == 0
+    together = direction(own, joint, slopes, late)
+    for some, steps in zip(slopes, together, strict=True):
+        np.testing.assert_allclose(direction(own, joint, some, late), steps, rtol=1e-9, atol=1e-12)

@@ -1,0 +1,145 @@
+"""The search for dearer poses, and which poses count as one."""
+
+import numpy as np
+import pytest
+from designs import DESIGNS, KR270
+
+from criteria import create
+from criteria.linalg.inverse import whitener
+from edtk.design.candidates import CandidateSource, sample_feasible
+from edtk.design.distinct import distinct
+from edtk.design.relaxation.relax import relax
+from edtk.design.relaxation.search_continuum import search_continuum
+from edtk.design.relaxation.sensitivity import sensitivity_and_slope
+
+on_each = pytest.mark.parametrize("space", DESIGNS.values(), ids=DESIGNS)
+ACCURACY = 1e-6
+
+
+def _spare(patch):
+    patch.setattr("edtk.design.relaxation.search_continuum.SCREEN", 2000)
+    patch.setattr("edtk.design.relaxation.search_continuum.STARTS", 12)
+
+
+@pytest.fixture(scope="module", params=["D", "O2"])
+def case(request):
+    """A criterion, the candidates of the paper's robot, and the multipliers of their optimum; two for one."""
+    criterion = create(request.param)
+    known = CandidateSource(KR270, 0).take(200)
+    Z = relax(known.problem, criterion).multipliers
+    if criterion.degree > 0:
+        Z = np.concatenate([Z, -criterion.gradient(known.problem.mean)[None]])
+    return criterion, known, Z
+
+
+@pytest.fixture(scope="module")
+def answer(case):
+    """What the search finds, with fewer fresh poses and starts than a plan takes."""
+    criterion, known, Z = case
+    with pytest.MonkeyPatch.context() as patch:
+        _spare(patch)
+        return search_continuum(KR270, criterion, Z, known, ACCURACY, (0, 1))
+
+
+def sensitivities(criterion, Z, x):
+    """Prices (r, n) of experiments (n, v), by the other formula for them."""
+    here = KR270.at(np.broadcast_to(x, (len(Z), *x.shape)))
+    return sensitivity_and_slope(here, Z, criterion.degree == 0)[0]
+
+
+def test_found_poses_are_feasible_and_have_their_information(case, answer):
+    """Every pose that comes back is feasible, and its information is that of its regressor."""
+    tops, found = answer
+    assert tops.shape == (len(case[2]),)
+    assert KR270.workspace.contains(found.x).all()
+    np.testing.assert_array_equal(found.problem.packed, KR270.problem(found.x).packed)
+    assert (found.x[:, 0] == KR270.fixed[0]).all()
+
+
+def test_tops_are_prices_of_found_poses_and_above_all_known_ones(case, answer):
+    """The dearest price by each multiplier is that of a pose found, and no known pose is dearer."""
+    (criterion, known, Z), (tops, found) = case, answer
+    here, there = sensitivities(criterion, Z, found.x), sensitivities(criterion, Z, known.x)
+    slip = 1e-12 * np.abs(here).max(axis=1)  # two orders of the same sums
+    assert (here.max(axis=1) >= tops - slip).all()
+    assert (there.max(axis=1) <= tops + slip).all()
+    assert (tops > there.max(axis=1) * (1 + 1e-3)).all()
+
+
+def test_no_random_pose_is_dearer(case, answer):
+    """Of twenty thousand other feasible poses none is dearer than what the search found."""
+    criterion, _, Z = case
+    assert (
+        sensitivities(criterion, Z, sample_feasible(KR270, 20_000, 99)).max(axis=1) <= answer[0]
+    ).all()
+
+
+def test_seeded(case, answer, monkeypatch):
+    """The seed decides what is found."""
+    _spare(monkeypatch)
+    criterion, known, Z = case
+    again, other = (
+        search_continuum(KR270, criterion, Z, known, ACCURACY, (0, turn)) for turn in (1, 2)
+    )
+    first = answer
+    np.testing.assert_array_equal(first[0], again[0])
+    np.testing.assert_array_equal(first[1].x, again[1].x)
+    assert first[1].x.shape != other[1].x.shape or (first[1].x != other[1].x).any()
+
+
+def symmetric(q):
+    """One pose (6,) of the KR 270, and seven others with the same information under a vertical force."""
+    turn = 2 * np.pi * np.eye(6)
+    flip = q * [1, 1, 1, 1, -1, 1] + np.pi * np.array([0, 0, 0, 1, 0, 1])
+    mirror = [1, 1, 1, -1, 1, -1]
+    return np.array(
+        [
+            q,
+            q + turn[3],
+            q - turn[5],
+            q * mirror,
+            flip,
+            flip * mirror,
+            flip - turn[3],
+            q + np.eye(6)[0],
+        ]
+    )
+
+
+def test_symmetric_poses_count_as_one():
+    """Full turns of q4 and q6, the flipped wrist, the mirrored arm and any q1 make no other pose; the first stays."""
+    q = sample_feasible(KR270, 12, 3)
+    every = np.concatenate([symmetric(x) for x in q])
+    problem = KR270.problem(every)
+    chosen = distinct(problem.blocks(), whitener(problem.mean), 1e-6)
+    np.testing.assert_array_equal(chosen, 8 * np.arange(12))
+    shuffled = np.random.default_rng(0).permutation(len(every))
+    chosen = shuffled[distinct(problem.blocks(shuffled), whitener(problem.mean), 1e-6)]
+    assert sorted(chosen // 8) == list(range(12))
+
+
+@on_each
+@pytest.mark.parametrize("tolerance", [0.0, 0.5])
+def test_distinct_keeps_the_first_of_each_kind(space, tolerance):
+    """What is dropped is like one before it that is kept, and what is kept is unlike all those."""
+    problem = space.problem(np.repeat(sample_feasible(space, 60, 4), 2, axis=0))
+    T = whitener(problem.mean)
+    W = T.T @ problem.blocks() @ T
+    chosen = distinct(problem.blocks(), T, tolerance)
+    assert chosen[0] == 0
+    assert (np.diff(chosen) > 0).all()
+    for i, w in enumerate(W):
+        before = chosen[chosen < i]
+        away = np.linalg.norm(W[before] - w, axis=(1, 2)) / np.linalg.norm(w)
+        assert (i in chosen) == (away > tolerance).all()
+    assert len(chosen) == 60 if tolerance == 0 else len(chosen) < 60
+
+
+def test_distinct_does_not_depend_on_units():
+    """Parameters in other units, from 1e-7 to 1e4, change nothing."""
+    S = np.diag([1e-7, 1e4, 1e-3, 1.0, 1e2])
+    problem = KR270.problem(sample_feasible(KR270, 100, 5))
+    T, blocks = whitener(problem.mean), problem.blocks()
+    chosen = distinct(blocks, T, 0.5)
+    assert 10 < len(chosen) < 90
+    np.testing.assert_array_equal(distinct(S @ blocks @ S, np.linalg.inv(S) @ T, 0.5), chosen)

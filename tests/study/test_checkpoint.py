@@ -1,0 +1,215 @@
+"""Finished cases on disk: what counts as finished, and what an answer rests on."""
+
+import importlib.metadata
+import json
+import math
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from edtk.study.checkpoint import Checkpoint, checkpoint_of
+from edtk.study.study import load_study
+
+ROOT = Path(__file__).parents[2]
+PATH = ROOT / "studies" / "kr270_milling.toml"
+ARM = """
+name = "arm"
+source = "made up"
+[[joints]]
+name = "q1"
+origin_m = [0, 0, 1.0]
+axis = [0, 1, 0]
+limits_deg = [-150, 150]
+[[joints]]
+name = "q2"
+origin_m = [0.7, 0, 0]
+axis = [0, 1, 0]
+limits_deg = [-120, 120]
+"""
+STUDY = """
+title = "Arm"
+robot = "arm.toml"
+sizes = [2]
+optimise = ["D"]
+criteria = ["D"]
+[tool]
+position_mm = [500, 0, 0]
+[load]
+F_N = [0, 0, -100]
+[measurement]
+sigma_mm = 0.1
+[joints]
+unknown = ["q1", "q2"]
+[workspace]
+excluded = "excluded.csv"
+"""
+EXCLUDED = "q1_deg,q2_deg\n10,20\n"
+
+
+@pytest.fixture
+def checkpoint(tmp_path):
+    return Checkpoint(tmp_path / "cases", "a" * 16)
+
+
+def test_numbers_come_back_bit_by_bit(checkpoint):
+    """What is found is what was kept: every float, integer, text and None, and the folder is made for it."""
+    answer = {
+        "q": [[0.1 + 0.2, -1e-300, 1e308], [math.pi, 5e-324, -0.0]],
+        "starts": 64,
+        "ended": "ß",
+        "searched": None,
+    }
+    checkpoint.keep("some_m3", answer)
+    found = checkpoint.find("some_m3")
+    assert repr(found) == repr(answer)
+    assert [path.name for path in checkpoint.folder.iterdir()] == ["some_m3.json"]
+
+
+def test_a_bound_that_says_nothing_comes_back(checkpoint):
+    """An infinite number survives too."""
+    checkpoint.keep("some", {"searched": math.inf})
+    assert checkpoint.find("some") == {"searched": math.inf}
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        b"",
+        b"\xff\xfe\x00 no text",
+        b'{"key": "aaaaaaaaaaaaaaaa", "answer": {"q": [1',
+        b"[1, 2]",
+        b"null",
+        b'{"answer": {"q": 1}}',
+        b'{"key": "bbbbbbbbbbbbbbbb", "answer": {"q": 1}}',
+        b'{"key": "aaaaaaaaaaaaaaaa", "answer": [1]}',
+        b'{"key": "aaaaaaaaaaaaaaaa"}',
+    ],
+)
+def test_what_is_no_answer_is_not_there(checkpoint, content):
+    """Garbage, half a file, another key and a file without answer count as nothing, and can be replaced."""
+    checkpoint.folder.mkdir()
+    (checkpoint.folder / "some.json").write_bytes(content)
+    assert checkpoint.find("some") is None
+    checkpoint.keep("some", {"q": 1})
+    assert checkpoint.find("some") == {"q": 1}
+
+
+def test_nothing_is_there_before_it_is_kept(checkpoint):
+    """A folder, a file or a case that does not exist is None, and nothing is made by asking; nor by forgetting."""
+    assert checkpoint.find("some") is None
+    checkpoint.forget(["some"])
+    assert not checkpoint.folder.exists()
+    checkpoint.keep("some", {})
+    assert checkpoint.find("other") is None
+    (checkpoint.folder / "folder.json").mkdir()
+    assert checkpoint.find("folder") is None
+
+
+def test_forget_leaves_what_is_named_and_what_is_not_a_case(checkpoint):
+    """Of the JSON files those that are named stay; other files do anyway."""
+    for name in ("one", "two", "three"):
+        checkpoint.keep(name, {"name": name})
+    (checkpoint.folder / "notes.txt").write_text("mine")
+    checkpoint.forget(["two", "four"])
+    assert {path.name for path in checkpoint.folder.iterdir()} == {"two.json", "notes.txt"}
+    assert checkpoint.find("two") == {"name": "two"}
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A folder with a study, its own robot and poses to stay away from."""
+    for name, content in {"study.toml": STUDY, "arm.toml": ARM, "excluded.csv": EXCLUDED}.items():
+        (tmp_path / name).write_text(content)
+    return tmp_path
+
+
+def key(folder, excluded=None):
+    return checkpoint_of(load_study(folder / "study.toml", excluded), folder / "cases").key
+
+
+def test_key_does_not_depend_on_the_place(folder, tmp_path_factory):
+    """The same files in another folder have the same key: sixteen hex digits."""
+    other = tmp_path_factory.mktemp("other")
+    shutil.copytree(folder, other, dirs_exist_ok=True)
+    assert key(folder) == key(other)
+    assert len(bytes.fromhex(key(folder))) == 8
+
+
+@pytest.mark.parametrize(
+    ("name", "old", "new"),
+    [
+        ("study.toml", "[0, 0, -100]", "[0, 0, -101]"),
+        ("study.toml", "sizes = [2]", "sizes = [2]\nseed = 1"),
+        ("arm.toml", "origin_m = [0.7, 0, 0]", "origin_m = [0.8, 0, 0]"),
+        (
+            "arm.toml",
+            "axis = [0, 1, 0]\nlimits_deg = [-120",
+            "axis = [0, 0, 1]\nlimits_deg = [-120",
+        ),
+        ("arm.toml", "[-120, 120]", "[-120, 121]"),
+        ("excluded.csv", "10,20", "10,21"),
+        ("excluded.csv", "10,20\n", "10,20\n-10,20\n"),
+    ],
+)
+def test_key_depends_on_the_study_its_robot_and_its_exclusions(folder, name, old, new):
+    """A change of any file that the answers rest on is another key, and the change undone is the first one again."""
+    before, text = key(folder), (folder / name).read_text()
+    assert text.count(old) == 1
+    (folder / name).write_text(text.replace(old, new))
+    assert key(folder) != before
+    (folder / name).write_text(text)
+    assert key(folder) == before
+
+
+def test_key_depends_on_poses_excluded_besides(folder, tmp_path):
+    """Poses that are excluded by option count as those in the study do."""
+    more = tmp_path / "more.csv"
+    more.write_text("q1_deg,q2_deg\n50,60\n")
+    assert key(folder, more) != key(folder)
+
+
+@pytest.mark.parametrize("library", ["numpy", "scipy", "cvxpy", "clarabel", "scs"])
+def test_key_depends_on_the_numerical_libraries(folder, monkeypatch, library):
+    """Another version of a library that computes the answers is another key."""
+    before, true = key(folder), importlib.metadata.version
+    monkeypatch.setattr(
+        importlib.metadata, "version", lambda name: "0.0.1" if name == library else true(name)
+    )
+    assert key(folder) != before
+
+
+def test_key_depends_on_the_code(tmp_path):
+    """A changed line in the toolkit, or in a criterion, is another key."""
+    for package in ("edtk", "criteria"):
+        shutil.copytree(
+            ROOT / package, tmp_path / package, ignore=shutil.ignore_patterns("__pycache__")
+        )
+    script = (
+        "import sys\nfrom pathlib import Path\nfrom edtk.study import load_study\n"
+        "from edtk.study.checkpoint import ledger_of\nstudy = load_study(Path(sys.argv[1]))\nkeys = []\n"
+        "for path in (None, *map(Path, sys.argv[2:])):\n"
+        "    if path:\n        path.write_text(path.read_text() + '# more\\n')\n"
+        "    keys.append(ledger_of(study, Path('cases')).key)\n"
+        "import edtk\nprint(edtk.__file__, *keys)"
+    )
+    changed = [tmp_path / "edtk/design/packed.py", tmp_path / "criteria/inverse.py"]
+    env = {**os.environ, "PYTHONPATH": str(tmp_path)}
+    command = [sys.executable, "-W", "error", "-c", script, str(PATH), *map(str, changed)]
+    done = subprocess.run(command, capture_output=True, text=True, env=env, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    where, *keys = done.stdout.split()
+    assert Path(where).is_relative_to(tmp_path)
+    assert len(set(keys)) == 3
+
+
+def test_file_is_readable(checkpoint):
+    """A case file is JSON with its key and its answer."""
+    checkpoint.keep("some", {"q": [1.5]})
+    assert json.loads((checkpoint.folder / "some.json").read_text()) == {
+        "key": "a" * 16,
+        "answer": {"q": [1.5]},
+    }

@@ -1,0 +1,141 @@
+"""The exact plan of a study, from Python: its bound, its limits in time, and what cannot be done."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import criteria
+from edtk.design.exact.exchange import _costs
+from edtk.design.plan import Plan
+from edtk.study.evaluate import evaluate
+from edtk.study.plan_study import plan_study
+from edtk.study.study import load_study
+from edtk.system.errors import UserError
+
+STUDY = load_study(Path(__file__).parents[2] / "studies" / "kr270_milling.toml")
+PAPERS = STUDY.published_plans()
+SOON = 0.5  # seconds after which a search may end
+
+
+@pytest.fixture(autouse=True)
+def few_starts(monkeypatch):
+    """One batch of starts, where nothing else ends the search."""
+    monkeypatch.setattr("edtk.study.plan_study.STARTS", 16)
+
+
+def part(plan, rows):
+    """Some rows of a plan."""
+    return Plan(plan.q[rows], plan.wrench[rows], plan.repeats[rows])
+
+
+@pytest.mark.parametrize("name", ["rho0", "E"])
+def test_kept_experiments_count_and_the_bound_holds_beside_them(name):
+    """Beside kept poses the new ones complete the plan, no completion is beyond the bound, and kept ones are whole."""
+    papers = PAPERS["table_4_4"]
+    kept, rest = part(papers, slice(0, 2)), part(papers, slice(2, None))
+    found = plan_study(STUDY, 4, name, kept=kept)
+    assert found.whole.experiments == 4
+    np.testing.assert_array_equal(found.whole.q[:2], kept.q)
+    assert found.value == pytest.approx(evaluate(STUDY, found.whole).criteria[name], rel=1e-9)
+    cost = STUDY.criterion(name).cost
+    rng = np.random.default_rng(1)
+    everything = np.concatenate([plan.q for plan in PAPERS.values()])
+    drawn = [everything[rng.choice(len(everything), 2)] for _ in range(20)]
+    completions = [rest, *(STUDY.space.plan(q, np.ones(2, dtype=int)) for q in drawn)]
+    completions += [STUDY.space.plan(rest.q[[i]], np.array([2])) for i in range(2)]
+    costs = [float(cost(STUDY.space.information(kept + completion))) for completion in completions]
+    assert found.bound_cost <= found.cost <= costs[0]
+    assert found.bound_cost <= min(costs)
+    assert 0.5 < found.efficiency <= 1
+
+
+def test_kept_repetitions_count():
+    """Kept experiments count with their repetitions, so that only one is new."""
+    kept = PAPERS["table_4_3"].repeated(2)
+    found = plan_study(STUDY, 7, "A", kept=kept, budget=SOON)
+    assert found.plan.experiments == 1
+    assert found.whole.experiments == 7
+
+
+def test_a_short_budget_still_gives_a_plan():
+    """Whatever the budget, there are a bound and a feasible plan of the size asked for; a bound cut off is said so."""
+    found = plan_study(STUDY, 3, "A", budget=1e-6)
+    assert found.ended == "budget"
+    assert found.starts == 16
+    assert found.plan.experiments == 3
+    assert found.violation == 0
+    assert 0 < found.bound < found.value < np.inf
+    assert 1 > found.bound_gap > 1e-3
+    assert "its search was cut off" in found.summary()
+
+
+def test_interrupted_search_has_its_best_plan(monkeypatch):
+    """Ctrl-C after the first starts leaves the best plan so far; during the relaxation it leaves nothing."""
+
+    def after(stage):
+        def progress(label):
+            if stage in label:
+                raise KeyboardInterrupt
+
+        return progress
+
+    monkeypatch.setattr("edtk.study.plan_study.STARTS", 64)
+    found = plan_study(STUDY, 3, "A", progress=after("starts"))
+    assert (found.ended, found.starts) == ("interrupted", 16)
+    assert found.value == pytest.approx(evaluate(STUDY, found.whole).criteria["A"], rel=1e-9)
+    with pytest.raises(KeyboardInterrupt):
+        plan_study(STUDY, 3, "A", progress=after("bound"))
+
+
+def test_progress_tells_of_bound_and_starts():
+    """Lines of progress are about the bound first, then about the starts."""
+    labels = []
+    plan_study(STUDY, 3, "A", budget=SOON, progress=labels.append)
+    assert labels[0].startswith("bound: ")
+    assert labels[-1] == "16 starts"
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        (
+            {"size": 1},
+            ["--size", "1 experiment cannot identify 5 parameters", "smallest number is 2"],
+        ),
+        (
+            {"size": 3, "distinct": 1},
+            ["--distinct", "1 distinct pose cannot", "smallest number is 2"],
+        ),
+        ({"size": 3, "distinct": 4}, ["--distinct 4", "at most 3"]),
+        (
+            {"size": 3, "kept": PAPERS["table_4_3"]},
+            ["--size 3", "3 experiments are kept", "more than that"],
+        ),
+        ({"size": 4, "distinct": 2, "kept": PAPERS["table_4_3"]}, ["--distinct 2", "at most 1"]),
+        ({"size": 3, "name": "O6"}, ["unknown criterion 'O6'"]),
+    ],
+)
+def test_what_cannot_be_done_is_one_line(given, words):
+    """Every question without an answer is refused with the option and what was expected."""
+    with pytest.raises(UserError) as caught:
+        plan_study(STUDY, **{"name": "A", "budget": SOON, **given})
+    assert "\n" not in str(caught.value)
+    for word in words:
+        assert word in str(caught.value)
+
+
+def test_exchange_beside_the_rounding_of_nothing():
+    """A parameter that what is left of a plan excites by rounding only is judged by the sum, not by an update."""
+    rest = np.array(
+        [
+            [1.957e14, 3.211e11, -5.452e3],
+            [3.211e11, 2.803e13, 1.533e3],
+            [-5.452e3, 1.533e3, 6.914e-7],
+        ]
+    )
+    U = np.random.default_rng(0).normal(size=(50, 3, 3)) * 1e6
+    joined = np.swapaxes(U, -1, -2) @ U
+    criterion = criteria.create("A")
+    costs = _costs(criterion, rest[None], joined[None], U[None], np.ones(1))[0]
+    np.testing.assert_allclose(costs, criterion.cost(rest + joined), rtol=1e-9)

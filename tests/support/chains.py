@@ -1,0 +1,24 @@
+"""A chain on which the tests of this folder rest: nothing in it is parallel, square or centred."""
+
+import numpy as np
+
+from edtk.model.robot import Joint, Robot, transform
+
+KINDS = ("revolute", "prismatic", "revolute", "revolute", "prismatic", "revolute", "revolute")
+
+
+def mixed_chain(n: int = len(KINDS)) -> Robot:
+    """Revolute and prismatic joints on skew axes, with rotated origins, and base and tool transforms."""
+    rng = np.random.default_rng(0)
+    joints = tuple(
+        Joint(
+            f"q{i + 1}",
+            transform(rng.normal(size=3), rng.uniform(-3, 3, size=3)),
+            rng.normal(size=3),
+            (-2.0, 2.0),
+            kind,
+        )
+        for i, kind in enumerate(KINDS[:n])
+    )
+    base = transform([0.3, -0.2, 0.5], [0.4, -0.7, 1.1])
+    return Robot("mixed", joints, base, transform([0.2, 0.1, -0.3], [1.0, 0.2, -0.5]))

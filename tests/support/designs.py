@@ -1,0 +1,73 @@
+"""The pose designs on which the tests of this folder rest: the paper's, and an odd one."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from edtk.design.design_space import DesignSpace
+from edtk.design.exact.log_cost import LogCost
+from edtk.design.interior_point.neighbourhood import Neighbourhood
+from edtk.model.elastostatic_model import ElastostaticModel
+from edtk.model.load import BoundedLoad, FixedLoad, FreeLoad, ListedLoad
+from edtk.model.robot import Joint, Robot, transform
+from edtk.model.workspace import Height, Tilt, Workspace
+from edtk.study.study import load_study
+
+STUDY = load_study(Path(__file__).parents[2] / "studies" / "kr270_milling.toml")
+KR270 = STUDY.space
+
+
+def odd() -> DesignSpace:
+    """Prismatic joints among revolute ones on skew axes, forces and torques, six measured rows, a fixed joint."""
+    rng = np.random.default_rng(3)
+    kinds = ("revolute", "prismatic", "revolute", "revolute", "prismatic", "revolute")
+    joints = tuple(
+        Joint(
+            f"q{i + 1}",
+            transform(rng.normal(size=3), rng.uniform(-3, 3, size=3)),
+            rng.normal(size=3),
+            (-2, 2),
+            kind,
+        )
+        for i, kind in enumerate(kinds)
+    )
+    robot = Robot(
+        "odd", joints, transform([0.3, -0.2, 0.5], [0.4, -0.7, 1.1]), transform([0.2, 0.1, -0.3])
+    )
+    return DesignSpace(
+        model=ElastostaticModel(robot, (0, 2, 3, 5), "pose"),
+        workspace=Workspace(robot, (Height(-0.5), Tilt(1.2))),
+        sigma=np.array([3e-5, 4e-5, 5e-5, 1e-4, 2e-4, 3e-4]),
+        load=FixedLoad(np.array([300.0, -200.0, 500.0, 40.0, -70.0, 90.0])),
+        free=[0, 1, 2, 4, 5],
+        fixed=np.array([0.0, 0.0, 0.0, 0.7, 0.0, 0.0]),
+    )
+
+
+DESIGNS = {"kr270": KR270, "odd": odd()}
+
+
+def loads(wrench) -> dict:
+    """A load of each kind whose largest force is that of a wrench (6,)."""
+    turned = np.concatenate([np.roll(wrench[:3], 1), np.roll(wrench[3:], 2)])
+    return {
+        "fixed": FixedLoad(wrench),
+        "bounded": BoundedLoad(wrench),
+        "listed": ListedLoad(np.array([wrench, turned, -0.3 * wrench])),
+        "free": FreeLoad(float(np.linalg.norm(wrench[:3]))),
+    }
+
+
+LOADED = {
+    f"{name} {kind}": replace(space, load=load)
+    for name, space in DESIGNS.items()
+    for kind, load in loads(space.load.always).items()
+}
+
+
+def log_cost_slope(space, criterion, x, repeats):
+    """Log costs (b,) of plans x (b, k, v) with repetitions (b, k), and slopes (b, k, d) by the movable variables."""
+    near = Neighbourhood(space, x)
+    value, slope, _, _ = LogCost(criterion, repeats).local(near, np.arange(len(x)))
+    return value, slope / near.span

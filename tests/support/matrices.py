@@ -1,0 +1,112 @@
+"""Random matrices, designs and tolerances on which the tests of this folder rest."""
+
+from functools import cache
+
+import cvxpy as cp
+import numpy as np
+from numpy.typing import NDArray
+
+import criteria
+from criteria.linalg.inverse import whitener
+from criteria.noise_amplification import SpectralBalance
+
+Array = NDArray[np.float64]
+EPS = np.finfo(float).eps
+SOLVER = 1e-9  # what the solver is asked for in `solve`, relative to an objective of order one
+
+
+@cache
+def make(name: str, p: int) -> criteria.Criterion:
+    """A criterion by name, with a random target if it needs one."""
+    return criteria.create(name, target=np.random.default_rng(p).normal(size=(3, p)))
+
+
+def balance(around: Array, share: float = 0.5) -> SpectralBalance:
+    """The member of O4's family to which ``a kappa`` contributes a given share at the design `around` (p, p)."""
+    s, kappa = (
+        float(make("E", len(around)).cost(around)),
+        float(make("O2", len(around)).cost(around)) ** 2,
+    )
+    return SpectralBalance(share / kappa, (1 - share) / s)
+
+
+def slip(*matrices: Array) -> float:
+    """Relative error to which a cost is defined: 64 p eps cond, of the worst matrix."""
+    return 64 * matrices[0].shape[-1] * EPS * max(np.linalg.cond(M).max() for M in matrices)
+
+
+def orthogonal(rng: np.random.Generator, p: int) -> Array:
+    """An orthogonal matrix (p, p)."""
+    return np.linalg.qr(rng.normal(size=(p, p)))[0]
+
+
+def with_spectrum(rng: np.random.Generator, eigenvalues: Array) -> Array:
+    """A symmetric matrix of given eigenvalues (p,) and random eigenvectors."""
+    Q = orthogonal(rng, len(eigenvalues))
+    M = (Q * eigenvalues) @ Q.T
+    return 0.5 * (M + M.T)
+
+
+def positive(rng: np.random.Generator, p: int, condition: float = 10.0) -> Array:
+    """A positive definite matrix (p, p) of at most a given condition."""
+    return with_spectrum(rng, condition ** rng.uniform(0, 1, size=p))
+
+
+def symmetric(rng: np.random.Generator, p: int) -> Array:
+    """A symmetric matrix (p, p) of norm one."""
+    H = rng.normal(size=(p, p))
+    return (H + H.T) / np.linalg.norm(H + H.T, 2)
+
+
+def units(rng: np.random.Generator, p: int) -> Array:
+    """Units (p,) of parameters, from 1e-7 to 1e4: with k = t k' information is multiplied by t t'."""
+    return 10 ** rng.uniform(-7, 4, size=p)
+
+
+def solve(
+    c: criteria.Criterion, blocks: Array, around: Array, T: Array
+) -> tuple[float, Array, Array]:
+    """Optimum of the criterion's program over candidates (n, p, p), weights (n,) of sum one, multiplier (p, p).
+
+    The optimum is that of ``(cost/unit)^power``, with `unit` the cost of the design `around`, which T whitens. The
+    multiplier of ``M == sum w_i M_i`` belongs to the original units.
+    """
+    w, M = cp.Variable(len(blocks), nonneg=True), cp.Variable(T.shape, symmetric=True)
+    whitened = T.T @ blocks @ T
+    rows, columns = np.triu_indices(len(T))
+    link = cp.vec(M, order="C")[rows * len(T) + columns] == whitened[:, rows, columns].T @ w
+    objective, constraints = c.formulation(M, cp.sum(w), T, float(c.cost(around)))
+    program = cp.Problem(cp.Minimize(objective), [link, *constraints])
+    assert program.is_dcp()
+    program.solve(solver="CLARABEL", tol_gap_rel=SOLVER, tol_gap_abs=SOLVER, tol_feas=SOLVER)
+    Y = np.zeros(T.shape)
+    Y[rows, columns] = link.dual_value / np.where(rows == columns, 1.0, 2.0)
+    weights = np.maximum(w.value, 0.0)
+    return float(program.value), weights / weights.sum(), T @ (Y + np.triu(Y, 1).T) @ T.T
+
+
+def optimum(c: criteria.Criterion, blocks: Array) -> tuple[Array, Array]:
+    """Optimal information (p, p) over the candidates, and the multiplier that proves it, psd where it must be."""
+    mean = blocks.mean(axis=0)
+    _, weights, Z = solve(c, blocks, mean, whitener(mean))
+    return np.tensordot(weights, blocks, axes=1), semidefinite(Z, mean) if c.monotone else Z
+
+
+def semidefinite(Z: Array, M: Array) -> Array:
+    """The positive semidefinite part of Z, taken in the parameters that whiten M."""
+    T = whitener(M)
+    S = np.linalg.inv(T)
+    z, V = np.linalg.eigh(S @ Z @ S.T)
+    half = (T @ V) * np.sqrt(np.maximum(z, 0.0))
+    return half @ half.T
+
+
+def candidates(rng: np.random.Generator, n: int, p: int, rows: int = 2) -> Array:
+    """Information (n, p, p) of n random candidates of a few rows each."""
+    A = rng.normal(size=(n, rows, p))
+    return np.swapaxes(A, 1, 2) @ A
+
+
+def sensitivities(Z: Array, blocks: Array) -> Array:
+    """The dearest prices (r,) of multipliers (r, p, p) over candidates (n, p, p)."""
+    return np.einsum("rij,nij->rn", Z, blocks).max(axis=1)

@@ -1,0 +1,274 @@
+"""Teams: processes of this machine, and a real Dask cluster whose processes are killed."""
+
+import operator
+import os
+import signal
+import socket
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from functools import cache, partial
+from pathlib import Path
+from threading import Thread
+from time import perf_counter, sleep, time
+
+import pytest
+
+from criteria import create
+from edtk.design.candidates import CandidateSource
+from edtk.design.exact.find_plan import find_plan
+from edtk.design.relaxation.relax_poses import relax_poses
+from edtk.study.study import load_study
+from edtk.system import workers as parallel
+from edtk.system.workers import Workers, WorkersLostError, open_workers
+
+LOOPBACK = "127.0.0.1"
+STARTED_S = 30.0  # for a process of ours to come up
+SOON_S = 15.0  # five for a connection or a loss to be noticed, and a machine that others use
+SEARCH = {"m": 3, "starts": 64, "patience": 4}  # four batches, two at a time
+
+# Pieces of work from the standard library, so that a new process has little to import.
+NAP = partial(sleep, 1.0)
+DEADLY = partial(signal.raise_signal, signal.SIGKILL)
+FAULTY = partial(operator.truediv, 1, 0)
+
+
+def _wait_for(path: Path) -> None:
+    """A piece of work that another process ends."""
+    limit = time() + STARTED_S
+    while not path.exists():
+        assert time() < limit
+        sleep(0.02)
+
+
+@cache
+def relaxed():
+    """The paper's problem over a few candidates."""
+    space = load_study(Path(__file__).parents[2] / "studies" / "kr270_milling.toml").space
+    return relax_poses(CandidateSource(space, 0, "sobol", workers=1), 200, create("D"))
+
+
+class Cluster:
+    """A Dask scheduler and workers, each a process on the loopback interface.
+
+    Args:
+        folder: Where their files go.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        with socket.socket() as s:
+            s.bind((LOOPBACK, 0))
+            self.port = s.getsockname()[1]
+        self.address, self.folder = f"tcp://{LOOPBACK}:{self.port}", folder
+        self.workers: list[subprocess.Popen[bytes]] = []
+        self.scheduler = self._process("scheduler", "--host", LOOPBACK, "--port", str(self.port))
+
+    def _process(self, kind: str, *options: str) -> "subprocess.Popen[bytes]":
+        quiet = ["--no-dashboard", "--dashboard-address", ":0"]
+        command = [sys.executable, "-m", f"distributed.cli.dask_{kind}", *options, *quiet]
+        with (self.folder / "log.txt").open("ab") as log:
+            return subprocess.Popen(command, cwd=self.folder, stdout=log, stderr=log)
+
+    def listen(self) -> None:
+        """Wait until the scheduler listens."""
+        limit = time() + STARTED_S
+        while True:
+            with socket.socket() as s:
+                if s.connect_ex((LOOPBACK, self.port)) == 0:
+                    return
+            assert time() < limit, (self.folder / "log.txt").read_text()
+            sleep(0.05)
+
+    def join(self, n: int) -> None:
+        """Start workers, and wait until the scheduler counts them."""
+        from distributed import Client
+
+        options = ["--nthreads", "1", "--no-nanny", "--local-directory", str(self.folder)]
+        self.workers += [self._process("worker", self.address, *options) for _ in range(n)]
+        with Client(self.address, timeout=STARTED_S, set_as_default=False) as client:
+            client.wait_for_workers(len(self.workers), timeout=STARTED_S)
+
+    def close(self) -> None:
+        """End all that was started."""
+        for process in (*self.workers, self.scheduler):
+            process.kill()
+            process.wait()
+
+
+@pytest.fixture
+def cluster(tmp_path: Path) -> Iterator[Cluster]:
+    """A scheduler without workers."""
+    pytest.importorskip("distributed")
+    cluster = Cluster(tmp_path)
+    try:
+        cluster.listen()
+        yield cluster
+    finally:
+        cluster.close()
+
+
+@pytest.mark.parametrize("size", [1, 2, 3])
+def test_every_piece_is_answered_once(size):
+    """Pieces come back with their own index, each exactly once, whatever the number of processes."""
+    pieces: list[Callable[[], int]] = [partial(pow, 10, i) for i in range(5)]
+    assert sorted(Workers(size).run(pieces)) == [(i, 10**i) for i in range(5)]
+
+
+def test_answers_come_when_they_are_there(tmp_path):
+    """A piece that takes long does not hold up those after it."""
+    path = tmp_path / "others_are_done"
+    order = []
+    for i, _ in Workers(2).run([partial(_wait_for, path), partial(pow, 1, 1), partial(pow, 1, 1)]):
+        order.append(i)
+        if len(order) == 2:
+            path.touch()
+    assert order[-1] == 0
+
+
+@pytest.mark.parametrize("size", [1, 2])
+def test_a_mistake_stays_what_it_is(size):
+    """An exception inside a piece of work reaches the caller as itself and not as a loss of workers."""
+    with pytest.raises(ZeroDivisionError):
+        list(Workers(size).run([FAULTY, FAULTY]))
+
+
+def test_this_machine():
+    """A team of this machine has as many processes as one asks for, or one a core."""
+    with open_workers(3) as three, open_workers() as every:
+        assert three.size == 3
+        assert every.size == os.cpu_count()
+
+
+def test_a_process_that_dies():
+    """When a process of this machine is killed, as by a lack of memory, the loss is named, and the next team works."""
+    with pytest.raises(WorkersLostError, match="this machine"):
+        list(Workers(2).run([DEADLY, DEADLY]))
+    assert sorted(Workers(2).run([partial(pow, 10, i) for i in range(2)])) == [(0, 1), (1, 10)]
+
+
+@pytest.mark.parametrize("address", [f"tcp://{LOOPBACK}:{{}}", "nonsense://here"])
+def test_nobody_there(address):
+    """An address where nobody answers, or that is none, is refused soon, by a message that names it."""
+    pytest.importorskip("distributed")
+    with socket.socket() as s:
+        s.bind((LOOPBACK, 0))  # taken, but nobody listens
+        address = address.format(s.getsockname()[1])
+        since = perf_counter()
+        with (
+            pytest.raises(WorkersLostError, match=f"answers at {address}"),
+            open_workers(dask=address),
+        ):
+            pass
+        assert perf_counter() - since < SOON_S
+
+
+@pytest.mark.parametrize("answer", [None, b"", b"HTTP/1.1 400 Bad Request\r\n\r\n" + 100 * b"x"])
+def test_something_else_answers(answer, capfd):
+    """Where something listens that is no scheduler (silent, hanging up, a web server) one line says so, and soon."""
+    pytest.importorskip("distributed")
+    with socket.create_server((LOOPBACK, 0)) as server:
+        address, callers = f"tcp://{LOOPBACK}:{server.getsockname()[1]}", []
+
+        def listen():
+            with suppress(OSError):  # closed at the end
+                while True:
+                    callers.append(server.accept()[0])
+                    if answer is not None:
+                        callers[-1].sendall(answer)
+                        callers[-1].close()
+
+        Thread(target=listen, daemon=True).start()
+        start = perf_counter()
+        with (
+            pytest.raises(WorkersLostError, match=f"no Dask scheduler answers at {address}"),
+            open_workers(dask=address),
+        ):
+            pass
+        assert perf_counter() - start < SOON_S
+    assert callers
+    assert capfd.readouterr() == ("", "")
+
+
+def test_without_distributed(monkeypatch):
+    """Where Dask is not installed, the message names the extra that brings it."""
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with (
+        pytest.raises(WorkersLostError, match=r"edtk\[cluster\]"),
+        open_workers(dask=f"tcp://{LOOPBACK}:1"),
+    ):
+        pass
+
+
+def test_scheduler_without_workers(cluster):
+    """A cluster without workers is refused soon, by a message that says what it lacks."""
+    since = perf_counter()
+    with (
+        pytest.raises(WorkersLostError, match=f"{cluster.address} has no workers"),
+        open_workers(dask=cluster.address),
+    ):
+        pass
+    assert perf_counter() - since < SOON_S
+
+
+def test_a_single_core_is_enough(cluster):
+    """A cluster of one core does the work itself: not a piece of it is done in this process."""
+    cluster.join(1)
+    with open_workers(dask=cluster.address) as one:
+        assert {pid for _, pid in one.run([os.getpid] * 4)} == {cluster.workers[0].pid}
+
+
+def test_a_worker_killed_between_batches(cluster):
+    """Two Dask workers, of which one is killed in the middle of the search, find the very plan that one process finds.
+
+    The same plan is the same bit by bit, found just as often among as many others.
+    """
+    cluster.join(2)
+    alone = find_plan(relaxed(), **SEARCH)
+    with open_workers(dask=cluster.address) as both:
+        assert both.size == 2
+        plan = find_plan(
+            relaxed(), **SEARCH, workers=both, progress=lambda *_: cluster.workers[0].kill()
+        )
+    assert cluster.workers[0].wait() == -signal.SIGKILL
+    assert cluster.workers[1].poll() is None
+    assert plan.starts == alone.starts == SEARCH["starts"]
+    assert plan.plan.q.tobytes() == alone.plan.q.tobytes()
+    assert plan.plan.repeats.tolist() == alone.plan.repeats.tolist()
+    assert (plan.cost, plan.found, plan.optima, plan.ended) == (
+        alone.cost,
+        alone.found,
+        alone.optima,
+        alone.ended,
+    )
+
+
+def test_a_worker_killed_at_work(cluster):
+    """A worker that is killed while it works has its pieces done by the other one."""
+    cluster.join(2)
+    with open_workers(dask=cluster.address) as both:
+        answers = both.run([NAP] * 4)
+        done = [next(answers)]  # and the next ones are under way
+        cluster.workers[1].kill()
+        assert sorted([*done, *answers]) == [(i, None) for i in range(4)]
+        assert {pid for _, pid in both.run([os.getpid] * 4)} == {cluster.workers[0].pid}
+
+
+@pytest.mark.parametrize("who", ["scheduler", "workers"])
+def test_all_killed_at_work(cluster, monkeypatch, capfd, who):
+    """When the scheduler is killed, or every worker is, the work in progress soon ends by a message, and no other."""
+    monkeypatch.setattr(parallel, "PATIENCE_S", 2.0)
+    cluster.join(2)
+    killed = []
+
+    def work() -> None:
+        with open_workers(dask=cluster.address) as both:
+            for _ in both.run([NAP] * 6):
+                for process in cluster.workers if who == "workers" else [cluster.scheduler]:
+                    process.kill()
+                killed.append(perf_counter())
+
+    with pytest.raises(WorkersLostError, match=f"{cluster.address} have gone away"):
+        work()
+    assert perf_counter() - killed[0] < SOON_S
+    assert "distributed" not in capfd.readouterr().err
