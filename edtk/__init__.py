@@ -1,3 +1,5 @@
 """edtk: plans of experiments that can be trusted, for robot calibration and any linear(ised) model."""
 
-__version__ = "0.1.0"
+from edtk.version import __version__
+
+__all__ = ["__version__"]

@@ -2,7 +2,6 @@
 
 import click
 
-import edtk
 from edtk.commands import (
     bayes,
     bias,
@@ -16,6 +15,7 @@ from edtk.commands import (
     template,
 )
 from edtk.commands.one_line import OneLine
+from edtk.version import __version__
 
 
 class _Group(OneLine, click.Group):
@@ -25,7 +25,7 @@ class _Group(OneLine, click.Group):
 @click.group(
     cls=_Group, context_settings={"help_option_names": ["-h", "--help"]}, no_args_is_help=False
 )
-@click.version_option(edtk.__version__, prog_name="edtk")
+@click.version_option(__version__, prog_name="edtk")
 def main() -> None:
     """Design calibration experiments, identify compliances, and say how good both are."""
 

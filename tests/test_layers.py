@@ -1,36 +1,110 @@
-"""The direction of imports."""
+"""The plan of the house: in which direction rooms import, and what a module is called."""
 
 import ast
+import re
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).parents[1]
-LAYERS = (
-    "edtk.system",
-    "criteria",
-    "edtk.model",
-    "edtk.tables",
+
+# From the ground up.
+FLOORS = (
+    ("edtk.version",),
+    ("edtk.system",),
+    ("criteria.linalg",),
+    ("criteria",),
+    ("edtk.model",),
+    ("edtk.tables",),
     ("edtk.design", "edtk.inference"),
-    "edtk.study",
-    "edtk.calibration",
-    "edtk.report",
-    "edtk.commands",
-    "edtk.cli",
+    ("edtk.design.interior_point",),
+    ("edtk.design.relaxation",),
+    ("edtk.design.exact",),
+    ("edtk.study",),
+    ("edtk.calibration",),
+    ("edtk.report",),
+    ("edtk.verbs",),
+    ("edtk.commands",),
+    ("edtk.cli",),
 )
-ORDER = {
-    name: i
-    for i, layer in enumerate(LAYERS)
-    for name in ([layer] if isinstance(layer, str) else layer)
+LEVELS = {room: level for level, rooms in enumerate(FLOORS) for room in rooms}
+SIBLINGS = ("edtk.design", "edtk.inference")  # with their wings, neither imports the other
+FILES = sorted(path for folder in ("criteria", "edtk") for path in (ROOT / folder).rglob("*.py"))
+
+# Modules that are a kit of small things, or the program's own entry, instead of one public thing.
+KITS = {
+    "criteria/linalg/null_space",
+    "criteria/linalg/spectrum",
+    "criteria/linalg/triangle",
+    "criteria/linalg/typing",
+    "criteria/registry",
+    "edtk/cli",
+    "edtk/design/interior_point/barrier",
+    "edtk/design/packed",
+    "edtk/study/schema",
+    "edtk/system/atomic_file",
+    "edtk/system/errors",
+    "edtk/system/typing",
+    "edtk/system/workers",
+    "edtk/version",
 }
-FILES = sorted(p for folder in ("criteria", "edtk") for p in (ROOT / folder).rglob("*.py"))
+
+# Modules that are still to be split or renamed, and modules that still import from a room above
+# their own. Both lists only ever get shorter.
+NOT_YET_NAMED = {
+    "criteria/expression",
+    "criteria/linalg/inverse",
+    "criteria/second_derivative",
+    "edtk/calibration/inference_data",
+    "edtk/calibration/input_errors",
+    "edtk/commands/bayes",
+    "edtk/commands/bias",
+    "edtk/commands/compensate",
+    "edtk/commands/criteria",
+    "edtk/commands/evaluate",
+    "edtk/commands/identify",
+    "edtk/commands/plan",
+    "edtk/commands/relax",
+    "edtk/commands/run",
+    "edtk/commands/shared",
+    "edtk/commands/template",
+    "edtk/design/interior_point/newton",
+    "edtk/design/relaxation/sensitivity",
+    "edtk/inference/convergence",
+    "edtk/inference/huber",
+    "edtk/inference/least_squares",
+    "edtk/inference/mcmc",
+    "edtk/inference/outliers",
+    "edtk/model/compensation",
+    "edtk/report/calibration_report",
+    "edtk/report/comparison_report",
+    "edtk/report/figures",
+    "edtk/report/html",
+    "edtk/report/markdown",
+    "edtk/report/posterior_figures",
+    "edtk/report/posterior_report",
+}
+NOT_YET_DOWNWARDS = {
+    ("edtk.calibration.calibrate", "edtk.report"),
+    ("edtk.study.run_study", "edtk.report"),
+}
 
 
-def layer_of(module: str) -> int | None:
-    """The number of a module's layer, from below."""
-    return next(
-        (i for name, i in ORDER.items() if module == name or module.startswith(f"{name}.")), None
-    )
+def module_of(path: Path) -> str:
+    """The dotted name of a file; a package's is that of its folder."""
+    return ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
+
+
+def is_in(name: str, room: str) -> bool:
+    """Whether a dotted name is a room, or inside it."""
+    return name == room or name.startswith(f"{room}.")
+
+
+def room_of(module: str) -> str | None:
+    """The innermost room that a module belongs to; None for the front door and foreign modules."""
+    parts = module.split(".")
+    outwards = (".".join(parts[:length]) for length in range(len(parts), 0, -1))
+    return next((name for name in outwards if name in LEVELS), None)
 
 
 def imported(tree: ast.AST) -> set[str]:
@@ -38,33 +112,98 @@ def imported(tree: ast.AST) -> set[str]:
     names: set[str] = set()
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
-            names |= {a.name for a in node.names}
+            names |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
-            names |= {node.module or ""} | {f"{node.module}.{a.name}" for a in node.names}
+            names |= {f"{node.module}.{alias.name}" for alias in node.names}
     return names
 
 
-@pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(ROOT)))
+def may_import(module: str, name: str) -> bool:
+    """Whether a module may import a name: of its own room, or of one on a floor below."""
+    own = room_of(module)
+    other = room_of(name)
+    if own is None or other is None:
+        return True
+    between = {sibling for sibling in SIBLINGS for room in (own, other) if is_in(room, sibling)}
+    if len(between) == 2:
+        return False
+    return own == other or LEVELS[other] < LEVELS[own]
+
+
+def public_names(tree: ast.Module) -> set[str]:
+    """Names that a module defines at its top level, those with a leading underscore aside."""
+    names: set[str] = set()
+    for node in tree.body:
+        if isinstance(node, ast.FunctionDef | ast.ClassDef):
+            names.add(node.name)
+        elif isinstance(node, ast.Assign):
+            names |= {target.id for target in node.targets if isinstance(target, ast.Name)}
+        elif isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name):
+            names.add(node.target.id)
+    return {name for name in names if not name.startswith("_")}
+
+
+def snake_case(name: str) -> str:
+    """The name of the file of a class or function: PoseTable is in pose_table."""
+    return re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", "_", name).lower()
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(ROOT)))
 def test_imports_run_only_downwards(path: Path) -> None:
-    """No module imports from a layer above its own, the criteria nothing of edtk's, and nothing from the scripts."""
-    module = ".".join(path.relative_to(ROOT).with_suffix("").parts)
-    own = layer_of(module)
+    """No module imports from a floor above, from a sibling room, or from the scripts."""
+    module = module_of(path)
     for name in imported(ast.parse(path.read_text())):
-        other = layer_of(name)
-        assert own is None or other is None or other <= own, f"{module} imports {name}"
+        excused = (module, room_of(name)) in NOT_YET_DOWNWARDS
+        assert excused or may_import(module, name), f"{module} imports {name}"
         assert name.split(".")[0] not in ("paper_figures", "studies"), f"{module} imports {name}"
-        assert not (module.startswith("criteria") and name.startswith("edtk")), (
-            f"{module} imports {name}"
-        )
+        from_edtk = module.startswith("criteria") and name.split(".")[0] == "edtk"
+        assert not from_edtk, f"{module} imports {name}: criteria know nothing of edtk"
 
 
-def test_a_wrong_import_is_found() -> None:
-    """A module of a higher layer is found whichever way it is imported."""
-    for text in (
-        "import edtk.calibration.posterior_check",
-        "from edtk import study",
-        "from edtk.study import bayes",
-    ):
-        assert max(layer_of(name) or 0 for name in imported(ast.parse(text))) == layer_of(
-            "edtk.study"
-        )
+@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_a_module_is_named_after_its_public_thing(path: Path) -> None:
+    """Every module but a kit defines a public name whose snake_case is the name of the file."""
+    name = str(path.relative_to(ROOT).with_suffix(""))
+    if path.stem.startswith("__") or name in KITS | NOT_YET_NAMED:
+        return
+    names = public_names(ast.parse(path.read_text()))
+    assert path.stem in {snake_case(public) for public in names}, f"{name} defines {sorted(names)}"
+
+
+@pytest.mark.parametrize(
+    ("module", "statement", "allowed"),
+    [
+        ("edtk.design.problem", "import edtk.calibration.posterior_check", False),
+        ("edtk.model.robot", "from edtk import study", False),
+        ("edtk.design.problem", "from edtk.study.study import Study", False),
+        ("edtk.design.problem", "from edtk.design.exact.refine import refine", False),
+        ("edtk.design.relaxation.relax", "from edtk.design import exact", False),
+        ("edtk.design.exact.refine", "from edtk.inference.huber import huber_fit", False),
+        ("edtk.inference.identify", "from edtk.design.plan import Plan", False),
+        ("edtk.verbs.plan", "from edtk.commands.plan import command", False),
+        ("edtk.design.exact.refine", "from edtk.design import relaxation", True),
+        ("edtk.design.exact.refine", "from edtk.design.plan import Plan", True),
+        ("edtk.commands.plan", "from edtk.verbs import plan", True),
+        ("edtk.system.workers", "from edtk.version import __version__", True),
+        ("edtk.design.problem", "from criteria.linalg import triangle", True),
+    ],
+)
+def test_a_wrong_import_is_found(module: str, statement: str, allowed: bool) -> None:
+    """An import from above or from a sibling is found however it is written, inside design too."""
+    names = imported(ast.parse(statement))
+    assert all(may_import(module, name) for name in names) == allowed
+
+
+@pytest.mark.parametrize(
+    ("name", "file"),
+    [
+        ("PoseTable", "pose_table"),
+        ("AOptimality", "a_optimality"),
+        ("LogCost", "log_cost"),
+        ("mcmc", "mcmc"),
+        ("MCMC", "mcmc"),
+    ],
+)
+def test_names_of_files(name: str, file: str) -> None:
+    """Capitals that follow each other stay together."""
+    assert snake_case(name) == file

@@ -5,7 +5,6 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.stats import probplot
 
-import edtk
 from edtk.calibration.diagnostics import Diagnostic
 from edtk.calibration.posterior_check import PosteriorCheck
 from edtk.inference.identify import Identification
@@ -14,6 +13,7 @@ from edtk.report.figures import COLOURS
 from edtk.report.html import Page, footer, heading, paragraph, picture, table, verdict
 from edtk.report.posterior_report import posterior_part
 from edtk.study.study import Study
+from edtk.version import __version__
 
 Array = NDArray[np.float64]
 LEVELS = ("good", "warn", "bad")
@@ -64,7 +64,7 @@ def identification_page(
     rows, poses = len(fit.residual), int(pose.max()) + 1
     note = (
         f"{name}: {rows} measurements in {poses} poses; robot {study.robot.name}; study {study.digest}; "
-        f"edtk {edtk.__version__}."
+        f"edtk {__version__}."
     )
     return (page + footer(note)).html()
 

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 import criteria
-import edtk
 from edtk.study.study import Study
 from edtk.system.atomic_file import write_text
 
@@ -81,7 +80,6 @@ def checkpoint_of(study: Study, folder: Path) -> Checkpoint:
 
 def _code(study: Study) -> set[Path]:
     """Source files that an answer rests on: the toolkit's, and those of the study's criteria."""
-    found = {
-        path for package in (edtk, criteria) for path in Path(package.__path__[0]).rglob("*.py")
-    }
+    packages = (Path(__file__).parents[1], Path(criteria.__path__[0]))
+    found = {path for package in packages for path in package.rglob("*.py")}
     return found | {Path(inspect.getfile(criteria.get(name))) for name in study.names}

@@ -10,7 +10,6 @@ import numpy as np
 import pandas as pd
 
 import criteria
-import edtk
 from edtk.design.candidates import EmptyFeasibleSetError, sample_feasible
 from edtk.design.exact.find_plan import TooFewError, find_plan, smallest_size
 from edtk.design.exact.log_cost import information
@@ -24,6 +23,7 @@ from edtk.study.study import Study
 from edtk.system.atomic_file import atomic_path
 from edtk.system.errors import UserError
 from edtk.system.workers import Workers, WorkersLostError
+from edtk.version import __version__
 
 Progress = Callable[[str], object]
 TOLERANCE = 1e-4  # of the search over the continuum
@@ -293,7 +293,7 @@ def _table(study: Study, cases: list[Case], relaxed: dict[str, RelaxedPlan]) -> 
         row |= {
             "seed": study.specification.seed,
             "study_sha256": study.digest,
-            "edtk": edtk.__version__,
+            "edtk": __version__,
         }
         rows.append(row)
     return pd.DataFrame(rows)
