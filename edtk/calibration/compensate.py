@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from edtk.design.plan import Plan, PlanFileError
+from edtk.design.plan import Plan
 from edtk.inference.error_quantiles import error_quantiles
 from edtk.model.compensation import all_compliances, compensated_joints, compensation_accuracy
 from edtk.model.elastostatic_model import ElastostaticModel
@@ -19,7 +19,7 @@ from edtk.study.study import Study
 from edtk.system.atomic_file import atomic_path
 from edtk.system.errors import UserError
 from edtk.tables.compliances import Compliances
-from edtk.tables.pose_table import WRENCH_COLUMNS, pose_columns, pose_factors
+from edtk.tables.pose_table import WRENCH_COLUMNS, PoseFileError, pose_columns, pose_factors
 
 Array = NDArray[np.float64]
 BAND = (0.025, 0.975)
@@ -133,7 +133,7 @@ def load_task(study: Study, path: Path | str) -> Plan:
         )
     try:
         return Plan.from_csv(path, study.robot, study.fixed, pose.load.build())
-    except PlanFileError as error:
+    except PoseFileError as error:
         raise UserError(str(error)) from error
 
 

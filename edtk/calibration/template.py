@@ -34,7 +34,7 @@ def template(study: Study, plan: Plan, positions: bool = False, markers: int = 0
         Poses and wrenches in the units of the headers, and empty columns to fill in: a measurement file to be.
     """
     lower, upper = study.robot.limits
-    table = plan.table(study.robot).iloc[visiting_order(plan.q, upper - lower)]
+    table = plan.to_frame(study.robot).iloc[visiting_order(plan.q, upper - lower)]
     table = (
         table.loc[table.index.repeat(table["repeats"])]
         .drop(columns="repeats")

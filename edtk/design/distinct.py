@@ -1,25 +1,28 @@
-"""Experiments that tell something different from each other."""
+"""Experiments whose information differs from each other."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int_]
+from edtk.system.typing import Array, Indices
 
 
 def distinct(blocks: Array, T: Array, tolerance: float) -> Indices:
-    """Indices of blocks (k, p, p) that differ from every one before them that is kept.
+    """Choose experiments no two of which tell the same.
 
-    Poses that a symmetry of robot and load maps onto each other have the same information, whatever the symmetry.
+    Poses that a symmetry of robot and load maps onto each other have the same information. The
+    comparison of information finds them without knowing the symmetry.
 
     Args:
-        blocks: Information of poses (k, p, p), the preferred ones first.
-        T: What whitens the parameters (p, p).
-        tolerance: Relative difference below which two are the same.
+        blocks: Information matrices (n, p, p), the preferred ones first.
+        T: Matrix (p, p) that whitens the parameters.
+        tolerance: Relative difference up to which two experiments count as the same.
+
+    Returns:
+        Indices of the experiments that differ from every preferred one that was chosen.
     """
-    W = (T.T @ blocks @ T).reshape(len(blocks), -1)
-    kept: list[int] = []
-    for i, w in enumerate(W):
-        if not kept or np.linalg.norm(W[kept] - w, axis=1).min() > tolerance * np.linalg.norm(w):
-            kept.append(i)
-    return np.array(kept, dtype=int)
+    whitened = (T.T @ blocks @ T).reshape(len(blocks), -1)
+    chosen: list[int] = []
+    for i, own in enumerate(whitened):
+        least = tolerance * np.linalg.norm(own)
+        if not chosen or np.linalg.norm(whitened[chosen] - own, axis=1).min() > least:
+            chosen.append(i)
+    return np.array(chosen, dtype=int)

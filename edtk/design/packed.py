@@ -1,21 +1,21 @@
-"""Symmetric matrices as columns: the upper triangle, row by row, candidates last.
+"""Packed symmetric matrices: the upper triangle, row by row, as columns with candidates last.
 
-A million 5 x 5 information matrices are then one (15, 10^6) array, and pricing them all is one matrix product.
+A million 5 x 5 information matrices are then one array (15, 10^6), and the sensitivities of all of
+them are one matrix product.
 """
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from criteria.linalg.triangle import triangle
-
-Array = NDArray[np.float64]
+from edtk.system.typing import Array
 
 
 def order(length: int) -> int:
-    """The p for which ``p (p + 1)/2`` entries make a packed matrix.
+    """Find the order p of the matrix whose upper triangle has ``p (p + 1)/2`` entries.
 
     Raises:
-        ValueError: There is none.
+        ValueError: No upper triangle of a square matrix has this length.
     """
     p = int((np.sqrt(8 * length + 1) - 1) / 2)
     if p < 1 or p * (p + 1) // 2 != length:
@@ -24,28 +24,51 @@ def order(length: int) -> int:
 
 
 def pack_gram(A: Array) -> Array:
-    """``A' A`` packed (p(p+1)/2, ...) of regressors A (p, rows, ...), component first."""
+    """Compute the information ``A' A`` of many regressors at once.
+
+    Args:
+        A: Regressors (p, rows, ...), component first.
+
+    Returns:
+        Packed matrices (p(p+1)/2, ...).
+    """
     p = len(A)
     packed = np.empty((p * (p + 1) // 2, *A.shape[2:]))
-    for k, (i, j) in enumerate(zip(*triangle(p), strict=True)):
-        out = packed[k, ...]
+    for entry, (i, j) in enumerate(zip(*triangle(p), strict=True)):
+        # The products are added in place: a temporary for all rows would be as large as A itself.
+        out = packed[entry, ...]
         np.multiply(A[i, 0], A[j, 0], out=out)
-        for r in range(1, A.shape[1]):
-            out += A[i, r] * A[j, r]
+        for row in range(1, A.shape[1]):
+            out += A[i, row] * A[j, row]
     return packed
 
 
+def pack(M: Array) -> Array:
+    """Pack symmetric matrices (..., p, p) as columns (p(p+1)/2, ...)."""
+    rows, columns = triangle(M.shape[-1])
+    return np.moveaxis(M[..., rows, columns], -1, 0)
+
+
 def unpack(packed: Array) -> Array:
-    """Symmetric matrices (..., p, p) of packed columns (p(p+1)/2, ...)."""
+    """Restore symmetric matrices (..., p, p) from packed columns (p(p+1)/2, ...)."""
     p = order(len(packed))
     rows, columns = triangle(p)
+    entries = packed.transpose(*range(1, packed.ndim), 0)
     M = np.empty((*packed.shape[1:], p, p))
-    M[..., rows, columns] = M[..., columns, rows] = packed.transpose(*range(1, packed.ndim), 0)
+    M[..., rows, columns] = entries
+    M[..., columns, rows] = entries
     return M
 
 
 def sensitivity_rows(Z: ArrayLike) -> Array:
-    """Rows (..., p(p+1)/2) whose product with packed matrices is ``<Z, M>``: off-diagonal entries count twice."""
+    """Prepare multipliers so that one matrix product gives ``<Z, M>`` of all packed matrices.
+
+    Args:
+        Z: Symmetric multipliers (..., p, p).
+
+    Returns:
+        Rows (..., p(p+1)/2), in which off-diagonal entries count twice.
+    """
     Z = np.asarray(Z, dtype=float)
     rows, columns = triangle(Z.shape[-1])
     return Z[..., rows, columns] * np.where(rows == columns, 1.0, 2.0)

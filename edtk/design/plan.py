@@ -1,25 +1,21 @@
 """A plan of experiments: poses, wrenches and repetitions, as arrays and as a CSV file."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
-from numpy.typing import NDArray
 
 from edtk.model.robot import Robot
 from edtk.system.atomic_file import atomic_path
-from edtk.tables.pose_table import (
-    WRENCH_COLUMNS,
-    PoseFileError,
-    PoseTable,
-    pose_columns,
-    pose_factors,
-)
+from edtk.system.typing import Array, Indices
+from edtk.tables.pose_table import WRENCH_COLUMNS, PoseTable, pose_columns, pose_factors
 
-Array = NDArray[np.float64]
-__all__ = ["WRENCH_COLUMNS", "Plan", "PlanFileError", "pose_columns", "pose_factors"]
-PlanFileError = PoseFileError  # what is wrong with a plan's file is wrong with its table
+if TYPE_CHECKING:
+    import pandas as pd
+
+MOST_REPEATS = 1e9  # of one pose in a file; beyond it a whole number is hardly what was meant
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,17 +33,14 @@ class Plan:
 
     q: Array
     wrench: Array
-    repeats: NDArray[np.int_]
+    repeats: Indices
 
     def __post_init__(self) -> None:
         k = len(self.q)
         if self.q.ndim != 2 or self.wrench.shape != (k, 6) or self.repeats.shape != (k,) or not k:
             raise ValueError("a plan needs q (k, n), wrench (k, 6) and repeats (k,), with k > 0")
-        if not (
-            np.isfinite(self.q).all()
-            and np.isfinite(self.wrench).all()
-            and (self.repeats >= 1).all()
-        ):
+        finite = np.isfinite(self.q).all() and np.isfinite(self.wrench).all()
+        if not (finite and (self.repeats >= 1).all()):
             raise ValueError("a plan's entries must be finite and its repetitions at least one")
 
     @property
@@ -60,51 +53,114 @@ class Plan:
         return Plan(self.q, self.wrench, self.repeats * times)
 
     def __add__(self, more: "Plan") -> "Plan":
-        """These experiments and others."""
-        q, wrench = np.concatenate([self.q, more.q]), np.concatenate([self.wrench, more.wrench])
-        return Plan(q, wrench, np.concatenate([self.repeats, more.repeats]))
+        """The experiments of this plan, then those of another one."""
+        return Plan(
+            np.concatenate([self.q, more.q]),
+            np.concatenate([self.wrench, more.wrench]),
+            np.concatenate([self.repeats, more.repeats]),
+        )
 
-    def table(self, robot: Robot) -> pd.DataFrame:
-        """Poses, repetitions and wrenches as a file has them: degrees, millimetres, newtons and newton metres."""
-        table = pd.DataFrame(self.q / pose_factors(robot), columns=list(pose_columns(robot)))
-        table["repeats"] = self.repeats
-        table[list(WRENCH_COLUMNS)] = self.wrench
-        return table
+    def to_dict(self) -> dict[str, Any]:
+        """Plain numbers in SI units, from which `from_dict` makes the same plan again."""
+        return {
+            "q": self.q.tolist(),
+            "wrench": self.wrench.tolist(),
+            "repeats": self.repeats.tolist(),
+        }
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> "Plan":
+        """Make a plan from the numbers of `to_dict`; other keys are ignored.
+
+        Raises:
+            KeyError: A key is missing.
+            ValueError: The numbers are not those of a plan.
+        """
+        return cls(
+            np.array(data["q"], dtype=float),
+            np.array(data["wrench"], dtype=float),
+            np.array(data["repeats"], dtype=int),
+        )
+
+    def to_frame(self, robot: Robot) -> "pd.DataFrame":
+        """Make a table with a pose a row, as a file has it.
+
+        Joint variables are in degrees or millimetres, wrenches in newtons and newton metres.
+
+        Args:
+            robot: The robot, which names the columns.
+        """
+        import pandas as pd
+
+        frame = pd.DataFrame(self.q / pose_factors(robot), columns=list(pose_columns(robot)))
+        frame["repeats"] = self.repeats
+        frame[list(WRENCH_COLUMNS)] = self.wrench
+        return frame
+
+    @classmethod
+    def from_frame(
+        cls,
+        frame: "pd.DataFrame",
+        robot: Robot,
+        fixed: Mapping[int, float] | None = None,
+        wrench: Array | None = None,
+    ) -> "Plan":
+        """Make a plan from a table with the columns of a file, see `from_csv`.
+
+        Args:
+            frame: The table; rows are counted from 1 in messages.
+            robot: The robot, which names the columns.
+            fixed: Values [rad or m] of joints, by index, that the table may leave out.
+            wrench: Default wrench (6,), see `from_csv`.
+
+        Raises:
+            PoseFileError: The table is not that of a plan; names the row or column.
+        """
+        table = PoseTable(Path("data frame"), frame)
+        if frame.empty:
+            raise table.error("the plan has no rows")
+        return cls._of_table(table, robot, dict(fixed or {}), wrench)
 
     def to_csv(self, path: Path | str, robot: Robot) -> None:
-        """Write the plan atomically, see `table`."""
+        """Write the plan to a file, whole or not at all; see `to_frame`."""
         with atomic_path(path) as temporary:
-            self.table(robot).to_csv(temporary, index=False, float_format="%.10g")
+            self.to_frame(robot).to_csv(temporary, index=False, float_format="%.10g")
 
     @classmethod
     def from_csv(
         cls, path: Path | str, robot: Robot, fixed: dict[int, float], wrench: Array | None
     ) -> "Plan":
-        """Read a plan: columns q1_deg .. qn_deg, optionally `repeats` and all or some wrench columns.
+        """Read a plan: columns q1_deg .. qn_deg, optionally `repeats` and wrench columns.
 
         Args:
-            path: The CSV file; rows are counted from 1, the header left out.
-            robot: Names the columns.
+            path: The CSV file; rows are counted from 1 without the header.
+            robot: The robot, which names the columns.
             fixed: Values [rad or m] of joints, by index, that the file may leave out.
-            wrench: Default wrench (6,); a wrench column of the file overrides its component. None where the file must
-                say which forces are applied.
+            wrench: Default wrench (6,); a wrench column of the file overrides its component. None
+                if the file must say which forces are applied.
 
         Raises:
-            PlanFileError: Names the file and the row or column.
+            PoseFileError: The file is not that of a plan; names the file and the row or column.
         """
-        table = PoseTable.read(path, "plan")
+        return cls._of_table(PoseTable.read(path, "plan"), robot, fixed, wrench)
+
+    @classmethod
+    def _of_table(
+        cls, table: PoseTable, robot: Robot, fixed: dict[int, float], wrench: Array | None
+    ) -> "Plan":
         table.require_known(robot, ("repeats",))
         return cls(table.poses(robot, fixed), table.wrenches(wrench), _repeats(table))
 
 
-def _repeats(table: PoseTable) -> NDArray[np.int_]:
-    """Repetitions (k,), one each where the file has no such column."""
+def _repeats(table: PoseTable) -> Indices:
+    """Repetitions (k,), which default to one where the file has no such column."""
     if "repeats" not in table:
         return np.ones(len(table), dtype=int)
     values = table.numbers("repeats")
-    bad = np.flatnonzero((values < 1) | (values > 1e9) | (values != np.round(values)))
-    if len(bad):
+    wrong = (values < 1) | (values > MOST_REPEATS) | (values != np.round(values))
+    if wrong.any():
+        row = int(wrong.argmax())
         raise table.error(
-            f"row {bad[0] + 1}, column repeats: {values[bad[0]]:g} is not a whole number from 1 to 1e9"
+            f"row {row + 1}, column repeats: {values[row]:g} is not a whole number from 1 to 1e9"
         )
     return values.astype(int)

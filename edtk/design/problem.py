@@ -1,37 +1,64 @@
-"""A design problem as arrays: candidate experiments as blocks of regressor rows. It knows no robot."""
+"""A design problem as arrays: the information of candidate experiments. It knows no robot."""
 
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from criteria.linalg.null_space import open_directions
-from edtk.design.packed import order, pack_gram, sensitivity_rows, unpack
+from edtk.design.packed import order, pack, pack_gram, sensitivity_rows, unpack
+from edtk.system.typing import Array, Indices, Mask
 
-Array = NDArray[np.float64]
+# Relative size of a pivot below which a candidate's factorization ends: information is a sum of
+# products, and what rounding leaves of a zero pivot stays below this.
+NEGLIGIBLE_PIVOT = 1e-13
 
 
 class RankDeficientError(ValueError):
-    """Candidates that cannot identify all parameters; the message names the directions that none excites."""
+    """The candidates cannot identify all parameters; the message names the open directions."""
 
 
 class Problem:
-    """Candidate experiments of a linear(ised) model ``y_i = A_i k + noise``.
+    """Candidate experiments of a linear (or linearised) model ``y_i = A_i k + noise``.
 
-    Only the information of each candidate is kept, ``A_i' A_i / sigma^2`` packed as its upper triangle.
+    The information matrix of weights w is ``M = sum_i w_i (M0 + A_i' A_i / sigma^2)``. Of each
+    candidate only the information ``A_i' A_i / sigma^2`` is kept, packed as its upper triangle.
+    M0 is the prior information: what other measurements tell about the parameters anyhow, per
+    single experiment of the plan. It enters `information`, `mean` and `sensitivities`; `packed`,
+    `blocks` and `factors` are of the candidates alone.
 
     Args:
         blocks: Regressors A_i (n, rows, p).
         sigma: Standard deviation of the noise, one number or one per row (rows,).
-        parameters: Names (p,) for messages; k1 .. kp where None.
+        parameters: Names (p,) for messages; they default to k1 .. kp.
+        prior: Prior information M0 (p, p), symmetric; by default there is none.
 
     Raises:
-        ValueError: Not three axes, no candidates, a non-finite entry (its block is named), sigma <= 0, or not as
-            many names as parameters.
+        ValueError: The regressors do not have three axes, there are no candidates, an entry is not
+            finite (its candidate is named), sigma is not positive, or the number of names or the
+            shape of the prior does not fit the number of parameters.
+
+    Example:
+        >>> import numpy as np
+        >>> from edtk.design.problem import Problem
+        >>> x = np.array([-1.0, 0.0, 1.0])
+        >>> line = Problem(np.column_stack([np.ones(3), x])[:, None, :], sigma=0.5)
+        >>> line.information([1, 0, 1])
+        array([[8., 0.],
+               [0., 8.]])
     """
 
+    packed: Array
+    p: int
+    parameters: tuple[str, ...]
+    prior: Array | None
+
     def __init__(
-        self, blocks: ArrayLike, sigma: ArrayLike = 1.0, parameters: tuple[str, ...] | None = None
+        self,
+        blocks: ArrayLike,
+        sigma: ArrayLike = 1.0,
+        parameters: tuple[str, ...] | None = None,
+        prior: ArrayLike | None = None,
     ) -> None:
         A = np.asarray(blocks, dtype=float)
         if A.ndim != 3 or 0 in A.shape:
@@ -41,40 +68,66 @@ class Problem:
         scale = np.broadcast_to(np.asarray(sigma, dtype=float), A.shape[1:2])
         if not (np.isfinite(scale) & (scale > 0)).all():
             raise ValueError("sigma must be finite and positive")
-        _refuse_non_finite(np.isfinite(A).all(axis=(1, 2)))
+        _require_finite(np.isfinite(A).all(axis=(1, 2)))
+        # A finite regressor may have a square that is not; it is named below without a warning.
         with np.errstate(over="ignore", invalid="ignore"):
             packed = pack_gram(np.moveaxis(A / scale[:, None], 0, -1).swapaxes(0, 1))
-            _refuse_non_finite(np.isfinite(packed.sum(axis=0)))
-        self._set(packed, parameters)
+            _require_finite(np.isfinite(packed.sum(axis=0)))
+        self._set(packed, parameters, prior)
 
     @classmethod
-    def of_information(cls, packed: Array, parameters: tuple[str, ...] | None = None) -> "Problem":
-        """A problem from the information of each candidate, packed (p(p+1)/2, n), without a copy.
+    def of_information(
+        cls,
+        packed: Array,
+        parameters: tuple[str, ...] | None = None,
+        prior: ArrayLike | None = None,
+    ) -> "Problem":
+        """Make a problem from the information of each candidate, without a copy.
+
+        Args:
+            packed: Upper triangles (p(p+1)/2, n), see `edtk.design.packed`.
+            parameters: Names (p,) for messages; they default to k1 .. kp.
+            prior: Prior information M0 (p, p), symmetric; by default there is none.
 
         Raises:
-            ValueError: No candidates, not so many entries as a triangle has, or one of them not finite.
+            ValueError: There are no candidates, the number of rows is not that of a triangle, an
+                entry is not finite, or names or prior do not fit the number of parameters.
         """
         if packed.ndim != 2 or 0 in packed.shape:
             raise ValueError(
                 f"packed information must be a non-empty array (p(p+1)/2, n), not {packed.shape}"
             )
-        _refuse_non_finite(np.isfinite(packed.sum(axis=0)))
+        _require_finite(np.isfinite(packed.sum(axis=0)))
         problem = cls.__new__(cls)
-        problem._set(packed, parameters)
+        problem._set(packed, parameters, prior)
         return problem
 
-    def _set(self, packed: Array, parameters: tuple[str, ...] | None) -> None:
-        self.packed, self.p = packed, order(len(packed))
-        self.parameters = (
-            tuple(f"k{i + 1}" for i in range(self.p)) if parameters is None else tuple(parameters)
-        )
+    def _set(
+        self, packed: Array, parameters: tuple[str, ...] | None, prior: ArrayLike | None
+    ) -> None:
+        self.packed = packed
+        self.p = order(len(packed))
+        default = tuple(f"k{i + 1}" for i in range(self.p))
+        self.parameters = default if parameters is None else tuple(parameters)
         if len(self.parameters) != self.p:
             raise ValueError(f"{len(self.parameters)} names for {self.p} parameters")
+        self.prior = None if prior is None else np.asarray(prior, dtype=float)
+        if self.prior is not None and self.prior.shape != (self.p, self.p):
+            raise ValueError(f"the prior must be ({self.p}, {self.p}), not {self.prior.shape}")
 
     @property
     def n(self) -> int:
         """Number of candidates."""
         return int(self.packed.shape[1])
+
+    def __getitem__(self, chosen: Indices) -> "Problem":
+        """The same problem with some of its candidates."""
+        return Problem.of_information(self.packed[:, chosen], self.parameters, self.prior)
+
+    def __add__(self, others: "Problem") -> "Problem":
+        """The same problem with the candidates of another one besides its own."""
+        packed = np.concatenate([self.packed, others.packed], axis=1)
+        return Problem.of_information(packed, self.parameters, self.prior)
 
     def blocks(self, chosen: ArrayLike = slice(None)) -> Array:  # type: ignore[assignment]
         """Information ``A_i' A_i / sigma^2`` (k, p, p) of some candidates, by default of all."""
@@ -82,68 +135,99 @@ class Problem:
 
     @cached_property
     def _factors(self) -> Array:
-        """U (n, r, p) with ``U' U`` the information of each candidate, r the largest rank; made when first asked.
+        """Factors of all candidates (n, r, p), computed when first asked for.
 
-        A Cholesky factorization with pivots, of all candidates at once: each step takes away what goes with the
-        largest entry that is left on a diagonal, until nothing but rounding is left of any.
+        This is a Cholesky factorization with pivots, of all candidates at once: each step removes
+        the part that belongs to the largest remaining diagonal entry, until only rounding remains.
         """
-        scale = np.sqrt(np.maximum(np.diag(self.mean), np.finfo(float).tiny))
-        S = self.blocks() / np.outer(scale, scale)
-        d, each = np.diagonal(S, axis1=1, axis2=2), np.arange(self.n)
-        least = 1e-13 * d.max(axis=1)
+        own = unpack(self.packed.mean(axis=1))
+        scale = np.sqrt(np.maximum(np.diag(own), np.finfo(float).tiny))
+        remaining = self.blocks() / np.outer(scale, scale)
+        diagonal = np.diagonal(remaining, axis1=1, axis2=2)
+        each = np.arange(self.n)
+        least = NEGLIGIBLE_PIVOT * diagonal.max(axis=1)
         rows: list[Array] = []
-        while len(rows) < self.p and ((top := d.max(axis=1)) > least).any():
-            row = S[each, d.argmax(axis=1)] / np.sqrt(np.where(top > least, top, np.inf))[:, None]
-            S -= row[:, :, None] * row[:, None]
+        while len(rows) < self.p:
+            top = diagonal.max(axis=1)
+            if not (top > least).any():
+                break
+            pivot = np.sqrt(np.where(top > least, top, np.inf))
+            row = remaining[each, diagonal.argmax(axis=1)] / pivot[:, None]
+            remaining -= row[:, :, None] * row[:, None]
             rows.append(row)
         return np.stack(rows or [np.zeros((self.n, self.p))], axis=1) * scale
 
     def factors(self, chosen: ArrayLike = slice(None)) -> Array:  # type: ignore[assignment]
-        """U (k, r, p) with ``U' U = A' A/sigma^2`` of some candidates, r the largest rank of all."""
+        """Factors U (k, r, p) with ``U' U = A' A/sigma^2`` of some candidates, by default of all.
+
+        The number r of rows is the largest rank among all candidates.
+        """
         return self._factors[chosen]  # type: ignore[index]
 
     def information(self, weights: ArrayLike) -> Array:
-        """Information matrix ``M = sum w_i A_i' A_i / sigma^2`` (p, p) of weights or repetitions (n,)."""
+        """Information matrix ``M = sum_i w_i (M0 + A_i' A_i / sigma^2)`` (p, p).
+
+        Args:
+            weights: Weights or numbers of repetitions w (n,).
+        """
         w = np.asarray(weights, dtype=float)
         support = np.flatnonzero(w)
-        return unpack(
-            self.packed[:, support] @ w[support] if 2 * len(support) < self.n else self.packed @ w
-        )
+        # Columns of the support are worth a copy only where they are few.
+        few = 2 * len(support) < self.n
+        M = unpack(self.packed[:, support] @ w[support] if few else self.packed @ w)
+        return M if self.prior is None else M + w.sum() * self.prior
 
     @cached_property
     def mean(self) -> Array:
-        """Mean information (p, p) of all candidates."""
-        return unpack(self.packed.mean(axis=1))
+        """Information matrix (p, p) of equal weights ``1/n``."""
+        M = unpack(self.packed.mean(axis=1))
+        return M if self.prior is None else M + self.prior
 
     def require_identifiable(self) -> None:
-        """Check that the candidates together excite every direction of the parameters.
+        """Check that the candidates and the prior together excite all directions of the parameters.
 
         Raises:
-            RankDeficientError: They do not; names the directions.
+            RankDeficientError: Some directions are open; the message names them.
         """
-        if directions := open_directions(self.mean, self.parameters):
+        directions = open_directions(self.mean, self.parameters)
+        if directions:
             raise RankDeficientError(
                 "the candidates together cannot identify all parameters: no candidate excites "
                 f"{' or '.join(directions)}"
             )
 
     def sensitivities(self, Z: ArrayLike) -> Array:
-        """``<Z, A_i' A_i / sigma^2>`` (..., n) of multipliers Z (..., p, p)."""
-        return np.asarray(sensitivity_rows(Z) @ self.packed)
+        """Sensitivities ``<Z, M0 + A_i' A_i / sigma^2>`` of all candidates to multipliers Z.
+
+        A candidate's sensitivity is the rate at which the cost falls with its weight, where Z is
+        minus the gradient of the cost.
+
+        Args:
+            Z: Symmetric multipliers (..., p, p).
+
+        Returns:
+            Array (..., n).
+        """
+        rows = sensitivity_rows(Z)
+        own = np.asarray(rows @ self.packed)
+        return own if self.prior is None else own + (rows @ pack(self.prior))[..., None]
 
     def with_unit_trace(self) -> "Problem":
-        """The same candidates, each scaled to information of trace one (those of none are left); kept once made."""
+        """The same candidates, each scaled to information of trace one.
+
+        A candidate absorbs the prior before it is scaled, so that the result has no prior. One
+        without any information stays as it is. The result is computed once and kept.
+        """
         return self._unit_trace
 
     @cached_property
     def _unit_trace(self) -> "Problem":
         trace = self.sensitivities(np.eye(self.p))
-        return Problem.of_information(
-            self.packed / np.where(trace > 0, trace, 1.0), self.parameters
-        )
+        packed = self.packed if self.prior is None else self.packed + pack(self.prior)[:, None]
+        return Problem.of_information(packed / np.where(trace > 0, trace, 1.0), self.parameters)
 
 
-def _refuse_non_finite(finite: NDArray[np.bool_]) -> None:
+def _require_finite(finite: Mask) -> None:
     """Name the first candidate that has an entry which is not finite."""
     if not finite.all():
         raise ValueError(f"block {np.flatnonzero(~finite)[0]} has an entry that is not finite")

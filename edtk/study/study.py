@@ -12,7 +12,7 @@ from pydantic import ValidationError
 
 import criteria
 from edtk.design.design_space import DesignSpace
-from edtk.design.plan import Plan, PlanFileError
+from edtk.design.plan import Plan
 from edtk.model.elastostatic_model import ElastostaticModel
 from edtk.model.load import FixedLoad
 from edtk.model.load_robot import RobotFileError, load_robot
@@ -21,7 +21,7 @@ from edtk.model.robot import Robot
 from edtk.model.workspace import Constraint, Excluded, Workspace
 from edtk.study.schema import Specification
 from edtk.system.errors import UserError
-from edtk.tables.pose_table import pose_factors
+from edtk.tables.pose_table import PoseFileError, pose_factors
 
 Array = NDArray[np.float64]
 
@@ -171,7 +171,7 @@ class Study:
         """A plan's file, unchecked."""
         try:
             return Plan.from_csv(path, self.robot, self.fixed, wrench)
-        except PlanFileError as error:
+        except PoseFileError as error:
             raise UserError(str(error)) from error
 
     @cached_property

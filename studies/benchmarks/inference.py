@@ -88,7 +88,7 @@ def identification(rows: int, markers: bool, robust: bool) -> tuple[float, float
     measured = simulate(
         study.model.regressor(q, wrench), study.compliances, study.sigma, np.random.default_rng(0)
     )[0]
-    table = Plan(q, wrench, np.ones(rows, dtype=int)).table(study.robot).drop(columns="repeats")
+    table = Plan(q, wrench, np.ones(rows, dtype=int)).to_frame(study.robot).drop(columns="repeats")
     table[list(DEFLECTION_COLUMNS)] = 1e3 * measured
     if markers:
         table[list(MARKER_COLUMNS)] = 0.001

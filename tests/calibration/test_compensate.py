@@ -110,7 +110,7 @@ def test_what_identify_writes_is_read(given, tmp_path):
     """Measurements go in, and k.json of `edtk identify` compensates the test pose with an error of rho0."""
     _, task, result = given
     plan = STUDY.published_plans()["table_4_3"]
-    table = plan.table(STUDY.robot).drop(columns="repeats")
+    table = plan.to_frame(STUDY.robot).drop(columns="repeats")
     table[["dx_mm", "dy_mm", "dz_mm"]] = (
         1e3 * STUDY.model.regressor(plan.q, plan.wrench) @ np.array([*K.values()])
     )

@@ -1,11 +1,15 @@
 """Plans as arrays and as CSV files, and every way in which such a file can be wrong."""
 
+import json
+
 import numpy as np
+import pandas as pd
 import pytest
 
-from edtk.design.plan import Plan, PlanFileError
+from edtk.design.plan import Plan
 from edtk.model.load_robot import load_robot
 from edtk.model.robot import Joint, Robot, transform
+from edtk.tables.pose_table import PoseFileError
 
 KR270 = load_robot("kuka_kr270")
 MIXED = Robot(
@@ -48,6 +52,35 @@ def test_round_trip(robot, tmp_path):
     np.testing.assert_allclose(back.wrench, plan.wrench, rtol=1e-9)
     np.testing.assert_array_equal(back.repeats, plan.repeats)
     assert [p.name for p in (tmp_path / "a").iterdir()] == ["plan.csv"]
+
+
+@pytest.mark.parametrize("robot", [KR270, MIXED], ids=["KR 270", "prismatic"])
+def test_round_trip_by_frame(robot):
+    """A plan comes back from its table, whatever the table's index, to the rounding of its units."""
+    plan = plan_of(robot)
+    frame = plan.to_frame(robot).set_index(pd.Index([7, 7, 1, 0]))
+    back = Plan.from_frame(frame, robot)
+    np.testing.assert_allclose(back.q, plan.q, rtol=4e-16)
+    np.testing.assert_array_equal(back.wrench, plan.wrench)
+    np.testing.assert_array_equal(back.repeats, plan.repeats)
+
+
+def test_round_trip_by_dict():
+    """A plan comes back from its plain numbers bit by bit, also by way of JSON."""
+    plan = plan_of(KR270)
+    back = Plan.from_dict(json.loads(json.dumps(plan.to_dict())))
+    for name in ("q", "wrench", "repeats"):
+        np.testing.assert_array_equal(getattr(back, name), getattr(plan, name))
+        assert getattr(back, name).dtype == getattr(plan, name).dtype
+
+
+def test_wrong_frame():
+    """A table that is no plan's is rejected in one line that names row and column."""
+    frame = plan_of(KR270).to_frame(KR270)
+    with pytest.raises(PoseFileError, match=r"^data frame: row 2, column repeats: 0 is not"):
+        Plan.from_frame(frame.assign(repeats=[1, 0, 1, 1]), KR270)
+    with pytest.raises(PoseFileError, match=r"^data frame: the plan has no rows$"):
+        Plan.from_frame(frame.iloc[:0], KR270)
 
 
 def test_units_of_a_prismatic_joint(tmp_path):
@@ -105,8 +138,8 @@ GOOD = "-90,0,10,20,30"
     ],
 )  # fmt: skip
 def test_wrong_file(read, tmp_path, text, named):
-    """A wrong file is refused in a single line that names the file and the row or column."""
-    with pytest.raises(PlanFileError) as caught:
+    """A wrong file is rejected in a single line that names the file and the row or column."""
+    with pytest.raises(PoseFileError) as caught:
         read(text)
     message = str(caught.value)
     assert message.startswith(f"{tmp_path / 'plan.csv'}: ")
@@ -117,15 +150,15 @@ def test_wrong_file(read, tmp_path, text, named):
 
 def test_unfixed_joint_is_missing(read):
     """A joint that the study does not fix must be in the file."""
-    with pytest.raises(PlanFileError, match="'q1_deg' is missing"):
+    with pytest.raises(PoseFileError, match="'q1_deg' is missing"):
         read(f"{HEAD}\n{GOOD}\n", fixed={})
 
 
 def test_no_file(tmp_path):
-    """A file that does not exist, a folder and a file of bytes are refused by name."""
+    """A file that does not exist, a folder and a file of bytes are rejected by name."""
     (tmp_path / "bytes.csv").write_bytes(b"q2_deg\n\xff\xfe\x00\n")
     for name in ("none.csv", "", "bytes.csv"):
-        with pytest.raises(PlanFileError) as caught:
+        with pytest.raises(PoseFileError) as caught:
             Plan.from_csv(tmp_path / name, KR270, {}, WRENCH)
         assert str(caught.value).startswith(f"{tmp_path / name}: ")
         assert "\n" not in str(caught.value)
@@ -155,7 +188,7 @@ def test_a_load_that_the_study_leaves_open_must_be_in_the_file(tmp_path):
     for n in range(3):
         path.write_text(f"{HEAD}{''.join(f',{c}' for c in columns[:n])}\n{GOOD}{',1' * n}\n")
         with pytest.raises(
-            PlanFileError, match=f"'{columns[n]}' is missing, and the study leaves the load open"
+            PoseFileError, match=f"'{columns[n]}' is missing, and the study leaves the load open"
         ):
             Plan.from_csv(path, KR270, {0: 0.25}, None)
     path.write_text(f"{HEAD},{','.join(columns)}\n{GOOD},1,2,3\n")
@@ -178,6 +211,6 @@ def test_a_load_that_the_study_leaves_open_must_be_in_the_file(tmp_path):
     ids=["empty", "flat q", "wrench", "repeats", "zero", "nan q", "inf wrench"],
 )
 def test_wrong_arrays(q, wrench, repeats):
-    """Arrays that are no plan are refused."""
+    """Arrays that are no plan are rejected."""
     with pytest.raises(ValueError, match="a plan"):
         Plan(q, wrench, repeats)

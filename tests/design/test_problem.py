@@ -1,4 +1,4 @@
-"""A problem of arrays: its information, its prices, and what it refuses."""
+"""A problem of arrays: its information, its sensitivities, and what it rejects."""
 
 import numpy as np
 import pytest
@@ -88,8 +88,8 @@ def test_mean_is_the_information_of_uniform_weights(blocks):
     assert (np.abs(problem.mean - problem.information(np.full(7, 1 / 7))) <= 16 * EPS * size).all()
 
 
-def test_prices_are_traces(blocks):
-    """The price of a candidate is trace(Z M_i), for one multiplier and for several, none included."""
+def test_sensitivities_are_traces(blocks):
+    """A sensitivity is trace(Z M_i), for one multiplier, for several, and for none."""
     problem = Problem(blocks)
     Z = np.random.default_rng(2).normal(size=(5, 4, 4))
     Z = Z + np.swapaxes(Z, -1, -2)
@@ -124,8 +124,75 @@ def test_with_unit_trace(blocks):
     assert unit.parameters == problem.parameters
 
 
+@pytest.fixture
+def prior():
+    """Prior information of full rank for the four parameters of the blocks."""
+    B = np.random.default_rng(3).normal(size=(6, 4))
+    return B.T @ B
+
+
+def test_prior_counts_with_the_sum_of_the_weights(blocks, prior):
+    """M = sum(w) M0 + sum w_i M_i, of few weights and of all, and of equal ones in the mean."""
+    alone, beside = Problem(blocks), Problem(blocks, prior=prior)
+    for w in (np.arange(7.0), np.eye(7)[2], np.full(7, 1 / 7)):
+        expected = alone.information(w) + w.sum() * prior
+        np.testing.assert_allclose(beside.information(w), expected, rtol=1e-13)
+    np.testing.assert_allclose(beside.mean, alone.mean + prior, rtol=1e-13)
+
+
+def test_prior_counts_in_every_sensitivity(blocks, prior):
+    """Each sensitivity is <Z, M0 + M_i>, so that weights of sum one have sum w_i s_i = <Z, M>."""
+    problem = Problem(blocks, prior=prior)
+    Z = np.random.default_rng(2).normal(size=(2, 4, 4))
+    Z = Z + np.swapaxes(Z, -1, -2)
+    w = np.random.default_rng(4).dirichlet(np.ones(7))
+    expected = np.einsum("rij,ij->r", Z, problem.information(w))
+    np.testing.assert_allclose(problem.sensitivities(Z) @ w, expected, rtol=1e-11)
+    assert problem.sensitivities(Z[:0]).shape == (0, 7)
+
+
+def test_prior_is_no_part_of_a_candidate(blocks, prior):
+    """Packed information, blocks and factors are those of the candidates alone, to the last bit."""
+    alone, beside = Problem(blocks), Problem(blocks, prior=prior)
+    np.testing.assert_array_equal(beside.packed, alone.packed)
+    np.testing.assert_array_equal(beside.blocks(), alone.blocks())
+    np.testing.assert_array_equal(beside.factors(), alone.factors())
+
+
+def test_candidates_of_unit_trace_absorb_the_prior(blocks, prior):
+    """Scaled candidates are (M0 + M_i)/trace(M0 + M_i), and nothing remains beside them."""
+    unit = Problem(blocks, prior=prior).with_unit_trace()
+    expected = Problem(blocks).blocks() + prior
+    expected = expected / np.trace(expected, axis1=1, axis2=2)[:, None, None]
+    assert unit.prior is None
+    np.testing.assert_allclose(unit.blocks(), expected, rtol=1e-13)
+
+
+def test_prior_may_identify_what_no_candidate_excites(blocks, prior):
+    """Candidates that leave a direction open are enough beside prior information of full rank."""
+    blocks[..., 1] = 0.0
+    with pytest.raises(RankDeficientError):
+        Problem(blocks).require_identifiable()
+    Problem(blocks, prior=prior).require_identifiable()
+
+
+def test_shape_of_the_prior(blocks):
+    """A prior for another number of parameters is rejected."""
+    with pytest.raises(ValueError, match=r"the prior must be \(4, 4\), not \(3, 3\)"):
+        Problem(blocks, prior=np.eye(3))
+
+
+def test_some_candidates_and_others(blocks, prior):
+    """Indexing chooses candidates, a sum puts them side by side, and both keep names and prior."""
+    problem = Problem(blocks, parameters=("a", "b", "c", "d"), prior=prior)
+    both = problem[np.array([4, 1])] + problem[np.array([6])]
+    np.testing.assert_array_equal(both.packed, problem.packed[:, [4, 1, 6]])
+    assert both.parameters == problem.parameters
+    np.testing.assert_array_equal(both.prior, prior)
+
+
 def test_parameters_have_names(blocks):
-    """Parameters are k1 .. kp unless named; a wrong number of names is refused."""
+    """Parameters are k1 .. kp unless named; a wrong number of names is rejected."""
     assert Problem(blocks).parameters == ("k1", "k2", "k3", "k4")
     assert Problem(blocks, parameters=("a", "b", "c", "d")).parameters == ("a", "b", "c", "d")
     with pytest.raises(ValueError, match="3 names for 4 parameters"):
@@ -150,7 +217,7 @@ def test_non_finite_information_is_named(blocks, value):
 
 
 def test_block_whose_information_overflows_is_named(blocks):
-    """A finite block whose square is not finite is refused by name too, not by a warning about an overflow."""
+    """A finite block whose square is not finite is rejected by name too, not by a warning about an overflow."""
     blocks[4] *= 1e200
     with pytest.raises(ValueError, match="block 4 "):
         Problem(blocks)
@@ -158,28 +225,28 @@ def test_block_whose_information_overflows_is_named(blocks):
 
 @pytest.mark.parametrize("shape", [(3, 4), (0, 3, 4), (7, 3, 0), (7, 0, 4), (7,)])
 def test_shape(shape):
-    """Anything but a non-empty array of three axes is refused."""
+    """Anything but a non-empty array of three axes is rejected."""
     with pytest.raises(ValueError, match="blocks must be"):
         Problem(np.ones(shape))
 
 
 @pytest.mark.parametrize("shape", [(10,), (10, 0), (0, 7), (10, 7, 1)])
 def test_shape_of_information(shape):
-    """Packed information that is not a non-empty array of two axes is refused."""
+    """Packed information that is not a non-empty array of two axes is rejected."""
     with pytest.raises(ValueError, match="packed information must be"):
         Problem.of_information(np.ones(shape))
 
 
 @pytest.mark.parametrize("length", [2, 4, 5, 11])
 def test_information_that_is_no_triangle(length):
-    """Packed information of a length that no upper triangle has is refused."""
+    """Packed information of a length that no upper triangle has is rejected."""
     with pytest.raises(ValueError, match=f"{length} entries"):
         Problem.of_information(np.ones((length, 7)))
 
 
 @pytest.mark.parametrize("sigma", [0.0, -1.0, np.nan, np.inf, [1.0, 1.0, 0.0]])
 def test_sigma(blocks, sigma):
-    """Noise that is not finite and positive is refused."""
+    """Noise that is not finite and positive is rejected."""
     with pytest.raises(ValueError, match="sigma must be"):
         Problem(blocks, sigma)
 

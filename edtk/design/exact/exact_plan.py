@@ -128,7 +128,7 @@ class ExactPlan:
             f"{self.starts} starts in {self.seconds:.1f} s; {self.found} of the plans refined to the end are this one, "
             f"among {self.optima} different",
         ]
-        table = whole.table(self.relaxed.space.workspace.robot)
+        table = whole.to_frame(self.relaxed.space.workspace.robot)
         if not self.relaxed.space.load.limits.size and self.kept is None:
             table = table.iloc[:, : -whole.wrench.shape[1]]
         repeats = table.pop("repeats")

@@ -95,7 +95,7 @@ class RelaxedPlan:
     @property
     def table(self) -> pd.DataFrame:
         """Poses in degrees and millimetres, wrenches where they are designed too, and weights; the heaviest first."""
-        table = self.plan.table(self.space.workspace.robot).drop(columns="repeats")
+        table = self.plan.to_frame(self.space.workspace.robot).drop(columns="repeats")
         if not self.space.load.limits.size:
             table = table.drop(columns=list(WRENCH_COLUMNS))
         return table.assign(weight=self.weights[self._heaviest_first])
