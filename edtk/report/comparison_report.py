@@ -239,10 +239,8 @@ def _relaxation_table(relaxed: dict[str, RelaxedPlan]) -> str:
     rows = []
     for name, r in relaxed.items():
         factor, unit = unit_of(name)
-        numbers = (
-            f"{factor * v:.6g}" for v in (r.value, r.printed(r.bound), r.printed(r.best_bound))
-        )
-        gaps = (f"{gap:.1e}" for gap in (r.gap, 1 - r.best_bound / r.cost))
+        numbers = (f"{factor * v:.6g}" for v in (r.value, r.bound, r.best_bound.value))
+        gaps = (f"{gap:.1e}" for gap in (r.gap, r.best_bound.gap))
         rows.append([name, *numbers, unit, *gaps, len(r.x), r.solver])
     header = [
         "criterion",

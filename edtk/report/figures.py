@@ -61,8 +61,7 @@ def by_size(study: Study, table: pd.DataFrame, relaxed: dict[str, RelaxedPlan]) 
                 markersize=5,
             )
     sizes = np.geomspace(min(study.specification.sizes), max(study.specification.sizes), 100)
-    bound = relaxed[main].best_bound * sizes ** -criteria.get(main).degree
-    bound = bound if criteria.get(main).sense == "min" else 1 / bound
+    bound = np.array([relaxed[main].best_bound.scaled(m).value for m in sizes])
     ax.plot(
         sizes,
         factor * bound,

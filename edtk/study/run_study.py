@@ -69,12 +69,10 @@ class _Relaxing:
     name: str
 
     def __call__(self) -> dict[str, Any]:
-        r = relax_study(self.study, self.name, continuous=True, tolerance=TOLERANCE)
-        arrays = {key: getattr(r, key).tolist() for key in ("x", "weights", "multipliers")}
-        return arrays | {
-            k: getattr(r, k)
-            for k in ("candidates", "cost", "bound", "searched", "solver", "iterations")
-        }
+        found = relax_study(self.study, self.name, continuous=True, tolerance=TOLERANCE)
+        answer = found.to_dict()
+        del answer["seconds"]  # the same study gives the same files
+        return answer
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,10 +188,8 @@ def _relaxations(
     answers = _answered(pieces, checkpoint, workers, progress)
     found = {}
     for name in names:
-        fields = dict(answers[f"relaxation_{name}"])
-        fields |= {key: np.array(fields[key]) for key in ("x", "weights", "multipliers")}
-        found[name] = RelaxedPlan(
-            source=source_of(study), criterion=study.criterion(name), **fields
+        found[name] = RelaxedPlan.from_dict(
+            source_of(study), study.criterion(name), answers[f"relaxation_{name}"]
         )
     return found
 
@@ -286,10 +282,9 @@ def _table(study: Study, cases: list[Case], relaxed: dict[str, RelaxedPlan]) -> 
         for name in study.specification.criteria:
             row[name] = np.nan if M is None else float(study.criterion(name).value(M))
         for name, relaxation in relaxed.items():
-            degree = criteria.get(name).degree
-            bound = relaxation.best_bound * case.size**-degree
+            bound = relaxation.best_bound.scaled(case.size)
             cost = np.inf if M is None else float(study.criterion(name).cost(M))
-            row[f"efficiency_{name}"] = bound / cost
+            row[f"efficiency_{name}"] = bound.efficiency(cost)
         row |= {
             "seed": study.specification.seed,
             "study_sha256": study.digest,

@@ -232,7 +232,7 @@ def test_no_plan_beside_kept_experiments_beats_the_bound(name):
     kept, beside = kept_and_beside(DESIGN, m)
     source = CandidateSource(beside, 0)
     relaxed = relax_poses(source, 400, criterion)
-    bound = relaxed.bound * m**-criterion.degree
+    bound = relaxed.proved_bound.scaled(m).cost
     pool, rng = source.take(400), np.random.default_rng(0)
     costs = []
     for _ in range(4):
@@ -255,7 +255,7 @@ def test_no_refined_plan_beside_kept_experiments_beats_the_searched_bound():
     x, costs = refine(
         beside, criterion, sample_feasible(beside, 12 * m, 1).reshape(12, m, -1), np.ones((12, m))
     )
-    bound = relaxed.searched / np.sqrt(m)
+    bound = relaxed.searched_bound.scaled(m).cost
     assert bound * (1 - 1e-9) <= costs.min() <= 1.2 * bound
     M = DESIGN.information(kept + DESIGN.plan(x[costs.argmin()], np.ones(m, dtype=int)))
     assert float(criterion.cost(M)) == pytest.approx(costs.min(), rel=1e-9)

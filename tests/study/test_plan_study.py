@@ -45,8 +45,8 @@ def test_kept_experiments_count_and_the_bound_holds_beside_them(name):
     completions = [rest, *(STUDY.space.plan(q, np.ones(2, dtype=int)) for q in drawn)]
     completions += [STUDY.space.plan(rest.q[[i]], np.array([2])) for i in range(2)]
     costs = [float(cost(STUDY.space.information(kept + completion))) for completion in completions]
-    assert found.bound_cost <= found.cost <= costs[0]
-    assert found.bound_cost <= min(costs)
+    assert found.lower_bound.cost <= found.cost <= costs[0]
+    assert found.lower_bound.cost <= min(costs)
     assert 0.5 < found.efficiency <= 1
 
 

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from edtk.design.bound import Bound, BoundKind, printed_form
 from edtk.design.plan import Plan
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
 from edtk.tables.pose_table import pose_factors
@@ -48,29 +49,27 @@ class ExactPlan:
     @property
     def value(self) -> float:
         """The criterion as printed in its formula."""
-        return self.relaxed.printed(self.cost)
+        return printed_form(self.cost, self.relaxed.criterion.sense)
 
     @property
-    def bound_cost(self) -> float:
-        """No plan of so many experiments has a lower cost; see `RelaxedPlan.best_bound` for what that rests on."""
-        return float(
-            self.relaxed.best_bound * self.plan.experiments**-self.relaxed.criterion.degree
-        )
+    def lower_bound(self) -> Bound:
+        """The bound on the cost of every plan of so many new experiments."""
+        return self.relaxed.best_bound.scaled(self.plan.experiments)
 
     @property
     def bound(self) -> float:
         """That bound in the criterion's printed form."""
-        return self.relaxed.printed(self.bound_cost)
+        return self.lower_bound.value
 
     @property
     def bound_gap(self) -> float:
         """How far the bound may still be below the best weights; large only if its search was cut off."""
-        return 1 - self.relaxed.best_bound / self.relaxed.cost
+        return self.relaxed.best_bound.gap
 
     @property
     def efficiency(self) -> float:
-        """``bound_cost / cost``: one for a plan that cannot be improved."""
-        return self.bound_cost / self.cost
+        """``bound / cost`` as costs: one for a plan that cannot be improved."""
+        return self.lower_bound.efficiency(self.cost)
 
     @property
     def violation(self) -> float:
@@ -94,7 +93,7 @@ class ExactPlan:
             "experiments": self.whole.experiments,
             "value": self.value,
             "bound": bound if np.isfinite(bound) else None,
-            "bound_searched": self.relaxed.searched is not None,
+            "bound_searched": self.lower_bound.kind is BoundKind.SEARCHED,
             "bound_gap": self.bound_gap if np.isfinite(self.bound_gap) else None,
             "efficiency": self.efficiency,
             "starts": self.starts,
@@ -112,7 +111,7 @@ class ExactPlan:
         factor, unit = c.shown[0], f" {c.shown[1]}".rstrip()
         reach = (
             "searched over all poses, not proved"
-            if self.relaxed.searched is not None
+            if self.lower_bound.kind is BoundKind.SEARCHED
             else "over the candidates"
         )
         if self.bound_gap > CUT_OFF:

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from criteria import Criterion
+from edtk.design.bound import Bound, BoundKind
 from edtk.design.candidates import Candidates, CandidateSource, require_some
 from edtk.design.problem import Problem
 from edtk.design.relaxation.active_set import ActiveSet
@@ -145,6 +146,7 @@ class _Run:
         Z, space = active.relaxation.multipliers, space or active
         support = space.support
         M = support.problem.information(space.weights)
+        cost = float(self.criterion.cost(M))
         tops = np.maximum(tops, self._tops(support.problem, Z))
         self.best = RelaxedPlan(
             source=self.source,
@@ -152,11 +154,21 @@ class _Run:
             criterion=self.criterion,
             x=support.x,
             weights=space.weights,
-            cost=float(self.criterion.cost(M)),
-            bound=self.criterion.lower_bound(Z, tops, M),
-            searched=None
+            cost=cost,
+            proved_bound=Bound.of(
+                self.criterion,
+                self.criterion.lower_bound(Z, tops, M),
+                cost,
+                BoundKind.PROVED_ON_CANDIDATES,
+            ),
+            searched_bound=None
             if searched is None
-            else self.criterion.lower_bound(Z, np.maximum(searched, tops), M),
+            else Bound.of(
+                self.criterion,
+                self.criterion.lower_bound(Z, np.maximum(searched, tops), M),
+                cost,
+                BoundKind.SEARCHED,
+            ),
             multipliers=Z,
             solver=space.relaxation.solver,
             iterations=active.iterations,
@@ -224,7 +236,7 @@ class _Run:
             searched = np.maximum(searched, self._tops(active.poses.problem, Z))
             self._spend("continuous")
             plan = self._keep(active, len(head.x), proved, searched)
-            away = 1 - plan.best_bound / plan.cost
+            away = plan.best_bound.gap
             self.progress("continuum", away)
             if away <= 0.5 * self.tolerance:  # the other half is for merging
                 if self.n > len(head.x):

@@ -9,6 +9,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from criteria import Criterion
+from edtk.design.bound import Bound, BoundKind, printed_form
 from edtk.design.candidates import CandidateSource
 from edtk.design.design_space import DesignSpace
 from edtk.design.plan import Plan
@@ -30,9 +31,10 @@ class RelaxedPlan:
         x: Design variables (k, v) of the experiments.
         weights: Their shares (k,), of sum one.
         cost: The criterion's cost.
-        bound: Proved: no design over the candidates and these poses has a lower cost.
-        searched: Not proved: a bound on designs over all feasible poses, provided that the search by ascent from
-            many starts has found the dearest pose; None where there was no search.
+        proved_bound: No design over the candidates and these poses has a lower cost.
+        searched_bound: Not proved: a bound on designs over all feasible poses, provided that the
+            ascents from many starts have found the pose of largest sensitivity; None without a
+            search.
         multipliers: What proves the bound (r, p, p), see `Criterion.lower_bound`.
         solver: The solver whose answer this is.
         iterations: Number of masters that were solved.
@@ -45,8 +47,8 @@ class RelaxedPlan:
     x: Array
     weights: Array
     cost: float
-    bound: float
-    searched: float | None
+    proved_bound: Bound
+    searched_bound: Bound | None
     multipliers: Array
     solver: str
     iterations: int
@@ -60,12 +62,17 @@ class RelaxedPlan:
     @property
     def gap(self) -> float:
         """Relative gap ``1 - bound/cost`` of the proved bound."""
-        return 1.0 - self.bound / self.cost
+        return self.proved_bound.gap_to(self.cost)
 
     @property
-    def best_bound(self) -> float:
-        """The bound that speaks of all poses where there is one, else the proved one."""
-        return self.bound if self.searched is None else self.searched
+    def best_bound(self) -> Bound:
+        """The bound over all poses where one was searched, else the proved one."""
+        return self.proved_bound if self.searched_bound is None else self.searched_bound
+
+    @property
+    def bound(self) -> float:
+        """The proved bound as printed in the criterion's formula."""
+        return self.proved_bound.value
 
     @property
     def information(self) -> Array:
@@ -75,11 +82,7 @@ class RelaxedPlan:
     @property
     def value(self) -> float:
         """The criterion as printed in its formula."""
-        return self.printed(self.cost)
-
-    def printed(self, cost: float) -> float:
-        """A cost, or a bound on it, in the criterion's printed form."""
-        return cost if self.criterion.sense == "min" else 1.0 / cost if cost else float("inf")
+        return printed_form(self.cost, self.criterion.sense)
 
     @property
     def _heaviest_first(self) -> NDArray[np.int_]:
@@ -116,20 +119,17 @@ class RelaxedPlan:
         c = self.criterion
         factor, unit = c.shown[0], f" {c.shown[1]}".rstrip()
         rows = [
-            ("value", self.cost, ""),
-            (f"bound, proved on {self.candidates:,} candidates", self.bound, ""),
+            ("value", self.value, ""),
+            (f"bound, proved on {self.candidates:,} candidates", self.bound, _gap_text(self.gap)),
         ]
-        if self.searched is not None:
-            rows.append(("bound, searched over all poses", self.searched, "; not proved"))
+        if self.searched_bound is not None:
+            gap = self.searched_bound.gap_to(self.cost)
+            text = _gap_text(gap, "; not proved")
+            rows.append(("bound, searched over all poses", self.searched_bound.value, text))
         width = max(len(label) for label, *_ in rows)
         lines = [f"{c.name}, {c.title}, for a single experiment's worth of weight; {c.sense}imised"]
-        for label, cost, proof in rows:
-            gap = (
-                f"  (relative gap {max(1 - cost / self.cost, 0):.1e}{proof})"
-                if label != "value"
-                else ""
-            )
-            lines.append(f"  {label:{width}}  {factor * self.printed(cost):.7g}{unit}{gap}")
+        for label, value, gap_text in rows:
+            lines.append(f"  {label:{width}}  {factor * value:.7g}{unit}{gap_text}")
         table = self.table
         lines.append("weight   " + " ".join(f"{column:>9}" for column in table.columns[:-1]))
         for *entries, weight in table.itertuples(index=False):
@@ -137,17 +137,20 @@ class RelaxedPlan:
         return "\n".join(lines)
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain numbers, for JSON; the heaviest pose first."""
+        """Plain numbers, for JSON: as people read them, and exactly under the key `certificate`.
+
+        The support has the heaviest pose first, with angles in degrees. The certificate has costs,
+        and the design variables in the plan's own order.
+        """
         plan, weights = self.plan, self.weights[self._heaviest_first]
+        searched = self.searched_bound
         degrees = plan.q / pose_factors(self.space.workspace.robot)
         return {
             "criterion": self.criterion.name,
             "value": self.value,
-            "bound": _finite(self.printed(self.bound)),
+            "bound": _finite(self.bound),
             "gap": self.gap,
-            "bound_searched": None
-            if self.searched is None
-            else _finite(self.printed(self.searched)),
+            "bound_searched": searched and _finite(searched.value),
             "candidates": self.candidates,
             "support": [
                 {"q_deg": q.tolist(), "wrench": W.tolist(), "weight": float(w)}
@@ -159,12 +162,58 @@ class RelaxedPlan:
             "solver": self.solver,
             "iterations": self.iterations,
             "seconds": self.seconds,
+            "certificate": {
+                "cost": self.cost,
+                "bound": self.proved_bound.cost,
+                "bound_searched": searched and searched.cost,
+                "x": self.x.tolist(),
+                "weights": self.weights.tolist(),
+            },
         }
+
+    @classmethod
+    def from_dict(
+        cls, source: CandidateSource, criterion: Criterion, data: dict[str, Any]
+    ) -> "RelaxedPlan":
+        """The plan that `to_dict` has written, bit by bit.
+
+        Args:
+            source: Where the candidates come from; the dictionary has no robot.
+            criterion: What was minimised.
+            data: The dictionary.
+
+        Raises:
+            KeyError: An entry is missing.
+        """
+        exact = data["certificate"]
+        cost = exact["cost"]
+        searched = exact["bound_searched"]
+        return cls(
+            source=source,
+            candidates=data["candidates"],
+            criterion=criterion,
+            x=np.array(exact["x"]),
+            weights=np.array(exact["weights"]),
+            cost=cost,
+            proved_bound=Bound.of(criterion, exact["bound"], cost, BoundKind.PROVED_ON_CANDIDATES),
+            searched_bound=None
+            if searched is None
+            else Bound.of(criterion, searched, cost, BoundKind.SEARCHED),
+            multipliers=np.array(data["multipliers"]),
+            solver=data["solver"],
+            iterations=data["iterations"],
+            seconds=data.get("seconds", {}),
+        )
 
     def to_csv(self, path: Path | str) -> None:
         """Write poses in degrees and millimetres, and weights, atomically; the heaviest first."""
         with atomic_path(path) as temporary:
             self.table.to_csv(temporary, index=False, float_format="%.10g")
+
+
+def _gap_text(gap: float, proof: str = "") -> str:
+    """A relative gap in brackets; below zero by rounding it is shown as zero."""
+    return f"  (relative gap {max(gap, 0):.1e}{proof})"
 
 
 def _finite(x: float) -> float | None:

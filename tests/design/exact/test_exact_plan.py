@@ -9,6 +9,7 @@ import pytest
 from designs import KR270, LOADED, STUDY
 
 from criteria import create
+from edtk.design.bound import Bound, BoundKind
 from edtk.design.candidates import CandidateSource, sample_feasible
 from edtk.design.exact.exact_plan import ExactPlan
 from edtk.design.plan import Plan
@@ -25,15 +26,16 @@ def exact(name="D", beside=False, space=KR270):
         space = space.beside(space.information(kept), 5)
     plan = space.plan(x[:2], np.array([3, 2]))
     cost = float(criterion.cost(space.information(plan)))
+    best = cost * 5**criterion.degree
     relaxed = RelaxedPlan(
         source=CandidateSource(space, 0),
         candidates=10,
         criterion=criterion,
         x=x[:2],
         weights=np.array([0.6, 0.4]),
-        cost=cost * 5**criterion.degree,
-        bound=0.9 * cost * 5**criterion.degree,
-        searched=0.8 * cost * 5**criterion.degree,
+        cost=best,
+        proved_bound=Bound.of(criterion, 0.9 * best, best, BoundKind.PROVED_ON_CANDIDATES),
+        searched_bound=Bound.of(criterion, 0.8 * best, best, BoundKind.SEARCHED),
         multipliers=np.eye(5)[None],
         solver="none",
         iterations=0,
@@ -49,9 +51,9 @@ def test_bound_and_efficiency(name, beside):
     The bound that speaks of all poses is taken where there is one.
     """
     plan = exact(name, beside)
-    assert plan.bound_cost == pytest.approx(0.8 * plan.cost, rel=1e-12)
+    assert plan.lower_bound.cost == pytest.approx(0.8 * plan.cost, rel=1e-12)
     assert plan.efficiency == pytest.approx(0.8, rel=1e-12)
-    proved = replace(plan, relaxed=replace(plan.relaxed, searched=None))
+    proved = replace(plan, relaxed=replace(plan.relaxed, searched_bound=None))
     assert proved.efficiency == pytest.approx(0.9, rel=1e-12)
 
 
@@ -109,7 +111,9 @@ def test_json(beside):
 def test_json_without_a_bound():
     """A bound of nothing is null in JSON, which has no infinity, and a proved one is not called searched."""
     plan = exact("D")
-    data = replace(plan, relaxed=replace(plan.relaxed, bound=0.0, searched=None)).to_dict()
+    nothing = replace(plan.relaxed.proved_bound, cost=0.0)
+    relaxed = replace(plan.relaxed, proved_bound=nothing, searched_bound=None)
+    data = replace(plan, relaxed=relaxed).to_dict()
     assert data["bound"] is None
     assert data["efficiency"] == 0
     assert data["bound_searched"] is False
@@ -131,7 +135,7 @@ def test_summary():
     assert lines[5].split() == ["repeats", *(f"q{i}_deg" for i in range(1, 7))]
     assert [line.split()[0] for line in lines[6:]] == ["3", "2"]
     assert lines[6].split()[1:] == [f"{x:.3f}" for x in np.rad2deg(plan.plan.q[0])]
-    proved = replace(plan, relaxed=replace(plan.relaxed, searched=None))
+    proved = replace(plan, relaxed=replace(plan.relaxed, searched_bound=None))
     assert "over the candidates" in proved.summary().splitlines()[2]
     assert "mm" not in exact("D").summary()
 

@@ -10,8 +10,10 @@ import pytest
 from designs import DESIGNS, KR270, LOADED, STUDY
 
 from criteria import create
+from edtk.design.bound import Bound, BoundKind
 from edtk.design.candidates import CandidateSource
 from edtk.design.relaxation.relax_poses import relax_poses
+from edtk.design.relaxation.relaxed_plan import RelaxedPlan
 from edtk.tables.pose_table import WRENCH_COLUMNS
 
 NAMES = ["A", "D", "E", "G", "O1", "O2", "O3", "O5", "rho0"]
@@ -28,7 +30,10 @@ def plan_of(name, space="kr270"):
 
 def as_if_searched(plan):
     """The same plan with a bound over all poses that is 3 % lower than the proved one."""
-    return replace(plan, searched=0.97 * plan.bound)
+    searched = Bound.of(
+        plan.criterion, 0.97 * plan.proved_bound.cost, plan.cost, BoundKind.SEARCHED
+    )
+    return replace(plan, searched_bound=searched)
 
 
 def slip(plan):
@@ -41,11 +46,13 @@ def slip(plan):
 def test_certify_does_not_believe_what_it_is_told(name):
     """Cost and bound are recomputed: wrong ones in the plan make no difference."""
     plan = plan_of(name)
+    wrong = replace(plan.proved_bound, cost=0.9 * plan.cost)
+    too_high = replace(wrong, cost=plan.cost, kind=BoundKind.SEARCHED)
     cost, bound = replace(
-        plan, cost=0.5 * plan.cost, bound=0.9 * plan.cost, searched=plan.cost
+        plan, cost=0.5 * plan.cost, proved_bound=wrong, searched_bound=too_high
     ).certify()
     assert cost == pytest.approx(plan.cost, rel=slip(plan))
-    assert bound == pytest.approx(plan.bound, rel=slip(plan))
+    assert bound == pytest.approx(plan.proved_bound.cost, rel=slip(plan))
 
 
 @every
@@ -92,14 +99,16 @@ def test_values_and_bounds_in_printed_form(name):
     else:
         assert searched > bound >= value * (1 - slip(plan))
     assert bound == pytest.approx(value, rel=1e-6)  # the gap that was asked for
-    assert data["gap"] == plan.gap == pytest.approx(1 - plan.bound / plan.cost, abs=1e-15)
+    assert (
+        data["gap"] == plan.gap == pytest.approx(1 - plan.proved_bound.cost / plan.cost, abs=1e-15)
+    )
 
 
 @either
 def test_best_bound(searched):
     """The bound to judge plans by is that over all poses where there is one."""
     plan = as_if_searched(plan_of("A")) if searched else plan_of("A")
-    assert plan.best_bound == (plan.searched if searched else plan.bound)
+    assert plan.best_bound == (plan.searched_bound if searched else plan.proved_bound)
 
 
 @either
@@ -110,6 +119,7 @@ def test_json(name, searched):
     data = json.loads(json.dumps(plan.to_dict(), allow_nan=False))
     promised = {"value", "bound", "gap", "support", "solver", "iterations", "seconds"}
     extra = {"criterion", "bound_searched", "candidates", "multipliers", "seed", "sampling"}
+    extra |= {"certificate"}
     assert promised <= set(data) <= promised | extra
     assert set(data["seconds"]) == {"candidates", "solve", "continuous"}
     assert (data["criterion"], data["candidates"]) == (name, 300)
@@ -124,6 +134,17 @@ def test_json(name, searched):
     q = np.deg2rad([pose["q_deg"] for pose in data["support"]])
     M = KR270.problem(q).information(weights)
     assert float(plan.criterion.value(M)) == pytest.approx(data["value"], rel=slip(plan) + 1e-12)
+
+
+@either
+def test_dictionary_gives_the_same_plan(searched):
+    """A plan that went through JSON is the same to the last bit, in the order of its poses."""
+    plan = as_if_searched(plan_of("rho0")) if searched else plan_of("rho0")
+    data = json.loads(json.dumps(plan.to_dict(), allow_nan=False))
+    again = RelaxedPlan.from_dict(plan.source, plan.criterion, data)
+    assert again.to_dict() == plan.to_dict()
+    np.testing.assert_array_equal(again.x, plan.x)
+    assert (again.proved_bound, again.searched_bound) == (plan.proved_bound, plan.searched_bound)
 
 
 @pytest.mark.parametrize("space", DESIGNS)
@@ -165,7 +186,7 @@ def test_plan_of_designed_loads(name):
     assert float(plan.criterion.cost(M)) == pytest.approx(plan.cost, rel=slip(plan))
     cost, bound = plan.certify()
     assert cost == pytest.approx(plan.cost, rel=slip(plan))
-    assert bound == pytest.approx(plan.bound, rel=1e-6)
+    assert bound == pytest.approx(plan.proved_bound.cost, rel=1e-6)
 
 
 @with_loads
@@ -213,12 +234,12 @@ def test_summary(name, searched):
     factor, unit = (1e3, " mm") if name == "rho0" else (1.0, "")
     assert lines[0].split(maxsplit=1)[1] == f"{factor * plan.value:.7g}{unit}"
     assert "proved on 300 candidates" in lines[1]
-    assert f" {factor * plan.printed(plan.bound):.7g}{unit} " in lines[1]
+    assert f" {factor * plan.bound:.7g}{unit} " in lines[1]
     assert "not proved" not in lines[1]
     if searched:
         assert "searched over all poses" in lines[2]
         assert "not proved" in lines[2]
-        assert f" {factor * plan.printed(plan.searched):.7g}{unit} " in lines[2]
+        assert f" {factor * plan.searched_bound.value:.7g}{unit} " in lines[2]
     header, *rows = lines[2 + searched :]
     assert header.split() == ["weight", *(f"q{j}_deg" for j in range(1, 7))]
     numbers = np.array([row.split() for row in rows], dtype=float)

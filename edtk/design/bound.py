@@ -1,0 +1,87 @@
+"""A bound on the cost of every plan, with what its claim rests on."""
+
+from dataclasses import dataclass, replace
+from enum import Enum
+from typing import overload
+
+import numpy as np
+from numpy.typing import NDArray
+
+from criteria import Criterion
+from criteria.criterion import Sense
+
+
+class BoundKind(Enum):
+    """What the claim of a bound rests on; the value is the words that a person reads."""
+
+    PROVED_ON_CANDIDATES = "proved on candidates"  # no plan over a finite set of poses is better
+    SEARCHED = "searched"  # no better plan over all poses was found, which proves nothing
+    PROVED = "proved on the continuum"  # no plan over all poses is better
+
+
+@dataclass(frozen=True)
+class Bound:
+    """A number that no plan of the same number of experiments can beat, as far as `kind` says.
+
+    Attributes:
+        cost: No plan costs less; zero for a bound that says nothing.
+        kind: What the claim rests on.
+        degree: Degree of homogeneity of the cost: ``cost(c M) = c**-degree cost(M)``.
+        sense: Whether the criterion's printed form is minimised or maximised.
+        gap: Relative gap ``1 - cost/best`` to the best weights known: how much higher the least
+            possible cost may be, relative to the cost of these weights. Below zero only by rounding.
+    """
+
+    cost: float
+    kind: BoundKind
+    degree: float
+    sense: Sense
+    gap: float
+
+    @classmethod
+    def of(cls, criterion: Criterion, cost: float, best: float, kind: BoundKind) -> "Bound":
+        """The bound on a criterion's cost.
+
+        Args:
+            criterion: Tells degree and sense.
+            cost: No plan costs less.
+            best: Cost of the best weights known, from which the gap follows.
+            kind: What the claim rests on.
+        """
+        return cls(float(cost), kind, criterion.degree, criterion.sense, 1.0 - cost / best)
+
+    def scaled(self, m: float) -> "Bound":
+        """The bound on plans of m times as many experiments: ``cost * m**-degree``."""
+        return replace(self, cost=float(self.cost * m**-self.degree))
+
+    @property
+    def value(self) -> float:
+        """The bound in the criterion's printed form; inf for a maximised one that says nothing."""
+        return printed_form(self.cost, self.sense)
+
+    def efficiency(self, cost: float) -> float:
+        """``bound / cost`` of a plan of this cost: one for a plan that cannot be improved."""
+        return self.cost / cost
+
+    def gap_to(self, cost: float) -> float:
+        """Relative gap ``1 - bound/cost`` to a plan of this cost."""
+        return 1.0 - self.cost / cost
+
+
+@overload
+def printed_form(cost: float, sense: Sense) -> float: ...
+@overload
+def printed_form(cost: NDArray[np.float64], sense: Sense) -> NDArray[np.float64]: ...
+def printed_form(cost: float | NDArray[np.float64], sense: Sense) -> float | NDArray[np.float64]:
+    """Costs as the criterion's formula prints them; applied to printed values, their costs.
+
+    Args:
+        cost: One cost or many, zero or positive.
+        sense: "min": the printed value is the cost; "max": its reciprocal, inf for zero.
+    """
+    if sense == "min":
+        return cost
+    if np.ndim(cost):
+        with np.errstate(divide="ignore"):
+            return 1.0 / np.asarray(cost, dtype=float)
+    return 1.0 / float(cost) if cost else float("inf")
