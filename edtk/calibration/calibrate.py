@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from edtk.calibration.diagnostics import NOTE, Diagnostic, diagnostics, named
+from edtk.calibration.diagnostics import Diagnostic, diagnostics
 from edtk.calibration.input_errors import find_input_error
 from edtk.calibration.plan_bias import bias_in_test_pose
 from edtk.calibration.posterior_check import PosteriorCheck, check_posterior
@@ -23,20 +23,21 @@ from edtk.inference.mcmc import Demand
 from edtk.inference.measurements import DEFLECTION_COLUMNS, ROTATION_COLUMNS, Measurements
 from edtk.inference.prior import Flat
 from edtk.model.load import FixedLoad
-from edtk.report.calibration_report import identification_page, verdict_level
-from edtk.report.digits import digits
+from edtk.report.calibration_report import identification_page
 from edtk.study.study import Study
 from edtk.system.atomic_file import atomic_path, require_writable, write_text
 from edtk.system.errors import UserError
+from edtk.system.presented import Presented
 from edtk.tables.pose_table import PoseFileError
 
 Array = NDArray[np.float64]
 COORDINATES = (*DEFLECTION_COLUMNS, *ROTATION_COLUMNS)
+VERDICTS = ("good", "warn", "bad")  # by the severity of the worst diagnostic
 WRITTEN = ("k.json", "residuals.csv", "report.html")
 
 
 @dataclass(frozen=True, eq=False)
-class Calibration:
+class Calibration(Presented):
     """Identified compliances with what a person wants to know about them.
 
     Attributes:
@@ -56,6 +57,20 @@ class Calibration:
     path: Path
     rho0_bias: float | None
     check: PosteriorCheck | None = None
+
+    def headline(self) -> str:
+        """The verdict, and the accuracy to expect."""
+        rows = f"{len(self.data)} measurements of {self.data.pose.max() + 1} poses"
+        accuracy = ""
+        if self.study.target is not None:
+            accuracy = f", rho0 = {1e3 * self.fit.accuracy(self.study.target)[0]:.4g} mm"
+        return f"{len(self.fit.k)} compliances from {rows}{accuracy}; verdict: {self.verdict}"
+
+    @property
+    def verdict(self) -> str:
+        """What to do with the result: "good", "warn" or "bad"."""
+        worst = max((diagnostic.severity for diagnostic in self.diagnostics), default=0)
+        return VERDICTS[worst]
 
     @property
     def sigma_hat(self) -> float:
@@ -81,7 +96,7 @@ class Calibration:
             "outliers": (fit.outliers + 1).tolist(),
             "rho0": rho0,
             "rho0_bias": self.rho0_bias,
-            "verdict": verdict_level(self.diagnostics),
+            "verdict": self.verdict,
             "doubts": [diagnostic.text for diagnostic in self.diagnostics],
             "negative": [
                 joint for joint, yes in zip(joints, fit.negative.tolist(), strict=True) if yes
@@ -122,62 +137,6 @@ class Calibration:
             self.check,
         )
         write_text(folder / "report.html", text)
-
-    def summary(self) -> str:
-        """What a person reads."""
-        fit, names = self.fit, self.study.model.parameters
-        m, rows = fit.residual.shape
-        loss = ", Huber's loss" if fit.robust else ""
-        lines = [
-            f"{m} measurements of {self.data.pose.max() + 1} poses, {m * rows} coordinates{loss}"
-        ]
-        lines += [
-            f"  {name:6}{digits(k, std):>12} +- {std:.1e} {unit}"
-            for name, k, std, unit in zip(
-                names, fit.k, fit.std, self.study.model.units, strict=True
-            )
-        ]
-        lines += ["correlation"]
-        lines += [
-            f"  {name:6}" + "".join(f"{c:8.3f}" for c in row)
-            for name, row in zip(names, fit.correlation, strict=True)
-        ]
-        p = "" if fit.p_value is None else f", probability of more {fit.p_value:.3g}"
-        lines += [f"chi-square {fit.chi2:.5g} with {fit.dof} degrees of freedom{p}"]
-        if np.isfinite(fit.scale):
-            lines += [f"sigma from the residuals {1e3 * self.sigma_hat:.4g} mm"]
-        if self.study.target is not None:
-            value, (low, high) = fit.accuracy(self.study.target)
-            between = (
-                ""
-                if low == high
-                else f", with 95 % between {1e3 * low:.5g} and {1e3 * high:.5g} mm"
-            )
-            lines += [f"rho0 {1e3 * value:.5g} mm{between}"]
-        if self.rho0_bias is not None:
-            lines += [
-                f"beside it the linear model leaves an error of {1e3 * self.rho0_bias:.3g} mm"
-            ]
-        of_pose = np.bincount(
-            self.data.pose, (fit.residual[:, :3] ** 2).mean(axis=1)
-        ) / np.bincount(self.data.pose)
-        worst = int(of_pose.argmax())
-        lines += [
-            f"largest residuals in pose {worst + 1}: {1e3 * np.sqrt(of_pose[worst]):.4g} mm root mean square"
-        ]
-        i, j = np.unravel_index(fit.leverage.argmax(), fit.leverage.shape)
-        lines += [f"largest leverage {fit.leverage[i, j]:.3f}: row {i + 1}, {COORDINATES[j]}"]
-        if len(fit.outliers):
-            lines += [f"outliers ({len(fit.outliers)}): {named('row', fit.outliers.tolist())}"]
-        lines += [self.study.rigid] if self.study.rigid else []
-        if self.check is not None:
-            lines += ["posterior", self.check.summary()]
-        lines += [
-            f"note: {diagnostic.text}"
-            for diagnostic in self.diagnostics
-            if diagnostic.severity == NOTE
-        ]
-        return "\n".join([*lines, f"verdict: {verdict_level(self.diagnostics)}"])
 
     def sampled(
         self,

@@ -18,6 +18,7 @@ from edtk.model.robot import Robot
 from edtk.study.study import Study
 from edtk.system.atomic_file import atomic_path
 from edtk.system.errors import UserError
+from edtk.system.presented import Presented
 from edtk.tables.compliances import Compliances
 from edtk.tables.pose_table import WRENCH_COLUMNS, PoseFileError, pose_columns, pose_factors
 
@@ -26,7 +27,7 @@ BAND = (0.025, 0.975)
 
 
 @dataclass(frozen=True, eq=False)
-class Compensation:
+class Compensation(Presented):
     """Commands for some task poses, and what is left of the error.
 
     Attributes:
@@ -50,6 +51,14 @@ class Compensation:
     band: Array | None
     rho0_bias: float | None = None
     rigid: str = ""
+
+    def headline(self) -> str:
+        """Number of poses, and the largest error before and after."""
+        before = f"{1e3 * self.uncompensated.max():.3g} mm"
+        after = "an unknown error"
+        if self.remaining is not None:
+            after = f"{1e3 * self.remaining.max():.3g} mm"
+        return f"{len(self.command)} task poses, from {before} at most down to {after}"
 
     def table(self) -> pd.DataFrame:
         """Commands, wrenches and errors: degrees, millimetres, newtons and newton metres."""
@@ -86,35 +95,6 @@ class Compensation:
             }
             for i in range(len(self.command))
         ]
-
-    def summary(self) -> str:
-        """What a person reads."""
-        lines = [
-            f"{'pose':>4}  "
-            + "".join(f"{c:>12}" for c in pose_columns(self.robot))
-            + "   error [mm]"
-        ]
-        lines[0] += "" if self.remaining is None else "   remaining rms (95 % band) [mm]"
-        for i, row in enumerate(self.command / pose_factors(self.robot)):
-            line = (
-                f"{i + 1:4}  "
-                + "".join(f"{v:12.5f}" for v in row)
-                + f"{1e3 * self.uncompensated[i]:13.4f}"
-            )
-            if self.remaining is not None and self.band is not None:
-                low, high = 1e3 * self.band[i]
-                line += f"   {1e3 * self.remaining[i]:.4g} ({low:.4g} .. {high:.4g})"
-            lines.append(line)
-        if self.remaining is None:
-            lines.append(
-                "the compliances come without a covariance: what errors of theirs leave is not known"
-            )
-        elif self.rho0_bias is not None:
-            bias = f"{1e3 * self.rho0_bias:.2g} mm"
-            lines.append(
-                f"beside that, identifying with the linear model left {bias} in the test pose"
-            )
-        return "\n".join([*lines, self.rigid] if self.rigid else lines)
 
 
 def load_task(study: Study, path: Path | str) -> Plan:

@@ -15,13 +15,14 @@ from edtk.model.compensation import compensation_accuracy
 from edtk.model.equilibrium import NoEquilibriumError, equilibrium
 from edtk.study.study import Study
 from edtk.system.errors import UserError
+from edtk.system.presented import Presented
 
 Array = NDArray[np.float64]
 MOST_POSES = 2000
 
 
 @dataclass(frozen=True, eq=False)
-class PlanBias:
+class PlanBias(Presented):
     """A plan's bias, and what it does in the test pose.
 
     Attributes:
@@ -41,6 +42,14 @@ class PlanBias:
     unit: str
     rho0: float | None
     rho0_bias: float | None
+
+    def headline(self) -> str:
+        """The largest bias in standard deviations."""
+        worst = int(np.abs(self.bias.in_std).argmax())
+        return (
+            f"linear model, {self.experiments} experiments: {self.parameters[worst]} is off by "
+            f"{self.bias.in_std[worst]:+.3g} standard deviations at most"
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Plain numbers in SI units; a per cent value that is infinite is null."""
@@ -63,28 +72,6 @@ class PlanBias:
             "rho0": self.rho0,
             "rho0_bias": self.rho0_bias,
         }
-
-    def summary(self) -> str:
-        """What a person reads."""
-        b = self.bias
-        lines = [
-            f"{self.experiments} experiments on the loaded equilibrium, identified with the linear model"
-        ]
-        lines.append(
-            f"{'param':7}{'true':>11} {'bias':>11} {'std':>10} {'bias/std':>10} {'bias %':>9}"
-        )
-        rows = zip(self.parameters, b.true, b.bias, b.std, b.in_std, b.percent, strict=True)
-        lines += [
-            f"{n:7}{t:11.4g} {x:+11.3g} {s:10.4g} {r:+10.4g} {p:+9.4g}" for n, t, x, s, r, p in rows
-        ]
-        lines.append(f"compliances in {self.unit}")
-        if self.rho0 is not None and self.rho0_bias is not None:
-            both = float(np.hypot(self.rho0, self.rho0_bias))
-            lines.append(
-                f"test pose: noise leaves rho0 = {1e3 * self.rho0:.4g} mm, the bias {1e3 * self.rho0_bias:.4g} mm, "
-                f"both {1e3 * both:.4g} mm (root mean square)"
-            )
-        return "\n".join(lines)
 
 
 def plan_bias(study: Study, plan: Plan, path: Path) -> PlanBias:

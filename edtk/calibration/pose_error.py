@@ -9,12 +9,13 @@ from numpy.typing import NDArray
 from edtk.inference.convergence import autocorrelation_time
 from edtk.inference.least_squares import Estimate
 from edtk.inference.posterior import Posterior
+from edtk.system.presented import Presented
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class PoseError:
+class PoseError(Presented):
     """Compensation with the least-squares estimate, judged by the posterior; lengths in m.
 
     Attributes:
@@ -33,25 +34,16 @@ class PoseError:
     displacement: Array
     displacement_95: Array
 
+    def headline(self) -> str:
+        """The error after compensation."""
+        return f"rho0 = {1e3 * self.rho0:.4g} mm in the test pose"
+
     def to_dict(self) -> dict[str, Any]:
         """Plain data [m]."""
         return {
             name: value.tolist() if isinstance(value, np.ndarray) else value
             for name, value in vars(self).items()
         }
-
-    def summary(self) -> str:
-        """What a person reads [mm]."""
-        low, high = 1e3 * self.displacement_95
-        axes = ", ".join(
-            f"{n} {a:.4f} to {b:.4f}" for n, a, b in zip("xyz", low, high, strict=True)
-        )
-        return (
-            f"test pose: rho0 {1e3 * self.rho0:.6f} +- {1e3 * self.rho0_error:.6f} mm, "
-            f"by the fit, Eq. (20), {1e3 * self.rho0_fit:.6f} mm\n"
-            f"error after compensation below {1e3 * self.error_95:.6f} mm with probability 95 %\n"
-            f"displacement under the task's load, 95 % intervals [mm]: {axes}"
-        )
 
 
 def pose_error(A0: Array, fit: Estimate, posterior: Posterior) -> PoseError:

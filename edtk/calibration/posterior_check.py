@@ -18,12 +18,13 @@ from edtk.inference.noise import Noise
 from edtk.inference.posterior import Posterior, sample_posterior
 from edtk.inference.simulate import simulate
 from edtk.study.study import Study
+from edtk.system.presented import Presented
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class PosteriorCheck:
+class PosteriorCheck(Presented):
     """One calibration, simulated or real, and its posterior.
 
     Attributes:
@@ -49,6 +50,15 @@ class PosteriorCheck:
     noise: Noise
     pose: PoseError | None
     sigma_estimated: bool = False
+
+    def headline(self) -> str:
+        """The largest difference between posterior and fit, and the length of the chain."""
+        ratio = self.table["ratio"] / self.ratio_to_expect
+        worst = float(ratio.iloc[(ratio - 1).abs().argmax()])
+        return (
+            f"posterior of {len(self.table)} compliances from {len(self.A)} measurements, standard "
+            f"deviations up to {worst:.3f} times {self.compared[1]}"
+        )
 
     @property
     def noise_intervals(self) -> dict[str, tuple[float, float, float]]:
@@ -87,40 +97,6 @@ class PosteriorCheck:
             "steps": self.posterior.steps,
             "walkers": self.posterior.samples.shape[1],
         }
-
-    def summary(self) -> str:
-        """What a person reads."""
-        column, label = self.compared
-        head = (
-            "param",
-            "std posterior",
-            label,
-            "ratio",
-            "+- (MC)",
-            "95 % interval",
-            "effective samples",
-        )
-        lines = [
-            f"{head[0]:8}{head[1]:>14}{head[2]:>17}{head[3]:>9}{head[4]:>9}{head[5]:>26}{head[6]:>19}"
-        ]
-        for row in self.table.itertuples():
-            interval, std = f"{row.low_95:.4e} to {row.high_95:.4e}", getattr(row, column)
-            lines.append(
-                f"{row.parameter:8}{row.std_posterior:14.5g}{std:17.5g}{row.ratio:9.4f}{row.ratio_error:9.4f}"
-                f"{interval:>26}{row.effective_samples:19.0f}"
-            )
-        lines.append(
-            f"standard deviations and intervals in {' or '.join(self.table['unit'].unique())}"
-        )
-        if self.ratio_to_expect != 1:
-            lines.append(
-                f"as sigma was estimated, a ratio of {self.ratio_to_expect:.4f} is to be expected"
-            )
-        lines += [
-            f"{name}: {median:.4g}, 95 % interval {low:.4g} to {high:.4g}"
-            for name, (median, low, high) in self.noise_intervals.items()
-        ]
-        return "\n".join(lines if self.pose is None else [*lines, self.pose.summary()])
 
 
 def check_plan_posterior(

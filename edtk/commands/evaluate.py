@@ -5,7 +5,6 @@ from pathlib import Path
 
 import click
 
-import criteria
 from edtk.commands.shared import FilePath, mistakes_in
 
 
@@ -21,15 +20,4 @@ def command(study: Path, plan: Path, as_json: bool) -> None:
     loaded = load_study(study)
     with mistakes_in(plan):
         result = evaluate(loaded, loaded.load_plan(plan))
-    if as_json:
-        click.echo(json.dumps(result.to_dict(), indent=2))
-        return
-    click.echo(f"{result.experiments} experiments")
-    for name, value in result.criteria.items():
-        cls = criteria.get(name)
-        factor, unit = cls.shown
-        shown = f"{factor * value:.6g} {unit}"
-        click.echo(f"  {name:6}{cls.sense:5}{shown:18}{cls.formula}")
-    click.echo("standard deviations")
-    for name, std, unit in zip(result.parameters, result.std, loaded.model.units, strict=True):
-        click.echo(f"  {name:6}{std:.4g} {unit}")
+    click.echo(json.dumps(result.to_dict(), indent=2) if as_json else result.summary())

@@ -70,7 +70,10 @@ def identification_page(
 
 
 _INTERVALS = "Identified compliances with 95 % intervals, relative to the estimate."
-_RESIDUALS = "Measured minus predicted, by measurement; grey: twice what the noise makes of them; circles: flagged as outliers."
+_RESIDUALS = (
+    "Measured minus predicted, by measurement; grey: twice what the noise makes of them; "
+    "circles: flagged as outliers."
+)
 _QUANTILES = "Standardised residuals against the normal law: on the line where they follow it."
 _CORRELATION = "Correlation of the estimates."
 
@@ -152,7 +155,8 @@ def _noise(fit: Identification) -> str:
     if not fit.dof:
         return "As many coordinates as parameters were measured: nothing is left to judge the noise by."
     how = "identified with Huber's loss, by which outliers count less; " if fit.robust else ""
-    text = f"{how}chi-square = {fit.chi2:.4g} for {fit.dof} degrees of freedom; noise is {fit.scale:.3g} times the stated"
+    text = f"{how}chi-square = {fit.chi2:.4g} for {fit.dof} degrees of freedom; "
+    text += f"noise is {fit.scale:.3g} times the stated"
     return text + (
         f", p = {fit.p_value:.2g}." if fit.p_value is not None else ", and was estimated."
     )

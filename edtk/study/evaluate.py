@@ -10,12 +10,13 @@ import criteria
 from edtk.design.plan import Plan
 from edtk.inference.least_squares import covariance
 from edtk.study.study import Study
+from edtk.system.presented import Presented
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Evaluation:
+class Evaluation(Presented):
     """A plan's worth, in SI units throughout.
 
     Attributes:
@@ -25,6 +26,7 @@ class Evaluation:
         covariance: Covariance (p, p) of the compliances, Eq. (13).
         parameters: Names (p,) of the parameters.
         joints: Names (p,) of their joints.
+        units: Units (p,) of the parameters.
         experiments: Number of measurements.
     """
 
@@ -34,7 +36,15 @@ class Evaluation:
     covariance: Array
     parameters: tuple[str, ...]
     joints: tuple[str, ...]
+    units: tuple[str, ...]
     experiments: int
+
+    def headline(self) -> str:
+        """Number of experiments, of criteria and of parameters."""
+        return (
+            f"{self.experiments} experiments under {len(self.criteria)} criteria, "
+            f"standard deviations of {len(self.parameters)} parameters"
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Plain numbers, for JSON."""
@@ -69,6 +79,7 @@ def evaluate(study: Study, plan: Plan) -> Evaluation:
         covariance=cov,
         parameters=study.model.parameters,
         joints=study.specification.joints.unknown,
+        units=study.model.units,
         experiments=plan.experiments,
     )
 

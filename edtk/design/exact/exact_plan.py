@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 from edtk.design.bound import Bound, BoundKind, printed_form
 from edtk.design.plan import Plan
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
+from edtk.system.presented import Presented
 from edtk.tables.pose_table import pose_factors
 
 Array = NDArray[np.float64]
-CUT_OFF = 1e-3  # relative gap of a bound beyond which a person is told
 
 
 @dataclass(frozen=True, eq=False)
-class ExactPlan:
+class ExactPlan(Presented):
     """The best plan of m experiments that a search has found.
 
     Attributes:
@@ -40,6 +40,15 @@ class ExactPlan:
     optima: int
     seconds: float
     ended: str
+
+    def headline(self) -> str:
+        """Criterion, value, size and efficiency."""
+        factor, unit = self.relaxed.criterion.shown
+        value = f"{factor * self.value:.4g} {unit}".rstrip()
+        return (
+            f"{self.relaxed.criterion.name} = {value} with {self.whole.experiments} experiments, "
+            f"efficiency {100 * self.efficiency:.2f} %"
+        )
 
     @property
     def whole(self) -> Plan:
@@ -104,35 +113,3 @@ class ExactPlan:
             "constraint_violation": self.violation,
             "plan": rows,
         }
-
-    def summary(self) -> str:
-        """What a person reads: value, bound, how the search went, and the poses."""
-        c, whole = self.relaxed.criterion, self.whole
-        factor, unit = c.shown[0], f" {c.shown[1]}".rstrip()
-        reach = (
-            "searched over all poses, not proved"
-            if self.lower_bound.kind is BoundKind.SEARCHED
-            else "over the candidates"
-        )
-        if self.bound_gap > CUT_OFF:
-            reach += (
-                f"; its search was cut off, when it could be {100 * self.bound_gap:.2g} % better"
-            )
-        kept = "" if self.kept is None else f", {self.kept.experiments} of them there already"
-        lines = [
-            f"{c.name}, {c.title}; {whole.experiments} experiments in {len(whole.q)} poses{kept}",
-            f"  value       {factor * self.value:.6g}{unit}",
-            f"  bound       {factor * self.bound:.6g}{unit}  ({reach})",
-            f"  efficiency  {100 * self.efficiency:.2f} %",
-            f"{self.starts} starts in {self.seconds:.1f} s; {self.found} of the plans refined to the end are this one, "
-            f"among {self.optima} different",
-        ]
-        table = whole.to_frame(self.relaxed.space.workspace.robot)
-        if not self.relaxed.space.load.limits.size and self.kept is None:
-            table = table.iloc[:, : -whole.wrench.shape[1]]
-        repeats = table.pop("repeats")
-        lines.append("repeats  " + " ".join(f"{column:>9}" for column in table.columns))
-        for i, (times, row) in enumerate(zip(repeats, table.to_numpy(), strict=True)):
-            there = "  kept" if self.kept is not None and i < len(self.kept.q) else ""
-            lines.append(f"{times:7}  " + " ".join(f"{x:9.3f}" for x in row) + there)
-        return "\n".join(lines)

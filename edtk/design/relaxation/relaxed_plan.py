@@ -15,13 +15,14 @@ from edtk.design.design_space import DesignSpace
 from edtk.design.plan import Plan
 from edtk.design.relaxation.relax import normalised
 from edtk.system.atomic_file import atomic_path
+from edtk.system.presented import Presented
 from edtk.tables.pose_table import WRENCH_COLUMNS, pose_factors
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class RelaxedPlan:
+class RelaxedPlan(Presented):
     """Poses and the share of the experiments that each should have, per single experiment.
 
     Attributes:
@@ -53,6 +54,15 @@ class RelaxedPlan:
     solver: str
     iterations: int
     seconds: dict[str, float] = field(default_factory=dict)
+
+    def headline(self) -> str:
+        """Criterion, value, number of poses and proved gap."""
+        factor, unit = self.criterion.shown
+        value = f"{factor * self.value:.4g} {unit}".rstrip()
+        return (
+            f"{self.criterion.name} = {value} with weights on {len(self.x)} poses, "
+            f"proved gap {max(self.gap, 0.0):.1e}"
+        )
 
     @property
     def space(self) -> DesignSpace:
@@ -113,28 +123,6 @@ class RelaxedPlan:
             tops = np.maximum(tops, sensitivities.max(axis=1))
         M = self.information
         return float(self.criterion.cost(M)), self.criterion.lower_bound(self.multipliers, tops, M)
-
-    def summary(self) -> str:
-        """What a person reads: value, bounds and poses."""
-        c = self.criterion
-        factor, unit = c.shown[0], f" {c.shown[1]}".rstrip()
-        rows = [
-            ("value", self.value, ""),
-            (f"bound, proved on {self.candidates:,} candidates", self.bound, _gap_text(self.gap)),
-        ]
-        if self.searched_bound is not None:
-            gap = self.searched_bound.gap_to(self.cost)
-            text = _gap_text(gap, "; not proved")
-            rows.append(("bound, searched over all poses", self.searched_bound.value, text))
-        width = max(len(label) for label, *_ in rows)
-        lines = [f"{c.name}, {c.title}, for a single experiment's worth of weight; {c.sense}imised"]
-        for label, value, gap_text in rows:
-            lines.append(f"  {label:{width}}  {factor * value:.7g}{unit}{gap_text}")
-        table = self.table
-        lines.append("weight   " + " ".join(f"{column:>9}" for column in table.columns[:-1]))
-        for *entries, weight in table.itertuples(index=False):
-            lines.append(f"{weight:.5f}  " + " ".join(f"{x:9.3f}" for x in entries))
-        return "\n".join(lines)
 
     def to_dict(self) -> dict[str, Any]:
         """Plain numbers, for JSON: as people read them, and exactly under the key `certificate`.
@@ -209,11 +197,6 @@ class RelaxedPlan:
         """Write poses in degrees and millimetres, and weights, atomically; the heaviest first."""
         with atomic_path(path) as temporary:
             self.table.to_csv(temporary, index=False, float_format="%.10g")
-
-
-def _gap_text(gap: float, proof: str = "") -> str:
-    """A relative gap in brackets; below zero by rounding it is shown as zero."""
-    return f"  (relative gap {max(gap, 0):.1e}{proof})"
 
 
 def _finite(x: float) -> float | None:

@@ -1,0 +1,1 @@
+"""Tables for notebooks: a file for each result, its function named after it."""

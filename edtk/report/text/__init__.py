@@ -1,0 +1,1 @@
+"""Text for terminals: a file for each result, its function named after it."""

@@ -1,0 +1,78 @@
+"""Text of a calibration."""
+
+import numpy as np
+
+from edtk.calibration.calibrate import COORDINATES, Calibration
+from edtk.calibration.diagnostics import NOTE, named
+from edtk.report.digits import digits
+
+
+def calibration(found: Calibration) -> str:
+    """Compliances, how well they fit, the accuracy to expect, and the verdict."""
+    lines = [*_compliances(found), *_fit(found), *_accuracy(found), *_rows(found)]
+    if found.study.rigid:
+        lines.append(found.study.rigid)
+    if found.check is not None:
+        lines += ["posterior", found.check.summary()]
+    for diagnostic in found.diagnostics:
+        if diagnostic.severity == NOTE:
+            lines.append(f"note: {diagnostic.text}")
+    return "\n".join([*lines, f"verdict: {found.verdict}"])
+
+
+def _compliances(found: Calibration) -> list[str]:
+    """Estimates with standard deviations, and their correlation."""
+    fit = found.fit
+    names = found.study.model.parameters
+    m, rows = fit.residual.shape
+    poses = found.data.pose.max() + 1
+    loss = ", Huber's loss" if fit.robust else ""
+    lines = [f"{m} measurements of {poses} poses, {m * rows} coordinates{loss}"]
+    for name, k, std, unit in zip(names, fit.k, fit.std, found.study.model.units, strict=True):
+        lines.append(f"  {name:6}{digits(k, std):>12} +- {std:.1e} {unit}")
+    lines.append("correlation")
+    for name, row in zip(names, fit.correlation, strict=True):
+        lines.append(f"  {name:6}" + "".join(f"{c:8.3f}" for c in row))
+    return lines
+
+
+def _fit(found: Calibration) -> list[str]:
+    """Chi-square and the noise."""
+    fit = found.fit
+    p = "" if fit.p_value is None else f", probability of more {fit.p_value:.3g}"
+    lines = [f"chi-square {fit.chi2:.5g} with {fit.dof} degrees of freedom{p}"]
+    if np.isfinite(fit.scale):
+        lines.append(f"sigma from the residuals {1e3 * found.sigma_hat:.4g} mm")
+    return lines
+
+
+def _accuracy(found: Calibration) -> list[str]:
+    """The error to expect in the test pose; nothing without one."""
+    lines = []
+    if found.study.target is not None:
+        value, (low, high) = found.fit.accuracy(found.study.target)
+        interval = f", with 95 % between {1e3 * low:.5g} and {1e3 * high:.5g} mm"
+        lines.append(f"rho0 {1e3 * value:.5g} mm{'' if low == high else interval}")
+    if found.rho0_bias is not None:
+        bias = f"{1e3 * found.rho0_bias:.3g} mm"
+        lines.append(f"beside it the linear model leaves an error of {bias}")
+    return lines
+
+
+def _rows(found: Calibration) -> list[str]:
+    """The pose that fits least, the row that counts most, and the outliers."""
+    fit = found.fit
+    pose = found.data.pose
+    squares = (fit.residual[:, :3] ** 2).mean(axis=1)
+    of_pose = np.bincount(pose, squares) / np.bincount(pose)
+    worst = int(of_pose.argmax())
+    size = f"{1e3 * np.sqrt(of_pose[worst]):.4g} mm"
+    i, j = np.unravel_index(fit.leverage.argmax(), fit.leverage.shape)
+    lines = [
+        f"largest residuals in pose {worst + 1}: {size} root mean square",
+        f"largest leverage {fit.leverage[i, j]:.3f}: row {i + 1}, {COORDINATES[j]}",
+    ]
+    if len(fit.outliers):
+        rows = named("row", fit.outliers.tolist())
+        lines.append(f"outliers ({len(fit.outliers)}): {rows}")
+    return lines

@@ -1,0 +1,26 @@
+"""Text of a compensation."""
+
+from edtk.calibration.compensate import Compensation
+from edtk.tables.pose_table import pose_columns, pose_factors
+
+
+def compensation(found: Compensation) -> str:
+    """A line for each task pose: the command, and the errors before and after."""
+    columns = "".join(f"{column:>12}" for column in pose_columns(found.robot))
+    band = "" if found.remaining is None else "   remaining rms (95 % band) [mm]"
+    lines = [f"{'pose':>4}  {columns}   error [mm]{band}"]
+    for i, row in enumerate(found.command / pose_factors(found.robot)):
+        command = "".join(f"{value:12.5f}" for value in row)
+        line = f"{i + 1:4}  {command}{1e3 * found.uncompensated[i]:13.4f}"
+        if found.remaining is not None and found.band is not None:
+            low, high = 1e3 * found.band[i]
+            line += f"   {1e3 * found.remaining[i]:.4g} ({low:.4g} .. {high:.4g})"
+        lines.append(line)
+    if found.remaining is None:
+        lines.append(
+            "the compliances come without a covariance: what errors of theirs leave is not known"
+        )
+    elif found.rho0_bias is not None:
+        bias = f"{1e3 * found.rho0_bias:.2g} mm"
+        lines.append(f"beside that, identifying with the linear model left {bias} in the test pose")
+    return "\n".join([*lines, found.rigid] if found.rigid else lines)

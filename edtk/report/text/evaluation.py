@@ -1,0 +1,18 @@
+"""Text of an evaluation."""
+
+import criteria
+from edtk.study.evaluate import Evaluation
+
+
+def evaluation(found: Evaluation) -> str:
+    """A line for each criterion, and one for each standard deviation."""
+    lines = [f"{found.experiments} experiments"]
+    for name, value in found.criteria.items():
+        criterion = criteria.get(name)
+        factor, unit = criterion.shown
+        shown = f"{factor * value:.6g} {unit}"
+        lines.append(f"  {name:6}{criterion.sense:5}{shown:18}{criterion.formula}")
+    lines.append("standard deviations")
+    for name, std, unit in zip(found.parameters, found.std, found.units, strict=True):
+        lines.append(f"  {name:6}{std:.4g} {unit}")
+    return "\n".join(lines)

@@ -1,0 +1,50 @@
+"""Text of an exact plan."""
+
+from edtk.design.bound import BoundKind
+from edtk.design.exact.exact_plan import ExactPlan
+
+CUT_OFF = 1e-3  # relative gap of a bound beyond which a person is told
+
+
+def exact_plan(found: ExactPlan) -> str:
+    """Value, bound, how the search went, and the poses."""
+    criterion = found.relaxed.criterion
+    whole = found.whole
+    factor = criterion.shown[0]
+    unit = f" {criterion.shown[1]}".rstrip()
+    kept = "" if found.kept is None else f", {found.kept.experiments} of them there already"
+    lines = [
+        f"{criterion.name}, {criterion.title}; {whole.experiments} experiments "
+        f"in {len(whole.q)} poses{kept}",
+        f"  value       {factor * found.value:.6g}{unit}",
+        f"  bound       {factor * found.bound:.6g}{unit}  ({_reach(found)})",
+        f"  efficiency  {100 * found.efficiency:.2f} %",
+        f"{found.starts} starts in {found.seconds:.1f} s; {found.found} of the plans refined "
+        f"to the end are this one, among {found.optima} different",
+    ]
+    return "\n".join([*lines, *_experiments(found)])
+
+
+def _reach(found: ExactPlan) -> str:
+    """Which plans the bound speaks of."""
+    searched = found.lower_bound.kind is BoundKind.SEARCHED
+    reach = "searched over all poses, not proved" if searched else "over the candidates"
+    if found.bound_gap <= CUT_OFF:
+        return reach
+    better = f"{100 * found.bound_gap:.2g}"
+    return f"{reach}; its search was cut off, when it could be {better} % better"
+
+
+def _experiments(found: ExactPlan) -> list[str]:
+    """A header, and a line for each pose."""
+    whole = found.whole
+    table = whole.to_frame(found.relaxed.space.workspace.robot)
+    if not found.relaxed.space.load.limits.size and found.kept is None:
+        table = table.iloc[:, : -whole.wrench.shape[1]]  # one load for all, which the study states
+    repeats = table.pop("repeats")
+    kept_poses = 0 if found.kept is None else len(found.kept.q)
+    lines = ["repeats  " + " ".join(f"{column:>9}" for column in table.columns)]
+    for i, (times, row) in enumerate(zip(repeats, table.to_numpy(), strict=True)):
+        kept = "  kept" if i < kept_poses else ""
+        lines.append(f"{times:7}  " + " ".join(f"{x:9.3f}" for x in row) + kept)
+    return lines

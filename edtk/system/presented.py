@@ -1,0 +1,64 @@
+"""The mixin by which a result shows itself: in one line, as text, in a notebook, as a picture."""
+
+from importlib import import_module
+from typing import Any
+
+LINE = 100  # characters that fit on a line of a terminal
+
+
+class Presented:
+    """A result that a person can look at.
+
+    A class that inherits from it says `headline()`, and nothing else. How the result is rendered lies
+    in `edtk.report`, one file for each class and form: `report/text/exact_plan.py` holds the function
+    `exact_plan(result)` that writes the `summary()` of an `ExactPlan`, `report/notebook/` and
+    `report/plot/` hold those of the other forms. A class without such a file is rendered like its
+    base class, at last like any `Presented`.
+
+    `edtk.report` lies above all rooms that hold results, and some of it needs matplotlib. So it is
+    looked up when it is called, and never imported with the class.
+    """
+
+    __slots__ = ()
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        # A dataclass writes a __repr__ of its own, screens long where a field is an array, unless
+        # the class itself has one: an inherited one does not count.
+        cls.__repr__ = cls.__repr__  # type: ignore[method-assign]
+
+    def headline(self) -> str:
+        """What the result is, with its main numbers, in one line."""
+        return type(self).__name__
+
+    def __repr__(self) -> str:
+        text = " ".join(f"<{type(self).__name__}: {self.headline()}>".split())
+        return text if len(text) <= LINE else f"{text[: LINE - 4]}...>"
+
+    def summary(self) -> str:
+        """Text for a terminal, of several lines."""
+        return str(_rendered("text", self))
+
+    def _repr_html_(self) -> str:
+        """A small table for a notebook, without outside links."""
+        return str(_rendered("notebook", self))
+
+    def plot(self, ax: Any = None) -> Any:
+        """Draw the result with matplotlib.
+
+        Args:
+            ax: Axes to draw into; a new figure where it is not given. A picture of several panels
+                divides the place of these axes.
+
+        Returns:
+            The axes, or an array of them where the picture has several panels.
+
+        Raises:
+            TypeError: There is no picture of such a result.
+        """
+        return _rendered("plot", self, ax)
+
+
+def _rendered(form: str, result: Presented, *arguments: Any) -> Any:
+    """The result in a form: "text", "notebook" or "plot"."""
+    return import_module("edtk.report.render").render(form, result, *arguments)

@@ -1,0 +1,26 @@
+"""A result is rendered by the file of its class, or of a base class."""
+
+import numpy as np
+import pytest
+
+from edtk.calibration.pose_error import PoseError
+from edtk.report.render import render
+
+
+class Derived(PoseError):
+    """A class that edtk.report knows nothing of."""
+
+
+def test_a_base_class_lends_its_file() -> None:
+    """The nearest base class with a file renders the result."""
+    numbers = dict.fromkeys(("rho0", "rho0_error", "rho0_fit", "error_95"), 1e-6)
+    given = {"displacement": np.zeros(3), "displacement_95": np.zeros((2, 3))}
+    result = Derived(**numbers, **given)
+    assert render("text", result) == PoseError(**numbers, **given).summary()
+    assert result.summary().startswith("test pose: rho0 0.001000 +- 0.001000 mm")
+
+
+def test_what_is_no_result_is_refused() -> None:
+    """A number has no rendering."""
+    with pytest.raises(TypeError, match="int is no result"):
+        render("text", 3)
