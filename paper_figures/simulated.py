@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from edtk.design.plan import Plan
 from edtk.inference.least_squares import covariance, estimate
 from edtk.inference.simulate import simulate
-from edtk.model.compensation import compensation_accuracy
+from edtk.model.compensation_accuracy import compensation_accuracy
 from edtk.study.study import Study
 from paper_figures import printed_values
 from paper_figures.example import plans_of_table_4, target_of

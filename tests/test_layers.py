@@ -75,7 +75,6 @@ NOT_YET_NAMED = {
     "edtk/inference/least_squares",
     "edtk/inference/mcmc",
     "edtk/inference/outliers",
-    "edtk/model/compensation",
     "edtk/report/calibration_report",
     "edtk/report/comparison_report",
     "edtk/report/figures",

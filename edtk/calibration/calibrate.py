@@ -22,7 +22,7 @@ from edtk.inference.least_squares import Estimate, SingularPlanError
 from edtk.inference.mcmc import Demand
 from edtk.inference.measurements import DEFLECTION_COLUMNS, ROTATION_COLUMNS, Measurements
 from edtk.inference.prior import Flat
-from edtk.model.load import FixedLoad
+from edtk.model.loads.fixed_load import FixedLoad
 from edtk.report.calibration_report import identification_page
 from edtk.study.study import Study
 from edtk.system.atomic_file import atomic_path, require_writable, write_text

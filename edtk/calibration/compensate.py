@@ -10,10 +10,12 @@ from numpy.typing import NDArray
 
 from edtk.design.plan import Plan
 from edtk.inference.error_quantiles import error_quantiles
-from edtk.model.compensation import all_compliances, compensated_joints, compensation_accuracy
+from edtk.model.all_compliances import all_compliances
+from edtk.model.compensated_joints import compensated_joints
+from edtk.model.compensation_accuracy import compensation_accuracy
 from edtk.model.elastostatic_model import ElastostaticModel
 from edtk.model.equilibrium import NoEquilibriumError, equilibrium
-from edtk.model.rigid_joints import rigid_joints
+from edtk.model.rigid_joints import rigid_joints, rigid_joints_in_words
 from edtk.model.robot import Robot
 from edtk.study.study import Study
 from edtk.system.atomic_file import atomic_path
@@ -161,7 +163,7 @@ def compensate(study: Study, found: Compliances, task: Plan, path: Path) -> Comp
         remaining=None if cov is None else compensation_accuracy(A, cov),
         band=None if cov is None else error_quantiles(A, cov, BAND, found.covariance_dof),
         rho0_bias=found.rho0_bias,
-        rigid=rigid_joints(robot, task.q, task.wrench, found.joints),
+        rigid=rigid_joints_in_words(rigid_joints(robot, task.q, task.wrench, found.joints)),
     )
 
 

@@ -13,7 +13,7 @@ from edtk.design.plan import Plan
 from edtk.inference.identify import MAD_EFFICIENCY, Identification
 from edtk.inference.least_squares import Whitened
 from edtk.inference.measurements import Measurements
-from edtk.model.load import FixedLoad
+from edtk.model.loads.fixed_load import FixedLoad
 from edtk.study.study import Study
 from edtk.tables.pose_table import pose_columns, pose_factors
 

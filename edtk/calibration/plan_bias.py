@@ -11,7 +11,7 @@ from edtk.design.plan import Plan
 from edtk.inference.bias import Bias, linearisation_bias, marker_motion
 from edtk.inference.least_squares import SingularPlanError, estimate
 from edtk.inference.measurements import Measurements
-from edtk.model.compensation import compensation_accuracy
+from edtk.model.compensation_accuracy import compensation_accuracy
 from edtk.model.equilibrium import NoEquilibriumError, equilibrium
 from edtk.study.study import Study
 from edtk.system.errors import UserError

@@ -11,8 +11,8 @@ from edtk.design.packed import pack_gram
 from edtk.design.plan import Plan
 from edtk.design.problem import Problem
 from edtk.model.elastostatic_model import ElastostaticModel
-from edtk.model.load import Load
-from edtk.model.robot import Frames
+from edtk.model.frames import Frames
+from edtk.model.loads.load import Load
 from edtk.model.workspace import Workspace
 
 Array = NDArray[np.float64]

@@ -9,7 +9,8 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from edtk.model.elastostatic_model import ElastostaticModel
-from edtk.model.robot import Robot, cross
+from edtk.model.frames import cross
+from edtk.model.robot import Robot
 from edtk.tables.pose_table import PoseTable
 
 Array = NDArray[np.float64]

@@ -1,1 +1,1 @@
-"""From joint angles and wrench to the regressor of the compliances (the paper's Section 2)."""
+"""The paper's Section 2: from joint angles and a wrench to the regressor of the compliances."""

@@ -6,7 +6,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from edtk.model.robot import Frames, Robot, cross
+from edtk.model.frames import Frames, cross
+from edtk.model.robot import Robot
 
 Array = NDArray[np.float64]
 Rows = Literal["position", "pose"]

@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
-from edtk.model.robot import Robot, cross
+from edtk.model.frames import cross
+from edtk.model.robot import Robot
 
 Array = NDArray[np.float64]
 FAR = 0.1  # joint deflection [rad or m] beyond which the load is raised in steps

@@ -1,35 +1,61 @@
 """Joints that count as rigid, because their compliances are not known, although a load turns them."""
 
+from dataclasses import dataclass
+
 import numpy as np
-from numpy.typing import NDArray
 
 from edtk.model.robot import Robot
+from edtk.system.typing import Array
 
-Array = NDArray[np.float64]
-UNIT = 1e-7  # compliance [rad/(N m)] by which a person judges what is left out
-LEAST = 1e-6  # displacement by that [m] from which it is said
+# The order of an industrial robot's joint compliances: the example by which the effect is judged.
+EXAMPLE = 1e-7  # [rad/(N m)]
+LEAST = 1e-6  # displacement by the example from which a joint is reported [m]
 
 
-def rigid_joints(robot: Robot, q: Array, wrench: Array, known: tuple[str, ...]) -> str:
-    """What 1e-7 rad/(N m) of each joint without a known compliance would add, in words; nothing where it is nothing.
+@dataclass(frozen=True)
+class RigidJoint:
+    """A joint that counts as rigid.
+
+    Attributes:
+        name: The joint.
+        displacement: By how much 1e-7 rad/(N m) of compliance in it would move the tool point under
+            the load, in the pose where that is most [m].
+    """
+
+    name: str
+    displacement: float
+
+
+def rigid_joints(
+    robot: Robot, q: Array, wrench: Array, known: tuple[str, ...]
+) -> tuple[RigidJoint, ...]:
+    """Find the joints whose unknown compliance would matter in a task.
 
     Args:
         robot: The chain with the task's tool.
         q: Task poses (t, n) [rad or m].
         wrench: Their wrenches (t, 6) [N, N m].
         known: Names of the joints whose compliances are known.
+
+    Returns:
+        The revolute joints without a known compliance that the load turns, from base to tip.
     """
     J = robot.jacobian(q)
     torque = np.einsum("tij,ti->tj", J, wrench)
-    moved = UNIT * np.linalg.norm(J[:, :3] * torque[:, None], axis=1).max(axis=0)
-    parts = [
-        f"{name} ({1e3 * moved[j]:.2g} mm)"
-        for j, name in enumerate(robot.joint_names)
-        if name not in known and robot.joints[j].kind == "revolute" and moved[j] > LEAST
-    ]
-    if not parts:
+    moved = EXAMPLE * np.linalg.norm(J[:, :3] * torque[:, None], axis=1).max(axis=0)
+    return tuple(
+        RigidJoint(joint.name, float(displacement))
+        for joint, displacement in zip(robot.joints, moved, strict=True)
+        if joint.name not in known and joint.kind == "revolute" and displacement > LEAST
+    )
+
+
+def rigid_joints_in_words(joints: tuple[RigidJoint, ...]) -> str:
+    """One sentence that names the joints, or an empty text for none."""
+    if not joints:
         return ""
+    parts = ", ".join(f"{joint.name} ({1e3 * joint.displacement:.2g} mm)" for joint in joints)
     return (
-        f"without a known compliance, and so taken as rigid: {', '.join(parts)}; in brackets what each {UNIT:g} "
-        "rad/(N m) of it would move the tool by under the task's load"
+        f"without a known compliance, and so taken as rigid: {parts}; in brackets what each "
+        f"{EXAMPLE:g} rad/(N m) of it would move the tool by under the task's load"
     )

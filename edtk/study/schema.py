@@ -9,9 +9,16 @@ from pydantic_core import PydanticCustomError
 
 from edtk.inference import noise, prior
 from edtk.inference.noise import NU_IN_WORDS
-from edtk.model import load
-from edtk.model.robot import transform
-from edtk.model.workspace import Constraint, Height, Radius, Tilt
+from edtk.model.constraints.constraint import Constraint
+from edtk.model.constraints.height import Height
+from edtk.model.constraints.radius import Radius
+from edtk.model.constraints.tilt import Tilt
+from edtk.model.loads import load as model_load
+from edtk.model.loads.bounded_load import BoundedLoad
+from edtk.model.loads.fixed_load import FixedLoad
+from edtk.model.loads.free_load import FreeLoad
+from edtk.model.loads.listed_load import ListedLoad
+from edtk.model.transform import transform
 
 Array = NDArray[np.float64]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
@@ -68,17 +75,17 @@ class LoadChoice(_Table):
             raise PydanticCustomError("load", "direction goes with F_max_N, and is not zero")
         return self
 
-    def build(self) -> load.Load:
+    def build(self) -> model_load.Load:
         """The family of wrenches [N, N m]."""
         if self.F_N is not None:
-            return load.FixedLoad(np.array([*self.F_N, *self.T_Nm]))
+            return FixedLoad(np.array([*self.F_N, *self.T_Nm]))
         if self.list_F_N is not None:
-            return load.ListedLoad(np.array([[*F, 0, 0, 0] for F in self.list_F_N], dtype=float))
+            return ListedLoad(np.array([[*F, 0, 0, 0] for F in self.list_F_N], dtype=float))
         assert self.F_max_N is not None
         if self.direction is None:
-            return load.FreeLoad(self.F_max_N)
+            return FreeLoad(self.F_max_N)
         unit = np.array(self.direction) / np.linalg.norm(self.direction)
-        return load.BoundedLoad(np.append(self.F_max_N * unit, np.zeros(3)))
+        return BoundedLoad(np.append(self.F_max_N * unit, np.zeros(3)))
 
     def describe(self) -> str:
         """What a person reads."""

@@ -13,12 +13,15 @@ from pydantic import ValidationError
 import criteria
 from edtk.design.design_space import DesignSpace
 from edtk.design.plan import Plan
+from edtk.model.constraints.constraint import Constraint
+from edtk.model.constraints.excluded import Excluded
 from edtk.model.elastostatic_model import ElastostaticModel
-from edtk.model.load import FixedLoad
-from edtk.model.load_robot import RobotFileError, load_robot
-from edtk.model.rigid_joints import rigid_joints
+from edtk.model.load_robot import load_robot
+from edtk.model.loads.fixed_load import FixedLoad
+from edtk.model.rigid_joints import rigid_joints, rigid_joints_in_words
 from edtk.model.robot import Robot
-from edtk.model.workspace import Constraint, Excluded, Workspace
+from edtk.model.robot_from_dict import RobotFileError
+from edtk.model.workspace import Workspace
 from edtk.study.schema import Specification
 from edtk.system.errors import UserError
 from edtk.tables.pose_table import PoseFileError, pose_factors
@@ -191,7 +194,8 @@ class Study:
             return ""
         q = np.array(pose.q_deg)[None] * pose_factors(self.robot)
         robot = self.robot.with_tool(pose.tool.build())
-        return rigid_joints(robot, q, pose.load.build()[None], self.specification.joints.unknown)
+        joints = rigid_joints(robot, q, pose.load.build()[None], self.specification.joints.unknown)
+        return rigid_joints_in_words(joints)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -250,7 +254,7 @@ class Study:
         slack = workspace.slack_within(plan.q, resolution)
         rows = np.flatnonzero((slack < -1e-9).any(axis=1))
         if len(rows):
-            broken = workspace.violations(slack[rows[0]])
+            broken = map(str, workspace.violations(slack[rows[0]]))
             raise UserError(f"{path}: row {rows[0] + 1}: the pose violates {'; '.join(broken)}")
         return plan
 

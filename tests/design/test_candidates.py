@@ -13,7 +13,8 @@ from edtk.design.candidates import (
     EmptyFeasibleSetError,
     sample_feasible,
 )
-from edtk.model.workspace import Height, Workspace
+from edtk.model.constraints.height import Height
+from edtk.model.workspace import Workspace
 
 UNBOUNDED = replace(KR270, workspace=Workspace(KR270.workspace.robot))
 on_each = pytest.mark.parametrize("space", DESIGNS.values(), ids=DESIGNS)

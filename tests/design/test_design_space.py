@@ -14,7 +14,8 @@ from edtk.design.exact.log_cost import information
 from edtk.design.exact.refine import refine
 from edtk.design.plan import Plan
 from edtk.design.relaxation.relax_poses import relax_poses
-from edtk.model.load import FreeLoad, ListedLoad
+from edtk.model.loads.free_load import FreeLoad
+from edtk.model.loads.listed_load import ListedLoad
 
 EPS = np.finfo(float).eps
 ANY = replace(DESIGN, load=FreeLoad(2500.0))

@@ -7,8 +7,10 @@ import pandas as pd
 import pytest
 
 from edtk.design.plan import Plan
+from edtk.model.joint import Joint
 from edtk.model.load_robot import load_robot
-from edtk.model.robot import Joint, Robot, transform
+from edtk.model.robot import Robot
+from edtk.model.transform import transform
 from edtk.tables.pose_table import PoseFileError
 
 KR270 = load_robot("kuka_kr270")

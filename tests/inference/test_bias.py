@@ -9,7 +9,7 @@ from edtk.inference.measurements import Measurements
 from edtk.model.elastostatic_model import ElastostaticModel
 from edtk.model.equilibrium import equilibrium
 from edtk.model.load_robot import load_robot
-from edtk.model.robot import transform
+from edtk.model.transform import transform
 
 K = np.array([0.0, 0.302, 0.406, 3.002, 3.303, 2.365]) * 1e-6
 MODEL = ElastostaticModel(

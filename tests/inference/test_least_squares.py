@@ -7,7 +7,8 @@ from edtk.inference.least_squares import SingularPlanError, covariance, estimate
 from edtk.inference.simulate import simulate
 from edtk.model.elastostatic_model import ElastostaticModel
 from edtk.model.load_robot import load_robot
-from edtk.model.robot import Robot, transform
+from edtk.model.robot import Robot
+from edtk.model.transform import transform
 
 K0 = np.array([0.302, 0.406, 3.002, 3.303, 2.365]) * 1e-6
 SIGMA = 0.03e-3

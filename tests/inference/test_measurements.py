@@ -7,8 +7,10 @@ from scipy.spatial.transform import Rotation
 from edtk.inference.least_squares import unidentified
 from edtk.inference.measurements import Measurements
 from edtk.model.elastostatic_model import ElastostaticModel
+from edtk.model.joint import Joint
 from edtk.model.load_robot import load_robot
-from edtk.model.robot import Joint, Robot, transform
+from edtk.model.robot import Robot
+from edtk.model.transform import transform
 from edtk.tables.pose_table import PoseFileError
 
 KR270 = load_robot("kuka_kr270").with_tool(transform([0.6115, 0.0, -0.460]))

@@ -10,11 +10,15 @@ from edtk.inference.bias import equilibrium_deflection, linearisation_bias
 from edtk.inference.error_quantiles import error_quantiles
 from edtk.inference.least_squares import estimate
 from edtk.inference.simulate import simulate
-from edtk.model.compensation import compensated_joints, compensation_accuracy, remaining_error
+from edtk.model.compensated_joints import compensated_joints
+from edtk.model.compensation_accuracy import compensation_accuracy
 from edtk.model.elastostatic_model import ElastostaticModel
 from edtk.model.equilibrium import equilibrium
+from edtk.model.joint import Joint
 from edtk.model.load_robot import load_robot
-from edtk.model.robot import Joint, Robot, transform
+from edtk.model.remaining_error import remaining_error
+from edtk.model.robot import Robot
+from edtk.model.transform import transform
 
 K0 = np.array([0.302, 0.406, 3.002, 3.303, 2.365]) * 1e-6
 SIGMA = 0.03e-3

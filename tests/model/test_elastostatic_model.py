@@ -5,8 +5,10 @@ import pytest
 from chains import mixed_chain
 
 from edtk.model.elastostatic_model import ElastostaticModel
+from edtk.model.joint import Joint
 from edtk.model.load_robot import load_robot
-from edtk.model.robot import Joint, Robot, transform
+from edtk.model.robot import Robot
+from edtk.model.transform import transform
 
 DEG = np.pi / 180
 CALIBRATION_TOOL = transform([0.6115, 0.0, -0.460])

@@ -8,8 +8,10 @@ from scipy.spatial.transform import Rotation
 
 from edtk.model.elastostatic_model import ElastostaticModel
 from edtk.model.equilibrium import NoEquilibriumError, equilibrium, torque_and_derivative
+from edtk.model.joint import Joint
 from edtk.model.load_robot import load_robot
-from edtk.model.robot import Joint, Robot, transform
+from edtk.model.robot import Robot
+from edtk.model.transform import transform
 
 KR270 = load_robot("kuka_kr270").with_tool(transform((0.6115, 0.0, -0.460)))
 K = np.array([4e-7, 3e-7, 4e-7, 2.8e-6, 2.8e-6, 2.1e-6])

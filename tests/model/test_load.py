@@ -4,7 +4,10 @@ import numpy as np
 import pytest
 from scipy.stats import chisquare, kstest
 
-from edtk.model.load import BoundedLoad, FixedLoad, FreeLoad, ListedLoad
+from edtk.model.loads.bounded_load import BoundedLoad
+from edtk.model.loads.fixed_load import FixedLoad
+from edtk.model.loads.free_load import FreeLoad
+from edtk.model.loads.listed_load import ListedLoad
 
 WRENCH = np.array([300.0, -200.0, 500.0, 40.0, -70.0, 90.0])
 LOADS = {

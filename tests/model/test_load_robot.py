@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from edtk.model.load_robot import RobotFileError, load_robot
+from edtk.model.load_robot import load_robot
+from edtk.model.robot_from_dict import RobotFileError
 
 GOOD = """
 name = "Two"

@@ -7,8 +7,11 @@ import pytest
 from chains import mixed_chain
 from scipy.spatial.transform import Rotation
 
+from edtk.model.frames import cross
+from edtk.model.joint import Joint
 from edtk.model.load_robot import load_robot
-from edtk.model.robot import Joint, Robot, cross, transform
+from edtk.model.robot import Robot
+from edtk.model.transform import transform
 
 URDF = Path(__file__).parents[1] / "data" / "kr150_2.urdf"
 

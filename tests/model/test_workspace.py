@@ -4,9 +4,16 @@ import numpy as np
 import pytest
 from chains import mixed_chain
 
+from edtk.model.constraints.excluded import Excluded
+from edtk.model.constraints.height import Height
+from edtk.model.constraints.joint_limits import JointLimits
+from edtk.model.constraints.radius import Radius
+from edtk.model.constraints.tilt import Tilt
+from edtk.model.joint import Joint
 from edtk.model.load_robot import load_robot
-from edtk.model.robot import Joint, Robot, transform
-from edtk.model.workspace import Excluded, Height, JointLimits, Radius, Tilt, Workspace
+from edtk.model.robot import Robot
+from edtk.model.transform import transform
+from edtk.model.workspace import Workspace
 
 ROBOTS = {
     "mixed": mixed_chain(4),
@@ -183,7 +190,7 @@ def test_excluded_poses_in_a_workspace():
     step = np.deg2rad(5) * np.eye(6)[2]
     assert not workspace.contains(inside + 0.999 * step)
     assert workspace.contains(inside + 1.001 * step)
-    assert workspace.violations(workspace.slack(inside)) == [
+    assert [str(violation) for violation in workspace.violations(workspace.slack(inside))] == [
         "'distance from excluded pose 1 > 5 deg' by 5 deg"
     ]
 

@@ -2,7 +2,9 @@
 
 import numpy as np
 
-from edtk.model.robot import Joint, Robot, transform
+from edtk.model.joint import Joint
+from edtk.model.robot import Robot
+from edtk.model.transform import transform
 
 KINDS = ("revolute", "prismatic", "revolute", "revolute", "prismatic", "revolute", "revolute")
 

@@ -8,10 +8,17 @@ import numpy as np
 from edtk.design.design_space import DesignSpace
 from edtk.design.exact.log_cost import LogCost
 from edtk.design.interior_point.neighbourhood import Neighbourhood
+from edtk.model.constraints.height import Height
+from edtk.model.constraints.tilt import Tilt
 from edtk.model.elastostatic_model import ElastostaticModel
-from edtk.model.load import BoundedLoad, FixedLoad, FreeLoad, ListedLoad
-from edtk.model.robot import Joint, Robot, transform
-from edtk.model.workspace import Height, Tilt, Workspace
+from edtk.model.joint import Joint
+from edtk.model.loads.bounded_load import BoundedLoad
+from edtk.model.loads.fixed_load import FixedLoad
+from edtk.model.loads.free_load import FreeLoad
+from edtk.model.loads.listed_load import ListedLoad
+from edtk.model.robot import Robot
+from edtk.model.transform import transform
+from edtk.model.workspace import Workspace
 from edtk.study.study import load_study
 
 STUDY = load_study(Path(__file__).parents[2] / "studies" / "kr270_milling.toml")

@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
-from edtk.model.robot import Joint, Robot, transform
+from edtk.model.joint import Joint
+from edtk.model.robot import Robot
+from edtk.model.transform import transform
 from edtk.tables.pose_table import (
     WRENCH_COLUMNS,
     PoseFileError,

@@ -17,8 +17,11 @@ from edtk.design.exact.starts import starts
 from edtk.design.plan import Plan
 from edtk.design.relaxation.relax_poses import relax_poses
 from edtk.model.elastostatic_model import ElastostaticModel
-from edtk.model.load import FixedLoad, ListedLoad
-from edtk.model.robot import Joint, Robot, transform
+from edtk.model.joint import Joint
+from edtk.model.loads.fixed_load import FixedLoad
+from edtk.model.loads.listed_load import ListedLoad
+from edtk.model.robot import Robot
+from edtk.model.transform import transform
 from edtk.model.workspace import Workspace
 from edtk.system.workers import Workers, WorkersLostError
 

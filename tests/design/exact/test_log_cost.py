@@ -10,7 +10,7 @@ import criteria
 from edtk.design.candidates import sample_feasible
 from edtk.design.exact.log_cost import LogCost, information
 from edtk.design.interior_point.neighbourhood import Neighbourhood
-from edtk.model.load import FreeLoad
+from edtk.model.loads.free_load import FreeLoad
 
 every = pytest.mark.parametrize("name", criteria.available())
 ANY = replace(KR270, load=FreeLoad(2500.0))

@@ -12,8 +12,10 @@ import criteria
 from edtk.design.candidates import sample_feasible
 from edtk.design.exact.log_cost import information
 from edtk.design.exact.refine import refine
-from edtk.model.load import BoundedLoad, FreeLoad
-from edtk.model.workspace import Height, Workspace
+from edtk.model.constraints.height import Height
+from edtk.model.loads.bounded_load import BoundedLoad
+from edtk.model.loads.free_load import FreeLoad
+from edtk.model.workspace import Workspace
 
 every = pytest.mark.parametrize("name", criteria.available())
 LARGEST = np.array([0.0, 0.0, -2500.0, 0.0, 0.0, 0.0])

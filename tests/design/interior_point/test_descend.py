@@ -13,8 +13,10 @@ from designs import DESIGNS, LOADED
 from edtk.design.candidates import sample_feasible
 from edtk.design.interior_point.descend import MARGIN, Objective, inward
 from edtk.design.interior_point.descend import descend as descended
-from edtk.model.load import FreeLoad, ListedLoad
-from edtk.model.workspace import Height, Workspace
+from edtk.model.constraints.height import Height
+from edtk.model.loads.free_load import FreeLoad
+from edtk.model.loads.listed_load import ListedLoad
+from edtk.model.workspace import Workspace
 
 on_each = pytest.mark.parametrize("space", DESIGNS.values(), ids=DESIGNS)
 on_every_load = pytest.mark.parametrize("space", LOADED.values(), ids=LOADED)

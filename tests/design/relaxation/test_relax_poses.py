@@ -21,9 +21,11 @@ from edtk.design.relaxation.relax_poses import (
     relax_poses,
 )
 from edtk.design.relaxation.sensitivity import ascend
+from edtk.model.constraints.height import Height
 from edtk.model.elastostatic_model import ElastostaticModel
-from edtk.model.load import FreeLoad, ListedLoad
-from edtk.model.workspace import Height, Workspace
+from edtk.model.loads.free_load import FreeLoad
+from edtk.model.loads.listed_load import ListedLoad
+from edtk.model.workspace import Workspace
 
 GAP = 1e-6
 TOLERANCE = 5e-5

@@ -11,7 +11,8 @@ from criteria import create
 from edtk.design.candidates import sample_feasible
 from edtk.design.relaxation.relax import relax
 from edtk.design.relaxation.sensitivity import ascend, sensitivity_and_slope
-from edtk.model.load import FixedLoad, FreeLoad
+from edtk.model.loads.fixed_load import FixedLoad
+from edtk.model.loads.free_load import FreeLoad
 
 on_each = pytest.mark.parametrize("space", DESIGNS.values(), ids=DESIGNS)
 on_every_load = pytest.mark.parametrize("space", LOADED.values(), ids=LOADED)
