@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from edtk.design.candidates import sample_feasible
 from edtk.design.plan import Plan
+from edtk.design.sample_feasible import sample_feasible
 from edtk.inference.least_squares import covariance
 from edtk.study.study import Study
 from paper_figures.example import target_of

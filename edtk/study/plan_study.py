@@ -6,7 +6,7 @@ from time import monotonic
 
 import numpy as np
 
-from edtk.design.candidates import EmptyFeasibleSetError
+from edtk.design.candidate_source import EmptyFeasibleSetError
 from edtk.design.exact.exact_plan import ExactPlan
 from edtk.design.exact.find_plan import STARTS, TooFewError, find_plan, require_enough
 from edtk.design.plan import Plan
@@ -59,7 +59,9 @@ def plan_study(
         )
     if (distinct or 0) > MOST_PLACES:
         raise UserError(f"--distinct {distinct}: expected at most {MOST_PLACES}")
-    space = study.space if kept is None else study.space.beside(study.space.information(kept), new)
+    space = (
+        study.space if kept is None else study.space.with_kept(study.space.information(kept), new)
+    )
     try:
         require_enough(space, new, new if distinct is None else distinct)
         relaxed = relax_study(

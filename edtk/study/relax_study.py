@@ -3,7 +3,7 @@
 from collections.abc import Callable
 
 import criteria
-from edtk.design.candidates import CandidateSource, EmptyFeasibleSetError
+from edtk.design.candidate_source import CandidateSource, EmptyFeasibleSetError
 from edtk.design.design_space import DesignSpace
 from edtk.design.problem import RankDeficientError
 from edtk.design.relaxation.relax_poses import MEMORY_MB, MemoryLimitError, Progress, relax_poses

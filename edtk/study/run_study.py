@@ -10,12 +10,12 @@ import numpy as np
 import pandas as pd
 
 import criteria
-from edtk.design.candidates import EmptyFeasibleSetError, sample_feasible
+from edtk.design.candidate_source import EmptyFeasibleSetError
 from edtk.design.exact.find_plan import TooFewError, find_plan, smallest_size
-from edtk.design.exact.log_cost import information
 from edtk.design.plan import Plan
 from edtk.design.problem import RankDeficientError
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
+from edtk.design.sample_feasible import sample_feasible
 from edtk.report.comparison_report import write_report
 from edtk.study.checkpoint import Checkpoint, checkpoint_of
 from edtk.study.relax_study import relax_study, source_of
@@ -244,7 +244,7 @@ def _random(study: Study, size: int, stream: int) -> Case:
         RANDOM, size, -1
     )
     costs = study.criterion(study.specification.main).cost(
-        information(study.space.at(x), np.ones((RANDOM, size)))
+        study.space.at(x).information(np.ones((RANDOM, size)))
     )
     middle = int(np.argsort(costs, kind="stable")[RANDOM // 2])
     if not np.isfinite(costs[middle]):

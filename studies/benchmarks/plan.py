@@ -18,10 +18,11 @@ from scipy.optimize import NonlinearConstraint, differential_evolution, minimize
 from threadpoolctl import threadpool_limits
 from tqdm import tqdm
 
-from edtk.design.candidates import CandidateSource
-from edtk.design.design_space import DesignSpace, Experiments
+from edtk.design.candidate_source import CandidateSource
+from edtk.design.design_space import DesignSpace
 from edtk.design.exact.exchange import exchange
 from edtk.design.exact.log_cost import LogCost
+from edtk.design.experiments import Experiments
 from edtk.design.interior_point.descend import Indices, Local, descend
 from edtk.design.interior_point.neighbourhood import Neighbourhood
 from edtk.report.markdown import markdown_table

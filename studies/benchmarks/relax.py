@@ -22,7 +22,7 @@ from tqdm import tqdm
 
 import criteria
 from criteria.linalg.inverse import whitener
-from edtk.design.candidates import CandidateSource
+from edtk.design.candidate_source import CandidateSource
 from edtk.design.problem import Problem
 from edtk.design.relaxation.relax import relax
 from edtk.design.relaxation.relax_poses import relax_poses

@@ -1,4 +1,4 @@
-"""Experiments of a design: information, derivatives, bounds, draws, and what is shared."""
+"""Design spaces: bounds, plans and their information, and kept experiments as a prior."""
 
 from dataclasses import replace
 
@@ -7,13 +7,13 @@ import pytest
 from designs import DESIGNS, LOADED, STUDY
 from designs import KR270 as DESIGN
 
-from edtk.design.candidates import CandidateSource, sample_feasible
+from edtk.design.candidate_source import CandidateSource
 from edtk.design.design_space import DesignSpace
 from edtk.design.exact.exchange import exchange
-from edtk.design.exact.log_cost import information
 from edtk.design.exact.refine import refine
 from edtk.design.plan import Plan
 from edtk.design.relaxation.relax_poses import relax_poses
+from edtk.design.sample_feasible import sample_feasible
 from edtk.model.loads.free_load import FreeLoad
 from edtk.model.loads.listed_load import ListedLoad
 
@@ -21,90 +21,12 @@ EPS = np.finfo(float).eps
 ANY = replace(DESIGN, load=FreeLoad(2500.0))
 on_each = pytest.mark.parametrize("space", DESIGNS.values(), ids=DESIGNS)
 on_every_load = pytest.mark.parametrize("space", LOADED.values(), ids=LOADED)
-moving = pytest.mark.parametrize(
-    "space",
-    [d for d in LOADED.values() if d.load.moves],
-    ids=[name for name, d in LOADED.items() if d.load.moves],
-)
-
-
-def of_the_load(x, space=DESIGN):
-    """What comes after the joint variables."""
-    return x[..., len(space.fixed) :]
 
 
 def plans(space, b=2, k=5, seed=0):
     """Design variables (b, k, v) and repetitions (b, k), of random plans that identify all parameters."""
     x = sample_feasible(space, b * k, seed).reshape(b, k, -1)
     return x, np.tile(np.arange(1.0, k + 1), (b, 1))
-
-
-@moving
-def test_slope(space, derivative):
-    """The derivative of <B, A/sigma> by every joint and every load variable is its finite difference, for any B.
-
-    Truncation is h^4/30 of a fifth derivative, which for sines is of the size of A; by the load A is linear.
-    """
-    x = sample_feasible(space, 6, 1)
-    assert space.size == len(space.fixed) + len(space.load.limits.T)
-    for one in x:
-        A = space.at(one).regressor
-        B = np.random.default_rng(0).normal(size=A.shape) / np.abs(A).max(
-            axis=1, keepdims=True
-        )  # rows in m or rad
-        slope = space.at(one).slope(B)
-        assert slope.shape == (space.size,)
-        expected = derivative(lambda y, B=B: np.array([(B * space.at(y).regressor).sum()]), one)[0]
-        np.testing.assert_allclose(slope, expected, rtol=0, atol=1e-9 * np.abs(slope).max())
-        assert (np.abs(slope) > 1e-4 * np.abs(slope).max())[space.movable].all()
-
-
-@moving
-def test_slack_gradient(space, derivative):
-    """The derivative of every slack by joints and load is its finite difference; there is one label for each."""
-    here = space.at(x := sample_feasible(space, 30, 2))
-    assert here.slack.shape == (30, len(space.labels))
-    used = 0
-    for one, slope in zip(x, here.slack_gradient, strict=True):
-        if abs(space.workspace.robot.forward(one[:6])[2, 2]) > 0.8:  # near a pole of the tilt
-            continue
-        used += 1
-        np.testing.assert_allclose(
-            slope, derivative(lambda y: space.at(y).slack, one), rtol=0, atol=1e-8
-        )
-    assert used >= 5
-
-
-@on_every_load
-def test_experiments_of_any_shape(space):
-    """Experiments in any batch are those one by one: regressors, information, slacks, and their gradients."""
-    x = sample_feasible(space, 6, 3).reshape(2, 3, -1)
-    whole = space.at(x)
-    for i in np.ndindex(2, 3):
-        one = space.at(x[i])
-        assert whole.feasible[i] == one.feasible
-        B = np.random.default_rng(1).normal(size=whole.regressor.shape)
-        pairs = [(whole.slope(B)[i], one.slope(B[i]))]
-        pairs += [
-            (getattr(whole, name)[i], getattr(one, name))
-            for name in ("regressor", "slack", "slack_gradient")
-        ]
-        for a, b in pairs:
-            np.testing.assert_allclose(a, b, rtol=0, atol=1e-13 * np.abs(b).max(initial=1))
-        np.testing.assert_allclose(
-            whole.packed[:, *i], one.packed, rtol=0, atol=1e-13 * np.abs(one.packed).max()
-        )
-
-
-@on_every_load
-def test_some_experiments(space):
-    """What is chosen from experiments is, bit by bit, what they are when computed anew."""
-    x, chosen = sample_feasible(space, 9, 4), np.array([7, 0, 0, 3])
-    some, anew = space.at(x)[chosen], space.at(x[chosen])
-    for name in ("x", "regressor", "packed", "slack", "slack_gradient", "feasible"):
-        np.testing.assert_array_equal(getattr(some, name), getattr(anew, name))
-    B = np.random.default_rng(0).normal(size=anew.regressor.shape)
-    np.testing.assert_array_equal(some.slope(B), anew.slope(B))
 
 
 @on_every_load
@@ -118,7 +40,7 @@ def test_a_plan_has_the_wrenches_of_its_variables(space):
     scale = np.sqrt(np.outer(np.diag(M), np.diag(M)))
     assert (np.abs(space.information(plan) - M) <= 64 * EPS * scale).all()
     assert (
-        np.abs(information(space.at(x[None]), np.arange(1.0, 9)[None])[0] - M) <= 64 * EPS * scale
+        np.abs(space.at(x[None]).information(np.arange(1.0, 9)[None])[0] - M) <= 64 * EPS * scale
     ).all()
     A = space.model.regressor(plan.q, plan.wrench) / space.sigma[:, None]
     np.testing.assert_allclose(space.at(x).regressor, A, rtol=0, atol=1e-13 * np.abs(A).max())
@@ -156,28 +78,6 @@ def test_bounds_and_what_moves(space):
     assert space.movable == (space.free if isinstance(space.load, ListedLoad) else space.drawn)
 
 
-@on_every_load
-def test_feasible_means_bounds_and_constraints(space):
-    """An experiment is feasible where no slack is negative and every variable is within its bounds."""
-    rng = np.random.default_rng(5)
-    lower, upper = space.limits
-    whole = sample_feasible(space, 300, 5)
-    x = whole + 0.05 * (upper - lower) * rng.normal(size=whole.shape) * (
-        rng.random(whole.shape) < 0.3
-    )
-    if isinstance(space.load, ListedLoad):
-        x[:, -1] = whole[:, -1]
-    n = len(space.fixed)
-    force = np.linalg.norm(space.load.wrench(x[:, n:])[:, :3], axis=1)
-    allowed = force <= space.load.largest if isinstance(space.load, FreeLoad) else True
-    expected = (
-        space.workspace.contains(x[:, :n]) & allowed & ((x >= lower) & (x <= upper)).all(axis=1)
-    )
-    assert 20 < expected.sum() < 280
-    np.testing.assert_array_equal(space.at(x).feasible, expected)
-    assert space.at(whole).feasible.all()
-
-
 @pytest.mark.parametrize("fixed", [4.0, -3.3])
 def test_a_joint_fixed_outside_its_limits_is_refused(fixed):
     """No experiment could be feasible: the joint is named at once."""
@@ -188,7 +88,7 @@ def test_a_joint_fixed_outside_its_limits_is_refused(fixed):
 def kept_and_beside(space: DesignSpace, m: int, k: int = 3, seed: int = 8):
     """Some experiments that are there already, and the design of m more beside them."""
     kept = space.plan(sample_feasible(space, k, seed), np.arange(1, k + 1))
-    return kept, space.beside(space.information(kept), m)
+    return kept, space.with_kept(space.information(kept), m)
 
 
 def assert_close(M, expected):
@@ -208,7 +108,7 @@ def test_plans_beside_kept_experiments(space):
     assert_close(space.information(kept + plan), expected)
     assert_close(beside.information(plan), expected)
     assert_close(beside.problem(x).information(repeats), expected)
-    assert_close(information(beside.at(x[None]), repeats[None])[0], expected)
+    assert_close(beside.at(x[None]).information(repeats[None])[0], expected)
     np.testing.assert_array_equal(beside.at(x).regressor, space.at(x).regressor)
 
 

@@ -16,7 +16,7 @@ from time import perf_counter, sleep, time
 import pytest
 
 from criteria import create
-from edtk.design.candidates import CandidateSource
+from edtk.design.candidate_source import CandidateSource
 from edtk.design.exact.find_plan import find_plan
 from edtk.design.relaxation.relax_poses import relax_poses
 from edtk.study.study import load_study

@@ -10,11 +10,11 @@ from threadpoolctl import threadpool_limits
 
 from criteria import Criterion
 from criteria.linalg.inverse import whitener
-from edtk.design.candidates import Candidates, CandidateSource
+from edtk.design.candidate_source import CandidateSource
+from edtk.design.candidates import Candidates
 from edtk.design.design_space import DesignSpace
 from edtk.design.distinct import distinct
 from edtk.design.exact.best_repeats import best_repeats
-from edtk.design.exact.log_cost import information
 from edtk.design.exact.refine import refine
 from edtk.design.exact.starts import Starts, exchanged, starts
 
@@ -66,7 +66,7 @@ class Batch:
         order = np.argsort(costs, kind="stable")
         plans, costs = plans[order], costs[order]
         finite = np.flatnonzero(np.isfinite(costs))
-        M = information(self.space.at(plans.x[finite]), plans.repeats[finite])
+        M = self.space.at(plans.x[finite]).information(plans.repeats[finite])
         plans = (
             plans[finite[distinct(M, whitener(M[0]), 1e-3)[:ELITE]]]
             if len(finite)

@@ -8,12 +8,11 @@ from numpy.typing import NDArray
 
 from criteria import Criterion
 from criteria.linalg.inverse import whitener
-from edtk.design.candidates import CandidateSource
+from edtk.design.candidate_source import CandidateSource
 from edtk.design.design_space import DesignSpace
 from edtk.design.distinct import distinct
 from edtk.design.exact.batch import SIZE, Batch
 from edtk.design.exact.exact_plan import ExactPlan
-from edtk.design.exact.log_cost import information
 from edtk.design.exact.refine import refine
 from edtk.design.exact.starts import Starts
 from edtk.design.plan import Plan
@@ -184,7 +183,7 @@ class _Record:
         if not self.costs or costs[0] < self.cost:
             self.cost, self.best = float(costs[0]), plans[np.array([0])]
         self.costs += costs.tolist()
-        self.M += list(information(self.space.at(plans.x), plans.repeats))
+        self.M += list(self.space.at(plans.x).information(plans.repeats))
 
     def census(self) -> tuple[int, int]:
         """How often the best plan was found, and how many different ones."""

@@ -6,8 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from criteria import Criterion
-from edtk.design.design_space import DesignSpace, Experiments
-from edtk.design.exact.log_cost import LogCost, information
+from edtk.design.design_space import DesignSpace
+from edtk.design.exact.log_cost import LogCost
+from edtk.design.experiments import Experiments
 from edtk.design.interior_point.descend import descend
 
 Array = NDArray[np.float64]
@@ -56,4 +57,4 @@ def refine(
 def _cost(experiments: Experiments, criterion: Criterion, repeats: Array) -> Array:
     """Costs (b,) of plans (b, k); infinite where an experiment is not feasible."""
     feasible = experiments.feasible.all(axis=1)
-    return np.where(feasible, criterion.cost(information(experiments, repeats)), np.inf)
+    return np.where(feasible, criterion.cost(experiments.information(repeats)), np.inf)

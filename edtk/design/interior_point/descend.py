@@ -19,7 +19,8 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from edtk.design.design_space import DesignSpace, Experiments
+from edtk.design.design_space import DesignSpace
+from edtk.design.experiments import Experiments
 from edtk.design.interior_point.barrier import (
     LOWER,
     TO_BOUNDARY,

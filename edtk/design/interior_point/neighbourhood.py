@@ -6,7 +6,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from edtk.design.design_space import DesignSpace, Experiments
+from edtk.design.design_space import DesignSpace
+from edtk.design.experiments import Experiments
 
 Array = NDArray[np.float64]
 STEP = 1e-6  # to a neighbour

@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from criteria import Criterion
 from edtk.design.bound import Bound, BoundKind
-from edtk.design.candidates import Candidates, CandidateSource, require_some
+from edtk.design.candidate_source import CandidateSource, require_some
+from edtk.design.candidates import Candidates
 from edtk.design.problem import Problem
 from edtk.design.relaxation.active_set import ActiveSet
 from edtk.design.relaxation.relax import RelaxationInterrupted, normalised, relax
@@ -259,8 +260,7 @@ class _Run:
     def _sweep(self, Z: Array) -> tuple[Array, Candidates]:
         """Dearest prices (r,) of all candidates, generated anew in chunks, and the dearest candidates."""
         tops, least, kept = np.full(len(Z), -np.inf), np.full(len(Z), -np.inf), None
-        for x, packed in self.source.chunks(self.n):
-            part = Candidates(x, Problem.of_information(packed, self.source.space.model.parameters))
+        for part in self.source.chunks(self.n):
             sensitivities = normalised(part.problem, self.criterion).sensitivities(Z)
             tops = np.maximum(tops, sensitivities.max(axis=-1))
             if not (dear := np.flatnonzero((sensitivities > least[:, None]).any(axis=0))).size:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from criteria import Criterion
 from edtk.design.bound import Bound, BoundKind, printed_form
-from edtk.design.candidates import CandidateSource
+from edtk.design.candidate_source import CandidateSource
 from edtk.design.design_space import DesignSpace
 from edtk.design.plan import Plan
 from edtk.design.relaxation.relax import normalised
@@ -116,7 +116,7 @@ class RelaxedPlan(Presented):
     def certify(self) -> tuple[float, float]:
         """Cost and proved bound anew, from poses, weights and multipliers alone: every candidate is priced again."""
         tops = np.full(len(self.multipliers), -np.inf)
-        for x in (self.x, *(x for x, _ in self.source.chunks(self.candidates))):
+        for x in (self.x, *(part.x for part in self.source.chunks(self.candidates))):
             sensitivities = normalised(self.space.problem(x), self.criterion).sensitivities(
                 self.multipliers
             )

@@ -5,7 +5,8 @@ from numpy.typing import NDArray
 
 from criteria import Criterion
 from criteria.linalg.inverse import whitener
-from edtk.design.candidates import Candidates, CandidateSource
+from edtk.design.candidate_source import CandidateSource
+from edtk.design.candidates import Candidates
 from edtk.design.design_space import DesignSpace
 from edtk.design.distinct import distinct
 from edtk.design.relaxation.relax import normalised

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from edtk.design.design_space import DesignSpace, Experiments
+from edtk.design.design_space import DesignSpace
+from edtk.design.experiments import Experiments
 from edtk.design.interior_point.descend import Indices, Local, Objective, descend
 from edtk.design.interior_point.neighbourhood import Neighbourhood
 from edtk.design.packed import sensitivity_rows

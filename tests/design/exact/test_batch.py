@@ -9,9 +9,8 @@ from designs import KR270, LOADED, STUDY
 from threadpoolctl import threadpool_info, threadpool_limits
 
 from criteria import create
-from edtk.design.candidates import CandidateSource
+from edtk.design.candidate_source import CandidateSource
 from edtk.design.exact.batch import ELITE, Batch
-from edtk.design.exact.log_cost import information
 from edtk.design.exact.starts import starts
 from edtk.design.relaxation.relax_poses import relax_poses
 
@@ -46,7 +45,7 @@ def assert_sound(work, costs, plans):
     assert ((plans.repeats >= 0) & (plans.repeats == np.round(plans.repeats))).all()
     assert (np.diff(costs) >= 0).all()
     assert np.isfinite(costs).all()
-    M = information(work.space.at(plans.x), plans.repeats)
+    M = work.space.at(plans.x).information(plans.repeats)
     slip = 64 * M.shape[-1] * np.finfo(float).eps * np.linalg.cond(M).max()
     np.testing.assert_allclose(costs, work.criterion.cost(M), rtol=slip)
 
@@ -77,7 +76,7 @@ def test_better_than_its_starts(args):
     first = starts(
         work.criterion, work.m, work.k, support[np.array(chosen)], work.weights, from_pool, 1, (0,)
     )
-    before = work.criterion.cost(information(work.space.at(first.x), first.repeats))
+    before = work.criterion.cost(work.space.at(first.x).information(first.repeats))
     assert answer(*args)[0][0] < before[0] * (1 - 1e-3)
 
 

@@ -10,10 +10,11 @@ from designs import KR270, LOADED, STUDY
 
 from criteria import create
 from edtk.design.bound import Bound, BoundKind
-from edtk.design.candidates import CandidateSource, sample_feasible
+from edtk.design.candidate_source import CandidateSource
 from edtk.design.exact.exact_plan import ExactPlan
 from edtk.design.plan import Plan
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
+from edtk.design.sample_feasible import sample_feasible
 
 
 @cache
@@ -23,7 +24,7 @@ def exact(name="D", beside=False, space=KR270):
     x = sample_feasible(space, 3, 4)
     kept = space.plan(x[2:], np.array([1])) if beside else None
     if kept is not None:
-        space = space.beside(space.information(kept), 5)
+        space = space.with_kept(space.information(kept), 5)
     plan = space.plan(x[:2], np.array([3, 2]))
     cost = float(criterion.cost(space.information(plan)))
     best = cost * 5**criterion.degree

@@ -9,13 +9,14 @@ from designs import KR270, LOADED, STUDY
 
 from criteria import create
 from criteria.linalg.inverse import whitener
-from edtk.design.candidates import CandidateSource, sample_feasible
+from edtk.design.candidate_source import CandidateSource
 from edtk.design.design_space import DesignSpace
 from edtk.design.distinct import distinct
 from edtk.design.exact.find_plan import TooFewError, find_plan, smallest_size
 from edtk.design.exact.starts import starts
 from edtk.design.plan import Plan
 from edtk.design.relaxation.relax_poses import relax_poses
+from edtk.design.sample_feasible import sample_feasible
 from edtk.model.elastostatic_model import ElastostaticModel
 from edtk.model.joint import Joint
 from edtk.model.loads.fixed_load import FixedLoad
@@ -257,7 +258,7 @@ def test_experiments_that_are_there_already():
     """Value and violation are those of all experiments together, and one is enough where the kept ones suffice."""
     criterion = STUDY.criterion("rho0")
     for m in (1, 3):
-        beside = KR270.beside(KR270.information(kept()), m)
+        beside = KR270.with_kept(KR270.information(kept()), m)
         plan = find_plan(relaxed("rho0", beside), m, kept=kept(), starts=BATCH)
         M = KR270.information(plan.whole)
         assert_sound(plan, m)
@@ -270,7 +271,7 @@ def test_experiments_that_are_there_already():
 def test_what_is_there_counts():
     """New experiments that know of the kept ones are better beside them than those that do not."""
     criterion, m = STUDY.criterion("rho0"), 3
-    beside = KR270.beside(KR270.information(kept()), m)
+    beside = KR270.with_kept(KR270.information(kept()), m)
     plan = find_plan(relaxed("rho0", beside), m, kept=kept(), starts=BATCH)
     assert plan.cost < criterion.cost(KR270.information(kept() + found("rho0", m).plan)) * (
         1 - 1e-3
@@ -317,8 +318,8 @@ SIZES = {
     ),
     "six rows, five parameters": (six_rows, 1),
     "two rows that tell, five parameters": (planar, 3),
-    "beside others": (lambda: KR270.beside(KR270.information(kept()), 1), 1),
-    "beside one other": (lambda: KR270.beside(KR270.problem(kept().q[:1]).blocks()[0], 1), 1),
+    "beside others": (lambda: KR270.with_kept(KR270.information(kept()), 1), 1),
+    "beside one other": (lambda: KR270.with_kept(KR270.problem(kept().q[:1]).blocks()[0], 1), 1),
 }
 
 

@@ -7,9 +7,9 @@ import pytest
 from designs import DESIGNS, KR270, LOADED, STUDY, log_cost_slope
 
 import criteria
-from edtk.design.candidates import sample_feasible
-from edtk.design.exact.log_cost import LogCost, information
+from edtk.design.exact.log_cost import LogCost
 from edtk.design.interior_point.neighbourhood import Neighbourhood
+from edtk.design.sample_feasible import sample_feasible
 from edtk.model.loads.free_load import FreeLoad
 
 every = pytest.mark.parametrize("name", criteria.available())
@@ -95,7 +95,7 @@ def test_value_is_that_of_the_local_model(name):
     np.testing.assert_allclose(
         alone, cost.local(Neighbourhood(KR270, x[some]), some)[0], rtol=1e-12
     )
-    expected = criterion.cost(information(KR270.at(x[some]), repeats[some]))
+    expected = criterion.cost(KR270.at(x[some]).information(repeats[some]))
     np.testing.assert_allclose(alone, np.log(expected), rtol=1e-12)
 
 
@@ -122,7 +122,7 @@ def test_singular_plan():
 @pytest.mark.parametrize("space", DESIGNS.values(), ids=DESIGNS)
 def test_slope_beside_kept_experiments(space, derivative):
     """What is shared does not move: the slope of the log cost is its finite difference there too."""
-    beside = space.beside(space.problem(sample_feasible(space, 3, 9)).mean, 3)
+    beside = space.with_kept(space.problem(sample_feasible(space, 3, 9)).mean, 3)
     x, repeats, criterion = (
         sample_feasible(space, 3, 6)[None],
         np.ones((1, 3)),

@@ -9,9 +9,8 @@ from designs import KR270 as DESIGN
 from scipy.optimize import minimize, nnls
 
 import criteria
-from edtk.design.candidates import sample_feasible
-from edtk.design.exact.log_cost import information
 from edtk.design.exact.refine import refine
+from edtk.design.sample_feasible import sample_feasible
 from edtk.model.constraints.height import Height
 from edtk.model.loads.bounded_load import BoundedLoad
 from edtk.model.loads.free_load import FreeLoad
@@ -29,7 +28,7 @@ def start_of(b, k, seed, space=DESIGN):
 
 
 def cost(criterion, x, repeats, space=DESIGN):
-    return criterion.cost(information(space.at(x), repeats))
+    return criterion.cost(space.at(x).information(repeats))
 
 
 @every

@@ -8,7 +8,8 @@ from designs import KR270, STUDY
 
 import criteria
 from criteria import create
-from edtk.design.candidates import Candidates, CandidateSource
+from edtk.design.candidate_source import CandidateSource
+from edtk.design.candidates import Candidates
 from edtk.design.exact.apportion import apportion
 from edtk.design.exact.exchange import exchange
 from edtk.design.exact.starts import Starts, exchanged, starts

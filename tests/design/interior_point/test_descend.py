@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from designs import DESIGNS, LOADED
 
-from edtk.design.candidates import sample_feasible
 from edtk.design.interior_point.descend import MARGIN, Objective, inward
 from edtk.design.interior_point.descend import descend as descended
+from edtk.design.sample_feasible import sample_feasible
 from edtk.model.constraints.height import Height
 from edtk.model.loads.free_load import FreeLoad
 from edtk.model.loads.listed_load import ListedLoad

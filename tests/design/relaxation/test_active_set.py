@@ -7,10 +7,11 @@ from test_search_continuum import symmetric
 
 from criteria import create
 from criteria.linalg.inverse import whitener
-from edtk.design.candidates import Candidates, sample_feasible
+from edtk.design.candidates import Candidates
 from edtk.design.problem import Problem
 from edtk.design.relaxation.active_set import ActiveSet
 from edtk.design.relaxation.relax import relax
+from edtk.design.sample_feasible import sample_feasible
 
 GAP = 1e-8
 

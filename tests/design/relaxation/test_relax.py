@@ -13,7 +13,7 @@ import pytest
 
 import criteria
 from criteria import Criterion
-from edtk.design.candidates import CandidateSource
+from edtk.design.candidate_source import CandidateSource
 from edtk.design.problem import Problem, RankDeficientError
 from edtk.design.relaxation.relax import RelaxationInterrupted, relax
 from edtk.design.relaxation.restricted_master import CHAIN, SOLVERS, RelaxationError

@@ -10,7 +10,7 @@ from designs import DESIGNS, KR270, STUDY
 
 from criteria import Criterion, create
 from criteria.linalg.inverse import whitener
-from edtk.design.candidates import CandidateSource, EmptyFeasibleSetError, sample_feasible
+from edtk.design.candidate_source import CandidateSource, EmptyFeasibleSetError
 from edtk.design.distinct import distinct
 from edtk.design.problem import RankDeficientError
 from edtk.design.relaxation.relax import relax
@@ -21,6 +21,7 @@ from edtk.design.relaxation.relax_poses import (
     relax_poses,
 )
 from edtk.design.relaxation.sensitivity import ascend
+from edtk.design.sample_feasible import sample_feasible
 from edtk.model.constraints.height import Height
 from edtk.model.elastostatic_model import ElastostaticModel
 from edtk.model.loads.free_load import FreeLoad
@@ -219,7 +220,7 @@ def little_memory(monkeypatch):
     module = import_module("edtk.design.relaxation.relax_poses")
     monkeypatch.setattr(module, "BASE_MB", 0.0)
     monkeypatch.setattr(module, "KEEP", 50)
-    monkeypatch.setattr("edtk.design.candidates.CHUNK", 1024)
+    monkeypatch.setattr("edtk.design.candidate_source.CHUNK", 1024)
     held, take = [], CandidateSource.take
     monkeypatch.setattr(CandidateSource, "take", lambda self, n: held.append(n) or take(self, n))
     return held

@@ -11,7 +11,7 @@ from designs import DESIGNS, KR270, LOADED, STUDY
 
 from criteria import create
 from edtk.design.bound import Bound, BoundKind
-from edtk.design.candidates import CandidateSource
+from edtk.design.candidate_source import CandidateSource
 from edtk.design.relaxation.relax_poses import relax_poses
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
 from edtk.tables.pose_table import WRENCH_COLUMNS

@@ -6,11 +6,12 @@ from designs import DESIGNS, KR270
 
 from criteria import create
 from criteria.linalg.inverse import whitener
-from edtk.design.candidates import CandidateSource, sample_feasible
+from edtk.design.candidate_source import CandidateSource
 from edtk.design.distinct import distinct
 from edtk.design.relaxation.relax import relax
 from edtk.design.relaxation.search_continuum import search_continuum
 from edtk.design.relaxation.sensitivity import sensitivity_and_slope
+from edtk.design.sample_feasible import sample_feasible
 
 on_each = pytest.mark.parametrize("space", DESIGNS.values(), ids=DESIGNS)
 ACCURACY = 1e-6

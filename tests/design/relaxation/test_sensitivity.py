@@ -8,9 +8,9 @@ from designs import DESIGNS, KR270, LOADED
 from scipy.optimize import nnls
 
 from criteria import create
-from edtk.design.candidates import sample_feasible
 from edtk.design.relaxation.relax import relax
 from edtk.design.relaxation.sensitivity import ascend, sensitivity_and_slope
+from edtk.design.sample_feasible import sample_feasible
 from edtk.model.loads.fixed_load import FixedLoad
 from edtk.model.loads.free_load import FreeLoad
 
@@ -22,7 +22,7 @@ BESIDE = {
     for name, space in DESIGNS.items()
     for how, d in (
         ("alone", space),
-        ("beside others", space.beside(space.problem(sample_feasible(space, 9, 8)).mean, 3)),
+        ("beside others", space.with_kept(space.problem(sample_feasible(space, 9, 8)).mean, 3)),
     )
 }
 shared_or_not = pytest.mark.parametrize("space", BESIDE.values(), ids=BESIDE)

@@ -1,0 +1,187 @@
+"""Feasible candidate poses with their information, drawn chunk by chunk on every core."""
+
+import os
+from collections import deque
+from collections.abc import Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+
+from edtk.design.candidates import Candidates
+from edtk.design.design_space import DesignSpace
+from edtk.design.problem import Problem
+from edtk.system.typing import Array, Indices
+
+Sampling = Literal["random", "sobol"]
+CHUNK = 16384  # samples that a thread evaluates at once: their arrays fit into a core's cache
+
+
+class EmptyFeasibleSetError(ValueError):
+    """No pose satisfies all constraints, as far as sampling can tell.
+
+    Attributes:
+        samples: Number of samples that were drawn.
+        constraint: Name of the constraint that excludes most of them.
+        share: The part of the samples that this constraint excludes.
+    """
+
+    def __init__(self, samples: int, constraint: str, share: float) -> None:
+        super().__init__(samples, constraint, share)
+        self.samples = samples
+        self.constraint = constraint
+        self.share = share
+
+    def __str__(self) -> str:
+        return (
+            f"no feasible pose among {self.samples} samples; the constraint '{self.constraint}' "
+            f"excludes {100 * self.share:.0f} % of them"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class CandidateSource:
+    """An endless, repeatable sequence of feasible poses, of which the first n are the candidates.
+
+    Points of the unit cube, random or of Sobol's sequence (scrambled), are stretched to the limits
+    of the free joints; those outside the workspace are dropped. Threads evaluate chunks side by
+    side and deliver them in the order of their points, so that the sequence depends on the seed
+    and not on the machine.
+
+    Args:
+        space: Model, feasible set, free joints, noise and loads.
+        seed: Seed, one number or several.
+        sampling: "random" or "sobol".
+        workers: Number of threads; defaults to one a core.
+        patience: Chunks of 16384 samples to draw at most before the first feasible pose.
+
+    Raises:
+        ValueError: The sampling is unknown.
+    """
+
+    space: DesignSpace
+    seed: int | tuple[int, ...] = 0
+    sampling: Sampling = "random"
+    workers: int | None = None
+    patience: int = 12
+
+    def __post_init__(self) -> None:
+        known = get_args(Sampling)
+        if self.sampling not in known:
+            raise ValueError(f"sampling must be one of {', '.join(known)}, not {self.sampling!r}")
+
+    def take(self, n: int) -> Candidates:
+        """Draw the first n candidates.
+
+        Raises:
+            EmptyFeasibleSetError: No feasible pose turns up; names the constraint.
+            ValueError: n < 1.
+        """
+        require_some(n)
+        p = self.space.model.p
+        x = np.empty((n, self.space.size))
+        packed = np.empty((p * (p + 1) // 2, n))
+        start = 0
+        for chunk in self.chunks(n):
+            end = start + len(chunk.x)
+            x[start:end] = chunk.x
+            packed[:, start:end] = chunk.problem.packed
+            start = end
+        return Candidates(x, self._problem(packed))
+
+    def chunks(self, n: int) -> Iterator[Candidates]:
+        """Draw the first n candidates in chunks, none of which is empty.
+
+        Raises:
+            EmptyFeasibleSetError: No feasible pose turns up; names the constraint.
+            ValueError: n < 1.
+        """
+        require_some(n)
+        # A few candidates do not wait for a full chunk; 2 n samples often hold n feasible ones.
+        size = min(CHUNK, 1 << (2 * n).bit_length())
+        parallel = size == CHUNK
+        results = self._parallel(size) if parallel else map(self._evaluate, self._cubes(size))
+        left = n
+        samples = 0
+        excluded = np.zeros(len(self.space.labels))
+        for chunk in results:
+            samples += size
+            excluded = excluded + chunk.excluded
+            found = len(chunk.x)
+            if left == n and not found and samples >= self.patience * CHUNK:
+                worst = int(excluded.argmax())
+                share = excluded[worst] / samples
+                raise EmptyFeasibleSetError(samples, self.space.labels[worst], share)
+            if found:
+                yield Candidates(chunk.x[:left], self._problem(chunk.packed[:, :left]))
+                left -= found
+            if left <= 0:
+                return
+
+    def _problem(self, packed: Array) -> Problem:
+        """A problem of candidates whose information (p(p+1)/2, n) is at hand."""
+        return Problem.of_information(packed, self.space.model.parameters)
+
+    def _cubes(self, size: int) -> Iterator[Array]:
+        """Points of the unit cube (size, drawn), without end.
+
+        The sequence of points does not depend on the size of the chunks.
+        """
+        rng = np.random.default_rng(self.seed)
+        dimension = len(self.space.drawn)
+        if self.sampling == "random":
+            while True:
+                yield rng.random((size, dimension))
+        from scipy.stats import qmc  # takes half a second, which random points need not pay
+
+        sobol = qmc.Sobol(dimension, rng=rng)
+        while True:
+            yield sobol.random(size)
+
+    def _parallel(self, size: int) -> Iterator["_Chunk"]:
+        """Evaluate all chunks in order, a few chunks ahead of the consumer."""
+        workers = self.workers or os.cpu_count() or 1
+        waiting: deque[Future[_Chunk]] = deque()
+        with ThreadPoolExecutor(workers) as pool:
+            try:
+                for cube in self._cubes(size):
+                    waiting.append(pool.submit(self._evaluate, cube))
+                    # Two chunks a thread keep all threads busy; more would only take memory.
+                    if len(waiting) > 2 * workers:
+                        yield waiting.popleft().result()
+            finally:
+                for future in waiting:
+                    future.cancel()
+
+    def _evaluate(self, cube: Array) -> "_Chunk":
+        """Evaluate the points of one chunk."""
+        drawn = self.space.at(self.space.draw(cube))
+        inside = drawn.slack >= 0
+        feasible = drawn[np.flatnonzero(inside.all(axis=-1))]
+        return _Chunk(feasible.x, feasible.packed, (~inside).sum(axis=0))
+
+
+@dataclass(frozen=True, eq=False)
+class _Chunk:
+    """The feasible experiments of a chunk.
+
+    Attributes:
+        x: Design variables (n, v).
+        packed: Their information, packed (p(p+1)/2, n).
+        excluded: Number of samples that each constraint (c,) excludes.
+    """
+
+    x: Array
+    packed: Array
+    excluded: Indices
+
+
+def require_some(n: int) -> None:
+    """Check that a number of candidates is at least one.
+
+    Raises:
+        ValueError: n < 1.
+    """
+    if n < 1:
+        raise ValueError("at least one candidate is needed")

@@ -1,0 +1,150 @@
+"""Experiments with given design variables: their information, slacks, and derivatives."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from criteria.linalg.triangle import triangle
+from edtk.design.packed import pack_gram
+from edtk.model.frames import Frames
+from edtk.system.typing import Array, Indices, Mask
+
+if TYPE_CHECKING:
+    from edtk.design.design_space import DesignSpace
+
+
+@dataclass(frozen=True, eq=False)
+class Experiments:
+    """Experiments x (..., v) of a design space.
+
+    All quantities share the same frames, which are computed once. Arrays are kept component first
+    inside, since sums over few components of many experiments are fastest that way.
+
+    Args:
+        space: The design space.
+        x: Design variables (..., v).
+        frames: Frames of the robot's chain in these poses.
+    """
+
+    space: "DesignSpace"
+    x: Array
+    frames: Frames
+
+    def __getitem__(self, chosen: Indices) -> "Experiments":
+        """Some of experiments (n, v); nothing is computed anew."""
+        return Experiments(self.space, self.x[chosen], self.frames[chosen])
+
+    @property
+    def _load(self) -> Array:
+        """Variables (..., d) of the load."""
+        return self.x[..., len(self.space.fixed) :]
+
+    @cached_property
+    def _regressor(self) -> Array:
+        """Regressors ``A/sigma`` (p, rows, ...), component first."""
+        A = self.space.model.regressor_of(self.frames, self.space.load.wrench(self._load))
+        return A / self.space.sigma.reshape(-1, *[1] * (A.ndim - 2))
+
+    @cached_property
+    def regressor(self) -> Array:
+        """Regressors ``A/sigma`` (..., rows, p)."""
+        return _batch_first(self._regressor, (1, 0))
+
+    @property
+    def packed(self) -> Array:
+        """Information ``A' A/sigma^2`` and the prior, packed (p(p+1)/2, ...)."""
+        M = pack_gram(self._regressor)
+        if self.space.prior is not None:
+            M += self.space.prior[triangle(self.space.model.p)].reshape(-1, *[1] * (M.ndim - 1))
+        return M
+
+    def information(self, repeats: Array) -> Array:
+        """Information matrices of plans, the prior included.
+
+        Args:
+            repeats: Repetitions (b, k) of b plans of k experiments, where x is (b, k, v).
+
+        Returns:
+            Matrices (b, p, p).
+        """
+        return weighted_information(self.regressor, repeats, self.space.prior)
+
+    def slope(self, B: Array) -> Array:
+        """Derivatives of ``<B, A/sigma>`` by all design variables, weights B held fixed.
+
+        A is linear in the wrench, so that the derivative by a load's variable is ``<B, A(dW)/sigma>``
+        with dW the derivative of the wrench.
+
+        Args:
+            B: Weights (..., rows, p).
+
+        Returns:
+            Array (..., v).
+        """
+        space = self.space
+        model = space.model
+        weights = _component_first(B / space.sigma[:, None], (-1, -2))
+        wrench = space.load.wrench(self._load)
+        by_joint = model.regressor_slope_of(self.frames, wrench, weights)
+        wrench_changes = _component_first(space.load.derivative(self._load), (-1,))
+        by_load = [
+            (weights * model.regressor_of(self.frames, change)).sum(axis=(0, 1))
+            for change in wrench_changes
+        ]
+        # Without a load to design by_load is empty, and reshape gives it the missing axes.
+        by_load_too = np.array(by_load).reshape(-1, *by_joint.shape[1:])
+        return _batch_first(np.concatenate([by_joint, by_load_too]), (0,))
+
+    @property
+    def slack(self) -> Array:
+        """Slacks (..., c) of the constraints other than the bounds; negative means infeasible."""
+        none = np.zeros((*self.x.shape[:-1], 0))
+        constraints = self.space.workspace.constraints
+        own = [_batch_first(constraint.slack(self.frames), (0,)) for constraint in constraints]
+        return np.concatenate([none, *own], axis=-1)
+
+    @property
+    def slack_gradient(self) -> Array:
+        """Derivative (..., c, v) of the slacks by all design variables."""
+        gradients = [
+            _batch_first(constraint.gradient(self.frames), (0, 1))
+            for constraint in self.space.workspace.constraints
+        ]
+        G = np.zeros((*self.x.shape[:-1], len(self.space.labels), self.space.size))
+        if gradients:
+            G[..., : len(self.space.fixed)] = np.concatenate(gradients, axis=-2)
+        return G
+
+    @property
+    def feasible(self) -> Mask:
+        """Whether each experiment (...) satisfies all constraints, the bounds included."""
+        lower, upper = self.space.limits
+        within = ((self.x >= lower) & (self.x <= upper)).all(axis=-1)
+        return np.asarray(within & (self.slack >= 0).all(axis=-1))
+
+
+def weighted_information(A: Array, repeats: Array, prior: Array | None) -> Array:
+    """Information matrices ``sum_i r_i (M0 + A_i' A_i)`` (b, p, p) of plans.
+
+    Args:
+        A: Regressors over sigma (b, k, rows, p).
+        repeats: Repetitions r (b, k).
+        prior: Prior information M0 (p, p), or None.
+    """
+    b, k, rows, p = A.shape
+    # The rows of a plan are stacked, so that one product of matrices sums over poses and rows.
+    stacked = (A * np.sqrt(repeats)[..., None, None]).reshape(b, k * rows, p)
+    M = np.swapaxes(stacked, 1, 2) @ stacked
+    return M if prior is None else M + repeats.sum(axis=1)[:, None, None] * prior
+
+
+def _batch_first(A: Array, last: tuple[int, ...]) -> Array:
+    """A view of component-first A whose leading axes come last, in this order."""
+    return A.transpose(*range(len(last), A.ndim), *last)
+
+
+def _component_first(A: Array, last: tuple[int, ...]) -> Array:
+    """A view of batch-first A whose last axes, counted from the end, come first, in this order."""
+    return A.transpose(*last, *range(A.ndim - len(last)))
