@@ -1,1 +1,1 @@
-"""CSV and JSON files that people edit: poses, sheets, compliances."""
+"""Tables that people edit: poses, measurement sheets and compliances."""

@@ -1,16 +1,22 @@
-"""Compliances as an identification writes them: JSON, values by joint, perhaps with their covariance."""
+"""Compliances as an identification writes them: JSON, values by joint, perhaps with a covariance."""
 
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeGuard
 
 import numpy as np
-from numpy.typing import NDArray
 
 from edtk.system.errors import UserError
+from edtk.system.typing import Array
 
-Array = NDArray[np.float64]
+LARGEST = 1e300  # beyond it a number cannot be squared, and no compliance comes near
+# Differences and negative eigenvalues up to these count as the rounding of a matrix in a file,
+# relative to its largest entry and to unit diagonal.
+SYMMETRY = 1e-9
+UNIT_DIAGONAL = 1e-6
+LEAST_EIGENVALUE = -1e-8
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,11 +26,14 @@ class Compliances:
     Attributes:
         joints: Names (p,) of the joints.
         k: Their compliances (p,) [rad/(N m)].
-        unbounded: What they would be without the bound k >= 0 (p,); k itself where the file does not say.
-        covariance: Covariance (p, p) of `unbounded` [(rad/(N m))^2]; None where the file says nothing about it.
+        unbounded: Their values without the bound k >= 0 (p,); k itself where the file does not say.
+        covariance: Covariance (p, p) of `unbounded` [(rad/(N m))^2]; None where the file does not
+            give it.
         covariance_dof: Its degrees of freedom; inf where sigma was known.
-        rho0_bias: Error that the linear model left in the test pose [m]; None where the file does not say.
-        verdict: "good", "warn" or "bad", as the identification judged itself; None where the file does not say.
+        rho0_bias: Error that the linear model left in the test pose [m]; None where the file does
+            not say.
+        verdict: "good", "warn" or "bad", as the identification called itself; None where the file
+            does not say.
     """
 
     joints: tuple[str, ...]
@@ -35,20 +44,62 @@ class Compliances:
     rho0_bias: float | None = None
     verdict: str | None = None
 
+    @classmethod
+    def from_dict(
+        cls,
+        content: Mapping[str, Any],
+        names: tuple[str, ...],
+        needed: tuple[str, ...],
+        where: Path | str | None = None,
+    ) -> "Compliances":
+        """Take compliances from the content of a file, see `load_compliances`.
+
+        Args:
+            content: ``{"k": {joint: value}, ...}`` or ``{joint: value}``, in SI units.
+            names: Joints of the robot.
+            needed: Joints whose compliances must be given.
+            where: The file, for messages.
+
+        Raises:
+            UserError: One line: the file, the key and what was expected.
+        """
+        nested = "k" in content and "k" not in names
+        table = content["k"] if nested else content
+        rest = content if nested else {}
+        if not isinstance(table, Mapping):
+            raise UserError(
+                "expected a value in rad/(N m) for each joint, by name", where=where, key="k"
+            )
+        prefix = "k." if nested else ""
+        _check_joints(table, names, needed, prefix, where)
+        joints = tuple(table)
+        k = np.array([_not_negative(table[joint], f"{prefix}{joint}", where) for joint in joints])
+        return cls(
+            joints=joints,
+            k=k,
+            unbounded=_unbounded(rest.get("k_unbounded"), k, joints, where),
+            covariance=_covariance(rest, joints, where),
+            covariance_dof=_degrees_of_freedom(rest.get("covariance_dof"), where),
+            rho0_bias=_optional(rest.get("rho0_bias"), "rho0_bias", where),
+            verdict=rest.get("verdict"),
+        )
+
 
 def load_compliances(
     path: Path | str, names: tuple[str, ...], needed: tuple[str, ...]
 ) -> Compliances:
-    """Read ``{"k": {joint: value}}``, with ``"covariance": [[..]]`` or ``"std"`` and ``"correlation"``, or nothing.
+    """Read compliances from a file.
 
-    Matrices and lists follow the order of the joints in "k"; "std" may also be given by joint, and without
-    "correlation" the errors count as independent. A file that is just ``{joint: value}`` is read too. Where
-    sigma was estimated, "covariance_dof" are its degrees of freedom. Other keys are left alone.
+    ``{"k": {joint: value}}``, with ``"covariance": [[..]]``, or with ``"std"`` and perhaps
+    ``"correlation"``, or with neither. Matrices and lists follow the order of the joints in "k";
+    "std" may also be given by joint, and without "correlation" the errors count as independent. A
+    file that is just ``{joint: value}`` is read too. Where sigma was estimated, "covariance_dof" are
+    its degrees of freedom. Other keys are ignored.
 
     Args:
         path: The file, in SI units.
         names: Joints of the robot.
-        needed: Joints whose compliances must be there.
+        needed: Joints whose compliances must be given.
 
     Raises:
         UserError: One line: the file, the key and what was expected.
@@ -57,120 +108,148 @@ def load_compliances(
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
-        raise UserError(f"{path}: no such file") from None
+        raise UserError("no such file", where=path) from None
     except OSError as error:
-        raise UserError(f"{path}: {error.strerror}") from error
+        raise UserError(str(error.strerror), where=path) from error
     except (ValueError, RecursionError) as error:
-        raise UserError(f"{path}: not valid JSON: {error}") from error
+        raise UserError(f"not valid JSON: {error}", where=path) from error
     if not isinstance(content, dict):
         raise UserError(
-            f'{path}: expected {{"k": {{joint: value, ...}}}}, not {type(content).__name__}'
+            f'expected {{"k": {{joint: value, ...}}}}, not {type(content).__name__}', where=path
         )
-    nested = "k" in content and "k" not in names
-    table, rest = (content["k"], content) if nested else (content, {})
-    if not isinstance(table, dict):
-        raise UserError(f"{path}: k: expected a value in rad/(N m) for each joint, by name")
-    where = "k." if nested else ""
+    return Compliances.from_dict(content, names, needed, path)
+
+
+def _check_joints(
+    table: Mapping[str, Any],
+    names: tuple[str, ...],
+    needed: tuple[str, ...],
+    prefix: str,
+    where: Path | str | None,
+) -> None:
+    """Every joint of the table is one of the robot's, and those that are needed have a value."""
     for joint in table:
         if joint not in names:
             raise UserError(
-                f"{path}: {where}{joint}: no such joint; this robot has {', '.join(names)}"
+                f"no such joint; this robot has {', '.join(names)}",
+                where=where,
+                key=f"{prefix}{joint}",
             )
     for joint in needed:
         if joint not in table:
             raise UserError(
-                f"{path}: {where}{joint}: expected the compliance of joint {joint!r} in rad/(N m)"
+                f"expected the compliance of joint {joint!r} in rad/(N m)",
+                where=where,
+                key=f"{prefix}{joint}",
             )
-    joints = tuple(table)
-    k = np.array([_not_negative(path, f"{where}{joint}", table[joint]) for joint in joints])
-    dof, rho0_bias = rest.get("covariance_dof"), rest.get("rho0_bias")
-    dof = np.inf if dof is None else _not_negative(path, "covariance_dof", dof)
-    if not dof:
-        raise UserError(f"{path}: covariance_dof: expected more than none")
-    rho0_bias = None if rho0_bias is None else _not_negative(path, "rho0_bias", rho0_bias)
-    unbounded = (
-        k if rest.get("k_unbounded") is None else _unbounded(path, rest["k_unbounded"], joints)
-    )
-    return Compliances(
-        joints, k, unbounded, _covariance(path, rest, joints), dof, rho0_bias, rest.get("verdict")
-    )
 
 
-def _unbounded(path: Path, value: Any, joints: tuple[str, ...]) -> Array:
-    """Finite numbers (p,) by joint."""
-    numbers = [value.get(joint) if isinstance(value, dict) else None for joint in joints]
-    for joint, x in zip(joints, numbers, strict=True):
-        if not isinstance(x, int | float) or isinstance(x, bool) or not abs(x) <= 1e300:
-            raise UserError(f"{path}: k_unbounded.{joint}: expected a finite number")
+def _unbounded(value: Any, k: Array, joints: tuple[str, ...], where: Path | str | None) -> Array:
+    """Finite numbers (p,) by joint, which default to k."""
+    if value is None:
+        return k
+    numbers = [value.get(joint) if isinstance(value, Mapping) else None for joint in joints]
+    for joint, number in zip(joints, numbers, strict=True):
+        if not _is_number(number) or not abs(number) <= LARGEST:
+            raise UserError("expected a finite number", where=where, key=f"k_unbounded.{joint}")
     return np.array(numbers, dtype=float)
 
 
-def _not_negative(path: Path, key: str, value: Any) -> float:
+def _degrees_of_freedom(value: Any, where: Path | str | None) -> float:
+    """A number greater than zero, which defaults to inf."""
+    if value is None:
+        return np.inf
+    dof = _not_negative(value, "covariance_dof", where)
+    if dof == 0:
+        raise UserError("expected a number greater than 0", where=where, key="covariance_dof")
+    return dof
+
+
+def _optional(value: Any, key: str, where: Path | str | None) -> float | None:
+    """A finite number that is not negative, or None."""
+    return None if value is None else _not_negative(value, key, where)
+
+
+def _not_negative(value: Any, key: str, where: Path | str | None) -> float:
     """A finite number that is not negative."""
-    number = isinstance(value, int | float) and not isinstance(value, bool)
-    if not number or not 0 <= value <= 1e300:
+    if not _is_number(value) or not 0 <= value <= LARGEST:
+        given = f"{json.dumps(value, default=str):.40}"
         raise UserError(
-            f"{path}: {key}: expected a finite number that is not negative, got {json.dumps(value):.40}"
+            f"expected a finite number that is not negative, got {given}", where=where, key=key
         )
     return float(value)
 
 
-def _matrix(path: Path, key: str, value: Any, p: int) -> Array:
+def _is_number(value: Any) -> TypeGuard[float]:
+    """Whether a value is a number; true and false, which Python counts as numbers, are not."""
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _covariance(
+    content: Mapping[str, Any], joints: tuple[str, ...], where: Path | str | None
+) -> Array | None:
+    """The covariance (p, p) in the order of the joints, whichever way it is given."""
+    if content.get("covariance") is not None:
+        key = "covariance"
+        cov = _matrix(content[key], len(joints), key, where)
+    elif content.get("std") is not None:
+        key = "correlation"
+        cov = _of_deviations(content["std"], content.get(key), joints, where)
+    else:
+        return None
+    deviations = np.sqrt(np.maximum(np.diag(cov), 0.0))
+    # Scaled to unit diagonal, so that small compliances beside large ones are checked too.
+    scale = np.where(deviations > 0, deviations, 1.0)
+    unit = cov / scale / scale[:, None]
+    negative = np.diag(cov).min() < 0 or np.linalg.eigvalsh(unit).min() < LEAST_EIGENVALUE
+    if negative or np.any(cov[deviations == 0] != 0):
+        raise UserError(
+            "expected a covariance, and this matrix has a negative eigenvalue", where=where, key=key
+        )
+    return cov
+
+
+def _of_deviations(
+    std: Any, correlation: Any, joints: tuple[str, ...], where: Path | str | None
+) -> Array:
+    """The covariance (p, p) of standard deviations, given by joint or as a list."""
+    p = len(joints)
+    if isinstance(std, Mapping):
+        missing = [joint for joint in joints if joint not in std]
+        if missing:
+            raise UserError(
+                "expected a standard deviation, as k has that joint",
+                where=where,
+                key=f"std.{missing[0]}",
+            )
+        std = [std[joint] for joint in joints]
+    if not isinstance(std, list) or len(std) != p:
+        raise UserError(
+            f"expected {p} standard deviations, one for each joint of k", where=where, key="std"
+        )
+    given = zip(joints, std, strict=True)
+    s = np.array([_not_negative(value, f"std.{joint}", where) for joint, value in given])
+    R = np.eye(p) if correlation is None else _matrix(correlation, p, "correlation", where)
+    if not np.allclose(np.diag(R), 1.0, atol=UNIT_DIAGONAL):
+        raise UserError("expected ones on the diagonal", where=where, key="correlation")
+    return np.asarray(R * s[:, None] * s)
+
+
+def _matrix(value: Any, p: int, key: str, where: Path | str | None) -> Array:
     """A finite symmetric matrix (p, p)."""
-    expected = f"{path}: {key}: expected {p} rows of {p} finite numbers, in the order of k"
+    expected = f"expected {p} rows of {p} finite numbers, in the order of k"
     try:
         matrix = np.array(value, dtype=float)
     except (TypeError, ValueError, OverflowError) as error:
-        raise UserError(expected) from error
+        raise UserError(expected, where=where, key=key) from error
     if matrix.shape != (p, p) or not np.isfinite(matrix).all():
-        raise UserError(expected)
-    unlike = np.abs(matrix - matrix.T) > 1e-9 * np.abs(matrix).max(initial=0.0)
-    if unlike.any():
-        row, column = np.argwhere(unlike)[0] + 1
+        raise UserError(expected, where=where, key=key)
+    unequal = np.abs(matrix - matrix.T) > SYMMETRY * np.abs(matrix).max(initial=0.0)
+    if unequal.any():
+        row, column = np.argwhere(unequal)[0] + 1
         raise UserError(
-            f"{path}: {key}: row {row}, column {column}: differs from row {column}, column {row}"
+            f"row {row}, column {column}: differs from row {column}, column {row}",
+            where=where,
+            key=key,
         )
     return np.asarray((matrix + matrix.T) / 2)
-
-
-def _covariance(path: Path, content: dict[str, Any], joints: tuple[str, ...]) -> Array | None:
-    """The covariance in the order of the joints, whichever way it is given."""
-    p = len(joints)
-    if content.get("covariance") is not None:
-        key, cov = "covariance", _matrix(path, "covariance", content["covariance"], p)
-    elif content.get("std") is not None:
-        std = content["std"]
-        if isinstance(std, dict):
-            if missing := [joint for joint in joints if joint not in std]:
-                raise UserError(
-                    f"{path}: std.{missing[0]}: expected a standard deviation, as k has that joint"
-                )
-            std = [std[joint] for joint in joints]
-        if not isinstance(std, list) or len(std) != p:
-            raise UserError(
-                f"{path}: std: expected {p} standard deviations, one for each joint of k"
-            )
-        s = np.array(
-            [
-                _not_negative(path, f"std.{joint}", value)
-                for joint, value in zip(joints, std, strict=True)
-            ]
-        )
-        key, given = "correlation", content.get("correlation")
-        R = np.eye(p) if given is None else _matrix(path, "correlation", given, p)
-        if not np.allclose(np.diag(R), 1.0, atol=1e-6):
-            raise UserError(f"{path}: correlation: expected ones on the diagonal")
-        cov = R * s[:, None] * s
-    else:
-        return None
-    scale = np.sqrt(np.maximum(np.diag(cov), 0.0))
-    unit = cov / np.where(scale > 0, scale, 1.0) / np.where(scale > 0, scale, 1.0)[:, None]
-    if (
-        np.diag(cov).min() < 0
-        or np.linalg.eigvalsh(unit).min() < -1e-8
-        or np.any(cov[scale == 0] != 0)
-    ):
-        raise UserError(
-            f"{path}: {key}: expected a covariance, and this matrix has a negative eigenvalue"
-        )
-    return cov

@@ -3,30 +3,36 @@
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, Union
 
 import numpy as np
-import pandas as pd
-from numpy.typing import NDArray
 
 from edtk.model.robot import Robot
+from edtk.system.errors import UserError
+from edtk.system.typing import Array
+from edtk.tables.plain_numbers import plain_numbers
 
-Array = NDArray[np.float64]
+if TYPE_CHECKING:
+    import pandas as pd
+
 LARGEST = 1e12  # number in a file; no quantity here comes near it in its unit
 WRENCH_COLUMNS = ("Fx_N", "Fy_N", "Fz_N", "Tx_Nm", "Ty_Nm", "Tz_Nm")
 
 
-class PoseFileError(ValueError):
+class PoseFileError(UserError):
     """A file that cannot be read as a table of poses; names the file and the row or column."""
 
 
 def pose_columns(robot: Robot) -> tuple[str, ...]:
     """Column headers of the joint variables: NAME_deg, or NAME_mm for a prismatic joint."""
-    return tuple(f"{j.name}_{'mm' if j.kind == 'prismatic' else 'deg'}" for j in robot.joints)
+    units = {"revolute": "deg", "prismatic": "mm"}
+    return tuple(f"{joint.name}_{units[joint.kind]}" for joint in robot.joints)
 
 
 def pose_factors(robot: Robot) -> Array:
     """Factors (n,) from a file's units to SI: pi/180 for degrees, 1e-3 for millimetres."""
-    return np.array([1e-3 if j.kind == "prismatic" else np.pi / 180 for j in robot.joints])
+    factors = {"revolute": np.pi / 180, "prismatic": 1e-3}
+    return np.array([factors[joint.kind] for joint in robot.joints])
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,67 +40,55 @@ class PoseTable:
     """The cells of a file; rows are counted from 1, the header left out.
 
     Args:
-        path: Where the file lies, for messages.
-        cells: Its columns; one that is not numbers throughout has text.
+        path: Where the file is, for messages.
+        cells: Its columns by name: finite numbers, or a data frame whose columns may hold anything.
     """
 
     path: Path
-    cells: pd.DataFrame
+    cells: Union["pd.DataFrame", dict[str, Array]]
 
     @classmethod
-    def read(cls, path: Path | str, what: str) -> "PoseTable":
+    def read(cls, path: Path | str, content: str) -> "PoseTable":
         """Read a file.
 
         Args:
-            path: The CSV file; what follows a # is a comment.
-            what: What a person calls its content: "plan".
+            path: The CSV file; the rest of a line after a # is a comment.
+            content: The name of its content in messages: "plan".
 
         Raises:
             PoseFileError: The file is absent, empty or ragged.
         """
         path = Path(path)
-        if sign := _separator(path):
+        columns = plain_numbers(path)
+        if columns is not None:
+            return cls(path, columns)
+        sign = _separator(path)
+        if sign is not None:
             raise PoseFileError(
-                f"{path}: the columns are separated by {sign}; expected commas, and points in numbers"
+                f"the columns are separated by {sign}; expected commas, and points in numbers",
+                where=path,
             )
-        try:
-            with warnings.catch_warnings():
-                warnings.simplefilter(
-                    "error", pd.errors.ParserWarning
-                )  # a row longer than the header
-                cells = pd.read_csv(
-                    path, skipinitialspace=True, comment="#", index_col=False, low_memory=False
-                )
-        except FileNotFoundError:
-            raise PoseFileError(f"{path}: no such file") from None
-        except (
-            OSError,
-            UnicodeDecodeError,
-            pd.errors.ParserError,
-            pd.errors.EmptyDataError,
-            pd.errors.ParserWarning,
-        ) as error:
-            why = (
-                "a row has more cells than the header"
-                if isinstance(error, pd.errors.ParserWarning)
-                else _first_line(error)
-            )
-            raise PoseFileError(
-                f"{path}: not readable as CSV ({why}); expected commas between columns"
-            ) from error
+        cells = _read_csv(path)
         if cells.empty:
-            raise PoseFileError(f"{path}: the {what} has no rows")
+            raise PoseFileError(f"the {content} has no rows", where=path)
         return cls(path, cells)
 
     def __contains__(self, column: str) -> bool:
         return column in self.cells
 
     def __len__(self) -> int:
+        if isinstance(self.cells, dict):
+            return len(next(iter(self.cells.values())))
         return len(self.cells)
 
-    def error(self, message: str) -> PoseFileError:
-        """A mistake in this file."""
-        return PoseFileError(f"{self.path}: {message}")
+    def error(self, message: str, key: str | None = None) -> PoseFileError:
+        """An error in this file, to be raised.
+
+        Args:
+            message: What is wrong or was expected.
+            key: The row or column.
+        """
+        return PoseFileError(message, where=self.path, key=key)
 
     def require_known(self, robot: Robot, optional: tuple[str, ...]) -> None:
         """Check that each column is a joint's, a wrench's, or one of `optional`.
@@ -102,17 +96,18 @@ class PoseTable:
         Raises:
             PoseFileError: Names the first that is not, or what is wrong with the header.
         """
-        columns = pose_columns(robot)
-        header = list(map(str, self.cells))
+        header = [str(column) for column in self.cells]
         for column in header:
-            if (first := column.rpartition(".")[0]) in header and column.rpartition(".")[
-                2
-            ].isdigit():
+            # Pandas calls the second of two columns NAME.1, and one without a name Unnamed: INDEX.
+            first, _, number = column.rpartition(".")
+            if first in header and number.isdigit():
                 raise self.error(f"column {first!r} is there twice; expected each once")
             if column.startswith("Unnamed: "):
-                number = int(column.rpartition(" ")[2]) + 1
-                raise self.error(f"column {number} has no name; expected one in the header")
-        unknown = [c for c in self.cells if c not in (*columns, *WRENCH_COLUMNS, *optional)]
+                index = int(column.rpartition(" ")[2])
+                raise self.error(f"column {index + 1} has no name; expected one in the header")
+        columns = pose_columns(robot)
+        known = (*columns, *WRENCH_COLUMNS, *optional)
+        unknown = [column for column in self.cells if column not in known]
         if unknown:
             raise self.error(
                 f"unknown column {unknown[0]!r}; expected {', '.join(columns)}, "
@@ -123,20 +118,31 @@ class PoseTable:
         """One column as finite numbers.
 
         Raises:
-            PoseFileError: Names the first row whose cell is none.
+            PoseFileError: Names the first row whose cell is not a finite number.
         """
-        cells = self.cells[column]
-        values = pd.to_numeric(cells, errors="coerce").to_numpy(dtype=float)
-        bad = np.flatnonzero(~np.isfinite(values) | (cells.dtype == bool))  # "True" is read as 1
-        if len(bad):
-            cell = cells.iloc[bad[0]]
-            shown = "an empty or NaN cell" if pd.isna(cell) else repr(str(cell))
-            raise self.error(f"row {bad[0] + 1}, column {column}: {shown} is not a finite number")
+        values = self.cells[column] if isinstance(self.cells, dict) else self._finite(column)
         large = np.flatnonzero(np.abs(values) > LARGEST)
         if len(large):
+            row = large[0]
             raise self.error(
-                f"row {large[0] + 1}, column {column}: {values[large[0]]:g} is larger than {LARGEST:g}"
+                f"{values[row]:g} is larger than {LARGEST:g}", f"row {row + 1}, column {column}"
             )
+        return values
+
+    def _finite(self, column: str) -> Array:
+        """The numbers of a data frame's column, each checked."""
+        import pandas as pd
+
+        assert not isinstance(self.cells, dict)
+        cells = self.cells[column]
+        values = pd.to_numeric(cells, errors="coerce").to_numpy(dtype=float)
+        # Pandas reads a column of nothing but "True" and "False" as 1 and 0.
+        bad = np.flatnonzero(~np.isfinite(values) | (cells.dtype == bool))
+        if len(bad):
+            row = bad[0]
+            cell = cells.iloc[row]
+            shown = "an empty or NaN cell" if pd.isna(cell) else repr(str(cell))
+            raise self.error(f"{shown} is not a finite number", f"row {row + 1}, column {column}")
         return values
 
     def poses(self, robot: Robot, fixed: dict[int, float]) -> Array:
@@ -155,7 +161,8 @@ class PoseTable:
             raise self.error(
                 f"column {missing[0]!r} is missing and the study does not fix that joint"
             )
-        q = np.array([fixed.get(j, 0.0) for j in range(robot.n)]) * np.ones((len(self), 1))
+        default = np.array([fixed.get(j, 0.0) for j in range(robot.n)])
+        q = default * np.ones((len(self), 1))
         for j, (column, factor) in enumerate(zip(columns, pose_factors(robot), strict=True)):
             if column in self:
                 q[:, j] = self.numbers(column) * factor
@@ -165,39 +172,62 @@ class PoseTable:
         """Forces and torques (k, 6) [N, N m].
 
         Args:
-            default: Wrench (6,) of which a column of the file overrides a component. None where the file must say
-                which forces are applied.
+            default: Wrench (6,) of which a column of the file overrides a component. None where the
+                file must say which forces are applied; torques then default to zero.
 
         Raises:
             PoseFileError: A force's column is missing, or a cell is not a number.
         """
-        if default is None and (missing := [c for c in WRENCH_COLUMNS[:3] if c not in self]):
-            raise self.error(
-                f"column {missing[0]!r} is missing, and the study leaves the load open"
-            )
-        W = np.tile(
-            np.zeros(6) if default is None else np.asarray(default, dtype=float), (len(self), 1)
-        )
+        if default is None:
+            missing = [column for column in WRENCH_COLUMNS[:3] if column not in self]
+            if missing:
+                raise self.error(
+                    f"column {missing[0]!r} is missing, and the study leaves the load open"
+                )
+            default = np.zeros(6)
+        W = np.tile(np.asarray(default, dtype=float), (len(self), 1))
         for j, column in enumerate(WRENCH_COLUMNS):
             if column in self:
                 W[:, j] = self.numbers(column)
         return W
 
 
-def _first_line(error: Exception) -> str:
-    return str(error).splitlines()[0].strip()
+def _read_csv(path: Path) -> "pd.DataFrame":
+    """Read any CSV file; every failure is one line."""
+    import pandas as pd
+
+    try:
+        with warnings.catch_warnings():
+            # Pandas only warns of a first row that is longer than the header.
+            warnings.simplefilter("error", pd.errors.ParserWarning)
+            return pd.read_csv(
+                path, skipinitialspace=True, comment="#", index_col=False, low_memory=False
+            )
+    except FileNotFoundError:
+        raise PoseFileError("no such file", where=path) from None
+    except pd.errors.ParserWarning as error:
+        raise _not_readable(path, "a row has more cells than the header") from error
+    except (OSError, UnicodeDecodeError, pd.errors.ParserError, pd.errors.EmptyDataError) as error:
+        raise _not_readable(path, str(error).splitlines()[0].strip()) from error
+
+
+def _not_readable(path: Path, why: str) -> PoseFileError:
+    """The error of a file that is no CSV."""
+    return PoseFileError(
+        f"not readable as CSV ({why}); expected commas between columns", where=path
+    )
 
 
 def _separator(path: Path) -> str | None:
     """What separates the columns of the header, if not commas."""
-    if not path.is_file():  # a pipe can be read but once
+    if not path.is_file():  # a pipe can be read only once
         return None
     try:
         with path.open(encoding="utf-8-sig") as file:
             header = next((line for line in file if line.strip() and not line.startswith("#")), "")
     except (OSError, UnicodeDecodeError):
-        return None  # it is told when the file is read
+        return None  # the error is reported when the whole file is read
+    if "," in header:
+        return None
     names = {";": "semicolons", "\t": "tabs"}
-    return next(
-        (name for sign, name in names.items() if sign in header and "," not in header), None
-    )
+    return next((name for sign, name in names.items() if sign in header), None)

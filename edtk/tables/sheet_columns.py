@@ -1,0 +1,21 @@
+"""Headers of the columns of a measurement sheet, besides those of poses and wrenches."""
+
+# Displacement of the marker under load, or its position without and with load, in the world frame.
+DEFLECTION_COLUMNS = ("dx_mm", "dy_mm", "dz_mm")
+UNLOADED_COLUMNS = ("x0_mm", "y0_mm", "z0_mm")
+LOADED_COLUMNS = ("x_mm", "y_mm", "z_mm")
+# Rotation of the tool under load, a small rotation vector in the world frame.
+ROTATION_COLUMNS = ("drx_deg", "dry_deg", "drz_deg")
+# Standard deviation of each coordinate of a displacement.
+SIGMA_COLUMN = "sigma_mm"
+# Offset of the marker from the tool point, in the tool frame.
+MARKER_COLUMNS = ("marker_x_mm", "marker_y_mm", "marker_z_mm")
+
+SHEET_COLUMNS = (
+    *DEFLECTION_COLUMNS,
+    *UNLOADED_COLUMNS,
+    *LOADED_COLUMNS,
+    *ROTATION_COLUMNS,
+    SIGMA_COLUMN,
+    *MARKER_COLUMNS,
+)
