@@ -20,7 +20,7 @@ from edtk.inference.huber import SigmaTooSmallError
 from edtk.inference.identify import Identification, NothingLeftError, identify
 from edtk.inference.least_squares import Estimate, SingularPlanError
 from edtk.inference.mcmc import Demand
-from edtk.inference.measurements import DEFLECTION_COLUMNS, ROTATION_COLUMNS, Measurements
+from edtk.inference.measurements import Measurements
 from edtk.inference.prior import Flat
 from edtk.model.loads.fixed_load import FixedLoad
 from edtk.report.calibration_report import identification_page
@@ -29,6 +29,7 @@ from edtk.system.atomic_file import atomic_path, require_writable, write_text
 from edtk.system.errors import UserError
 from edtk.system.presented import Presented
 from edtk.tables.pose_table import PoseFileError
+from edtk.tables.sheet_columns import DEFLECTION_COLUMNS, ROTATION_COLUMNS
 
 Array = NDArray[np.float64]
 COORDINATES = (*DEFLECTION_COLUMNS, *ROTATION_COLUMNS)

@@ -13,14 +13,10 @@ from edtk.calibration.match_plan import match_plan, resolution_of
 from edtk.design.plan import Plan
 from edtk.inference.identify import Identification
 from edtk.inference.least_squares import SingularPlanError, Whitened
-from edtk.inference.measurements import (
-    DEFLECTION_COLUMNS,
-    MARKER_COLUMNS,
-    ROTATION_COLUMNS,
-    Measurements,
-)
+from edtk.inference.measurements import Measurements
 from edtk.study.study import Study
 from edtk.tables.pose_table import WRENCH_COLUMNS, pose_columns, pose_factors
+from edtk.tables.sheet_columns import DEFLECTION_COLUMNS, MARKER_COLUMNS, ROTATION_COLUMNS
 
 Array = NDArray[np.float64]
 

@@ -8,16 +8,16 @@ import pandas as pd
 
 from edtk.calibration.visiting_order import visiting_order
 from edtk.design.plan import Plan
-from edtk.inference.measurements import (
+from edtk.study.study import Study
+from edtk.system.errors import UserError
+from edtk.tables.sheet_columns import (
     DEFLECTION_COLUMNS,
     LOADED_COLUMNS,
     MARKER_COLUMNS,
-    MEASURED,
     ROTATION_COLUMNS,
+    SHEET_COLUMNS,
     UNLOADED_COLUMNS,
 )
-from edtk.study.study import Study
-from edtk.system.errors import UserError
 
 
 def template(study: Study, plan: Plan, positions: bool = False, markers: int = 0) -> pd.DataFrame:
@@ -65,7 +65,7 @@ def filled(path: Path) -> bool | None:
             *ROTATION_COLUMNS,
         }:
             return None
-        places = [i for i, name in enumerate(columns) if name in MEASURED]
+        places = [i for i, name in enumerate(columns) if name in SHEET_COLUMNS]
         return any(
             row[i].strip()
             for row in csv.reader(lines, delimiter=sign)

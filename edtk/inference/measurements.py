@@ -12,22 +12,17 @@ from edtk.model.elastostatic_model import ElastostaticModel
 from edtk.model.frames import cross
 from edtk.model.robot import Robot
 from edtk.tables.pose_table import PoseTable
+from edtk.tables.sheet_columns import (
+    DEFLECTION_COLUMNS,
+    LOADED_COLUMNS,
+    MARKER_COLUMNS,
+    ROTATION_COLUMNS,
+    SHEET_COLUMNS,
+    UNLOADED_COLUMNS,
+)
 
 Array = NDArray[np.float64]
-DEFLECTION_COLUMNS = ("dx_mm", "dy_mm", "dz_mm")
-UNLOADED_COLUMNS = ("x0_mm", "y0_mm", "z0_mm")
-LOADED_COLUMNS = ("x_mm", "y_mm", "z_mm")
-ROTATION_COLUMNS = ("drx_deg", "dry_deg", "drz_deg")
-MARKER_COLUMNS = ("marker_x_mm", "marker_y_mm", "marker_z_mm")
 LEAST_MM = 1e-9  # standard deviation that can be meant
-MEASURED = (
-    *DEFLECTION_COLUMNS,
-    *UNLOADED_COLUMNS,
-    *LOADED_COLUMNS,
-    *ROTATION_COLUMNS,
-    "sigma_mm",
-    *MARKER_COLUMNS,
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,7 +107,7 @@ class Measurements:
             PoseFileError: Names the file and the row or column.
         """
         table = PoseTable.read(path, "measurement file")
-        table.require_known(robot, MEASURED)
+        table.require_known(robot, SHEET_COLUMNS)
         q, W = table.poses(robot, fixed), table.wrenches(wrench)
         if len(rows := np.flatnonzero(~W.any(axis=1))):
             raise table.error(

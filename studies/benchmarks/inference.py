@@ -19,13 +19,14 @@ from measure import machine, measure
 from edtk.design.plan import Plan
 from edtk.inference.identify import identify
 from edtk.inference.least_squares import estimate
-from edtk.inference.measurements import DEFLECTION_COLUMNS, MARKER_COLUMNS, Measurements
+from edtk.inference.measurements import Measurements
 from edtk.inference.noise import Noise
 from edtk.inference.posterior import sample_posterior
 from edtk.inference.simulate import simulate
 from edtk.report.markdown import markdown_table
 from edtk.study.study import load_study
 from edtk.system.atomic_file import write_text
+from edtk.tables.sheet_columns import DEFLECTION_COLUMNS, MARKER_COLUMNS
 
 HERE = Path(__file__).parent
 STUDY = HERE.parent / "kr270_milling.toml"
