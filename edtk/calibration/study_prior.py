@@ -49,7 +49,7 @@ def study_prior(study: Study) -> Prior:
 def _from_file(study: Study, name: str) -> Normal:
     """What `edtk identify` found earlier, and wrote as k.json; where it estimated sigma, as wide as Student's t is."""
     unknown = study.specification.joints.unknown
-    found = load_compliances(study.path.parent / name, study.robot.joint_names, unknown)
+    found = load_compliances(study.folder / name, study.robot.joint_names, unknown)
     find_input_error = study.error(
         "prior.earlier_file", f"{name}: expected a positive definite covariance, or std, beside k"
     )

@@ -20,7 +20,7 @@ def write_report(
     study: Study, table: pd.DataFrame, relaxed: dict[str, RelaxedPlan], out: Path
 ) -> None:
     """Write `report.md` and its figures into the folder `out`; figures of sizes that are gone are removed."""
-    main = study.specification.main
+    main = study.main_criterion
     save(by_size(study, table, relaxed), out / "comparison.png")
     sections = [_by_size(table, main), _distinct(table, main)]
     pictures = {"comparison.png"}
@@ -68,11 +68,11 @@ def _setting(study: Study) -> str:
     """One paragraph on what was asked."""
     file = study.specification
     unknown = ", ".join(study.model.parameters)
-    least, most = (SIZE * -(-n // SIZE) for n in (file.starts, file.descents(file.main)))
+    least, most = (SIZE * -(-n // SIZE) for n in (file.starts, file.descents(file.main_criterion)))
     return (
         f"Robot {study.robot.name}; unknown compliances {unknown}; {file.load.describe()}; "
         f"sigma = {file.measurement.sigma_mm:g} mm per coordinate; {file.candidates} candidate poses; at most "
-        f"{least} descents per plan, {most} for {file.main}.\n"
+        f"{least} descents per plan, {most} for {file.main_criterion}.\n"
     )
 
 
@@ -210,7 +210,7 @@ def _efficiencies(study: Study, table: pd.DataFrame, size: int, out: Path) -> tu
                 rows.append([float(row[f"efficiency_{n}"]) for n in names])
     heading = f"### {size} experiment{'s' if size > 1 else ''}\n"
     if not rows:
-        reasons = _of(table, "optimised", study.specification.main, size)["reason"]
+        reasons = _of(table, "optimised", study.main_criterion, size)["reason"]
         return f"{heading}\nNo plan: {reasons.iloc[0]}.\n", ""
     picture = f"efficiency_m{size}.png"
     save(heat_map(names, labels, 100 * np.array(rows), size), out / picture)

@@ -34,7 +34,7 @@ def save(figure: Figure, path: Path) -> None:
 
 def by_size(study: Study, table: pd.DataFrame, relaxed: dict[str, RelaxedPlan]) -> Figure:
     """The main criterion against the number of experiments, for every kind of plan, with the bound as a line."""
-    main = study.specification.main
+    main = study.main_criterion
     factor, unit = unit_of(main)
     figure = Figure(figsize=(8.6, 4.8), layout="constrained")
     ax = figure.add_subplot()

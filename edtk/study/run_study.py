@@ -163,7 +163,7 @@ def _relaxable(study: Study) -> list[str]:
 
 def _questions(study: Study) -> list[Case]:
     """The plans to search for: every criterion and size, and fewer distinct poses for the first criterion."""
-    file, main = study.specification, study.specification.main
+    file, main = study.specification, study.main_criterion
     try:
         least = smallest_size(study.space)
     except EmptyFeasibleSetError as error:
@@ -243,7 +243,7 @@ def _random(study: Study, size: int, stream: int) -> Case:
     x = sample_feasible(study.space, RANDOM * size, (study.specification.seed, 2, stream)).reshape(
         RANDOM, size, -1
     )
-    costs = study.criterion(study.specification.main).cost(
+    costs = study.criterion(study.main_criterion).cost(
         study.space.at(x).information(np.ones((RANDOM, size)))
     )
     middle = int(np.argsort(costs, kind="stable")[RANDOM // 2])

@@ -1,135 +1,117 @@
-"""The keys of a study file (TOML), validated, each table with what it builds."""
+"""The keys of a study, each with its unit: checked, and turned into the objects they describe."""
 
-from typing import Annotated, Literal
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+from pydantic import BeforeValidator, Field, ValidationError, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
-from edtk.inference import noise, prior
-from edtk.inference.noise import NU_IN_WORDS
 from edtk.model.constraints.constraint import Constraint
 from edtk.model.constraints.height import Height
 from edtk.model.constraints.radius import Radius
 from edtk.model.constraints.tilt import Tilt
-from edtk.model.loads import load as model_load
-from edtk.model.loads.bounded_load import BoundedLoad
-from edtk.model.loads.fixed_load import FixedLoad
-from edtk.model.loads.free_load import FreeLoad
-from edtk.model.loads.listed_load import ListedLoad
 from edtk.model.transform import transform
+from edtk.study.load_choice import LoadChoice
+from edtk.study.prior_table import PriorTable
+from edtk.study.table import ZERO, Finite, Positive, Sigma, Table, Vector3
+from edtk.system.errors import UserError
+from edtk.system.typing import Array
 
-Array = NDArray[np.float64]
-Finite = Annotated[float, Field(allow_inf_nan=False)]
-Positive = Annotated[Finite, Field(gt=0)]
-Sigma = Annotated[Finite, Field(ge=1e-9)]  # less is no measurement's, and squares underflow
-Compliance = Annotated[Finite, Field(ge=1e-30, le=1e30)]
-Vector3 = tuple[Finite, Finite, Finite]
-ZERO: Vector3 = (0.0, 0.0, 0.0)
-
-
-class _Table(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
+# The criterion that a study is about gets more descents: its plans are those that people carry out.
+MORE_DESCENTS = 4
+ACCURACY = "rho0"  # the accuracy in the test pose, for which a calibration is usually made
+WITHOUT_A_TEST_POSE = "D"
 
 
-class Tool(_Table):
+def _listed(value: object) -> object:
+    """A single name as a list of one."""
+    return (value,) if isinstance(value, str) else value
+
+
+def _name_or_table(value: object) -> object:
+    """A robot by name or as a table; other values are rejected here, in one line."""
+    if not isinstance(value, str | dict):
+        raise PydanticCustomError("robot", "expected a name, a path or a table of a robot's keys")
+    return value
+
+
+class Tool(Table):
     """Tool frame after the last joint."""
 
-    position_mm: Vector3
-    rpy_deg: Vector3 = ZERO
+    position_mm: Vector3 = Field(description="Tool point in the last joint's frame [mm]")
+    rpy_deg: Vector3 = Field(
+        ZERO, description="Roll, pitch and yaw about the fixed axes of that frame [deg]"
+    )
 
     def build(self) -> Array:
         """Transform (4, 4) [m]."""
         return transform(np.array(self.position_mm) / 1e3, np.deg2rad(self.rpy_deg))
 
 
-class Load(_Table):
+class Load(Table):
     """Wrench at the tool point, in the world frame."""
 
-    F_N: Vector3
-    T_Nm: Vector3 = ZERO
+    F_N: Vector3 = Field(description="Force, in world axes at the tool point [N]")
+    T_Nm: Vector3 = Field(ZERO, description="Torque, in world axes [N m]")
 
     def build(self) -> Array:
         """Wrench (6,) [N, N m]."""
         return np.array([*self.F_N, *self.T_Nm])
 
 
-class LoadChoice(_Table):
-    """What a calibration experiment may apply: `F_N` always; `F_max_N` at most, in one direction or any; or a list."""
+class Measurement(Table):
+    """Measured quantities and their noise, which is that of a difference of two readings."""
 
-    F_N: Vector3 | None = None
-    T_Nm: Vector3 = ZERO
-    F_max_N: Positive | None = None
-    direction: Vector3 | None = None
-    list_F_N: Annotated[tuple[Vector3, ...], Field(min_length=1)] | None = None
-
-    @model_validator(mode="after")
-    def _one_of_them(self) -> "LoadChoice":
-        given = [key for key in ("F_N", "F_max_N", "list_F_N") if getattr(self, key) is not None]
-        if len(given) != 1:
-            raise PydanticCustomError("load", "expected one of F_N, F_max_N and list_F_N")
-        if any(self.T_Nm) and self.F_N is None:
-            raise PydanticCustomError("load", "T_Nm goes with F_N only")
-        if self.direction is not None and (self.F_max_N is None or not any(self.direction)):
-            raise PydanticCustomError("load", "direction goes with F_max_N, and is not zero")
-        return self
-
-    def build(self) -> model_load.Load:
-        """The family of wrenches [N, N m]."""
-        if self.F_N is not None:
-            return FixedLoad(np.array([*self.F_N, *self.T_Nm]))
-        if self.list_F_N is not None:
-            return ListedLoad(np.array([[*F, 0, 0, 0] for F in self.list_F_N], dtype=float))
-        assert self.F_max_N is not None
-        if self.direction is None:
-            return FreeLoad(self.F_max_N)
-        unit = np.array(self.direction) / np.linalg.norm(self.direction)
-        return BoundedLoad(np.append(self.F_max_N * unit, np.zeros(3)))
-
-    def describe(self) -> str:
-        """What a person reads."""
-        if self.F_N is not None:
-            return f"load F = ({', '.join(f'{f:g}' for f in self.F_N)}) N"
-        if self.list_F_N is not None:
-            return (
-                "loads "
-                + " or ".join(f"({', '.join(f'{f:g}' for f in F)})" for F in self.list_F_N)
-                + " N"
-            )
-        if self.direction is None:
-            return f"any force up to {self.F_max_N:g} N"
-        return f"up to {self.F_max_N:g} N along ({', '.join(f'{d:g}' for d in self.direction)})"
+    rows: Literal["position", "pose"] = Field(
+        "position", description="Measured rows: the marker's position, or its rotation too"
+    )
+    sigma_mm: Sigma = Field(description="Standard deviation of a displacement, per coordinate [mm]")
+    sigma_deg: Sigma | None = Field(
+        None, description="Standard deviation of a rotation, per axis; for rows = 'pose' [deg]"
+    )
 
 
-class Measurement(_Table):
-    """What is measured, and how well: sigma is that of a displacement, so of the difference of two positions."""
+class Joints(Table):
+    """Joints whose compliances are unknown, and joints that do not move."""
 
-    rows: Literal["position", "pose"] = "position"
-    sigma_mm: Sigma
-    sigma_deg: Sigma | None = None
-
-
-class Joints(_Table):
-    """Which compliances are unknown, and which joints do not move."""
-
-    unknown: Annotated[tuple[str, ...], Field(min_length=1)]
-    fixed_deg: dict[str, Finite] = {}
-    fixed_mm: dict[str, Finite] = {}
+    unknown: Annotated[tuple[str, ...], Field(min_length=1)] = Field(
+        description="Names of the joints whose compliances are identified"
+    )
+    fixed_deg: dict[str, Finite] = Field(
+        {}, description="Angles of revolute joints that stay where they are, by joint [deg]"
+    )
+    fixed_mm: dict[str, Finite] = Field(
+        {}, description="Positions of prismatic joints that stay where they are, by joint [mm]"
+    )
 
 
-class WorkspaceTable(_Table):
-    """Constraints on the calibration poses."""
+class WorkspaceTable(Table):
+    """Constraints on the calibration poses, besides the joint limits."""
 
-    height_min_mm: Finite | None = None
-    radius_min_mm: Positive | None = None
-    tilt_max_deg: Annotated[Positive, Field(le=90)] | None = None
-    plan_resolution_deg: Annotated[Finite, Field(ge=0)] = 0.0
-    excluded: str | None = None
-    excluded_within_deg: Positive = 5.0
+    height_min_mm: Finite | None = Field(
+        None, description="Least height of the tool point above the world's origin [mm]"
+    )
+    radius_min_mm: Positive | None = Field(
+        None, description="Least distance of the tool point from the world's z-axis [mm]"
+    )
+    tilt_max_deg: Annotated[Positive, Field(le=90)] | None = Field(
+        None, description="Largest angle of the tool's z-axis to the horizontal plane [deg]"
+    )
+    plan_resolution_deg: Annotated[Finite, Field(ge=0)] = Field(
+        0.0, description="Rounding of plans that are read: a pose is feasible within it [deg]"
+    )
+    excluded: Annotated[tuple[str, ...], BeforeValidator(_listed)] = Field(
+        (),
+        description="Plan (CSV), or list of plans, of poses that plans keep away from; paths "
+        "beside the study",
+    )
+    excluded_within_deg: Positive = Field(
+        5.0, description="Distance to keep from each excluded pose, over all joints [deg]"
+    )
 
     def build(self) -> tuple[Constraint, ...]:
-        """The constraints that are given [m, rad]."""
+        """The constraints that are given [m, rad]; excluded poses are no part of them."""
         found: list[Constraint] = []
         if self.height_min_mm is not None:
             found.append(Height(self.height_min_mm / 1e3))
@@ -140,114 +122,84 @@ class WorkspaceTable(_Table):
         return tuple(found)
 
 
-class TestPose(_Table):
-    """The pose and load in which the robot shall be accurate; in `q_deg` a prismatic joint's entry is in mm."""
+class TestPose(Table):
+    """The task: the pose and load in which the robot shall be accurate."""
 
-    __test__ = False  # not a test, whatever its name
-    q_deg: tuple[Finite, ...]
-    tool: Tool
-    load: Load
+    __test__ = False  # so that pytest does not collect the class because of its name
 
-
-class Simulation(_Table):
-    """Assumed truth for simulated measurements."""
-
-    compliance_rad_per_Nm: dict[str, Positive]
+    q_deg: tuple[Finite, ...] = Field(
+        description="Joint variables, one per joint [deg; mm for a prismatic joint]"
+    )
+    tool: Tool = Field(description="Tool of the task")
+    load: Load = Field(description="Load of the task")
 
 
-class Marginal(_Table):
-    """What is known of one compliance before the measurements."""
+class Simulation(Table):
+    """The truth that simulated measurements assume."""
 
-    kind: Literal["flat", "half-normal", "log-normal"]
-    scale_rad_per_Nm: Compliance | None = None
-    median_rad_per_Nm: Compliance | None = None
-    factor: Annotated[Finite, Field(gt=1)] | None = None
-
-    @model_validator(mode="after")
-    def _its_numbers(self) -> "Marginal":
-        given = {
-            key
-            for key in ("scale_rad_per_Nm", "median_rad_per_Nm", "factor")
-            if getattr(self, key) is not None
-        }
-        wanted = {
-            "flat": set(),
-            "half-normal": {"scale_rad_per_Nm"},
-            "log-normal": {"median_rad_per_Nm", "factor"},
-        }
-        if given != wanted[self.kind]:
-            numbers = " and ".join(sorted(wanted[self.kind], reverse=True)) or "no numbers"
-            raise PydanticCustomError("prior", f"a {self.kind} prior has {numbers}")
-        return self
-
-    def build(self) -> prior.Marginal:
-        """The density [rad/(N m)]."""
-        if self.scale_rad_per_Nm is not None:
-            return prior.HalfNormal(self.scale_rad_per_Nm)
-        if self.median_rad_per_Nm is not None and self.factor is not None:
-            return prior.LogNormal(self.median_rad_per_Nm, self.factor)
-        return prior.Flat()
+    compliance_rad_per_Nm: dict[str, Positive] = Field(
+        description="Compliance of each unknown joint, by name [rad/(N m)]"
+    )
 
 
-class Earlier(_Table):
-    """Result of an earlier calibration: means by joint, covariance in the order of `joints.unknown`."""
+class Specification(Table):
+    """All keys of a study, as they are written in its file."""
 
-    mean_rad_per_Nm: dict[str, Finite]
-    covariance: tuple[tuple[Finite, ...], ...]
+    title: str = Field("", description="Title of reports; defaults to one that names the robot")
+    robot: Annotated[str | dict[str, Any], BeforeValidator(_name_or_table)] = Field(
+        description="Name of a built-in robot, path of a robot file beside the study, or a table "
+        "with the keys of a robot file [m, deg or rad]"
+    )
+    tool: Tool = Field(description="Calibration tool: where the load acts and the marker is")
+    load: LoadChoice = Field(description="Loads that a calibration experiment may apply")
+    measurement: Measurement = Field(description="Measured quantities and their noise")
+    joints: Joints = Field(description="Unknown compliances, and joints that do not move")
+    workspace: WorkspaceTable = Field(
+        WorkspaceTable(), description="Constraints on the calibration poses"
+    )
+    test_pose: TestPose | None = Field(
+        None, description="The task in which the robot shall be accurate; rho0 needs it"
+    )
+    criteria: Annotated[tuple[str, ...], Field(min_length=1)] = Field(
+        (), description="Criteria under which plans are compared; default to the optimised ones"
+    )
+    optimise: Annotated[tuple[str, ...], Field(min_length=1)] = Field(
+        (),
+        description="Criteria for which plans are searched; default to rho0 with a test pose, "
+        "else to D",
+    )
+    sizes: Annotated[tuple[Annotated[int, Field(ge=1)], ...], Field(min_length=1)] = Field(
+        (4,), description="Numbers of experiments for which plans are searched"
+    )
+    candidates: Annotated[int, Field(ge=1)] = Field(
+        2000, description="Number of feasible poses that a relaxation begins with"
+    )
+    sampling: Literal["random", "sobol"] = Field(
+        "random", description="How candidate poses are drawn"
+    )
+    starts: Annotated[int, Field(ge=1)] = Field(
+        64,
+        description="Descents of `edtk run` per plan, at most; four times as many for the "
+        "criterion that the study is about",
+    )
+    seed: Annotated[int, Field(ge=0)] = Field(0, description="Seed of everything that is drawn")
+    published: tuple[str, ...] = Field(
+        (), description="Plans (CSV) to compare with; paths beside the study"
+    )
+    simulation: Simulation | None = Field(
+        None, description="The truth that simulated measurements assume"
+    )
+    prior: PriorTable = Field(PriorTable(), description="Knowledge before the measurements")
 
-
-class PriorTable(_Table):
-    """What is known of compliances, for all or by joint, and of the noise, before the measurements."""
-
-    all: Marginal = Marginal(kind="flat")
-    joints: dict[str, Marginal] = {}
-    earlier: Earlier | None = None
-    earlier_file: str | None = None
-    sigma_factor: Annotated[float, Field(ge=1)] = 1.0
-    nu: float | str = "normal"
-
-    @model_validator(mode="after")
-    def _one_calibration(self) -> "PriorTable":
-        if self.earlier is not None and self.earlier_file is not None:
-            raise PydanticCustomError("earlier", "expected one of earlier and earlier_file")
-        return self
-
-    @field_validator("nu", mode="plain")
+    @model_validator(mode="before")
     @classmethod
-    def _known_nu(cls, nu: object) -> float | str:
-        if isinstance(nu, str) and nu in NU_IN_WORDS:
-            return str(nu)
-        if isinstance(nu, int | float) and not isinstance(nu, bool) and 0 < nu < np.inf:
-            return float(nu)
-        raise PydanticCustomError("nu", "expected a number greater than 0, 'normal' or 'sampled'")
-
-    def noise(self) -> noise.Noise:
-        """The noise: sigma known to a factor (1 exactly, inf not at all), errors normal or Student-t."""
-        nu = NU_IN_WORDS[self.nu] if isinstance(self.nu, str) else self.nu
-        return noise.Noise(self.sigma_factor, nu)
-
-
-class Specification(_Table):
-    """The file's keys, as they are written."""
-
-    title: str
-    robot: str
-    tool: Tool
-    load: LoadChoice
-    measurement: Measurement
-    joints: Joints
-    workspace: WorkspaceTable = WorkspaceTable()
-    test_pose: TestPose | None = None
-    criteria: Annotated[tuple[str, ...], Field(min_length=1)]
-    optimise: Annotated[tuple[str, ...], Field(min_length=1)]
-    sizes: Annotated[tuple[Annotated[int, Field(ge=1)], ...], Field(min_length=1)]
-    candidates: Annotated[int, Field(ge=1)] = 2000
-    sampling: Literal["random", "sobol"] = "random"
-    starts: Annotated[int, Field(ge=1)] = 64
-    seed: Annotated[int, Field(ge=0)] = 0
-    published: tuple[str, ...] = ()
-    simulation: Simulation | None = None
-    prior: PriorTable = PriorTable()
+    def _default_criteria(cls, given: Any) -> Any:
+        """Fill in `optimise` and `criteria`, which depend on other keys."""
+        if not isinstance(given, Mapping):
+            return given
+        main = WITHOUT_A_TEST_POSE if given.get("test_pose") is None else ACCURACY
+        filled = {"optimise": (main,), **given}
+        return {"criteria": filled["optimise"], **filled}
 
     @field_validator("criteria", "optimise", "sizes")
     @classmethod
@@ -257,10 +209,31 @@ class Specification(_Table):
         return given
 
     @property
-    def main(self) -> str:
-        """The criterion that the study is about: rho0 where it is optimised, else the first that is."""
-        return "rho0" if "rho0" in self.optimise else self.optimise[0]
+    def main_criterion(self) -> str:
+        """Name of the criterion that the study is about: rho0 if it is optimised, else the first."""
+        return ACCURACY if ACCURACY in self.optimise else self.optimise[0]
 
-    def descents(self, name: str) -> int:
-        """How many, at most, a search for one plan makes: four times as many for the criterion that it is about."""
-        return self.starts * (4 if name == self.main else 1)
+    def descents(self, criterion: str) -> int:
+        """Number of descents, at most, of a search for one plan under a criterion."""
+        return self.starts * (MORE_DESCENTS if criterion == self.main_criterion else 1)
+
+
+def read_specification(content: Mapping[str, Any], where: str) -> Specification:
+    """Check the keys of a study.
+
+    Args:
+        content: The keys, as plain numbers, strings, lists and tables.
+        where: File, or other place, that messages name.
+
+    Raises:
+        UserError: One line that names the place, the key and what was expected.
+    """
+    try:
+        return Specification.model_validate(content)
+    except ValidationError as error:
+        first = error.errors()[0]
+        key = ".".join(map(str, first["loc"]))
+        expected = {"extra_forbidden": "unknown key", "missing": "this key is required"}
+        message = expected.get(first["type"], first["msg"])
+        given = "" if isinstance(first["input"], dict) else f" (got {first['input']!r})"
+        raise UserError(f"{message}{given}", where=where, key=key) from error

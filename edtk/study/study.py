@@ -1,14 +1,15 @@
-"""A study: the content of its file, and the objects that it describes."""
+"""A study: the question that is asked of a robot, and the objects that it describes."""
 
 import hashlib
+import inspect
 import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
-from numpy.typing import NDArray
-from pydantic import ValidationError
 
 import criteria
 from edtk.design.design_space import DesignSpace
@@ -18,106 +19,184 @@ from edtk.model.constraints.excluded import Excluded
 from edtk.model.elastostatic_model import ElastostaticModel
 from edtk.model.load_robot import load_robot
 from edtk.model.loads.fixed_load import FixedLoad
-from edtk.model.rigid_joints import rigid_joints, rigid_joints_in_words
+from edtk.model.rigid_joints import rigid_joints_in_words
 from edtk.model.robot import Robot
-from edtk.model.robot_from_dict import RobotFileError
+from edtk.model.robot_from_dict import RobotFileError, robot_from_dict
+from edtk.model.robot_to_dict import robot_to_dict
+from edtk.model.task import Task
 from edtk.model.workspace import Workspace
-from edtk.study.schema import Specification
+from edtk.study.check_study import check_study
+from edtk.study.plain_keys import plain_keys
+from edtk.study.schema import Specification, read_specification
+from edtk.study.study_keys import StudyKeys
+from edtk.study.study_toml import study_toml
 from edtk.system.errors import UserError
+from edtk.system.typing import Array
 from edtk.tables.pose_table import PoseFileError, pose_factors
 
-Array = NDArray[np.float64]
+IN_PYTHON = "Study"  # takes the place of the file's name in messages about a study without a file
+DIGITS = 12  # of the SHA-256 that names a study in results
+NO_WRENCH = np.zeros(6)
+FEASIBLE = -1e-9  # least slack [m or rad] of a pose that counts as feasible, against rounding
 
 
+@dataclass(frozen=True, eq=False, init=False, repr=False)
 class Study:
-    """A validated study: the file's content and the objects built from it.
+    """The question: which poses to measure, to identify which compliances, and for what.
+
+    A study is built from the keys of a study file as keyword arguments, or read from such a file
+    by `load_study`:
+
+        >>> study = Study(
+        ...     robot="kuka_kr270",
+        ...     tool={"position_mm": [611.5, 0, -460]},
+        ...     load={"F_N": [0, 0, -2500]},
+        ...     measurement={"sigma_mm": 0.03},
+        ...     joints={"unknown": ["q2", "q3", "q4", "q5", "q6"], "fixed_deg": {"q1": 0}},
+        ... )
+
+    The keys robot, tool, load, measurement and joints are required; `Specification` lists all keys
+    with their units and defaults. A study does not change; `replace` makes another.
 
     Args:
-        path: Where the file lies; plans and robots named in it are relative to its folder.
-        file: Its content.
-        digest: First twelve hex digits of the file's SHA-256.
-        excluded: A file of poses to stay away from, besides those that the file itself excludes.
+        folder: Folder to which file names in the keys are relative; defaults to the current one.
+        keys: The keys of a study file; a key that is None counts as not given.
+
+    Attributes:
+        specification: All keys, checked, with their defaults.
+        robot: The robot, with the calibration tool.
+        folder: Folder to which file names in the specification are relative.
+        path: The study's file; None for a study that was built in Python.
+        digest: First twelve hex digits of the SHA-256 of the file, or without a file of `to_toml`.
+        excluded: Poses that plans keep away from, besides those of the specification: a plan, its
+            file, or None.
 
     Raises:
-        UserError: Names the file, the key and what was expected.
+        UserError: One line that names the study, the key and what was expected.
     """
 
-    def __init__(
-        self, path: Path, file: Specification, digest: str, excluded: Path | None = None
-    ) -> None:
-        self.path, self.specification, self.digest, self.excluded = path, file, digest, excluded
-        self.robot = self._load_robot()
-        names = self.robot.joint_names
-        for key in ("unknown", "fixed_deg", "fixed_mm"):
-            for name in getattr(file.joints, key):
-                if name not in names:
-                    raise self.error(
-                        f"joints.{key}", f"no joint {name!r}; this robot has {', '.join(names)}"
-                    )
-        self._check_fixed()
-        if len(set(file.joints.unknown)) < len(file.joints.unknown):
-            raise self.error("joints.unknown", "a joint is named twice")
-        if file.measurement.rows == "pose" and file.measurement.sigma_deg is None:
-            raise self.error(
-                "measurement.sigma_deg", "expected, since rows = 'pose' measures rotations too"
-            )
-        self._check_test_pose()
-        self._check_criteria()
+    specification: Specification
+    robot: Robot
+    folder: Path
+    path: Path | None
+    digest: str
+    excluded: Path | Plan | None
+    _given: Mapping[str, Any]
 
-    def error(self, key: str, message: str) -> UserError:
-        """A mistake at one key of this file."""
-        return UserError(f"{self.path}: {key}: {message}")
+    def __init__(self, *, folder: Path | str | None = None, **keys: Unpack[StudyKeys]) -> None:
+        self._fill(_plain(keys), Path(folder or ""))
 
-    def _load_robot(self) -> Robot:
+    def _fill(self, given: Mapping[str, Any], folder: Path, path: Path | None = None) -> None:
+        """Set all attributes but the digest of a file, and check them."""
+        self._set(path=path, folder=folder, excluded=None, _given=given)
+        specification = read_specification(given, self.where)
+        self._set(robot=self._load_robot(specification))
+        if not specification.title:
+            title = f"Calibration of {self.robot.name}"
+            specification = specification.model_copy(update={"title": title})
+        self._set(specification=specification)
+        check_study(self)
+        self._set(digest=_digest(self.to_toml().encode()))
+
+    def _set(self, **attributes: object) -> None:
+        """Set attributes of a study that is not yet handed out."""
+        for name, value in attributes.items():
+            object.__setattr__(self, name, value)
+
+    def _load_robot(self, specification: Specification) -> Robot:
+        given = specification.robot
         try:
-            return load_robot(self.specification.robot, self.path.parent).with_tool(
-                self.specification.tool.build()
-            )
+            if isinstance(given, str):
+                robot = load_robot(given, self.folder)
+            else:
+                robot = robot_from_dict(given)
         except RobotFileError as error:
             raise self.error("robot", str(error)) from error
+        return robot.with_tool(specification.tool.build())
 
-    def _check_test_pose(self) -> None:
-        pose = self.specification.test_pose
-        if pose is not None and len(pose.q_deg) != self.robot.n:
-            raise self.error(
-                "test_pose.q_deg",
-                f"has {len(pose.q_deg)} entries, expected {self.robot.n}, one per joint",
-            )
+    @classmethod
+    def from_toml(cls, path: Path | str) -> "Study":
+        """Read a study file, see `load_study`."""
+        return load_study(path)
 
-    def _check_fixed(self) -> None:
-        """Fixed values are given in the joint's own unit, and lie within its limits."""
-        for key, kind in (("fixed_deg", "revolute"), ("fixed_mm", "prismatic")):
-            for name in getattr(self.specification.joints, key):
-                joint = self.robot.joints[self.robot.joint_names.index(name)]
-                if joint.kind != kind:
-                    other = "fixed_mm" if key == "fixed_deg" else "fixed_deg"
-                    raise self.error(
-                        f"joints.{key}.{name}",
-                        f"the joint is {joint.kind}; give its value in {other}",
-                    )
-        for j, value in self.fixed.items():
-            low, high = self.robot.joints[j].limits
-            if not low <= value <= high:
-                name = self.robot.joint_names[j]
-                key = "fixed_deg" if name in self.specification.joints.fixed_deg else "fixed_mm"
-                raise self.error(f"joints.{key}.{name}", "the value is outside the joint's limits")
+    def replace(self, *, folder: Path | str | None = None, **keys: Unpack[StudyKeys]) -> "Study":
+        """Make another study, some of whose keys have other values.
 
-    def _check_criteria(self) -> None:
-        for key in ("criteria", "optimise"):
-            for name in getattr(self.specification, key):
-                try:
-                    cls = criteria.get(name)
-                except criteria.CriterionError as error:
-                    raise self.error(key, str(error)) from error
-                if cls.needs_target and self.specification.test_pose is None:
-                    raise self.error(
-                        key, f"criterion {name!r} needs a [test_pose], and there is none"
-                    )
-                if key == "optimise" and not cls.has_convex_form():
-                    raise self.error(
-                        key,
-                        f"criterion {name!r} has no convex form to optimise; it can only be compared",
-                    )
+        Args:
+            folder: Folder to which file names are relative; defaults to this study's.
+            keys: Keys and their values, which take the place of the whole value in this study;
+                None for a key that shall be as if it had not been given.
+
+        Raises:
+            UserError: The new study is not valid.
+        """
+        removed = {key for key, value in keys.items() if value is None}
+        kept = {key: value for key, value in self._given.items() if key not in removed}
+        other = Study.__new__(Study)
+        other._fill(kept | _plain(keys), self.folder if folder is None else Path(folder))
+        return other.excluding(self.excluded)
+
+    def excluding(self, poses: Path | str | Plan | None) -> "Study":
+        """Make the same study whose plans keep away from some poses, besides those that it names.
+
+        Args:
+            poses: A plan, or its file (CSV); None for no poses. They take the place of poses that
+                were given to `excluding` before.
+        """
+        other = Study.__new__(Study)
+        names = ("specification", "robot", "folder", "path", "digest", "_given")
+        other._set(**{name: getattr(self, name) for name in names})
+        other._set(excluded=Path(poses) if isinstance(poses, str) else poses)
+        return other
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain keys from which `Study` builds the same study again; defaults are left out."""
+        return self.specification.model_dump(mode="json", exclude_none=True, exclude_defaults=True)
+
+    def to_toml(self, path: Path | str | None = None) -> str:
+        """Write the study as TOML, so that `load_study` gives the same study again.
+
+        Args:
+            path: File to write, whole or not at all. None to only return the text, in which file
+                names are relative to this study's folder.
+
+        Returns:
+            The text. In a file, the names of other files are relative to its own folder.
+
+        Raises:
+            UserError: The study excludes a plan that is in no file.
+            OSError: The file cannot be written.
+        """
+        return study_toml(self, path)
+
+    @property
+    def where(self) -> str:
+        """The file of the study, as messages name it."""
+        return IN_PYTHON if self.path is None else str(self.path)
+
+    def error(self, key: str, message: str) -> UserError:
+        """An error at one key of this study."""
+        return UserError(message, where=self.where, key=key)
+
+    def headline(self) -> str:
+        """The study in one line."""
+        specification = self.specification
+        count = len(specification.joints.unknown)
+        unknown = f"{count} unknown compliance{'s' if count > 1 else ''}"
+        sizes = ", ".join(map(str, specification.sizes))
+        optimised = ", ".join(specification.optimise)
+        return (
+            f"{specification.title!r}: {self.robot.name}, {unknown}, plans of {sizes} experiments "
+            f"for {optimised}"
+        )
+
+    def __repr__(self) -> str:
+        return f"Study({self.headline()})"
+
+    @property
+    def main_criterion(self) -> str:
+        """Name of the criterion that the study is about: rho0 if it is optimised, else the first."""
+        return self.specification.main_criterion
 
     @cached_property
     def model(self) -> ElastostaticModel:
@@ -126,29 +205,25 @@ class Study:
 
     @property
     def _unknown(self) -> tuple[int, ...]:
-        return tuple(
-            self.robot.joint_names.index(name) for name in self.specification.joints.unknown
-        )
+        """Indices of the joints whose compliances are unknown."""
+        return tuple(map(self.robot.joint_names.index, self.specification.joints.unknown))
 
     @property
     def fixed(self) -> dict[int, float]:
         """Values [rad or m] of the fixed joints by index."""
         given = self.specification.joints.fixed_deg | self.specification.joints.fixed_mm
-        factors = dict(zip(self.robot.joint_names, pose_factors(self.robot), strict=True))
-        return {
-            self.robot.joint_names.index(n): float(value * factors[n]) for n, value in given.items()
-        }
+        names = self.robot.joint_names
+        factors = dict(zip(names, pose_factors(self.robot), strict=True))
+        return {names.index(name): float(value * factors[name]) for name, value in given.items()}
 
     @property
     def sigma(self) -> Array:
         """Standard deviation of each measured row (rows,) [m, rad]."""
-        m = self.specification.measurement
-        position = np.full(3, m.sigma_mm / 1e3)
-        return (
-            position
-            if m.rows == "position"
-            else np.append(position, np.full(3, np.deg2rad(m.sigma_deg or 0)))
-        )
+        measurement = self.specification.measurement
+        position = np.full(3, measurement.sigma_mm / 1e3)
+        if measurement.rows == "position":
+            return position
+        return np.append(position, np.full(3, np.deg2rad(measurement.sigma_deg or 0)))
 
     @cached_property
     def space(self) -> DesignSpace:
@@ -158,44 +233,53 @@ class Study:
         free = [j for j in range(self.robot.n) if j not in fixed]
         constraints = (*self.specification.workspace.build(), *self._exclusions())
         workspace = Workspace(self.robot, constraints)
-        return DesignSpace(
-            self.model, workspace, self.sigma, self.specification.load.build(), free, values
-        )
+        load = self.specification.load.build()
+        return DesignSpace(self.model, workspace, self.sigma, load, free, values)
 
     def _exclusions(self) -> list[Constraint]:
         """Distances from the poses that must not be used."""
-        given = self.specification.workspace.excluded
-        files = [self.path.parent / given] if given else []
-        files += [self.excluded] if self.excluded else []
-        within = float(np.deg2rad(self.specification.workspace.excluded_within_deg))
-        return [Excluded(self._read(path, np.zeros(6)).q, within) for path in files]
+        workspace = self.specification.workspace
+        plans = [self._read(self.folder / name, NO_WRENCH) for name in workspace.excluded]
+        if isinstance(self.excluded, Plan):
+            plans.append(self.excluded)
+        elif self.excluded is not None:
+            plans.append(self._read(self.excluded, NO_WRENCH))
+        within = float(np.deg2rad(workspace.excluded_within_deg))
+        return [Excluded(plan.q, within) for plan in plans]
 
     def _read(self, path: Path | str, wrench: Array | None) -> Plan:
-        """A plan's file, unchecked."""
+        """The plan of a file, whose poses are not checked."""
         try:
             return Plan.from_csv(path, self.robot, self.fixed, wrench)
         except PoseFileError as error:
             raise UserError(str(error)) from error
 
     @cached_property
-    def target(self) -> Array | None:
-        """A0 (3, p) of the test pose, Eq. (4) with the task's tool and load; None without a test pose."""
+    def task(self) -> Task | None:
+        """The test pose with its tool and load, in which the robot shall be accurate."""
         pose = self.specification.test_pose
         if pose is None:
             return None
-        task = ElastostaticModel(self.robot.with_tool(pose.tool.build()), self._unknown)
-        return task.regressor(pose.q_deg * pose_factors(self.robot), pose.load.build())
+        return Task(
+            q=pose.q_deg * pose_factors(self.robot),
+            tool=pose.tool.build(),
+            wrench=pose.load.build(),
+            robot=self.robot,
+            unknown=self._unknown,
+        )
+
+    @property
+    def target(self) -> Array | None:
+        """Target A0 (3, p) [N m^2] of the test pose, Eq. (4); None without a test pose."""
+        return None if self.task is None else self.task.target
 
     @property
     def rigid(self) -> str:
-        """Which joints count as rigid in the test pose although its load turns them, in words; nothing for none."""
-        pose = self.specification.test_pose
-        if pose is None:
-            return ""
-        q = np.array(pose.q_deg)[None] * pose_factors(self.robot)
-        robot = self.robot.with_tool(pose.tool.build())
-        joints = rigid_joints(robot, q, pose.load.build()[None], self.specification.joints.unknown)
-        return rigid_joints_in_words(joints)
+        """Joints that count as rigid in the test pose although its load turns them, in words.
+
+        Empty if there are no such joints, or no test pose.
+        """
+        return "" if self.task is None else rigid_joints_in_words(self.task.rigid_joints)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -208,16 +292,13 @@ class Study:
 
     @cached_property
     def compliances(self) -> Array:
-        """Assumed true compliances (p,) [rad/(N m)] for simulations.
+        """Compliances (p,) [rad/(N m)] that simulated measurements assume as true.
 
         Raises:
-            UserError: The file does not give them for every unknown joint.
+            UserError: The study does not give them for every unknown joint.
         """
-        given = (
-            {}
-            if self.specification.simulation is None
-            else self.specification.simulation.compliance_rad_per_Nm
-        )
+        simulation = self.specification.simulation
+        given = {} if simulation is None else simulation.compliance_rad_per_Nm
         for name in self.specification.joints.unknown:
             if name not in given:
                 raise self.error(
@@ -228,20 +309,21 @@ class Study:
     @property
     def reads(self) -> tuple[Path, ...]:
         """All files that the study is read from: its own, and those that it names."""
-        named = [
-            *self.specification.published,
-            self.specification.workspace.excluded,
-            self.specification.prior.earlier_file,
-        ]
-        named += [self.specification.robot] if self.specification.robot.endswith(".toml") else []
-        beside = [self.path.parent / name for name in named if name]
-        return (self.path, *beside, *([self.excluded] if self.excluded else []))
+        specification = self.specification
+        named = [*specification.published, *specification.workspace.excluded]
+        named += [specification.prior.earlier_file] if specification.prior.earlier_file else []
+        robot = specification.robot
+        named += [robot] if isinstance(robot, str) and robot.endswith(".toml") else []
+        own = [] if self.path is None else [self.path]
+        more = [self.excluded] if isinstance(self.excluded, Path) else []
+        return (*own, *(self.folder / name for name in named), *more)
 
     def load_plan(self, path: Path | str) -> Plan:
         """Read a plan and check every pose against limits and workspace.
 
-        A pose counts as feasible if one within the study's `plan_resolution_deg` of it is (published poses are
-        rounded). Excluded poses count too: they may have been measured, and are only not to be planned.
+        A pose counts as feasible if one within the study's `plan_resolution_deg` of it is, since
+        published poses are rounded. Excluded poses are feasible too: they may have been measured,
+        and are only not to be planned.
 
         Raises:
             UserError: Names the file and the row.
@@ -252,26 +334,48 @@ class Study:
         resolution = np.deg2rad(self.specification.workspace.plan_resolution_deg) * turning
         workspace = Workspace(self.robot, self.specification.workspace.build())
         slack = workspace.slack_within(plan.q, resolution)
-        rows = np.flatnonzero((slack < -1e-9).any(axis=1))
-        if len(rows):
-            broken = map(str, workspace.violations(slack[rows[0]]))
-            raise UserError(f"{path}: row {rows[0] + 1}: the pose violates {'; '.join(broken)}")
+        outside = (slack < FEASIBLE).any(axis=1)
+        if outside.any():
+            row = int(outside.argmax())
+            broken = "; ".join(map(str, workspace.violations(slack[row])))
+            raise UserError(f"the pose violates {broken}", where=path, key=f"row {row + 1}")
         return plan
 
     def published_plans(self) -> dict[str, Plan]:
-        """The published plans named in the file, by their file's stem."""
+        """The published plans that the study names, by their file's stem."""
         return {
-            Path(name).stem: self.load_plan(self.path.parent / name)
+            Path(name).stem: self.load_plan(self.folder / name)
             for name in self.specification.published
         }
 
 
-def load_study(path: Path | str, excluded: Path | str | None = None) -> Study:
-    """Read and validate a study file.
+def _signature() -> inspect.Signature:
+    """The keys by name, those that are required first; `folder` is the last."""
+    fields = Specification.model_fields
+    names = [*sorted(fields, key=lambda name: not fields[name].is_required()), "folder"]
+    required = inspect.Parameter.empty
+    parameters = [
+        inspect.Parameter(
+            name,
+            inspect.Parameter.KEYWORD_ONLY,
+            default=required if name in fields and fields[name].is_required() else None,
+        )
+        for name in names
+    ]
+    return inspect.Signature(parameters)
+
+
+# Notebooks and `help` shall list the keys, in place of a bare `**keys`.
+Study.__signature__ = _signature()  # type: ignore[attr-defined]
+
+
+def load_study(path: Path | str, excluded: Path | str | Plan | None = None) -> Study:
+    """Read and check a study file.
 
     Args:
         path: The file.
-        excluded: A plan's file with poses to stay away from, besides those that the study itself excludes.
+        excluded: A plan, or its file, with poses to stay away from, besides those that the study
+            itself excludes.
 
     Raises:
         UserError: One line that names the file, the key and what was expected.
@@ -279,26 +383,25 @@ def load_study(path: Path | str, excluded: Path | str | None = None) -> Study:
     path = Path(path)
     try:
         raw = path.read_bytes()
-        content: dict[str, Any] = tomllib.loads(raw.decode("utf-8"))
+        content = tomllib.loads(raw.decode("utf-8"))
     except FileNotFoundError:
-        raise UserError(f"{path}: no such study file") from None
+        raise UserError("no such study file", where=path) from None
     except OSError as error:
-        raise UserError(f"{path}: {error.strerror}") from error
+        raise UserError(str(error.strerror), where=path) from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise UserError(f"{path}: not valid TOML: {error}") from error
-    try:
-        file = Specification.model_validate(content)
-    except ValidationError as error:
-        first = error.errors()[0]
-        key = ".".join(map(str, first["loc"]))
-        expected = "unknown key" if first["type"] == "extra_forbidden" else first["msg"]
-        if first["type"] == "missing":
-            expected = "this key is required"
-        given = "" if isinstance(first["input"], dict) else f" (got {first['input']!r})"
-        raise UserError(f"{path}: {key}: {expected}{given}") from error
-    return Study(
-        path,
-        file,
-        hashlib.sha256(raw).hexdigest()[:12],
-        None if excluded is None else Path(excluded),
-    )
+        raise UserError(f"not valid TOML: {error}", where=path) from error
+    study = Study.__new__(Study)
+    study._fill(content, path.parent, path)
+    study._set(digest=_digest(raw))
+    return study.excluding(excluded)
+
+
+def _plain(keys: StudyKeys) -> dict[str, Any]:
+    """Keys as a file could hold them; a robot becomes a table, to the last bit."""
+    robot = keys.get("robot")
+    given = plain_keys(keys)
+    return given | {"robot": robot_to_dict(robot)} if isinstance(robot, Robot) else given
+
+
+def _digest(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()[:DIGITS]

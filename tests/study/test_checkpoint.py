@@ -189,14 +189,14 @@ def test_key_depends_on_the_code(tmp_path):
             ROOT / package, tmp_path / package, ignore=shutil.ignore_patterns("__pycache__")
         )
     script = (
-        "import sys\nfrom pathlib import Path\nfrom edtk.study import load_study\n"
-        "from edtk.study.checkpoint import ledger_of\nstudy = load_study(Path(sys.argv[1]))\nkeys = []\n"
+        "import sys\nfrom pathlib import Path\nfrom edtk.study.study import load_study\n"
+        "from edtk.study.checkpoint import checkpoint_of\nstudy = load_study(Path(sys.argv[1]))\nkeys = []\n"
         "for path in (None, *map(Path, sys.argv[2:])):\n"
         "    if path:\n        path.write_text(path.read_text() + '# more\\n')\n"
-        "    keys.append(ledger_of(study, Path('cases')).key)\n"
+        "    keys.append(checkpoint_of(study, Path('cases')).key)\n"
         "import edtk\nprint(edtk.__file__, *keys)"
     )
-    changed = [tmp_path / "edtk/design/packed.py", tmp_path / "criteria/inverse.py"]
+    changed = [tmp_path / "edtk/design/packed.py", tmp_path / "criteria/linalg/inverse.py"]
     env = {**os.environ, "PYTHONPATH": str(tmp_path)}
     command = [sys.executable, "-W", "error", "-c", script, str(PATH), *map(str, changed)]
     done = subprocess.run(command, capture_output=True, text=True, env=env, cwd=tmp_path)

@@ -1,0 +1,87 @@
+"""The checks of a study that need its robot and the criteria, beyond those of single keys."""
+
+from typing import TYPE_CHECKING
+
+import criteria
+from edtk.model.robot import Robot
+from edtk.study.schema import Specification
+
+if TYPE_CHECKING:
+    from edtk.study.study import Study
+
+KEY_OF_KIND = {"revolute": "fixed_deg", "prismatic": "fixed_mm"}
+
+
+def check_study(study: "Study") -> None:
+    """Check that the keys of a study fit its robot, each other and the criteria that there are.
+
+    Raises:
+        UserError: One line that names the study, the key and what was expected.
+    """
+    specification = study.specification
+    _check_joint_names(study, specification, study.robot)
+    _check_fixed_joints(study, specification, study.robot)
+    _check_measurement(study, specification)
+    _check_test_pose(study, specification)
+    _check_criteria(study, specification)
+
+
+def _check_joint_names(study: "Study", specification: Specification, robot: Robot) -> None:
+    for key in ("unknown", "fixed_deg", "fixed_mm"):
+        for name in getattr(specification.joints, key):
+            if name not in robot.joint_names:
+                names = ", ".join(robot.joint_names)
+                raise study.error(f"joints.{key}", f"no joint {name!r}; this robot has {names}")
+
+
+def _check_fixed_joints(study: "Study", specification: Specification, robot: Robot) -> None:
+    """Fixed values are given in the joint's own unit, and lie within its limits."""
+    for key in KEY_OF_KIND.values():
+        for name in getattr(specification.joints, key):
+            kind = robot.joints[robot.joint_names.index(name)].kind
+            if key != KEY_OF_KIND[kind]:
+                message = f"the joint is {kind}; give its value in {KEY_OF_KIND[kind]}"
+                raise study.error(f"joints.{key}.{name}", message)
+    for j, value in study.fixed.items():
+        joint = robot.joints[j]
+        low, high = joint.limits
+        if not low <= value <= high:
+            key = f"joints.{KEY_OF_KIND[joint.kind]}.{joint.name}"
+            raise study.error(key, "the value is outside the joint's limits")
+
+
+def _check_measurement(study: "Study", specification: Specification) -> None:
+    unknown = specification.joints.unknown
+    if len(set(unknown)) < len(unknown):
+        raise study.error("joints.unknown", "a joint is named twice")
+    measurement = specification.measurement
+    if measurement.rows == "pose" and measurement.sigma_deg is None:
+        raise study.error(
+            "measurement.sigma_deg", "expected, since rows = 'pose' measures rotations too"
+        )
+
+
+def _check_test_pose(study: "Study", specification: Specification) -> None:
+    pose = specification.test_pose
+    if pose is not None and len(pose.q_deg) != study.robot.n:
+        raise study.error(
+            "test_pose.q_deg",
+            f"has {len(pose.q_deg)} entries, expected {study.robot.n}, one per joint",
+        )
+
+
+def _check_criteria(study: "Study", specification: Specification) -> None:
+    # `criteria` defaults to `optimise`, so a wrong name in both is reported where it was written.
+    for key in ("optimise", "criteria"):
+        for name in getattr(specification, key):
+            try:
+                criterion = criteria.get(name)
+            except criteria.CriterionError as error:
+                raise study.error(key, str(error)) from error
+            if criterion.needs_target and specification.test_pose is None:
+                raise study.error(key, f"criterion {name!r} needs a [test_pose], and there is none")
+            if key == "optimise" and not criterion.has_convex_form():
+                raise study.error(
+                    key,
+                    f"criterion {name!r} has no convex form to optimise; it can only be compared",
+                )
