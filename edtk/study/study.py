@@ -261,7 +261,7 @@ class Study:
         if pose is None:
             return None
         return Task(
-            q=pose.q_deg * pose_factors(self.robot),
+            q=np.array(pose.q_deg) * pose_factors(self.robot),
             tool=pose.tool.build(),
             wrench=pose.load.build(),
             robot=self.robot,
@@ -270,7 +270,7 @@ class Study:
 
     @property
     def target(self) -> Array | None:
-        """Target A0 (3, p) [N m^2] of the test pose, Eq. (4); None without a test pose."""
+        """Target A0 (3, p) [m/(rad/(N m))] of the test pose, Eq. (4); None without a test pose."""
         return None if self.task is None else self.task.target
 
     @property

@@ -11,6 +11,10 @@ import numpy as np
 import pytest
 
 from edtk.design.plan import Plan
+from edtk.model.joint import Joint
+from edtk.model.load_robot import load_robot
+from edtk.model.robot import Robot
+from edtk.model.transform import transform
 from edtk.study.schema import Specification
 from edtk.study.study import Study, load_study
 from edtk.study.toml_text import toml_text
@@ -375,3 +379,48 @@ def test_schema_describes_every_key():
     walk(schema, "study")
     for name, table in schema["$defs"].items():
         walk(table, name)
+
+
+def test_a_robot_object_or_table_is_part_of_the_study(tmp_path):
+    """A robot in memory is written as a table, and is the same robot when it is read again."""
+    (tmp_path / "gantry.toml").write_text(GANTRY)
+    keys = REQUIRED | {"joints": {"unknown": ["arm"], "fixed_mm": {"slide": 250}}}
+    named = Study(**(keys | {"robot": "gantry.toml"}), folder=tmp_path)
+    for robot in (load_robot("gantry.toml", tmp_path), tomllib.loads(GANTRY)):
+        study = Study(**(keys | {"robot": robot}))
+        assert study.robot.joint_names == ("slide", "arm")
+        read = load_study(written(study.to_dict(), tmp_path / "study.toml"))
+        for other in (read, study.replace(seed=0)):
+            assert_same_numbers(study, other)
+        x = named.space.draw(np.random.default_rng(0).random((9, len(named.space.drawn))))
+        np.testing.assert_array_equal(study.space.at(x).packed, named.space.at(x).packed)
+        assert study.reads == ()
+
+
+def test_a_random_robot_keeps_every_bit(tmp_path):
+    """Frames, axes and limits of any robot survive the file, turned base and tilted axes included."""
+    rng = np.random.default_rng(3)
+
+    def frame():
+        return transform(rng.normal(size=3), rng.normal(size=3))
+
+    joints = tuple(
+        Joint(f"j{i}", frame(), rng.normal(size=3), (-1 - rng.random(), 1 + rng.random()))
+        for i in range(5)
+    )
+    robot = Robot("random", joints, base=frame())
+    study = Study(**(REQUIRED | {"robot": robot, "joints": {"unknown": ["j1", "j4"]}}))
+    study.to_toml(tmp_path / "study.toml")
+    read = load_study(tmp_path / "study.toml")
+    assert_same_numbers(study, read)
+    q = rng.normal(size=(7, 5))
+    expected = robot.with_tool(study.specification.tool.build()).forward(q)
+    np.testing.assert_array_equal(read.robot.forward(q), expected)
+
+
+def test_a_wrong_robot_table_is_rejected():
+    """A table that is no robot is rejected with the key inside it."""
+    table = tomllib.loads(GANTRY)
+    del table["joints"][1]["axis"]
+    with pytest.raises(UserError, match=r"^Study: robot: joints.1.axis: Field required"):
+        Study(**(REQUIRED | {"robot": table}))
