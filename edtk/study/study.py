@@ -90,7 +90,8 @@ class Study:
         """Set all attributes but the digest of a file, and check them."""
         self._set(path=path, folder=folder, excluded=None, _given=given)
         specification = read_specification(given, self.where)
-        self._set(robot=self._load_robot(specification))
+        robot = self._load_robot(specification.robot)
+        self._set(robot=robot.with_tool(specification.tool.build()))
         if not specification.title:
             title = f"Calibration of {self.robot.name}"
             specification = specification.model_copy(update={"title": title})
@@ -103,16 +104,14 @@ class Study:
         for name, value in attributes.items():
             object.__setattr__(self, name, value)
 
-    def _load_robot(self, specification: Specification) -> Robot:
-        given = specification.robot
+    def _load_robot(self, given: str | dict[str, Any]) -> Robot:
+        """The robot of a name, a path or a table."""
         try:
             if isinstance(given, str):
-                robot = load_robot(given, self.folder)
-            else:
-                robot = robot_from_dict(given)
+                return load_robot(given, self.folder)
+            return robot_from_dict(given)
         except RobotFileError as error:
             raise self.error("robot", str(error)) from error
-        return robot.with_tool(specification.tool.build())
 
     @classmethod
     def from_toml(cls, path: Path | str) -> "Study":
