@@ -1,1 +1,1 @@
-"""What every program needs: files that are written whole or not at all, workers, errors, array types."""
+"""What every program needs: whole files, workers, errors, array types."""

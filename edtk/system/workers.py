@@ -1,33 +1,30 @@
-"""Independent pieces of work on the cores of this machine, or on a Dask cluster, through joblib."""
+"""Independent pieces of work on the cores of this machine, or on a Dask cluster."""
 
-import asyncio
-import logging
 import os
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import BrokenExecutor, CancelledError, ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
 from threading import Event, Thread
 from typing import Any, TypeVar
 
-import joblib
-
 T = TypeVar("T")
-GREETING_S = 5.0  # for a scheduler to answer
+GREETING_S = 5.0  # in which a scheduler has to answer
 PATIENCE_S = 20.0  # with a cluster that has lost all its workers
+GLANCE_S = 1.0  # between two looks at a cluster's workers
+CLOSING_S = 2.0  # for a connection to close; after it the connection is left to itself
 
 
 class WorkersLostError(RuntimeError):
-    """A cluster that is not there, or workers that have gone away."""
+    """A cluster that cannot be reached, or workers that have gone away."""
 
 
 @dataclass(frozen=True)
 class Workers:
-    """Who does the work; the answers do not depend on it.
+    """The processes that do the work; the answers do not depend on them.
 
     Attributes:
         size: Number of pieces that are done at the same time.
-        name: What a person calls it.
+        name: The name of the machine or cluster in messages.
         remote: Whether it is reached over a network.
     """
 
@@ -36,65 +33,91 @@ class Workers:
     remote: bool = False
 
     def run(self, pieces: Sequence[Callable[[], T]]) -> Iterator[tuple[int, T]]:
-        """The index of each piece and its answer, in the order in which they are done.
+        """Do pieces of work.
+
+        Args:
+            pieces: Functions without arguments; with more than one process they are sent to others,
+                so that they have to be picklable.
+
+        Returns:
+            The index of each piece and its answer, in the order in which they are done.
 
         Raises:
-            WorkersLostError: Nobody is left to do the work.
+            WorkersLostError: No process is left to do the work.
         """
         if self.size == 1:
-            yield from ((i, piece()) for i, piece in enumerate(pieces))
-            return
+            return ((i, piece()) for i, piece in enumerate(pieces))
+        return self._run_in_parallel(pieces)
+
+    def _run_in_parallel(self, pieces: Sequence[Callable[[], T]]) -> Iterator[tuple[int, T]]:
+        # Imported here, as a single process needs none of them.
+        import asyncio
+        from concurrent.futures import BrokenExecutor, CancelledError
+
+        import joblib
+
         work = (joblib.delayed(_numbered)(i, piece) for i, piece in enumerate(pieces))
+        gone = f"the workers of {self.name} have gone away"
         try:
             yield from joblib.Parallel(n_jobs=self.size, return_as="generator_unordered")(work)
         except (CancelledError, asyncio.CancelledError, BrokenExecutor) as error:
-            raise WorkersLostError(f"the workers of {self.name} have gone away") from error
+            raise WorkersLostError(gone) from error
         except (OSError, TimeoutError) as error:
-            if not self.remote:  # a mistake in the work itself
+            if not self.remote:  # an error of the work itself
                 raise
-            raise WorkersLostError(f"the workers of {self.name} have gone away") from error
+            raise WorkersLostError(gone) from error
         except Exception as error:
+            # Dask's error, compared by name so that Dask need not be installed.
             if type(error).__name__ == "KilledWorker":
-                raise WorkersLostError(
-                    f"the workers of {self.name} died again and again"
-                ) from error
+                died = f"the workers of {self.name} died again and again"
+                raise WorkersLostError(died) from error
             raise
 
 
 def _numbered(index: int, piece: Callable[[], T]) -> tuple[int, T]:
+    """The answer of a piece, with its index."""
     return index, piece()
 
 
 @contextmanager
-def open_workers(workers: int | None = None, dask: str | None = None) -> Iterator[Workers]:
-    """A team of processes on this machine, or of the workers of a Dask cluster.
+def open_workers(
+    workers: int | None = None,
+    dask: str | None = None,
+    greeting_s: float = GREETING_S,
+    patience_s: float = PATIENCE_S,
+) -> Iterator[Workers]:
+    """Open processes on this machine, or a connection to the workers of a Dask cluster.
 
     Args:
-        workers: Number of processes; None for one a core. Of a cluster all workers are used.
-        dask: Address of a scheduler, like tcp://host:8786; None for this machine.
+        workers: Number of processes; defaults to one a core. Of a cluster all workers are used.
+        dask: Address of a scheduler, like tcp://host:8786; defaults to this machine.
+        greeting_s: Time in which the scheduler has to answer [s].
+        patience_s: Time after which a cluster without workers counts as lost [s].
 
     Raises:
-        WorkersLostError: Nobody answers there, or the cluster has no workers.
+        WorkersLostError: No scheduler answers at the address, or the cluster has no workers.
     """
     if dask is None:
         yield Workers(workers or os.cpu_count() or 1)
         return
-    client = _client(dask)
+    import joblib
+
+    client = _client(dask, greeting_s)
     done = Event()
     try:
         cores = sum(client.ncores().values())
         if not cores:
             raise WorkersLostError(f"the Dask cluster at {dask} has no workers")
-        Thread(target=_watch, args=(client, done), daemon=True).start()
-        with joblib.parallel_config(backend=_backend(client)):
+        Thread(target=_watch, args=(client, done, patience_s), daemon=True).start()
+        with joblib.parallel_config(backend=_backend(client, patience_s)):
             yield Workers(max(2, cores), f"the Dask cluster at {dask}", remote=True)
     finally:
         done.set()
-        client.close(timeout=2)
+        client.close(timeout=CLOSING_S)
 
 
-def _backend(client: Any) -> Any:
-    """Joblib's way to a cluster, which is taken even where a single core is left of it."""
+def _backend(client: Any, patience_s: float) -> Any:
+    """Joblib's way to a cluster, which is taken even where the cluster has a single core left."""
     from joblib._dask import DaskDistributedBackend
 
     class Backend(DaskDistributedBackend):
@@ -102,11 +125,15 @@ def _backend(client: Any) -> Any:
             """At least two: for one, joblib would do the work in this process."""
             return max(2, super().effective_n_jobs(n_jobs))
 
-    return Backend(client=client, wait_for_workers_timeout=PATIENCE_S)
+    return Backend(client=client, wait_for_workers_timeout=patience_s)
 
 
-def _client(address: str) -> Any:
+def _client(address: str, greeting_s: float) -> Any:
     """A connection to a scheduler, which reports by errors and not by a log."""
+    import asyncio
+    import logging
+    from concurrent.futures import ThreadPoolExecutor
+
     try:
         from distributed import Client
     except ModuleNotFoundError:
@@ -115,24 +142,28 @@ def _client(address: str) -> Any:
         ) from None
     for name in ("distributed", "distributed.client"):
         logging.getLogger(name).setLevel(logging.CRITICAL + 1)
+    greeting = asyncio.wait_for(_greet(address, greeting_s), greeting_s)
     try:
-        with ThreadPoolExecutor(1) as thread:  # an event loop of its own, also where one is running
-            thread.submit(asyncio.run, asyncio.wait_for(_greeted(address), GREETING_S)).result()
-        return Client(address, timeout=5, set_as_default=False)
+        # A thread has an event loop of its own, also where one is running, as in a notebook.
+        with ThreadPoolExecutor(1) as thread:
+            thread.submit(asyncio.run, greeting).result()
+        return Client(address, timeout=GREETING_S, set_as_default=False)
     except (OSError, ValueError, TypeError, TimeoutError, MemoryError) as error:
         raise WorkersLostError(f"no Dask scheduler answers at {address}") from error
 
 
-async def _greeted(address: str) -> None:
-    """Ask a scheduler who it is; a client would wait for ever for a silent one, and is noisy where it cannot connect.
+async def _greet(address: str, greeting_s: float) -> None:
+    """Ask a scheduler for its identity.
+
+    A client would wait for ever for a silent program, and prints a log where it cannot connect.
 
     Raises:
-        ValueError: Something else answers.
+        ValueError: The program that answers is not a scheduler.
     """
     from distributed.comm import connect
     from distributed.security import Security
 
-    comm = await connect(address, timeout=GREETING_S, **Security().get_connection_args("client"))
+    comm = await connect(address, timeout=greeting_s, **Security().get_connection_args("client"))
     try:
         await comm.write({"op": "identity", "reply": True})
         answer = await comm.read()
@@ -142,13 +173,16 @@ async def _greeted(address: str) -> None:
         raise ValueError(f"{address} is no scheduler")
 
 
-def _watch(client: Any, done: Event) -> None:
-    """Cancel the work of a cluster that has had no workers for a while; a scheduler waits for new ones for ever."""
-    alone = 0.0
-    while not done.wait(1.0) and client.status == "running":
+def _watch(client: Any, done: Event, patience_s: float) -> None:
+    """Cancel the work of a cluster that has had no workers for a while.
+
+    Its scheduler would wait for new workers for ever.
+    """
+    alone_s = 0.0
+    while not done.wait(GLANCE_S) and client.status == "running":
         try:
-            alone = 0.0 if client.ncores() else alone + 1.0
+            alone_s = 0.0 if client.ncores() else alone_s + GLANCE_S
         except Exception:
             return  # the connection is lost, which cancels the work too
-        if alone >= PATIENCE_S:
-            client.close(timeout=2)
+        if alone_s >= patience_s:
+            client.close(timeout=CLOSING_S)

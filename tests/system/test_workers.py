@@ -20,7 +20,6 @@ from edtk.design.candidate_source import CandidateSource
 from edtk.design.exact.find_plan import find_plan
 from edtk.design.relaxation.relax_poses import relax_poses
 from edtk.study.study import load_study
-from edtk.system import workers as parallel
 from edtk.system.workers import Workers, WorkersLostError, open_workers
 
 LOOPBACK = "127.0.0.1"
@@ -29,17 +28,15 @@ SOON_S = 15.0  # five for a connection or a loss to be noticed, and a machine th
 SEARCH = {"m": 3, "starts": 64, "patience": 4}  # four batches, two at a time
 
 # Pieces of work from the standard library, so that a new process has little to import.
-NAP = partial(sleep, 1.0)
+NAP = partial(sleep, 0.3)
 DEADLY = partial(signal.raise_signal, signal.SIGKILL)
 FAULTY = partial(operator.truediv, 1, 0)
 
 
-def _wait_for(path: Path) -> None:
-    """A piece of work that another process ends."""
-    limit = time() + STARTED_S
-    while not path.exists():
-        assert time() < limit
-        sleep(0.02)
+def waits_for(path: Path) -> Callable[[], int]:
+    """A piece of work that another process ends by making a file."""
+    loop = 'until test -e "$0"; do sleep 0.02; done'
+    return partial(subprocess.check_call, ["sh", "-c", loop, str(path)], timeout=STARTED_S)
 
 
 @cache
@@ -119,7 +116,7 @@ def test_answers_come_when_they_are_there(tmp_path):
     """A piece that takes long does not hold up those after it."""
     path = tmp_path / "others_are_done"
     order = []
-    for i, _ in Workers(2).run([partial(_wait_for, path), partial(pow, 1, 1), partial(pow, 1, 1)]):
+    for i, _ in Workers(2).run([waits_for(path), partial(pow, 1, 1), partial(pow, 1, 1)]):
         order.append(i)
         if len(order) == 2:
             path.touch()
@@ -157,7 +154,7 @@ def test_nobody_there(address):
         since = perf_counter()
         with (
             pytest.raises(WorkersLostError, match=f"answers at {address}"),
-            open_workers(dask=address),
+            open_workers(dask=address, greeting_s=1.0),
         ):
             pass
         assert perf_counter() - since < SOON_S
@@ -182,7 +179,7 @@ def test_something_else_answers(answer, capfd):
         start = perf_counter()
         with (
             pytest.raises(WorkersLostError, match=f"no Dask scheduler answers at {address}"),
-            open_workers(dask=address),
+            open_workers(dask=address, greeting_s=1.0),
         ):
             pass
         assert perf_counter() - start < SOON_S
@@ -211,13 +208,6 @@ def test_scheduler_without_workers(cluster):
     assert perf_counter() - since < SOON_S
 
 
-def test_a_single_core_is_enough(cluster):
-    """A cluster of one core does the work itself: not a piece of it is done in this process."""
-    cluster.join(1)
-    with open_workers(dask=cluster.address) as one:
-        assert {pid for _, pid in one.run([os.getpid] * 4)} == {cluster.workers[0].pid}
-
-
 def test_a_worker_killed_between_batches(cluster):
     """Two Dask workers, of which one is killed in the middle of the search, find the very plan that one process finds.
 
@@ -244,7 +234,10 @@ def test_a_worker_killed_between_batches(cluster):
 
 
 def test_a_worker_killed_at_work(cluster):
-    """A worker that is killed while it works has its pieces done by the other one."""
+    """A worker that is killed while it works has its pieces done by the other one.
+
+    A cluster of that single core does the work itself too: no piece is done in this process.
+    """
     cluster.join(2)
     with open_workers(dask=cluster.address) as both:
         answers = both.run([NAP] * 4)
@@ -252,17 +245,18 @@ def test_a_worker_killed_at_work(cluster):
         cluster.workers[1].kill()
         assert sorted([*done, *answers]) == [(i, None) for i in range(4)]
         assert {pid for _, pid in both.run([os.getpid] * 4)} == {cluster.workers[0].pid}
+    with open_workers(dask=cluster.address) as one:
+        assert {pid for _, pid in one.run([os.getpid] * 4)} == {cluster.workers[0].pid}
 
 
 @pytest.mark.parametrize("who", ["scheduler", "workers"])
-def test_all_killed_at_work(cluster, monkeypatch, capfd, who):
+def test_all_killed_at_work(cluster, capfd, who):
     """When the scheduler is killed, or every worker is, the work in progress soon ends by a message, and no other."""
-    monkeypatch.setattr(parallel, "PATIENCE_S", 2.0)
     cluster.join(2)
     killed = []
 
     def work() -> None:
-        with open_workers(dask=cluster.address) as both:
+        with open_workers(dask=cluster.address, patience_s=1.0) as both:
             for _ in both.run([NAP] * 6):
                 for process in cluster.workers if who == "workers" else [cluster.scheduler]:
                     process.kill()
