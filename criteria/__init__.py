@@ -1,14 +1,16 @@
-"""What makes an information matrix good: optimality criteria, each in a file of its own.
+"""Optimality criteria, each in a file of its own: they say how good an information matrix is.
 
-A criterion eats a (p, p) information matrix ``M = sum A_i' A_i / sigma^2`` and nothing else. This package
-knows no robot, no plan and no algorithm, and imports nothing from edtk.
+A criterion is a function of the (p, p) information matrix ``M = sum A_i' A_i / sigma^2`` alone. This
+package knows no robot, no plan and no algorithm, and imports nothing from edtk.
 
     >>> import numpy as np, criteria
     >>> round(float(criteria.create("D").value(np.diag([4.0, 9.0]))), 12)
     6.0
 """
 
+from criteria.convex_criterion import ConvexCriterion
 from criteria.criterion import Criterion, Sense
+from criteria.power_criterion import PowerCriterion
 from criteria.registry import (
     CriterionError,
     DuplicateCriterionError,
@@ -18,11 +20,15 @@ from criteria.registry import (
     get,
     register,
 )
+from criteria.relaxable import Relaxable
 
 __all__ = [
+    "ConvexCriterion",
     "Criterion",
     "CriterionError",
     "DuplicateCriterionError",
+    "PowerCriterion",
+    "Relaxable",
     "Sense",
     "UnknownCriterionError",
     "available",

@@ -1,11 +1,12 @@
-"""A-optimality."""
+"""A-optimality: the mean variance of the parameters, up to their number."""
 
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from criteria.criterion import Array, Criterion
+from criteria.convex_criterion import ConvexCriterion
 from criteria.linalg.inverse import power_trace
+from criteria.linalg.typing import Array
 from criteria.registry import register
 
 if TYPE_CHECKING:
@@ -13,7 +14,7 @@ if TYPE_CHECKING:
 
 
 @register
-class AOptimality(Criterion):
+class AOptimality(ConvexCriterion):
     """Sum of the parameters' variances, ``trace(cov)`` (Table 1). Gradient: ``-cov^2``."""
 
     name = "A"
@@ -21,12 +22,6 @@ class AOptimality(Criterion):
     formula = "trace(cov)"
     sense = "min"
     degree = 1.0
-
-    def _cost(self, M: Array, cov: Array) -> Array:
-        return np.trace(cov, axis1=-2, axis2=-1)
-
-    def _gradient(self, M: Array, cov: Array) -> Array:
-        return -cov @ cov
 
     def polar(self, Z: Array, M: Array) -> float:
         """``(trace Z^(1/2))^2``, attained at a multiple of ``Z^(-1/2)``."""
@@ -37,3 +32,9 @@ class AOptimality(Criterion):
         import cvxpy as cp
 
         return cp.matrix_frac(np.eye(M.shape[0]) if T is None else T.T, M)
+
+    def _cost(self, M: Array, cov: Array) -> Array:
+        return np.trace(cov, axis1=-2, axis2=-1)
+
+    def _gradient(self, M: Array, cov: Array) -> Array:
+        return -cov @ cov

@@ -1,12 +1,13 @@
 """rho0, the paper's criterion: accuracy of the compliance compensation in the test pose."""
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from criteria.criterion import Array, Criterion
+from criteria.convex_criterion import ConvexCriterion
 from criteria.linalg.inverse import power_trace
+from criteria.linalg.typing import Array
 from criteria.registry import register
 
 if TYPE_CHECKING:
@@ -14,11 +15,11 @@ if TYPE_CHECKING:
 
 
 @register
-class CompensationAccuracy(Criterion):
+class CompensationAccuracy(ConvexCriterion):
     """``rho0 = sqrt(trace(A0 cov A0'))`` [m], the paper's Eq. (20).
 
-    The root mean square distance between the desired and the compensated position in the test pose whose
-    regressor is the target A0. Gradient: ``-cov A0' A0 cov / (2 rho0)``.
+    The root mean square distance between the desired and the compensated position in the test pose
+    whose regressor is the target A0. Gradient: ``-cov A0' A0 cov / (2 rho0)``.
 
     Args:
         target: A0 of shape (rows, p) [m/(rad/(N m))], finite and not all zero.
@@ -43,12 +44,9 @@ class CompensationAccuracy(Criterion):
             raise ValueError("rho0: the target A0 must be a finite, non-zero matrix (rows, p)")
         self.target.flags.writeable = False
 
-    def _cost(self, M: Array, cov: Array) -> Array:
-        return np.sqrt(np.einsum("ri,...ij,rj->...", self.target, cov, self.target))
-
-    def _gradient(self, M: Array, cov: Array) -> Array:
-        B = self.target @ cov
-        return -0.5 / self._cost(M, cov)[..., None, None] * np.swapaxes(B, -1, -2) @ B
+    def in_units(self, T: Array) -> Self:
+        """The target becomes ``A0 T``."""
+        return type(self)(self.target @ T)
 
     def polar(self, Z: Array, M: Array) -> float:
         """``trace (A0 Z A0')^(1/2)``."""
@@ -60,6 +58,9 @@ class CompensationAccuracy(Criterion):
 
         return cp.matrix_frac(self.target.T if T is None else (self.target @ T).T, M)
 
-    def in_units(self, T: Array) -> "CompensationAccuracy":
-        """The target becomes ``A0 T``."""
-        return CompensationAccuracy(self.target @ T)
+    def _cost(self, M: Array, cov: Array) -> Array:
+        return np.sqrt(np.einsum("ri,...ij,rj->...", self.target, cov, self.target))
+
+    def _gradient(self, M: Array, cov: Array) -> Array:
+        B = self.target @ cov
+        return -0.5 / self._cost(M, cov)[..., None, None] * np.swapaxes(B, -1, -2) @ B

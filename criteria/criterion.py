@@ -1,51 +1,55 @@
-"""The abstract criterion and the laws that every criterion obeys."""
+"""The abstract criterion, and the laws that every criterion obeys."""
 
-from abc import ABC
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, final
+from abc import ABC, abstractmethod
+from typing import Any, ClassVar, Literal, Self, final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from criteria.expression import cost_of, gradient_of, polar_of
 from criteria.linalg.inverse import guarded_inverse
+from criteria.linalg.typing import Array
 
-if TYPE_CHECKING:
-    import cvxpy as cp
-
-Array = NDArray[np.float64]
-Formulation = tuple["cp.Expression", list["cp.Constraint"]]
 Sense = Literal["min", "max"]
+DESCRIBED = (
+    "name",
+    "title",
+    "formula",
+    "sense",
+    "degree",
+    "convex",
+    "smooth",
+    "monotone",
+    "unit_free",
+)
 
 
 class Criterion(ABC):
-    """A scalar judgement of an information matrix M, of shape (..., p, p) and symmetric.
+    """A number that says how good an information matrix M is, of shape (..., p, p) and symmetric.
 
-    A subclass declares its class attributes and writes `_cost` and `_gradient`, and `expression` where it is
-    convex; both hooks are only ever called with regular M, and with its inverse at hand. A subclass that writes
-    `expression` alone is complete too: cost and gradient are then read off it, slowly.
+    To add a criterion, declare the class attributes and write `_cost` and `_gradient`. Both are
+    called with regular M only, and with the inverse of M. A criterion that can be optimised by the
+    convex relaxation derives from `criteria.ConvexCriterion` or `criteria.Relaxable` instead.
 
-    Laws, checked for every registered criterion by one suite:
+    One test suite checks these laws for every registered criterion:
         homogeneous: ``cost(c M) = c**-degree * cost(M)`` for c > 0.
         symmetric: a permutation of the parameters changes nothing.
         monotone (where declared): M2 - M1 positive semidefinite implies cost(M2) <= cost(M1).
-        convex (where declared): in M, so that ``cost(M2) >= cost(M1) + <gradient(M1), M2 - M1>``.
-        unit-free (where declared): the ratio of two designs does not depend on the parameters' units.
+        convex (where declared): ``cost(M2) >= cost(M1) + <gradient(M1), M2 - M1>``.
+        unit-free (where declared): the parameters' units do not change the ratio of two costs.
         singular M: ``cost = inf``, never an exception.
 
     Attributes:
-        name: Registry name, as used in studies and tables.
-        title: The name a person reads.
+        name: Registry name, used in studies and tables.
+        title: The name that a person reads.
         formula: Definition of `value`, in plain text.
         sense: Whether `value` is minimised or maximised.
         degree: Degree of homogeneity of `cost`.
         convex: Whether `cost` is convex in M.
         smooth: Whether `cost` is differentiable everywhere on the regular matrices.
-        monotone: Whether more information never hurts.
-        unit_free: Whether efficiencies are free of the parameters' units.
+        monotone: Whether more information never raises `cost`.
+        unit_free: Whether efficiencies do not depend on the parameters' units.
         needs_target: Whether the constructor takes the target matrix A0.
-        determinant_only: Whether `cost` depends on the determinant alone.
-        shown: Factor from SI, and unit, in which a person reads `value`; no unit where it has none worth printing.
-        expression_power: `expression` and `formulation` model ``cost**expression_power``.
+        shown: Factor and unit with which `value` is printed; the unit may be empty.
     """
 
     name: ClassVar[str]
@@ -58,109 +62,48 @@ class Criterion(ABC):
     monotone: bool = True
     unit_free: ClassVar[bool] = False
     needs_target: ClassVar[bool] = False
-    determinant_only: ClassVar[bool] = False
     shown: ClassVar[tuple[float, str]] = (1.0, "")
-    expression_power: ClassVar[float] = 1.0
 
+    @abstractmethod
     def _cost(self, M: Array, cov: Array) -> Array:
         """Cost (...) of regular M (..., p, p) whose inverse is cov (..., p, p)."""
-        return cost_of(self, M)
 
+    @abstractmethod
     def _gradient(self, M: Array, cov: Array) -> Array:
-        """Symmetric G (..., p, p) with d cost = <G, dM>; at a kink, any subgradient."""
-        return gradient_of(self, M)
+        """G (..., p, p) with d cost = <G, dM>; at a kink, any subgradient."""
 
-    def cost_of_log_determinant(self, log_det: Array, p: int) -> Array:
-        """Costs (...) of regular (p, p) matrices of which log det M (...) is known, where `determinant_only`.
+    @property
+    def plan_criterion(self) -> "Criterion":
+        """The criterion to search plans for: it has the same optimal plans as this one.
 
-        It lets an exchange use the lemma of the determinant, for which no inverse is updated.
-        """
-        raise NotImplementedError(f"criterion {self.name} takes more than the determinant")
-
-    def expression(self, M: "cp.Expression", T: Array | None = None) -> "cp.Expression":
-        """Convex cvxpy expression of ``cost**expression_power``.
-
-        Args:
-            M: Symmetric (p, p) expression: the information of k', where k = T k'.
-            T: Regular matrix (p, p) that whitens badly scaled parameters; None for the identity. The value is
-                that of ``cost(T^-T M T^-1)``.
-
-        Raises:
-            NotImplementedError: The criterion has no such form.
-        """
-        raise NotImplementedError(f"criterion {self.name} has no convex expression")
-
-    def formulation(
-        self, M: "cp.Expression", total: "cp.Expression", T: Array, unit: float
-    ) -> Formulation:
-        """The relaxation as a convex program: an objective to minimise and its constraints.
-
-        The weights that it is solved for may have any sum; divided by it they are the design. By default the
-        objective is `expression` and the sum is one. A factor c on T multiplies the cost by ``c^(2 degree)``, so
-        the division by `unit` goes into T and every constant inside the expression is of order one.
-
-        Args:
-            M: Symmetric (p, p) expression, ``sum w_i M_i`` for k' where k = T k'.
-            total: The sum of the weights.
-            T: Regular matrix (p, p) that whitens a design near the optimum.
-            unit: The cost of that design.
-        """
-        return self.expression(M, T * unit ** (-0.5 / self.degree)), [total == 1]
-
-    def polar(self, Z: Array, M: Array) -> float:
-        """A lower bound on ``cost(X)`` over all X with ``<Z, X> <= 1``: what a multiplier Z proves.
-
-        In closed form where a criterion has one, so that no solver's word is needed; see `polar_of` for the others.
-
-        Args:
-            Z: Symmetric positive semidefinite multiplier (p, p).
-            M: A regular design (p, p), near which the bound shall be tight.
-        """
-        return polar_of(self, Z, M)
-
-    def lower_bound(self, Z: Array, t: Array, M: Array) -> float:
-        """A lower bound on the cost of every design X with ``<Z_j, X> <= t_j`` for all j.
-
-        By homogeneity it is the best of ``polar(Z_j) t_j^-degree``. For a criterion of degree zero, designs are
-        understood to have unit trace.
-
-        Args:
-            Z: Symmetric multipliers (r, p, p), positive semidefinite where the criterion is monotone.
-            t: Their dearest prices (r,) over the candidates.
-            M: A regular design (p, p), near which the bound shall be tight.
-        """
-        return max(
-            self.polar(z, M) * top**-self.degree if top > 0 else 0.0
-            for z, top in zip(Z, t, strict=True)
-        )
-
-    def subproblem(self, Z: Array, t: Array, M: Array) -> "Criterion":
-        """What to solve next, given multipliers and their dearest prices so far: a convex criterion itself.
-
-        A criterion that is not convex, but the least of a family of convex ones, names a member here.
-
-        Args:
-            Z: Multipliers (r, p, p), r may be zero.
-            t: Their dearest prices (r,).
-            M: The best design (p, p) so far.
+        Criteria that share it need one search only. It is the criterion itself, or the base of a
+        power such as O1 = D^(1/2).
         """
         return self
 
-    def smoothed(self, sharpness: float) -> "Criterion":
-        """A smooth criterion whose cost is no lower, and the closer the sharper; the criterion itself if smooth.
+    def cost_from_plan_criterion(self, cost: float) -> float:
+        """The cost under this criterion of a plan whose cost under `plan_criterion` is known.
+
+        The function is increasing, so it turns lower bounds into lower bounds.
+        """
+        return cost
+
+    def smoothed(self, sharpness: float) -> Self:
+        """A smooth criterion whose cost is at least that of this one; this one if it is smooth.
 
         Args:
-            sharpness: Exponent of the soft maximum that takes the place of a maximum, above one.
+            sharpness: Exponent, above one, of the soft maximum that replaces a maximum. The larger
+                it is, the closer are the costs.
         """
         return self
 
-    @classmethod
-    def has_convex_form(cls) -> bool:
-        """Whether the criterion can be relaxed: by an `expression`, a `formulation` or `subproblem`s."""
-        return any(
-            getattr(cls, f) is not getattr(Criterion, f)
-            for f in ("expression", "formulation", "subproblem")
-        )
+    def in_units(self, T: Array) -> Self:
+        """The same criterion for parameters k' with k = T k'; only a target changes.
+
+        Args:
+            T: Regular matrix (p, p).
+        """
+        return self
 
     @final
     def cost(self, M: ArrayLike) -> Array:
@@ -179,7 +122,9 @@ class Criterion(ABC):
 
     @final
     def cost_of_regular(self, M: Array, cov: Array) -> Array:
-        """Costs (...) where the inverses are at hand, as after an update: M is regular, and nobody checks.
+        """Costs (...) of matrices whose inverses are known, for instance after a low-rank update.
+
+        Regularity is not checked.
 
         Args:
             M: Regular information matrices (..., p, p).
@@ -189,7 +134,7 @@ class Criterion(ABC):
 
     @final
     def value(self, M: ArrayLike) -> Array:
-        """The criterion as printed in `formula`; 0 (if maximised) or inf (if minimised) at singular M.
+        """The number that `formula` defines; at singular M it is 0 if maximised, inf if minimised.
 
         Args:
             M: Information matrices (..., p, p).
@@ -199,7 +144,7 @@ class Criterion(ABC):
 
     @final
     def gradient(self, M: ArrayLike) -> Array:
-        """Gradient (..., p, p) of `cost`, symmetric: d cost = <G, dM>; nan where M is singular.
+        """Gradient G (..., p, p) of `cost`, symmetric: d cost = <G, dM>; nan where M is singular.
 
         Args:
             M: Information matrices (..., p, p).
@@ -208,52 +153,33 @@ class Criterion(ABC):
 
     @final
     def cost_and_gradient(self, M: Array) -> tuple[Array, Array]:
-        """`cost` (...) and `gradient` (..., p, p) of finite M (..., p, p), with one inversion for both."""
+        """`cost` (...) and `gradient` (..., p, p) of finite M (..., p, p), with one inversion."""
         safe, cov, regular = guarded_inverse(M)
         G = self.gradient_of_regular(safe, cov)
-        return np.where(regular, self._cost(safe, cov), np.inf), np.where(
-            regular[..., None, None], G, np.nan
-        )
+        cost = np.where(regular, self._cost(safe, cov), np.inf)
+        return cost, np.where(regular[..., None, None], G, np.nan)
 
     @final
     def gradient_of_regular(self, M: Array, cov: Array) -> Array:
-        """Gradients (..., p, p) where the inverses are at hand, see `cost_of_regular`."""
+        """Gradients (..., p, p) of matrices whose inverses are known, see `cost_of_regular`."""
         G = self._gradient(M, cov)
+        # A gradient that is computed from eigenvectors is symmetric only up to rounding.
         return 0.5 * (G + np.swapaxes(G, -1, -2))
 
     @final
     def efficiency(self, M: ArrayLike, best: ArrayLike) -> Array:
-        """Plain ratio of costs, ``cost(best) / cost(M)``: 1 for a plan as good as the best.
+        """Ratio of costs ``cost(best) / cost(M)``: 1 for a plan as good as the best one.
 
         Args:
-            M: Information matrices (..., p, p) to judge.
+            M: Information matrices (..., p, p).
             best: Information matrices (..., p, p) to compare with.
         """
         return self.cost(best) / self.cost(M)
 
-    def in_units(self, T: Array) -> "Criterion":
-        """The same criterion for parameters k' with k = T k'; only a target changes.
-
-        Args:
-            T: Regular matrix (p, p).
-        """
-        return self
-
-    def __repr__(self) -> str:
-        return f"{type(self).__name__}({self.name!r})"
-
     @classmethod
     def describe(cls) -> dict[str, Any]:
         """The declared properties as a plain dictionary, for tables and JSON."""
-        keys = (
-            "name",
-            "title",
-            "formula",
-            "sense",
-            "degree",
-            "convex",
-            "smooth",
-            "monotone",
-            "unit_free",
-        )
-        return {key: getattr(cls, key) for key in keys}
+        return {key: getattr(cls, key) for key in DESCRIBED}
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.name!r})"

@@ -1,10 +1,12 @@
-"""D-optimality."""
+"""D-optimality: the volume of the parameters' confidence ellipsoid."""
 
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from criteria.criterion import Array, Criterion
+from criteria.convex_criterion import ConvexCriterion
+from criteria.determinant_criterion import DeterminantCriterion
+from criteria.linalg.typing import Array
 from criteria.registry import register
 
 if TYPE_CHECKING:
@@ -12,8 +14,8 @@ if TYPE_CHECKING:
 
 
 @register
-class DOptimality(Criterion):
-    """``det(M)^(1/p)``: the p-th root of what Table 1 prints, so that it is homogeneous of degree one.
+class DOptimality(DeterminantCriterion, ConvexCriterion):
+    """``det(M)^(1/p)``: the p-th root of what Table 1 prints, so that its degree is one.
 
     With cost ``f = det(M)^(-1/p)`` the gradient is ``-(f/p) cov``.
     """
@@ -24,17 +26,10 @@ class DOptimality(Criterion):
     sense = "max"
     degree = 1.0
     unit_free = True
-    determinant_only = True
-
-    def _cost(self, M: Array, cov: Array) -> Array:
-        return self.cost_of_log_determinant(np.linalg.slogdet(M).logabsdet, M.shape[-1])
 
     def cost_of_log_determinant(self, log_det: Array, p: int) -> Array:
-        """All that counts."""
+        """``exp(-log det(M) / p)``; a determinant itself could overflow."""
         return np.asarray(np.exp(-log_det / p))
-
-    def _gradient(self, M: Array, cov: Array) -> Array:
-        return -self._cost(M, cov)[..., None, None] / M.shape[-1] * cov
 
     def polar(self, Z: Array, M: Array) -> float:
         """``p det(Z)^(1/p)``, attained at ``Z^-1 / p``."""
@@ -46,3 +41,6 @@ class DOptimality(Criterion):
 
         units = 0.0 if T is None else 2 * np.linalg.slogdet(T).logabsdet
         return cp.exp((units - cp.log_det(M)) / M.shape[0])
+
+    def _gradient(self, M: Array, cov: Array) -> Array:
+        return -self._cost(M, cov)[..., None, None] / M.shape[-1] * cov

@@ -1,26 +1,27 @@
-"""E-optimality."""
+"""E-optimality: the variance in the worst direction of the parameters."""
 
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from criteria.criterion import Array, Criterion, Formulation
-from criteria.linalg.soft_maximum import conjugate, soft_maximum
-from criteria.linalg.spectrum import bounded_below
+from criteria.convex_criterion import ConvexCriterion
+from criteria.kinked_criterion import KinkedCriterion
+from criteria.linalg.soft_maximum import soft_maximum
+from criteria.linalg.spectrum import bounded_below, conjugate
+from criteria.linalg.typing import Array
 from criteria.registry import register
+from criteria.relaxable import Formulation
 
 if TYPE_CHECKING:
     import cvxpy as cp
 
 
 @register
-class EOptimality(Criterion):
+class EOptimality(KinkedCriterion, ConvexCriterion):
     """Least eigenvalue of the information matrix, ``lambda_min(M)`` (Table 1).
 
-    The cost is ``lambda_max(cov)``, with subgradient ``-cost^2 v v'`` for its unit eigenvector v.
-
-    Args:
-        sharpness: Exponent of the soft maximum for lambda_max(cov); inf for the maximum itself.
+    The cost is ``lambda_max(cov)``, or ``trace(cov^s)^(1/s)`` with sharpness s. A subgradient is
+    ``-cost^2 v v'`` for the unit eigenvector v.
     """
 
     name = "E"
@@ -28,17 +29,6 @@ class EOptimality(Criterion):
     formula = "lambda_min(M)"
     sense = "max"
     degree = 1.0
-    smooth = False
-
-    def __init__(self, sharpness: float = np.inf) -> None:
-        self.sharpness, self.smooth = sharpness, bool(np.isfinite(sharpness))
-
-    def _cost(self, M: Array, cov: Array) -> Array:
-        return soft_maximum(np.linalg.eigvalsh(cov), self.sharpness)[0]
-
-    def _gradient(self, M: Array, cov: Array) -> Array:
-        c, V = np.linalg.eigh(cov)
-        return -conjugate(V, soft_maximum(c, self.sharpness)[1] * c**2)
 
     def polar(self, Z: Array, M: Array) -> float:
         """``trace(Z)``, since ``lambda_min(X) trace(Z) <= <Z, X>``."""
@@ -47,9 +37,13 @@ class EOptimality(Criterion):
     def formulation(
         self, M: "cp.Expression", total: "cp.Expression", T: Array, unit: float
     ) -> Formulation:
-        """Homogenised: the least sum of weights u with ``sum u_i M_i >= I``, which is ``1/lambda_min``."""
+        """The least sum of weights u with ``sum u_i M_i >= I``, which is ``1/lambda_min``."""
         return total, [bounded_below(M, T)]
 
-    def smoothed(self, sharpness: float) -> "EOptimality":
-        """``trace(cov^s)^(1/s)`` in place of lambda_max(cov)."""
-        return EOptimality(sharpness)
+    def _cost(self, M: Array, cov: Array) -> Array:
+        return soft_maximum(np.linalg.eigvalsh(cov), self.sharpness)[0]
+
+    def _gradient(self, M: Array, cov: Array) -> Array:
+        variances, V = np.linalg.eigh(cov)
+        _, slopes = soft_maximum(variances, self.sharpness)
+        return -conjugate(V, slopes * variances**2)

@@ -1,20 +1,23 @@
-"""O5, the sum of the inverse singular values."""
+"""O5: the sum of the inverse singular values of the stacked regressor."""
 
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from criteria.criterion import Array, Criterion, Formulation
+from criteria.convex_criterion import ConvexCriterion
 from criteria.linalg.inverse import power_trace
+from criteria.linalg.spectrum import conjugate
+from criteria.linalg.typing import Array
 from criteria.registry import register
+from criteria.relaxable import Formulation
 
 if TYPE_CHECKING:
     import cvxpy as cp
 
 
 @register
-class InverseSingularValueSum(Criterion):
-    """``sum 1/s_i = trace M^(-1/2)`` (Table 1), s the singular values of the stacked A/sigma.
+class InverseSingularValueSum(ConvexCriterion):
+    """``sum 1/s_i = trace M^(-1/2)`` (Table 1), s the singular values of A/sigma.
 
     Convex, since t^(-1/2) is operator convex. Gradient: ``-1/2 M^(-3/2)``.
     """
@@ -25,21 +28,19 @@ class InverseSingularValueSum(Criterion):
     sense = "min"
     degree = 0.5
 
-    def _cost(self, M: Array, cov: Array) -> Array:
-        return np.sqrt(np.maximum(np.linalg.eigvalsh(cov), 0.0)).sum(axis=-1)
-
-    def _gradient(self, M: Array, cov: Array) -> Array:
-        c, V = np.linalg.eigh(cov)
-        return -0.5 * (V * np.maximum(c, 0.0)[..., None, :] ** 1.5) @ np.swapaxes(V, -1, -2)
+    def polar(self, Z: Array, M: Array) -> float:
+        """``(trace Z^(1/3))^(3/2)``, attained at a multiple of ``Z^(-2/3)``."""
+        return power_trace(Z, 1 / 3) ** 1.5
 
     def formulation(
         self, M: "cp.Expression", total: "cp.Expression", T: Array, unit: float
     ) -> Formulation:
         """``min trace R^-1`` over ``R^2 <= M`` in the original units, whose best R is M^(1/2).
 
-        With ``T = U diag(s) Q`` that is ``diag(s) R^2 diag(s) <= Q M Q'``, R turned by U. It is measured in p/unit,
-        the size of a root of M, and as ``E^-1 R E^-1`` with ``E = diag(s/s_1)^(1/2)``, so that no constant of
-        ``[[Q M Q', B], [B', E^2]] >= 0``, ``B = s_1 p/unit E R``, is far above one.
+        With ``T = U diag(s) Q`` that is ``diag(s) R^2 diag(s) <= Q M Q'``, R turned by U. R is
+        measured in p/unit, the size of a root of M, and enters as ``E^-1 R E^-1`` with
+        ``E = diag(s/s_1)^(1/2)``. So no constant of ``[[Q M Q', B], [B', E^2]] >= 0``,
+        ``B = s_1 p/unit E R``, is far above one.
         """
         import cvxpy as cp
 
@@ -47,13 +48,15 @@ class InverseSingularValueSum(Criterion):
         R = cp.Variable((p, p), symmetric=True)
         _, s, Q = np.linalg.svd(T)
         e = np.sqrt(s / s[0])
-        M = Q @ M @ Q.T
+        turned = Q @ M @ Q.T
         B = s[0] * p / unit * cp.multiply(np.repeat(e[:, None], p, 1), R)
-        return cp.matrix_frac(np.diag(e), R) / p, [
-            cp.bmat([[0.5 * (M + M.T), B], [B.T, np.diag(e**2)]]) >> 0,
-            total == 1,
-        ]
+        square = cp.bmat([[0.5 * (turned + turned.T), B], [B.T, np.diag(e**2)]])
+        return cp.matrix_frac(np.diag(e), R) / p, [square >> 0, total == 1]
 
-    def polar(self, Z: Array, M: Array) -> float:
-        """``(trace Z^(1/3))^(3/2)``, attained at a multiple of ``Z^(-2/3)``."""
-        return power_trace(Z, 1 / 3) ** 1.5
+    def _cost(self, M: Array, cov: Array) -> Array:
+        # Rounding can leave an eigenvalue of cov a little below zero, which has no root.
+        return np.sqrt(np.maximum(np.linalg.eigvalsh(cov), 0.0)).sum(axis=-1)
+
+    def _gradient(self, M: Array, cov: Array) -> Array:
+        variances, V = np.linalg.eigh(cov)
+        return -0.5 * conjugate(V, np.maximum(variances, 0.0) ** 1.5)

@@ -1,6 +1,7 @@
 """Look-up of criteria by name: the built-ins of this package and third parties' entry points."""
 
 import importlib
+import inspect
 import pkgutil
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
@@ -9,18 +10,21 @@ from typing import TypeVar
 from numpy.typing import ArrayLike
 
 from criteria.criterion import Criterion
+from criteria.relaxable import Relaxable
 
 GROUP = "edtk.criteria"
+BUILTINS = ("A", "D", "E", "G", "O1", "O2", "O3", "O4", "O5", "rho0")  # the order of Table 1
+RELAXATION_HOOKS = ("expression", "polar", "formulation", "lower_bound", "subproblem")
 _registered: dict[str, type[Criterion]] = {}
 C = TypeVar("C", bound=type[Criterion])
 
 
 class CriterionError(LookupError):
-    """Anything wrong with a criterion's name, registration or construction."""
+    """A criterion's name, registration or construction is wrong."""
 
 
 class UnknownCriterionError(CriterionError):
-    """No criterion of that name."""
+    """No criterion has that name."""
 
 
 class DuplicateCriterionError(CriterionError):
@@ -28,18 +32,64 @@ class DuplicateCriterionError(CriterionError):
 
 
 def register(cls: C) -> C:
-    """Class decorator: make a criterion known under its `name`.
+    """Class decorator that makes a criterion known under its `name`.
 
     Raises:
         DuplicateCriterionError: Another class holds that name.
+        CriterionError: The class misses a method, or derives from the wrong base.
     """
+    _require_complete(cls)
     holder = _registered.setdefault(cls.name, cls)
     if holder is not cls:
         raise DuplicateCriterionError(
-            f"criterion name {cls.name!r} of {cls.__module__}.{cls.__qualname__} is already taken by "
-            f"{holder.__module__}.{holder.__qualname__}"
+            f"criterion name {cls.name!r} of {_path(cls)} is already taken by {_path(holder)}"
         )
     return cls
+
+
+def available() -> tuple[str, ...]:
+    """Names of all criteria: built-ins in the order of the paper's Table 1, then plug-ins."""
+    plugins = _plugins()  # loads the built-ins too, so it comes before `_registered` is read
+    known = {*_registered, *plugins}
+    return (*(name for name in BUILTINS if name in known), *sorted(known - set(BUILTINS)))
+
+
+def get(name: str) -> type[Criterion]:
+    """The criterion class of that name.
+
+    Raises:
+        UnknownCriterionError: No criterion has that name; the message lists the names.
+        DuplicateCriterionError: A plug-in claims a name that is taken.
+        CriterionError: A plug-in does not load, or is no complete Criterion.
+    """
+    plugins = _plugins()
+    if name in _registered:
+        return _registered[name]
+    if name not in plugins:
+        raise UnknownCriterionError(
+            f"unknown criterion {name!r}; available: {', '.join(available())}"
+        )
+    return register(_load(plugins[name]))
+
+
+def create(name: str, target: ArrayLike | None = None) -> Criterion:
+    """Construct a criterion by name.
+
+    Args:
+        name: One of `available()`.
+        target: The test pose's regressor A0 (rows, p) [m/(rad/(N m))], for criteria that need it.
+
+    Raises:
+        CriterionError: The name is unknown, or the criterion needs a target and `target` is None.
+    """
+    cls = get(name)
+    if not cls.needs_target:
+        return cls()
+    if target is None:
+        raise CriterionError(
+            f"criterion {name!r} needs a target: the regressor A0 of the test pose"
+        )
+    return cls(target)  # type: ignore[call-arg]
 
 
 @cache
@@ -51,73 +101,50 @@ def _load_builtins() -> None:
 
 
 def _plugins() -> dict[str, EntryPoint]:
-    """Entry points of the group `edtk.criteria` by name; the value of each is a Criterion class."""
+    """Entry points of the group `edtk.criteria` by name, each of which names a Criterion class."""
     _load_builtins()
     found: dict[str, EntryPoint] = {}
     for point in entry_points(group=GROUP):
         holder = _registered.get(point.name)
-        taken = holder is not None and f"{holder.__module__}:{holder.__qualname__}" != point.value
-        if taken or found.setdefault(point.name, point).value != point.value:
+        # A plug-in that is loaded already holds its own name.
+        is_taken = holder is not None and _path(holder, ":") != point.value
+        if is_taken or found.setdefault(point.name, point).value != point.value:
             raise DuplicateCriterionError(
                 f"criterion name {point.name!r} of entry point {point.value!r} is already taken"
             )
     return found
 
 
-def available() -> tuple[str, ...]:
-    """Names of all criteria, built-ins first, in the order of the paper's Table 1, then plug-ins."""
-    plugins = _plugins()
-    builtin = ("A", "D", "E", "G", "O1", "O2", "O3", "O4", "O5", "rho0")
-    known = {*_registered, *plugins}
-    return (*(n for n in builtin if n in known), *sorted(known - set(builtin)))
-
-
-def get(name: str) -> type[Criterion]:
-    """The criterion class of that name.
-
-    Raises:
-        UnknownCriterionError: No such name; the message lists what there is.
-        DuplicateCriterionError: A plug-in claims a name that is taken.
-        CriterionError: A plug-in does not load, or is no Criterion.
-    """
-    plugins = _plugins()
-    if name in _registered:
-        return _registered[name]
-    if name not in plugins:
-        raise UnknownCriterionError(
-            f"unknown criterion {name!r}; available: {', '.join(available())}"
-        )
+def _load(plugin: EntryPoint) -> type[Criterion]:
+    """The class that an entry point names."""
     try:
-        cls = plugins[name].load()
-    except Exception as error:
+        cls = plugin.load()
+    except Exception as error:  # a third party's module may raise anything
         why = " ".join(str(error).split())
+        raise CriterionError(f"criterion plug-in {plugin.value!r} does not load: {why}") from error
+    is_criterion = isinstance(cls, type) and issubclass(cls, Criterion)
+    if not is_criterion or getattr(cls, "name", None) != plugin.name:
         raise CriterionError(
-            f"criterion plug-in {plugins[name].value!r} does not load: {why}"
-        ) from error
-    if not (
-        isinstance(cls, type) and issubclass(cls, Criterion) and getattr(cls, "name", None) == name
-    ):
-        raise CriterionError(
-            f"criterion plug-in {plugins[name].value!r} must be a Criterion class whose name is {name!r}"
+            f"criterion plug-in {plugin.value!r} must be a Criterion class "
+            f"whose name is {plugin.name!r}"
         )
-    return register(cls)
+    return cls
 
 
-def create(name: str, target: ArrayLike | None = None) -> Criterion:
-    """Construct a criterion by name.
-
-    Args:
-        name: One of `available()`.
-        target: The test pose's regressor A0 (rows, p) [m/(rad/(N m))]; used only by criteria that need it.
-
-    Raises:
-        CriterionError: Unknown name, or the criterion needs a target and there is none.
-    """
-    cls = get(name)
-    if not cls.needs_target:
-        return cls()
-    if target is None:
+def _require_complete(cls: type[Criterion]) -> None:
+    """Reject a class that could not be used, or not be relaxed although it is meant to be."""
+    if missing := sorted(getattr(cls, "__abstractmethods__", ())):
         raise CriterionError(
-            f"criterion {name!r} needs a target: the regressor A0 of the test pose"
+            f"criterion {cls.name!r}: {_path(cls)} does not define {' and '.join(missing)}"
         )
-    return cls(target)  # type: ignore[call-arg]
+    hooks = [hook for hook in RELAXATION_HOOKS if inspect.isfunction(getattr(cls, hook, None))]
+    if hooks and not issubclass(cls, Relaxable):
+        raise CriterionError(
+            f"criterion {cls.name!r}: {_path(cls)} defines {hooks[0]}, so it must derive from "
+            "criteria.ConvexCriterion instead of criteria.Criterion"
+        )
+
+
+def _path(cls: type, separator: str = ".") -> str:
+    """Where a class is defined."""
+    return f"{cls.__module__}{separator}{cls.__qualname__}"

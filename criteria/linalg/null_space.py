@@ -1,38 +1,47 @@
-"""What an information matrix says nothing about."""
+"""Directions of the parameters that an information matrix does not excite."""
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.linalg import qr
 
-Array = NDArray[np.float64]
+from criteria.linalg.inverse import ROUNDING
+from criteria.linalg.typing import Array
+
+SMALL = 1e-6  # entries below it are rounding of the echelon form, whose largest entries are one
 
 
 def null_space(M: Array) -> tuple[Array, Array]:
-    """Directions that M (p, p) does not excite, of M scaled to a unit diagonal so that units do not matter.
+    """Directions that M (p, p) does not excite, whatever the units of the parameters.
 
     Returns:
-        ``(N, d)``: the directions in echelon form (p, r), few parameters each, in the scaled parameters ``d_i k_i``.
+        ``(N, d)``: the directions (p, r) in echelon form, few parameters each, in the scaled
+        parameters ``d_i k_i``, and the scales d (p,).
     """
     root = np.sqrt(np.maximum(np.diag(M), 0.0))
     d = np.where(root > 0, root, 1.0)
-    R = M / np.outer(d, d)
-    r, V = np.linalg.eigh(R)
-    N = V[:, r <= 16 * len(M) * np.finfo(float).eps * max(r[-1], 1.0)]
+    r, V = np.linalg.eigh(M / np.outer(d, d))
+    N = V[:, r <= len(M) * ROUNDING * max(r[-1], 1.0)]
     if N.shape[1]:
+        # scipy is imported here, where it is needed: regular matrices are the rule.
+        from scipy.linalg import qr
+
         _, triangle, pivots = qr(N.T, mode="economic", pivoting=True)
         N[pivots] = np.linalg.solve(triangle[:, : N.shape[1]], triangle).T
-    return np.where(np.abs(N) > 1e-6, N, 0.0), d
+    return np.where(np.abs(N) > SMALL, N, 0.0), d
 
 
 def open_directions(M: Array, parameters: tuple[str, ...]) -> tuple[str, ...]:
-    """What a person calls each direction that M (p, p) does not excite: "k4", or "k2 - 0.5 k3"."""
+    """Words for each direction that M (p, p) does not excite, such as "k4" or "k2 - 0.5 k3"."""
     N, d = null_space(M)
-    names = []
-    for column in N.T:
-        x = column / d
-        lead = np.flatnonzero(np.abs(column) > (1 - 1e-6) * np.abs(column).max())[0]
-        x /= x[lead]
-        terms = [(c, f"{abs(c):.3g} {name}") for c, name in zip(x, parameters, strict=True) if c]
-        text = " ".join(f"{'-' if c < 0 else '+'} {term.removeprefix('1 ')}" for c, term in terms)
-        names.append(text.removeprefix("+ "))
-    return tuple(names)
+    return tuple(_words(column, column / d, parameters) for column in N.T)
+
+
+def _words(scaled: Array, direction: Array, parameters: tuple[str, ...]) -> str:
+    """One direction (p,) as a sum of parameters, of which the first leading one has no factor."""
+    # The leading parameter is chosen in scaled parameters, where entries can be compared.
+    size = np.abs(scaled)
+    lead = np.flatnonzero(size > (1 - SMALL) * size.max())[0]
+    words = []
+    for factor, name in zip(direction / direction[lead], parameters, strict=True):
+        if factor:
+            term = f"{abs(factor):.3g} {name}".removeprefix("1 ")
+            words.append(f"{'-' if factor < 0 else '+'} {term}")
+    return " ".join(words).removeprefix("+ ")

@@ -1,47 +1,60 @@
-"""Extreme eigenvalues of an information matrix in whitened parameters, as cvxpy sees them."""
+"""Eigenvalues: matrices made of them, definite parts, and constraints on them in cvxpy."""
 
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
+
+from criteria.linalg.typing import Array
 
 if TYPE_CHECKING:
     import cvxpy as cp
 
-Array = NDArray[np.float64]
+# Eigenvalues of a (p, p) matrix of size one are known to a small multiple of p eps.
+ROUNDING = 16 * np.finfo(float).eps
 
 
-def extremes(T: Array) -> tuple[float, float]:
+def conjugate(V: Array, d: Array) -> Array:
+    """``V diag(d) V'`` (..., p, p) of V (..., p, p) and d (..., p)."""
+    return (V * d[..., None, :]) @ np.swapaxes(V, -1, -2)
+
+
+def extreme_eigenvalues(T: Array) -> tuple[float, float]:
     """Least and largest eigenvalue of the information that T whitens, ``(T T')^-1``."""
     s = np.linalg.svd(T, compute_uv=False)
     return float(s[0] ** -2), float(s[-1] ** -2)
 
 
-def parts(Z: Array) -> Array:
-    """``trace(Z+)`` and ``trace(Z-)`` (2, ...) of ``Z = Z+ - Z-`` (..., p, p), neither part on the lucky side.
+def definite_parts(Z: Array) -> Array:
+    """``trace(Z+)`` and ``trace(Z-)`` (2, ...) of ``Z = Z+ - Z-`` (..., p, p), safe for bounds.
 
-    The positive part is lowered and the negative one raised by what is lost in rounding. Only a Z that is positive
-    semidefinite, as judged after scaling to a unit diagonal, has no negative part.
+    A bound must not profit from rounding: the positive part is lowered, and the negative part is
+    raised, by what rounding may have changed. Only a Z that is positive semidefinite after scaling
+    to a unit diagonal has no negative part.
     """
     z = np.linalg.eigvalsh(Z)
-    lost = 16 * z.shape[-1] * np.finfo(float).eps * np.abs(z).max(axis=-1)
-    positive, negative = np.maximum(z, 0.0).sum(axis=-1), -np.minimum(z, 0.0).sum(axis=-1)
+    p = z.shape[-1]
+    lost = ROUNDING * p * np.abs(z).max(axis=-1)
+    positive = np.maximum(z, 0.0).sum(axis=-1)
+    negative = -np.minimum(z, 0.0).sum(axis=-1)
     d = np.sqrt(np.abs(np.diagonal(Z, axis1=-2, axis2=-1)))
     d = np.where(d > 0, d, 1.0)
+    # In bad units an eigenvalue far below `lost` can be negative in truth; scaling shows it.
     least = np.linalg.eigvalsh(Z / (d[..., :, None] * d[..., None, :]))[..., 0]
-    psd = least >= -16 * z.shape[-1] * np.finfo(float).eps
-    return np.stack([np.maximum(positive - lost, 0.0), np.where(psd, 0.0, negative + lost)])
+    is_semidefinite = least >= -ROUNDING * p
+    above = np.maximum(positive - lost, 0.0)
+    below = np.where(is_semidefinite, 0.0, negative + lost)
+    return np.stack([above, below])
 
 
 def bounded_below(M: "cp.Expression", T: Array) -> "cp.Constraint":
-    """``T^-T M T^-1 >= l I`` as ``M >= l T'T``, with l the least eigenvalue of what T whitens."""
-    return M >> extremes(T)[0] * (T.T @ T)
+    """``T^-T M T^-1 >= l I`` as ``M >= l T'T``, l the least eigenvalue of what T whitens."""
+    return M >> extreme_eigenvalues(T)[0] * (T.T @ T)
 
 
-def largest(M: "cp.Expression", T: Array) -> "cp.Expression":
+def largest_eigenvalue(M: "cp.Expression", T: Array) -> "cp.Expression":
     """Largest eigenvalue of ``T^-T M T^-1``, divided by that of what T whitens."""
     import cvxpy as cp
 
-    S = np.linalg.inv(T) / np.sqrt(extremes(T)[1])
+    S = np.linalg.inv(T) / np.sqrt(extreme_eigenvalues(T)[1])
     X = S.T @ M @ S
     return cp.lambda_max(0.5 * (X + X.T))

@@ -80,7 +80,7 @@ def _check_criteria(study: "Study", specification: Specification) -> None:
                 raise study.error(key, str(error)) from error
             if criterion.needs_target and specification.test_pose is None:
                 raise study.error(key, f"criterion {name!r} needs a [test_pose], and there is none")
-            if key == "optimise" and not criterion.has_convex_form():
+            if key == "optimise" and not issubclass(criterion, criteria.Relaxable):
                 raise study.error(
                     key,
                     f"criterion {name!r} has no convex form to optimise; it can only be compared",

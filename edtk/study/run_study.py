@@ -14,6 +14,7 @@ from edtk.design.candidate_source import EmptyFeasibleSetError
 from edtk.design.exact.find_plan import TooFewError, find_plan, smallest_size
 from edtk.design.plan import Plan
 from edtk.design.problem import RankDeficientError
+from edtk.design.relaxation.relax import require_relaxable
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
 from edtk.design.sample_feasible import sample_feasible
 from edtk.report.comparison_report import write_report
@@ -158,7 +159,7 @@ def steps(study: Study) -> int:
 
 def _relaxable(study: Study) -> list[str]:
     """Names of the criteria that can be relaxed, those that are optimised first."""
-    return [name for name in study.names if criteria.get(name).has_convex_form()]
+    return [name for name in study.names if issubclass(criteria.get(name), criteria.Relaxable)]
 
 
 def _questions(study: Study) -> list[Case]:
@@ -189,7 +190,9 @@ def _relaxations(
     found = {}
     for name in names:
         found[name] = RelaxedPlan.from_dict(
-            source_of(study), study.criterion(name), answers[f"relaxation_{name}"]
+            source_of(study),
+            require_relaxable(study.criterion(name)),
+            answers[f"relaxation_{name}"],
         )
     return found
 

@@ -22,9 +22,9 @@ from matrices import (
 from scipy.optimize import minimize_scalar
 
 import criteria
-from criteria import Criterion
+from criteria import ConvexCriterion, Criterion, Relaxable
 from criteria.linalg.inverse import whitener
-from criteria.noise_amplification import SpectralBalance
+from criteria.spectral_balance import SpectralBalance
 
 ACCURACY = 1e-6
 BUILTINS = ("A", "D", "E", "G", "O1", "O2", "O3", "O4", "O5", "rho0")
@@ -107,20 +107,25 @@ def test_programs_are_convex_by_the_rules(name, p):
     assert cp.Problem(cp.Minimize(objective), constraints).is_dcp()
 
 
+def has_expression(name):
+    """Whether a criterion gives an expression; a power gives the one of its base."""
+    c = make(name, 2)
+    if not isinstance(c, ConvexCriterion):
+        return False
+    try:
+        c.expression(cp.Variable((2, 2), PSD=True))
+    except NotImplementedError:
+        return False
+    return True
+
+
 def test_which_convex_form_each_criterion_has():
-    """All ten have a convex form: five an expression, four a formulation of their own, O4 a family of convex ones."""
-
-    def those_with(method):
-        return {
-            n
-            for n in BUILTINS
-            if getattr(criteria.get(n), method) is not getattr(Criterion, method)
-        }
-
-    assert all(criteria.get(name).has_convex_form() for name in BUILTINS)
-    assert those_with("expression") == {"A", "D", "G", "O1", "rho0"}
-    assert those_with("formulation") == {"E", "O2", "O3", "O5"}
-    assert those_with("subproblem") == {"O4"}
+    """All ten can be relaxed: five by an expression, four by their own program, O4 by a family."""
+    assert all(issubclass(criteria.get(name), Relaxable) for name in BUILTINS)
+    expressed = {name for name in BUILTINS if has_expression(name)}
+    families = {name for name in BUILTINS if criteria.get(name).most_subproblems > 1}
+    assert expressed == {"A", "D", "G", "O1", "rho0"}
+    assert families == {"O4"}
 
 
 def test_those_that_have_a_program_solve_themselves():
@@ -131,25 +136,52 @@ def test_those_that_have_a_program_solve_themselves():
         assert (c.subproblem(M[None], np.ones(1), M) is c) == (name != "O4")
 
 
-@pytest.mark.parametrize("name", ["E", "O2", "O3", "O4", "O5"])
-def test_a_missing_expression_is_refused(name):
-    """A criterion without an expression says so by name."""
-    with pytest.raises(NotImplementedError, match=f"criterion {name} has no convex expression"):
+@pytest.mark.parametrize(("name", "named"), [("E", "E"), ("O3", "E"), ("O5", "O5")])
+def test_a_missing_expression_is_refused(name, named):
+    """A criterion without an expression says so by name, a power by the name of its base."""
+    with pytest.raises(NotImplementedError, match=f"criterion {named} has no convex expression"):
         make(name, 2).expression(cp.Constant(np.eye(2)))
 
 
-def test_a_criterion_without_convex_form_is_refused():
-    """A criterion with cost and gradient only has no convex form, and its formulation says so by name."""
+@pytest.mark.parametrize("name", ["O2", "O4"])
+def test_criteria_that_are_not_convex_have_no_expression(name):
+    """The interface of a criterion that is not convex offers no expression at all."""
+    assert not hasattr(make(name, 2), "expression")
 
-    class Bare(Criterion):
-        name, title, formula, sense, degree = "bare", "Bare", "1/trace(M)", "min", 1.0
 
-        def _cost(self, M, cov):
-            return 1 / np.trace(M, axis1=-2, axis2=-1)
+def test_a_family_has_no_program_of_its_own():
+    """O4's formulation is refused by name; the members of its family have one."""
+    w, M = cp.Variable(3, nonneg=True), cp.Variable((2, 2), symmetric=True)
+    with pytest.raises(NotImplementedError, match="criterion O4 has no program"):
+        make("O4", 2).formulation(M, cp.sum(w), np.eye(2), 1.0)
 
-    assert not Bare.has_convex_form()
-    with pytest.raises(NotImplementedError, match="criterion bare has no convex expression"):
-        Bare().formulation(cp.Variable((2, 2), symmetric=True), cp.Variable(), np.eye(2), 1.0)
+
+class Bare(Criterion):
+    """A criterion with cost and gradient only."""
+
+    name, title, formula, sense, degree = "bare", "Bare", "1/trace(M)", "min", 1.0
+
+    def _cost(self, M, cov):
+        return 1 / np.trace(M, axis1=-2, axis2=-1)
+
+    def _gradient(self, M, cov):
+        return -(self._cost(M, cov)[..., None, None] ** 2) * np.eye(M.shape[-1])
+
+
+class Incomplete(ConvexCriterion):
+    """A criterion with neither expression nor anything else."""
+
+    name, title, formula, sense, degree = "incomplete", "Incomplete", "", "min", 1.0
+
+
+def test_a_criterion_without_convex_form():
+    """Cost and gradient alone cannot be relaxed, and a convex criterion without them says so."""
+    assert not isinstance(Bare(), Relaxable)
+    M = cp.Variable((2, 2), symmetric=True)
+    with pytest.raises(NotImplementedError, match="criterion incomplete has no convex expression"):
+        Incomplete().formulation(M, cp.Variable(), np.eye(2), 1.0)
+    with pytest.raises(NotImplementedError, match="criterion incomplete has no convex expression"):
+        Incomplete().cost(np.eye(2))
 
 
 @sizes

@@ -77,10 +77,10 @@ EXPRESSION = """
 import cvxpy as cp
 import numpy as np
 
-from criteria import Criterion
+from criteria import ConvexCriterion
 
 
-class Total(Criterion):
+class Total(ConvexCriterion):
     name, title, formula, sense, degree = "total", "Total variance", "trace(cov)", "min", 1.0
 
     def expression(self, M, T=None):

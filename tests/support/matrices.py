@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 import criteria
 from criteria.linalg.inverse import whitener
-from criteria.noise_amplification import SpectralBalance
+from criteria.spectral_balance import SpectralBalance
 
 Array = NDArray[np.float64]
 EPS = np.finfo(float).eps
@@ -64,7 +64,7 @@ def units(rng: np.random.Generator, p: int) -> Array:
 
 
 def solve(
-    c: criteria.Criterion, blocks: Array, around: Array, T: Array
+    c: criteria.Relaxable, blocks: Array, around: Array, T: Array
 ) -> tuple[float, Array, Array]:
     """Optimum of the criterion's program over candidates (n, p, p), weights (n,) of sum one, multiplier (p, p).
 
@@ -85,7 +85,7 @@ def solve(
     return float(program.value), weights / weights.sum(), T @ (Y + np.triu(Y, 1).T) @ T.T
 
 
-def optimum(c: criteria.Criterion, blocks: Array) -> tuple[Array, Array]:
+def optimum(c: criteria.Relaxable, blocks: Array) -> tuple[Array, Array]:
     """Optimal information (p, p) over the candidates, and the multiplier that proves it, psd where it must be."""
     mean = blocks.mean(axis=0)
     _, weights, Z = solve(c, blocks, mean, whitener(mean))

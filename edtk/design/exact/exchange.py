@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from criteria import Criterion
+from criteria.determinant_criterion import DeterminantCriterion
 from criteria.linalg.inverse import guarded_inverse
 from edtk.design.problem import Problem
 
@@ -135,7 +136,7 @@ def _costs(criterion: Criterion, rest: Array, joined: Array, U: Array, times: Ar
     W = U @ cov[:, None]
     S = W @ np.swapaxes(U, -1, -2)
     eye = np.eye(U.shape[-2])
-    if criterion.determinant_only:
+    if isinstance(criterion, DeterminantCriterion):
         log_det = (
             np.linalg.slogdet(rest).logabsdet[:, None] + np.linalg.slogdet(eye + r * S).logabsdet
         )

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from criteria.linalg.soft_maximum import conjugate
+from criteria.linalg.spectrum import conjugate
 
 Array = NDArray[np.float64]
 LARGE = 200  # order of a matrix of which no eigenvalues are taken

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from criteria import Criterion
+from criteria import Criterion, Relaxable
 from criteria.linalg.inverse import whitener
 from criteria.linalg.null_space import open_directions
 from edtk.design.problem import Problem
@@ -21,7 +21,6 @@ from edtk.design.relaxation.sparse_weights import sparse_weights
 Array = NDArray[np.float64]
 Indices = NDArray[np.int_]
 Progress = Callable[[int, float], object]
-MEMBERS = 60  # of a family at most
 FAR = 0.05  # relative gap above which a master is solved loosely
 COARSE = 1e-3  # relative gap that a loosely solved master can prove
 SAMPLE = 2000  # candidates among which the first active set is chosen
@@ -36,12 +35,12 @@ class Relaxation:
         weights: Non-negative (n,), of sum one.
         cost: The criterion's cost of these weights.
         bound: No weights over these candidates have a lower cost.
-        multipliers: What proves the bound (r, p, p), see `Criterion.lower_bound`.
+        multipliers: What proves the bound (r, p, p), see `Relaxable.lower_bound`.
         solver: The solver whose answer this is.
         iterations: Number of masters that were solved.
     """
 
-    criterion: Criterion
+    criterion: Relaxable
     weights: Array
     cost: float
     bound: float
@@ -88,7 +87,7 @@ def relax(
 
     cvxpy solves a small master over the active candidates; the multiplier Z of ``M == sum w_i M_i`` prices all of
     them by ``<Z, M_i>`` in one matrix product, the dearest join, those without weight leave. Every design obeys
-    ``<Z, M> <= t = max <Z, M_i>``, whence a bound on its cost (`Criterion.lower_bound`). Whatever a solver says of its
+    ``<Z, M> <= t = max <Z, M_i>``, whence a bound on its cost (`Relaxable.lower_bound`). Whatever a solver says of its
     answer, cost and bound are computed anew from weights and multiplier, and the best of each is returned.
     Where an answer is too inaccurate for the gap, the next solver has its turn, and last the weights are polished.
 
@@ -116,15 +115,14 @@ def relax(
         raise ValueError(f"unknown solver {unknown[0]!r}; available: {', '.join(CHAIN)}")
     if rounds < 1 or batch < 1 or not solvers:
         raise ValueError("rounds and batch must be at least one, and there must be a solver")
-    if not criterion.has_convex_form():
-        raise NotImplementedError(f"criterion {criterion.name} has no convex form to relax")
+    criterion = require_relaxable(criterion)
     problem.require_identifiable()
     scaled = normalised(problem, criterion)
     best = _Incumbent(scaled, criterion, multipliers)
     try:
-        for _ in range(MEMBERS):
+        alone = criterion.most_subproblems == 1
+        for _ in range(criterion.most_subproblems):
             member, before = criterion.subproblem(best.multipliers, best.tops, best.M), best.bound
-            alone = member is criterion
             earlier = (
                 (best.multipliers[:0], best.tops[:0]) if alone else (best.multipliers, best.tops)
             )
@@ -133,13 +131,24 @@ def relax(
             ):
                 best.meet(step, *earlier)
                 progress(best.iterations, 1 - best.bound / best.cost)
-            if alone or 1 - best.bound / best.cost <= gap or 0 < best.bound <= before:
+            if 1 - best.bound / best.cost <= gap or 0 < best.bound <= before:
                 break
     except KeyboardInterrupt as interrupt:
         if best.iterations:
             raise RelaxationInterrupted(best.result(problem, gap)) from interrupt
         raise
     return best.result(problem, gap)
+
+
+def require_relaxable(criterion: Criterion) -> Relaxable:
+    """The criterion, if the relaxation can minimise it.
+
+    Raises:
+        NotImplementedError: The criterion has no convex form.
+    """
+    if not isinstance(criterion, Relaxable):
+        raise NotImplementedError(f"criterion {criterion.name} has no convex form to relax")
+    return criterion
 
 
 def normalised(problem: Problem, criterion: Criterion) -> Problem:
@@ -162,7 +171,7 @@ class _Step:
 class _Incumbent:
     """The best design and the best proof so far."""
 
-    def __init__(self, problem: Problem, criterion: Criterion, multipliers: Array | None) -> None:
+    def __init__(self, problem: Problem, criterion: Relaxable, multipliers: Array | None) -> None:
         self.criterion = criterion
         self.cost, self.bound, self.solver, self.iterations = np.inf, 0.0, "", 0
         self.active, self.weights = np.empty(0, dtype=int), np.empty(0)
@@ -217,7 +226,7 @@ class _Incumbent:
 
 def _generate(
     problem: Problem,
-    criterion: Criterion,
+    criterion: Relaxable,
     active: Indices,
     gap: float,
     rounds: int,

@@ -12,7 +12,12 @@ from edtk.design.candidate_source import CandidateSource, require_some
 from edtk.design.candidates import Candidates
 from edtk.design.problem import Problem
 from edtk.design.relaxation.active_set import ActiveSet
-from edtk.design.relaxation.relax import RelaxationInterrupted, normalised, relax
+from edtk.design.relaxation.relax import (
+    RelaxationInterrupted,
+    normalised,
+    relax,
+    require_relaxable,
+)
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
 from edtk.design.relaxation.search_continuum import search_continuum
 
@@ -120,7 +125,7 @@ class _Run:
         tolerance: float,
         progress: Progress,
     ) -> None:
-        self.source, self.n, self.criterion = source, n, criterion
+        self.source, self.n, self.criterion = source, n, require_relaxable(criterion)
         self.gap, self.tolerance, self.progress = gap, tolerance, progress
         self.best: RelaxedPlan | None = None
         self.seconds = {"candidates": 0.0, "solve": 0.0, "continuous": 0.0}

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from criteria import Criterion
+from criteria import Relaxable
 from edtk.design.bound import Bound, BoundKind, printed_form
 from edtk.design.candidate_source import CandidateSource
 from edtk.design.design_space import DesignSpace
@@ -36,7 +36,7 @@ class RelaxedPlan(Presented):
         searched_bound: Not proved: a bound on designs over all feasible poses, provided that the
             ascents from many starts have found the pose of largest sensitivity; None without a
             search.
-        multipliers: What proves the bound (r, p, p), see `Criterion.lower_bound`.
+        multipliers: What proves the bound (r, p, p), see `Relaxable.lower_bound`.
         solver: The solver whose answer this is.
         iterations: Number of masters that were solved.
         seconds: What took how long [s].
@@ -44,7 +44,7 @@ class RelaxedPlan(Presented):
 
     source: CandidateSource
     candidates: int
-    criterion: Criterion
+    criterion: Relaxable
     x: Array
     weights: Array
     cost: float
@@ -161,7 +161,7 @@ class RelaxedPlan(Presented):
 
     @classmethod
     def from_dict(
-        cls, source: CandidateSource, criterion: Criterion, data: dict[str, Any]
+        cls, source: CandidateSource, criterion: Relaxable, data: dict[str, Any]
     ) -> "RelaxedPlan":
         """The plan that `to_dict` has written, bit by bit.
 

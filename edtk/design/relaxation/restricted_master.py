@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from criteria import Criterion
+from criteria import Relaxable
 from criteria.linalg.inverse import whitener
 from criteria.linalg.triangle import triangle
 
@@ -45,7 +45,7 @@ class RestrictedMaster:
         size: The largest number of candidates.
     """
 
-    def __init__(self, criterion: Criterion, around: Array, size: int) -> None:
+    def __init__(self, criterion: Relaxable, around: Array, size: int) -> None:
         self.criterion, self.size, self.T = criterion, size, whitener(around)
         p = len(self.T)
         self.rows, self.columns = triangle(p)
@@ -150,13 +150,13 @@ class _Compiled(threading.local):
     """The last program of every criterion that is in use, in this thread: compiling takes longer than solving."""
 
     def __init__(self) -> None:
-        self.masters: WeakKeyDictionary[Criterion, RestrictedMaster] = WeakKeyDictionary()
+        self.masters: WeakKeyDictionary[Relaxable, RestrictedMaster] = WeakKeyDictionary()
 
 
 _compiled = _Compiled()
 
 
-def restricted_master_for(criterion: Criterion, around: Array, size: int) -> RestrictedMaster:
+def restricted_master_for(criterion: Relaxable, around: Array, size: int) -> RestrictedMaster:
     """A master for `size` candidates in which the design `around` (p, p) is nearly white; the last one if it suits."""
     master = _compiled.masters.get(criterion)
     if master is None or master.T.shape != around.shape or not master.suits(around, size):

@@ -5,7 +5,8 @@ import pytest
 from matrices import EPS, candidates, make, positive, sensitivities, slip, symmetric, with_spectrum
 
 import criteria
-from criteria.linalg.soft_maximum import conjugate, soft_maximum
+from criteria.linalg.soft_maximum import soft_maximum
+from criteria.linalg.spectrum import conjugate
 
 BUILTINS = ("A", "D", "E", "G", "O1", "O2", "O3", "O4", "O5", "rho0")
 KINKED = ("E", "G", "O2", "O3", "O4")

@@ -6,7 +6,12 @@ import pytest
 from matrices import EPS, orthogonal, positive, slip, units, with_spectrum
 
 from criteria.linalg.inverse import power_trace, whitener
-from criteria.linalg.spectrum import bounded_below, extremes, largest, parts
+from criteria.linalg.spectrum import (
+    bounded_below,
+    definite_parts,
+    extreme_eigenvalues,
+    largest_eigenvalue,
+)
 
 sizes = pytest.mark.parametrize("p", [1, 2, 3, 6, 9])
 powers = pytest.mark.parametrize("exponent", [1 / 3, 0.5, 1.0])
@@ -31,7 +36,7 @@ def test_extremes_are_those_of_what_is_whitened(p):
     spectrum = np.geomspace(1e-3, 10.0, p)
     M = with_spectrum(rng, spectrum)
     for T in (whitener(M), whitener(M) @ orthogonal(rng, p)):
-        np.testing.assert_allclose(extremes(T), spectrum[[0, -1]], rtol=slip(M))
+        np.testing.assert_allclose(extreme_eigenvalues(T), spectrum[[0, -1]], rtol=slip(M))
 
 
 @sizes
@@ -41,7 +46,7 @@ def test_largest_eigenvalue_is_relative_to_what_is_whitened(p):
         rng = np.random.default_rng(seed)
         M, N = positive(rng, p, 1e3), positive(rng, p, 1e3)
         T = whitener(N) @ orthogonal(rng, p)
-        found = largest(cp.Constant(0.5 * (T.T @ M @ T + (T.T @ M @ T).T)), T).value
+        found = largest_eigenvalue(cp.Constant(0.5 * (T.T @ M @ T + (T.T @ M @ T).T)), T).value
         expected = np.linalg.eigvalsh(M)[-1] / np.linalg.eigvalsh(N)[-1]
         np.testing.assert_allclose(found, expected, rtol=slip(M, N) * np.linalg.cond(N))
 
@@ -70,7 +75,7 @@ def test_parts_of_an_indefinite_matrix(p):
     for seed in range(10):
         rng = np.random.default_rng(seed)
         z = rng.normal(size=p)
-        above, below = parts(with_spectrum(rng, z))
+        above, below = definite_parts(with_spectrum(rng, z))
         rounding = 64 * p * EPS * np.abs(z).max()
         assert abs(above - z[z > 0].sum()) <= rounding
         assert abs(below + z[z < 0].sum()) <= rounding
@@ -86,7 +91,7 @@ def test_parts_are_never_on_the_lucky_side(p):
     for seed in range(50):
         rng = np.random.default_rng(seed)
         for z in (rng.normal(size=p), rng.normal(size=p) * 10 ** rng.uniform(-22, 0, size=p)):
-            above, below = parts(np.diag(z))
+            above, below = definite_parts(np.diag(z))
             assert above <= np.maximum(z, 0).sum()
             assert below >= np.maximum(-z, 0).sum()
 
@@ -97,15 +102,15 @@ def test_semidefinite_matrices_have_one_part(p):
     for seed in range(20):
         rng = np.random.default_rng(seed)
         B = rng.normal(size=(p, rng.integers(1, p + 1)))
-        assert parts(B @ B.T)[1] == 0
-        assert parts(-B @ B.T)[0] <= 64 * p * EPS * np.linalg.norm(B, 2) ** 2
-        assert parts(-B @ B.T)[1] == pytest.approx(np.sum(B**2), rel=64 * p * EPS)
+        assert definite_parts(B @ B.T)[1] == 0
+        assert definite_parts(-B @ B.T)[0] <= 64 * p * EPS * np.linalg.norm(B, 2) ** 2
+        assert definite_parts(-B @ B.T)[1] == pytest.approx(np.sum(B**2), rel=64 * p * EPS)
 
 
 def test_parts_of_a_batch_and_of_nothing():
     """A stack gives what its members give, in the shape of the stack, and zero has no parts."""
     Z = np.array([[np.diag([1.0, -2.0]), np.zeros((2, 2)), np.diag([3.0, 4.0])]])
-    above, below = parts(Z)
+    above, below = definite_parts(Z)
     np.testing.assert_allclose(above, [[1, 0, 7]], rtol=64 * EPS)
     np.testing.assert_allclose(below, [[2, 0, 0]], rtol=64 * EPS)
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import criteria
-from criteria import Criterion
+from criteria import ConvexCriterion, Criterion, Relaxable
 from edtk.design.candidate_source import CandidateSource
 from edtk.design.problem import Problem, RankDeficientError
 from edtk.design.relaxation.relax import RelaxationInterrupted, relax
@@ -736,11 +736,11 @@ def test_criterion_without_convex_form():
     """A criterion that has no convex form is refused by its name; all built-in ones have one."""
     with pytest.raises(NotImplementedError, match="formless"):
         relax(Problem(cubic()), Formless())
-    assert not Formless.has_convex_form()
-    assert all(criteria.get(name).has_convex_form() for name in NAMES)
+    assert not issubclass(Formless, Relaxable)
+    assert all(issubclass(criteria.get(name), Relaxable) for name in NAMES)
 
 
-class ExpressionA(Criterion):
+class ExpressionA(ConvexCriterion):
     """The trace of the covariance, known by its expression alone."""
 
     name, title, formula, sense, degree = "expression A", "A", "trace(cov)", "min", 1.0
@@ -750,7 +750,7 @@ class ExpressionA(Criterion):
         return cp.matrix_frac(np.eye(M.shape[0]) if T is None else T.T, M)
 
 
-class ExpressionG(Criterion):
+class ExpressionG(ConvexCriterion):
     """The largest variance, known by its expression alone."""
 
     name, title, formula, sense, degree, smooth = (
@@ -769,7 +769,7 @@ class ExpressionG(Criterion):
         )
 
 
-class ExpressionRho(Criterion):
+class ExpressionRho(ConvexCriterion):
     """The accuracy in the target, known by the expression of its square alone."""
 
     name, title, formula, sense, degree, expression_power = (

@@ -18,14 +18,14 @@ from matrices import (
     with_spectrum,
 )
 
-from criteria import Criterion, create
+from criteria import ConvexCriterion, Relaxable, create
 from criteria.linalg.inverse import whitener
 
 GAP = 1e-6  # that a relaxation stops at
 SAFETY = 1e-7  # of a solver's word, by which polars are lowered
 
 
-class ThirdParty(Criterion):
+class ThirdParty(ConvexCriterion):
     """What is common to the criteria below."""
 
     title, formula, sense, degree = "Third party's", "", "min", 1.0
@@ -51,7 +51,7 @@ class Subset(ThirdParty):
     name = "subset"
 
     def expression(self, M, T=None):
-        """As the law of `Criterion` asks."""
+        """As the law of `ConvexCriterion` asks."""
         return selected(M, T)
 
 
@@ -61,7 +61,7 @@ class SubsetRoot(ThirdParty):
     name, degree, expression_power = "subset root", 0.5, 2.0
 
     def expression(self, M, T=None):
-        """As the law of `Criterion` asks."""
+        """As the law of `ConvexCriterion` asks."""
         return selected(M, T)
 
 
@@ -71,7 +71,7 @@ class LeastTwo(ThirdParty):
     name, smooth = "least two", False
 
     def expression(self, M, T=None):
-        """As the law of `Criterion` asks."""
+        """As the law of `ConvexCriterion` asks."""
         return cp.inv_pos(least_two(M, T))
 
 
@@ -81,7 +81,7 @@ class LeastTwoSquare(ThirdParty):
     name, smooth, degree, expression_power = "least two square", False, 2.0, 0.5
 
     def expression(self, M, T=None):
-        """As the law of `Criterion` asks."""
+        """As the law of `ConvexCriterion` asks."""
         return cp.inv_pos(least_two(M, T))
 
 
@@ -91,7 +91,7 @@ class WorstHalf(ThirdParty):
     name, smooth = "worst half", False
 
     def expression(self, M, T=None):
-        """As the law of `Criterion` asks."""
+        """As the law of `ConvexCriterion` asks."""
         rows = np.eye(M.shape[0]) if T is None else T
         return cp.maximum(selected(M, T), cp.matrix_frac(rows[2:].T, M))
 
@@ -376,6 +376,6 @@ def test_badly_scaled_parameters_of_criteria_with_kinks(cls):
 @third_parties
 def test_an_expression_is_a_convex_form(cls):
     """An expression is all it takes to be relaxed, and such a criterion describes itself like any other."""
-    assert cls.has_convex_form()
+    assert issubclass(cls, Relaxable)
     assert cls.describe()["name"] == cls.name
-    assert create("D").has_convex_form()
+    assert isinstance(create("D"), Relaxable)

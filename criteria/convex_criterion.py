@@ -1,0 +1,140 @@
+"""Convex criteria: from one cvxpy expression of the cost, everything else follows."""
+
+import warnings
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from criteria.linalg.inverse import whitener
+from criteria.linalg.typing import Array
+from criteria.relaxable import Formulation, Relaxable
+
+if TYPE_CHECKING:
+    import cvxpy as cp
+
+# Relative distance at which Z counts as minus the gradient: rounding of whitened matrices of order
+# one, a hundred times below what would show in a bound.
+PARALLEL = 1e-12
+# The sharpest tolerance comes first, since a bound loses what the solver leaves; Clarabel stalls
+# at it for some multipliers of low rank.
+TOLERANCES = (1e-10, 1e-9, 1e-8)
+SAFETY = 1e-7  # part by which a solver's optimum is lowered: ten times the loosest tolerance
+
+
+class ConvexCriterion(Relaxable):
+    """A criterion that is convex in M.
+
+    Write `expression`, and the criterion is complete: cost, gradient and polar are then read off
+    it, slowly. Closed forms of `_cost`, `_gradient` and `polar` replace them one by one. A
+    criterion that is convex without an expression of its own writes these three, and `formulation`.
+    """
+
+    def expression(self, M: "cp.Expression", T: Array | None = None) -> "cp.Expression":
+        """Convex cvxpy expression of ``cost**expression_power``.
+
+        Args:
+            M: Symmetric (p, p) expression: the information of k', where k = T k'.
+            T: Regular matrix (p, p) that whitens badly scaled parameters; None for the identity.
+                The expression's value is that of ``cost(T^-T M T^-1)``.
+
+        Raises:
+            NotImplementedError: The criterion has no such form.
+        """
+        raise NotImplementedError(f"criterion {self.name} has no convex expression")
+
+    def polar(self, Z: Array, M: Array) -> float:
+        """A lower bound on ``cost(X)`` over all X with ``<Z, X> <= 1``: what a multiplier Z proves.
+
+        Where Z is minus the gradient of a smooth criterion at M, M is the best X up to its length,
+        and by homogeneity the answer is ``cost(M) <Z, M>^degree``. Otherwise a convex program of
+        size p answers. A criterion that knows its polar in closed form needs no solver's word.
+
+        Args:
+            Z: Symmetric positive semidefinite multiplier (p, p).
+            M: A regular design (p, p), near which the bound shall be tight.
+        """
+        cost = float(self.cost(M))
+        T = whitener(M)
+        S = np.linalg.inv(T)
+        whitened = S @ Z @ S.T
+        size = float(np.trace(whitened))  # <Z, M>
+        if size <= 0:
+            return 0.0
+        direction = whitened / size
+        if self.smooth and _is_parallel(direction, S @ self.gradient(M) @ S.T):
+            least = 1.0
+        else:
+            least = self._least_expression(direction, T * cost ** (-0.5 / self.degree))
+        return float(cost * least ** (1.0 / self.expression_power) * size**self.degree)
+
+    def lower_bound(self, Z: Array, t: Array, M: Array) -> float:
+        """The best of ``polar(Z_j) t_j^-degree``, which follows from homogeneity."""
+        return max(
+            self.polar(z, M) * top**-self.degree if top > 0 else 0.0
+            for z, top in zip(Z, t, strict=True)
+        )
+
+    def formulation(
+        self, M: "cp.Expression", total: "cp.Expression", T: Array, unit: float
+    ) -> Formulation:
+        """`expression` over weights of sum one.
+
+        A factor c on T multiplies the cost by ``c^(2 degree)``. So the division by `unit` goes into
+        T, and every constant inside the expression is of order one.
+        """
+        return self.expression(M, T * unit ** (-0.5 / self.degree)), [total == 1]
+
+    def _cost(self, M: Array, cov: Array) -> Array:
+        """``expression^(1/power)``, one matrix after the other."""
+        values = [float(self._expression_at(m)[0].value) for m in M.reshape(-1, *M.shape[-2:])]
+        return np.array(values).reshape(M.shape[:-2]) ** (1.0 / self.expression_power)
+
+    def _gradient(self, M: Array, cov: Array) -> Array:
+        """By cvxpy's own differentiation: ``cost^(1 - power)/power`` times the expression's."""
+        power = self.expression_power
+        gradients = []
+        for m in M.reshape(-1, *M.shape[-2:]):
+            expression, X = self._expression_at(m)
+            G = expression.grad[X]
+            # cvxpy gives a sparse or a dense column, in Fortran order.
+            dense = np.asarray(G.todense() if hasattr(G, "todense") else G)
+            G = dense.reshape(m.shape, order="F")
+            outer = float(expression.value) ** (1.0 / power - 1.0) / power
+            gradients.append(outer * 0.5 * (G + G.T))
+        return np.array(gradients).reshape(M.shape)
+
+    def _expression_at(self, M: Array) -> tuple["cp.Expression", "cp.Variable"]:
+        """The expression with its argument set to M (p, p), and that argument."""
+        import cvxpy as cp
+
+        X = cp.Variable(M.shape)
+        X.value = M
+        return self.expression(X), X
+
+    def _least_expression(self, direction: Array, T: Array) -> float:
+        """Least `expression` of X (p, p) with ``<direction, X> <= 1``, lowered for safety.
+
+        It is a solver's word, hence the safety margin; zero, which proves nothing, where the
+        solver finds no optimum.
+        """
+        import cvxpy as cp
+
+        X = cp.Variable(direction.shape, PSD=True)
+        objective = cp.Minimize(self.expression(X, T))
+        program = cp.Problem(objective, [cp.trace(direction @ X) <= 1])
+        for tolerance in TOLERANCES:
+            options = dict.fromkeys(("tol_gap_rel", "tol_gap_abs", "tol_feas"), tolerance)
+            try:
+                with warnings.catch_warnings():
+                    warnings.simplefilter("ignore")  # an inaccurate answer is tried again below
+                    program.solve(solver="CLARABEL", **options)
+            except cp.SolverError:
+                continue
+            if program.status == cp.OPTIMAL:
+                return (1 - SAFETY) * float(program.value)
+        return 0.0
+
+
+def _is_parallel(direction: Array, G: Array) -> bool:
+    """Whether a direction of unit trace is minus a gradient G, up to its length."""
+    return bool(np.abs(direction - G / np.trace(G)).max() <= PARALLEL)

@@ -1,0 +1,8 @@
+"""Names of the arrays that criteria take and give."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+Mask = NDArray[np.bool_]

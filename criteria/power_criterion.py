@@ -1,0 +1,79 @@
+"""Criteria that are a power of another one, such as O1 = D^(1/2) and O3 = E^(1/2)."""
+
+from typing import TYPE_CHECKING, ClassVar, Self
+
+from criteria.convex_criterion import ConvexCriterion
+from criteria.criterion import Criterion
+from criteria.linalg.typing import Array
+from criteria.relaxable import Formulation
+
+if TYPE_CHECKING:
+    import cvxpy as cp
+
+
+class PowerCriterion(ConvexCriterion):
+    """``cost = base.cost^exponent``: another scale for the same order of plans.
+
+    A power has the base's optimal plans and is proved by the base's multipliers. A subclass
+    declares `base_class`, `exponent` and what every criterion declares; its degree is
+    ``exponent * base.degree``, its expression_power ``base.expression_power / exponent``.
+
+    Args:
+        base: The criterion whose power this is; defaults to ``base_class()``.
+
+    Attributes:
+        base_class: The class of the base.
+        exponent: Positive.
+    """
+
+    base_class: ClassVar[type[ConvexCriterion]]
+    exponent: ClassVar[float]
+
+    def __init__(self, base: ConvexCriterion | None = None) -> None:
+        self.base = self.base_class() if base is None else base
+        self.smooth = self.base.smooth
+
+    @property
+    def plan_criterion(self) -> Criterion:
+        """The base's, since a power puts plans in the same order."""
+        return self.base.plan_criterion
+
+    def cost_from_plan_criterion(self, cost: float) -> float:
+        """``cost^exponent``."""
+        return float(self.base.cost_from_plan_criterion(cost) ** self.exponent)
+
+    def smoothed(self, sharpness: float) -> Self:
+        """The power of the smoothed base."""
+        base = self.base.smoothed(sharpness)
+        return self if base is self.base else type(self)(base)
+
+    def in_units(self, T: Array) -> Self:
+        """The power of the base in other units."""
+        base = self.base.in_units(T)
+        return self if base is self.base else type(self)(base)
+
+    def polar(self, Z: Array, M: Array) -> float:
+        """The power of the base's polar."""
+        return float(self.base.polar(Z, M) ** self.exponent)
+
+    def lower_bound(self, Z: Array, t: Array, M: Array) -> float:
+        """The power of the base's bound."""
+        return float(self.base.lower_bound(Z, t, M) ** self.exponent)
+
+    def expression(self, M: "cp.Expression", T: Array | None = None) -> "cp.Expression":
+        """The base's expression, which has another `expression_power` here."""
+        return self.base.expression(M, T)
+
+    def formulation(
+        self, M: "cp.Expression", total: "cp.Expression", T: Array, unit: float
+    ) -> Formulation:
+        """The base's program: the unit is turned into one of the base's cost."""
+        return self.base.formulation(M, total, T, unit ** (1.0 / self.exponent))
+
+    def _cost(self, M: Array, cov: Array) -> Array:
+        return self.base.cost_of_regular(M, cov) ** self.exponent
+
+    def _gradient(self, M: Array, cov: Array) -> Array:
+        cost = self.base.cost_of_regular(M, cov)
+        outer = self.exponent * cost ** (self.exponent - 1.0)
+        return outer[..., None, None] * self.base.gradient_of_regular(M, cov)

@@ -1,0 +1,67 @@
+"""The second interface of a criterion: what the convex relaxation asks of it."""
+
+from abc import abstractmethod
+from typing import TYPE_CHECKING, ClassVar
+
+from criteria.criterion import Criterion
+from criteria.linalg.typing import Array
+
+if TYPE_CHECKING:
+    import cvxpy as cp
+
+Formulation = tuple["cp.Expression", list["cp.Constraint"]]
+
+
+class Relaxable(Criterion):
+    """A criterion that the relaxation can minimise over the weights of candidates, with a bound.
+
+    The relaxation solves a convex program (`formulation`) and takes from its answer a multiplier Z
+    of ``M == sum w_i M_i``. Every design X obeys ``<Z, X> <= t``, where t is the largest
+    sensitivity ``<Z, M_i>`` of a candidate; `lower_bound` turns that into a bound on the cost.
+
+    Attributes:
+        expression_power: The program's objective is ``cost**expression_power``.
+        most_subproblems: How many convex programs may be solved one after another. One, unless the
+            criterion is the least of a family of which `subproblem` names the members; then the
+            multipliers of several members prove the bound together.
+    """
+
+    expression_power: ClassVar[float] = 1.0
+    most_subproblems: ClassVar[int] = 1
+
+    @abstractmethod
+    def formulation(
+        self, M: "cp.Expression", total: "cp.Expression", T: Array, unit: float
+    ) -> Formulation:
+        """The relaxation as a convex program: an objective to minimise, and its constraints.
+
+        The weights that solve it may have any sum; divided by that sum they are the design.
+
+        Args:
+            M: Symmetric (p, p) expression, ``sum w_i M_i`` for parameters k' where k = T k'.
+            total: The sum of the weights.
+            T: Regular matrix (p, p) that whitens a design near the optimum.
+            unit: The cost of that design. The objective is measured in this unit.
+        """
+
+    @abstractmethod
+    def lower_bound(self, Z: Array, t: Array, M: Array) -> float:
+        """A lower bound on the cost of every design X with ``<Z_j, X> <= t_j`` for all j.
+
+        For a criterion of degree zero, designs have unit trace.
+
+        Args:
+            Z: Symmetric multipliers (r, p, p), positive semidefinite if the criterion is monotone.
+            t: The largest sensitivity (r,) of a candidate to each multiplier.
+            M: A regular design (p, p), near which the bound shall be tight.
+        """
+
+    def subproblem(self, Z: Array, t: Array, M: Array) -> "Relaxable":
+        """The problem to solve next: the criterion itself, or a member of its family.
+
+        Args:
+            Z: Multipliers (r, p, p) found so far, r may be zero.
+            t: The largest sensitivity (r,) of a candidate to each multiplier.
+            M: The best design (p, p) so far.
+        """
+        return self

@@ -1,0 +1,114 @@
+"""The family of problems by which O4 is optimised, and the polygon that its multipliers prove."""
+
+from itertools import combinations
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from criteria.linalg.spectrum import (
+    bounded_below,
+    definite_parts,
+    extreme_eigenvalues,
+    largest_eigenvalue,
+)
+from criteria.linalg.typing import Array
+from criteria.relaxable import Formulation, Relaxable
+
+if TYPE_CHECKING:
+    import cvxpy as cp
+
+PARALLEL = 1e-30  # determinant of two normals of length one, below which lines have no corner
+OUTSIDE = 1e-9  # part of its terms by which a corner may violate a half-plane, from rounding
+
+
+class SpectralBalance(Relaxable):
+    """``a kappa + b s = (a lambda_1 + b) / lambda_p``, for designs of one experiment's weight.
+
+    Quasiconvex, with the condition number ``kappa = lambda_1/lambda_p`` and the largest variance
+    ``s = 1/lambda_p``. The criterion is homogeneous only if b grows with the information, hence no
+    law suite checks it; it serves `NoiseAmplification`, for which a and b are set anew each time.
+
+    Args:
+        a: Weight of the condition number, at least zero.
+        b: Weight of the largest variance, positive.
+    """
+
+    name = "O4"
+    title = "Weighted condition number and largest variance"
+    formula = "(a lambda_1 + b) / lambda_p"
+    sense = "min"
+    degree = 1.0
+    convex = False
+    smooth = False
+
+    def __init__(self, a: float, b: float) -> None:
+        self.a = a
+        self.b = b
+        self.monotone = a == 0
+
+    def formulation(
+        self, M: "cp.Expression", total: "cp.Expression", T: Array, unit: float
+    ) -> Formulation:
+        """``min a kappa + b s`` over ``I <= sum u_i M_i <= kappa I``, with s the sum of u."""
+        low, high = extreme_eigenvalues(T)
+        kappa = self.a * high / low / unit * largest_eigenvalue(M, T)
+        return kappa + self.b / low / unit * total, [bounded_below(M, T)]
+
+    def lower_bound(self, Z: Array, t: Array, M: Array) -> float:
+        """The least of ``a kappa + b s`` over the corners of the polygon, see `corners`."""
+        return float(min(self.a * kappa + self.b * s for s, kappa in corners(Z, t)))
+
+    def _cost(self, M: Array, cov: Array) -> Array:
+        return (self.a * np.linalg.eigvalsh(M)[..., -1] + self.b) * np.linalg.eigvalsh(cov)[..., -1]
+
+    def _gradient(self, M: Array, cov: Array) -> Array:
+        """``a v_1 v_1'/lambda_p - (a lambda_1 + b) v_p v_p'/lambda_p^2``."""
+        eigenvalues, V = np.linalg.eigh(M)
+        least = eigenvalues[..., :1]
+        slopes = np.zeros_like(eigenvalues)
+        slopes[..., :1] = -(self.a * eigenvalues[..., -1:] + self.b) / least**2
+        slopes[..., -1:] += self.a / least
+        return (V * slopes[..., None, :]) @ np.swapaxes(V, -1, -2)
+
+
+def corners(Z: Array, t: Array) -> Array:
+    """Corners (c, 2) of the polygon of points (s, kappa) outside which no design lies.
+
+    With ``Z = Z+ - Z-`` and ``X <= lambda_1 I``, every design X of ``<Z, X> <= t`` obeys
+    ``lambda_p trace(Z+) - lambda_1 trace(Z-) <= t``. Divided by lambda_p that is the half-plane
+    ``t s + trace(Z-) kappa >= trace(Z+)``. Besides, ``s >= 0`` and ``kappa >= 1``.
+
+    Args:
+        Z: Multipliers (r, p, p), symmetric.
+        t: The largest sensitivity (r,) of a candidate to each.
+    """
+    above, below = definite_parts(Z)
+    rows = np.column_stack([t, below, above])[(above > 0) & np.isfinite(t)]
+    if not len(rows):
+        return np.array([[0.0, 1.0]])
+    rows /= rows[:, 2:]
+    # Lengths are measured in the largest coefficients: s and kappa are of order one below.
+    unit = np.abs(rows[:, :2]).max(axis=0)
+    unit[unit == 0] = 1.0
+    quadrant = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, unit[1]]])
+    rows = np.vstack([quadrant, rows / np.append(unit, 1.0)])
+    origin = rows[:2, 2]
+    found = [np.maximum(corner, origin) for corner in _intersections(rows)]
+    return np.array(found or [origin]) / unit
+
+
+def _intersections(rows: Array) -> list[Array]:
+    """Points (2,) in which two of the lines ``g x = h``, rows (n, 3), meet inside all ``g x >= h``."""
+    normals = rows[:, :2]
+    heights = rows[:, 2]
+    found: list[Array] = []
+    for i, j in combinations(range(len(rows)), 2):
+        G = normals[[i, j]]
+        scale = np.prod(np.linalg.norm(G, axis=1))
+        if not abs(np.linalg.det(G)) > PARALLEL * scale:
+            continue  # parallel lines; also lines with an infinite coefficient, whose det is nan
+        point = np.asarray(np.linalg.solve(G, heights[[i, j]]))
+        slack = OUTSIDE * np.abs(normals) @ np.abs(point)
+        if (normals @ point >= heights - slack).all():
+            found.append(point)
+    return found
