@@ -23,10 +23,10 @@ from threadpoolctl import threadpool_limits
 from tqdm import tqdm
 
 from edtk.inference.least_squares import estimate
-from edtk.inference.mcmc import Demand
 from edtk.inference.noise import Noise
-from edtk.inference.posterior import sample_posterior
-from edtk.inference.prior import Flat, HalfNormal, LogNormal, Normal, Prior, flat
+from edtk.inference.prior import Flat, HalfNormal, LogNormal, Normal, Prior
+from edtk.inference.run_chain import Demand
+from edtk.inference.sample_posterior import SamplingOptions, sample_posterior
 from edtk.inference.simulate import simulate
 from edtk.report.markdown import markdown_table
 from edtk.study.study import Study, load_study
@@ -114,7 +114,7 @@ def ranks(A: Array, sigma: Array, centre: Array, case: int, seeds: list[int]) ->
     names = tuple(f"k{i}" for i in range(len(centre)))
     known = of.prior(centre, np.sqrt(np.diag(estimate(A, A @ centre, sigma, names).covariance)))
     sigma = sigma * of.coarser
-    prior = flat(len(centre)) if of.flat else known
+    prior = Prior.flat(len(centre)) if of.flat else known
     found, inside = [], []
     with threadpool_limits(1):
         for seed in seeds:
@@ -128,7 +128,14 @@ def ranks(A: Array, sigma: Array, centre: Array, case: int, seeds: list[int]) ->
             measured = simulate(A, k, s * sigma, rng)[0]
             fit = estimate(A, measured, sigma, names)
             posterior = sample_posterior(
-                A, measured, sigma, fit, rng, prior=prior, noise=of.noise, demand=DEMAND
+                A,
+                measured,
+                sigma,
+                fit,
+                rng,
+                prior=prior,
+                noise=of.noise,
+                options=SamplingOptions(DEMAND),
             )
             samples = np.concatenate([posterior.samples, posterior.noise], axis=-1)
             truth = np.append(k, [s] * len(posterior.noise_names))

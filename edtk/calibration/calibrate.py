@@ -16,12 +16,13 @@ from edtk.calibration.plan_bias import bias_in_test_pose
 from edtk.calibration.posterior_check import PosteriorCheck, check_posterior
 from edtk.calibration.study_prior import study_prior
 from edtk.design.plan import Plan
-from edtk.inference.huber import SigmaTooSmallError
-from edtk.inference.identify import Identification, NothingLeftError, identify
+from edtk.inference.fit_huber import SigmaTooSmallError
+from edtk.inference.identification import Identification
+from edtk.inference.identify import NothingLeftError, identify
 from edtk.inference.least_squares import Estimate, SingularPlanError
-from edtk.inference.mcmc import Demand
 from edtk.inference.measurements import Measurements
 from edtk.inference.prior import Flat
+from edtk.inference.run_chain import Demand
 from edtk.model.loads.fixed_load import FixedLoad
 from edtk.report.calibration_report import identification_page
 from edtk.study.study import Study

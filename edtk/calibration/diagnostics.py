@@ -10,7 +10,7 @@ from scipy.stats import chi2
 from edtk.calibration.input_errors import twins
 from edtk.calibration.match_plan import OTHER_LOAD, match_plan, resolution_of
 from edtk.design.plan import Plan
-from edtk.inference.identify import MAD_EFFICIENCY, Identification
+from edtk.inference.identification import Identification
 from edtk.inference.least_squares import Whitened
 from edtk.inference.measurements import Measurements
 from edtk.model.loads.fixed_load import FixedLoad
@@ -210,7 +210,7 @@ def _noise(fit: Identification) -> Iterator[Diagnostic]:
         text = "there are as many measured coordinates as parameters: no residual tells whether anything is wrong"
         yield Diagnostic(WARNING, text)
         return
-    n = MAD_EFFICIENCY * fit.dof if fit.robust else fit.dof
+    n = fit.scale_dof
     p = float(chi2.sf(fit.scale**2 * n, n))
     if p < UNLIKELY and fit.known:
         likely = f"p = {p:.1g}" if p > 0 else "p < 1e-300"

@@ -11,7 +11,7 @@ from scipy.stats import poisson
 
 from edtk.calibration.match_plan import match_plan, resolution_of
 from edtk.design.plan import Plan
-from edtk.inference.identify import Identification
+from edtk.inference.identification import Identification
 from edtk.inference.least_squares import SingularPlanError, Whitened
 from edtk.inference.measurements import Measurements
 from edtk.study.study import Study

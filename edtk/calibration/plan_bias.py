@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edtk.design.plan import Plan
-from edtk.inference.bias import Bias, linearisation_bias, marker_motion
+from edtk.inference.bias import Bias, linearisation_bias
+from edtk.inference.equilibrium_deflection import marker_motion
 from edtk.inference.least_squares import SingularPlanError, estimate
 from edtk.inference.measurements import Measurements
 from edtk.model.compensation_accuracy import compensation_accuracy

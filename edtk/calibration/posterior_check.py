@@ -13,9 +13,10 @@ from edtk.calibration.pose_error import PoseError, pose_error
 from edtk.calibration.study_prior import study_prior
 from edtk.design.plan import Plan
 from edtk.inference.least_squares import Estimate, estimate
-from edtk.inference.mcmc import Demand
 from edtk.inference.noise import Noise
-from edtk.inference.posterior import Posterior, sample_posterior
+from edtk.inference.posterior import Posterior
+from edtk.inference.run_chain import Demand
+from edtk.inference.sample_posterior import SamplingOptions, sample_posterior
 from edtk.inference.simulate import simulate
 from edtk.study.study import Study
 from edtk.system.presented import Presented
@@ -182,9 +183,7 @@ def check_posterior(
         rng,
         prior=prior,
         noise=noise,
-        demand=demand,
-        chain=chain,
-        progress=progress,
+        options=SamplingOptions(demand or Demand(), chain, progress),
     )
     std = np.sqrt(np.diag(identified.covariance))
     low, high = posterior.interval()

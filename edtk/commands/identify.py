@@ -56,6 +56,7 @@ def command(
     from edtk.calibration.calibrate import WRITTEN, calibrate
     from edtk.calibration.diagnostics import NOTE
     from edtk.calibration.inference_data import export
+    from edtk.inference.fit_huber import SigmaTooSmallError
     from edtk.study.study import load_study
 
     if sampling.given() and not bayes:
@@ -68,7 +69,12 @@ def command(
                 out / name, *loaded.reads, measurements, plan, sampling.chain, sampling.export
             )
     plan_study = None if plan is None else loaded.load_plan(plan)
-    found = calibrate(loaded, measurements, robust, not sigma_unknown, plan_study)
+    try:
+        found = calibrate(loaded, measurements, robust, not sigma_unknown, plan_study)
+    except UserError as error:
+        if isinstance(error.__cause__, SigmaTooSmallError):
+            raise UserError(f"{error}, or --sigma-unknown") from error
+        raise
     if bayes:
         with sampling.arguments(measurements, loaded.specification.seed) as arguments:
             found = found.sampled(**arguments)

@@ -71,8 +71,8 @@ class Sampling:
 
         from edtk.inference.chain_file import ChainFileError
         from edtk.inference.least_squares import SingularPlanError
-        from edtk.inference.mcmc import Demand, UnconvergedError
-        from edtk.inference.posterior import ImproperPosteriorError
+        from edtk.inference.run_chain import Demand, UnconvergedError
+        from edtk.inference.sample_posterior import ImproperPosteriorError
 
         default = Demand()
         demand = Demand(

@@ -1,1 +1,1 @@
-"""What the measurements say (the paper's Sections 2 and 3)."""
+"""From measurements to parameters: estimates, covariances and posterior distributions."""

@@ -1,90 +1,146 @@
-"""A chain on disk, in the layout of emcee's HDF backend, from which sampling goes on."""
+"""A chain on disk, in the layout of emcee's HDF backend, from which sampling is resumed."""
 
 from dataclasses import dataclass
+from enum import Enum
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-import emcee
 import numpy as np
 
 from edtk.system.atomic_file import atomic_path
 
-GROUP, PROBLEM, GOAL, ACCURACY = "mcmc", "edtk_problem", "edtk_goal", "edtk_accuracy"
+if TYPE_CHECKING:
+    import emcee
+
+GROUP = "mcmc"  # emcee's own default
+PROBLEM = "edtk_problem"
+GOAL = "edtk_goal"
+ACCURACY = "edtk_accuracy"
+
+
+class ChainFileFault(Enum):
+    """Why a chain cannot be resumed from a file."""
+
+    NO_LIBRARY = "keeping a chain needs the extra edtk[posterior], which is not installed"
+    NO_CHAIN = "not a chain of emcee's"
+    OTHER_PROBLEM = "the chain is of another study, plan, seed or prior; name another file"
 
 
 class ChainFileError(ValueError):
-    """A chain that cannot be read, or belongs to another problem; the message names the file."""
+    """A chain cannot be read, or belongs to another problem.
+
+    Attributes:
+        path: The file.
+        fault: What is wrong with it.
+    """
+
+    def __init__(self, path: Path, fault: ChainFileFault) -> None:
+        super().__init__(path, fault)
+        self.path = path
+        self.fault = fault
+
+    def __str__(self) -> str:
+        return f"{self.path}: {self.fault.value}"
+
+
+@dataclass(frozen=True, eq=False)
+class StoredChain:
+    """A chain as it was when it was last written.
+
+    Attributes:
+        backend: All steps, and the random state after the last one.
+        goal: Length at which it is next checked for convergence.
+    """
+
+    backend: "emcee.backends.Backend"
+    goal: int
 
 
 @dataclass(frozen=True)
 class ChainFile:
-    """Where a chain is kept; `emcee.backends.HDFBackend(path)` reads it too, in whitened coordinates.
+    """Where a chain is kept; `emcee.backends.HDFBackend(path)` reads it too, in whitened units.
 
-    emcee's own backend writes in place at every step, and a killed process leaves a file that nobody can read; here
-    the file is always whole, being replaced after some blocks of steps.
+    emcee's own backend writes in place at every step, and a process that is killed leaves a file
+    that nobody can read. This file is always whole: it is replaced after some blocks of steps.
 
     Attributes:
         path: The file.
-        problem: Digest of all that the chain depends on, its start included.
+        problem: Digest of everything that the chain depends on, its start included.
     """
 
     path: Path
     problem: str
 
-    def load(self, accuracy: float) -> tuple[emcee.backends.Backend, int] | None:
-        """The chain so far with its random state, and the length at which it is judged; None where there is no file.
+    def load(self, accuracy: float) -> StoredChain | None:
+        """Read the chain so far; None where the file does not exist.
 
         Args:
-            accuracy: What is asked now; where that is less than before, the chain is judged as it is.
+            accuracy: The accuracy asked for now. Where less is asked than before, the chain is
+                checked at its present length.
 
         Raises:
             ChainFileError: h5py is missing, the file is no chain, or one of another problem.
         """
         try:
-            import h5py  # type: ignore[import-untyped]
+            import h5py  # type: ignore[import-untyped]  # noqa: F401
         except ModuleNotFoundError:
-            raise ChainFileError(
-                f"{self.path}: keeping a chain needs the extra edtk[posterior], which is not installed"
-            ) from None
+            raise ChainFileError(self.path, ChainFileFault.NO_LIBRARY) from None
         if not self.path.exists():
             return None
-        stored = emcee.backends.HDFBackend(str(self.path), name=GROUP, read_only=True)
         try:
-            with h5py.File(self.path, "r") as file:
-                problem, goal = file[GROUP].attrs.get(PROBLEM), int(file[GROUP].attrs.get(GOAL, 0))
-                goal = goal if accuracy <= file[GROUP].attrs.get(ACCURACY, np.inf) else 0
-            backend = emcee.backends.Backend()
-            backend.reset(*stored.shape)
-            backend.chain, backend.log_prob = stored.get_chain(), stored.get_log_prob()
-            backend.accepted, backend.iteration = stored.accepted, int(stored.iteration)
-            backend.random_state = stored.random_state
+            problem, stored = self._read(accuracy)
         except (OSError, KeyError, AttributeError, ValueError) as error:
-            raise ChainFileError(f"{self.path}: not a chain of emcee's") from error
+            # A file that was cut off fails in as many ways as there are places to cut.
+            raise ChainFileError(self.path, ChainFileFault.NO_CHAIN) from error
         if problem != self.problem:
-            raise ChainFileError(
-                f"{self.path}: the chain is of another study, plan, seed or prior; name another file"
-            )
-        return backend, goal
+            raise ChainFileError(self.path, ChainFileFault.OTHER_PROBLEM)
+        return stored
 
-    def save(self, backend: emcee.backends.Backend, goal: int, accuracy: float) -> None:
-        """Write the chain, and the length at which it is judged for what accuracy, atomically.
+    def _read(self, accuracy: float) -> tuple[str, StoredChain]:
+        """The problem's digest and the chain, in memory."""
+        import emcee
+        import h5py
+
+        with h5py.File(self.path, "r") as file:
+            attributes = file[GROUP].attrs
+            problem = attributes.get(PROBLEM)
+            goal = int(attributes.get(GOAL, 0))
+            if accuracy > attributes.get(ACCURACY, np.inf):
+                goal = 0
+        stored = emcee.backends.HDFBackend(str(self.path), name=GROUP, read_only=True)
+        backend = emcee.backends.Backend()
+        backend.reset(*stored.shape)
+        backend.chain = stored.get_chain()
+        backend.log_prob = stored.get_log_prob()
+        backend.accepted = stored.accepted
+        backend.iteration = int(stored.iteration)
+        backend.random_state = stored.random_state
+        return problem, StoredChain(backend, goal)
+
+    def save(self, stored: StoredChain, accuracy: float) -> None:
+        """Write the chain atomically, with the accuracy that it is to reach.
 
         Raises:
             OSError: It cannot be written.
         """
-        n = backend.iteration
+        import emcee
+
+        backend = stored.backend
+        steps = backend.iteration
         with atomic_path(self.path) as temporary:
             temporary.unlink()  # HDF5 does not open an empty file
-            stored = emcee.backends.HDFBackend(str(temporary), name=GROUP)
-            stored.reset(*backend.shape)
-            stored.grow(n, None)
-            with stored.open("a") as file:
+            target = emcee.backends.HDFBackend(str(temporary), name=GROUP)
+            target.reset(*backend.shape)
+            target.grow(steps, None)
+            with target.open("a") as file:
                 group = file[GROUP]
-                group["chain"][...], group["log_prob"][...] = (
-                    backend.chain[:n],
-                    backend.log_prob[:n],
-                )
+                group["chain"][...] = backend.chain[:steps]
+                group["log_prob"][...] = backend.log_prob[:steps]
                 group["accepted"][...] = backend.accepted
-                group.attrs["iteration"], group.attrs[PROBLEM] = n, self.problem
-                group.attrs[GOAL], group.attrs[ACCURACY] = goal, accuracy
+                group.attrs["iteration"] = steps
+                group.attrs[PROBLEM] = self.problem
+                group.attrs[GOAL] = stored.goal
+                group.attrs[ACCURACY] = accuracy
                 for i, element in enumerate(backend.random_state):
+                    # Of the Mersenne Twister's state, element 1 is the array; the rest are numbers.
                     group.attrs[f"random_state_{i}"] = np.asarray(element) if i == 1 else element

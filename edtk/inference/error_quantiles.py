@@ -1,34 +1,44 @@
-"""How large the error |A dk| of a compensation may be: quantiles of weighted sums of chi-squares."""
+"""How large the error |A dk| of a compensation may be."""
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cache
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import brentq
-from scipy.stats import chi2, f, norm
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
-NODES = 24  # the quadrature's error is of the order 3.9^-NODES, and its rounding some 60 times that of a double
+from edtk.system.typing import Array
+
+# Nodes of the quadrature along Talbot's contour. Its error is of the order 3.9^-NODES, and its
+# rounding some 60 times that of a double: more nodes would only add rounding.
+NODES = 24
+
+# Nodes of the quadrature over an estimated noise, by its degrees of freedom.
+SMOOTH_DOF = 3
+LEGENDRE_NODES = 256
+HERMITE_NODES = 48
 
 
 def weighted_chi_square_cdf(x: ArrayLike, weights: ArrayLike) -> Array:
-    """``P(sum_i l_i z_i^2 <= x)`` of independent standard normal z, for x > 0 and weights l >= 0, not all zero.
+    """Probability ``P(sum_i l_i z_i^2 <= x)`` with independent standard normal z.
 
-    The Laplace transform of the distribution function is ``prod_i (1 + 2 l_i s)^(-1/2) / s``. Its singularities all
-    lie on the negative real axis and in 0, so that Talbot's contour around them inverts it with geometric convergence,
-    whatever the weights; the contour is that of Trefethen, Weideman and Schmelzer, BIT 46 (2006) 653, Eq. (3.2).
+    The Laplace transform of the distribution function is ``prod_i (1 + 2 l_i s)^(-1/2) / s``. Its
+    singularities all lie on the negative real axis and in 0, so that Talbot's contour around them
+    inverts it with geometric convergence, whatever the weights; the contour is that of Trefethen,
+    Weideman and Schmelzer, BIT 46 (2006) 653, Eq. (3.2).
 
     Args:
-        x: Where to evaluate (...,).
-        weights: The weights (..., r).
+        x: Where to evaluate (...,), above zero.
+        weights: The weights l (..., r), not negative and not all zero.
 
     Returns:
         Probabilities (...).
     """
-    x, weights = np.asarray(x, dtype=float), np.asarray(weights, dtype=float)
-    angle = (
-        (2 * np.arange(NODES // 2) + 1) * np.pi / NODES
-    )  # the other half is the complex conjugate
+    x = np.asarray(x, dtype=float)
+    weights = np.asarray(weights, dtype=float)
+    # Half of the contour: the other half is its complex conjugate.
+    angle = (2 * np.arange(NODES // 2) + 1) * np.pi / NODES
     c = 0.6407 * angle
     z = NODES * (-0.6122 + 0.5017 * angle / np.tan(c) + 0.2645j * angle)
     dz = NODES * (0.5017 / np.tan(c) - 0.5017 * c / np.sin(c) ** 2 + 0.2645j)
@@ -40,9 +50,10 @@ def weighted_chi_square_cdf(x: ArrayLike, weights: ArrayLike) -> Array:
 def error_quantiles(A: Array, cov: Array, levels: ArrayLike, dof: float = np.inf) -> Array:
     """Quantiles of ``|A dk|`` for errors dk with that covariance.
 
-    ``|A dk|^2 = sum_i l_i z_i^2 / s`` with the eigenvalues l of ``A cov A'``, where s is one for normal dk, and
-    chi-square over its degrees of freedom, independent of z, for Student's t. The quantile lies between those of
-    ``l_1 z_1^2 / s`` and of ``l_1 (z_1^2 + ... + z_r^2) / s``, l_1 being the largest, where Brent's method finds it.
+    ``|A dk|^2 = sum_i l_i z_i^2 / s`` with the eigenvalues l of ``A cov A'``, where s is one for
+    normal dk, and chi-square over its degrees of freedom, independent of z, for Student's t. The
+    quantile lies between those of ``l_1 z_1^2 / s`` and of ``l_1 (z_1^2 + ... + z_r^2) / s``, l_1
+    being the largest, where Brent's method finds it.
 
     Args:
         A: Regressors (..., rows, p) of the task poses [m/(rad/(N m))].
@@ -56,45 +67,77 @@ def error_quantiles(A: Array, cov: Array, levels: ArrayLike, dof: float = np.inf
     levels = np.asarray(levels, dtype=float)
     spectrum = np.maximum(np.linalg.eigvalsh(A @ cov @ np.swapaxes(A, -1, -2)), 0.0)
     found = np.zeros((*spectrum.shape[:-1], len(levels)))
-    mixed = np.ones(1), np.ones(1)
-    if np.isfinite(dof):
-        mixed = _estimated(dof)
+    scatter = _Scatter(dof, *_estimated(dof))
     for i in np.ndindex(*spectrum.shape[:-1]):
         largest = spectrum[i].max()
         if largest > 0:
-            found[i] = [
-                np.sqrt(largest * _quantile(spectrum[i] / largest, level, dof, *mixed))
-                for level in levels
-            ]
+            weights = spectrum[i] / largest
+            found[i] = [np.sqrt(largest * _quantile(weights, level, scatter)) for level in levels]
     return found
+
+
+@dataclass(frozen=True, eq=False)
+class _Scatter:
+    """The noise over its estimate, squared: s of the docstring above.
+
+    Attributes:
+        dof: Degrees of freedom of the estimate; inf where the noise is known.
+        scales: Values (n,) of s.
+        shares: Their probabilities (n,).
+    """
+
+    dof: float
+    scales: Array
+    shares: Array
+
+    def law(self) -> Callable[[float, int], Any]:
+        """Quantiles of ``(z_1^2 + ... + z_n^2) / s``, by probability and n."""
+        from scipy.stats import chi2, f
+
+        if np.isinf(self.dof):
+            return chi2.ppf
+
+        def of_estimate(level: float, n: int) -> Any:
+            return n * f.ppf(level, n, self.dof)
+
+        return of_estimate
 
 
 @cache
 def _estimated(dof: float) -> tuple[Array, Array]:
     """Nodes (n,) and probabilities (n,) of chi-square over its degrees of freedom.
 
-    As a function of the normal variable of the same rank it is smooth, which Gauss' and Hermite's rule wants. With
-    fewer than three degrees its tails are too heavy for that; the rule is Gauss' and Legendre's over the probability.
+    As a function of the normal variable of the same rank it is smooth, as Gauss-Hermite quadrature
+    wants it. With fewer than three degrees its tails are too heavy for that; then the rule is that
+    of Gauss and Legendre over the probability.
     """
-    if dof < 3:
-        z, share = np.polynomial.legendre.leggauss(256)
+    if np.isinf(dof):
+        return np.ones(1), np.ones(1)
+    from scipy.stats import chi2, norm
+
+    if dof < SMOOTH_DOF:
+        z, share = np.polynomial.legendre.leggauss(LEGENDRE_NODES)
         return chi2.ppf((1 + z) / 2, dof) / dof, share / 2
-    z, share = np.polynomial.hermite_e.hermegauss(48)
-    return np.where(
-        z < 0, chi2.ppf(norm.cdf(z), dof), chi2.isf(norm.sf(z), dof)
-    ) / dof, share / share.sum()
+    z, share = np.polynomial.hermite_e.hermegauss(HERMITE_NODES)
+    # Each half by its own tail: probabilities near one have no digits left.
+    quantiles = np.where(z < 0, chi2.ppf(norm.cdf(z), dof), chi2.isf(norm.sf(z), dof))
+    return quantiles / dof, share / share.sum()
 
 
-def _quantile(weights: Array, level: float, dof: float, scales: Array, shares: Array) -> float:
-    """The quantile for weights whose largest is one, s being one of some scales with such probabilities."""
-    r = len(weights)
-    law = chi2.ppf if np.isinf(dof) else lambda level, n: n * f.ppf(level, n, dof)
-    low, high = law(level, 1), law(level, r)
+def _quantile(weights: Array, level: float, scatter: _Scatter) -> float:
+    """The quantile of ``sum_i l_i z_i^2 / s`` for weights l (r,) whose largest is one."""
+    from scipy.optimize import brentq
+
+    law = scatter.law()
+    low = law(level, 1)
+    high = law(level, len(weights))
 
     def excess(x: float) -> float:
-        return float(shares @ weighted_chi_square_cdf(x * scales, weights)) - level
+        probabilities = weighted_chi_square_cdf(x * scatter.scales, weights)
+        return float(scatter.shares @ probabilities) - level
 
-    # With but one weight that counts, the quantile is an end of the bracket, which rounding may exclude.
+    # With a single weight that counts the quantile is an end of the bracket, which rounding may
+    # exclude.
     if excess(low) >= 0:
         return float(low)
     if excess(high) <= 0:

@@ -1,18 +1,37 @@
-"""Least-squares estimate of the compliances and its covariance."""
+"""The linear least-squares fit that everything in this room starts from, and its covariance."""
 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from criteria.linalg.inverse import guarded_inverse
-from criteria.linalg.null_space import null_space, open_directions
-
-Array = NDArray[np.float64]
+from edtk.system.typing import Array
 
 
 class SingularPlanError(ValueError):
-    """The plan cannot identify all parameters; the message names those that it leaves open."""
+    """A plan cannot identify all parameters.
+
+    Attributes:
+        parameters: Names of the parameters that the plan cannot tell apart or does not excite.
+        directions: Combinations of several parameters, like "k2 - 0.5 k3", about which the plan
+            says nothing; single parameters are not repeated here.
+    """
+
+    def __init__(self, parameters: tuple[str, ...], directions: tuple[str, ...] = ()) -> None:
+        super().__init__(parameters, directions)
+        self.parameters = parameters
+        self.directions = directions
+
+    def __str__(self) -> str:
+        text = (
+            f"the plan cannot identify all parameters: {', '.join(self.parameters)} "
+            "cannot be told from its measurements"
+        )
+        if self.directions:
+            combined = " and ".join(f"({direction})" for direction in self.directions)
+            text += f"; nothing is known along {combined}"
+        return text
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,62 +41,72 @@ class Estimate:
     Attributes:
         k: Estimates (..., p) [rad/(N m)].
         covariance: Their covariance (p, p), Eq. (13).
+        parameters: Names (p,); empty where nobody gave names.
     """
 
     k: Array
     covariance: Array
+    parameters: tuple[str, ...] = ()
 
 
 def unidentified(M: Array, parameters: tuple[str, ...]) -> tuple[str, ...]:
-    """Names of the parameters that take part in a direction which the information M (p, p) does not excite."""
+    """Names of the parameters that take part in a direction which M (p, p) does not excite."""
+    # SciPy's linear algebra takes long to import; only an error needs it.
+    from criteria.linalg.null_space import null_space
+
     involved = np.any(null_space(M)[0] != 0, axis=1).tolist()
     return tuple(name for name, yes in zip(parameters, involved, strict=True) if yes)
 
 
 def covariance(M: Array, parameters: tuple[str, ...]) -> Array:
-    """Eq. (13): ``cov(k) = (sum A_i' A_i / sigma^2)^-1`` (p, p).
+    """Covariance of the estimates, Eq. (13): ``cov(k) = (sum A_i' A_i / sigma^2)^-1`` (p, p).
 
     Args:
         M: Information matrix (p, p).
-        parameters: Names (p,), for the error message.
+        parameters: Names (p,), for the error.
 
     Raises:
-        SingularPlanError: M is singular; names the parameters concerned, and the directions where they are several.
+        SingularPlanError: M is singular.
     """
-    _, cov, regular = guarded_inverse(M)
+    _, inverse, regular = guarded_inverse(M)
     if not regular:
-        names = ", ".join(unidentified(M, parameters)) or ", ".join(parameters)
-        directions = [d for d in open_directions(M, parameters) if d not in parameters]
-        along = (
-            f"; nothing is known along {' and '.join(f'({d})' for d in directions)}"
-            if directions
-            else ""
-        )
-        raise SingularPlanError(
-            f"the plan cannot identify all parameters: {names} cannot be told from its measurements{along}"
-        )
-    return cov
+        raise _singular(M, parameters)
+    return inverse
+
+
+def _singular(M: Array, parameters: tuple[str, ...]) -> SingularPlanError:
+    """The error that names what a singular M (p, p) leaves open."""
+    from criteria.linalg.null_space import open_directions
+
+    # An M that is singular by a hair may have a null space that is empty to rounding: name all.
+    named = unidentified(M, parameters) or parameters
+    directions = open_directions(M, parameters)
+    return SingularPlanError(named, tuple(d for d in directions if d not in parameters))
 
 
 def estimate(A: Array, measured: Array, sigma: ArrayLike, parameters: tuple[str, ...]) -> Estimate:
-    """Eq. (6), (9): ``k = (sum A_i'A_i)^-1 sum A_i' dp_i``, rows weighted by 1/sigma^2; solved by QR.
+    """Fit compliances to deflections by weighted least squares, solved by QR.
+
+    Eq. (6) and (9): ``k = (sum A_i'A_i)^-1 sum A_i' dp_i``, rows weighted by 1/sigma^2.
 
     Args:
-        A: Regressors (m, rows, p).
-        measured: Deflections (..., m, rows) [m, rad].
-        sigma: Noise, one number, one per row (rows,) or one per measurement and row (m, rows).
-        parameters: Names (p,), for the error message.
+        A: Regressors (m, rows, p) [m/(rad/(N m))].
+        measured: Deflections dp (..., m, rows) [m, rad].
+        sigma: Noise, one number, one a row (rows,) or one a measurement and row (m, rows) [m, rad].
+        parameters: Names (p,).
 
     Raises:
         SingularPlanError: The regressors do not identify all parameters.
     """
     whitened = Whitened.of(A, sigma, parameters)
-    return Estimate(whitened.solve(measured), whitened.covariance)
+    return Estimate(whitened.solve(measured), whitened.covariance, parameters)
 
 
 @dataclass(frozen=True, eq=False)
 class Whitened:
-    """Regressors in units of the noise, factored once: ``A / sigma = Q R diag(scale)`` with ``Q'Q = I``.
+    """Regressors in units of the noise, factored once for any number of fits.
+
+    ``A / sigma = Q R diag(scale)`` with ``Q'Q = I``.
 
     Attributes:
         Q: Orthonormal columns (m, rows, p).
@@ -102,14 +131,17 @@ class Whitened:
         """
         weight = 1.0 / np.broadcast_to(np.asarray(sigma, dtype=float), A.shape[:2])
         stacked = (A * weight[..., None]).reshape(-1, A.shape[-1])
-        covariance(stacked.T @ stacked, parameters)  # refuses what is singular
+        # Called for its error alone: the inverse below comes from the rows, by QR, which does not
+        # square the condition number as stacked' stacked does.
+        covariance(stacked.T @ stacked, parameters)
+        # Columns differ by powers of ten where joints differ in their lever arms.
         scale = np.linalg.norm(stacked, axis=0)
         Q, R = np.linalg.qr(stacked / scale)
         inverse = np.linalg.inv(R) / scale[:, None]
         return cls(Q.reshape(A.shape), R, scale, weight, inverse @ inverse.T)
 
     def project(self, measured: Array) -> Array:
-        """``Q' (dp / sigma)`` (..., p): all that deflections (..., m, rows) say about the parameters."""
+        """``Q' (dp / sigma)`` (..., p): all that deflections (..., m, rows) say of parameters."""
         y = (measured * self.weight).reshape(*measured.shape[:-2], -1)
         return y @ self.Q.reshape(-1, len(self.scale))
 

@@ -5,12 +5,11 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
-from numpy.typing import NDArray
 
 from edtk.model.elastostatic_model import ElastostaticModel
 from edtk.model.frames import cross
 from edtk.model.robot import Robot
+from edtk.system.typing import Array, Indices
 from edtk.tables.pose_table import PoseTable
 from edtk.tables.sheet_columns import (
     DEFLECTION_COLUMNS,
@@ -18,11 +17,20 @@ from edtk.tables.sheet_columns import (
     MARKER_COLUMNS,
     ROTATION_COLUMNS,
     SHEET_COLUMNS,
+    SIGMA_COLUMN,
     UNLOADED_COLUMNS,
 )
 
-Array = NDArray[np.float64]
-LEAST_MM = 1e-9  # standard deviation that can be meant
+# A standard deviation that anybody can mean; the square of a smaller one underflows.
+LEAST_SIGMA_MM = 1e-9
+
+# A marker that moves by more than this share of the robot's reach was not moved by its load.
+FAR = 0.1
+
+# Halfway, on a logarithmic scale, between positions in millimetres (1e3 times the reach in metres)
+# and in micrometres (1e6 times). Larger ones have the wrong unit, which later checks name better
+# than as swapped columns.
+MICROMETRES = 3e4
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +40,8 @@ class Measurements:
     Attributes:
         q: Joint variables (m, n) [rad or m].
         wrench: Forces and torques (m, 6) at the tool point [N, N m].
-        deflection: Measured displacement of the marker, and rotation where it is measured (m, rows) [m, rad].
+        deflection: Measured displacement of the marker, and rotation where it is measured (m, rows)
+            [m, rad].
         sigma: Standard deviation of the noise (m, rows) [m, rad].
         marker: Offset (m, 3) of the marker from the tool point, in the tool frame [m].
     """
@@ -46,32 +55,33 @@ class Measurements:
     def __len__(self) -> int:
         return len(self.q)
 
-    def __getitem__(self, rows: NDArray[np.int_] | slice) -> "Measurements":
-        """Some of them."""
+    def __getitem__(self, rows: Indices | slice) -> "Measurements":
+        """Some of the measurements."""
         return Measurements(*(getattr(self, f.name)[rows] for f in fields(self)))
 
     @cached_property
-    def pose(self) -> NDArray[np.int_]:
+    def pose(self) -> Indices:
         """Number (m,) of each row's pose and load, counted from 0 in order of appearance."""
         return row_numbers(self.q, self.wrench)
 
     def regressor(self, model: ElastostaticModel) -> Array:
-        """Regressors (m, rows, p) of what was measured.
+        """Regressors (m, rows, p) of what was measured [m/(rad/(N m))].
 
-        The load acts at the tool point and turns joint j by ``k_j J_tool,j' W``, which moves the tool by
-        ``J_tool,j`` times that: by d and about r. A marker at offset o moves by ``d + r x o``, so that its column is
-        ``J_marker,j (J_tool,j' W)``.
+        The load acts at the tool point and turns joint j by ``k_j J_tool,j' W``, which moves the
+        tool by ``J_tool,j`` times that: by d and about r. A marker at offset o moves by
+        ``d + r x o``, so that its column is ``J_marker,j (J_tool,j' W)``.
         """
         if not self.marker.any():
             return model.regressor(self.q, self.wrench)
         frames = model.robot.frames(self.q)
-        A = ElastostaticModel(model.robot, model.unknown, "pose").regressor_of(
-            frames, self.wrench
-        )  # (p, 6, m)
+        whole = ElastostaticModel(model.robot, model.unknown, "pose")
+        A = whole.regressor_of(frames, self.wrench)  # (p, 6, m)
+        linear = A[:, :3]
+        angular = A[:, 3:]
         offset = (frames.rotation * self.marker.T[:, None]).sum(axis=0)
-        linear, angular = A[:, :3], A[:, 3:]
         moved = linear + cross(angular, offset[None])
-        # A marker on the joint's axis does not move: what is left is rounding, and would pass as information.
+        # A marker on the joint's axis does not move: what remains is rounding, and would pass as
+        # information.
         size = model.robot.reach + np.linalg.norm(self.marker, axis=1)
         lost = 64 * np.finfo(float).eps * size * np.abs(angular).sum(axis=1, keepdims=True)
         moved = np.where(np.abs(moved) <= lost, 0.0, moved)
@@ -90,97 +100,134 @@ class Measurements:
     ) -> "Measurements":
         """Read a measurement file.
 
-        Columns: those of the joints; wrenches; ``dx_mm dy_mm dz_mm``, or the marker's unloaded position
-        ``x0_mm y0_mm z0_mm`` and its loaded one ``x_mm y_mm z_mm``, in the world frame; ``drx_deg dry_deg drz_deg``
-        where rotations are measured (a small rotation vector in the world frame); optionally ``sigma_mm`` and
-        ``marker_x_mm marker_y_mm marker_z_mm``.
+        Columns: those of the joints; wrenches; ``dx_mm dy_mm dz_mm``, or the marker's unloaded
+        position ``x0_mm y0_mm z0_mm`` and its loaded one ``x_mm y_mm z_mm``, in the world frame;
+        ``drx_deg dry_deg drz_deg`` where rotations are measured (a small rotation vector in the
+        world frame); optionally ``sigma_mm`` and ``marker_x_mm marker_y_mm marker_z_mm``.
 
         Args:
             path: The CSV file; rows are counted from 1, the header left out.
             robot: Names the columns.
             fixed: Values [rad or m] of joints, by index, that the file may leave out.
             wrench: Default wrench (6,); None where the file must say which forces are applied.
-            sigma: Noise (rows,) of each measured row [m, rad], of the difference where positions are given; the first
-                three are overridden by ``sigma_mm``.
+            sigma: Noise (rows,) of each measured row [m, rad], of the difference where positions
+                are given; the first three are overridden by ``sigma_mm``.
 
         Raises:
             PoseFileError: Names the file and the row or column.
         """
         table = PoseTable.read(path, "measurement file")
         table.require_known(robot, SHEET_COLUMNS)
-        q, W = table.poses(robot, fixed), table.wrenches(wrench)
-        if len(rows := np.flatnonzero(~W.any(axis=1))):
-            raise table.error(
-                f"row {rows[0] + 1}, columns Fx_N to Tz_Nm: the wrench is zero; expected the load applied"
-            )
-        deflection = _position(table)
-        far = np.flatnonzero(np.abs(deflection).max(axis=1) > 0.1 * robot.reach)
-        if (
-            len(far)
-            and LOADED_COLUMNS[0] in table
-            and np.abs(_vector(table, LOADED_COLUMNS)).max() < 3e4 * robot.reach
-        ):
-            raise table.error(
-                f"row {far[0] + 1}, columns {', '.join((*UNLOADED_COLUMNS, *LOADED_COLUMNS))}: the marker moved by "
-                f"{1e3 * np.linalg.norm(deflection[far[0]]):.4g} mm under load; are columns swapped? expected "
-                "positions without and with load, in the same frame"
-            )
-        if not deflection.any():
-            raise table.error(
-                "all measured displacements are zero; expected those that the load made"
-            )
-        turned = [c for c in ROTATION_COLUMNS if c in table]
-        if len(sigma) == 6:
-            deflection = np.hstack([deflection, np.deg2rad(_vector(table, ROTATION_COLUMNS))])
-        elif turned:
-            raise table.error(
-                f"column {turned[0]!r}: the study measures positions only (measurement.rows)"
-            )
-        noise = np.tile(sigma, (len(table), 1))
-        if "sigma_mm" in table:
-            noise[:, :3] = _positive(table, "sigma_mm")[:, None] / 1e3
-        marked = any(c in table for c in MARKER_COLUMNS)
-        marker = _vector(table, MARKER_COLUMNS) / 1e3 if marked else np.zeros((len(table), 3))
-        return cls(q, W, deflection, noise, marker)
+        return cls(
+            q=table.poses(robot, fixed),
+            wrench=_wrenches(table, wrench),
+            deflection=_deflection(table, robot.reach, rotations=len(sigma) == 6),
+            sigma=_noise(table, sigma),
+            marker=_markers(table),
+        )
 
 
-def row_numbers(*columns: Array) -> NDArray[np.int_]:
+def row_numbers(*columns: Array) -> Indices:
     """Numbers (m,) of rows, the same for equal ones, counted from 0 in order of appearance."""
+    import pandas as pd
+
+    # Adding zero makes -0.0 equal to 0.0, whose bytes differ.
     keys = pd.util.hash_pandas_object(pd.DataFrame(np.hstack(columns) + 0.0), index=False)
     return np.asarray(pd.factorize(keys)[0])
 
 
-def _vector(table: PoseTable, columns: tuple[str, ...]) -> Array:
-    """Three columns (m, 3), none of which may be missing."""
-    missing = [c for c in columns if c not in table]
-    if missing:
-        raise table.error(f"column {missing[0]!r} is missing; expected {', '.join(columns)}")
-    return np.stack([table.numbers(c) for c in columns], axis=-1)
+def _wrenches(table: PoseTable, default: Array | None) -> Array:
+    """Forces and torques (m, 6) [N, N m], none of them zero."""
+    wrenches = table.wrenches(default)
+    unloaded = np.flatnonzero(~wrenches.any(axis=1))
+    if len(unloaded):
+        raise table.error(
+            f"row {unloaded[0] + 1}, columns Fx_N to Tz_Nm: the wrench is zero; "
+            "expected the load applied"
+        )
+    return wrenches
 
 
-def _position(table: PoseTable) -> Array:
+def _deflection(table: PoseTable, reach: float, rotations: bool) -> Array:
+    """Displacements (m, 3) [m], or with rotations (m, 6) [m, rad]."""
+    displacement = _displacement(table)
+    _require_near(table, displacement, reach)
+    if not displacement.any():
+        raise table.error("all measured displacements are zero; expected those that the load made")
+    if rotations:
+        turned = np.deg2rad(_vector(table, ROTATION_COLUMNS))
+        return np.hstack([displacement, turned])
+    given = [column for column in ROTATION_COLUMNS if column in table]
+    if given:
+        raise table.error(
+            f"column {given[0]!r}: the study measures positions only (measurement.rows)"
+        )
+    return displacement
+
+
+def _displacement(table: PoseTable) -> Array:
     """Displacements (m, 3) [m], measured as such or as the difference of two positions."""
-    given = [c for c in DEFLECTION_COLUMNS if c in table]
-    positions = [c for c in (*UNLOADED_COLUMNS, *LOADED_COLUMNS) if c in table]
+    position_columns = (*UNLOADED_COLUMNS, *LOADED_COLUMNS)
+    given = [column for column in DEFLECTION_COLUMNS if column in table]
+    positions = [column for column in position_columns if column in table]
     if given and positions:
         raise table.error(
-            f"columns {given[0]!r} and {positions[0]!r}: expected displacements or positions, not both"
+            f"columns {given[0]!r} and {positions[0]!r}: "
+            "expected displacements or positions, not both"
         )
     if positions:
         return (_vector(table, LOADED_COLUMNS) - _vector(table, UNLOADED_COLUMNS)) / 1e3
     if not given:
         raise table.error(
-            f"column {DEFLECTION_COLUMNS[0]!r} is missing; expected {', '.join(DEFLECTION_COLUMNS)}, "
-            f"or {', '.join((*UNLOADED_COLUMNS, *LOADED_COLUMNS))}"
+            f"column {DEFLECTION_COLUMNS[0]!r} is missing; "
+            f"expected {', '.join(DEFLECTION_COLUMNS)}, or {', '.join(position_columns)}"
         )
     return _vector(table, DEFLECTION_COLUMNS) / 1e3
 
 
-def _positive(table: PoseTable, column: str) -> Array:
-    """One column of positive numbers."""
-    values = table.numbers(column)
-    if len(rows := np.flatnonzero(values < LEAST_MM)):
-        raise table.error(
-            f"row {rows[0] + 1}, column {column}: {values[rows[0]]:g} is not a positive number of at least {LEAST_MM:g}"
-        )
-    return values
+def _require_near(table: PoseTable, displacement: Array, reach: float) -> None:
+    """Refuse positions whose difference no load can make: columns were swapped, or frames mixed.
+
+    Displacements that were measured as such are left to the diagnostics, which know units.
+    """
+    far = np.flatnonzero(np.abs(displacement).max(axis=1) > FAR * reach)
+    if not len(far) or LOADED_COLUMNS[0] not in table:
+        return
+    if np.abs(_vector(table, LOADED_COLUMNS)).max() >= MICROMETRES * reach:
+        return
+    columns = ", ".join((*UNLOADED_COLUMNS, *LOADED_COLUMNS))
+    moved_mm = 1e3 * np.linalg.norm(displacement[far[0]])
+    raise table.error(
+        f"row {far[0] + 1}, columns {columns}: the marker moved by {moved_mm:.4g} mm under load; "
+        "are columns swapped? expected positions without and with load, in the same frame"
+    )
+
+
+def _noise(table: PoseTable, sigma: Array) -> Array:
+    """Standard deviations (m, rows) [m, rad]: the study's, or the file's where it has some."""
+    noise = np.tile(sigma, (len(table), 1))
+    if SIGMA_COLUMN in table:
+        values = table.numbers(SIGMA_COLUMN)
+        bad = np.flatnonzero(values < LEAST_SIGMA_MM)
+        if len(bad):
+            raise table.error(
+                f"row {bad[0] + 1}, column {SIGMA_COLUMN}: {values[bad[0]]:g} is not a positive "
+                f"number of at least {LEAST_SIGMA_MM:g}"
+            )
+        noise[:, :3] = values[:, None] / 1e3
+    return noise
+
+
+def _markers(table: PoseTable) -> Array:
+    """Offsets (m, 3) of the markers [m]; zero where the file says nothing of markers."""
+    if any(column in table for column in MARKER_COLUMNS):
+        return _vector(table, MARKER_COLUMNS) / 1e3
+    return np.zeros((len(table), 3))
+
+
+def _vector(table: PoseTable, columns: tuple[str, ...]) -> Array:
+    """Three columns (m, 3), none of which may be missing."""
+    missing = [column for column in columns if column not in table]
+    if missing:
+        raise table.error(f"column {missing[0]!r} is missing; expected {', '.join(columns)}")
+    return np.stack([table.numbers(column) for column in columns], axis=-1)

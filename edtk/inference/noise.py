@@ -4,28 +4,38 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.special import gammaln
 
-Array = NDArray[np.float64]
+from edtk.system.typing import Array
 
+# Words for degrees of freedom, as a study and the command line spell them.
 NU_IN_WORDS = {"normal": math.inf, "sampled": None}
-NU_SHAPE, NU_RATE = (
-    2.0,
-    0.1,
-)  # gamma prior of Juarez and Steel (2010): mean 20, little mass near normal noise
+
+# Gamma prior of the degrees of freedom of Student's t, of Juarez and Steel (2010): its mean is 20,
+# and little of its mass is near normal errors, which nu could not be told from anyway.
+NU_SHAPE = 2.0
+NU_RATE = 0.1
+
+# Where walkers start: log nu about the logarithm of ten. Within two of these standard deviations
+# nu is 3.7 to 27, from heavy tails to nearly normal errors.
+NU_START = 10.0
+NU_START_WIDTH = 0.5
+
+# s^2 of a fit without residuals: its logarithm must be finite.
+LEAST_SPREAD = 1e-12
 
 
 @dataclass(frozen=True)
 class Noise:
     """Independent errors ``s sigma_row t`` with t standard normal or Student-t.
 
-    What is unknown of the noise is sampled as further parameters, both as logarithms: log s, then log nu.
+    What is unknown of the noise is sampled along with the compliances, as logarithms: first log s,
+    then log nu.
 
     Attributes:
-        sigma_factor: How well sigma is known: 1 for exactly (s = 1), inf for not at all (Jeffreys' prior 1/s), a
-            number f between for log s normal with standard deviation log f.
-        nu: Degrees of freedom of Student's t, inf for normal errors; None to sample it, gamma(2, 0.1) a priori.
+        sigma_factor: How well sigma is known: 1 for exactly (s = 1), inf for not at all (Jeffreys'
+            prior 1/s), a number f between for log s normal with standard deviation log f.
+        nu: Degrees of freedom of Student's t, inf for normal errors; None to sample it,
+            gamma(2, 0.1) a priori.
     """
 
     sigma_factor: float = 1.0
@@ -33,7 +43,7 @@ class Noise:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the further parameters, without the logarithm."""
+        """Names of what is sampled of the noise, without the logarithm."""
         return ("sigma_ratio",) * (self.sigma_factor > 1) + ("nu",) * (self.nu is None)
 
     def log_prior(self, extra: Array) -> Array:
@@ -42,6 +52,7 @@ class Noise:
         if 1 < self.sigma_factor < math.inf:
             total = total - 0.5 * (extra[..., 0] / math.log(self.sigma_factor)) ** 2
         if self.nu is None:
+            # The density of log nu is that of nu, times nu.
             total = total + NU_SHAPE * extra[..., -1] - NU_RATE * np.exp(extra[..., -1])
         return total
 
@@ -66,13 +77,15 @@ class Noise:
         if self.normal:
             total = np.einsum("...i,...i->...", residuals, residuals) + squares
             return -N * log_s - 0.5 * np.exp(-2 * log_s) * total
+        from scipy.special import gammaln
+
         nu = np.exp(extra[..., -1]) if self.nu is None else np.full(log_s.shape, self.nu)
         norm = gammaln((nu + 1) / 2) - gammaln(nu / 2) - 0.5 * np.log(nu)
         tails = np.log1p(residuals**2 * (np.exp(-2 * log_s) / nu)[..., None]).sum(axis=-1)
         return N * (norm - log_s) - 0.5 * (nu + 1) * tails
 
     def start(self, squares: float, freedom: int, rng: np.random.Generator, n: int) -> Array:
-        """Where n walkers start (n, e): log s about the residuals' size, log nu about ten.
+        """Draw where n walkers start (n, e): log s about the residuals' size, log nu about ten.
 
         Args:
             squares: Sum of the squared residuals of the least-squares fit, in units of sigma.
@@ -80,15 +93,19 @@ class Noise:
             rng: Source of randomness.
             n: Number of walkers.
         """
-        centres, widths = [], []
+        centres: list[float] = []
+        widths: list[float] = []
         if self.sigma_factor > 1:
             centres.append(0.5 * math.log(self.spread(squares, freedom)))
+            # Standard deviation of log s given so many squares, or of its prior where that is less.
             widths.append(min(1 / math.sqrt(2 * max(freedom, 1)), math.log(self.sigma_factor)))
         if self.nu is None:
-            centres.append(math.log(10.0))
-            widths.append(0.5)
+            centres.append(math.log(NU_START))
+            widths.append(NU_START_WIDTH)
         return np.array(centres) + np.array(widths) * rng.standard_normal((n, len(centres)))
 
     def spread(self, squares: float, freedom: int) -> float:
         """A first guess of s^2, from the sum of squared residuals in units of sigma."""
-        return max(squares / max(freedom, 1), 1e-12) if self.sigma_factor == math.inf else 1.0
+        if self.sigma_factor < math.inf:
+            return 1.0
+        return max(squares / max(freedom, 1), LEAST_SPREAD)

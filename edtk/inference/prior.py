@@ -3,21 +3,24 @@
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from edtk.system.typing import Array
+
+# Draws from an earlier calibration that are not positive are thrown away and drawn again. After so
+# many rounds nearly all of its mass is where no compliance can be, which is worth an error.
+MOST_ROUNDS = 1000
 
 
 @dataclass(frozen=True)
 class Flat:
-    """Density 1: nothing is known."""
+    """Nothing is known of a compliance: density 1."""
 
     def log_density(self, k: Array) -> Array:
-        """Zero (...), for k (...)."""
+        """Logarithm (...) of the density for k (...): zero."""
         return np.zeros_like(k)
 
     def gaussian(self) -> tuple[float, float]:
-        """Mean and precision of a Gaussian near it."""
+        """Mean and precision of a Gaussian near it: no precision at all."""
         return 0.0, 0.0
 
     def draw(self, rng: np.random.Generator, n: int) -> Array:
@@ -31,12 +34,16 @@ class Flat:
 
 @dataclass(frozen=True)
 class HalfNormal:
-    """Density ``exp(-k^2 / 2 scale^2)`` for k > 0; scale in rad/(N m)."""
+    """A compliance is hardly larger than a scale: density ``exp(-k^2 / 2 scale^2)`` for k > 0.
+
+    Attributes:
+        scale: Standard deviation of the normal distribution that is cut in half [rad/(N m)].
+    """
 
     scale: float
 
     def log_density(self, k: Array) -> Array:
-        """Logarithm (...) up to a constant, for k (...)."""
+        """Logarithm (...) of the density up to a constant, for k (...)."""
         return -0.5 * (k / self.scale) ** 2
 
     def gaussian(self) -> tuple[float, float]:
@@ -44,19 +51,24 @@ class HalfNormal:
         return 0.0, self.scale**-2
 
     def draw(self, rng: np.random.Generator, n: int) -> Array:
-        """Draws (n,)."""
+        """Draws (n,) [rad/(N m)]."""
         return np.abs(self.scale * rng.standard_normal(n))
 
 
 @dataclass(frozen=True)
 class LogNormal:
-    """log k is normal about log median [rad/(N m)], with standard deviation log factor."""
+    """A compliance is known to a factor: log k is normal.
+
+    Attributes:
+        median: Its logarithm is the mean of log k [rad/(N m)].
+        factor: Its logarithm is the standard deviation of log k.
+    """
 
     median: float
     factor: float
 
     def log_density(self, k: Array) -> Array:
-        """Logarithm (...) up to a constant, for k > 0 (...)."""
+        """Logarithm (...) of the density up to a constant, for k > 0 (...)."""
         return -0.5 * (np.log(k / self.median) / np.log(self.factor)) ** 2 - np.log(k)
 
     def gaussian(self) -> tuple[float, float]:
@@ -64,7 +76,7 @@ class LogNormal:
         return self.median, (self.median * np.log(self.factor)) ** -2
 
     def draw(self, rng: np.random.Generator, n: int) -> Array:
-        """Draws (n,)."""
+        """Draws (n,) [rad/(N m)]."""
         return self.median * self.factor ** rng.standard_normal(n)
 
 
@@ -73,7 +85,12 @@ Marginal = Flat | HalfNormal | LogNormal
 
 @dataclass(frozen=True, eq=False)
 class Normal:
-    """What an earlier calibration left: mean (p,) [rad/(N m)] and covariance (p, p)."""
+    """The result of an earlier calibration: a normal distribution of all compliances.
+
+    Attributes:
+        mean: Estimates (p,) [rad/(N m)].
+        covariance: Their covariance (p, p).
+    """
 
     mean: Array
     covariance: Array
@@ -81,22 +98,23 @@ class Normal:
     _whitener: Array = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
+        # Factored once: a chain evaluates the density hundreds of thousands of times.
         factor = np.linalg.cholesky(self.covariance)
         object.__setattr__(self, "_factor", factor)
         object.__setattr__(self, "_whitener", np.linalg.inv(factor).T)
 
     def log_density(self, k: Array) -> Array:
-        """Logarithm (...) up to a constant, for k (..., p)."""
+        """Logarithm (...) of the density up to a constant, for k (..., p)."""
         return -0.5 * (((k - self.mean) @ self._whitener) ** 2).sum(axis=-1)
 
     def draw(self, rng: np.random.Generator, n: int) -> Array:
-        """Draws (n, p)."""
+        """Draws (n, p) [rad/(N m)], of any sign."""
         return self.mean + rng.standard_normal((n, len(self.mean))) @ self._factor.T
 
 
 @dataclass(frozen=True, eq=False)
 class Prior:
-    """A marginal for each compliance, or an earlier calibration; compliances are positive.
+    """A marginal for each compliance, or an earlier calibration, or both; compliances are positive.
 
     Attributes:
         marginals: One for each of the p compliances.
@@ -108,12 +126,18 @@ class Prior:
     earlier: Normal | None = None
     positive: bool = True
 
+    @classmethod
+    def flat(cls, p: int, positive: bool = True) -> "Prior":
+        """Nothing is known of p compliances, but that they are positive."""
+        return cls((Flat(),) * p, positive=positive)
+
     def log_density(self, k: Array) -> Array:
-        """Logarithm (...) of the density up to a constant, for k (..., p); -inf outside the support."""
-        inside = (
-            np.asarray((k > 0).all(axis=-1)) if self._bounded else np.ones(k.shape[:-1], dtype=bool)
-        )
-        safe = np.where(inside[..., None], k, 1.0)  # logarithms want positive numbers
+        """Logarithm (...) of the density up to a constant, for k (..., p); -inf outside."""
+        inside = np.ones(k.shape[:-1], dtype=bool)
+        if self._bounded:
+            inside = np.asarray((k > 0).all(axis=-1))
+        # Logarithms want positive numbers, also where their result is thrown away.
+        safe = np.where(inside[..., None], k, 1.0)
         total = np.zeros(k.shape[:-1])
         for i, marginal in enumerate(self.marginals):
             if not isinstance(marginal, Flat):
@@ -123,20 +147,26 @@ class Prior:
         return np.where(inside, total, -np.inf)
 
     def gaussian(self) -> tuple[Array, Array]:
-        """Precision (p, p), and precision times mean (p,), of a Gaussian near it: where a chain may start."""
+        """A Gaussian near the prior, from which a chain may start.
+
+        Returns:
+            Its precision (p, p), and that times its mean (p,).
+        """
         pairs = np.array([marginal.gaussian() for marginal in self.marginals])
-        P, h = np.diag(pairs[:, 1]), pairs[:, 0] * pairs[:, 1]
+        precision = np.diag(pairs[:, 1])
+        weighted_mean = pairs[:, 0] * pairs[:, 1]
         if self.earlier is not None:
             inverse = np.linalg.inv(self.earlier.covariance)
-            P, h = P + inverse, h + inverse @ self.earlier.mean
-        return P, h
+            precision = precision + inverse
+            weighted_mean = weighted_mean + inverse @ self.earlier.mean
+        return precision, weighted_mean
 
     def draw(self, rng: np.random.Generator, n: int) -> Array:
         """Draws (n, p) [rad/(N m)].
 
         Raises:
-            ValueError: A marginal is flat and there is no earlier calibration, or both kinds are given; or the earlier
-                calibration hardly leaves positive compliances.
+            ValueError: A marginal is flat and there is no earlier calibration, or both kinds are
+                given; or the earlier calibration is hardly ever positive.
         """
         if self.earlier is None:
             return np.stack([marginal.draw(rng, n) for marginal in self.marginals], axis=-1)
@@ -145,9 +175,10 @@ class Prior:
                 "an earlier calibration together with other priors cannot be drawn from"
             )
         found = np.empty((0, len(self.marginals)))
-        for _ in range(1000):
+        for _ in range(MOST_ROUNDS):
             k = self.earlier.draw(rng, n)
-            found = np.concatenate([found, k[(k > 0).all(axis=-1)] if self.positive else k])
+            allowed = k[(k > 0).all(axis=-1)] if self.positive else k
+            found = np.concatenate([found, allowed])
             if len(found) >= n:
                 return found[:n]
         raise ValueError(
@@ -162,8 +193,3 @@ class Prior:
     @property
     def _bounded(self) -> bool:
         return self.positive or any(not isinstance(m, Flat) for m in self.marginals)
-
-
-def flat(p: int, positive: bool = True) -> Prior:
-    """Nothing is known of p compliances, but that they are positive."""
-    return Prior((Flat(),) * p, positive=positive)

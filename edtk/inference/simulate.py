@@ -1,25 +1,25 @@
 """Measurements as the paper's Eq. (10) makes them."""
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from edtk.system.typing import Array
 
 
 def simulate(
     A: Array, k: ArrayLike, sigma: ArrayLike, rng: np.random.Generator, runs: int = 1
 ) -> Array:
-    """Eq. (10): ``dp_i = A_i k0 + eps_i`` with independent normal noise.
+    """Draw measurements of a plan, Eq. (10): ``dp_i = A_i k0 + eps_i`` with normal noise.
 
     Args:
-        A: Regressors (m, rows, p), one per measurement.
-        k: True compliances (p,) [rad/(N m)].
-        sigma: Standard deviation of the noise, one number or one per row (rows,) [m, rad].
+        A: Regressors (m, rows, p), one a measurement [m/(rad/(N m))].
+        k: True compliances k0 (p,) [rad/(N m)].
+        sigma: Standard deviation of the noise, one number or one a row (rows,) [m, rad].
         rng: Source of randomness.
         runs: How many times the plan is carried out.
 
     Returns:
-        Deflections (runs, m, rows) [m, rad].
+        Deflections (runs, m, rows) [m, rad], with independent errors.
     """
     clean = A @ np.asarray(k, dtype=float)
     return clean + np.asarray(sigma) * rng.standard_normal((runs, *clean.shape))

@@ -7,7 +7,7 @@ from scipy.stats import probplot
 
 from edtk.calibration.diagnostics import Diagnostic
 from edtk.calibration.posterior_check import PosteriorCheck
-from edtk.inference.identify import Identification
+from edtk.inference.identification import Identification
 from edtk.report.digits import digits
 from edtk.report.figures import COLOURS
 from edtk.report.html import Page, footer, heading, paragraph, picture, table, verdict

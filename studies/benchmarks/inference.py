@@ -21,7 +21,7 @@ from edtk.inference.identify import identify
 from edtk.inference.least_squares import estimate
 from edtk.inference.measurements import Measurements
 from edtk.inference.noise import Noise
-from edtk.inference.posterior import sample_posterior
+from edtk.inference.sample_posterior import sample_posterior
 from edtk.inference.simulate import simulate
 from edtk.report.markdown import markdown_table
 from edtk.study.study import load_study

@@ -10,7 +10,7 @@ import pytest
 from edtk.calibration.calibrate import calibrate
 from edtk.calibration.plan_bias import plan_bias
 from edtk.calibration.template import template
-from edtk.inference.mcmc import Demand
+from edtk.inference.run_chain import Demand
 from edtk.inference.simulate import simulate
 from edtk.study.evaluate import evaluate
 from edtk.study.study import load_study

@@ -9,7 +9,8 @@ from click.testing import CliRunner
 
 from edtk.calibration.plan_bias import bias_in_test_pose
 from edtk.cli import main
-from edtk.inference.bias import equilibrium_deflection, linearisation_bias
+from edtk.inference.bias import linearisation_bias
+from edtk.inference.equilibrium_deflection import equilibrium_deflection
 from edtk.inference.least_squares import estimate
 from edtk.inference.measurements import Measurements
 from edtk.study.study import load_study

@@ -7,8 +7,8 @@ import pytest
 
 from edtk.calibration.posterior_check import check_plan_posterior
 from edtk.inference.least_squares import SingularPlanError
-from edtk.inference.mcmc import Demand
 from edtk.inference.noise import Noise
+from edtk.inference.run_chain import Demand
 from edtk.study.study import load_study
 
 STUDY = load_study(Path(__file__).parents[2] / "studies" / "kr270_milling.toml")

@@ -9,6 +9,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from edtk.cli import main
+from edtk.inference.fit_huber import SigmaTooSmallError
 from edtk.inference.simulate import simulate
 from edtk.study.study import load_study
 
@@ -95,6 +96,18 @@ def test_options(measured: Path) -> None:
         < unknown["rho0"]["interval95"][1]
     )
     assert unknown["p_value"] is None
+
+
+def test_a_far_too_small_sigma_names_the_option(measured: Path, monkeypatch) -> None:
+    """Where no residual is as small as sigma says, the line names the option that estimates it."""
+
+    def refuse(*args: object) -> None:
+        raise SigmaTooSmallError(50.0)
+
+    monkeypatch.setattr("edtk.inference.identify.fit_huber", refuse)
+    answer = edtk("identify", PAPER, measured, "--robust")
+    line = "residual is 50 times sigma: expected a larger sigma, or --sigma-unknown\n"
+    assert_one_line(answer, f"{measured}: the smallest {line}")
 
 
 def test_doubts_are_on_standard_error(measured: Path) -> None:

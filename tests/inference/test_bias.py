@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from edtk.inference.bias import equilibrium_deflection, linearisation_bias
+from edtk.inference.bias import linearisation_bias
+from edtk.inference.equilibrium_deflection import equilibrium_deflection
 from edtk.inference.least_squares import SingularPlanError, estimate
 from edtk.inference.measurements import Measurements
 from edtk.model.elastostatic_model import ElastostaticModel

@@ -8,8 +8,8 @@ import pytest
 from inference.test_posterior import sample
 
 from edtk.inference.chain_file import ChainFileError
-from edtk.inference.mcmc import Demand, UnconvergedError
-from edtk.inference.prior import flat
+from edtk.inference.prior import Prior
+from edtk.inference.run_chain import Demand, UnconvergedError
 
 FINE = Demand(accuracy=0.01)
 
@@ -60,7 +60,7 @@ def test_finished_chain_is_only_read(tmp_path):
 def test_chain_of_another_problem(stopped):
     """A chain of another seed or prior is refused and left as it is."""
     content = stopped.read_bytes()
-    for seed, options in ((1, {}), (0, {"prior": flat(2, positive=False)})):
+    for seed, options in ((1, {}), (0, {"prior": Prior.flat(2, positive=False)})):
         with pytest.raises(ChainFileError, match="another study, plan, seed or prior"):
             sample(seed, FINE, chain=stopped, **options)
     assert stopped.read_bytes() == content

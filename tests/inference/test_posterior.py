@@ -5,10 +5,15 @@ import pytest
 from scipy import stats
 
 from edtk.inference.least_squares import estimate
-from edtk.inference.mcmc import Demand, UnconvergedError
 from edtk.inference.noise import Noise
-from edtk.inference.posterior import ImproperPosteriorError, Posterior, sample_posterior
-from edtk.inference.prior import HalfNormal, LogNormal, Normal, Prior, flat
+from edtk.inference.posterior import Posterior
+from edtk.inference.prior import HalfNormal, LogNormal, Normal, Prior
+from edtk.inference.run_chain import Demand, UnconvergedError
+from edtk.inference.sample_posterior import (
+    ImproperPosteriorError,
+    SamplingOptions,
+    sample_posterior,
+)
 from edtk.inference.simulate import simulate
 
 SIGMA = np.array([0.1, 0.2, 0.05])
@@ -19,18 +24,18 @@ STD = np.sqrt(FIT.covariance.diagonal())
 ROUGH = Demand(accuracy=0.02)
 
 
-def sample(seed, demand=ROUGH, **options):
-    return sample_posterior(
-        A, MEASURED, SIGMA, FIT, np.random.default_rng(seed), demand=demand, **options
-    )
+def sample(seed, demand=ROUGH, prior=None, **kept):
+    """Posterior of two compliances; `kept` are the chain's file and progress."""
+    rng, options = np.random.default_rng(seed), SamplingOptions(demand, **kept)
+    return sample_posterior(A, MEASURED, SIGMA, FIT, rng, prior=prior, options=options)
 
 
-def one(measured, sigma, seed=0, demand=ROUGH, **options):
-    """Posterior of one compliance, measured directly m times."""
-    B, noise = np.ones((len(measured), 1, 1)), np.array([sigma])
-    fit = estimate(B, np.reshape(measured, (-1, 1, 1)).astype(float)[..., 0], noise, ("a",))
+def one(measured, sigma, **known):
+    """Posterior of one compliance, measured directly m times; `known` are prior and noise."""
+    B, size = np.ones((len(measured), 1, 1)), np.array([sigma])
     y = np.reshape(measured, (-1, 1)).astype(float)
-    return sample_posterior(B, y, noise, fit, np.random.default_rng(seed), demand=demand, **options)
+    fit, rng = estimate(B, y, size, ("a",)), np.random.default_rng(0)
+    return sample_posterior(B, y, size, fit, rng, options=SamplingOptions(ROUGH), **known)
 
 
 def distance(posterior, cdf):
@@ -92,7 +97,7 @@ def test_truncation_at_zero():
     found = one([-0.5], 1.0)
     assert (found.samples > 0).all()
     assert distance(found, stats.truncnorm(0.5, np.inf, loc=-0.5).cdf) < 2
-    assert distance(one([-0.5], 1.0, prior=flat(1, positive=False)), stats.norm(-0.5).cdf) < 2
+    assert distance(one([-0.5], 1.0, prior=Prior.flat(1, positive=False)), stats.norm(-0.5).cdf) < 2
 
 
 @pytest.mark.parametrize("nu", [3.0, np.inf])
@@ -118,7 +123,7 @@ def test_earlier_calibration():
         precision,
         np.linalg.solve(FIT.covariance, FIT.k) + np.linalg.solve(earlier.covariance, earlier.mean),
     )
-    found = sample(0, prior=Prior(flat(2).marginals, earlier))
+    found = sample(0, prior=Prior(Prior.flat(2).marginals, earlier))
     std = np.sqrt(np.linalg.inv(precision).diagonal())
     assert np.abs((found.mean - mean) / std * np.sqrt(found.effective)).max() < 4.5
     assert np.abs((found.std - std) / found.std_error).max() < 4.5

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from edtk.inference.prior import Flat, HalfNormal, LogNormal, Normal, Prior, flat
+from edtk.inference.prior import Flat, HalfNormal, LogNormal, Normal, Prior
 
 KNOWN = [
     (HalfNormal(2.0), stats.halfnorm(scale=2.0)),
@@ -39,11 +39,11 @@ def test_earlier_calibration():
 
 def test_flat():
     """A flat prior is zero on positive compliances, has no draws, and is not proper."""
-    assert flat(2).log_density(np.array([[1.0, 2.0], [1.0, -2.0]])).tolist() == [0.0, -np.inf]
-    assert flat(2, positive=False).log_density(np.array([1.0, -2.0])) == 0
-    assert not flat(2).proper
+    assert Prior.flat(2).log_density(np.array([[1.0, 2.0], [1.0, -2.0]])).tolist() == [0.0, -np.inf]
+    assert Prior.flat(2, positive=False).log_density(np.array([1.0, -2.0])) == 0
+    assert not Prior.flat(2).proper
     with pytest.raises(ValueError, match="flat prior"):
-        flat(2).draw(np.random.default_rng(0), 3)
+        Prior.flat(2).draw(np.random.default_rng(0), 3)
 
 
 def test_gaussian_part_is_exact_for_normal_shapes():

@@ -6,7 +6,8 @@ from scipy.optimize import root
 from scipy.spatial.transform import Rotation
 
 import criteria
-from edtk.inference.bias import equilibrium_deflection, linearisation_bias
+from edtk.inference.bias import linearisation_bias
+from edtk.inference.equilibrium_deflection import equilibrium_deflection
 from edtk.inference.error_quantiles import error_quantiles
 from edtk.inference.least_squares import estimate
 from edtk.inference.simulate import simulate

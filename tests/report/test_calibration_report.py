@@ -12,8 +12,8 @@ from edtk.calibration.diagnostics import diagnostics
 from edtk.calibration.posterior_check import check_posterior
 from edtk.inference.identify import identify
 from edtk.inference.least_squares import Estimate
-from edtk.inference.mcmc import Demand
 from edtk.inference.measurements import Measurements
+from edtk.inference.run_chain import Demand
 from edtk.inference.simulate import simulate
 from edtk.report.calibration_report import identification_page
 from edtk.report.digits import digits

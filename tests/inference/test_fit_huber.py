@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from edtk.inference.huber import CORNER, SigmaTooSmallError, fit_huber
+from edtk.inference.fit_huber import CORNER, SigmaTooSmallError, fit_huber
 
 M, ROWS, P = 20, 3, 3
 RNG = np.random.default_rng(0)

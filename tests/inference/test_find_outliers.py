@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import f, kstest
 
-from edtk.inference.outliers import _deletion, find_outliers
+from edtk.inference.find_outliers import _deletion, find_outliers
 
 M, ROWS, P = 15, 3, 4
 

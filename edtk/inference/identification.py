@@ -1,0 +1,133 @@
+"""Identified compliances, with everything that the residuals say about them."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from edtk.system.typing import Array, Indices, Mask
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+# Efficiency of the median absolute deviation, beside the standard deviation, for normal noise: its
+# square has so much of the degrees of freedom.
+MAD_EFFICIENCY = 0.37
+
+
+@dataclass(frozen=True, eq=False)
+class Identification:
+    """Identified compliances. N = m rows is the number of measured coordinates.
+
+    All statistics are those of the fit without the bound k >= 0, so that they obey their laws.
+    Where that fit has negative compliances (`negative`), k alone is different: it is the
+    least-squares (or robust) fit under the bound.
+
+    Attributes:
+        k: Estimates (p,) [rad/(N m)], not negative.
+        unbounded: Estimates (p,) without the bound [rad/(N m)].
+        negative: Mask (p,) of the parameters whose unbounded estimate is negative.
+        covariance: Covariance (p, p) of `unbounded`: Eq. (13); times scale^2 where the noise is
+            estimated; that of the M-estimator where it is robust.
+        residual: dp - A k (m, rows) [m, rad].
+        standardised: Residuals over ``sigma sqrt(1 - leverage)`` (m, rows), over scale too where it
+            is estimated.
+        leverage: Diagonal (m, rows) of the hat matrix ``Q Q'``; its sum is p.
+        chi2: Sum of the squares of residual/sigma, with the given sigma.
+        dof: Degrees of freedom N - p.
+        p_value: Probability of so large a chi2 under the given sigma; None where that is not
+            believed, or dof = 0.
+        scale: Estimated noise over the given: sqrt(chi2/dof), or from the median absolute deviation
+            if robust; NaN where dof = 0.
+        covariance_dof: Degrees of freedom of the covariance, for intervals: inf where sigma is
+            believed, dof where it is estimated, and 0.7 of it if robust, as then the residuals
+            enter the covariance in any case.
+        known: Whether the given sigma is believed.
+        robust: Whether the loss is Huber's.
+        outliers: Rows (measurements) that do not belong to the others, counted from 0, see
+            `edtk.inference.find_outliers`.
+        parameters: Names (p,).
+    """
+
+    k: Array
+    unbounded: Array
+    negative: Mask
+    covariance: Array
+    residual: Array
+    standardised: Array
+    leverage: Array
+    chi2: float
+    dof: int
+    p_value: float | None
+    scale: float
+    covariance_dof: float
+    known: bool
+    robust: bool
+    outliers: Indices
+    parameters: tuple[str, ...]
+
+    @property
+    def std(self) -> Array:
+        """Standard deviations (p,) [rad/(N m)]."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def correlation(self) -> Array:
+        """Correlations (p, p)."""
+        return self.covariance / np.outer(self.std, self.std)
+
+    @property
+    def scale_dof(self) -> float:
+        """Degrees of freedom of `scale`, as if its square were a chi-square over them."""
+        return MAD_EFFICIENCY * self.dof if self.robust else self.dof
+
+    @property
+    def half_interval(self) -> Array:
+        """Half the width (p,) of 95 % intervals about `unbounded`: std times Student's t."""
+        from scipy.stats import t
+
+        return t.ppf(0.975, self.covariance_dof) * self.std
+
+    @property
+    def interval(self) -> Array:
+        """Ends (2, p) of the 95 % intervals [rad/(N m)], without their negative parts."""
+        half = self.half_interval
+        return np.maximum(np.stack([self.unbounded - half, self.unbounded + half]), 0.0)
+
+    def to_frame(self) -> "pd.DataFrame":
+        """One row a compliance: `parameter`, and `k`, `std`, `low_95`, `high_95` [rad/(N m)]."""
+        import pandas as pd
+
+        low, high = self.interval
+        return pd.DataFrame(
+            {
+                "parameter": self.parameters,
+                "k": self.k,
+                "std": self.std,
+                "low_95": low,
+                "high_95": high,
+            }
+        )
+
+    def accuracy(self, target: Array) -> tuple[float, tuple[float, float]]:
+        """Expected error after compensation in a test pose, and how well that is known.
+
+        ``rho0 = sqrt(trace(A0 cov A0'))``, Eq. (20). ``dof s^2 / sigma^2`` has the chi-square
+        distribution, so that its 95 % interval is rho0 times the square roots of
+        ``dof / chi2_0.975`` and ``dof / chi2_0.025``, with `covariance_dof` for dof (an
+        approximation if robust). Where sigma is known so is rho0, and the interval has no width.
+
+        Args:
+            target: Regressor A0 (3, p) of the test pose [m/(rad/(N m))].
+
+        Returns:
+            rho0 and the ends of its interval [m].
+        """
+        value = float(np.sqrt(np.einsum("ri,ij,rj->", target, self.covariance, target)))
+        if np.isinf(self.covariance_dof):
+            return value, (value, value)
+        from scipy.stats import chi2
+
+        quantiles = chi2.ppf([0.975, 0.025], self.covariance_dof)
+        low, high = value * np.sqrt(self.covariance_dof / quantiles)
+        return value, (float(low), float(high))

@@ -1,0 +1,324 @@
+"""The posterior distribution of the compliances, sampled with emcee."""
+
+import hashlib
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from enum import Enum
+from pathlib import Path
+
+import numpy as np
+
+from edtk.inference.chain_file import ChainFile
+from edtk.inference.draw_positive import draw_positive
+from edtk.inference.least_squares import Estimate
+from edtk.inference.noise import Noise
+from edtk.inference.posterior import Posterior
+from edtk.inference.prior import Prior
+from edtk.inference.run_chain import Demand, no_progress, run_chain
+from edtk.system.typing import Array
+
+# emcee's differential evolution moves along differences of two other walkers, which must span the
+# space; twice the dimension is the least that it accepts.
+WALKERS_PER_PARAMETER = 4
+
+# A fit is exact where the squares of its residuals are this share of those of the measurements:
+# rounding to 1e-11.
+EXACT = 1e-22
+
+# Degrees of freedom up to which Student's t has no variance.
+NO_VARIANCE = 2
+
+
+class ImproperPosterior(Enum):
+    """Why a posterior has no standard deviations."""
+
+    SIGMA_FROM_FEW_ROWS = (
+        "with sigma unknown the measured rows must outnumber the compliances by {needed}, "
+        "and do by {rows}; measure more, or say how well sigma is known"
+    )
+    SIGMA_FROM_EXACT_FIT = (
+        "the model fits the measurements exactly, which leaves nothing to tell sigma from"
+    )
+    HEAVY_TAILS_FROM_FEW_ROWS = (
+        "with Student-t errors {rows} measured rows that tell of a compliance, or of several "
+        "together, are too few; measure more, or give every compliance a prior"
+    )
+
+
+class ImproperPosteriorError(ValueError):
+    """The posterior has no standard deviations: too little was measured for what is unknown.
+
+    Attributes:
+        reason: Why.
+        rows: Number of rows that there are, as the reason counts them.
+        needed: Number of rows that there must be; 0 where no number would do.
+    """
+
+    def __init__(self, reason: ImproperPosterior, rows: int = 0, needed: int = 0) -> None:
+        super().__init__(reason, rows, needed)
+        self.reason = reason
+        self.rows = rows
+        self.needed = needed
+
+    def __str__(self) -> str:
+        return self.reason.value.format(rows=self.rows, needed=self.needed)
+
+
+@dataclass(frozen=True)
+class SamplingOptions:
+    """How a posterior is sampled; the defaults suit a calibration.
+
+    Attributes:
+        demand: When the chain is long enough.
+        chain: File in which the chain is kept, and from which it is resumed; or None.
+        progress: Called with the number of steps so far.
+        walkers: Size of emcee's ensemble, even; four a parameter where that is more.
+    """
+
+    demand: Demand = field(default_factory=Demand)
+    chain: Path | None = None
+    progress: Callable[[int], object] = no_progress
+    walkers: int = 32
+
+
+def sample_posterior(
+    A: Array,
+    measured: Array,
+    sigma: Array,
+    fit: Estimate,
+    rng: np.random.Generator,
+    *,
+    prior: Prior | None = None,
+    noise: Noise | None = None,
+    options: SamplingOptions | None = None,
+) -> Posterior:
+    """Sample ``prior(k) prod_i p((dp_i - A_i k) / sigma)``, with what is unknown of the noise.
+
+    Args:
+        A: Regressors (m, rows, p) [m/(rad/(N m))].
+        measured: Deflections (m, rows) [m, rad].
+        sigma: Noise, one a row (rows,) or one a measurement and row (m, rows) [m, rad].
+        fit: The least-squares estimate, for scale, start and names.
+        rng: Source of randomness.
+        prior: Of the compliances; None for flat on positive compliances.
+        noise: What is known of the noise; None for normal errors of known sigma.
+        options: How accurately, and where the chain is kept; None for the defaults.
+
+    Raises:
+        UnconvergedError: The limit on the number of steps was reached first.
+        ImproperPosteriorError: Too few rows were measured for what is unknown of the noise.
+        ChainFileError: The file is no chain, or of another problem.
+        OSError: The file cannot be written.
+    """
+    p = A.shape[-1]
+    prior = Prior.flat(p) if prior is None else prior
+    noise = Noise() if noise is None else noise
+    options = SamplingOptions() if options is None else options
+    data = _Rows.of(A, measured, sigma, fit.k)
+    _require_variances(prior, noise, data)
+    coordinates = _Coordinates.of(fit, prior, noise.spread(data.squares, data.freedom))
+    start = _start(coordinates, prior, noise, data, rng, options.walkers)
+    seed = int(rng.integers(2**31))
+    density = _PosteriorDensity.of(data, coordinates, prior, noise)
+    file = None
+    if options.chain is not None:
+        numbers = density.parameters(np.eye(start.shape[1]))
+        content = [A, measured, sigma, start, np.array([seed]), numbers]
+        file = ChainFile(options.chain, _digest(content, prior, noise))
+    chain = run_chain(density, start, seed, options.demand, file=file, progress=options.progress)
+    return Posterior(
+        samples=chain.samples[..., :p],
+        tau=chain.tau[:p],
+        steps=chain.steps,
+        r_hat=chain.r_hat[:p],
+        noise_tau=chain.tau[p:],
+        noise=np.exp(chain.samples[..., p:]),
+        noise_names=noise.names,
+        parameters=fit.parameters,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Rows:
+    """Measurements in units of the noise, a row each.
+
+    Attributes:
+        X: Regressors (N, p) over sigma.
+        y: Measured (N,) over sigma.
+        squares: Sum of the squared residuals of the least-squares fit.
+    """
+
+    X: Array
+    y: Array
+    squares: float
+
+    @classmethod
+    def of(cls, A: Array, measured: Array, sigma: Array, k: Array) -> "_Rows":
+        """Rows of regressors (m, rows, p), with residuals of the fit k (p,)."""
+        X = (A / np.broadcast_to(sigma, measured.shape)[..., None]).reshape(-1, A.shape[-1])
+        y = (measured / sigma).ravel()
+        return cls(X, y, float(((y - X @ k) ** 2).sum()))
+
+    @property
+    def freedom(self) -> int:
+        """How many more rows than compliances there are."""
+        return self.X.shape[0] - self.X.shape[1]
+
+    @property
+    def telling(self) -> int:
+        """The least number of rows that tell of any direction of the compliances.
+
+        Of N rows in general position ``N - p + 1`` tell of every direction, and of a parameter
+        those whose entry is not zero.
+        """
+        return min(self.freedom + 1, int((self.X != 0).sum(axis=0).min()))
+
+    @property
+    def exact(self) -> bool:
+        """Whether the model fits the measurements up to rounding."""
+        return self.squares <= EXACT * float(self.y @ self.y)
+
+
+def _require_variances(prior: Prior, noise: Noise, data: _Rows) -> None:
+    """Refuse posteriors without variances, which would be sampled for ever.
+
+    Under Jeffreys' prior of sigma the compliances are Student-t with ``N - p`` degrees of freedom.
+    Under Student-t errors the density falls like ``|k|^(-r (nu + 1))`` along a direction of which r
+    rows tell: ``r (nu + 1) - 1`` degrees of freedom. With two of them or fewer variances are
+    infinite.
+
+    Raises:
+        ImproperPosteriorError: The posterior has no variances.
+    """
+    sigma_unknown = noise.sigma_factor == np.inf
+    needed = 1 if prior.proper else NO_VARIANCE + 1
+    if sigma_unknown and data.freedom < needed:
+        reason = ImproperPosterior.SIGMA_FROM_FEW_ROWS
+        raise ImproperPosteriorError(reason, data.freedom, needed)
+    if sigma_unknown and data.exact:
+        raise ImproperPosteriorError(ImproperPosterior.SIGMA_FROM_EXACT_FIT)
+    if noise.normal or prior.proper:
+        return
+    least_nu = 0.0 if noise.nu is None else noise.nu
+    if data.telling * (least_nu + 1) - 1 <= NO_VARIANCE:
+        reason = ImproperPosterior.HEAVY_TAILS_FROM_FEW_ROWS
+        raise ImproperPosteriorError(reason, data.telling)
+
+
+@dataclass(frozen=True, eq=False)
+class _Coordinates:
+    """Coordinates in which the posterior is about standard normal: ``k = centre + L x``.
+
+    They are those of the Gaussian that is the product of the least-squares fit and of the Gaussian
+    part of the prior.
+
+    Attributes:
+        centre: Its mean (p,) [rad/(N m)].
+        L: A root (p, p) of its covariance.
+        scale: Standard deviations (p,) of the least-squares fit [rad/(N m)].
+        precision: Precision (p, p) of ``k / scale``.
+    """
+
+    centre: Array
+    L: Array
+    scale: Array
+    precision: Array
+
+    @classmethod
+    def of(cls, fit: Estimate, prior: Prior, spread: float) -> "_Coordinates":
+        """Coordinates for a fit whose errors have `spread` times the variance that it states."""
+        scale = np.sqrt(np.diag(fit.covariance))
+        # Parameters differ by powers of ten: matrices are inverted after scaling to a unit
+        # diagonal.
+        inverse = np.linalg.inv(fit.covariance / np.outer(scale, scale)) / spread
+        P, h = prior.gaussian()
+        precision = inverse + P * np.outer(scale, scale)
+        centre = scale * np.linalg.solve(precision, inverse @ (fit.k / scale) + h * scale)
+        L = scale[:, None] * np.linalg.inv(np.linalg.cholesky(precision)).T
+        return cls(centre, L, scale, precision)
+
+    def compliances(self, x: Array) -> Array:
+        """Compliances (..., p) [rad/(N m)] at coordinates (..., p)."""
+        return self.centre + x @ self.L.T
+
+
+def _start(
+    coordinates: _Coordinates,
+    prior: Prior,
+    noise: Noise,
+    data: _Rows,
+    rng: np.random.Generator,
+    walkers: int,
+) -> Array:
+    """Where the walkers start (walkers, p + e): independent draws, which need little burn-in.
+
+    The compliances are drawn from the Gaussian of the coordinates, confined to positive numbers if
+    the prior asks for it.
+    """
+    p = len(coordinates.centre)
+    walkers = max(walkers, WALKERS_PER_PARAMETER * (p + len(noise.names)))
+    k = coordinates.compliances(rng.standard_normal((walkers, p)))
+    if prior.log_density(k).min() == -np.inf:
+        scale = coordinates.scale
+        # Rejection would never end where the estimate is far below zero.
+        k = scale * draw_positive(coordinates.centre / scale, coordinates.precision, walkers, rng)
+    x = np.linalg.solve(coordinates.L, (k - coordinates.centre).T).T
+    extra = noise.start(data.squares, data.freedom, rng, walkers)
+    return np.concatenate([x, extra], axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class _PosteriorDensity:
+    """The density that is sampled: coordinates (p,), then what is unknown of the noise (e,).
+
+    Residuals in units of the noise are ``residual - B x``, and `hidden` more that do not depend on
+    x, with the sum of squares `rest`.
+    """
+
+    coordinates: _Coordinates
+    prior: Prior
+    noise: Noise
+    B: Array
+    residual: Array
+    hidden: int = 0
+    rest: float = 0.0
+
+    @classmethod
+    def of(
+        cls, data: _Rows, coordinates: _Coordinates, prior: Prior, noise: Noise
+    ) -> "_PosteriorDensity":
+        """The density given measurements."""
+        B = data.X @ coordinates.L
+        residual = data.y - data.X @ coordinates.centre
+        if not noise.normal or data.freedom <= 0:
+            return cls(coordinates, prior, noise, B, residual)
+        # N normal rows say no more than p rotated ones, and the sum of squares that they leave:
+        # so the cost of a step does not grow with the number of measurements.
+        Q, R = np.linalg.qr(B)
+        total = residual @ residual
+        rotated = residual @ Q
+        rest = max(float(total - rotated @ rotated), 0.0)
+        return cls(coordinates, prior, noise, R, rotated, data.freedom, rest)
+
+    def log_density(self, x: Array) -> Array:
+        """Logarithm (n,) up to a constant, at coordinates (n, p + e)."""
+        p = len(self.coordinates.centre)
+        extra = x[:, p:]
+        residuals = self.residual - x[:, :p] @ self.B.T
+        likelihood = self.noise.log_likelihood(residuals, extra, self.hidden, self.rest)
+        compliances = self.coordinates.compliances(x[:, :p])
+        total = likelihood + self.noise.log_prior(extra) + self.prior.log_density(compliances)
+        # Walkers that are thrown far out overflow; emcee wants a number to reject.
+        return np.where(np.isnan(total), -np.inf, total)
+
+    def parameters(self, x: Array) -> Array:
+        """Compliances, then logarithms of what is unknown of the noise, (..., p + e)."""
+        p = len(self.coordinates.centre)
+        return np.concatenate([self.coordinates.compliances(x[..., :p]), x[..., p:]], axis=-1)
+
+
+def _digest(content: list[Array], prior: Prior, noise: Noise) -> str:
+    """What tells a chain's problem from others: every number that it depends on."""
+    digest = hashlib.sha256(b"".join(np.ascontiguousarray(part).tobytes() for part in content))
+    digest.update(repr((prior, noise)).encode())
+    return digest.hexdigest()
