@@ -7,7 +7,7 @@ import pandas as pd
 
 import criteria
 from edtk.design.plan import Plan
-from edtk.report.markdown import markdown_table
+from edtk.report.markdown_table import markdown_table
 from edtk.study.study import Study
 from edtk.system.atomic_file import write_text
 from paper_figures import printed_values

@@ -28,7 +28,7 @@ from edtk.inference.prior import Flat, HalfNormal, LogNormal, Normal, Prior
 from edtk.inference.run_chain import Demand
 from edtk.inference.sample_posterior import SamplingOptions, sample_posterior
 from edtk.inference.simulate import simulate
-from edtk.report.markdown import markdown_table
+from edtk.report.markdown_table import markdown_table
 from edtk.study.study import Study, load_study
 from edtk.system.atomic_file import write_text
 from edtk.system.workers import open_workers

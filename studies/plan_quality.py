@@ -18,7 +18,7 @@ import criteria
 from edtk.design.exact.exact_plan import ExactPlan
 from edtk.design.exact.find_plan import find_plan
 from edtk.design.relaxation.relax_poses import relax_poses
-from edtk.report.markdown import markdown_table
+from edtk.report.markdown_table import markdown_table
 from edtk.study.relax_study import source_of
 from edtk.system.atomic_file import write_text
 from edtk.system.workers import open_workers

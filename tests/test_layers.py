@@ -43,6 +43,7 @@ KITS = {
     "edtk/design/packed",
     "edtk/inference/convergence",
     "edtk/inference/least_squares",
+    "edtk/report/palette",
     "edtk/study/schema",
     "edtk/system/atomic_file",
     "edtk/system/errors",
@@ -57,8 +58,6 @@ KITS = {
 NOT_YET_NAMED = {
     "criteria/linalg/inverse",
     "criteria/second_derivative",
-    "edtk/calibration/inference_data",
-    "edtk/calibration/input_errors",
     "edtk/commands/bayes",
     "edtk/commands/bias",
     "edtk/commands/compensate",
@@ -72,16 +71,11 @@ NOT_YET_NAMED = {
     "edtk/commands/template",
     "edtk/design/interior_point/newton",
     "edtk/design/relaxation/sensitivity",
-    "edtk/report/calibration_report",
     "edtk/report/comparison_report",
     "edtk/report/figures",
-    "edtk/report/html",
-    "edtk/report/markdown",
     "edtk/report/posterior_figures",
-    "edtk/report/posterior_report",
 }
 NOT_YET_DOWNWARDS = {
-    ("edtk.calibration.calibrate", "edtk.report"),
     ("edtk.study.run_study", "edtk.report"),
 }
 

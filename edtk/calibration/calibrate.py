@@ -1,67 +1,63 @@
-"""The compliances that a study's measurements give."""
+"""From a filled-in sheet to compliances, with everything that a person wants to know about them."""
 
-import json
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
-from numpy.typing import NDArray
 
-from edtk.calibration.diagnostics import Diagnostic, diagnostics
-from edtk.calibration.input_errors import find_input_error
-from edtk.calibration.plan_bias import bias_in_test_pose
+from edtk.calibration.bias_in_test_pose import bias_in_test_pose
+from edtk.calibration.diagnostics.diagnostic import Diagnostic, Severity
+from edtk.calibration.diagnostics.diagnostics import diagnostics
+from edtk.calibration.fitted_data import FittedData
+from edtk.calibration.input_errors.find_input_error import find_input_error
+from edtk.calibration.input_errors.input_error import InputError
 from edtk.calibration.posterior_check import PosteriorCheck, check_posterior
 from edtk.calibration.study_prior import study_prior
 from edtk.design.plan import Plan
 from edtk.inference.fit_huber import SigmaTooSmallError
 from edtk.inference.identification import Identification
-from edtk.inference.identify import NothingLeftError, identify
+from edtk.inference.identify import NothingLeftError
 from edtk.inference.least_squares import Estimate, SingularPlanError
 from edtk.inference.measurements import Measurements
 from edtk.inference.prior import Flat
 from edtk.inference.run_chain import Demand
 from edtk.model.loads.fixed_load import FixedLoad
-from edtk.report.calibration_report import identification_page
 from edtk.study.study import Study
-from edtk.system.atomic_file import atomic_path, require_writable, write_text
 from edtk.system.errors import UserError
 from edtk.system.presented import Presented
 from edtk.tables.pose_table import PoseFileError
 from edtk.tables.sheet_columns import DEFLECTION_COLUMNS, ROTATION_COLUMNS
 
-Array = NDArray[np.float64]
+if TYPE_CHECKING:
+    import pandas as pd
+
 COORDINATES = (*DEFLECTION_COLUMNS, *ROTATION_COLUMNS)
-VERDICTS = ("good", "warn", "bad")  # by the severity of the worst diagnostic
-WRITTEN = ("k.json", "residuals.csv", "report.html")
+VERDICTS = {Severity.NOTE: "good", Severity.WARNING: "warn", Severity.ALARM: "bad"}
 
 
 @dataclass(frozen=True, eq=False)
 class Calibration(Presented):
-    """Identified compliances with what a person wants to know about them.
+    """Identified compliances, and whether to trust them.
 
     Attributes:
-        study: The question.
-        data: The measurements.
-        fit: Estimates and statistics.
-        doubts: What looks wrong, the worst first.
+        fitted: The study, its measurements, and the fit.
+        diagnostics: What looks wrong, the worst first.
         path: Where the measurements are.
-        rho0_bias: Length of the mean error in the test pose that the linear model leaves [m]; None if it is unknown.
+        rho0_bias: Length of the mean error in the test pose that the linear model leaves [m]; None
+            if it is unknown.
         check: The posterior; None where it was not sampled.
     """
 
-    study: Study
-    data: Measurements
-    fit: Identification
+    fitted: FittedData
     diagnostics: tuple[Diagnostic, ...]
     path: Path
-    rho0_bias: float | None
+    rho0_bias: float | None = None
     check: PosteriorCheck | None = None
 
     def headline(self) -> str:
-        """The verdict, and the accuracy to expect."""
+        """Number of measurements, the accuracy to expect, and the verdict."""
         rows = f"{len(self.data)} measurements of {self.data.pose.max() + 1} poses"
         accuracy = ""
         if self.study.target is not None:
@@ -69,26 +65,55 @@ class Calibration(Presented):
         return f"{len(self.fit.k)} compliances from {rows}{accuracy}; verdict: {self.verdict}"
 
     @property
+    def study(self) -> Study:
+        """The question."""
+        return self.fitted.study
+
+    @property
+    def data(self) -> Measurements:
+        """The measurements."""
+        return self.fitted.data
+
+    @property
+    def fit(self) -> Identification:
+        """Estimates and statistics, as arrays in the order of the study's unknown joints."""
+        return self.fitted.fit
+
+    @property
+    def k(self) -> dict[str, float]:
+        """Compliances by joint [rad/(N m), or m/N of a prismatic joint], not negative."""
+        return self._by_joint(self.fit.k)
+
+    @property
+    def std(self) -> dict[str, float]:
+        """Standard deviations of the compliances by joint, in their units."""
+        return self._by_joint(self.fit.std)
+
+    @property
     def verdict(self) -> str:
         """What to do with the result: "good", "warn" or "bad"."""
-        worst = max((diagnostic.severity for diagnostic in self.diagnostics), default=0)
-        return VERDICTS[worst]
+        worst = (diagnostic.severity for diagnostic in self.diagnostics)
+        return VERDICTS[max(worst, default=Severity.NOTE)]
 
     @property
     def sigma_hat(self) -> float:
-        """Estimated noise of a position coordinate [m]: the scale times the root mean square of the given sigma."""
+        """Estimated noise of a position coordinate [m].
+
+        It is the scale of the residuals times the root mean square of the given sigma.
+        """
         return float(self.fit.scale * np.sqrt(np.mean(self.data.sigma[:, :3] ** 2)))
 
     def to_dict(self) -> dict[str, Any]:
         """Plain numbers, SI, for JSON; what cannot be told is null."""
-        fit, joints = self.fit, self.study.specification.joints.unknown
+        fit = self.fit
         rho0 = None
         if self.study.target is not None:
             value, interval = fit.accuracy(self.study.target)
             rho0 = {"value": value, "interval95": list(interval)}
+        joints = self.study.specification.joints.unknown
         return {
-            "k": dict(zip(joints, fit.k.tolist(), strict=True)),
-            "std": dict(zip(joints, fit.std.tolist(), strict=True)),
+            "k": self.k,
+            "std": self.std,
             "correlation": fit.correlation.tolist(),
             "covariance_dof": fit.covariance_dof if np.isfinite(fit.covariance_dof) else None,
             "sigma_hat": self.sigma_hat if np.isfinite(fit.scale) else None,
@@ -100,15 +125,40 @@ class Calibration(Presented):
             "rho0_bias": self.rho0_bias,
             "verdict": self.verdict,
             "doubts": [diagnostic.text for diagnostic in self.diagnostics],
-            "negative": [
-                joint for joint, yes in zip(joints, fit.negative.tolist(), strict=True) if yes
-            ],
-            "k_unbounded": dict(zip(joints, fit.unbounded.tolist(), strict=True)),
+            "diagnostics": [diagnostic.to_dict() for diagnostic in self.diagnostics],
+            "negative": [joints[i] for i in np.flatnonzero(fit.negative)],
+            "k_unbounded": self._by_joint(fit.unbounded),
             "posterior": None if self.check is None else self.check.to_dict(),
         }
 
-    def residuals(self) -> pd.DataFrame:
-        """A row per measured coordinate: `row` and `pose` from 1, `coordinate` with the unit of `residual`."""
+    def to_frame(self) -> "pd.DataFrame":
+        """A row for each compliance, SI units.
+
+        Columns: `joint`, `parameter`, `unit`, `k`, `std`, and `low_95` and `high_95`, the ends of
+        the 95 % interval about the estimate without the bound k >= 0.
+        """
+        import pandas as pd
+
+        fit = self.fit
+        return pd.DataFrame(
+            {
+                "joint": self.study.specification.joints.unknown,
+                "parameter": self.study.model.parameters,
+                "unit": self.study.model.units,
+                "k": fit.k,
+                "std": fit.std,
+                "low_95": fit.unbounded - fit.half_interval,
+                "high_95": fit.unbounded + fit.half_interval,
+            }
+        )
+
+    def residuals(self) -> "pd.DataFrame":
+        """A row for each measured coordinate.
+
+        `row` and `pose` count from 1; `coordinate` has the unit of `residual` in its name.
+        """
+        import pandas as pd
+
         m, rows = self.fit.residual.shape
         units = np.where(np.arange(rows) < 3, 1e3, 180 / np.pi)
         return pd.DataFrame(
@@ -122,24 +172,6 @@ class Calibration(Presented):
             }
         )
 
-    def write(self, folder: Path) -> None:
-        """Write `k.json`, `residuals.csv` and `report.html`, each atomically."""
-        for name in WRITTEN:
-            require_writable(folder / name)
-        with atomic_path(folder / "residuals.csv") as temporary:
-            self.residuals().to_csv(temporary, index=False, float_format="%.10g")
-        write_text(folder / "k.json", json.dumps(self.to_dict(), indent=2) + "\n")
-        text = identification_page(
-            self.study,
-            self.fit,
-            self.data.pose,
-            self.path.name,
-            self.diagnostics,
-            self.rho0_bias,
-            self.check,
-        )
-        write_text(folder / "report.html", text)
-
     def sampled(
         self,
         rng: np.random.Generator,
@@ -147,10 +179,11 @@ class Calibration(Presented):
         demand: Demand | None = None,
         chain: Path | None = None,
     ) -> "Calibration":
-        """The same with the posterior, under the study's [prior].
+        """The same calibration with the posterior, under the study's [prior].
 
-        The noise is that of the [prior] too, but for what was asked of the fit: sigma is unknown (Jeffreys' prior)
-        where it was estimated, and Student-t errors with unknown nu take the place of normal ones where it is robust.
+        The noise is that of the [prior], unless the fit was asked for another: sigma is unknown
+        (Jeffreys' prior) where it was estimated, and Student-t errors with unknown nu take the
+        place of normal ones where the fit is robust.
 
         Args:
             rng: Source of randomness.
@@ -164,15 +197,17 @@ class Calibration(Presented):
             ImproperPosteriorError: Too few measurements for what is unknown.
             ChainFileError: The file is no chain, or of another problem.
         """
-        study, data, fit = self.study, self.data, self.fit
-        A, noise = data.regressor(study.model), study.specification.prior.noise()
+        study = self.study
+        data = self.data
+        fit = self.fit
+        noise = study.specification.prior.noise()
         if not fit.known:
             noise = replace(noise, sigma_factor=np.inf)
         if fit.robust and noise.normal:
             noise = replace(noise, nu=None)
         check = check_posterior(
             study,
-            A,
+            self.fitted.A,
             data.deflection,
             data.sigma,
             Estimate(fit.k, fit.covariance),
@@ -183,11 +218,14 @@ class Calibration(Presented):
             chain=chain,
         )
         prior = study_prior(study)
-        vague = prior.earlier is None and all(
-            isinstance(marginal, Flat) for marginal in prior.marginals
-        )
+        flat = all(isinstance(marginal, Flat) for marginal in prior.marginals)
+        vague = prior.earlier is None and flat
         estimated = vague and noise.normal and not fit.known and not fit.robust
         return replace(self, check=replace(check, sigma_estimated=estimated))
+
+    def _by_joint(self, values: np.ndarray) -> dict[str, float]:
+        """Values (p,) by the names of the unknown joints."""
+        return dict(zip(self.study.specification.joints.unknown, values.tolist(), strict=True))
 
 
 def calibrate(
@@ -204,25 +242,29 @@ def calibrate(
         path: The measurements (CSV), see `Measurements.from_csv`; poses need not be feasible.
         robust: Huber's loss instead of squares.
         known: Whether the given sigma is believed, or estimated from the residuals.
-        plan: The plan that was to be carried out; poses that differ are named among the doubts.
+        plan: The plan that was to be carried out. Poses that are not in it are an input error;
+            planned experiments that were not made are among the diagnostics.
+
+    Returns:
+        Compliances by joint, the fit, and the diagnostics.
 
     Raises:
+        InputError: The measurements are certainly wrong; names rows and columns.
         UserError: One line that names the file, and row and column where there are any.
     """
-    path, load = Path(path), study.space.load
+    path = Path(path)
+    load = study.space.load
     wrench = load.always if isinstance(load, FixedLoad) else None
     try:
         data = Measurements.from_csv(path, study.robot, study.fixed, wrench, study.sigma)
     except PoseFileError as error:
         raise UserError(str(error)) from error
-    A = data.regressor(study.model)
     try:
-        fit = identify(A, data.deflection, data.sigma, study.model.parameters, robust, known)
+        fitted = FittedData.of(study, data, plan, robust, known)
     except (SingularPlanError, NothingLeftError, SigmaTooSmallError) as error:
         raise UserError(f"{path}: {error}") from error
-    if wrong := find_input_error(study, data, fit, plan):
-        raise UserError(f"{path}: {wrong}")
-    rho0_bias = bias_in_test_pose(study, data, fit.k)
-    return Calibration(
-        study, data, fit, diagnostics(study, data, A, fit, plan, rho0_bias), path, rho0_bias
-    )
+    wrong = find_input_error(fitted)
+    if wrong is not None:
+        raise InputError(path, wrong)
+    rho0_bias = bias_in_test_pose(study, data, fitted.A, fitted.fit.k)
+    return Calibration(fitted, diagnostics(fitted, rho0_bias), path, rho0_bias)

@@ -2,11 +2,9 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
-from numpy.typing import NDArray
 
 from edtk.design.plan import Plan
 from edtk.inference.error_quantiles import error_quantiles
@@ -21,27 +19,36 @@ from edtk.study.study import Study
 from edtk.system.atomic_file import atomic_path
 from edtk.system.errors import UserError
 from edtk.system.presented import Presented
+from edtk.system.typing import Array
 from edtk.tables.compliances import Compliances
-from edtk.tables.pose_table import WRENCH_COLUMNS, PoseFileError, pose_columns, pose_factors
+from edtk.tables.pose_table import WRENCH_COLUMNS, pose_columns, pose_factors
 
-Array = NDArray[np.float64]
+if TYPE_CHECKING:
+    import pandas as pd
+
 BAND = (0.025, 0.975)
+ROUNDING = 1e-9  # [rad or m]: a joint at its very limit counts as within
+# A load that lets the loaded joints settle elsewhere by more than that has buckled the arm [rad or m].
+SETTLED = 1e-8
 
 
 @dataclass(frozen=True, eq=False)
 class Compensation(Presented):
-    """Commands for some task poses, and what is left of the error.
+    """Commands for some task poses, with the errors before and after.
 
     Attributes:
         robot: The chain with the task's tool.
         desired: Joint variables (t, n) under load [rad or m].
         wrench: Task wrenches (t, 6) [N, N m].
         command: Joint variables (t, n) to command [rad or m].
-        uncompensated: Distance (t,) of the loaded tool point from the desired one, were `desired` commanded [m].
-        remaining: Root mean square (t,) of what errors of the compliances leave, Eq. (17) [m]; None if not known.
-        band: Its 2.5 % and 97.5 % quantiles (t, 2) [m]; None if not known.
+        uncompensated: Distance (t,) of the loaded tool point from the desired one, were `desired`
+            commanded [m].
+        remaining: Root mean square (t,) of the error that wrong compliances leave, Eq. (17) [m];
+            None if it is not known.
+        band: Its 2.5 % and 97.5 % quantiles (t, 2) [m]; None if they are not known.
+        rho0_bias: Error that the linear model of the identification leaves besides in the test
+            pose [m]; None if it is not known.
         rigid: Which joints count as rigid although the load turns them, in words.
-        rho0_bias: What the linear model of the identification leaves beside it in the test pose [m]; None if not known.
     """
 
     robot: Robot
@@ -62,11 +69,12 @@ class Compensation(Presented):
             after = f"{1e3 * self.remaining.max():.3g} mm"
         return f"{len(self.command)} task poses, from {before} at most down to {after}"
 
-    def table(self) -> pd.DataFrame:
+    def to_frame(self) -> "pd.DataFrame":
         """Commands, wrenches and errors: degrees, millimetres, newtons and newton metres."""
-        table = pd.DataFrame(
-            self.command / pose_factors(self.robot), columns=list(pose_columns(self.robot))
-        )
+        import pandas as pd
+
+        degrees = self.command / pose_factors(self.robot)
+        table = pd.DataFrame(degrees, columns=list(pose_columns(self.robot)))
         table[list(WRENCH_COLUMNS)] = self.wrench
         table["uncompensated_mm"] = 1e3 * self.uncompensated
         if self.remaining is not None and self.band is not None:
@@ -77,12 +85,17 @@ class Compensation(Presented):
     def to_csv(self, path: Path | str) -> None:
         """Write the table atomically."""
         with atomic_path(path) as temporary:
-            self.table().to_csv(temporary, index=False, float_format="%.10g")
+            self.to_frame().to_csv(temporary, index=False, float_format="%.10g")
 
     def to_dict(self) -> list[dict[str, Any]]:
-        """One object per task pose, in SI units, but `q_deg` in degrees and millimetres; what is not known is null."""
+        """One object per task pose, in SI units, but `q_deg` in degrees and millimetres.
+
+        An error that is not known is null.
+        """
         degrees = self.command / pose_factors(self.robot)
-        nothing = [None] * len(self.command)
+        unknown = [None] * len(self.command)
+        remaining = unknown if self.remaining is None else self.remaining.tolist()
+        band = unknown if self.band is None else self.band.tolist()
         return [
             {
                 "q": self.command[i].tolist(),
@@ -90,40 +103,18 @@ class Compensation(Presented):
                 "desired_q": self.desired[i].tolist(),
                 "wrench": self.wrench[i].tolist(),
                 "uncompensated": float(self.uncompensated[i]),
-                "remaining_rms": (nothing if self.remaining is None else self.remaining.tolist())[
-                    i
-                ],
-                "remaining_band": (nothing if self.band is None else self.band.tolist())[i],
+                "remaining_rms": remaining[i],
+                "remaining_band": band[i],
             }
             for i in range(len(self.command))
         ]
 
 
-def load_task(study: Study, path: Path | str) -> Plan:
-    """Read task poses, columns as in a plan; without wrench columns, the test pose's load acts.
+def compensate(study: Study, found: Compliances, task: Plan, path: Path | str) -> Compensation:
+    """Compute commands for task poses with the test pose's tool, and the errors before and after.
 
-    Joints that the study fixes may be left out, as in a plan. A column `repeats` means nothing here.
-
-    Raises:
-        UserError: The study has no test pose, or the file cannot be read; names the row and the column.
-    """
-    pose = study.specification.test_pose
-    if pose is None:
-        raise study.error(
-            "test_pose",
-            "expected a table with the tool and the load of the task, and there is none",
-        )
-    try:
-        return Plan.from_csv(path, study.robot, study.fixed, pose.load.build())
-    except PoseFileError as error:
-        raise UserError(str(error)) from error
-
-
-def compensate(study: Study, found: Compliances, task: Plan, path: Path) -> Compensation:
-    """Commands for task poses with the test pose's tool, see `compensated_joints`, and the errors before and after.
-
-    Joints without a compliance count as rigid. The error before is that of the loaded equilibrium; the error after,
-    Eq. (17), is what errors of the compliances leave, to first order.
+    Joints without a compliance count as rigid. The error before is that of the loaded equilibrium;
+    the error after, Eq. (17), is the one that errors of the compliances leave, to first order.
 
     Args:
         study: Robot and test pose.
@@ -132,57 +123,78 @@ def compensate(study: Study, found: Compliances, task: Plan, path: Path) -> Comp
         path: Where the task comes from, for messages.
 
     Raises:
-        UserError: The study has no test pose; or a desired or commanded pose is beyond a joint's limits, or buckles;
-            names the row.
+        UserError: The study has no test pose; or a desired or commanded pose is beyond a joint's
+            limits, or buckles; names the row.
     """
     pose = study.specification.test_pose
     if pose is None:
-        raise study.error(
-            "test_pose", "expected a table with the tool of the task, and there is none"
-        )
+        message = "expected a table with the tool of the task, and there is none"
+        raise study.error("test_pose", message)
     robot = study.robot.with_tool(pose.tool.build())
-    model = ElastostaticModel(robot, tuple(robot.joint_names.index(name) for name in found.joints))
+    joints = tuple(robot.joint_names.index(name) for name in found.joints)
+    model = ElastostaticModel(robot, joints)
     q = compensated_joints(model, task.q, task.wrench, found.k)
-    _check_limits(robot, task.q, "desired", path)
-    _check_limits(robot, q, "commanded", path)
+    _require_within_limits(robot, task.q, "desired", path)
+    _require_within_limits(robot, q, "commanded", path)
     k = all_compliances(model, found.k)
-    before = _rest(robot, task.q, task.wrench, k, path)
-    after = q + _rest(robot, q, task.wrench, k, path)
-    if len(lost := np.flatnonzero(np.abs(after - task.q).max(axis=-1) > 1e-8)):
-        raise UserError(
-            f"{path}: row {lost[0] + 1}: the load buckles the arm; expected a load that it can carry"
-        )
+    before = _deflection(robot, task.q, task.wrench, k, path)
+    after = q + _deflection(robot, q, task.wrench, k, path)
+    lost = np.flatnonzero(np.abs(after - task.q).max(axis=-1) > SETTLED)
+    if len(lost):
+        raise _buckles(path, lost[0])
     moved = robot.forward(task.q + before)[:, :3, 3] - robot.forward(task.q)[:, :3, 3]
-    A, cov = model.regressor(task.q, task.wrench), found.covariance
+    remaining = None
+    band = None
+    if found.covariance is not None:
+        A = model.regressor(task.q, task.wrench)
+        remaining = compensation_accuracy(A, found.covariance)
+        band = error_quantiles(A, found.covariance, BAND, found.covariance_dof)
     return Compensation(
         robot=robot,
         desired=task.q,
         wrench=task.wrench,
         command=q,
         uncompensated=np.linalg.norm(moved, axis=-1),
-        remaining=None if cov is None else compensation_accuracy(A, cov),
-        band=None if cov is None else error_quantiles(A, cov, BAND, found.covariance_dof),
+        remaining=remaining,
+        band=band,
         rho0_bias=found.rho0_bias,
         rigid=rigid_joints_in_words(rigid_joints(robot, task.q, task.wrench, found.joints)),
     )
 
 
-def _rest(robot: Robot, q: Array, wrench: Array, k: Array, path: Path) -> Array:
-    """Joint deflections (t, n) at rest; a pose that buckles is the task's mistake."""
+def _deflection(robot: Robot, q: Array, wrench: Array, k: Array, path: Path | str) -> Array:
+    """Joint deflections (t, n) at rest.
+
+    Raises:
+        UserError: A pose buckles; names its row.
+    """
     try:
         return equilibrium(robot, q, wrench, k).theta
     except NoEquilibriumError as error:
-        raise UserError(
-            f"{path}: row {error.pose + 1}: the load buckles the arm; expected a load that it can carry"
-        ) from error
+        raise _buckles(path, error.pose) from error
 
 
-def _check_limits(robot: Robot, q: Array, which: str, path: Path) -> None:
-    """Every pose is within the joints' limits."""
+def _buckles(path: Path | str, row: int) -> UserError:
+    """The error of a pose that cannot carry its load."""
+    return UserError(
+        f"{path}: row {row + 1}: the load buckles the arm; expected a load that it can carry"
+    )
+
+
+def _require_within_limits(robot: Robot, q: Array, which: str, path: Path | str) -> None:
+    """Check that every pose (t, n) is within the joints' limits.
+
+    Raises:
+        UserError: A pose is not; names row and column.
+    """
     lower, upper = robot.limits
-    for row, j in np.argwhere((q < lower - 1e-9) | (q > upper + 1e-9)):
-        factor, column = pose_factors(robot)[j], pose_columns(robot)[j]
-        raise UserError(
-            f"{path}: row {row + 1}, column {column}: the {which} value {q[row, j] / factor:.6g} is outside the "
-            f"joint's limits {lower[j] / factor:.6g} .. {upper[j] / factor:.6g}"
-        )
+    outside = np.argwhere((q < lower - ROUNDING) | (q > upper + ROUNDING))
+    if not len(outside):
+        return
+    row, j = outside[0]
+    factor = pose_factors(robot)[j]
+    raise UserError(
+        f"{path}: row {row + 1}, column {pose_columns(robot)[j]}: the {which} value "
+        f"{q[row, j] / factor:.6g} is outside the joint's limits "
+        f"{lower[j] / factor:.6g} .. {upper[j] / factor:.6g}"
+    )

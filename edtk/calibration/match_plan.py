@@ -3,17 +3,15 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
+from edtk.calibration.pose_resolution import pose_resolution
 from edtk.design.plan import Plan
 from edtk.inference.measurements import Measurements, row_numbers
 from edtk.study.study import Study
+from edtk.system.typing import Array, Indices
 from edtk.tables.pose_table import pose_factors
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int_]
-OTHER_LOAD = 0.25  # of the planned one: what is farther off is another load
+OTHER_LOAD = 0.25  # of the planned load: an applied load that is farther off is another one
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,7 +21,8 @@ class PlanMatch:
     Attributes:
         pose: Planned experiment (m,) whose pose is nearest.
         distance: How far that is (m,), in the joint where it is farthest [deg, mm].
-        experiment: Of the planned experiments in that pose, the one (m,) whose force has the most similar direction.
+        experiment: Of the planned experiments in that pose, the one (m,) whose load is the most
+            similar.
         missing: Planned experiments (k,) that no measurement is one of.
     """
 
@@ -34,38 +33,45 @@ class PlanMatch:
 
 
 def match_plan(study: Study, data: Measurements, plan: Plan) -> PlanMatch:
-    """Find each measurement's experiment by its pose, then by its load: the planned one nearest to what was applied.
+    """Find each measurement's experiment by its pose, and among several in one pose by its load.
 
-    Where none of those planned in the pose is near, as with forces in another unit, the direction tells.
+    Args:
+        study: Says how far apart two poses are the same, see `pose_resolution`.
+        data: The measurements.
+        plan: The plan that was to be carried out.
     """
-    factors, within = pose_factors(study.robot), resolution_of(study)
-    tree, measured = cKDTree(plan.q / factors), data.q / factors
+    from scipy.spatial import cKDTree
+
+    factors = pose_factors(study.robot)
+    within = pose_resolution(study)
+    tree = cKDTree(plan.q / factors)
+    measured = data.q / factors
     distance, pose = tree.query(measured, p=np.inf)
     experiment = pose.copy()
-    several = np.flatnonzero(
-        tree.query_ball_point(measured, within, p=np.inf, return_length=True) > 1
-    )
-    for row, here in zip(
-        several, tree.query_ball_point(measured[several], within, p=np.inf), strict=True
-    ):
-        plan_study = np.array(sorted(here))
-        W, loads = data.wrench[row], plan.wrench[plan_study]
-        off = np.linalg.norm(loads - W, axis=1)
-        if off.min() > OTHER_LOAD * np.linalg.norm(loads[off.argmin()]):
-            off = -(_direction(loads) @ _direction(W[None])[0])
-        experiment[row] = plan_study[off.argmin()]
-    whole = row_numbers(plan.q, plan.wrench)
-    return PlanMatch(
-        pose,
-        distance,
-        experiment,
-        np.flatnonzero(~np.isin(whole, whole[experiment[distance <= within]])),
-    )
+    in_pose = tree.query_ball_point(measured, within, p=np.inf, return_length=True)
+    several = np.flatnonzero(in_pose > 1)
+    found = tree.query_ball_point(measured[several], within, p=np.inf)
+    for row, planned in zip(several, found, strict=True):
+        candidates = np.array(sorted(planned))
+        nearest = _most_similar(plan.wrench[candidates], data.wrench[row])
+        experiment[row] = candidates[nearest]
+    number = row_numbers(plan.q, plan.wrench)
+    made = number[experiment[distance <= within]]
+    return PlanMatch(pose, distance, experiment, np.flatnonzero(~np.isin(number, made)))
 
 
-def resolution_of(study: Study) -> float:
-    """How far [deg, mm] a pose may be from a planned one, for the digits that a plan is printed with."""
-    return max(study.specification.workspace.plan_resolution_deg, 1e-3) * (1 + 1e-9)
+def _most_similar(planned: Array, applied: Array) -> int:
+    """Of planned wrenches (k, 6) the one that was applied (6,), as far as one can tell.
+
+    That is the nearest. Where none is near, as with forces in another unit, it is the one whose
+    direction is the most similar.
+    """
+    off = np.linalg.norm(planned - applied, axis=1)
+    nearest = int(off.argmin())
+    # The size of the farthest one is the scale, for the nearest may be zero.
+    if off[nearest] <= OTHER_LOAD * np.linalg.norm(planned[off.argmax()]):
+        return nearest
+    return int((_direction(planned) @ _direction(applied[None])[0]).argmax())
 
 
 def _direction(wrench: Array) -> Array:

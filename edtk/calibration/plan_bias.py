@@ -1,25 +1,22 @@
-"""How wrong the linear model makes a plan's compliances, for the compliances that a study assumes."""
+"""How wrong the linear model makes a plan's compliances, for those that a study assumes."""
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from edtk.design.plan import Plan
 from edtk.inference.bias import Bias, linearisation_bias
-from edtk.inference.equilibrium_deflection import marker_motion
-from edtk.inference.least_squares import SingularPlanError, estimate
-from edtk.inference.measurements import Measurements
 from edtk.model.compensation_accuracy import compensation_accuracy
-from edtk.model.equilibrium import NoEquilibriumError, equilibrium
+from edtk.model.equilibrium import NoEquilibriumError
 from edtk.study.study import Study
 from edtk.system.errors import UserError
 from edtk.system.presented import Presented
+from edtk.system.typing import Array
 
-Array = NDArray[np.float64]
-MOST_POSES = 2000
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,28 +51,46 @@ class PlanBias(Presented):
 
     def to_dict(self) -> dict[str, Any]:
         """Plain numbers in SI units; a per cent value that is infinite is null."""
-        b = self.bias
-        columns = {
-            "true": b.true,
-            "expected": b.expected,
-            "bias": b.bias,
-            "std": b.std,
-            "bias_in_std": b.in_std,
-        }
-        percent = [p if np.isfinite(p) else None for p in b.percent.tolist()]
+        percent = [p if np.isfinite(p) else None for p in self.bias.percent.tolist()]
         return {
             "experiments": self.experiments,
-            **{
-                name: dict(zip(self.joints, values.tolist(), strict=True))
-                for name, values in columns.items()
-            },
+            "true": self._by_joint(self.bias.true),
+            "expected": self._by_joint(self.bias.expected),
+            "bias": self._by_joint(self.bias.bias),
+            "std": self._by_joint(self.bias.std),
+            "bias_in_std": self._by_joint(self.bias.in_std),
             "bias_percent": dict(zip(self.joints, percent, strict=True)),
             "rho0": self.rho0,
             "rho0_bias": self.rho0_bias,
         }
 
+    def to_frame(self) -> "pd.DataFrame":
+        """A row for each compliance, SI units.
 
-def plan_bias(study: Study, plan: Plan, path: Path) -> PlanBias:
+        Columns: `joint`, `parameter`, `true`, `expected`, `bias`, `std`, `bias_in_std` and
+        `bias_percent`.
+        """
+        import pandas as pd
+
+        return pd.DataFrame(
+            {
+                "joint": self.joints,
+                "parameter": self.parameters,
+                "true": self.bias.true,
+                "expected": self.bias.expected,
+                "bias": self.bias.bias,
+                "std": self.bias.std,
+                "bias_in_std": self.bias.in_std,
+                "bias_percent": self.bias.percent,
+            }
+        )
+
+    def _by_joint(self, values: Array) -> dict[str, float]:
+        """Values (p,) by the names of the joints."""
+        return dict(zip(self.joints, values.tolist(), strict=True))
+
+
+def plan_bias(study: Study, plan: Plan, path: Path | str) -> PlanBias:
     """Carry out a plan on the robot of the study's [simulation] and identify with the linear model.
 
     Compliances that [simulation] gives for joints that are not unknown bend the robot too.
@@ -86,28 +101,17 @@ def plan_bias(study: Study, plan: Plan, path: Path) -> PlanBias:
         path: Where the plan comes from, for the message.
 
     Raises:
-        UserError: There is no [simulation], or it lacks a joint or names one that is not there; or a pose of the plan
-            has no equilibrium.
+        UserError: There is no [simulation], or it lacks a joint or names an unknown one; or a pose
+            of the plan has no equilibrium.
         SingularPlanError: The plan cannot identify all parameters; names them.
     """
-    if study.specification.simulation is None:
-        raise study.error(
-            "simulation", "expected a table with the assumed true compliances, and there is none"
-        )
-    given, names = study.specification.simulation.compliance_rad_per_Nm, study.robot.joint_names
-    for name in given:
-        if name not in names:
-            message = f"no joint {name!r}; this robot has {', '.join(names)}"
-            raise study.error("simulation.compliance_rad_per_Nm", message)
-    k = np.array([given.get(name, 0.0) for name in names])
-    k[study.model.joints] = study.compliances
+    k = _assumed_compliances(study)
     each = np.repeat(np.arange(len(plan.q)), plan.repeats)
     try:
         found = linearisation_bias(study.model, plan.q[each], plan.wrench[each], study.sigma, k)
     except NoEquilibriumError as error:
-        raise UserError(
-            f"{path}: row {each[error.pose] + 1}: no stable equilibrium under its load"
-        ) from error
+        row = each[error.pose] + 1
+        raise UserError(f"{path}: row {row}: no stable equilibrium under its load") from error
     A0 = study.target
     return PlanBias(
         bias=found,
@@ -120,33 +124,21 @@ def plan_bias(study: Study, plan: Plan, path: Path) -> PlanBias:
     )
 
 
-def bias_in_test_pose(study: Study, data: Measurements, k: Array) -> float | None:
-    """What the linear model costs in the test pose, if the robot has the compliances that were identified.
+def _assumed_compliances(study: Study) -> Array:
+    """Compliances (n,) of all joints from [simulation], zero where it names none [rad/(N m)].
 
-    Of very many poses every second, third, ... is enough to tell.
-
-    Args:
-        study: Model and test pose.
-        data: The measurements from which they were identified.
-        k: Those compliances (p,) [rad/(N m)].
-
-    Returns:
-        Length of the mean error ``|A0 (E(k_hat) - k)|`` [m]; None without a test pose, or if such a robot would not
-        come to rest.
+    Raises:
+        UserError: There is no [simulation], or it lacks a joint or names an unknown one.
     """
-    if study.target is None:
-        return None
-    all_joints = np.zeros(study.robot.n)
-    all_joints[study.model.joints] = k
-    every = -(-(1 + data.pose.max()) // MOST_POSES)
-    some = data[np.flatnonzero(data.pose % every == 0)]
-    one = some[np.unique(some.pose, return_index=True)[1]]
-    try:
-        moved = equilibrium(study.robot, one.q, one.wrench, all_joints).displacement[some.pose]
-        measured = marker_motion(study.model, some.q, moved, some.marker)
-        expected = estimate(
-            some.regressor(study.model), measured, some.sigma, study.model.parameters
-        ).k
-    except (NoEquilibriumError, SingularPlanError):
-        return None
-    return float(np.linalg.norm(study.target @ (expected - k)))
+    simulation = study.specification.simulation
+    if simulation is None:
+        message = "expected a table with the assumed true compliances, and there is none"
+        raise study.error("simulation", message)
+    names = study.robot.joint_names
+    for name in simulation.compliance_rad_per_Nm:
+        if name not in names:
+            message = f"no joint {name!r}; this robot has {', '.join(names)}"
+            raise study.error("simulation.compliance_rad_per_Nm", message)
+    k = np.array([simulation.compliance_rad_per_Nm.get(name, 0.0) for name in names])
+    k[study.model.joints] = study.compliances
+    return k

@@ -6,63 +6,77 @@ from edtk.inference.prior import Normal, Prior
 from edtk.study.study import Study
 from edtk.tables.compliances import load_compliances
 
+ASYMMETRY = 1e-6  # relative: printed digits of a covariance may differ by that
+NO_VARIANCE = 2  # degrees of freedom up to which Student's t has no variance
+
 
 def study_prior(study: Study) -> Prior:
-    """The [prior] table on the study's unknown compliances, which are positive.
+    """Build the prior of a study's unknown compliances, which are positive, from its [prior] table.
 
     Raises:
-        UserError: The table names another joint, or its covariance is none, or its file cannot be read.
+        UserError: The table names another joint, its covariance is no covariance, or its file
+            cannot be read.
     """
-    table, unknown = study.specification.prior, study.specification.joints.unknown
+    table = study.specification.prior
+    unknown = study.specification.joints.unknown
     for name in table.joints:
         if name not in unknown:
-            raise study.error(
-                "prior.joints", f"{name!r} is no unknown joint; expected {', '.join(unknown)}"
-            )
+            message = f"{name!r} is no unknown joint; expected {', '.join(unknown)}"
+            raise study.error("prior.joints", message)
     marginals = tuple(table.joints.get(name, table.all).build() for name in unknown)
     if table.earlier_file is not None:
         return Prior(marginals, _from_file(study, table.earlier_file))
-    if table.earlier is None:
-        return Prior(marginals)
-    mean = table.earlier.mean_rad_per_Nm
+    if table.earlier is not None:
+        return Prior(marginals, _from_table(study))
+    return Prior(marginals)
+
+
+def _from_table(study: Study) -> Normal:
+    """The normal prior that the study's file states itself."""
+    unknown = study.specification.joints.unknown
+    earlier = study.specification.prior.earlier
+    assert earlier is not None
+    mean = earlier.mean_rad_per_Nm
     if set(mean) != set(unknown):
-        raise study.error(
-            "prior.earlier.mean_rad_per_Nm", f"expected one value each for {', '.join(unknown)}"
-        )
-    p, rows = len(unknown), table.earlier.covariance
+        message = f"expected one value each for {', '.join(unknown)}"
+        raise study.error("prior.earlier.mean_rad_per_Nm", message)
+    p = len(unknown)
+    rows = earlier.covariance
     if len(rows) != p or any(len(row) != p for row in rows):
-        raise study.error(
-            "prior.earlier.covariance", f"expected {p} rows of {p} numbers, one per unknown joint"
-        )
+        message = f"expected {p} rows of {p} numbers, one per unknown joint"
+        raise study.error("prior.earlier.covariance", message)
     covariance = np.array(rows)
-    find_input_error = study.error(
+    not_positive = study.error(
         "prior.earlier.covariance", "expected a symmetric, positive definite matrix"
     )
-    if not np.allclose(covariance, covariance.T, rtol=1e-6, atol=0):
-        raise find_input_error
+    if not np.allclose(covariance, covariance.T, rtol=ASYMMETRY, atol=0):
+        raise not_positive
     try:
-        return Prior(marginals, Normal(np.array([mean[name] for name in unknown]), covariance))
+        return Normal(np.array([mean[name] for name in unknown]), covariance)
     except np.linalg.LinAlgError:
-        raise find_input_error from None
+        raise not_positive from None
 
 
 def _from_file(study: Study, name: str) -> Normal:
-    """What `edtk identify` found earlier, and wrote as k.json; where it estimated sigma, as wide as Student's t is."""
+    """The result of an earlier calibration, as `edtk identify` has written it.
+
+    Where sigma was estimated the covariance is widened to that of Student's t.
+    """
     unknown = study.specification.joints.unknown
+    key = "prior.earlier_file"
     found = load_compliances(study.folder / name, study.robot.joint_names, unknown)
-    find_input_error = study.error(
-        "prior.earlier_file", f"{name}: expected a positive definite covariance, or std, beside k"
+    not_positive = study.error(
+        key, f"{name}: expected a positive definite covariance, or std, beside k"
     )
     if found.covariance is None:
-        raise find_input_error
-    dof, chosen = found.covariance_dof, [found.joints.index(joint) for joint in unknown]
-    if dof <= 2:
-        raise study.error(
-            "prior.earlier_file",
-            f"{name}: expected a covariance_dof above 2, or no variance is finite",
-        )
-    wider = dof / (dof - 2) if np.isfinite(dof) else 1.0
+        raise not_positive
+    dof = found.covariance_dof
+    if dof <= NO_VARIANCE:
+        message = f"{name}: expected a covariance_dof above {NO_VARIANCE}, or no variance is finite"
+        raise study.error(key, message)
+    wider = dof / (dof - NO_VARIANCE) if np.isfinite(dof) else 1.0
+    chosen = [found.joints.index(joint) for joint in unknown]
     try:
         return Normal(found.unbounded[chosen], wider * found.covariance[np.ix_(chosen, chosen)])
     except np.linalg.LinAlgError:
-        raise find_input_error from None
+        raise not_positive from None

@@ -1,40 +1,50 @@
 """An order of poses in which the joints travel little."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-EXACT = 11  # poses up to which the best order is found by dynamic programming
-SWAPPED = (
-    1000  # poses up to which pairs of legs are exchanged; beyond, the nearest neighbour is next
-)
+from edtk.system.typing import Array, Indices, Mask
+
+BEST_UP_TO = 11  # poses; dynamic programming takes time and memory in proportion to k^2 2^k
+EXCHANGES_UP_TO = 1000  # poses; exchanges take memory in proportion to k^2
+LEAST_GAIN = 1e-12  # relative: below that an exchange of legs is rounding, and might go on for ever
 
 
-def visiting_order(q: Array, span: Array) -> NDArray[np.int_]:
-    """An open path through all poses: short, the shortest for a few poses.
+def visiting_order(
+    q: Array, span: Array, best_up_to: int = BEST_UP_TO, exchanges_up_to: int = EXCHANGES_UP_TO
+) -> Indices:
+    """Find an open path through all poses: short, the shortest for a few poses.
 
-    The length of a leg is the root of the sum of squares of the joints' travel, each divided by its range. Many poses
-    are put in order by nearest neighbour, and legs are exchanged while that shortens the path (2-opt).
+    The length of a leg is the root of the sum of squares of the joints' travel, each divided by its
+    range. Many poses are put in order by nearest neighbour, and legs are exchanged while that
+    shortens the path (2-opt).
 
     Args:
         q: Joint variables (k, n) [rad or m].
         span: Range (n,) of each joint [rad or m].
+        best_up_to: Number of poses up to which the shortest path is found.
+        exchanges_up_to: Number of poses up to which legs are exchanged.
 
     Returns:
         Indices (k,); the path begins at that of its ends which comes first in q.
     """
     x = q / span
-    if len(x) > SWAPPED:
+    if len(x) > exchanges_up_to:
         order = _nearest(x)
     else:
-        D = np.sqrt(((x[:, None] - x[None]) ** 2).sum(axis=-1))
-        order = _shortest(D) if len(x) <= EXACT else _exchanged(D, _nearest(x))
+        distance = np.sqrt(((x[:, None] - x[None]) ** 2).sum(axis=-1))
+        few = len(x) <= best_up_to
+        order = _shortest(distance) if few else _exchanged(distance, _nearest(x))
     return order if order[0] <= order[-1] else order[::-1]
 
 
-def _shortest(D: Array) -> NDArray[np.int_]:
-    """The shortest open path by dynamic programming over sets of visited poses (Held and Karp 1962)."""
-    k = len(D)
+def _shortest(distance: Array) -> Indices:
+    """The shortest open path by dynamic programming over sets of visited poses (Held, Karp 1962).
+
+    A set is a number whose bits say which poses are in it. `cost[s, j]` is the length of the
+    shortest path through the set s that ends at j, and `last[s, j]` the pose before j on it.
+    """
+    k = len(distance)
+    everywhere = (1 << k) - 1
     cost = np.full((1 << k, k), np.inf)
     last = np.zeros((1 << k, k), dtype=int)
     cost[1 << np.arange(k), np.arange(k)] = 0.0
@@ -42,45 +52,52 @@ def _shortest(D: Array) -> NDArray[np.int_]:
         for j in range(k):
             before = visited & ~(1 << j)
             if before and before != visited:
-                ways = cost[before] + D[:, j]
+                ways = cost[before] + distance[:, j]
                 last[visited, j] = ways.argmin()
                 cost[visited, j] = ways[last[visited, j]]
-    visited, j = (1 << k) - 1, int(cost[-1].argmin())
+    visited = everywhere
+    j = int(cost[everywhere].argmin())
     order = []
     while visited:
         order.append(j)
-        visited, j = visited & ~(1 << j), int(last[visited, j])
+        before = int(last[visited, j])
+        visited &= ~(1 << j)
+        j = before
     return np.array(order)
 
 
-def _nearest(x: Array) -> NDArray[np.int_]:
+def _nearest(x: Array) -> Indices:
     """From the first pose always on to the nearest one that is left."""
-    left = np.ones(len(x), dtype=bool)
+    left: Mask = np.ones(len(x), dtype=bool)
     order = np.zeros(len(x), dtype=int)
     for i in range(1, len(x)):
         left[order[i - 1]] = False
         rest = np.flatnonzero(left)
-        order[i] = rest[((x[rest] - x[order[i - 1]]) ** 2).sum(axis=1).argmin()]
+        squares = ((x[rest] - x[order[i - 1]]) ** 2).sum(axis=1)
+        order[i] = rest[squares.argmin()]
     return order
 
 
-def _exchanged(D: Array, order: NDArray[np.int_]) -> NDArray[np.int_]:
+def _exchanged(distance: Array, order: Indices) -> Indices:
     """Reverse the stretch of the path that shortens it most, until none does.
 
-    Reversing the positions i..j replaces the legs (i-1, i) and (j, j+1) by (i-1, j) and (i, j+1); at the ends of the
-    path one of each is missing. A pose of no distance to any other stands in for what is beyond the ends.
+    Reversing the positions i..j replaces the legs (i-1, i) and (j, j+1) by (i-1, j) and (i, j+1);
+    at the ends of the path one of each is missing. A pose of no distance to any other stands in
+    for the missing ones.
     """
-    k = len(D)
+    k = len(distance)
     open_ended = np.zeros((k + 1, k + 1))
-    open_ended[:k, :k] = D
+    open_ended[:k, :k] = distance
     path = np.r_[k, order, k]
-    least = 1e-12 * (1 + D.max())
+    least = LEAST_GAIN * (1 + distance.max())
     upper = np.triu(np.ones((k, k), dtype=bool), 1)
     while True:
-        a, b = path[:-2], path[1:-1]  # before and at position i
-        c, d = path[1:-1], path[2:]  # at and after position j
-        legs = open_ended[a, b][:, None] + open_ended[c, d]
-        change = np.where(upper, open_ended[np.ix_(a, c)] + open_ended[np.ix_(b, d)] - legs, 0.0)
+        before = path[:-2]
+        at = path[1:-1]
+        after = path[2:]
+        legs = open_ended[before, at][:, None] + open_ended[at, after]
+        exchanged = open_ended[np.ix_(before, at)] + open_ended[np.ix_(at, after)]
+        change = np.where(upper, exchanged - legs, 0.0)
         i, j = np.unravel_index(change.argmin(), change.shape)
         if change[i, j] >= -least:
             return path[1:-1]

@@ -71,7 +71,7 @@ def command(
     What is known before the measurements is the [prior] of STUDY (TOML). A killed run with --chain goes on where it
     was when it is started again.
     """
-    from edtk.calibration.inference_data import export
+    from edtk.calibration.export_inference_data import export_inference_data
     from edtk.calibration.posterior_check import check_plan_posterior
     from edtk.inference.noise import NU_IN_WORDS, Noise
     from edtk.study.study import load_study
@@ -87,7 +87,7 @@ def command(
     with sampling.arguments(plan, loaded.specification.seed) as arguments:
         check = check_plan_posterior(loaded, loaded_plan, noise=noise, **arguments)
     if sampling.export is not None:
-        export(check, sampling.export, loaded.target)
+        export_inference_data(check, sampling.export, loaded.target)
     if figures is not None:
         from edtk.report.posterior_figures import draw_figures
 

@@ -20,7 +20,8 @@ def command(study: Path, k: Path, task: Path, as_json: bool, out: Path | None) -
     K.json holds the compliances, as an identification writes them; tool, and load where TASK has no wrench columns, are
     those of the test pose of STUDY (TOML).
     """
-    from edtk.calibration.compensate import compensate, load_task
+    from edtk.calibration.compensate import compensate
+    from edtk.calibration.load_task import load_task
     from edtk.study.study import load_study
     from edtk.tables.compliances import load_compliances
 

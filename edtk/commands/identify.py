@@ -53,10 +53,11 @@ def command(
     With --bayes priors are those of the [prior] of STUDY, errors Student-t if --robust, sigma unknown if
     --sigma-unknown. A killed run with --chain goes on where it was when it is started again.
     """
-    from edtk.calibration.calibrate import WRITTEN, calibrate
-    from edtk.calibration.diagnostics import NOTE
-    from edtk.calibration.inference_data import export
+    from edtk.calibration.calibrate import calibrate
+    from edtk.calibration.diagnostics.diagnostic import Severity
+    from edtk.calibration.export_inference_data import export_inference_data
     from edtk.inference.fit_huber import SigmaTooSmallError
+    from edtk.report.write_calibration import WRITTEN, write_calibration
     from edtk.study.study import load_study
 
     if sampling.given() and not bayes:
@@ -79,10 +80,10 @@ def command(
         with sampling.arguments(measurements, loaded.specification.seed) as arguments:
             found = found.sampled(**arguments)
     if found.check is not None and sampling.export is not None:
-        export(found.check, sampling.export, loaded.target)
+        export_inference_data(found.check, sampling.export, loaded.target)
     if out is not None:
-        found.write(out)
+        write_calibration(found, out)
     click.echo(json.dumps(found.to_dict(), indent=2) if as_json else found.summary())
     for diagnostic in found.diagnostics:
-        if diagnostic.severity > NOTE:
+        if diagnostic.severity > Severity.NOTE:
             click.echo(f"edtk: {measurements}: {diagnostic.text}", err=True)

@@ -51,7 +51,7 @@ class Sampling:
             UserError: They are one, or it is not.
             OSError: They cannot be written.
         """
-        from edtk.calibration.inference_data import require_arviz
+        from edtk.calibration.export_inference_data import require_arviz
 
         if self.export is not None:
             require_arviz(self.export)

@@ -41,9 +41,9 @@ def require_output(path: Path | None, *inputs: Path | None) -> None:
         raise UserError(f"{path}: is read by this command; expected another file to write")
     require_writable(path)
     if path.exists():
-        from edtk.calibration.template import filled
+        from edtk.calibration.is_filled import is_filled
 
-        if filled(path):
+        if is_filled(path):
             raise UserError(f"{path}: has measurements in it; expected another file to write")
 
 

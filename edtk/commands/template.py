@@ -5,7 +5,6 @@ from pathlib import Path
 import click
 
 from edtk.commands.shared import FilePath, require_output
-from edtk.system.atomic_file import atomic_path
 
 
 @click.command("template")
@@ -28,7 +27,8 @@ def command(
     It has a row for each repetition, in an order in which the joints travel little; `edtk identify` reads it. Markers
     away from the tool point have their offsets from it, in the tool frame, in columns of their own.
     """
-    from edtk.calibration.template import require_empty, template
+    from edtk.calibration.require_empty import require_empty
+    from edtk.calibration.template import template, write_template
     from edtk.study.study import load_study
 
     loaded = load_study(study)
@@ -44,5 +44,4 @@ def command(
     if out is None:
         click.echo(table.to_csv(index=False, float_format="%.10g"), nl=False)
         return
-    with atomic_path(out) as temporary:
-        table.to_csv(temporary, index=False, float_format="%.10g")
+    write_template(table, out)

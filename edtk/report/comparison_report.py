@@ -9,7 +9,7 @@ import criteria
 from edtk.design.exact.batch import SIZE
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
 from edtk.report.figures import by_size, heat_map, save, unit_of
-from edtk.report.markdown import markdown_table
+from edtk.report.markdown_table import markdown_table
 from edtk.study.study import Study
 from edtk.system.atomic_file import write_text
 

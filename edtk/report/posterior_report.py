@@ -3,11 +3,11 @@
 from edtk.calibration.pose_error import PoseError
 from edtk.calibration.posterior_check import PosteriorCheck
 from edtk.report.digits import digits
-from edtk.report.html import heading, paragraph, picture, table
+from edtk.report.page import heading, paragraph, picture, table
 from edtk.report.posterior_figures import corner, residuals, trace
 
 
-def posterior_part(check: PosteriorCheck) -> str:
+def posterior_report(check: PosteriorCheck) -> str:
     """A table, what it means in the test pose, and the pictures."""
     parts = [heading("What does the posterior say?"), paragraph(_chain(check)), _compliances(check)]
     if check.ratio_to_expect != 1:

@@ -23,7 +23,7 @@ from edtk.inference.measurements import Measurements
 from edtk.inference.noise import Noise
 from edtk.inference.sample_posterior import sample_posterior
 from edtk.inference.simulate import simulate
-from edtk.report.markdown import markdown_table
+from edtk.report.markdown_table import markdown_table
 from edtk.study.study import load_study
 from edtk.system.atomic_file import write_text
 from edtk.tables.sheet_columns import DEFLECTION_COLUMNS, MARKER_COLUMNS

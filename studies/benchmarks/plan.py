@@ -25,7 +25,7 @@ from edtk.design.exact.log_cost import LogCost
 from edtk.design.experiments import Experiments
 from edtk.design.interior_point.descend import Indices, Local, descend
 from edtk.design.interior_point.neighbourhood import Neighbourhood
-from edtk.report.markdown import markdown_table
+from edtk.report.markdown_table import markdown_table
 from edtk.study.study import Study, load_study
 from edtk.system.atomic_file import write_text
 

@@ -26,7 +26,7 @@ from edtk.design.candidate_source import CandidateSource
 from edtk.design.problem import Problem
 from edtk.design.relaxation.relax import relax
 from edtk.design.relaxation.relax_poses import relax_poses
-from edtk.report.markdown import markdown_table
+from edtk.report.markdown_table import markdown_table
 from edtk.study.study import Study, load_study
 from edtk.system.atomic_file import atomic_path, write_text
 

@@ -12,6 +12,7 @@ from edtk.calibration.plan_bias import plan_bias
 from edtk.calibration.template import template
 from edtk.inference.run_chain import Demand
 from edtk.inference.simulate import simulate
+from edtk.report.write_calibration import write_calibration
 from edtk.study.evaluate import evaluate
 from edtk.study.study import load_study
 from edtk.system.errors import UserError
@@ -104,6 +105,7 @@ def test_json_and_files(save, tmp_path):
         "posterior",
         "verdict",
         "doubts",
+        "diagnostics",
     }
     assert content["posterior"] is None
     assert content["outliers"] == [5]
@@ -114,7 +116,7 @@ def test_json_and_files(save, tmp_path):
     )
     low, high = content["rho0"]["interval95"]
     assert low < content["rho0"]["value"] < high
-    found.write(tmp_path / "out")
+    write_calibration(found, tmp_path / "out")
     assert sorted(p.name for p in (tmp_path / "out").iterdir()) == [
         "k.json",
         "report.html",

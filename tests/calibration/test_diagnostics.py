@@ -6,13 +6,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from edtk.calibration.diagnostics import ALARM, NOTE, WARNING, diagnostics
+from edtk.calibration.diagnostics.diagnostic import Severity
+from edtk.calibration.diagnostics.diagnostics import diagnostics
+from edtk.calibration.fitted_data import FittedData
 from edtk.design.plan import Plan
 from edtk.inference.identify import identify
 from edtk.inference.measurements import Measurements
 from edtk.inference.simulate import simulate
 from edtk.model.elastostatic_model import ElastostaticModel
 from edtk.study.study import load_study
+
+NOTE, WARNING, ALARM = Severity
 
 ROOT = Path(__file__).parents[2]
 STUDY = load_study(ROOT / "studies" / "kr270_milling.toml")
@@ -44,11 +48,7 @@ def measured(seed=0, repeats=2, digits=4):
 
 
 def found(data, study=STUDY, plan=None, known=True, robust=False):
-    A = data.regressor(study.model)
-    fit = identify(
-        A, data.deflection, data.sigma, study.model.parameters, known=known, robust=robust
-    )
-    return diagnostics(study, data, A, fit, plan)
+    return diagnostics(FittedData.of(study, data, plan, robust, known))
 
 
 def lines(data, *args, **options):
@@ -291,10 +291,7 @@ def _of_six(study, two):
     wrench = np.array([[1000.0, 800, -2000, 0, 0, 0], [-900, 1500, -2500, 0, 0, 0]])
     data = replace(two, wrench=wrench)
     A = data.regressor(study.model)
-    data = replace(data, deflection=A @ study.compliances)
-    return diagnostics(
-        study, data, A, identify(A, data.deflection, data.sigma, study.model.parameters)
-    )
+    return found(replace(data, deflection=A @ study.compliances), study)
 
 
 def test_beyond_the_limits():

@@ -7,9 +7,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from edtk.calibration.input_errors import find_input_error
+from edtk.calibration.fitted_data import FittedData
+from edtk.calibration.input_errors.find_input_error import find_input_error
+from edtk.calibration.wording import wording
 from edtk.design.plan import Plan
-from edtk.inference.identify import identify
 from edtk.inference.measurements import Measurements
 from edtk.inference.simulate import simulate
 from edtk.model.elastostatic_model import ElastostaticModel
@@ -32,9 +33,11 @@ def measured(seed=0, repeats=2, digits=4):
 
 
 def found(data, plan=None, **options):
-    A = data.regressor(STUDY.model)
-    fit = identify(A, data.deflection, data.sigma, STUDY.model.parameters, **options)
-    return find_input_error(STUDY, data, fit, plan)
+    return in_words(find_input_error(FittedData.of(STUDY, data, plan, **options)))
+
+
+def in_words(error):
+    return None if error is None else wording(error)
 
 
 def exchanged(x, i, j):
@@ -96,10 +99,8 @@ def _poses():
 
 
 def _judged(model, data):
-    fit = identify(data.regressor(model), data.deflection, data.sigma, model.parameters)
-    return find_input_error(
-        SimpleNamespace(model=model, robot=model.robot, fixed=STUDY.fixed), data, fit
-    )
+    study = SimpleNamespace(model=model, robot=model.robot, fixed=STUDY.fixed)
+    return in_words(find_input_error(FittedData.of(study, data)))
 
 
 @pytest.mark.parametrize(("i", "j"), [(0, 1), (0, 2), (1, 2)])

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from edtk.calibration.plan_bias import bias_in_test_pose
+from edtk.calibration.bias_in_test_pose import bias_in_test_pose
 from edtk.cli import main
 from edtk.inference.bias import linearisation_bias
 from edtk.inference.equilibrium_deflection import equilibrium_deflection
@@ -140,4 +140,6 @@ def test_in_the_test_pose_with_several_markers():
     )
     fit = estimate(data.regressor(study.model), moved, data.sigma, study.model.parameters)
     expected = np.linalg.norm(study.target @ (fit.k - study.compliances))
-    assert bias_in_test_pose(study, data, study.compliances) == pytest.approx(expected, rel=1e-9)
+    A = data.regressor(study.model)
+    found = bias_in_test_pose(study, data, A, study.compliances)
+    assert found == pytest.approx(expected, rel=1e-9)

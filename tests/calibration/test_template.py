@@ -5,7 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from edtk.calibration.template import filled, require_empty, template
+from edtk.calibration.is_filled import is_filled
+from edtk.calibration.require_empty import require_empty
+from edtk.calibration.template import template
 from edtk.design.plan import Plan
 from edtk.study.study import load_study
 from edtk.system.errors import UserError
@@ -66,7 +68,7 @@ def test_a_filled_sheet_is_not_overwritten(tmp_path):
         'title = "a study"\n',
     ):
         path.write_text(text)
-        with pytest.raises(UserError, match=r"has measurements in it|no empty sheet"):
+        with pytest.raises(UserError, match=r"has measurements in it|not an empty sheet"):
             require_empty(path)
     path.write_text("")
     require_empty(path)
@@ -91,11 +93,11 @@ def test_what_is_a_filled_sheet(tmp_path):
     path, table = tmp_path / "file", template(STUDY, PLAN)
     for separator in (",", ";", "\t"):
         path.write_text("# day 1\n" + table.to_csv(index=False, sep=separator))
-        assert filled(path) is False
+        assert is_filled(path) is False
         path.write_text(
             "# day 1\n" + table.assign(sigma_mm=0.03).to_csv(index=False, sep=separator)
         )
-        assert filled(path) is True
+        assert is_filled(path) is True
     for content in (
         b"",
         b"q1_deg,repeats\n1,2\n",
@@ -104,4 +106,4 @@ def test_what_is_a_filled_sheet(tmp_path):
         bytes(range(256)) * 2000,
     ):
         path.write_bytes(content)
-        assert filled(path) is None
+        assert is_filled(path) is None

@@ -8,14 +8,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from edtk.calibration.diagnostics import diagnostics
+from edtk.calibration.calibrate import Calibration
+from edtk.calibration.diagnostics.diagnostics import diagnostics
+from edtk.calibration.fitted_data import FittedData
 from edtk.calibration.posterior_check import check_posterior
 from edtk.inference.identify import identify
 from edtk.inference.least_squares import Estimate
 from edtk.inference.measurements import Measurements
 from edtk.inference.run_chain import Demand
 from edtk.inference.simulate import simulate
-from edtk.report.calibration_report import identification_page
+from edtk.report.calibration_report import calibration_report
 from edtk.report.digits import digits
 from edtk.study.study import load_study
 
@@ -42,8 +44,9 @@ def page(spoil=lambda y: y, k=STUDY.compliances, known=True, seed=3, bayes=False
     if bayes:
         estimate, rng = Estimate(fit.k, fit.covariance), np.random.default_rng(seed)
         check = check_posterior(STUDY, A, y, data.sigma, estimate, rng, demand=Demand(0.1))
-    found = diagnostics(STUDY, data, A, fit)
-    return identification_page(STUDY, fit, data.pose, "day <1>.csv", found, check=check), fit
+    fitted = FittedData(STUDY, data, A, fit)
+    found = Calibration(fitted, diagnostics(fitted), Path("day <1>.csv"), check=check)
+    return calibration_report(found), fit
 
 
 def level_of(text):

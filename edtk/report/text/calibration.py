@@ -3,7 +3,8 @@
 import numpy as np
 
 from edtk.calibration.calibrate import COORDINATES, Calibration
-from edtk.calibration.diagnostics import NOTE, named
+from edtk.calibration.diagnostics.diagnostic import Severity
+from edtk.calibration.row_names import row_names
 from edtk.report.digits import digits
 
 
@@ -15,7 +16,7 @@ def calibration(found: Calibration) -> str:
     if found.check is not None:
         lines += ["posterior", found.check.summary()]
     for diagnostic in found.diagnostics:
-        if diagnostic.severity == NOTE:
+        if diagnostic.severity is Severity.NOTE:
             lines.append(f"note: {diagnostic.text}")
     return "\n".join([*lines, f"verdict: {found.verdict}"])
 
@@ -73,6 +74,6 @@ def _rows(found: Calibration) -> list[str]:
         f"largest leverage {fit.leverage[i, j]:.3f}: row {i + 1}, {COORDINATES[j]}",
     ]
     if len(fit.outliers):
-        rows = named("row", fit.outliers.tolist())
+        rows = row_names(fit.outliers.tolist())
         lines.append(f"outliers ({len(fit.outliers)}): {rows}")
     return lines

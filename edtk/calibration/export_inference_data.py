@@ -29,7 +29,9 @@ def require_arviz(path: Path | str) -> None:
         ) from None
 
 
-def export(check: PosteriorCheck, path: Path | str, target: Array | None = None) -> None:
+def export_inference_data(
+    check: PosteriorCheck, path: Path | str, target: Array | None = None
+) -> None:
     """Write posterior and measurements; walkers are ArviZ's chains.
 
     Args:

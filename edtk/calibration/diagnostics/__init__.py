@@ -1,0 +1,1 @@
+"""Measurements that look wrong and can be used all the same, by subject."""

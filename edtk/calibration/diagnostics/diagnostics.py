@@ -1,0 +1,29 @@
+"""Everything that looks wrong in measurements."""
+
+from edtk.calibration.diagnostics.diagnostic import Diagnostic, Severity
+from edtk.calibration.diagnostics.noise_diagnostics import noise_diagnostics
+from edtk.calibration.diagnostics.outlier_diagnostics import outlier_diagnostics
+from edtk.calibration.diagnostics.pose_diagnostics import pose_diagnostics
+from edtk.calibration.diagnostics.sign_diagnostics import sign_diagnostics
+from edtk.calibration.diagnostics.structure_diagnostics import structure_diagnostics
+from edtk.calibration.diagnostics.unit_diagnostics import unit_diagnostics
+from edtk.calibration.fitted_data import FittedData
+
+
+def diagnostics(fitted: FittedData, rho0_bias: float | None = None) -> tuple[Diagnostic, ...]:
+    """Say what looks wrong in measurements, the worst first; nothing where nothing does.
+
+    Args:
+        fitted: The measurements and their fit. The study's load and its assumed true compliances,
+            if it has any, say how large things are.
+        rho0_bias: Error that the linear model leaves in the test pose [m]; None if it is unknown.
+    """
+    found = list(unit_diagnostics(fitted))
+    # A wrong unit spoils the fit: what the fit says then is a consequence, and would only distract.
+    if all(diagnostic.severity < Severity.ALARM for diagnostic in found):
+        found += sign_diagnostics(fitted)
+        found += noise_diagnostics(fitted.fit)
+        found += outlier_diagnostics(fitted.fit)
+        found += structure_diagnostics(fitted, rho0_bias)
+    found += pose_diagnostics(fitted)
+    return tuple(sorted(found, key=lambda diagnostic: -diagnostic.severity))

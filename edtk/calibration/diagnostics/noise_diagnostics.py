@@ -1,0 +1,40 @@
+"""Residuals that the stated noise makes improbable."""
+
+from collections.abc import Iterator
+
+from edtk.calibration.diagnostics.diagnostic import Diagnostic, Severity
+from edtk.calibration.finding import Finding, Kind
+from edtk.inference.identification import Identification
+
+UNLIKELY = 0.01  # p-value of the residuals that is worth a warning
+IMPOSSIBLE = 0.001  # and an alarm
+TINY = 0.2  # estimated noise over the stated one that looks like another unit
+
+
+def noise_diagnostics(fit: Identification) -> Iterator[Diagnostic]:
+    """Compare the residuals with the stated noise.
+
+    The sum of squares has the chi-square distribution with dof degrees of freedom; with Huber's
+    loss the scale, from a median absolute deviation, has about 0.37 dof.
+    """
+    from scipy.stats import chi2
+
+    if not fit.dof:
+        yield Diagnostic(Severity.WARNING, Finding(Kind.NO_RESIDUALS))
+        return
+    n = fit.scale_dof
+    p = float(chi2.sf(fit.scale**2 * n, n))
+    data = {"scale": fit.scale, "p": p, "robust": fit.robust}
+    large = p < UNLIKELY if fit.known else p < IMPOSSIBLE
+    small = p > 1 - IMPOSSIBLE
+    if large and fit.known:
+        severity = Severity.ALARM if p < IMPOSSIBLE else Severity.WARNING
+        yield Diagnostic(severity, Finding(Kind.NOISE_ABOVE_SIGMA, data=data))
+    elif large:
+        yield Diagnostic(Severity.WARNING, Finding(Kind.NOISE_ESTIMATED_LARGE, data=data))
+    elif small and fit.known:
+        yield Diagnostic(Severity.WARNING, Finding(Kind.NOISE_BELOW_SIGMA, data=data))
+    elif small and fit.scale < TINY:
+        # Where sigma is estimated everything scales with the unit of the displacements: only the
+        # size of the noise can tell that it is another one.
+        yield Diagnostic(Severity.ALARM, Finding(Kind.NOISE_ESTIMATED_SMALL, data=data))

@@ -1,0 +1,76 @@
+"""Rows of a measurement file that are the same to the last digit."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from edtk.inference.measurements import Measurements, row_numbers
+from edtk.system.typing import Array
+
+MOST_DIGITS = 9  # decimals of a millimetre or a degree that a reading is looked at to
+SAME_DIGIT = 1e-4  # of a decimal step: below that a number is a multiple of it, but for rounding
+
+
+@dataclass(frozen=True)
+class EqualRows:
+    """Rows that are the same in all columns.
+
+    Attributes:
+        later: The first row, counted from 0, that was there before.
+        earlier: Where it was there first.
+        others: How many more rows were there before.
+        chance: Probability of so many, by the resolution of the readings.
+    """
+
+    later: int
+    earlier: int
+    others: int
+    chance: float
+
+
+def equal_rows(data: Measurements) -> EqualRows | None:
+    """Find rows that are the same to the last digit; None where all are different.
+
+    Two repetitions agree in a coordinate of resolution d with probability
+    ``d / (2 sqrt(pi) sigma)`` at most, and the number of agreeing pairs is about Poisson's.
+    """
+    from scipy.stats import poisson
+
+    setting = np.hstack([data.q, data.wrench, data.marker])
+    pose = row_numbers(setting)
+    row = row_numbers(setting, data.deflection)
+    copies = np.ones(len(row), dtype=bool)
+    copies[np.unique(row, return_index=True)[1]] = False
+    if not copies.any():
+        return None
+    later = int(np.flatnonzero(copies)[0])
+    earlier = int(np.flatnonzero(row == row[later])[0])
+    agree = _steps(data) / (2 * np.sqrt(np.pi) * data.sigma.mean(axis=0))
+    expected = _pairs(pose) * np.minimum(agree, 1.0).prod()
+    chance = float(poisson.sf(_pairs(row) - 1, expected))
+    return EqualRows(later, earlier, int(copies.sum()) - 1, chance)
+
+
+def _pairs(number: np.ndarray) -> float:
+    """How many pairs have the same number."""
+    counts = np.bincount(number)
+    return float((counts * (counts - 1) / 2).sum())
+
+
+def _steps(data: Measurements) -> Array:
+    """Resolution (rows,) of the readings [m, rad]."""
+    steps = [np.full(3, _resolution(data.deflection[:, :3] * 1e3) / 1e3)]
+    if data.deflection.shape[1] == 6:
+        per_radian = 180 / np.pi
+        turned = _resolution(data.deflection[:, 3:] * per_radian) / per_radian
+        steps.append(np.full(3, turned))
+    return np.concatenate(steps)
+
+
+def _resolution(values: Array) -> float:
+    """The decimal step 10^-d, d <= 9, that all values are multiples of."""
+    for digits in range(MOST_DIGITS):
+        scaled = values * 10.0**digits
+        if np.abs(scaled - np.rint(scaled)).max() < SAME_DIGIT:
+            return float(10.0**-digits)
+    return 10.0**-MOST_DIGITS

@@ -1,0 +1,61 @@
+"""One thing that is wrong, or looks wrong, in measurements: as data, without words."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import Enum, auto
+from typing import Any
+
+
+class Kind(Enum):
+    """What was found. `wording` has the sentence of each; `Finding.data` has the numbers in it."""
+
+    # Units.
+    FORCE_UNIT = auto()
+    OTHER_LOAD = auto()
+    LENGTH_UNIT = auto()
+    ROTATION_UNIT = auto()
+    ANGLE_UNIT = auto()
+    # Signs and sizes of compliances.
+    ALL_NEGATIVE = auto()
+    FAR_BELOW_ZERO = auto()
+    NEAR_ZERO = auto()
+    # Noise.
+    NO_RESIDUALS = auto()
+    NOISE_ABOVE_SIGMA = auto()
+    NOISE_BELOW_SIGMA = auto()
+    NOISE_ESTIMATED_LARGE = auto()
+    NOISE_ESTIMATED_SMALL = auto()
+    OUTLIERS = auto()
+    # Structure: what the measured poses can tell.
+    EQUAL_ROWS = auto()
+    ALIKE_PARAMETERS = auto()
+    ONE_POSE = auto()
+    LINEAR_MODEL = auto()
+    BEYOND_LIMITS = auto()
+    NOT_MEASURED = auto()
+    # Input errors, with which no result is given.
+    OTHER_POSE = auto()
+    COPIED_ROWS = auto()
+    WRONG_SIGN = auto()
+    SWAPPED_COLUMNS = auto()
+    MARKER_UNIT = auto()
+    OTHER_AXES = auto()
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that is wrong, or looks wrong.
+
+    Attributes:
+        kind: What it is.
+        rows: Rows of the file or of the plan, counted from 0.
+        columns: Columns of the file.
+        parameters: Names of the parameters.
+        data: Numbers, units and circumstances by name, as `wording` reads them.
+    """
+
+    kind: Kind
+    rows: tuple[int, ...] = ()
+    columns: tuple[str, ...] = ()
+    parameters: tuple[str, ...] = ()
+    data: Mapping[str, Any] = field(default_factory=dict)

@@ -1,0 +1,1 @@
+"""Measurements that are certainly wrong: copied rows, other poses, swapped columns."""

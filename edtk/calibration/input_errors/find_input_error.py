@@ -1,0 +1,19 @@
+"""The first thing that is certainly wrong in measurements."""
+
+from edtk.calibration.finding import Finding
+from edtk.calibration.fitted_data import FittedData
+from edtk.calibration.input_errors.copied_rows import copied_rows
+from edtk.calibration.input_errors.other_pose import other_pose
+from edtk.calibration.input_errors.swapped_columns import swapped_columns
+
+
+def find_input_error(fitted: FittedData) -> Finding | None:
+    """Find the first input error in measurements that can be read and fitted.
+
+    Args:
+        fitted: The measurements, their fit, and the plan that was to be carried out.
+
+    Returns:
+        What is wrong, with its rows and columns; None where nothing is.
+    """
+    return other_pose(fitted) or copied_rows(fitted) or swapped_columns(fitted)

@@ -1,0 +1,30 @@
+"""Measured poses that are not planned."""
+
+import numpy as np
+
+from edtk.calibration.finding import Finding, Kind
+from edtk.calibration.fitted_data import FittedData
+from edtk.calibration.pose_resolution import pose_resolution
+from edtk.tables.pose_table import pose_columns, pose_factors
+
+
+def other_pose(fitted: FittedData) -> Finding | None:
+    """Find the first measured pose that is not planned, and the column that is farthest off."""
+    match = fitted.match
+    if fitted.plan is None or match is None:
+        return None
+    rows = np.flatnonzero(match.distance > pose_resolution(fitted.study))
+    if not len(rows):
+        return None
+    robot = fitted.study.robot
+    row = int(rows[0])
+    nearest = int(match.pose[row])
+    off = np.abs(fitted.data.q[row] - fitted.plan.q[nearest]) / pose_factors(robot)
+    joint = int(off.argmax())
+    data = {
+        "nearest": nearest,
+        "distance": float(match.distance[row]),
+        "unit": "mm" if robot.joints[joint].kind == "prismatic" else "deg",
+        "others": len(rows) - 1,
+    }
+    return Finding(Kind.OTHER_POSE, (row,), (pose_columns(robot)[joint],), data=data)

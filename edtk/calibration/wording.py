@@ -1,0 +1,226 @@
+"""The sentence of each finding: the one place where findings become words."""
+
+from collections.abc import Callable
+
+from edtk.calibration.finding import Finding, Kind
+from edtk.calibration.row_names import row_names
+
+
+def wording(finding: Finding) -> str:
+    """What is wrong, where, and what was expected, in one line."""
+    return _SENTENCES[finding.kind](finding)
+
+
+def _force_unit(found: Finding) -> str:
+    whose = "the plan" if found.data["planned"] else "the study's [load]"
+    unit = found.data["unit"]
+    why = "; expected those that were applied, in newtons"
+    if unit:
+        why = f": are they in {unit}? expected newtons"
+    ratio = found.data["ratio"]
+    return f"columns Fx_N to Fz_N: the forces are {ratio:.3g} times those of {whose}{why}"
+
+
+def _other_load(found: Finding) -> str:
+    within = f"{100 * found.data['tolerance']:g} %"
+    rows = row_names(found.rows)
+    return f"{rows}: the load is not the one planned in this pose; expected it within {within}"
+
+
+def _length_unit(found: Finding) -> str:
+    ratio = f"{found.data['ratio']:.2g}"
+    size = f"the residuals are {ratio} times sigma"
+    if found.data["predicted"]:
+        size = f"the displacements are {ratio} times those that the study's [simulation] predicts"
+    return f"{size}: are they in {found.data['unit']}? expected millimetres"
+
+
+def _rotation_unit(found: Finding) -> str:
+    ratio = f"{found.data['ratio']:.2g}"
+    return f"the rotations are {ratio} times those predicted: are they in radians? expected degrees"
+
+
+def _angle_unit(found: Finding) -> str:
+    return "all joint angles are within 6.3 degrees of zero: are they in radians? expected degrees"
+
+
+def _all_negative(found: Finding) -> str:
+    return (
+        "every compliance comes out negative, and was set to zero: are the loaded and the unloaded "
+        "positions swapped, or has the load the wrong sign?"
+    )
+
+
+def _far_below_zero(found: Finding) -> str:
+    k = f"{found.data['k']:.2g} +- {found.data['std']:.2g}"
+    why = "far below zero: model, tool, units or poses are wrong"
+    return f"{found.parameters[0]} comes out as {k}, {why}"
+
+
+def _near_zero(found: Finding) -> str:
+    k = f"{found.data['k']:.2g} +- {found.data['std']:.2g}"
+    bounded = ", and was set to zero" if found.data["k"] < 0 else ""
+    return f"{found.parameters[0]} can hardly be told from zero ({k}){bounded}"
+
+
+def _no_residuals(found: Finding) -> str:
+    return (
+        "there are as many measured coordinates as parameters: no residual tells whether anything "
+        "is wrong"
+    )
+
+
+def _noise_above_sigma(found: Finding) -> str:
+    p = found.data["p"]
+    likely = f"p = {p:.1g}" if p > 0 else "p < 1e-300"
+    more = "--sigma-unknown" if found.data["robust"] else "--sigma-unknown and --robust"
+    return (
+        f"the residuals are {found.data['scale']:.3g} times what the stated noise allows "
+        f"({likely}): sigma is too small, there are outliers, or the model does not fit; see {more}"
+    )
+
+
+def _noise_below_sigma(found: Finding) -> str:
+    scale = f"{found.data['scale']:.3g}"
+    return f"the residuals are only {scale} times what sigma says: sigma is too large"
+
+
+def _noise_estimated_large(found: Finding) -> str:
+    return (
+        f"the noise is estimated as {found.data['scale']:.3g} times the stated one: if that was "
+        "right, the model, the tool or the poses are wrong"
+    )
+
+
+def _noise_estimated_small(found: Finding) -> str:
+    return (
+        f"the noise is estimated as only {found.data['scale']:.2g} times the stated one: "
+        "displacements in another unit? expected millimetres"
+    )
+
+
+def _outliers(found: Finding) -> str:
+    plural = "s" * (len(found.rows) > 1)
+    hidden = "; several can hide each other, --robust shows them all"
+    return f"{row_names(found.rows)}: outlier{plural}{'' if found.data['robust'] else hidden}"
+
+
+def _twins(found: Finding) -> str:
+    later, earlier = found.rows
+    others = found.data["others"]
+    more = f", and {others} more rows have such a twin" if others else ""
+    return f"row {later + 1} is row {earlier + 1} to the last digit, in all columns{more}"
+
+
+def _equal_rows(found: Finding) -> str:
+    chance = f"{found.data['chance']:.2g}"
+    return f"{_twins(found)}: as readings so coarse may be by chance ({chance}), or was it copied?"
+
+
+def _alike_parameters(found: Finding) -> str:
+    pair = " and ".join(found.parameters)
+    return f"{pair} are hardly told apart (correlation {found.data['correlation']:+.3f})"
+
+
+def _one_pose(found: Finding) -> str:
+    verb = "rests" if len(found.parameters) == 1 else "rest"
+    return (
+        f"{', '.join(found.parameters)} {verb} on one pose alone, {row_names(found.rows)}: "
+        "the residuals hardly show an error there"
+    )
+
+
+def _linear_model(found: Finding) -> str:
+    error = f"{1e3 * found.data['rho0_bias']:.2g} mm"
+    return f"the linear model leaves {error} in the test pose, more than noise: use lighter loads"
+
+
+def _beyond_limits(found: Finding) -> str:
+    data = found.data
+    return (
+        f"row {found.rows[0] + 1}, column {found.columns[0]}: {data['value']:g} is beyond the "
+        f"joint's limits, {data['low']:g} to {data['high']:g}"
+    )
+
+
+def _not_measured(found: Finding) -> str:
+    return f"{row_names(found.rows)} of the plan: not measured"
+
+
+def _other_pose(found: Finding) -> str:
+    data = found.data
+    more = f"; {data['others']} more rows are not either" if data["others"] else ""
+    return (
+        f"row {found.rows[0] + 1}, column {found.columns[0]}: the pose is not in the plan; the "
+        f"nearest planned one, row {data['nearest'] + 1}, is {data['distance']:.3g} "
+        f"{data['unit']} away{more}"
+    )
+
+
+def _copied_rows(found: Finding) -> str:
+    return f"{_twins(found)}; expected measurements anew"
+
+
+def _wrong_sign(found: Finding) -> str:
+    return (
+        "the columns of loaded and unloaded positions look swapped, or the load has the wrong "
+        "sign: every compliance comes out negative; expected positive ones"
+    )
+
+
+def _better_by(found: Finding) -> str:
+    after = f"{found.data['after']:.3g}"
+    before = f"{found.data['before']:.3g}"
+    return f", which makes the residuals {after} times sigma instead of {before}"
+
+
+def _swapped_columns(found: Finding) -> str:
+    columns = " and ".join(found.columns)
+    if axes := found.data["positions"]:
+        columns += f" (or the positions in {axes[0]} and {axes[1]})"
+    look = f"columns {columns} look swapped; expected them the other way round"
+    return look + _better_by(found)
+
+
+def _marker_unit(found: Finding) -> str:
+    columns = ", ".join(found.columns)
+    look = f"columns {columns} look as if they were in metres; expected millimetres"
+    return look + _better_by(found)
+
+
+def _other_axes(found: Finding) -> str:
+    look = (
+        f"columns {', '.join(found.columns)} look as if they were of a frame with other axes than "
+        f"the robot's; expected them to be {', '.join(found.data['expected'])}"
+    )
+    return look + _better_by(found)
+
+
+_SENTENCES: dict[Kind, Callable[[Finding], str]] = {
+    Kind.FORCE_UNIT: _force_unit,
+    Kind.OTHER_LOAD: _other_load,
+    Kind.LENGTH_UNIT: _length_unit,
+    Kind.ROTATION_UNIT: _rotation_unit,
+    Kind.ANGLE_UNIT: _angle_unit,
+    Kind.ALL_NEGATIVE: _all_negative,
+    Kind.FAR_BELOW_ZERO: _far_below_zero,
+    Kind.NEAR_ZERO: _near_zero,
+    Kind.NO_RESIDUALS: _no_residuals,
+    Kind.NOISE_ABOVE_SIGMA: _noise_above_sigma,
+    Kind.NOISE_BELOW_SIGMA: _noise_below_sigma,
+    Kind.NOISE_ESTIMATED_LARGE: _noise_estimated_large,
+    Kind.NOISE_ESTIMATED_SMALL: _noise_estimated_small,
+    Kind.OUTLIERS: _outliers,
+    Kind.EQUAL_ROWS: _equal_rows,
+    Kind.ALIKE_PARAMETERS: _alike_parameters,
+    Kind.ONE_POSE: _one_pose,
+    Kind.LINEAR_MODEL: _linear_model,
+    Kind.BEYOND_LIMITS: _beyond_limits,
+    Kind.NOT_MEASURED: _not_measured,
+    Kind.OTHER_POSE: _other_pose,
+    Kind.COPIED_ROWS: _copied_rows,
+    Kind.WRONG_SIGN: _wrong_sign,
+    Kind.SWAPPED_COLUMNS: _swapped_columns,
+    Kind.MARKER_UNIT: _marker_unit,
+    Kind.OTHER_AXES: _other_axes,
+}

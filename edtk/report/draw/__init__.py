@@ -1,0 +1,1 @@
+"""Drawings into given axes, of which pictures and reports are put together."""

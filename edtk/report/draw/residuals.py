@@ -1,0 +1,69 @@
+"""Residuals of a fit, measurement by measurement."""
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from edtk.inference.identification import Identification
+from edtk.report.palette import COLOURS, ORANGE
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+AXES = "xyz"
+MARKERS = "osD"
+UNITS = ((1e3, "mm"), (180 / np.pi, "deg"))
+
+
+def residuals(fit: Identification, axes: "Iterable[Axes]") -> None:
+    """Draw residuals of positions [mm] and, where they are measured, of rotations [deg].
+
+    Args:
+        fit: What was identified.
+        axes: One for the positions, and one more where rotations are measured.
+    """
+    worst = np.abs(fit.standardised).argmax(axis=1)
+    for part, (ax, (factor, unit)) in enumerate(zip(axes, UNITS, strict=False)):
+        chosen = slice(3 * part, 3 * part + 3)
+        residual = factor * fit.residual[:, chosen]
+        _coordinates(residual, fit.standardised[:, chosen], ax)
+        flagged = fit.outliers[worst[fit.outliers] // 3 == part]
+        if len(flagged):
+            _circles(flagged, residual[flagged, worst[flagged] - 3 * part], ax)
+        ax.set_ylabel(f"{'rotation ' * part}residual [{unit}]")
+        ax.grid(alpha=0.3)
+        ax.legend(ncols=4, fontsize=9, frameon=False, loc="lower center", bbox_to_anchor=(0.5, 1.0))
+    ax.set_xlabel("measurement (row of the file)")
+
+
+def _coordinates(residual: np.ndarray, standardised: np.ndarray, ax: "Axes") -> None:
+    """Three coordinates, over a band of twice the noise."""
+    row = 1 + np.arange(len(residual))
+    for j in range(3):
+        ax.plot(
+            row,
+            residual[:, j],
+            linestyle="",
+            marker=MARKERS[j],
+            markersize=4,
+            color=COLOURS[j],
+            label=AXES[j],
+        )
+    noise = np.median(np.abs(residual / np.where(standardised == 0, 1, standardised)))
+    band = 2 * float(noise)
+    ax.axhspan(-band, band, color="grey", alpha=0.15, linewidth=0)
+
+
+def _circles(rows: np.ndarray, residual: np.ndarray, ax: "Axes") -> None:
+    """Outliers in circles."""
+    ax.plot(
+        rows + 1,
+        residual,
+        linestyle="",
+        marker="o",
+        markersize=12,
+        fillstyle="none",
+        color=ORANGE,
+        label="outlier",
+    )
