@@ -75,9 +75,7 @@ NOT_YET_NAMED = {
     "edtk/report/figures",
     "edtk/report/posterior_figures",
 }
-NOT_YET_DOWNWARDS = {
-    ("edtk.study.run_study", "edtk.report"),
-}
+NOT_YET_DOWNWARDS: set[tuple[str, str]] = set()
 
 
 def module_of(path: Path) -> str:

@@ -6,7 +6,9 @@ from typing import Any
 import click
 
 import criteria
-from edtk.system.errors import UserError
+from edtk.system.errors import ArgumentError, UserError
+
+FLAGS = {"memory_mb": "--memory"}  # of arguments whose flags have other names
 
 
 class OneLine(click.Command):
@@ -24,6 +26,9 @@ class OneLine(click.Command):
             message = error.format_message()
         except click.Abort:
             message, code = "interrupted", 130
+        except ArgumentError as error:
+            flag = FLAGS.get(error.argument, f"--{error.argument}")
+            message = str(error.naming(flag))
         except (UserError, criteria.CriterionError) as error:
             message = str(error)
         except OSError as error:

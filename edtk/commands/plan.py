@@ -34,7 +34,8 @@ from edtk.commands.shared import (
 @click.option(
     "--criterion",
     "name",
-    help="Criterion to optimise [default: the first that the study optimises].",
+    help="Criterion to optimise [default: rho0 where the study optimises it, else its first "
+    "criterion].",
 )
 @click.option("--keep", type=FilePath, help="Plan (CSV) of experiments that are there already.")
 @click.option("--exclude", type=FilePath, help="Plan (CSV) of poses to stay away from.")
@@ -63,6 +64,7 @@ def command(
     Ctrl-C, or the end of the budget, leaves the best plan so far.
     """
     from edtk.study.plan_study import plan_study
+    from edtk.study.run_options import RunOptions
     from edtk.study.study import load_study
 
     loaded = load_study(study, exclude)
@@ -73,9 +75,13 @@ def command(
         tqdm(unit="step", file=sys.stderr, bar_format="{desc} [{elapsed}]", desc="bound") as bar,
         mistakes_in(study),
     ):
-        name = loaded.specification.optimise[0] if name is None else name
+        options = RunOptions(
+            seed=seed,
+            workers=pool,
+            progress=lambda label, number: bar.set_description_str(label),
+        )
         found = plan_study(
-            loaded, size, name, distinct, kept, budget, seed, pool, bar.set_description_str
+            loaded, size, name, distinct=distinct, kept=kept, budget=budget, options=options
         )
     if out is not None:
         found.whole.to_csv(out, loaded.robot)

@@ -15,7 +15,8 @@ from edtk.commands.shared import FilePath, Range, mistakes_in, require_output
 @click.option(
     "--criterion",
     "name",
-    help="Criterion to optimise [default: the first that the study optimises].",
+    help="Criterion to optimise [default: rho0 where the study optimises it, else its first "
+    "criterion].",
 )
 @click.option(
     "--candidates", type=click.IntRange(min=1), help="Candidate poses [default: the study's]."
@@ -45,6 +46,7 @@ def command(
     """
     from edtk.design.relaxation.relax_poses import PlanInterrupted
     from edtk.study.relax_study import relax_study
+    from edtk.study.run_options import RunOptions
     from edtk.study.study import load_study
 
     loaded = load_study(study)
@@ -63,12 +65,11 @@ def command(
         try:
             plan = relax_study(
                 loaded,
-                loaded.specification.optimise[0] if name is None else name,
-                candidates,
-                seed,
-                continuous,
+                name,
+                candidates=candidates,
+                continuous=continuous,
                 memory_mb=memory,
-                progress=progress,
+                options=RunOptions(seed=seed, progress=progress),
             )
         except PlanInterrupted as interrupt:
             plan, interrupted = interrupt.best, True

@@ -37,6 +37,8 @@ def command(
 
     A run that was killed goes on where it was when it is started again.
     """
+    from edtk.report.comparison_report import write_report
+    from edtk.study.run_options import RunOptions
     from edtk.study.run_study import run_study, steps
     from edtk.study.study import load_study
 
@@ -49,11 +51,13 @@ def command(
         mistakes_in(study),
     ):
 
-        def progress(label: str) -> None:
+        def progress(label: str, share: float) -> None:
             bar.set_postfix_str(label, refresh=False)
             bar.update()
 
-        run_study(loaded, folder, progress, pool, fresh)
+        options = RunOptions(workers=pool, progress=progress)
+        found = run_study(loaded, folder, fresh=fresh, options=options)
+        write_report(loaded, found.table, dict(found.relaxations), folder)
     click.echo(
         f"wrote {folder / 'report.md'}, {folder / 'results.csv'} and {folder / 'plans'}", err=True
     )

@@ -4,7 +4,7 @@ import hashlib
 import importlib.metadata
 import inspect
 import json
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -13,44 +13,72 @@ import numpy as np
 import criteria
 from edtk.study.study import Study
 from edtk.system.atomic_file import write_text
+from edtk.system.typing import Array
+from edtk.system.workers import Workers
+
+LIBRARIES = ("numpy", "scipy", "cvxpy", "clarabel", "scs")  # that compute the answers
+DIGITS = 16  # of the SHA-256 that is a checkpoint's key
 
 
 class Checkpoint:
     """A folder with one JSON file a case, each written whole or not at all.
 
-    An answer counts as long as what it rests on is the same: the study, its robot, the code and the numerical
-    libraries. Numbers come back bit by bit.
+    An answer counts as long as everything that it rests on is the same: the study, its robot, the
+    code and the numerical libraries. Numbers come back bit by bit.
 
     Args:
-        folder: Where the files are.
-        key: What the answers rest on, as a digest.
+        folder: Folder of the files.
+        key: Digest of everything that the answers rest on.
     """
 
     def __init__(self, folder: Path, key: str) -> None:
-        self.folder, self.key = folder, key
+        self.folder = folder
+        self.key = key
 
     def find(self, case: str) -> dict[str, Any] | None:
-        """The answer of a case, or None where it is not there or rests on something else."""
+        """The answer of a case; None if there is no file of it, or one with another key."""
         try:
             content = json.loads((self.folder / f"{case}.json").read_text(encoding="utf-8"))
         except (OSError, ValueError):
             return None
-        fits = (
-            isinstance(content, dict)
-            and content.get("key") == self.key
-            and isinstance(content.get("answer"), dict)
-        )
-        return content["answer"] if fits else None
+        if not isinstance(content, dict) or content.get("key") != self.key:
+            return None
+        answer = content.get("answer")
+        return answer if isinstance(answer, dict) else None
 
-    def keep(self, case: str, answer: dict[str, Any]) -> None:
+    def keep(self, case: str, answer: Mapping[str, Any]) -> None:
         """Write the answer of a case."""
-        write_text(
-            self.folder / f"{case}.json",
-            json.dumps({"key": self.key, "answer": answer}, indent=1) + "\n",
-        )
+        text = json.dumps({"key": self.key, "answer": answer}, indent=1)
+        write_text(self.folder / f"{case}.json", f"{text}\n")
 
-    def forget(self, cases: Iterable[str]) -> None:
-        """Remove all files of this folder but those of some cases."""
+    def complete(
+        self,
+        pieces: Mapping[str, Callable[[], dict[str, Any]]],
+        workers: Workers,
+        report: Callable[[str], object],
+    ) -> dict[str, dict[str, Any]]:
+        """Collect the answers of all cases, and compute and keep those that are not finished.
+
+        Args:
+            pieces: The work that answers each case, by the name of the case.
+            workers: The processes that do it, in this order.
+            report: Called with the name of each case that is finished.
+
+        Raises:
+            WorkersLostError: No process is left to do the work.
+        """
+        answers = {name: found for name in pieces if (found := self.find(name)) is not None}
+        for name in answers:
+            report(name)
+        missing = [name for name in pieces if name not in answers]
+        for i, answer in workers.run([pieces[name] for name in missing]):
+            self.keep(missing[i], answer)
+            answers[missing[i]] = answer
+            report(missing[i])
+        return answers
+
+    def forget_others(self, cases: Iterable[str]) -> None:
+        """Remove the files of all cases but these."""
         names = {f"{case}.json" for case in cases}
         for path in self.folder.glob("*.json"):
             if path.name not in names:
@@ -58,24 +86,25 @@ class Checkpoint:
 
 
 def checkpoint_of(study: Study, folder: Path) -> Checkpoint:
-    """The ledger of a study, in a folder."""
+    """The checkpoint of a study, in a folder."""
     digest = hashlib.sha256(study.digest.encode())
     for joint in study.robot.joints:
         digest.update(f"{joint.name} {joint.kind} {joint.limits}".encode())
-        digest.update(
-            np.ascontiguousarray(joint.origin).tobytes()
-            + np.ascontiguousarray(joint.axis).tobytes()
-        )
-    digest.update(np.ascontiguousarray(study.robot.base).tobytes())
+        digest.update(_bytes(joint.origin) + _bytes(joint.axis))
+    digest.update(_bytes(study.robot.base))
     for constraint in study.space.workspace.constraints:
         digest.update(repr(constraint.labels(study.robot)).encode())
     for poses in (getattr(c, "poses", None) for c in study.space.workspace.constraints):
-        digest.update(b"" if poses is None else np.ascontiguousarray(poses).tobytes())
+        digest.update(b"" if poses is None else _bytes(poses))
     for path in sorted(_code(study)):
         digest.update(path.read_bytes())
-    for library in ("numpy", "scipy", "cvxpy", "clarabel", "scs"):
+    for library in LIBRARIES:
         digest.update(f"{library} {importlib.metadata.version(library)}".encode())
-    return Checkpoint(folder, digest.hexdigest()[:16])
+    return Checkpoint(folder, digest.hexdigest()[:DIGITS])
+
+
+def _bytes(array: Array) -> bytes:
+    return np.ascontiguousarray(array).tobytes()
 
 
 def _code(study: Study) -> set[Path]:

@@ -1,101 +1,122 @@
 """The exact plan that a study asks for."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from time import monotonic
 
 import numpy as np
 
-from edtk.design.candidate_source import EmptyFeasibleSetError
+from edtk.design.design_space import DesignSpace
 from edtk.design.exact.exact_plan import ExactPlan
 from edtk.design.exact.find_plan import STARTS, TooFewError, find_plan, require_enough
 from edtk.design.plan import Plan
-from edtk.design.problem import RankDeficientError
-from edtk.study.relax_study import relax_study
+from edtk.design.relaxation.relax_poses import relax_poses
+from edtk.study.relax_study import source_of
+from edtk.study.run_options import DEFAULTS, RunOptions
 from edtk.study.study import Study
-from edtk.system.errors import UserError
-from edtk.system.workers import Workers, WorkersLostError
+from edtk.study.study_errors import study_errors
+from edtk.system.errors import ArgumentError
 
-Progress = Callable[[str], object]
-MOST_PLACES = 200  # distinct poses: descents hold matrices of the square of their number
+# Descents hold matrices whose order grows with the number of distinct poses.
+MOST_DISTINCT = 200
+SHARE_OF_BOUND = 0.5  # of the budget, at most, that the search for the bound may take
 
 
 def plan_study(
     study: Study,
     size: int,
-    name: str,
+    criterion: str | None = None,
+    *,
     distinct: int | None = None,
     kept: Plan | None = None,
     budget: float | None = None,
-    seed: int | None = None,
-    workers: Workers = Workers(),  # noqa: B008, frozen
-    progress: Progress = lambda label: None,
+    options: RunOptions = DEFAULTS,
 ) -> ExactPlan:
-    """The best plan of `size` experiments in all, for one criterion of a study, with its bound.
+    """Search for the best plan of `size` experiments in all, with a bound on every such plan.
 
     Args:
-        study: The question.
-        size: Number of experiments, those that are there already counted.
-        name: Name of a criterion.
-        distinct: Number of distinct new poses at most; None for p(p+1)/2 + 1, as the best weights need no more.
-        kept: Experiments that are there already.
-        budget: Seconds after which to return the best plan so far; None for no limit. The bound takes half of it at
-            most; at least the relaxation over the candidates, and one round of starts, are made.
-        seed: Seed; None for the study's.
-        workers: Who does the work.
-        progress: Called with a line about where it stands.
+        study: The study.
+        size: Number of experiments, kept ones counted.
+        criterion: Name of a criterion; defaults to the one that the study is about.
+        distinct: Number of distinct new poses, at most; defaults to p(p+1)/2 + 1, since the best
+            weights need no more.
+        kept: Experiments that have been carried out already; their information counts as known.
+        budget: Seconds after which the best plan so far is returned; defaults to no limit. The
+            relaxation over the candidates and one round of starts are always completed.
+        options: Seed, processes and progress.
 
     Raises:
         UserError: One line that says what cannot be done, and where.
     """
-    since, limit = monotonic(), np.inf if budget is None else budget
-    there = 0 if kept is None else kept.experiments
-    new = size - there
-    if new < 1:
-        raise UserError(f"--size {size}: {there} experiments are kept; expected more than that")
-    if distinct is not None and distinct > new:
-        raise UserError(
-            f"--distinct {distinct}: expected at most {new}, the number of new experiments"
-        )
-    if (distinct or 0) > MOST_PLACES:
-        raise UserError(f"--distinct {distinct}: expected at most {MOST_PLACES}")
-    space = (
-        study.space if kept is None else study.space.with_kept(study.space.information(kept), new)
-    )
-    try:
-        require_enough(space, new, new if distinct is None else distinct)
-        relaxed = relax_study(
-            study,
-            name,
-            seed=seed,
+    since = monotonic()
+    seconds = np.inf if budget is None else budget
+    new = _new_experiments(size, distinct, kept)
+    space = study.space
+    if kept is not None:
+        space = space.with_kept(space.information(kept), new)
+
+    def relaxing(stage: str, gap: float) -> None:
+        options.progress(f"bound: {stage}", gap)
+
+    def searching(starts: int, cost: float) -> None:
+        options.progress(f"{starts} starts", cost)
+
+    with study_errors(study):
+        _require_enough(study, space, new, distinct, kept)
+        relaxed = relax_poses(
+            source_of(study, options.seed, space),
+            study.specification.candidates,
+            study.criterion(criterion),
             continuous=True,
-            space=space,
-            progress=lambda stage, gap: progress(f"bound: {stage}"),
-            stop=lambda: monotonic() >= since + limit / 2,
+            progress=relaxing,
+            stop=lambda: monotonic() >= since + SHARE_OF_BOUND * seconds,
         )
         found = find_plan(
             relaxed,
             new,
             distinct,
-            study.specification.seed if seed is None else seed,
+            study.specification.seed if options.seed is None else options.seed,
             kept,
             starts=STARTS,
-            seconds=since + limit - monotonic(),
-            workers=workers,
-            progress=lambda starts, cost: progress(f"{starts} starts"),
+            seconds=since + seconds - monotonic(),
+            workers=options.workers,
+            progress=searching,
         )
-        return replace(found, seconds=monotonic() - since)
+    return replace(found, seconds=monotonic() - since)
+
+
+def _new_experiments(size: int, distinct: int | None, kept: Plan | None) -> int:
+    """Number of new experiments.
+
+    Raises:
+        ArgumentError: There is nothing to plan, or the poses are too many.
+    """
+    count = 0 if kept is None else kept.experiments
+    new = size - count
+    if new < 1:
+        message = f"{count} experiments are kept; expected more than that"
+        raise ArgumentError(message, argument="size", given=size)
+    if distinct is not None and distinct > new:
+        message = f"expected at most {new}, the number of new experiments"
+        raise ArgumentError(message, argument="distinct", given=distinct)
+    if distinct is not None and distinct > MOST_DISTINCT:
+        message = f"expected at most {MOST_DISTINCT}"
+        raise ArgumentError(message, argument="distinct", given=distinct)
+    return new
+
+
+def _require_enough(
+    study: Study, space: DesignSpace, new: int, distinct: int | None, kept: Plan | None
+) -> None:
+    """Check that so many experiments can identify all parameters.
+
+    Raises:
+        ArgumentError: They cannot; says how many can.
+    """
+    try:
+        require_enough(space, new, new if distinct is None else distinct)
     except TooFewError as error:
-        which = "--size" if new < error.least else "--distinct"
-        total = (
-            f"; with the {there} kept ones: {there + error.least}"
-            if there and which == "--size"
-            else ""
-        )
-        raise UserError(f"{study.path}: {which}: {error}{total}") from error
-    except EmptyFeasibleSetError as error:
-        raise study.error("workspace", str(error)) from error
-    except RankDeficientError as error:
-        raise study.error("joints.unknown", str(error)) from error
-    except WorkersLostError as error:
-        raise UserError(str(error)) from error
+        argument = "size" if new < error.least else "distinct"
+        message = str(error)
+        if kept is not None and argument == "size":
+            message += f"; with the {kept.experiments} kept ones: {kept.experiments + error.least}"
+        raise ArgumentError(message, argument=argument, where=study.where) from error

@@ -285,9 +285,22 @@ class Study:
         """Criteria that are optimised or compared, those that are optimised first."""
         return tuple(dict.fromkeys((*self.specification.optimise, *self.specification.criteria)))
 
-    def criterion(self, name: str) -> criteria.Criterion:
-        """A criterion by name, with this study's target."""
-        return criteria.create(name, self.target)
+    def criterion(self, name: str | None = None) -> criteria.Criterion:
+        """A criterion with this study's target.
+
+        Args:
+            name: Name of the criterion; defaults to the one that the study is about.
+
+        Raises:
+            UserError: There is no such criterion, or it needs a test pose.
+        """
+        name = self.main_criterion if name is None else name
+        try:
+            return criteria.create(name, self.target)
+        except criteria.CriterionError as error:
+            known = name in criteria.available() and criteria.get(name).needs_target
+            why = ", and the study has no [test_pose]" if known and self.target is None else ""
+            raise UserError(f"{error}{why}", where=self.where) from error
 
     @cached_property
     def compliances(self) -> Array:

@@ -29,3 +29,38 @@ class UserError(ValueError):
         self.message = message
         self.where = where
         self.key = key
+
+
+class ArgumentError(UserError):
+    """An argument of a call that asks for something impossible.
+
+    The message names the argument as the call does. A command line, whose arguments are flags, has
+    it named by its own name with `naming`.
+
+    Args:
+        message: What is wrong or was expected.
+        argument: Name of the argument in the call.
+        given: Its value; None if the message is not about the value alone.
+        where: The file of the study; None where the argument alone is wrong.
+
+    Attributes:
+        argument: As given.
+        given: As given.
+    """
+
+    def __init__(
+        self,
+        message: str,
+        *,
+        argument: str,
+        given: object = None,
+        where: Path | str | None = None,
+    ) -> None:
+        key = argument if given is None else f"{argument} {given}"
+        super().__init__(message, where=where, key=key)
+        self.argument = argument
+        self.given = given
+
+    def naming(self, name: str) -> "ArgumentError":
+        """The same error, whose message gives the argument another name."""
+        return ArgumentError(self.message, argument=name, given=self.given, where=self.where)

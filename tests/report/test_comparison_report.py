@@ -15,7 +15,7 @@ PATH = Path(__file__).parents[2] / "studies" / "kr270_milling.toml"
 
 @pytest.fixture(scope="module")
 def relaxed():
-    return {name: relax_study(load_study(PATH), name, 200) for name in ("E", "rho0")}
+    return {name: relax_study(load_study(PATH), name, candidates=200) for name in ("E", "rho0")}
 
 
 def report(folder, relaxed, optimise, E=(np.nan, 5e14), rho0=(np.nan, 7e-6)):

@@ -101,7 +101,7 @@ def test_what_is_no_answer_is_not_there(checkpoint, content):
 def test_nothing_is_there_before_it_is_kept(checkpoint):
     """A folder, a file or a case that does not exist is None, and nothing is made by asking; nor by forgetting."""
     assert checkpoint.find("some") is None
-    checkpoint.forget(["some"])
+    checkpoint.forget_others(["some"])
     assert not checkpoint.folder.exists()
     checkpoint.keep("some", {})
     assert checkpoint.find("other") is None
@@ -109,12 +109,12 @@ def test_nothing_is_there_before_it_is_kept(checkpoint):
     assert checkpoint.find("folder") is None
 
 
-def test_forget_leaves_what_is_named_and_what_is_not_a_case(checkpoint):
+def test_forget_others_leaves_named_cases_and_other_files(checkpoint):
     """Of the JSON files those that are named stay; other files do anyway."""
     for name in ("one", "two", "three"):
         checkpoint.keep(name, {"name": name})
     (checkpoint.folder / "notes.txt").write_text("mine")
-    checkpoint.forget(["two", "four"])
+    checkpoint.forget_others(["two", "four"])
     assert {path.name for path in checkpoint.folder.iterdir()} == {"two.json", "notes.txt"}
     assert checkpoint.find("two") == {"name": "two"}
 

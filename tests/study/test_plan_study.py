@@ -10,6 +10,7 @@ from edtk.design.exact.exchange import _costs
 from edtk.design.plan import Plan
 from edtk.study.evaluate import evaluate
 from edtk.study.plan_study import plan_study
+from edtk.study.run_options import RunOptions
 from edtk.study.study import load_study
 from edtk.system.errors import UserError
 
@@ -74,24 +75,25 @@ def test_interrupted_search_has_its_best_plan(monkeypatch):
     """Ctrl-C after the first starts leaves the best plan so far; during the relaxation it leaves nothing."""
 
     def after(stage):
-        def progress(label):
+        def progress(label, number):
             if stage in label:
                 raise KeyboardInterrupt
 
         return progress
 
     monkeypatch.setattr("edtk.study.plan_study.STARTS", 64)
-    found = plan_study(STUDY, 3, "A", progress=after("starts"))
+    found = plan_study(STUDY, 3, "A", options=RunOptions(progress=after("starts")))
     assert (found.ended, found.starts) == ("interrupted", 16)
     assert found.value == pytest.approx(evaluate(STUDY, found.whole).criteria["A"], rel=1e-9)
     with pytest.raises(KeyboardInterrupt):
-        plan_study(STUDY, 3, "A", progress=after("bound"))
+        plan_study(STUDY, 3, "A", options=RunOptions(progress=after("bound")))
 
 
 def test_progress_tells_of_bound_and_starts():
     """Lines of progress are about the bound first, then about the starts."""
     labels = []
-    plan_study(STUDY, 3, "A", budget=SOON, progress=labels.append)
+    options = RunOptions(progress=lambda label, number: labels.append(label))
+    plan_study(STUDY, 3, "A", budget=SOON, options=options)
     assert labels[0].startswith("bound: ")
     assert labels[-1] == "16 starts"
 
@@ -101,25 +103,25 @@ def test_progress_tells_of_bound_and_starts():
     [
         (
             {"size": 1},
-            ["--size", "1 experiment cannot identify 5 parameters", "smallest number is 2"],
+            ["size", "1 experiment cannot identify 5 parameters", "smallest number is 2"],
         ),
         (
             {"size": 3, "distinct": 1},
-            ["--distinct", "1 distinct pose cannot", "smallest number is 2"],
+            ["distinct", "1 distinct pose cannot", "smallest number is 2"],
         ),
-        ({"size": 3, "distinct": 4}, ["--distinct 4", "at most 3"]),
+        ({"size": 3, "distinct": 4}, ["distinct 4", "at most 3"]),
         (
             {"size": 3, "kept": PAPERS["table_4_3"]},
-            ["--size 3", "3 experiments are kept", "more than that"],
+            ["size 3", "3 experiments are kept", "more than that"],
         ),
-        ({"size": 4, "distinct": 2, "kept": PAPERS["table_4_3"]}, ["--distinct 2", "at most 1"]),
-        ({"size": 3, "name": "O6"}, ["unknown criterion 'O6'"]),
+        ({"size": 4, "distinct": 2, "kept": PAPERS["table_4_3"]}, ["distinct 2", "at most 1"]),
+        ({"size": 3, "criterion": "O6"}, ["unknown criterion 'O6'"]),
     ],
 )
 def test_what_cannot_be_done_is_one_line(given, words):
     """Every question without an answer is refused with the option and what was expected."""
     with pytest.raises(UserError) as caught:
-        plan_study(STUDY, **{"name": "A", "budget": SOON, **given})
+        plan_study(STUDY, **{"criterion": "A", "budget": SOON, **given})
     assert "\n" not in str(caught.value)
     for word in words:
         assert word in str(caught.value)

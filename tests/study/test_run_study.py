@@ -20,10 +20,13 @@ import criteria
 from edtk.cli import main
 from edtk.design.exact.apportion import apportion
 from edtk.design.exact.find_plan import find_plan
+from edtk.report.comparison_report import write_report
 from edtk.study import run_study as runner
+from edtk.study.case import Case
 from edtk.study.checkpoint import checkpoint_of
 from edtk.study.evaluate import evaluate
 from edtk.study.relax_study import relax_study
+from edtk.study.run_options import RunOptions
 from edtk.study.run_study import run_study, steps
 from edtk.study.study import load_study
 from edtk.system.errors import UserError
@@ -66,8 +69,10 @@ def done(tmp_path_factory):
     folder = tmp_path_factory.mktemp("study")
     labels = []
     study = load_study(write(folder))
-    table = run_study(study, folder / "first", labels.append)
-    return study, table, folder / "first", labels
+    options = RunOptions(progress=lambda label, share: labels.append((label, share)))
+    found = run_study(study, folder / "first", options=options)
+    write_report(study, found.table, found.relaxations, folder / "first")
+    return study, found.table, folder / "first", labels
 
 
 def test_columns(done):
@@ -265,8 +270,8 @@ def test_what_an_interrupted_search_leaves_is_no_answer(monkeypatch):
         runner, "find_plan", lambda *args, **options: SimpleNamespace(ended="interrupted")
     )
     with pytest.raises(KeyboardInterrupt):
-        runner._Planning(
-            load_study(STUDIES / "kr270_milling.toml"), None, runner.Case("optimised", "rho0", 6)
+        runner._Search(
+            load_study(STUDIES / "kr270_milling.toml"), None, Case("optimised", "rho0", 6)
         )()
 
 
@@ -297,7 +302,7 @@ def test_finished_cases_are_taken_at_their_word(done, tmp_path):
     content["answer"]["q"] = content["answer"]["q"][::-1]
     content["answer"]["repeats"] = [2 * r for r in content["answer"]["repeats"][::-1]]
     path.write_text(json.dumps(content))
-    ours = run_study(study, out).set_index("plan")
+    ours = run_study(study, out).to_frame().set_index("plan")
     theirs = table.set_index("plan")
     assert ours.loc["optimised_E_m3", "E"] == pytest.approx(
         2 * theirs.loc["optimised_E_m3", "E"], rel=1e-12
@@ -392,11 +397,15 @@ def test_size_too_small_is_a_row_with_its_reason(done):
 
 
 def test_progress(done):
-    """Progress is reported as often as `steps` promises, the report last."""
-    study, _, _, labels = done
+    """Progress is reported as often as `steps` promises, up to the whole, the results last."""
+    study, _, _, progress = done
+    labels = [label for label, _ in progress]
     assert len(labels) == steps(study)
     assert labels[:3] == ["questions", "relaxation_rho0", "relaxation_E"]
-    assert labels[-1] == "report"
+    assert labels[-1] == "results"
+    np.testing.assert_allclose(
+        [share for _, share in progress], np.arange(1, len(labels) + 1) / len(labels)
+    )
 
 
 def test_report_links_its_figure_and_names_its_study(done):

@@ -1,0 +1,57 @@
+"""The table of a study's comparison: all plans under all criteria."""
+
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from edtk.design.relaxation.relaxed_plan import RelaxedPlan
+from edtk.study.case import Case
+from edtk.study.study import Study
+from edtk.version import __version__
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+def comparison_table(
+    study: Study, cases: Iterable[Case], relaxations: Mapping[str, RelaxedPlan]
+) -> "pd.DataFrame":
+    """Compare plans under all criteria of a study.
+
+    Args:
+        study: The study.
+        cases: The plans; one that does not exist has a row with its reason and without values.
+        relaxations: Relaxations by criterion, whose bounds efficiencies refer to.
+
+    Returns:
+        One row a plan: what it is; the value of each criterion [SI units]; its efficiency under
+        each criterion with a relaxation, which is the best bound divided by its cost; seed, digest
+        of the study and version.
+    """
+    import pandas as pd
+
+    return pd.DataFrame([_row(study, case, relaxations) for case in cases])
+
+
+def _row(study: Study, case: Case, relaxations: Mapping[str, RelaxedPlan]) -> dict[str, Any]:
+    row: dict[str, Any] = {
+        "plan": case.name,
+        "kind": case.kind,
+        "optimised_for": case.optimised,
+        "experiments": case.size,
+        "distinct_at_most": case.distinct or case.size,
+        "poses": 0 if case.plan is None else len(case.plan.q),
+        "reason": case.reason,
+    }
+    M = None if case.plan is None else study.space.information(case.plan)
+    for name in study.specification.criteria:
+        row[name] = np.nan if M is None else float(study.criterion(name).value(M))
+    for name, relaxation in relaxations.items():
+        cost = np.inf if M is None else float(study.criterion(name).cost(M))
+        row[f"efficiency_{name}"] = relaxation.best_bound.scaled(case.size).efficiency(cost)
+    return row | {
+        "seed": study.specification.seed,
+        "study_sha256": study.digest,
+        "edtk": __version__,
+    }

@@ -1,0 +1,67 @@
+"""The result of a whole study."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from edtk.design.plan import Plan
+from edtk.design.relaxation.relaxed_plan import RelaxedPlan
+from edtk.study.case import Case
+from edtk.study.study import Study
+from edtk.system.presented import Presented
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+@dataclass(frozen=True, eq=False)
+class StudyRun(Presented):
+    """All plans of a study, compared under all its criteria.
+
+    Attributes:
+        study: The study.
+        table: One row a plan, as in `results.csv`, see `comparison_table`.
+        relaxations: The relaxation of every criterion that can be relaxed, by name.
+        cases: The plans in the order of the table, with how they were found.
+        folder: Folder that holds the files of the run.
+    """
+
+    study: Study
+    table: "pd.DataFrame"
+    relaxations: Mapping[str, RelaxedPlan]
+    cases: tuple[Case, ...]
+    folder: Path
+
+    def headline(self) -> str:
+        """Title, number of plans, and the efficiency of the largest plan for the main criterion."""
+        name = self.study.main_criterion
+        text = f"{self.study.specification.title}, {len(self.plans)} plans"
+        searched = [case.found for case in self.cases if case.optimised == name and case.found]
+        if not searched:
+            return text
+        best = max(searched, key=lambda found: found.whole.experiments)
+        return f"{text}; {best.headline()}"
+
+    @property
+    def plans(self) -> dict[str, Plan]:
+        """The plans by their names in the table."""
+        return {case.name: case.plan for case in self.cases if case.plan is not None}
+
+    def to_frame(self) -> "pd.DataFrame":
+        """A copy of the table."""
+        return self.table.copy()
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values, for JSON: the table by rows, the plans and the relaxations by name.
+
+        Values that are not finite are None.
+        """
+        rows = self.table.astype(object).where(self.table.notna(), None)
+        return {
+            "title": self.study.specification.title,
+            "study_sha256": self.study.digest,
+            "table": rows.to_dict(orient="records"),
+            "plans": {name: plan.to_dict() for name, plan in self.plans.items()},
+            "relaxations": {name: plan.to_dict() for name, plan in self.relaxations.items()},
+        }
