@@ -70,7 +70,6 @@ NOT_YET_NAMED = {
     "edtk/commands/shared",
     "edtk/commands/template",
     "edtk/design/interior_point/newton",
-    "edtk/design/relaxation/sensitivity",
     "edtk/report/comparison_report",
     "edtk/report/figures",
     "edtk/report/posterior_figures",

@@ -2,7 +2,9 @@
 
 from edtk.design.candidate_source import CandidateSource
 from edtk.design.design_space import DesignSpace
-from edtk.design.relaxation.relax_poses import MEMORY_MB, relax_poses
+from edtk.design.relaxation.capacity import DEFAULT_MB
+from edtk.design.relaxation.relax_options import RelaxOptions
+from edtk.design.relaxation.relax_poses import relax_poses
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
 from edtk.study.run_options import DEFAULTS, RunOptions
 from edtk.study.study import Study
@@ -36,7 +38,7 @@ def relax_study(
     candidates: int | None = None,
     continuous: bool = False,
     tolerance: float = TOLERANCE,
-    memory_mb: float = MEMORY_MB,
+    memory_mb: float = DEFAULT_MB,
     options: RunOptions = DEFAULTS,
 ) -> RelaxedPlan:
     """Find the best weights over feasible poses, with a bound on every plan.
@@ -60,7 +62,5 @@ def relax_study(
             study.specification.candidates if candidates is None else candidates,
             study.criterion(criterion),
             continuous,
-            tolerance=tolerance,
-            memory_mb=memory_mb,
-            progress=options.progress,
+            RelaxOptions(tolerance=tolerance, memory_mb=memory_mb, progress=options.progress),
         )

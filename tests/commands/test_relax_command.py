@@ -12,7 +12,7 @@ from click.testing import CliRunner
 
 from edtk.cli import main
 from edtk.design.candidate_source import CandidateSource
-from edtk.design.relaxation.relax_poses import capacity
+from edtk.design.relaxation.capacity import capacity
 from edtk.design.relaxation.restricted_master import CHAIN
 from edtk.study.study import load_study
 

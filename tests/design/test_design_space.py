@@ -12,6 +12,7 @@ from edtk.design.design_space import DesignSpace
 from edtk.design.exact.exchange import exchange
 from edtk.design.exact.refine import refine
 from edtk.design.plan import Plan
+from edtk.design.relaxation.relax_options import RelaxOptions
 from edtk.design.relaxation.relax_poses import relax_poses
 from edtk.design.sample_feasible import sample_feasible
 from edtk.model.loads.free_load import FreeLoad
@@ -151,7 +152,7 @@ def test_no_refined_plan_beside_kept_experiments_beats_the_searched_bound():
     m, criterion = 4, STUDY.criterion("rho0")
     kept, beside = kept_and_beside(DESIGN, m)
     relaxed = relax_poses(
-        CandidateSource(beside, 0), 400, criterion, continuous=True, tolerance=1e-3
+        CandidateSource(beside, 0), 400, criterion, True, RelaxOptions(tolerance=1e-3)
     )
     x, costs = refine(
         beside, criterion, sample_feasible(beside, 12 * m, 1).reshape(12, m, -1), np.ones((12, m))

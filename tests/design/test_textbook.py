@@ -50,7 +50,7 @@ def check(name, x, F, support, weights, cost):
     r = relax(rows(F), criteria.create(name))
     assert r.gap <= GAP
     assert r.cost == pytest.approx(cost, rel=GAP)
-    assert r.bound <= cost * (
+    assert r.proved_bound.cost <= cost * (
         1 + 64 * F.shape[1] * EPS * np.linalg.cond(rows(F).information(r.weights))
     )
     np.testing.assert_allclose(at(r.weights, x, support), weights, atol=np.sqrt(GAP))
@@ -300,7 +300,7 @@ def test_one_instrument_a_parameter(name, a):
     problem = rows(np.concatenate([np.diag(np.sqrt(a)), np.diag(np.sqrt(a / 2))]))
     r = relax(problem, criteria.create(name, target=np.diag(c)))
     rounding = 64 * 4 * EPS  # the matrices are diagonal
-    assert r.bound <= cost * (1 + rounding)
+    assert r.proved_bound.cost <= cost * (1 + rounding)
     assert r.cost >= cost * (1 - rounding)
     assert r.gap <= GAP or (name in ("O4", "O5") and a.max() > 1e20 * a.min())
 
@@ -383,7 +383,7 @@ def test_o4_of_a_straight_line_by_brute_force(a, b):
         best, width = np.array([m[i], share[i]]), (high - low) / 4
         low, high = np.maximum(best - width, [a, 0.0]), np.minimum(best + width, [b, 1.0])
     assert r.gap <= GAP
-    assert r.bound <= min(costs) * (1 + 64 * EPS * r.cost**2)
+    assert r.proved_bound.cost <= min(costs) * (1 + 64 * EPS * r.cost**2)
     assert r.cost == pytest.approx(min(costs), rel=GAP)
     for other in ("E", "O2"):
         rival = relax(problem, criteria.create(other))
@@ -420,7 +420,7 @@ def test_o4_by_the_family_of_condition_numbers():
     scan = [cost(k) for k in np.geomspace(1.001 * least, 3 * mine, 30)]
     local = minimize_scalar(cost, bracket=(0.97 * mine, mine, 1.03 * mine), tol=1e-6).fun
     assert r.gap <= GAP
-    assert r.bound <= min([*scan, local]) * (1 + 1e-7)  # what a default solver leaves
+    assert r.proved_bound.cost <= min([*scan, local]) * (1 + 1e-7)  # what a default solver leaves
     assert r.cost == pytest.approx(min([*scan, local]), rel=2 * GAP)
 
 
@@ -449,7 +449,7 @@ def test_o5_by_a_general_minimiser(seed):
     r = relax(problem, criteria.create("O5"))
     assert r.gap <= GAP
     assert r.cost == pytest.approx(found.fun, rel=GAP)
-    assert r.bound <= found.fun * (
+    assert r.proved_bound.cost <= found.fun * (
         1 + 64 * 3 * EPS * np.linalg.cond(problem.information(r.weights))
     )
 
@@ -470,4 +470,4 @@ def test_single_quantity_of_the_cubic(target):
     expected = {(0, 1, 0, 0): 3, (1, 2, 4, 8): 26, (1, 0, 0, 0): 1, (0, 0, 0, 1): 4}[tuple(target)]
     assert r.gap <= GAP
     assert r.cost == pytest.approx(expected, rel=GAP)
-    assert r.bound <= expected * (1 + 1e-12)
+    assert r.proved_bound.cost <= expected * (1 + 1e-12)

@@ -1,22 +1,34 @@
-"""A few poses that a design may rest on, and the relaxation over them."""
+"""A few poses that a design may rest on, with the relaxation over them."""
 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from criteria.linalg.inverse import whitener
 from edtk.design.candidates import Candidates
 from edtk.design.distinct import distinct
 from edtk.design.problem import RankDeficientError
-from edtk.design.relaxation.relax import Relaxation, relax
+from edtk.design.relaxation.experiment_blocks import experiment_blocks
+from edtk.design.relaxation.relax import relax
+from edtk.design.relaxation.relaxation import Relaxation
+from edtk.system.typing import Array
 
-Array = NDArray[np.float64]
+# How boldly poses are merged, the boldest first: relative difference of information below which two
+# poses are alike, and part of the largest weight below which a pose is dropped. Poses of an optimum
+# that symmetry maps onto each other differ by the ascents' accuracy, a few per cent where the
+# sensitivity is flat.
+MERGING = ((0.1, 1e-3), (0.03, 1e-3), (0.01, 1e-4), (0.001, 1e-5), (0.0, 1e-5))
 
 
 @dataclass(frozen=True, eq=False)
 class ActiveSet:
-    """Poses, the relaxation over them, and the number of masters that it took from the beginning."""
+    """Poses, the relaxation over them, and what it took.
+
+    Attributes:
+        poses: The poses (n).
+        relaxation: The relaxation over them.
+        iterations: Number of restricted master problems that were solved from the beginning.
+    """
 
     poses: Candidates
     relaxation: Relaxation
@@ -24,36 +36,49 @@ class ActiveSet:
 
     @property
     def support(self) -> Candidates:
-        """The poses that carry weight."""
+        """The poses (k) that carry weight."""
         return self.poses[self.relaxation.support]
 
     @property
     def weights(self) -> Array:
-        """Their weights (k,)."""
+        """The weights (k,) of the support."""
         return self.relaxation.weights[self.relaxation.support]
 
     def over(self, poses: Candidates, gap: float) -> "ActiveSet":
-        """The relaxation over other poses."""
-        r = self.relaxation
-        relaxation = relax(poses.problem, r.criterion, gap, multipliers=r.multipliers)
+        """The relaxation over other poses, to a relative gap."""
+        earlier = self.relaxation
+        relaxation = relax(poses.problem, earlier.criterion, gap, multipliers=earlier.multipliers)
         return ActiveSet(poses, relaxation, self.iterations + relaxation.iterations)
 
     def merged(self, loss: float, gap: float, found: Candidates | None = None) -> "ActiveSet":
-        """The relaxation over fewer poses, as long as the cost grows by no more than a relative loss.
+        """The relaxation over fewer poses, at hardly any more cost.
 
-        Poses of hardly any weight are dropped, and like poses become one. Poses are alike if their information is:
-        the same pose, and poses that a symmetry of robot and load maps onto each other. Of each kind the one stays
-        that was last to join, or that the search found last.
+        Poses of little weight are dropped, and of poses with like information one stays. Such poses
+        are the same, or a symmetry of robot and load maps them onto each other. The one that joined
+        last stays, or that the search found last: it is closest to the optimum.
+
+        Args:
+            loss: Relative increase of the cost that is allowed.
+            gap: Relative gap of the relaxations.
+            found: Poses that the search found last, to choose from besides the support.
+
+        Returns:
+            The relaxation over fewer poses, or this one where no merging keeps to the loss.
         """
-        support, weights = self.support, self.weights
+        support = self.support
+        weights = self.weights
         T = whitener(support.problem.information(weights))
-        for alike, least in ((0.1, 1e-3), (0.03, 1e-3), (0.01, 1e-4), (0.001, 1e-5), (0.0, 1e-5)):
-            heavy = support[np.flatnonzero(weights > least * weights.max())[::-1]]
-            for poses in (heavy,) if found is None else (heavy, found + heavy):
+        for alike, least in MERGING:
+            heavy = np.flatnonzero(weights > least * weights.max())
+            last_first = support[heavy[::-1]]
+            trials = [last_first] if found is None else [last_first, found + last_first]
+            for poses in trials:
+                kept = distinct(experiment_blocks(poses.problem), T, alike)
                 try:
-                    fewer = self.over(poses[distinct(poses.problem.blocks(), T, alike)], gap)
+                    fewer = self.over(poses[kept], gap)
                 except RankDeficientError:
                     continue
                 if fewer.relaxation.cost <= self.relaxation.cost * (1 + loss):
-                    return fewer if len(fewer.relaxation.support) < len(weights) else self
+                    has_fewer = len(fewer.relaxation.support) < len(weights)
+                    return fewer if has_fewer else self
         return self

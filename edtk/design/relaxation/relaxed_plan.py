@@ -1,24 +1,26 @@
-"""A design over poses: weights instead of repetitions, with the proof of its bound."""
+"""A design over poses: weights instead of repetitions, with bounds and what proves them."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
-from numpy.typing import NDArray
 
 from criteria import Relaxable
 from edtk.design.bound import Bound, BoundKind, printed_form
 from edtk.design.candidate_source import CandidateSource
 from edtk.design.design_space import DesignSpace
 from edtk.design.plan import Plan
-from edtk.design.relaxation.relax import normalised
+from edtk.design.relaxation.largest_sensitivities import LargestSensitivities
+from edtk.design.relaxation.normalised import normalised
 from edtk.system.atomic_file import atomic_path
 from edtk.system.presented import Presented
+from edtk.system.typing import Array, Indices
 from edtk.tables.pose_table import WRENCH_COLUMNS, pose_factors
 
-Array = NDArray[np.float64]
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,19 +29,21 @@ class RelaxedPlan(Presented):
 
     Attributes:
         source: Where the candidate poses come from.
-        candidates: The bound is proved over the first so many of them, and these poses.
+        candidates: The bound is proved over the first so many of them, and over these poses.
         criterion: What was minimised.
         x: Design variables (k, v) of the experiments.
-        weights: Their shares (k,), of sum one.
+        weights: Shares (k,) of the experiments, of sum one.
         cost: The criterion's cost.
         proved_bound: No design over the candidates and these poses has a lower cost.
-        searched_bound: Not proved: a bound on designs over all feasible poses, provided that the
-            ascents from many starts have found the pose of largest sensitivity; None without a
-            search.
-        multipliers: What proves the bound (r, p, p), see `Relaxable.lower_bound`.
-        solver: The solver whose answer this is.
-        iterations: Number of masters that were solved.
-        seconds: What took how long [s].
+        searched_bound: Not proved: no design over all feasible poses has a lower cost, provided
+            that the ascents have found the largest sensitivities; None without a search.
+        multipliers: The proof of the bounds (r, p, p), see `Relaxable.lower_bound`.
+        proved_sensitivities: The largest sensitivities of the candidates and of these poses.
+        searched_sensitivities: The largest sensitivities that were found in any pose, and where;
+            None without a search.
+        solver: The solver that found the weights.
+        iterations: Number of restricted master problems that were solved.
+        seconds: Time that each stage took [s].
     """
 
     source: CandidateSource
@@ -51,9 +55,11 @@ class RelaxedPlan(Presented):
     proved_bound: Bound
     searched_bound: Bound | None
     multipliers: Array
+    proved_sensitivities: LargestSensitivities
+    searched_sensitivities: LargestSensitivities | None
     solver: str
     iterations: int
-    seconds: dict[str, float] = field(default_factory=dict)
+    seconds: Mapping[str, float] = field(default_factory=dict)
 
     def headline(self) -> str:
         """Criterion, value, number of poses and proved gap."""
@@ -70,6 +76,16 @@ class RelaxedPlan(Presented):
         return self.source.space
 
     @property
+    def value(self) -> float:
+        """The criterion as its formula prints it."""
+        return printed_form(self.cost, self.criterion.sense)
+
+    @property
+    def bound(self) -> float:
+        """The proved bound as the criterion's formula prints it."""
+        return self.proved_bound.value
+
+    @property
     def gap(self) -> float:
         """Relative gap ``1 - bound/cost`` of the proved bound."""
         return self.proved_bound.gap_to(self.cost)
@@ -80,24 +96,9 @@ class RelaxedPlan(Presented):
         return self.proved_bound if self.searched_bound is None else self.searched_bound
 
     @property
-    def bound(self) -> float:
-        """The proved bound as printed in the criterion's formula."""
-        return self.proved_bound.value
-
-    @property
     def information(self) -> Array:
         """Information matrix (p, p) of one experiment's worth of this design."""
         return self.space.problem(self.x).information(self.weights)
-
-    @property
-    def value(self) -> float:
-        """The criterion as printed in its formula."""
-        return printed_form(self.cost, self.criterion.sense)
-
-    @property
-    def _heaviest_first(self) -> NDArray[np.int_]:
-        """Indices (k,) of the experiments in the order in which people and files see them."""
-        return np.argsort(-self.weights, kind="stable")
 
     @property
     def plan(self) -> Plan:
@@ -106,76 +107,88 @@ class RelaxedPlan(Presented):
         return self.space.plan(self.x[order], np.ones(len(order), dtype=int))
 
     @property
-    def table(self) -> pd.DataFrame:
-        """Poses in degrees and millimetres, wrenches where they are designed too, and weights; the heaviest first."""
-        table = self.plan.to_frame(self.space.workspace.robot).drop(columns="repeats")
-        if not self.space.load.limits.size:
-            table = table.drop(columns=list(WRENCH_COLUMNS))
-        return table.assign(weight=self.weights[self._heaviest_first])
+    def _heaviest_first(self) -> Indices:
+        """Indices (k,) of the experiments in the order in which people and files see them."""
+        return np.argsort(-self.weights, kind="stable")
 
     def certify(self) -> tuple[float, float]:
-        """Cost and proved bound anew, from poses, weights and multipliers alone: every candidate is priced again."""
-        tops = np.full(len(self.multipliers), -np.inf)
+        """Compute cost and proved bound anew, from poses, weights and multipliers alone.
+
+        All candidates are generated again, and so are their sensitivities.
+
+        Returns:
+            Cost, and a lower bound on the cost of every design over candidates and poses.
+        """
+        largest = np.full(len(self.multipliers), -np.inf)
         for x in (self.x, *(part.x for part in self.source.chunks(self.candidates))):
-            sensitivities = normalised(self.space.problem(x), self.criterion).sensitivities(
-                self.multipliers
-            )
-            tops = np.maximum(tops, sensitivities.max(axis=1))
+            problem = normalised(self.space.problem(x), self.criterion)
+            largest = np.maximum(largest, problem.sensitivities(self.multipliers).max(axis=1))
         M = self.information
-        return float(self.criterion.cost(M)), self.criterion.lower_bound(self.multipliers, tops, M)
+        bound = self.criterion.lower_bound(self.multipliers, largest, M)
+        return float(self.criterion.cost(M)), bound
+
+    def to_frame(self) -> "pd.DataFrame":
+        """Make a table with a pose a row, the heaviest first, and its weight in the last column.
+
+        Joint variables are in degrees or millimetres; wrenches, in newtons and newton metres, have
+        columns where they are designed too.
+        """
+        frame = self.plan.to_frame(self.space.workspace.robot).drop(columns="repeats")
+        if not self.space.load.limits.size:
+            frame = frame.drop(columns=list(WRENCH_COLUMNS))
+        return frame.assign(weight=self.weights[self._heaviest_first])
+
+    def to_csv(self, path: Path | str) -> None:
+        """Write `to_frame` to a file, whole or not at all."""
+        with atomic_path(path) as temporary:
+            self.to_frame().to_csv(temporary, index=False, float_format="%.10g")
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain numbers, for JSON: as people read them, and exactly under the key `certificate`.
+        """Plain numbers for JSON: as a person reads them, and exactly under the key `certificate`.
 
-        The support has the heaviest pose first, with angles in degrees. The certificate has costs,
-        and the design variables in the plan's own order.
+        The support has the heaviest pose first, with its angles in degrees. The certificate has
+        costs, and design variables in the order of this plan.
         """
-        plan, weights = self.plan, self.weights[self._heaviest_first]
         searched = self.searched_bound
-        degrees = plan.q / pose_factors(self.space.workspace.robot)
         return {
             "criterion": self.criterion.name,
             "value": self.value,
             "bound": _finite(self.bound),
             "gap": self.gap,
-            "bound_searched": searched and _finite(searched.value),
+            "bound_searched": None if searched is None else _finite(searched.value),
             "candidates": self.candidates,
-            "support": [
-                {"q_deg": q.tolist(), "wrench": W.tolist(), "weight": float(w)}
-                for q, W, w in zip(degrees, plan.wrench, weights, strict=True)
-            ],
+            "support": self._support(),
             "multipliers": self.multipliers.tolist(),
             "seed": self.source.seed,
             "sampling": self.source.sampling,
             "solver": self.solver,
             "iterations": self.iterations,
             "seconds": self.seconds,
-            "certificate": {
-                "cost": self.cost,
-                "bound": self.proved_bound.cost,
-                "bound_searched": searched and searched.cost,
-                "x": self.x.tolist(),
-                "weights": self.weights.tolist(),
-            },
+            "certificate": self._certificate(),
         }
 
     @classmethod
     def from_dict(
-        cls, source: CandidateSource, criterion: Relaxable, data: dict[str, Any]
+        cls, source: CandidateSource, criterion: Relaxable, data: Mapping[str, Any]
     ) -> "RelaxedPlan":
-        """The plan that `to_dict` has written, bit by bit.
+        """Make the plan that `to_dict` has written, the same to the last bit.
 
         Args:
-            source: Where the candidates come from; the dictionary has no robot.
+            source: Where the candidates come from; the numbers do not contain the robot.
             criterion: What was minimised.
-            data: The dictionary.
+            data: The numbers. The seconds may be missing.
 
         Raises:
-            KeyError: An entry is missing.
+            KeyError: Another entry is missing.
         """
         exact = data["certificate"]
         cost = exact["cost"]
-        searched = exact["bound_searched"]
+        proved = Bound.of(criterion, exact["bound"], cost, BoundKind.PROVED_ON_CANDIDATES)
+        searched = None
+        searched_sensitivities = None
+        if exact["bound_searched"] is not None:
+            searched = Bound.of(criterion, exact["bound_searched"], cost, BoundKind.SEARCHED)
+            searched_sensitivities = LargestSensitivities.from_dict(exact["searched_sensitivities"])
         return cls(
             source=source,
             candidates=data["candidates"],
@@ -183,22 +196,41 @@ class RelaxedPlan(Presented):
             x=np.array(exact["x"]),
             weights=np.array(exact["weights"]),
             cost=cost,
-            proved_bound=Bound.of(criterion, exact["bound"], cost, BoundKind.PROVED_ON_CANDIDATES),
-            searched_bound=None
-            if searched is None
-            else Bound.of(criterion, searched, cost, BoundKind.SEARCHED),
+            proved_bound=proved,
+            searched_bound=searched,
             multipliers=np.array(data["multipliers"]),
+            proved_sensitivities=LargestSensitivities.from_dict(exact["proved_sensitivities"]),
+            searched_sensitivities=searched_sensitivities,
             solver=data["solver"],
             iterations=data["iterations"],
             seconds=data.get("seconds", {}),
         )
 
-    def to_csv(self, path: Path | str) -> None:
-        """Write poses in degrees and millimetres, and weights, atomically; the heaviest first."""
-        with atomic_path(path) as temporary:
-            self.table.to_csv(temporary, index=False, float_format="%.10g")
+    def _support(self) -> list[dict[str, Any]]:
+        """Pose, wrench and weight of each experiment, the heaviest first."""
+        plan = self.plan
+        shown = plan.q / pose_factors(self.space.workspace.robot)
+        weights = self.weights[self._heaviest_first]
+        return [
+            {"q_deg": q.tolist(), "wrench": W.tolist(), "weight": float(weight)}
+            for q, W, weight in zip(shown, plan.wrench, weights, strict=True)
+        ]
+
+    def _certificate(self) -> dict[str, Any]:
+        """Costs, bounds and what they follow from, besides the multipliers."""
+        bound = self.searched_bound
+        sensitivities = self.searched_sensitivities
+        return {
+            "cost": self.cost,
+            "bound": self.proved_bound.cost,
+            "bound_searched": None if bound is None else bound.cost,
+            "x": self.x.tolist(),
+            "weights": self.weights.tolist(),
+            "proved_sensitivities": self.proved_sensitivities.to_dict(),
+            "searched_sensitivities": None if sensitivities is None else sensitivities.to_dict(),
+        }
 
 
-def _finite(x: float) -> float | None:
+def _finite(number: float) -> float | None:
     """What JSON can hold: None for a bound that says nothing."""
-    return x if np.isfinite(x) else None
+    return number if np.isfinite(number) else None

@@ -1,19 +1,20 @@
-"""The relaxation over a few candidates, by cvxpy."""
+"""The restricted master problem: the relaxation over a few candidates, solved by cvxpy."""
 
 import threading
 import warnings
+from collections.abc import Sequence
 from weakref import WeakKeyDictionary
 
-import cvxpy as cp
 import numpy as np
-from numpy.typing import NDArray
-from scipy.optimize import minimize
 
 from criteria import Relaxable
 from criteria.linalg.inverse import whitener
 from criteria.linalg.triangle import triangle
+from edtk.system.typing import Array
 
-Array = NDArray[np.float64]
+# Tolerances as sharp as the solvers can reach on programs of order one: a bound loses what they
+# leave. Clarabel often stalls a little above 1e-11; an answer to 1e-7 then counts as solved, since
+# the certificate decides what it is worth.
 SOLVERS: dict[str, dict[str, float]] = {
     "CLARABEL": {
         "tol_gap_rel": 1e-11,
@@ -23,13 +24,16 @@ SOLVERS: dict[str, dict[str, float]] = {
     },
     "SCS": {"eps_rel": 1e-9, "eps_abs": 1e-9, "max_iters": 20_000},
 }
+# Tolerances of an answer that only has to say which candidates should enter.
 LOOSE: dict[str, dict[str, float]] = {
     "CLARABEL": {"tol_gap_rel": 1e-4, "tol_gap_abs": 1e-4, "tol_feas": 1e-6}
 }
 POLISH = "SLSQP"
-CHAIN = (*SOLVERS, POLISH)
-WHITE = 1e3  # factor by which a design's eigenvalues may be off one and count as white
-PRUNE = 1e-7  # weights below this part of the largest are dropped
+CHAIN = (*SOLVERS, POLISH)  # interior points are the most accurate, splitting the most robust
+WHITE = 1e3  # factor by which a design's eigenvalues may differ from one and count as white
+PRUNE = 1e-7  # weights below this part of the largest are dropped: the solvers' inaccuracy
+POLISH_OPTIONS = {"maxiter": 300, "ftol": 1e-13}
+LOG_COST_OF_SINGULAR = 1e3  # larger than the log of any cost that a double can hold
 
 
 class RelaxationError(RuntimeError):
@@ -37,48 +41,61 @@ class RelaxationError(RuntimeError):
 
 
 class RestrictedMaster:
-    """The relaxation over a few candidates, compiled once by cvxpy and solved for one set of them after another.
+    """The relaxation over a few candidates, compiled once and solved for set after set of them.
 
     Args:
         criterion: A criterion with a convex form.
-        around: A regular design (p, p): the program is written in the parameters that whiten it.
+        around: A regular design (p, p). The program is written in the parameters that whiten it.
         size: The largest number of candidates.
     """
 
     def __init__(self, criterion: Relaxable, around: Array, size: int) -> None:
-        self.criterion, self.size, self.T = criterion, size, whitener(around)
+        import cvxpy as cp
+
+        self.criterion = criterion
+        self.size = size
+        self.T = whitener(around)
         p = len(self.T)
         self.rows, self.columns = triangle(p)
         self.w = cp.Variable(size, nonneg=True)
-        self.blocks = cp.Parameter((len(self.rows), size))
+        self.packed = cp.Parameter((len(self.rows), size))
         M = cp.Variable((p, p), symmetric=True)
-        self.balance = cp.vec(M, order="C")[self.rows * p + self.columns] == self.blocks @ self.w
+        upper = cp.vec(M, order="C")[self.rows * p + self.columns]
+        self.balance = upper == self.packed @ self.w
         objective, constraints = criterion.formulation(
             M, cp.sum(self.w), self.T, float(criterion.cost(around))
         )
         self.program = cp.Problem(cp.Minimize(objective), [self.balance, *constraints])
 
     def suits(self, M: Array, n: int) -> bool:
-        """Whether n candidates fit in, and the design M (p, p) is nearly white in the program's parameters."""
-        size = np.linalg.eigvalsh(self.T.T @ M @ self.T)
-        return bool(n <= self.size and size[0] > 1 / WHITE and size[-1] < WHITE)
+        """Whether the program has places for n candidates, and nearly whitens the design M (p, p)."""
+        eigenvalues = np.linalg.eigvalsh(self.T.T @ M @ self.T)
+        is_white = eigenvalues[0] > 1 / WHITE and eigenvalues[-1] < WHITE
+        return bool(n <= self.size and is_white)
 
     def solve(self, blocks: Array, solver: str, loose: bool = False) -> tuple[Array, Array]:
-        """Weights (n,) of sum one over candidates, and the multiplier Z (p, p) that proves them.
+        """Find the best weights of candidates, and the multiplier that proves them.
+
+        An inaccurate answer is no failure: its certificate tells what it is worth.
 
         Args:
-            blocks: Information of the candidates (n, p, p).
+            blocks: Information of one experiment in each candidate (n, p, p).
             solver: One of `SOLVERS`, or `POLISH`.
             loose: Whether an answer to a few digits will do, if the solver has such settings.
 
+        Returns:
+            Weights (n,) of sum one, and the multiplier Z (p, p) of ``M == sum_i w_i M_i``.
+
         Raises:
-            RelaxationError: The solver failed; its words are given. An inaccurate answer is no failure: it is
-                judged by its certificate.
+            RelaxationError: The solver failed; the message has its words.
         """
+        import cvxpy as cp
+
         try:
-            weights, Z = (
-                self._polish(blocks) if solver == POLISH else self._solve(blocks, solver, loose)
-            )
+            if solver == POLISH:
+                weights, Z = self._polish(blocks)
+            else:
+                weights, Z = self._solve(blocks, solver, loose)
         except (
             cp.SolverError,
             cp.DCPError,
@@ -87,78 +104,128 @@ class RestrictedMaster:
             ArithmeticError,
         ) as error:
             raise RelaxationError(f"{solver}: {' '.join(str(error).split())}") from error
+        return self._regular(weights, blocks, solver), Z
+
+    def solve_by_first(
+        self, blocks: Array, solvers: Sequence[str], loose: bool
+    ) -> tuple[Array, Array, str]:
+        """Find weights and multiplier by the first solver of several that has an answer.
+
+        Args:
+            blocks: Information of one experiment in each candidate (n, p, p).
+            solvers: The solvers in the order in which they are tried.
+            loose: See `solve`.
+
+        Returns:
+            Weights (n,), multiplier (p, p), and the name of the solver.
+
+        Raises:
+            RelaxationError: All failed; the message has the words of each.
+        """
+        failures = []
+        for solver in solvers:
+            try:
+                return *self.solve(blocks, solver, loose), solver
+            except RelaxationError as error:
+                failures.append(str(error))
+        raise RelaxationError(
+            f"no solver found a design for criterion {self.criterion.name} ({'; '.join(failures)})"
+        )
+
+    def _regular(self, weights: Array, blocks: Array, solver: str) -> Array:
+        """Weights of sum one, without those that are only inaccuracy, of a design of finite cost."""
         weights = np.where(weights > PRUNE * weights.max(), weights, 0.0)
         weights /= weights.sum()
-        if not np.isfinite(self.criterion.cost(np.tensordot(weights, blocks, axes=1))):
-            weights = (1 - PRUNE) * weights + PRUNE / len(
-                weights
-            )  # the optimum leaves a direction all but open
-            if not np.isfinite(self.criterion.cost(np.tensordot(weights, blocks, axes=1))):
-                raise RelaxationError(f"{solver}: the candidates leave a direction open")
-        return weights, Z
+        if np.isfinite(self.criterion.cost(np.tensordot(weights, blocks, axes=1))):
+            return weights
+        # The optimum may leave a direction of the parameters all but open. A little weight on every
+        # candidate closes it, and costs less than the gaps that are asked for.
+        weights = (1 - PRUNE) * weights + PRUNE / len(weights)
+        if np.isfinite(self.criterion.cost(np.tensordot(weights, blocks, axes=1))):
+            return weights
+        raise RelaxationError(f"{solver}: the candidates leave a direction open")
 
     def _solve(self, blocks: Array, solver: str, loose: bool) -> tuple[Array, Array]:
-        """By cvxpy; Z is the multiplier of ``M == sum w_i M_i``, and unused places are candidates of no information."""
+        """Weights (n,) and multiplier (p, p) by a solver of cvxpy's."""
         n = len(blocks)
-        self.blocks.value = np.zeros(self.blocks.shape)
-        self.blocks.value[:, :n] = (self.T.T @ blocks @ self.T)[:, self.rows, self.columns].T
+        # Places without a candidate hold one of no information.
+        self.packed.value = np.zeros(self.packed.shape)
+        whitened = self.T.T @ blocks @ self.T
+        self.packed.value[:, :n] = whitened[:, self.rows, self.columns].T
+        options = SOLVERS[solver] | (LOOSE.get(solver, {}) if loose else {})
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of inaccuracy
-            self.program.solve(
-                solver=solver, **SOLVERS[solver] | (LOOSE.get(solver, {}) if loose else {})
-            )
-        answer = self.w.value, self.balance.dual_value
-        if (
-            any(a is None or not np.isfinite(a).all() for a in answer)
-            or not (answer[0][:n] > 0).any()
-        ):
+            warnings.simplefilter("ignore")  # of inaccuracy, which the certificate measures
+            self.program.solve(solver=solver, **options)
+        weights = self.w.value
+        dual = self.balance.dual_value
+        has_answer = all(x is not None and np.isfinite(x).all() for x in (weights, dual))
+        if not has_answer or not (weights[:n] > 0).any():
             raise ValueError(f"status {self.program.status}")
-        Z = np.zeros(self.T.shape)
-        Z[self.rows, self.columns] = answer[1] / np.where(self.rows == self.columns, 1.0, 2.0)
-        return np.asarray(answer[0][:n]), self.T @ (Z + np.triu(Z, 1).T) @ self.T.T
+        # An entry beside the diagonal stands in one equation, but twice in <Z, M>.
+        upper = np.zeros(self.T.shape)
+        upper[self.rows, self.columns] = dual / np.where(self.rows == self.columns, 1.0, 2.0)
+        return np.asarray(weights[:n]), self.T @ (upper + np.triu(upper, 1).T) @ self.T.T
 
     def _polish(self, blocks: Array) -> tuple[Array, Array]:
-        """By sequential quadratic programming on the weights of a smooth criterion; Z is minus the gradient."""
-        criterion, T = self.criterion, self.T
-        if not criterion.smooth:
-            raise ValueError(f"criterion {criterion.name} is not smooth")
-        whitened, S = T.T @ blocks @ T, np.linalg.inv(T)
+        """Weights (n,) of a smooth criterion by sequential quadratic programming, from equal ones.
+
+        The multiplier is minus the gradient. The log of the cost is minimised, which is of order
+        one in any units.
+        """
+        from scipy.optimize import minimize
+
+        if not self.criterion.smooth:
+            raise ValueError(f"criterion {self.criterion.name} is not smooth")
+        criterion = self.criterion
+        whitened = self.T.T @ blocks @ self.T
+        S = np.linalg.inv(self.T)
 
         def log_cost(w: Array) -> tuple[float, Array]:
             M = S.T @ np.tensordot(w, whitened, axes=1) @ S
             cost = float(criterion.cost(M))
             if not np.isfinite(cost):
-                return 1e3, np.zeros_like(w)
-            return float(np.log(cost)), np.einsum(
-                "ij,nij->n", S @ criterion.gradient(M) @ S.T, whitened
-            ) / cost
+                return LOG_COST_OF_SINGULAR, np.zeros_like(w)
+            G = S @ criterion.gradient(M) @ S.T
+            return float(np.log(cost)), np.einsum("ij,nij->n", G, whitened) / cost
 
         result = minimize(
             log_cost,
             np.full(len(blocks), 1.0 / len(blocks)),
             jac=True,
-            method="SLSQP",
+            method=POLISH,
             bounds=[(0.0, 1.0)] * len(blocks),
             constraints=[{"type": "eq", "fun": lambda w: w.sum() - 1.0, "jac": np.ones_like}],
-            options={"maxiter": 300, "ftol": 1e-13},
+            options=POLISH_OPTIONS,
         )
         weights = np.maximum(result.x, 0.0)
-        return weights, -criterion.gradient(np.tensordot(weights / weights.sum(), blocks, axes=1))
+        M = np.tensordot(weights / weights.sum(), blocks, axes=1)
+        return weights, -criterion.gradient(M)
 
 
 class _Compiled(threading.local):
-    """The last program of every criterion that is in use, in this thread: compiling takes longer than solving."""
+    """The last program of every criterion in use, in this thread.
+
+    Compiling takes longer than solving, and a program cannot be solved by two threads at once.
+    """
 
     def __init__(self) -> None:
-        self.masters: WeakKeyDictionary[Relaxable, RestrictedMaster] = WeakKeyDictionary()
+        self.programs: WeakKeyDictionary[Relaxable, RestrictedMaster] = WeakKeyDictionary()
 
 
 _compiled = _Compiled()
 
 
 def restricted_master_for(criterion: Relaxable, around: Array, size: int) -> RestrictedMaster:
-    """A master for `size` candidates in which the design `around` (p, p) is nearly white; the last one if it suits."""
-    master = _compiled.masters.get(criterion)
-    if master is None or master.T.shape != around.shape or not master.suits(around, size):
-        master = _compiled.masters[criterion] = RestrictedMaster(criterion, around, size)
-    return master
+    """A program for a criterion, the one used last if it suits, otherwise a new one.
+
+    Args:
+        criterion: A criterion with a convex form.
+        around: A regular design (p, p) that must be nearly white in the program's parameters.
+        size: Number of candidates that the program must have places for.
+    """
+    program = _compiled.programs.get(criterion)
+    suits = program is not None and program.T.shape == around.shape and program.suits(around, size)
+    if program is None or not suits:
+        program = RestrictedMaster(criterion, around, size)
+        _compiled.programs[criterion] = program
+    return program

@@ -1,7 +1,6 @@
-"""The dearest poses of the continuum: where a design should measure next."""
+"""The search over all poses for the largest sensitivities: where a design should measure next."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from criteria import Criterion
 from criteria.linalg.inverse import whitener
@@ -9,12 +8,19 @@ from edtk.design.candidate_source import CandidateSource
 from edtk.design.candidates import Candidates
 from edtk.design.design_space import DesignSpace
 from edtk.design.distinct import distinct
-from edtk.design.relaxation.relax import normalised
-from edtk.design.relaxation.sensitivity import ascend
+from edtk.design.relaxation.ascend import ascend
+from edtk.design.relaxation.experiment_blocks import experiment_blocks
+from edtk.design.relaxation.largest_sensitivities import LargestSensitivities
+from edtk.design.relaxation.normalised import is_normalised, normalised
+from edtk.system.typing import Array
 
-Array = NDArray[np.float64]
-SCREEN = 20_000  # fresh feasible poses that are priced to find starts
-STARTS = 96  # ascents, at most 16 and at least 6 per multiplier
+SCREEN = 20_000  # fresh feasible poses among which starts are chosen
+STARTS = 96  # ascents in all, shared out among the multipliers
+MOST_STARTS = 16  # ascents from known poses per multiplier: more find nothing new
+LEAST_STARTS = 6
+FRESH_SHARE = 3  # one ascent from a fresh pose for so many from known poses
+DIFFERENT = 0.1  # relative difference of information from which on two starts are worth two ascents
+LIKE = 100  # poses that are looked at per start: most of the best ones are alike
 
 
 def search_continuum(
@@ -24,44 +30,57 @@ def search_continuum(
     known: Candidates,
     accuracy: float,
     seed: tuple[int, ...],
-) -> tuple[Array, Candidates]:
-    """Ascend the sensitivity over all feasible poses, from the dearest of known and of many fresh poses.
+) -> tuple[LargestSensitivities, Candidates]:
+    """Ascend the sensitivity over all feasible poses, from the best of known and of fresh ones.
 
     Args:
         space: Model and feasible set.
         criterion: What the multipliers belong to.
         multipliers: Multipliers (r, p, p).
         known: Poses that the design may rest on.
-        accuracy: Relative accuracy of a pose's price at the end of an ascent.
+        accuracy: Relative accuracy of a sensitivity at the end of an ascent.
         seed: Seed of the fresh poses.
 
     Returns:
-        The dearest price found (r,) by multiplier, and the poses where the ascents ended. A search proves nothing:
-        a dearer pose may exist.
+        The largest sensitivities found, and all poses (b) where the ascents ended. A search proves
+        nothing: a pose of larger sensitivity may exist.
     """
     fresh = CandidateSource(space, seed).take(SCREEN)
     T = whitener(known.problem.mean)
-    size = max(6, min(16, STARTS // len(multipliers)))
-    starts, units, owner = [], [], []
+    size = max(LEAST_STARTS, min(MOST_STARTS, STARTS // len(multipliers)))
+    starts: list[Array] = []
+    units: list[float] = []
+    owner: list[int] = []
     for j, Z in enumerate(multipliers):
-        sensitivities = [
-            normalised(some.problem, criterion).sensitivities(Z) for some in (known, fresh)
-        ]
-        near = [
-            _dearest(some, p, T, k)
-            for some, p, k in zip((known, fresh), sensitivities, (size, size // 3), strict=True)
-        ]
-        starts += near
-        units.append(float(np.abs(sensitivities[0]).max()))
-        owner += [j] * sum(map(len, near))
+        of_known = normalised(known.problem, criterion).sensitivities(Z)
+        of_fresh = normalised(fresh.problem, criterion).sensitivities(Z)
+        near = np.concatenate(
+            [
+                _most_sensitive(known, of_known, T, size),
+                _most_sensitive(fresh, of_fresh, T, size // FRESH_SHARE),
+            ]
+        )
+        starts.append(near)
+        units.append(float(np.abs(of_known).max()))
+        owner += [j] * len(near)
+    # Objectives of order one, whatever the multiplier's.
     Z = multipliers[owner] / np.array(units)[owner, None, None]
-    x = ascend(space, np.concatenate(starts), Z, criterion.degree == 0, accuracy=accuracy)
+    x = ascend(space, np.concatenate(starts), Z, is_normalised(criterion), accuracy=accuracy)
     found = Candidates(x, space.problem(x))
+    return _largest_of_own(found, criterion, multipliers, np.array(owner)), found
+
+
+def _largest_of_own(
+    found: Candidates, criterion: Criterion, multipliers: Array, owner: Array
+) -> LargestSensitivities:
+    """The largest sensitivity to each multiplier, among the ends of its own ascents."""
     ends = normalised(found.problem, criterion).sensitivities(multipliers)
-    return np.array([ends[j, np.equal(owner, j)].max() for j in range(len(multipliers))]), found
+    own = np.where(np.arange(len(multipliers))[:, None] == owner, ends, -np.inf)
+    return LargestSensitivities.of(own, found.x)
 
 
-def _dearest(some: Candidates, sensitivities: Array, T: Array, size: int) -> Array:
-    """The dearest experiments (size, v) that differ from each other."""
-    order = np.argsort(-sensitivities, kind="stable")[: 100 * size]
-    return some.x[order[distinct(some.problem.blocks(order), T, 0.1)[:size]]]
+def _most_sensitive(among: Candidates, sensitivities: Array, T: Array, size: int) -> Array:
+    """The experiments (size, v) of largest sensitivities (n,) that differ from each other."""
+    order = np.argsort(-sensitivities, kind="stable")[: LIKE * size]
+    chosen = distinct(experiment_blocks(among.problem, order), T, DIFFERENT)[:size]
+    return among.x[order[chosen]]

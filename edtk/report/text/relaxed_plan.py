@@ -27,7 +27,7 @@ def relaxed_plan(plan: RelaxedPlan) -> str:
 
 def _poses(plan: RelaxedPlan) -> list[str]:
     """A header, and a line for each pose, the heaviest first."""
-    table = plan.table
+    table = plan.to_frame()
     lines = ["weight   " + " ".join(f"{column:>9}" for column in table.columns[:-1])]
     for *entries, weight in table.itertuples(index=False):
         lines.append(f"{weight:.5f}  " + " ".join(f"{x:9.3f}" for x in entries))

@@ -13,6 +13,7 @@ from edtk.design.bound import Bound, BoundKind
 from edtk.design.candidate_source import CandidateSource
 from edtk.design.exact.exact_plan import ExactPlan
 from edtk.design.plan import Plan
+from edtk.design.relaxation.largest_sensitivities import LargestSensitivities
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
 from edtk.design.sample_feasible import sample_feasible
 
@@ -28,6 +29,7 @@ def exact(name="D", beside=False, space=KR270):
     plan = space.plan(x[:2], np.array([3, 2]))
     cost = float(criterion.cost(space.information(plan)))
     best = cost * 5**criterion.degree
+    largest = LargestSensitivities(np.ones(1), x[:1])
     relaxed = RelaxedPlan(
         source=CandidateSource(space, 0),
         candidates=10,
@@ -38,6 +40,8 @@ def exact(name="D", beside=False, space=KR270):
         proved_bound=Bound.of(criterion, 0.9 * best, best, BoundKind.PROVED_ON_CANDIDATES),
         searched_bound=Bound.of(criterion, 0.8 * best, best, BoundKind.SEARCHED),
         multipliers=np.eye(5)[None],
+        proved_sensitivities=largest,
+        searched_sensitivities=largest,
         solver="none",
         iterations=0,
     )

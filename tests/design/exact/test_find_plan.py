@@ -15,6 +15,7 @@ from edtk.design.distinct import distinct
 from edtk.design.exact.find_plan import TooFewError, find_plan, smallest_size
 from edtk.design.exact.starts import starts
 from edtk.design.plan import Plan
+from edtk.design.relaxation.relax_options import RelaxOptions
 from edtk.design.relaxation.relax_poses import relax_poses
 from edtk.design.sample_feasible import sample_feasible
 from edtk.model.elastostatic_model import ElastostaticModel
@@ -39,7 +40,7 @@ def relaxed(name="rho0", space=KR270, continuous=False):
     source = CandidateSource(space, 0, "sobol", workers=1)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("edtk.design.relaxation.search_continuum.STARTS", 6)
-        return relax_poses(source, 200, criterion, continuous=continuous, tolerance=GAP)
+        return relax_poses(source, 200, criterion, continuous, RelaxOptions(tolerance=GAP))
 
 
 @cache

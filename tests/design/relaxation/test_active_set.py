@@ -62,7 +62,7 @@ def test_the_last_to_join_stays():
     r = relax(poses.problem, create("D"), GAP)
     shared = np.full(6, 1 / 6)
     relaxation = type(r)(
-        r.criterion, shared, r.cost, r.bound, r.multipliers, r.solver, r.iterations
+        r.criterion, shared, r.cost, r.proved_bound, r.multipliers, r.solver, r.iterations
     )
     numbered = Candidates(np.arange(6.0)[:, None], poses.problem)
     merged = ActiveSet(numbered, relaxation, 1).merged(1e-6, GAP)
@@ -78,7 +78,7 @@ def test_merging_costs_no_more_than_the_loss(name, loss):
     whole = active_over(Candidates(q, KR270.problem(q)), criterion)
     merged = whole.merged(loss, GAP)
     assert merged.relaxation.cost <= whole.relaxation.cost * (1 + loss)
-    assert merged.relaxation.cost >= whole.relaxation.bound * (1 - 1e-9)
+    assert merged.relaxation.cost >= whole.relaxation.proved_bound.cost * (1 - 1e-9)
     assert len(merged.weights) <= 15 + 1
     assert pairs(merged).min() > 1e-6
     assert (merged.weights > 0).all()

@@ -17,6 +17,7 @@ from edtk.design.candidate_source import CandidateSource
 from edtk.design.problem import Problem, RankDeficientError
 from edtk.design.relaxation.relax import RelaxationInterrupted, relax
 from edtk.design.relaxation.restricted_master import CHAIN, SOLVERS, RelaxationError
+from edtk.design.relaxation.solver_options import SolverOptions
 from edtk.study.study import load_study
 
 GAP = 1e-6
@@ -213,11 +214,11 @@ def check(r, problem, name, target=TARGET, units=1.0):
     assert r.weights.sum() == pytest.approx(1, abs=1e-12)
     np.testing.assert_array_equal(r.support, np.flatnonzero(r.weights > 0))
     assert r.cost == pytest.approx(costs(name, M, target * units), rel=rounding)
-    assert r.bound <= r.cost * (1 + rounding)
-    assert r.gap == pytest.approx(1 - r.bound / r.cost, abs=4 * EPS)
-    if r.bound > (1.0 if name == "O2" else 0.0):  # less is known of every design
+    assert r.proved_bound.cost <= r.cost * (1 + rounding)
+    assert r.gap == pytest.approx(1 - r.proved_bound.cost / r.cost, abs=4 * EPS)
+    if r.proved_bound.cost > (1.0 if name == "O2" else 0.0):  # less is known of every design
         steps = 1e-8 if name == "G" else 0.0  # of the weights, which may converge slowly
-        assert r.bound <= proved(name, r.multipliers, normalised, M, target * units) * (
+        assert r.proved_bound.cost <= proved(name, r.multipliers, normalised, M, target * units) * (
             1 + lost(M, name) + steps
         )
 
@@ -253,7 +254,7 @@ def kr270(study):
 
 def attempt(problem, criterion, solvers):
     try:
-        return relax(problem, criterion, solvers=solvers)
+        return relax(problem, criterion, options=SolverOptions(solvers=solvers))
     except RelaxationError as error:
         return error
 
@@ -287,11 +288,15 @@ def test_certify(name, case):
     """`certify` finds cost and bound from weights, multipliers and candidates, whatever the plan claims."""
     problem, r = Problem((WELL | BADLY)[case]), solved(name, case)
     M = problem.information(r.weights)
-    claim = replace(r, cost=0.1 * r.cost, bound=10 * r.bound)
+    claim = replace(
+        r, cost=0.1 * r.cost, proved_bound=replace(r.proved_bound, cost=10 * r.proved_bound.cost)
+    )
     for factor in (1, 2):  # of information of which no design knew
         cost, bound = claim.certify(Problem.of_information(factor * problem.packed))
         assert cost == pytest.approx(r.cost * factor**-r.criterion.degree, rel=slip(M, name))
-        assert bound == pytest.approx(r.bound * factor**-r.criterion.degree, rel=lost(M, name))
+        assert bound == pytest.approx(
+            r.proved_bound.cost * factor**-r.criterion.degree, rel=lost(M, name)
+        )
 
 
 @pytest.mark.parametrize(
@@ -309,7 +314,7 @@ def test_no_design_beats_the_bound(name, case):
     M = np.tensordot(np.concatenate([trials[:-n], *steps]), problem.blocks(), axes=1)
     known = slips(M) < 1e-9
     assert known.sum() > 1000
-    assert costs(name, M[known], TARGET * units_of(case)).min() >= r.bound * (1 - 1e-9)
+    assert costs(name, M[known], TARGET * units_of(case)).min() >= r.proved_bound.cost * (1 - 1e-9)
 
 
 @every
@@ -360,7 +365,7 @@ def test_unit_of_the_regressors(name, factor):
     scale = factor ** (2 * r.criterion.degree)
     assert -slip(Problem(blocks).information(other.weights)) <= other.gap <= GAP
     assert other.cost * scale == pytest.approx(r.cost, rel=GAP)
-    assert other.bound * scale <= r.cost
+    assert other.proved_bound.cost * scale <= r.cost
 
 
 @pytest.mark.parametrize("name", ["D", "O1", "rho0"])
@@ -381,8 +386,8 @@ def test_roots_of_one_another(root, square, case):
     problem = Problem(WELL[case])
     r, s = solved(root, case), solved(square, case)
     assert r.cost**2 == pytest.approx(s.cost, rel=2 * GAP)
-    assert r.bound**2 <= s.cost * (1 + slip(problem.information(s.weights)))
-    assert s.bound <= r.cost**2 * (1 + slip(problem.information(r.weights)))
+    assert r.proved_bound.cost**2 <= s.cost * (1 + slip(problem.information(s.weights)))
+    assert s.proved_bound.cost <= r.cost**2 * (1 + slip(problem.information(r.weights)))
 
 
 @pytest.mark.parametrize("case", ["cubic", "off-centre"])
@@ -413,7 +418,7 @@ def test_order_of_the_candidates(name, case):
     assert s.gap <= GAP
     assert costs(name, M, TARGET) == pytest.approx(s.cost, rel=slip(M))
     assert s.cost == pytest.approx(r.cost, rel=GAP)
-    assert max(r.bound, s.bound) <= min(r.cost, s.cost) * (1 + slip(M))
+    assert max(r.proved_bound.cost, s.proved_bound.cost) <= min(r.cost, s.cost) * (1 + slip(M))
 
 
 @every
@@ -433,7 +438,7 @@ def test_more_candidates_are_no_worse(name):
     blocks, criterion = WELL["many rows"], criterion_of(name)
     r = solved(name, "many rows")
     for part in (slice(0, 300), slice(0, None, 7)):
-        assert r.bound <= relax(Problem(blocks[part]), criterion).cost * (
+        assert r.proved_bound.cost <= relax(Problem(blocks[part]), criterion).cost * (
             1 + slip(Problem(blocks[part]).mean)
         )
 
@@ -443,7 +448,7 @@ def test_more_candidates_are_no_worse(name):
 def test_batch(name, batch):
     """However many candidates join at a time, one at least, the gap is reached, and the optimum is the same."""
     problem = Problem(off_centre(8, 200))
-    r = relax(problem, criterion_of(name), batch=batch, rounds=1000)
+    r = relax(problem, criterion_of(name), options=SolverOptions(batch=batch, rounds=1000))
     check(r, problem, name)
     assert r.gap <= GAP
     assert r.cost == pytest.approx(relax(problem, criterion_of(name)).cost, rel=GAP)
@@ -453,7 +458,7 @@ def test_batch(name, batch):
 def test_twenty_thousand_candidates(name):
     """A set much larger than a master is solved to the gap too, by several masters."""
     problem = Problem(blocks_of(11, 20_000, 2))
-    r = relax(problem, criterion_of(name), batch=10)
+    r = relax(problem, criterion_of(name), options=SolverOptions(batch=10))
     check(r, problem, name)
     assert r.gap <= GAP
     assert r.iterations > 1 or name == "O2"
@@ -525,18 +530,21 @@ def test_kr270_in_other_units(name, study, kr270):
 def test_gap_that_is_asked_for(name):
     """A coarser gap is honoured too, in fewer masters, with a bound that is one."""
     problem = Problem(off_centre(12, 2000))
-    fine, coarse = (relax(problem, criterion_of(name), gap=g, batch=5) for g in (GAP, 0.4))
+    fine, coarse = (
+        relax(problem, criterion_of(name), gap=g, options=SolverOptions(batch=5))
+        for g in (GAP, 0.4)
+    )
     check(coarse, problem, name)
     assert GAP < coarse.gap <= 0.4
     assert coarse.iterations < fine.iterations
-    assert coarse.bound <= fine.cost
+    assert coarse.proved_bound.cost <= fine.cost
 
 
 @pytest.mark.parametrize("name", ["A", "D", "E", "O2", "rho0"])
 def test_limit_of_rounds(name):
     """What is found in two rounds is certified, and its gap is what it is."""
     problem = Problem(off_centre(12, 2000))
-    r = relax(problem, criterion_of(name), rounds=2, batch=2)
+    r = relax(problem, criterion_of(name), options=SolverOptions(rounds=2, batch=2))
     check(r, problem, name)
     assert r.iterations == 2
     assert GAP < r.gap < 1
@@ -547,7 +555,12 @@ def test_progress(name):
     """Progress is told after every master, counted from one, and the gap never grows."""
     calls = []
     problem = Problem(off_centre(12, 2000))
-    r = relax(problem, criterion_of(name), batch=2, progress=lambda *call: calls.append(call))
+    r = relax(
+        problem,
+        criterion_of(name),
+        options=SolverOptions(batch=2),
+        progress=lambda *call: calls.append(call),
+    )
     iterations, gaps = zip(*calls, strict=True)
     assert iterations == tuple(range(1, r.iterations + 1))
     assert (np.diff(gaps) <= 0).all()
@@ -565,17 +578,17 @@ def test_interrupt_leaves_the_best_so_far(name, k):
             raise KeyboardInterrupt
 
     with pytest.raises(RelaxationInterrupted) as caught:
-        relax(problem, criterion_of(name), batch=2, progress=stop)
+        relax(problem, criterion_of(name), options=SolverOptions(batch=2), progress=stop)
     best = caught.value.best
     assert isinstance(caught.value, KeyboardInterrupt)
     assert best.iterations == k
     check(best, problem, name)
     assert best.certify(problem) == pytest.approx(
-        (best.cost, best.bound), rel=slip(problem.information(best.weights))
+        (best.cost, best.proved_bound.cost), rel=slip(problem.information(best.weights))
     )
     fine = relax(problem, criterion_of(name))
-    assert best.bound <= fine.cost * (1 + GAP)
-    assert fine.bound <= best.cost * (1 + GAP)
+    assert best.proved_bound.cost <= fine.cost * (1 + GAP)
+    assert fine.proved_bound.cost <= best.cost * (1 + GAP)
 
 
 @pytest.mark.parametrize("calls", [1, 2])
@@ -592,7 +605,7 @@ def test_interrupt_within_a_solver(monkeypatch, calls):
     monkeypatch.setattr(cp.Problem, "solve", stand_in)
     problem = Problem(off_centre(12, 2000))
     with pytest.raises(KeyboardInterrupt) as caught:
-        relax(problem, criterion_of("A"), batch=2)
+        relax(problem, criterion_of("A"), options=SolverOptions(batch=2))
     if calls == 1:
         assert not isinstance(caught.value, RelaxationInterrupted)
     else:
@@ -654,7 +667,7 @@ def test_broken_first_solver(monkeypatch, name, breakage):
     """
     problem = Problem(WELL["off-centre"])
     monkeypatch.setattr(cp.Problem, "solve", solve_then(breakage))
-    r = relax(problem, criterion_of(name), batch=10)
+    r = relax(problem, criterion_of(name), options=SolverOptions(batch=10))
     check(r, problem, name)
     assert r.gap <= GAP
     assert r.cost == pytest.approx(solved(name, "off-centre").cost, rel=GAP)
@@ -704,7 +717,7 @@ def test_no_solver_at_all(monkeypatch, name):
 def test_polish_alone(name, case):
     """The polish alone, from equal weights, solves the smooth criteria to the gap, and the result names it."""
     problem = Problem(WELL[case][:: len(WELL[case]) // 12])
-    r = relax(problem, criterion_of(name), solvers=("SLSQP",))
+    r = relax(problem, criterion_of(name), options=SolverOptions(solvers=("SLSQP",)))
     check(r, problem, name)
     assert r.gap <= GAP
     assert r.solver == "SLSQP"
@@ -795,14 +808,14 @@ class ExpressionRho(ConvexCriterion):
 def test_criterion_known_by_its_expression(mine, name, case):
     """A criterion that gives a cvxpy expression and no more is relaxed to the gap: as good as the built-in one."""
     problem = Problem((WELL | BADLY)[case])
-    r, native = relax(problem, mine(), batch=10), solved(name, case)
+    r, native = relax(problem, mine(), options=SolverOptions(batch=10)), solved(name, case)
     rounding = slip(problem.information(r.weights))
     assert -rounding <= r.gap <= GAP
     assert r.certify(problem) == pytest.approx(
-        (r.cost, r.bound), rel=1e-7
+        (r.cost, r.proved_bound.cost), rel=1e-7
     )  # a solver's word, lowered by as much
     assert r.cost == pytest.approx(native.cost, rel=GAP)
-    assert r.bound <= native.cost * (1 + rounding)
+    assert r.proved_bound.cost <= native.cost * (1 + rounding)
 
 
 @pytest.mark.parametrize("mine", [ExpressionA, ExpressionG, ExpressionRho])
@@ -813,8 +826,7 @@ def test_progress_of_an_expression_is_kept(mine):
         r = relax(
             problem,
             mine(),
-            batch=2,
-            rounds=rounds,
+            options=SolverOptions(rounds=rounds, batch=2),
             progress=lambda iterations, gap: gaps.append(gap),
         )
         assert r.gap <= gaps[-1] + 1e-7  # a solver's word, lowered by as much

@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 from functools import cache
-from importlib import import_module
 
 import numpy as np
 import pytest
@@ -13,14 +12,11 @@ from criteria.linalg.inverse import whitener
 from edtk.design.candidate_source import CandidateSource, EmptyFeasibleSetError
 from edtk.design.distinct import distinct
 from edtk.design.problem import RankDeficientError
+from edtk.design.relaxation.ascend import ascend
+from edtk.design.relaxation.capacity import MemoryLimitError, capacity
 from edtk.design.relaxation.relax import relax
-from edtk.design.relaxation.relax_poses import (
-    MemoryLimitError,
-    PlanInterrupted,
-    capacity,
-    relax_poses,
-)
-from edtk.design.relaxation.sensitivity import ascend
+from edtk.design.relaxation.relax_options import RelaxOptions
+from edtk.design.relaxation.relax_poses import PlanInterrupted, relax_poses
 from edtk.design.sample_feasible import sample_feasible
 from edtk.model.constraints.height import Height
 from edtk.model.elastostatic_model import ElastostaticModel
@@ -37,7 +33,9 @@ RHO0 = STUDY.criterion("rho0")
 @cache
 def paper(seed, n):
     """The paper's problem over all poses."""
-    return relax_poses(CandidateSource(KR270, seed), n, RHO0, continuous=True, tolerance=TOLERANCE)
+    return relax_poses(
+        CandidateSource(KR270, seed), n, RHO0, True, RelaxOptions(tolerance=TOLERANCE)
+    )
 
 
 @cache
@@ -46,7 +44,11 @@ def easy(name, space=TWO):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("edtk.design.relaxation.search_continuum.STARTS", 6)
         return relax_poses(
-            CandidateSource(space, 0, "sobol"), 200, create(name), continuous=True, tolerance=1e-3
+            CandidateSource(space, 0, "sobol"),
+            200,
+            create(name),
+            True,
+            RelaxOptions(tolerance=1e-3),
         )
 
 
@@ -164,7 +166,7 @@ def test_listed_forces():
     down = KR270.load.always
     load = ListedLoad(np.array([down, -down, 0.1 * down]))
     plan = relax_poses(
-        CandidateSource(replace(KR270, load=load), 0), 500, RHO0, continuous=True, tolerance=1e-4
+        CandidateSource(replace(KR270, load=load), 0), 500, RHO0, True, RelaxOptions(tolerance=1e-4)
     )
     assert_sound(plan)
     assert_certified(plan)
@@ -208,7 +210,8 @@ def test_a_bound_that_is_enough():
     """A search over the continuum that is told to stop leaves a bound that holds, and is wider."""
     source = CandidateSource(KR270, 2)
     short, whole = (
-        relax_poses(source, 500, RHO0, True, stop=stop) for stop in (lambda: True, lambda: False)
+        relax_poses(source, 500, RHO0, True, RelaxOptions(stop=stop))
+        for stop in (lambda: True, lambda: False)
     )
     assert short.searched_bound.cost < whole.searched_bound.cost
     assert short.searched_bound.cost <= whole.cost
@@ -217,9 +220,9 @@ def test_a_bound_that_is_enough():
 @pytest.fixture
 def little_memory(monkeypatch):
     """A limit that leaves room for fewer than a hundred candidates, and what was ever held at once."""
-    module = import_module("edtk.design.relaxation.relax_poses")
-    monkeypatch.setattr(module, "BASE_MB", 0.0)
-    monkeypatch.setattr(module, "KEEP", 50)
+    monkeypatch.setattr("edtk.design.relaxation.capacity.BASE_MB", 0.0)
+    monkeypatch.setattr("edtk.design.relaxation.capacity.KEPT", 50)
+    monkeypatch.setattr("edtk.design.relaxation.relax_poses.KEPT", 50)
     monkeypatch.setattr("edtk.design.candidate_source.CHUNK", 1024)
     held, take = [], CandidateSource.take
     monkeypatch.setattr(CandidateSource, "take", lambda self, n: held.append(n) or take(self, n))
@@ -231,7 +234,7 @@ def test_beyond_memory(name, little_memory):
     """Candidates that are only ever priced in chunks give the value and the proof of those held at once."""
     source, criterion, n = CandidateSource(KR270, 3), STUDY.criterion(name), 5000
     assert 50 <= capacity(5, 6, 0.03) < 100
-    streamed = relax_poses(source, n, criterion, memory_mb=0.03)
+    streamed = relax_poses(source, n, criterion, options=RelaxOptions(memory_mb=0.03))
     assert little_memory == [capacity(5, 6, 0.03)]
     whole = relax_poses(source, n, criterion)
     assert streamed.candidates == whole.candidates == n
@@ -245,7 +248,9 @@ def test_beyond_memory(name, little_memory):
 def test_beyond_memory_and_the_candidates(little_memory):
     """Both at once: the bound is proved on all candidates, though few of them were ever held."""
     source = CandidateSource(TWO, 4)
-    plan = relax_poses(source, 3000, create("D"), continuous=True, tolerance=1e-3, memory_mb=0.03)
+    plan = relax_poses(
+        source, 3000, create("D"), True, RelaxOptions(tolerance=1e-3, memory_mb=0.03)
+    )
     assert plan.candidates == 3000
     assert 1 - plan.searched_bound.cost / plan.cost <= 1e-3
     assert little_memory[0] == capacity(2, 6, 0.03) < 300
@@ -258,9 +263,12 @@ def test_memory_limit():
     with pytest.raises(
         MemoryLimitError, match=r"limit of 100 MB is too small, expected (\d+) MB or more"
     ) as caught:
-        relax_poses(CandidateSource(KR270), 10, RHO0, memory_mb=100)
+        relax_poses(CandidateSource(KR270), 10, RHO0, options=RelaxOptions(memory_mb=100))
     least = float(str(caught.value).split("expected ")[1].split()[0])
-    assert relax_poses(CandidateSource(KR270), 50, RHO0, memory_mb=least).gap <= GAP
+    assert (
+        relax_poses(CandidateSource(KR270), 50, RHO0, options=RelaxOptions(memory_mb=least)).gap
+        <= GAP
+    )
     with pytest.raises(MemoryLimitError):
         capacity(5, 6, least - 1)
     assert capacity(5, 6, least) < capacity(5, 6, 1000) < capacity(5, 6, 2000)
@@ -285,7 +293,11 @@ def test_interruption_leaves_the_best_certified_plan(stage, count):
     source = CandidateSource(KR270, 5)
     with pytest.raises(PlanInterrupted) as caught:
         relax_poses(
-            source, 3000, RHO0, continuous=True, tolerance=TOLERANCE, progress=stop_at(stage, count)
+            source,
+            3000,
+            RHO0,
+            True,
+            RelaxOptions(tolerance=TOLERANCE, progress=stop_at(stage, count)),
         )
     plan = caught.value.best
     assert isinstance(caught.value, KeyboardInterrupt)
@@ -306,7 +318,7 @@ def test_interruption_beyond_memory(little_memory):
 
     source = CandidateSource(KR270, 3)
     with pytest.raises(PlanInterrupted) as caught:
-        relax_poses(source, 5000, RHO0, memory_mb=0.03, progress=progress)
+        relax_poses(source, 5000, RHO0, options=RelaxOptions(memory_mb=0.03, progress=progress))
     plan = caught.value.best
     assert plan.candidates == 5000
     assert plan.gap > GAP
@@ -317,7 +329,9 @@ def test_interruption_beyond_memory(little_memory):
 def test_interruption_before_there_is_a_plan():
     """Ctrl-C while candidates are generated is a plain interruption."""
     with pytest.raises(KeyboardInterrupt) as caught:
-        relax_poses(CandidateSource(KR270), 100, RHO0, progress=stop_at("candidates"))
+        relax_poses(
+            CandidateSource(KR270), 100, RHO0, options=RelaxOptions(progress=stop_at("candidates"))
+        )
     assert not isinstance(caught.value, PlanInterrupted)
 
 
@@ -329,8 +343,7 @@ def test_progress_and_seconds():
         200,
         create("D"),
         True,
-        tolerance=1e-3,
-        progress=lambda *call: told.append(call),
+        RelaxOptions(tolerance=1e-3, progress=lambda *call: told.append(call)),
     )
     stages = [stage for stage, _ in told]
     assert list(dict.fromkeys(stages)) == ["candidates", "solve", "continuum"]

@@ -33,7 +33,7 @@ def as_if_searched(plan):
     searched = Bound.of(
         plan.criterion, 0.97 * plan.proved_bound.cost, plan.cost, BoundKind.SEARCHED
     )
-    return replace(plan, searched_bound=searched)
+    return replace(plan, searched_bound=searched, searched_sensitivities=plan.proved_sensitivities)
 
 
 def slip(plan):

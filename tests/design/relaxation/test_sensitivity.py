@@ -8,8 +8,9 @@ from designs import DESIGNS, KR270, LOADED
 from scipy.optimize import nnls
 
 from criteria import create
+from edtk.design.relaxation.ascend import ascend
 from edtk.design.relaxation.relax import relax
-from edtk.design.relaxation.sensitivity import ascend, sensitivity_and_slope
+from edtk.design.relaxation.sensitivity import sensitivity_and_slope
 from edtk.design.sample_feasible import sample_feasible
 from edtk.model.loads.fixed_load import FixedLoad
 from edtk.model.loads.free_load import FreeLoad

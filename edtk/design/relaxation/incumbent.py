@@ -1,0 +1,125 @@
+"""The best design and the best proof that a relaxation has found so far."""
+
+import numpy as np
+
+from criteria import Relaxable
+from edtk.design.bound import Bound, BoundKind
+from edtk.design.problem import Problem
+from edtk.design.relaxation.column_generation import Step
+from edtk.design.relaxation.experiment_blocks import experiment_blocks
+from edtk.design.relaxation.normalised import original_weights
+from edtk.design.relaxation.relaxation import Relaxation
+from edtk.design.relaxation.sparse_weights import sparse_weights
+from edtk.system.typing import Array
+
+# Part of the gap that the cost may grow by when support points are dropped: far below what is
+# asked for, far above rounding.
+SPARSE_LOSS = 0.01
+
+
+class Incumbent:
+    """The best design and the best proof so far; they may come from different steps.
+
+    Args:
+        problem: The candidates, see `normalised`.
+        criterion: What is minimised.
+        multipliers: Multipliers (r, p, p) of a like problem to begin with, or None.
+    """
+
+    def __init__(self, problem: Problem, criterion: Relaxable, multipliers: Array | None) -> None:
+        self.criterion = criterion
+        self.iterations = 0
+        self.cost = np.inf
+        self.active = np.empty(0, dtype=int)
+        self.weights = np.empty(0)
+        self.M = problem.mean
+        self.solver = ""
+        nothing = np.empty((0, problem.p, problem.p))
+        self.multipliers = nothing if multipliers is None else multipliers
+        self.largest = problem.sensitivities(self.multipliers).max(axis=-1)
+        self.lower_bound = 0.0
+
+    @property
+    def gap(self) -> float:
+        """Relative gap between the best cost and the best bound."""
+        return 1 - self.lower_bound / self.cost
+
+    def update(self, step: Step, multipliers: Array, largest: Array) -> None:
+        """Take over what is better of a step: its design, its proof, or both.
+
+        Args:
+            step: The step.
+            multipliers: Multipliers (r, p, p) that hold beside the step's own.
+            largest: The largest sensitivities (r,) to them.
+        """
+        self.iterations += 1
+        cost = float(self.criterion.cost(step.M))
+        if cost < self.cost:
+            self.cost = cost
+            self.M = step.M
+            self.active = step.active
+            self.weights = step.weights
+            self.solver = step.solver
+        multipliers = np.concatenate([multipliers, step.proof.multiplier[None]])
+        largest = np.append(largest, step.proof.largest)
+        lower_bound = self.criterion.lower_bound(multipliers, largest, step.M)
+        if lower_bound >= self.lower_bound:
+            self.multipliers = multipliers
+            self.largest = largest
+            self.lower_bound = lower_bound
+
+    def relaxation(self, problem: Problem, gap: float) -> Relaxation:
+        """The result, with weights of the candidates as they were given.
+
+        Args:
+            problem: The candidates as they were given, not normalised.
+            gap: Relative gap that was asked for.
+        """
+        weights = np.zeros(problem.n)
+        weights[self.active] = self._final_weights(problem, gap)
+        cost = float(self.criterion.cost(problem.information(weights)))
+        multipliers, lower_bound = self._final_multipliers((1 - gap) * cost)
+        return Relaxation(
+            criterion=self.criterion,
+            weights=weights,
+            cost=cost,
+            proved_bound=Bound.of(
+                self.criterion, lower_bound, cost, BoundKind.PROVED_ON_CANDIDATES
+            ),
+            multipliers=multipliers,
+            solver=self.solver,
+            iterations=self.iterations,
+        )
+
+    def _final_weights(self, problem: Problem, gap: float) -> Array:
+        """Weights (k,) of the active candidates as they were given, on as few as are needed."""
+        weights = original_weights(problem, self.criterion, self.active, self.weights)
+        blocks = experiment_blocks(problem, self.active)
+        few = sparse_weights(problem.packed[:, self.active], weights)
+        cost = float(self.criterion.cost(np.tensordot(weights, blocks, axes=1)))
+        cost_of_few = float(self.criterion.cost(np.tensordot(few, blocks, axes=1)))
+        return few if cost_of_few <= cost * (1 + SPARSE_LOSS * gap) else weights
+
+    def _final_multipliers(self, enough: float) -> tuple[Array, float]:
+        """Multipliers without those that the bound does not need, the latest dropped first.
+
+        Args:
+            enough: A lower bound that is as good as the best one.
+
+        Returns:
+            Multipliers (r, p, p), and the bound that they prove.
+        """
+        Z = self.multipliers
+        t = self.largest
+        lower_bound = max(self.lower_bound, self.criterion.lower_bound(Z, t, self.M))
+        for j in range(len(t) - 1, -1, -1):
+            if len(t) == 1:
+                break
+            fewer_Z = np.delete(Z, j, 0)
+            fewer_t = np.delete(t, j)
+            without = self.criterion.lower_bound(fewer_Z, fewer_t, self.M)
+            if without >= min(lower_bound, enough):
+                Z = fewer_Z
+                t = fewer_t
+                lower_bound = without
+        return Z, lower_bound

@@ -1,0 +1,77 @@
+"""The result of a relaxation: weights of candidates with the proof of a bound."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from criteria import Relaxable
+from edtk.design.bound import Bound, printed_form
+from edtk.design.problem import Problem
+from edtk.design.relaxation.normalised import normalised
+from edtk.system.presented import Presented
+from edtk.system.typing import Array, Indices
+
+
+@dataclass(frozen=True, eq=False)
+class Relaxation(Presented):
+    """Weights of one experiment's worth of measurements, their cost, and a bound with its proof.
+
+    Attributes:
+        criterion: What was minimised.
+        weights: Shares (n,) of the candidates, not negative, of sum one.
+        cost: The criterion's cost of these weights.
+        proved_bound: No weights of these candidates have a lower cost.
+        multipliers: The proof of the bound (r, p, p), see `Relaxable.lower_bound`.
+        solver: The solver that found the weights.
+        iterations: Number of restricted master problems that were solved.
+    """
+
+    criterion: Relaxable
+    weights: Array
+    cost: float
+    proved_bound: Bound
+    multipliers: Array
+    solver: str
+    iterations: int
+
+    def headline(self) -> str:
+        """Criterion, value, number of candidates with weight, and gap."""
+        return (
+            f"{self.criterion.name} = {self.value:.4g}, weights on {len(self.support)} of "
+            f"{len(self.weights)} candidates, proved gap {max(self.gap, 0.0):.1e}"
+        )
+
+    @property
+    def value(self) -> float:
+        """The criterion as its formula prints it."""
+        return printed_form(self.cost, self.criterion.sense)
+
+    @property
+    def bound(self) -> float:
+        """The proved bound as the criterion's formula prints it."""
+        return self.proved_bound.value
+
+    @property
+    def gap(self) -> float:
+        """Relative gap ``1 - bound/cost``; below zero only by rounding."""
+        return self.proved_bound.gap_to(self.cost)
+
+    @property
+    def support(self) -> Indices:
+        """Indices (k,) of the candidates that carry weight."""
+        return np.flatnonzero(self.weights)
+
+    def certify(self, problem: Problem) -> tuple[float, float]:
+        """Compute cost and bound anew from weights, multipliers and candidates alone.
+
+        Args:
+            problem: The candidates (n) of the weights.
+
+        Returns:
+            Cost of the weights, and a lower bound on the cost of all weights.
+        """
+        M = problem.information(self.weights)
+        largest = normalised(problem, self.criterion).sensitivities(self.multipliers).max(axis=-1)
+        return float(self.criterion.cost(M)), self.criterion.lower_bound(
+            self.multipliers, largest, M
+        )
