@@ -9,6 +9,7 @@ from edtk.design.design_space import DesignSpace
 from edtk.design.exact.exact_plan import ExactPlan
 from edtk.design.exact.find_plan import STARTS, TooFewError, find_plan, require_enough
 from edtk.design.plan import Plan
+from edtk.design.relaxation.relax_options import RelaxOptions
 from edtk.design.relaxation.relax_poses import relax_poses
 from edtk.study.relax_study import source_of
 from edtk.study.run_options import DEFAULTS, RunOptions
@@ -67,8 +68,9 @@ def plan_study(
             study.specification.candidates,
             study.criterion(criterion),
             continuous=True,
-            progress=relaxing,
-            stop=lambda: monotonic() >= since + SHARE_OF_BOUND * seconds,
+            options=RelaxOptions(
+                progress=relaxing, stop=lambda: monotonic() >= since + SHARE_OF_BOUND * seconds
+            ),
         )
         found = find_plan(
             relaxed,

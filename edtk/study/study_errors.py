@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from edtk.design.candidate_source import EmptyFeasibleSetError
 from edtk.design.problem import RankDeficientError
-from edtk.design.relaxation.relax_poses import MemoryLimitError
+from edtk.design.relaxation.capacity import MemoryLimitError
 from edtk.design.relaxation.restricted_master import RelaxationError
 from edtk.system.errors import ArgumentError, UserError
 from edtk.system.workers import WorkersLostError
