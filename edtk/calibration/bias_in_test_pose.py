@@ -32,12 +32,14 @@ def bias_in_test_pose(study: Study, data: Measurements, A: Array, k: Array) -> f
     every = -(-(1 + data.pose.max()) // MOST_POSES)
     rows = np.flatnonzero(data.pose % every == 0)
     some = data[rows]
+    # Poses stay contiguous, as the model makes them: another layout sums in another order.
+    some_A = A.T.take(rows, axis=-1).T
     one = some[np.unique(some.pose, return_index=True)[1]]
     try:
         # Rows of one pose, such as those of several markers, share its equilibrium.
         at_rest = equilibrium(study.robot, one.q, one.wrench, all_joints).displacement
         measured = marker_motion(study.model, some.q, at_rest[some.pose], some.marker)
-        expected = estimate(A[rows], measured, some.sigma, study.model.parameters).k
+        expected = estimate(some_A, measured, some.sigma, study.model.parameters).k
     except (NoEquilibriumError, SingularPlanError):
         return None
     return float(np.linalg.norm(study.target @ (expected - k)))

@@ -1,6 +1,5 @@
 """From a filled-in sheet to compliances, with everything that a person wants to know about them."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -8,12 +7,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from edtk.calibration.bias_in_test_pose import bias_in_test_pose
+from edtk.calibration.check_posterior import check_posterior
 from edtk.calibration.diagnostics.diagnostic import Diagnostic, Severity
 from edtk.calibration.diagnostics.diagnostics import diagnostics
 from edtk.calibration.fitted_data import FittedData
 from edtk.calibration.input_errors.find_input_error import find_input_error
 from edtk.calibration.input_errors.input_error import InputError
-from edtk.calibration.posterior_check import PosteriorCheck, check_posterior
+from edtk.calibration.posterior_check import PosteriorCheck
 from edtk.calibration.study_prior import study_prior
 from edtk.design.plan import Plan
 from edtk.inference.fit_huber import SigmaTooSmallError
@@ -22,12 +22,11 @@ from edtk.inference.identify import NothingLeftError
 from edtk.inference.least_squares import Estimate, SingularPlanError
 from edtk.inference.measurements import Measurements
 from edtk.inference.prior import Flat
-from edtk.inference.run_chain import Demand
+from edtk.inference.sample_posterior import SamplingOptions
 from edtk.model.loads.fixed_load import FixedLoad
 from edtk.study.study import Study
 from edtk.system.errors import UserError
 from edtk.system.presented import Presented
-from edtk.tables.pose_table import PoseFileError
 from edtk.tables.sheet_columns import DEFLECTION_COLUMNS, ROTATION_COLUMNS
 
 if TYPE_CHECKING:
@@ -175,9 +174,7 @@ class Calibration(Presented):
     def sampled(
         self,
         rng: np.random.Generator,
-        progress: Callable[[int], object] = lambda steps: None,
-        demand: Demand | None = None,
-        chain: Path | None = None,
+        options: SamplingOptions = SamplingOptions(),  # noqa: B008  (frozen)
     ) -> "Calibration":
         """The same calibration with the posterior, under the study's [prior].
 
@@ -187,9 +184,7 @@ class Calibration(Presented):
 
         Args:
             rng: Source of randomness.
-            progress: Called with the number of steps of the chain so far.
-            demand: When the chain is long enough.
-            chain: File in which the chain is kept, and from which it goes on.
+            options: How accurately, and where the chain is kept.
 
         Raises:
             UserError: The study's prior is not one.
@@ -212,10 +207,8 @@ class Calibration(Presented):
             data.sigma,
             Estimate(fit.k, fit.covariance),
             rng,
-            progress,
             noise=noise,
-            demand=demand,
-            chain=chain,
+            options=options,
         )
         prior = study_prior(study)
         flat = all(isinstance(marginal, Flat) for marginal in prior.marginals)
@@ -255,14 +248,11 @@ def calibrate(
     path = Path(path)
     load = study.space.load
     wrench = load.always if isinstance(load, FixedLoad) else None
-    try:
-        data = Measurements.from_csv(path, study.robot, study.fixed, wrench, study.sigma)
-    except PoseFileError as error:
-        raise UserError(str(error)) from error
+    data = Measurements.from_csv(path, study.robot, study.fixed, wrench, study.sigma)
     try:
         fitted = FittedData.of(study, data, plan, robust, known)
     except (SingularPlanError, NothingLeftError, SigmaTooSmallError) as error:
-        raise UserError(f"{path}: {error}") from error
+        raise UserError(str(error), where=path) from error
     wrong = find_input_error(fitted)
     if wrong is not None:
         raise InputError(path, wrong)

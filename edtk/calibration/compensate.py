@@ -176,9 +176,8 @@ def _deflection(robot: Robot, q: Array, wrench: Array, k: Array, path: Path | st
 
 def _buckles(path: Path | str, row: int) -> UserError:
     """The error of a pose that cannot carry its load."""
-    return UserError(
-        f"{path}: row {row + 1}: the load buckles the arm; expected a load that it can carry"
-    )
+    message = "the load buckles the arm; expected a load that it can carry"
+    return UserError(message, where=path, key=f"row {row + 1}")
 
 
 def _require_within_limits(robot: Robot, q: Array, which: str, path: Path | str) -> None:
@@ -194,7 +193,8 @@ def _require_within_limits(robot: Robot, q: Array, which: str, path: Path | str)
     row, j = outside[0]
     factor = pose_factors(robot)[j]
     raise UserError(
-        f"{path}: row {row + 1}, column {pose_columns(robot)[j]}: the {which} value "
-        f"{q[row, j] / factor:.6g} is outside the joint's limits "
-        f"{lower[j] / factor:.6g} .. {upper[j] / factor:.6g}"
+        f"the {which} value {q[row, j] / factor:.6g} is outside the joint's limits "
+        f"{lower[j] / factor:.6g} .. {upper[j] / factor:.6g}",
+        where=path,
+        key=f"row {row + 1}, column {pose_columns(robot)[j]}",
     )

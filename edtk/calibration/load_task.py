@@ -4,8 +4,6 @@ from pathlib import Path
 
 from edtk.design.plan import Plan
 from edtk.study.study import Study
-from edtk.system.errors import UserError
-from edtk.tables.pose_table import PoseFileError
 
 
 def load_task(study: Study, path: Path | str) -> Plan:
@@ -25,7 +23,4 @@ def load_task(study: Study, path: Path | str) -> Plan:
     if pose is None:
         message = "expected a table with the tool and the load of the task, and there is none"
         raise study.error("test_pose", message)
-    try:
-        return Plan.from_csv(path, study.robot, study.fixed, pose.load.build())
-    except PoseFileError as error:
-        raise UserError(str(error)) from error
+    return Plan.from_csv(path, study.robot, study.fixed, pose.load.build())

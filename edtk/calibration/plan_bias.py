@@ -110,8 +110,9 @@ def plan_bias(study: Study, plan: Plan, path: Path | str) -> PlanBias:
     try:
         found = linearisation_bias(study.model, plan.q[each], plan.wrench[each], study.sigma, k)
     except NoEquilibriumError as error:
-        row = each[error.pose] + 1
-        raise UserError(f"{path}: row {row}: no stable equilibrium under its load") from error
+        row = f"row {each[error.pose] + 1}"
+        message = "no stable equilibrium under its load"
+        raise UserError(message, where=path, key=row) from error
     A0 = study.target
     return PlanBias(
         bias=found,

@@ -4,19 +4,17 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from edtk.inference.convergence import autocorrelation_time
 from edtk.inference.least_squares import Estimate
 from edtk.inference.posterior import Posterior
 from edtk.system.presented import Presented
-
-Array = NDArray[np.float64]
+from edtk.system.typing import Array
 
 
 @dataclass(frozen=True, eq=False)
 class PoseError(Presented):
-    """Compensation with the least-squares estimate, judged by the posterior; lengths in m.
+    """The error after compensation with the least-squares estimate, by the posterior [m].
 
     Attributes:
         rho0: ``sqrt(E |A0 (k - k_hat)|^2)``.
@@ -47,16 +45,23 @@ class PoseError(Presented):
 
 
 def pose_error(A0: Array, fit: Estimate, posterior: Posterior) -> PoseError:
-    """Errors and displacements in the pose with regressor A0 (3, p) [m/(rad/(N m))]."""
+    """Find errors and displacements in a pose.
+
+    Args:
+        A0: Regressor (3, p) of the pose [m/(rad/(N m))].
+        fit: The estimate with which commands are compensated.
+        posterior: The compliances that the robot may have.
+    """
     squares = (((posterior.samples - fit.k) @ A0.T) ** 2).sum(axis=-1)
     rho0 = float(np.sqrt(squares.mean()))
     effective = squares.size / autocorrelation_time(squares[..., None])[0]
     moved = posterior.samples @ A0.T
     return PoseError(
-        rho0,
-        float(squares.std() / np.sqrt(effective) / (2 * rho0)),
-        float(np.sqrt(np.trace(A0 @ fit.covariance @ A0.T))),
-        float(np.sqrt(np.quantile(squares, 0.95))),
-        moved.mean(axis=(0, 1)),
-        np.quantile(moved, [0.025, 0.975], axis=(0, 1)),
+        rho0=rho0,
+        # The error of a mean of squares; of its root it is half that, relative to the root.
+        rho0_error=float(squares.std() / np.sqrt(effective) / (2 * rho0)),
+        rho0_fit=float(np.sqrt(np.trace(A0 @ fit.covariance @ A0.T))),
+        error_95=float(np.sqrt(np.quantile(squares, 0.95))),
+        displacement=moved.mean(axis=(0, 1)),
+        displacement_95=np.quantile(moved, [0.025, 0.975], axis=(0, 1)),
     )

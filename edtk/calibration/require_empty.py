@@ -16,8 +16,7 @@ def require_empty(path: Path) -> None:
         return
     filled = is_filled(path)
     if filled is None:
-        raise UserError(f"{path}: exists and is not an empty sheet; expected another file")
+        raise UserError("exists and is not an empty sheet; expected another file", where=path)
     if filled:
-        raise UserError(
-            f"{path}: has measurements in it; expected another file for the empty sheet"
-        )
+        message = "has measurements in it; expected another file for the empty sheet"
+        raise UserError(message, where=path)

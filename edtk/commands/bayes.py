@@ -71,8 +71,8 @@ def command(
     What is known before the measurements is the [prior] of STUDY (TOML). A killed run with --chain goes on where it
     was when it is started again.
     """
+    from edtk.calibration.check_plan_posterior import check_plan_posterior
     from edtk.calibration.export_inference_data import export_inference_data
-    from edtk.calibration.posterior_check import check_plan_posterior
     from edtk.inference.noise import NU_IN_WORDS, Noise
     from edtk.study.study import load_study
 

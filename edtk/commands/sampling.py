@@ -72,7 +72,7 @@ class Sampling:
         from edtk.inference.chain_file import ChainFileError
         from edtk.inference.least_squares import SingularPlanError
         from edtk.inference.run_chain import Demand, UnconvergedError
-        from edtk.inference.sample_posterior import ImproperPosteriorError
+        from edtk.inference.sample_posterior import ImproperPosteriorError, SamplingOptions
 
         default = Demand()
         demand = Demand(
@@ -80,13 +80,12 @@ class Sampling:
         )
         rng = np.random.default_rng(seed if self.seed is None else self.seed)
         with tqdm(unit="step", file=sys.stderr, desc="emcee", delay=1.0, leave=False) as bar:
+
+            def progress(steps: int) -> None:
+                bar.update(steps - bar.n)
+
             try:
-                yield {
-                    "rng": rng,
-                    "progress": lambda steps: bar.update(steps - bar.n),
-                    "demand": demand,
-                    "chain": self.chain,
-                }
+                yield {"rng": rng, "options": SamplingOptions(demand, self.chain, progress)}
             except UnconvergedError as error:
                 raise UserError(
                     f"{source}: {error} with --most, or expect less with --accuracy"

@@ -11,6 +11,7 @@ from edtk.calibration.calibrate import calibrate
 from edtk.calibration.plan_bias import plan_bias
 from edtk.calibration.template import template
 from edtk.inference.run_chain import Demand
+from edtk.inference.sample_posterior import SamplingOptions
 from edtk.inference.simulate import simulate
 from edtk.report.write_calibration import write_calibration
 from edtk.study.evaluate import evaluate
@@ -166,7 +167,9 @@ def test_mistakes_name_the_file(save):
 def test_many_rows_give_a_narrow_posterior_fast(save):
     """Of thousands of rows the sampler uses what a handful of numbers says, with the same answer as Eq. (13)."""
     table = pd.concat([filled(seed=seed) for seed in range(200)])
-    found = calibrate(STUDY, save(table)).sampled(np.random.default_rng(0), demand=Demand(0.05))
+    found = calibrate(STUDY, save(table)).sampled(
+        np.random.default_rng(0), SamplingOptions(Demand(0.05))
+    )
     ratio, error = found.check.table["ratio"], found.check.table["ratio_error"]
     assert (np.abs(ratio - 1) < 4 * error).all()
     np.testing.assert_allclose(found.check.table["mean"], found.fit.k, atol=0, rtol=3e-3)
@@ -177,7 +180,7 @@ def test_posterior_of_measurements(save):
     path = save(filled())
     for known in (True, False):
         plain = calibrate(STUDY, path, known=known)
-        found = plain.sampled(np.random.default_rng(0), demand=Demand(0.05))
+        found = plain.sampled(np.random.default_rng(0), SamplingOptions(Demand(0.05)))
         table = found.check.table
         np.testing.assert_allclose(table["std_fit"], plain.fit.std, rtol=1e-6)
         np.testing.assert_allclose(table["reference"], plain.fit.k, rtol=1e-9)
@@ -196,7 +199,7 @@ def test_a_robust_posterior_is_not_spoiled(save):
     table = filled()
     table.loc[4, "dz_mm"] += 1
     found = calibrate(STUDY, save(table), robust=True).sampled(
-        np.random.default_rng(0), demand=Demand(0.05)
+        np.random.default_rng(0), SamplingOptions(Demand(0.05))
     )
     assert found.check.posterior.noise_names == ("nu",)
     rows = found.check.table

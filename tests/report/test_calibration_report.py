@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 
 from edtk.calibration.calibrate import Calibration
+from edtk.calibration.check_posterior import check_posterior
 from edtk.calibration.diagnostics.diagnostics import diagnostics
 from edtk.calibration.fitted_data import FittedData
-from edtk.calibration.posterior_check import check_posterior
 from edtk.inference.identify import identify
 from edtk.inference.least_squares import Estimate
 from edtk.inference.measurements import Measurements
 from edtk.inference.run_chain import Demand
+from edtk.inference.sample_posterior import SamplingOptions
 from edtk.inference.simulate import simulate
 from edtk.report.calibration_report import calibration_report
 from edtk.report.digits import digits
@@ -43,7 +44,9 @@ def page(spoil=lambda y: y, k=STUDY.compliances, known=True, seed=3, bayes=False
     check = None
     if bayes:
         estimate, rng = Estimate(fit.k, fit.covariance), np.random.default_rng(seed)
-        check = check_posterior(STUDY, A, y, data.sigma, estimate, rng, demand=Demand(0.1))
+        check = check_posterior(
+            STUDY, A, y, data.sigma, estimate, rng, options=SamplingOptions(Demand(0.1))
+        )
     fitted = FittedData(STUDY, data, A, fit)
     found = Calibration(fitted, diagnostics(fitted), Path("day <1>.csv"), check=check)
     return calibration_report(found), fit

@@ -11,11 +11,9 @@ class InputError(UserError):
     """Measurements are certainly wrong.
 
     Attributes:
-        path: Where the measurements are.
         finding: What is wrong, with rows and columns.
     """
 
     def __init__(self, path: Path, finding: Finding) -> None:
-        super().__init__(f"{path}: {wording(finding)}")
-        self.path = path
+        super().__init__(wording(finding), where=path)
         self.finding = finding

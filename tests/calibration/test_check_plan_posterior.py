@@ -5,10 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from edtk.calibration.posterior_check import check_plan_posterior
+from edtk.calibration.check_plan_posterior import check_plan_posterior
 from edtk.inference.least_squares import SingularPlanError
 from edtk.inference.noise import Noise
 from edtk.inference.run_chain import Demand
+from edtk.inference.sample_posterior import SamplingOptions
 from edtk.study.study import load_study
 
 STUDY = load_study(Path(__file__).parents[2] / "studies" / "kr270_milling.toml")
@@ -21,7 +22,10 @@ def checked():
     return (
         plan,
         check_plan_posterior(
-            STUDY, plan, np.random.default_rng(STUDY.specification.seed), steps.append
+            STUDY,
+            plan,
+            np.random.default_rng(STUDY.specification.seed),
+            options=SamplingOptions(progress=steps.append),
         ),
         steps,
     )
@@ -78,7 +82,11 @@ def test_progress_counts_steps(checked):
 def test_unknown_noise(checked):
     """With sigma and nu unknown their intervals are told, by name."""
     check = check_plan_posterior(
-        STUDY, checked[0], np.random.default_rng(0), noise=Noise(np.inf, None), demand=Demand(0.1)
+        STUDY,
+        checked[0],
+        np.random.default_rng(0),
+        noise=Noise(np.inf, None),
+        options=SamplingOptions(Demand(0.1)),
     )
     low, high = check.noise_intervals["sigma_ratio"][1:]
     assert 0.3 < low < 0.85 < high < 1.6

@@ -1,0 +1,52 @@
+"""The Bayesian check of a plan that is yet to be carried out."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from edtk.calibration.check_posterior import check_posterior
+from edtk.calibration.posterior_check import PosteriorCheck
+from edtk.design.plan import Plan
+from edtk.inference.least_squares import estimate
+from edtk.inference.noise import Noise
+from edtk.inference.sample_posterior import SamplingOptions
+from edtk.inference.simulate import simulate
+from edtk.study.study import Study
+
+
+def check_plan_posterior(
+    study: Study,
+    plan: Plan,
+    rng: np.random.Generator,
+    *,
+    noise: Noise | None = None,
+    options: SamplingOptions = SamplingOptions(),  # noqa: B008  (frozen)
+) -> PosteriorCheck:
+    """Simulate one calibration with normal errors, sample its posterior, and compare it.
+
+    Args:
+        study: Model, noise, priors and assumed true compliances.
+        plan: The plan that is carried out.
+        rng: Source of randomness, of the errors and of the sampler.
+        noise: What is assumed of the noise; defaults to what the study says.
+        options: How accurately, and where the chain is kept.
+
+    Returns:
+        Posterior standard deviations beside those of Eq. (13), and the samples; the reference is
+        the assumed truth.
+
+    Raises:
+        SingularPlanError: The plan cannot identify all parameters.
+        UserError: The study assumes no true compliances, or its prior is not one.
+        UnconvergedError: The chain does not converge.
+        ImproperPosteriorError: Too few measurements for what is unknown.
+        ChainFileError: The file is no chain, or of another problem.
+    """
+    A = np.repeat(study.model.regressor(plan.q, plan.wrench), plan.repeats, axis=0)
+    measured = simulate(A, study.compliances, study.sigma, rng)[0]
+    fit = estimate(A, measured, study.sigma, study.model.parameters)
+    sigma = np.broadcast_to(study.sigma, measured.shape)
+    found = check_posterior(study, A, measured, sigma, fit, rng, noise=noise, options=options)
+    table = found.table.assign(reference=study.compliances)
+    table = table.rename(columns={"std_fit": "std_eq13"})
+    return replace(found, table=table, reference="assumed truth")

@@ -1,0 +1,89 @@
+"""The Bayesian check: does the sampled posterior have the covariance that the fit states?"""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from edtk.calibration.pose_error import pose_error
+from edtk.calibration.posterior_check import PosteriorCheck
+from edtk.calibration.study_prior import study_prior
+from edtk.inference.least_squares import Estimate, estimate
+from edtk.inference.noise import Noise
+from edtk.inference.posterior import Posterior
+from edtk.inference.sample_posterior import SamplingOptions, sample_posterior
+from edtk.study.study import Study
+from edtk.system.typing import Array
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+def check_posterior(
+    study: Study,
+    A: Array,
+    measured: Array,
+    sigma: Array,
+    identified: Estimate,
+    rng: np.random.Generator,
+    *,
+    noise: Noise | None = None,
+    options: SamplingOptions = SamplingOptions(),  # noqa: B008  (frozen)
+) -> PosteriorCheck:
+    """Sample the posterior of measurements, and compare standard deviations.
+
+    Args:
+        study: Priors, names and test pose.
+        A: Regressors (m, rows, p).
+        measured: Deflections (m, rows) [m, rad].
+        sigma: Noise (m, rows) [m, rad].
+        identified: The estimate from these measurements. Its covariance is Eq. (13), corrected
+            where sigma was estimated, or where the loss was not least squares.
+        rng: Source of randomness.
+        noise: What is assumed of the noise; defaults to what the study says.
+        options: How accurately, and where the chain is kept.
+
+    Raises:
+        UserError: The study's prior is not one.
+        UnconvergedError: The chain does not converge.
+        ImproperPosteriorError: Too few measurements for what is unknown.
+        ChainFileError: The file is no chain, or of another problem.
+    """
+    assumed = study.specification.prior.noise() if noise is None else noise
+    posterior = sample_posterior(
+        A,
+        measured,
+        sigma,
+        estimate(A, measured, sigma, study.model.parameters),
+        rng,
+        prior=study_prior(study),
+        noise=assumed,
+        options=options,
+    )
+    table = _table(study, identified, posterior)
+    pose = None if study.target is None else pose_error(study.target, identified, posterior)
+    return PosteriorCheck(table, "identified", posterior, A, measured, sigma, assumed, pose)
+
+
+def _table(study: Study, identified: Estimate, posterior: Posterior) -> "pd.DataFrame":
+    """The rows of `PosteriorCheck.table`."""
+    import pandas as pd
+
+    std = np.sqrt(np.diag(identified.covariance))
+    low, high = posterior.interval()
+    return pd.DataFrame(
+        {
+            "parameter": study.model.parameters,
+            "unit": study.model.units,
+            "reference": identified.k,
+            "mean": posterior.mean,
+            "low_95": low,
+            "high_95": high,
+            "std_posterior": posterior.std,
+            "std_fit": std,
+            "ratio": posterior.std / std,
+            "ratio_error": posterior.std_error / std,
+            "tau_steps": posterior.tau,
+            "r_hat": posterior.r_hat,
+            "effective_samples": posterior.effective,
+        }
+    )
