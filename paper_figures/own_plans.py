@@ -11,7 +11,7 @@ from tqdm import tqdm
 
 import criteria
 from edtk.design.exact.exact_plan import ExactPlan
-from edtk.design.exact.find_plan import find_plan
+from edtk.design.exact.find_plan import SearchOptions, find_plan
 from edtk.design.plan import Plan
 from edtk.design.relaxation.relax_poses import relax_poses
 from edtk.study.relax_study import source_of
@@ -37,9 +37,8 @@ def search_plan(
     relaxed = relax_poses(
         source_of(study), study.specification.candidates, criterion, continuous=True
     )
-    return find_plan(
-        relaxed, size, seed=study.specification.seed, patience=patience, workers=workers
-    )
+    options = SearchOptions(seed=study.specification.seed, patience=patience, workers=workers)
+    return find_plan(relaxed, size, options=options)
 
 
 def main() -> None:

@@ -16,7 +16,7 @@ from tqdm import tqdm
 
 import criteria
 from edtk.design.exact.exact_plan import ExactPlan
-from edtk.design.exact.find_plan import find_plan
+from edtk.design.exact.find_plan import SearchOptions, find_plan
 from edtk.design.relaxation.relax_poses import relax_poses
 from edtk.report.markdown_table import markdown_table
 from edtk.study.relax_study import source_of
@@ -59,7 +59,8 @@ def main() -> None:
                     criterion,
                     continuous=True,
                 )
-                found.append(find_plan(relaxed, m, seed=seed, workers=workers))
+                options = SearchOptions(seed=seed, workers=workers)
+                found.append(find_plan(relaxed, m, options=options))
                 seconds.append(perf_counter() - start)
             values = np.array([plan.value for plan in found])
             old = float(criterion.value(study.space.information(published[m])))

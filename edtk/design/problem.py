@@ -177,6 +177,19 @@ class Problem:
         M = unpack(self.packed[:, support] @ w[support] if few else self.packed @ w)
         return M if self.prior is None else M + w.sum() * self.prior
 
+    def plan_information(self, chosen: Indices, repeats: Array) -> Array:
+        """Information matrices of many plans of few candidates.
+
+        Args:
+            chosen: Indices (b, k) of the candidates of b plans.
+            repeats: Their repetitions (b, k).
+
+        Returns:
+            Matrices (b, p, p), the prior included.
+        """
+        M = np.einsum("bk,bkij->bij", repeats, self.blocks(chosen))
+        return M if self.prior is None else M + repeats.sum(axis=1)[:, None, None] * self.prior
+
     @cached_property
     def mean(self) -> Array:
         """Information matrix (p, p) of equal weights ``1/n``."""

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 import criteria
-from edtk.design.exact.batch import SIZE
+from edtk.design.exact.batch import BATCH_SIZE
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
 from edtk.report.figures import by_size, heat_map, save, unit_of
 from edtk.report.markdown_table import markdown_table
@@ -68,7 +68,8 @@ def _setting(study: Study) -> str:
     """One paragraph on what was asked."""
     file = study.specification
     unknown = ", ".join(study.model.parameters)
-    least, most = (SIZE * -(-n // SIZE) for n in (file.starts, file.descents(file.main_criterion)))
+    limits = (file.starts, file.descents(file.main_criterion))
+    least, most = (BATCH_SIZE * -(-limit // BATCH_SIZE) for limit in limits)
     return (
         f"Robot {study.robot.name}; unknown compliances {unknown}; {file.load.describe()}; "
         f"sigma = {file.measurement.sigma_mm:g} mm per coordinate; {file.candidates} candidate poses; at most "

@@ -7,7 +7,8 @@ import numpy as np
 
 from edtk.design.design_space import DesignSpace
 from edtk.design.exact.exact_plan import ExactPlan
-from edtk.design.exact.find_plan import STARTS, TooFewError, find_plan, require_enough
+from edtk.design.exact.find_plan import STARTS, SearchOptions, find_plan
+from edtk.design.exact.require_enough import TooFewExperimentsError, require_enough
 from edtk.design.plan import Plan
 from edtk.design.relaxation.relax_options import RelaxOptions
 from edtk.design.relaxation.relax_poses import relax_poses
@@ -76,12 +77,14 @@ def plan_study(
             relaxed,
             new,
             distinct,
-            study.specification.seed if options.seed is None else options.seed,
             kept,
-            starts=STARTS,
-            seconds=since + seconds - monotonic(),
-            workers=options.workers,
-            progress=searching,
+            SearchOptions(
+                seed=study.specification.seed if options.seed is None else options.seed,
+                starts=STARTS,
+                seconds=since + seconds - monotonic(),
+                workers=options.workers,
+                progress=searching,
+            ),
         )
     return replace(found, seconds=monotonic() - since)
 
@@ -116,7 +119,7 @@ def _require_enough(
     """
     try:
         require_enough(space, new, new if distinct is None else distinct)
-    except TooFewError as error:
+    except TooFewExperimentsError as error:
         argument = "size" if new < error.least else "distinct"
         message = str(error)
         if kept is not None and argument == "size":

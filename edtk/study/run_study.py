@@ -6,8 +6,9 @@ from typing import Any
 
 import criteria
 from edtk.design.exact.exact_plan import ExactPlan
-from edtk.design.exact.find_plan import TooFewError, find_plan, smallest_size
-from edtk.design.plan import Plan
+from edtk.design.exact.find_plan import SearchOptions, find_plan
+from edtk.design.exact.require_enough import TooFewExperimentsError
+from edtk.design.exact.smallest_size import smallest_size
 from edtk.design.relaxation.relax import require_relaxable
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
 from edtk.study.case import Case
@@ -160,15 +161,15 @@ class _Search:
         specification = self.study.specification
         starts = specification.descents(self.case.optimised)
         try:
-            found = find_plan(
-                self.relaxed, self.case.size, self.case.distinct, specification.seed, starts=starts
-            )
-        except TooFewError as error:
+            options = SearchOptions(seed=specification.seed, starts=starts)
+            found = find_plan(self.relaxed, self.case.size, self.case.distinct, options=options)
+        except TooFewExperimentsError as error:
             return {"reason": str(error)}
         if found.ended == "interrupted":
             raise KeyboardInterrupt  # the best plan so far is not the answer
-        how = {key: getattr(found, key) for key in ("cost", "starts", "found", "optima", "ended")}
-        return found.plan.to_dict() | how
+        answer = found.to_dict()
+        del answer["seconds"]  # the same study gives the same files
+        return answer
 
 
 def _searched(
@@ -193,7 +194,5 @@ def _answered(case: Case, answer: dict[str, Any], relaxed: RelaxedPlan) -> Case:
     """A case with its plan, from the numbers of a `_Search`."""
     if "reason" in answer:
         return replace(case, reason=answer["reason"])
-    how = {key: answer[key] for key in ("cost", "starts", "found", "optima", "ended")}
-    plan = Plan.from_dict(answer)
-    found = ExactPlan(relaxed=relaxed, plan=plan, kept=None, seconds=0.0, **how)
-    return replace(case, plan=plan, found=found)
+    found = ExactPlan.from_dict(relaxed, answer)
+    return replace(case, plan=found.plan, found=found)

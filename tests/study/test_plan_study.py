@@ -5,8 +5,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import criteria
-from edtk.design.exact.exchange import _costs
 from edtk.design.plan import Plan
 from edtk.study.evaluate import evaluate
 from edtk.study.plan_study import plan_study
@@ -125,19 +123,3 @@ def test_what_cannot_be_done_is_one_line(given, words):
     assert "\n" not in str(caught.value)
     for word in words:
         assert word in str(caught.value)
-
-
-def test_exchange_beside_the_rounding_of_nothing():
-    """A parameter that what is left of a plan excites by rounding only is judged by the sum, not by an update."""
-    rest = np.array(
-        [
-            [1.957e14, 3.211e11, -5.452e3],
-            [3.211e11, 2.803e13, 1.533e3],
-            [-5.452e3, 1.533e3, 6.914e-7],
-        ]
-    )
-    U = np.random.default_rng(0).normal(size=(50, 3, 3)) * 1e6
-    joined = np.swapaxes(U, -1, -2) @ U
-    criterion = criteria.create("A")
-    costs = _costs(criterion, rest[None], joined[None], U[None], np.ones(1))[0]
-    np.testing.assert_allclose(costs, criterion.cost(rest + joined), rtol=1e-9)

@@ -19,7 +19,7 @@ from click.testing import CliRunner
 import criteria
 from edtk.cli import main
 from edtk.design.exact.apportion import apportion
-from edtk.design.exact.find_plan import find_plan
+from edtk.design.exact.find_plan import SearchOptions, find_plan
 from edtk.report.comparison_report import write_report
 from edtk.study import run_study as runner
 from edtk.study.case import Case
@@ -168,7 +168,7 @@ def test_every_criterion_can_be_optimised(tmp_path, name):
     """A study may ask for any criterion, and its whole experiments are never worse than mere rounding of weights."""
     study = load_study(write(tmp_path, (OPTIMISE, f'optimise = ["{name}"]'), published=False))
     relaxed = relax_study(study, name)
-    plan = find_plan(relaxed, 3, seed=1, starts=16).plan
+    plan = find_plan(relaxed, 3, options=SearchOptions(seed=1, starts=16)).plan
     repeats = apportion(relaxed.weights, 3)
     rounded = study.space.plan(relaxed.x[repeats > 0], repeats[repeats > 0])
     cost = criteria.create(name).cost
@@ -283,7 +283,8 @@ def test_unusable_cases_are_computed_anew(done, tmp_path):
     garbage, other = out / "cases/distinct_rho0_m3_k2.json", out / "cases/optimised_E_m3.json"
     garbage.write_bytes(garbage.read_bytes()[:-100])
     content = json.loads(other.read_text())
-    content["key"], content["answer"]["q"][0][1] = "0" * 16, 0.0
+    content["key"] = "0" * 16
+    content["answer"]["certificate"]["plan"]["q"][0][1] = 0.0
     other.write_text(json.dumps(content))
     kept = {p: p.stat().st_mtime_ns for p in out.glob("cases/*.json") if p not in (garbage, other)}
     assert len(kept) == 5
@@ -299,8 +300,9 @@ def test_finished_cases_are_taken_at_their_word(done, tmp_path):
     shutil.copytree(first, out)
     path = out / "cases/optimised_E_m3.json"
     content = json.loads(path.read_text())
-    content["answer"]["q"] = content["answer"]["q"][::-1]
-    content["answer"]["repeats"] = [2 * r for r in content["answer"]["repeats"][::-1]]
+    plan = content["answer"]["certificate"]["plan"]
+    plan["q"] = plan["q"][::-1]
+    plan["repeats"] = [2 * r for r in plan["repeats"][::-1]]
     path.write_text(json.dumps(content))
     ours = run_study(study, out).to_frame().set_index("plan")
     theirs = table.set_index("plan")

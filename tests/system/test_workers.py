@@ -8,6 +8,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
 from threading import Thread
@@ -17,7 +18,7 @@ import pytest
 
 from criteria import create
 from edtk.design.candidate_source import CandidateSource
-from edtk.design.exact.find_plan import find_plan
+from edtk.design.exact.find_plan import SearchOptions, find_plan
 from edtk.design.relaxation.relax_poses import relax_poses
 from edtk.study.study import load_study
 from edtk.system.workers import Workers, WorkersLostError, open_workers
@@ -25,7 +26,7 @@ from edtk.system.workers import Workers, WorkersLostError, open_workers
 LOOPBACK = "127.0.0.1"
 STARTED_S = 30.0  # for a process of ours to come up
 SOON_S = 15.0  # five for a connection or a loss to be noticed, and a machine that others use
-SEARCH = {"m": 3, "starts": 64, "patience": 4}  # four batches, two at a time
+SEARCH = SearchOptions(starts=64, patience=4)  # four batches, two at a time
 
 # Pieces of work from the standard library, so that a new process has little to import.
 NAP = partial(sleep, 0.3)
@@ -214,15 +215,14 @@ def test_a_worker_killed_between_batches(cluster):
     The same plan is the same bit by bit, found just as often among as many others.
     """
     cluster.join(2)
-    alone = find_plan(relaxed(), **SEARCH)
+    alone = find_plan(relaxed(), 3, options=SEARCH)
     with open_workers(dask=cluster.address) as both:
         assert both.size == 2
-        plan = find_plan(
-            relaxed(), **SEARCH, workers=both, progress=lambda *_: cluster.workers[0].kill()
-        )
+        options = replace(SEARCH, workers=both, progress=lambda *_: cluster.workers[0].kill())
+        plan = find_plan(relaxed(), 3, options=options)
     assert cluster.workers[0].wait() == -signal.SIGKILL
     assert cluster.workers[1].poll() is None
-    assert plan.starts == alone.starts == SEARCH["starts"]
+    assert plan.starts == alone.starts == SEARCH.starts
     assert plan.plan.q.tobytes() == alone.plan.q.tobytes()
     assert plan.plan.repeats.tolist() == alone.plan.repeats.tolist()
     assert (plan.cost, plan.found, plan.optima, plan.ended) == (

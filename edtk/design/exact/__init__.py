@@ -1,1 +1,1 @@
-"""Plans of exactly m experiments: apportionment, exchange, and many starts."""
+"""Plans of exactly m experiments: apportionment, exchange, and a search from many starts."""

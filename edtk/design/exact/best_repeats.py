@@ -1,46 +1,64 @@
-"""How often to measure each of a few poses: whole numbers that no single move improves."""
+"""How often to measure each of a few poses."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from criteria import Criterion
+from edtk.system.typing import Array
 
-Array = NDArray[np.float64]
-CHUNK = 20_000  # moves that are judged at once
+MOVES_AT_ONCE = 20_000  # their matrices, of some megabytes, stay in a core's cache
+GAIN = 1e-12  # relative improvement that counts: less than this may be rounding
 
 
-def best_repeats(criterion: Criterion, blocks: Array, repeats: Array) -> Array:
-    """Move measurements from one pose to another, as long as that lowers the cost; the steepest move first.
+def best_repeats(
+    criterion: Criterion, blocks: Array, repeats: Array, prior: Array | None = None
+) -> Array:
+    """Distribute a number of measurements over poses so that no single move improves the plan.
 
-    Of many measurements many are moved at once to begin with, half as many when that no longer helps, and so on.
+    A move takes measurements from one pose and gives them to another. The best move is made as
+    long as it lowers the cost. At first each move has many measurements; when no move helps, it
+    has half as many, and one at last.
 
     Args:
-        criterion: What to improve.
+        criterion: The criterion to improve.
         blocks: Information of one measurement in each pose (k, p, p).
         repeats: Whole numbers to start from (k,); zero is allowed.
+        prior: Prior information (p, p) per single measurement, see `Problem`.
 
     Returns:
-        Whole numbers (k,) of the same sum; none of the k (k - 1) moves of a single measurement lowers their cost.
+        Whole numbers (k,) of the same sum. None of the k (k - 1) moves of a single measurement
+        lowers their cost.
     """
-    r, k = np.array(repeats, dtype=float), len(repeats)
-    M = np.tensordot(r, blocks, 1)
+    r = np.array(repeats, dtype=float)
+    k = len(r)
+    constant = 0.0 if prior is None else r.sum() * prior
+    M = np.tensordot(r, blocks, 1) + constant
     cost = float(criterion.cost(M))
     moved = 2.0 ** np.floor(np.log2(max(1.0, r.sum() / k)))
     while k > 1 and moved >= 1:
-        costs = np.empty((k, k))  # to the first pose from the second
-        for part in np.array_split(np.arange(k), -(-k * k // CHUNK)):
-            costs[part] = criterion.cost(M + moved * (blocks[part, None] - blocks))
-        costs[:, r < moved] = np.inf
+        costs = _costs_of_moves(criterion, blocks, M, r, moved)
         to, source = divmod(int(costs.argmin()), k)
         tried = r.copy()
         tried[to] += moved
         tried[source] -= moved
-        trial = np.tensordot(
-            tried, blocks, 1
-        )  # summed anew, or equal poses are exchanged for ever by rounding
+        # The sum is computed anew. An update would let rounding accumulate, and equal poses would
+        # be exchanged for ever, each time for an imaginary gain.
+        trial = np.tensordot(tried, blocks, 1) + constant
         reached = float(criterion.cost(trial))
-        if max(reached, float(costs[to, source])) < cost * (1 - 1e-12):
-            r, M, cost = tried, trial, reached
+        if max(reached, float(costs[to, source])) < cost * (1 - GAIN):
+            r = tried
+            M = trial
+            cost = reached
         else:
             moved /= 2
     return r
+
+
+def _costs_of_moves(criterion: Criterion, blocks: Array, M: Array, r: Array, moved: float) -> Array:
+    """Costs (k, k) after a move to the first pose from the second; inf where it has too few."""
+    k = len(r)
+    costs = np.empty((k, k))
+    parts = -(-k * k // MOVES_AT_ONCE)
+    for part in np.array_split(np.arange(k), parts):
+        costs[part] = criterion.cost(M + moved * (blocks[part, None] - blocks))
+    costs[:, r < moved] = np.inf
+    return costs

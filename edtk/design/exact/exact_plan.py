@@ -1,18 +1,19 @@
-"""A plan of whole experiments with what it is worth, and how far it is from the bound."""
+"""A plan of whole experiments with its value, and how far it is from the bound."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from edtk.design.bound import Bound, BoundKind, printed_form
 from edtk.design.plan import Plan
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
 from edtk.system.presented import Presented
-from edtk.tables.pose_table import pose_factors
+from edtk.tables.pose_table import WRENCH_COLUMNS, pose_factors
 
-Array = NDArray[np.float64]
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,13 +23,13 @@ class ExactPlan(Presented):
     Attributes:
         relaxed: The relaxation that the search started from, with its bound.
         plan: Poses, wrenches and repetitions of the new experiments.
-        kept: Experiments that are there already; None for none.
+        kept: Experiments that exist already; None if there are none.
         cost: The criterion's cost of all experiments together.
         starts: Number of descents.
         found: How many of the plans that were refined to the end came out as this one.
         optima: How many different plans they came out as.
-        seconds: How long it took [s].
-        ended: Why it ended: "stagnation", "starts", "budget" or "interrupted".
+        seconds: Duration of the search [s].
+        ended: Why the search ended: "stagnation", "starts", "budget" or "interrupted".
     """
 
     relaxed: RelaxedPlan
@@ -52,7 +53,7 @@ class ExactPlan(Presented):
 
     @property
     def whole(self) -> Plan:
-        """All experiments, those that are there already first."""
+        """All experiments, the kept ones first."""
         return self.plan if self.kept is None else self.kept + self.plan
 
     @property
@@ -67,12 +68,15 @@ class ExactPlan(Presented):
 
     @property
     def bound(self) -> float:
-        """That bound in the criterion's printed form."""
+        """The bound in the criterion's printed form."""
         return self.lower_bound.value
 
     @property
     def bound_gap(self) -> float:
-        """How far the bound may still be below the best weights; large only if its search was cut off."""
+        """Relative gap between the bound and the best weights.
+
+        It is large only where the search for the bound was cut off.
+        """
         return self.relaxed.best_bound.gap
 
     @property
@@ -82,28 +86,38 @@ class ExactPlan(Presented):
 
     @property
     def violation(self) -> float:
-        """By how much the worst of the new poses violates a constraint [m or rad]; zero for none."""
+        """Largest violation of a constraint by a new pose [m or rad]; zero if all are feasible."""
         return float(max(0.0, -self.relaxed.space.workspace.slack(self.plan.q).min()))
 
+    def to_frame(self) -> "pd.DataFrame":
+        """Make a table with a pose a row, the kept ones first.
+
+        Its columns are `repeats`, the joint variables in degrees or millimetres, the wrenches in
+        newtons and newton metres where they may differ, and, where experiments are kept, whether
+        the pose is one of them (`kept`).
+        """
+        frame = self.whole.to_frame(self.relaxed.space.workspace.robot)
+        frame.insert(0, "repeats", frame.pop("repeats"))
+        if self.kept is not None:
+            return frame.assign(kept=np.arange(len(frame)) < len(self.kept.q))
+        one_load_for_all = not self.relaxed.space.load.limits.size
+        return frame.drop(columns=list(WRENCH_COLUMNS)) if one_load_for_all else frame
+
     def to_dict(self) -> dict[str, Any]:
-        """Plain numbers, for JSON."""
-        robot, bound = self.relaxed.space.workspace.robot, self.bound
-        rows = []
-        for plan, kept in ((self.kept, True), (self.plan, False)):
-            if plan is not None:
-                rows += [
-                    {"q_deg": q.tolist(), "repeats": int(r), "wrench": W.tolist(), "kept": kept}
-                    for q, r, W in zip(
-                        plan.q / pose_factors(robot), plan.repeats, plan.wrench, strict=True
-                    )
-                ]
+        """Plain numbers, for JSON: as people read them, and exactly under the key `certificate`.
+
+        The rows of `plan` have angles in degrees and lengths in millimetres, the kept experiments
+        first. The certificate has the cost, and the experiments in SI units.
+        """
+        bound = self.bound
+        gap = self.bound_gap
         return {
             "criterion": self.relaxed.criterion.name,
             "experiments": self.whole.experiments,
             "value": self.value,
             "bound": bound if np.isfinite(bound) else None,
             "bound_searched": self.lower_bound.kind is BoundKind.SEARCHED,
-            "bound_gap": self.bound_gap if np.isfinite(self.bound_gap) else None,
+            "bound_gap": gap if np.isfinite(gap) else None,
             "efficiency": self.efficiency,
             "starts": self.starts,
             "found": self.found,
@@ -111,5 +125,44 @@ class ExactPlan(Presented):
             "ended": self.ended,
             "seconds": self.seconds,
             "constraint_violation": self.violation,
-            "plan": rows,
+            "plan": ([] if self.kept is None else self._rows(self.kept, kept=True))
+            + self._rows(self.plan, kept=False),
+            "certificate": {
+                "cost": self.cost,
+                "plan": self.plan.to_dict(),
+                "kept": None if self.kept is None else self.kept.to_dict(),
+            },
         }
+
+    def _rows(self, plan: Plan, kept: bool) -> list[dict[str, Any]]:
+        """The poses of a plan, one dictionary each."""
+        q = plan.q / pose_factors(self.relaxed.space.workspace.robot)
+        return [
+            {"q_deg": pose.tolist(), "repeats": int(r), "wrench": W.tolist(), "kept": kept}
+            for pose, r, W in zip(q, plan.repeats, plan.wrench, strict=True)
+        ]
+
+    @classmethod
+    def from_dict(cls, relaxed: RelaxedPlan, data: Mapping[str, Any]) -> "ExactPlan":
+        """Restore the plan that `to_dict` has written, bit by bit.
+
+        Args:
+            relaxed: The relaxation that the search started from; the dictionary has no robot.
+            data: The dictionary; `seconds` may be missing.
+
+        Raises:
+            KeyError: An entry is missing.
+        """
+        exact = data["certificate"]
+        kept = exact["kept"]
+        return cls(
+            relaxed=relaxed,
+            plan=Plan.from_dict(exact["plan"]),
+            kept=None if kept is None else Plan.from_dict(kept),
+            cost=exact["cost"],
+            starts=data["starts"],
+            found=data["found"],
+            optima=data["optima"],
+            seconds=data.get("seconds", 0.0),
+            ended=data["ended"],
+        )

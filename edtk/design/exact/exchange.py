@@ -1,21 +1,21 @@
-"""Exchange: the best m of many candidates, one place of a plan replaced after another, for many plans at once."""
+"""Exchange: the best m of many candidates, one place of a plan after another."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from criteria import Criterion
-from criteria.determinant_criterion import DeterminantCriterion
-from criteria.linalg.inverse import guarded_inverse
+from edtk.design.exact.exchange_costs import exchange_costs
 from edtk.design.problem import Problem
+from edtk.system.typing import Array, Indices
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int_]
-CHUNK = 20_000  # exchanges that are judged at once
-# Least eigenvalue, at unit diagonal, of what is left of a plan for its inverse to be updated; and least share of each
-# diagonal entry, as less may be what rounding has left of nothing.
-ACCURATE = 1e-6
+EXCHANGES_AT_ONCE = 20_000  # their matrices, of some megabytes, stay in a core's cache
+GAIN = 1e-12  # relative improvement that counts: less than this may be rounding
+# Soft maximum whose gradient ranks the candidates for a criterion with kinks. A subgradient of the
+# criterion itself would rank them by one of several equal eigenvalues alone.
+GUIDE_SHARPNESS = 30.0
 
 
 def exchange(
@@ -23,123 +23,170 @@ def exchange(
     criterion: Criterion,
     start: ArrayLike,
     repeats: ArrayLike | None = None,
-    dearest: Sequence[int] = (16, 64),
+    shortlists: Sequence[int] = (16, 64),
     thorough: bool = True,
 ) -> tuple[Indices, Array]:
-    """Replace one place of a plan by a candidate as long as that lowers the cost (Fedorov; KL first).
+    """Improve plans by exchanging one place after another for a better candidate.
 
-    Each round judges all exchanges of a place for one of a few dearest candidates, by the criterion's gradient, and
-    carries out the best. Only when none of these helps, those for more candidates are judged, and those for all if it
-    is to be thorough; the plan that is returned then cannot be improved by any single exchange. The plans of a batch
-    know nothing of each other and share their array operations.
+    This is Fedorov's exchange algorithm with short lists (Atkinson and Donev's KL). Each round
+    computes the cost of every exchange of a place for a candidate of large sensitivity, and makes
+    the best one. Only when none helps, a longer list is tried, and all candidates at last. Many
+    plans may be improved at once: they are independent and share their array operations.
 
     Args:
-        problem: The candidates.
-        criterion: What to improve; a cost that is infinite, as of a singular start, is left where possible.
-        start: Candidates at the k places (..., k), the same one twice allowed.
-        repeats: How often each place is measured (..., k), which is kept; once where None.
-        dearest: Numbers of candidates that are judged first, then next.
-        thorough: Whether to judge all others too; of a singular plan all are judged anyway.
+        problem: The candidates, and the prior information if there is any.
+        criterion: The criterion to improve. A singular start has infinite cost, and is left where
+            an exchange can do so.
+        start: Indices of the candidates at the k places (..., k); a candidate may occur twice.
+        repeats: Numbers of measurements at each place (..., k), which are kept; default to one.
+        shortlists: Numbers of candidates of largest sensitivity that are tried first, then next.
+        thorough: Whether all candidates are tried at last, so that no single exchange improves the
+            result. For a singular plan all are tried in any case.
 
     Returns:
-        The candidates (..., k) by place, and the costs (...).
+        Indices of the candidates by place (..., k), and the costs of the plans (...).
+
+    Example:
+        The best two of eleven points for a straight line are its ends.
+
+        >>> import numpy as np
+        >>> from criteria import create
+        >>> from edtk.design.exact.exchange import exchange
+        >>> from edtk.design.problem import Problem
+        >>> x = np.linspace(-1.0, 1.0, 11)
+        >>> line = Problem(np.column_stack([np.ones(11), x])[:, None, :])
+        >>> places, cost = exchange(line, create("D"), start=[4, 5])
+        >>> sorted(x[places].tolist())
+        [-1.0, 1.0]
     """
-    answer = np.array(start, dtype=int)
-    plans = answer.reshape(-1, answer.shape[-1])  # a view
-    times = np.ones(answer.shape) if repeats is None else np.asarray(repeats, dtype=float)
-    times = np.broadcast_to(times, answer.shape).reshape(plans.shape)
-    M = _information(problem, plans, times)
-    costs, guide = np.asarray(criterion.cost(M)).reshape(-1), criterion.smoothed(30.0)
-
-    def improved(some: Indices, size: int) -> Indices:
-        """Of some plans those that an exchange for one of so many candidates has improved."""
-        tried = np.broadcast_to(np.arange(problem.n), (len(some), problem.n))
-        if size < problem.n:
-            sensitivities = problem.sensitivities(-guide.gradient(M[some]))
-            tried = np.argpartition(-sensitivities, size, axis=1)[:, :size]
-        changed = _best(problem, criterion, plans[some], times[some], M[some], tried)
-        new = _information(problem, changed, times[some])
-        reached = criterion.cost(new)
-        better = reached < costs[some] * (1 - 1e-12)
-        which = some[better]
-        plans[which], M[which], costs[which] = changed[better], new[better], reached[better]
-        return which
-
-    left = np.arange(len(plans))
+    first = np.array(start, dtype=int)
+    times = np.ones(first.shape) if repeats is None else np.asarray(repeats, dtype=float)
+    times = np.broadcast_to(times, first.shape).reshape(-1, first.shape[-1])
+    search = _Search(problem, criterion, criterion.smoothed(GUIDE_SHARPNESS), times)
+    plans = search.plans(first.reshape(times.shape))
+    sizes = [size for size in shortlists if size < problem.n]
+    left = np.arange(len(times))
     while len(left):
-        helped = [left[:0]]
-        for size in (*(size for size in dearest if size < problem.n), problem.n):
-            gradual = np.isfinite(costs[left])
-            some = left[gradual] if size < problem.n else left[~gradual | thorough]
-            if len(some):
-                helped.append(improved(some, size))
-                left = np.setdiff1d(left, helped[-1])
-        left = np.concatenate(helped)
-    return answer, costs.reshape(answer.shape[:-1])[()]
+        plans, left = search.round(plans, left, sizes, thorough)
+    return plans.places.reshape(first.shape), plans.costs.reshape(first.shape[:-1])[()]
 
 
-def _information(problem: Problem, plans: Indices, times: Array) -> Array:
-    """Information (b, p, p) of plans (b, k) with repetitions (b, k)."""
-    return np.einsum("bk,bkij->bij", times, problem.blocks(plans))
+@dataclass(frozen=True, eq=False)
+class _Plans:
+    """Plans on their way.
 
-
-def _best(
-    problem: Problem, criterion: Criterion, plans: Indices, times: Array, M: Array, tried: Indices
-) -> Indices:
-    """Plans (b, k), each with the best exchange of a place for one of its candidates (b, n) carried out."""
-    changed, best = plans.copy(), np.full(len(plans), np.inf)
-    alike = (plans[:, :, None] == plans[:, None, :]) & (times[:, :, None] == times[:, None, :])
-    of, place = np.nonzero(~np.tril(alike, -1).any(axis=2) & (times > 0))
-    r = times[of, place]
-    rest = M[of] - r[:, None, None] * problem.blocks(plans[of, place])
-    parts = min(tried.shape[1], max(1, tried.shape[1] * len(of) // CHUNK))
-    for part in np.array_split(tried, parts, axis=1):
-        costs = np.full((*plans.shape, part.shape[1]), np.inf)
-        costs[of, place] = _costs(
-            criterion, rest, problem.blocks(part)[of], problem.factors(part)[of], r
-        )
-        costs = costs.reshape(len(plans), -1)
-        least, (i, j) = costs.min(axis=1), np.divmod(costs.argmin(axis=1), part.shape[1])
-        better = np.flatnonzero(least < best)
-        changed[better] = plans[better]
-        changed[better, i[better]] = part[better, j[better]]
-        best[better] = least[better]
-    return changed
-
-
-def _costs(criterion: Criterion, rest: Array, joined: Array, U: Array, times: Array) -> Array:
-    """Costs (k, n) of ``R_i + r_i U_ij' U_ij``, by one of two lemmas where the rest R_i is far from singular.
-
-    ``det(R + r U' U) = det(R) det(I + r U R^-1 U')`` where the determinant is all that counts, else
-    ``(R + r U' U)^-1 = R^-1 - R^-1 U' (I/r + U R^-1 U')^-1 U R^-1``.
-
-    Args:
-        criterion: The criterion.
-        rest: What is left of a plan without a place R (k, p, p).
-        joined: Information ``U' U`` (k, n, p, p) of what may take that place.
-        U: Its factors (k, n, rows, p).
-        times: Repetitions r (k,).
+    Attributes:
+        places: Indices of candidates (b, k).
+        M: Information matrices (b, p, p).
+        costs: Costs (b,).
     """
-    _, cov, regular = guarded_inverse(rest, ACCURATE)
-    largest = times[:, None] * np.diagonal(joined, axis1=-2, axis2=-1).max(axis=1)
-    regular &= (np.diagonal(rest, axis1=-2, axis2=-1) >= ACCURATE * largest).all(axis=1)
-    r = times[:, None, None, None]
-    trial = rest[:, None] + r * joined
-    if not regular.all():
-        costs = np.empty(trial.shape[:2])
-        costs[~regular] = criterion.cost(trial[~regular])
-        if regular.any():
-            costs[regular] = _costs(
-                criterion, rest[regular], joined[regular], U[regular], times[regular]
+
+    places: Indices
+    M: Array
+    costs: Array
+
+    def replaced(self, which: Indices, others: "_Plans") -> "_Plans":
+        """The same plans, some of them replaced by others in the order of `which`."""
+        places = self.places.copy()
+        M = self.M.copy()
+        costs = self.costs.copy()
+        places[which] = others.places
+        M[which] = others.M
+        costs[which] = others.costs
+        return _Plans(places, M, costs)
+
+    def __getitem__(self, chosen: Indices) -> "_Plans":
+        """Some of the plans."""
+        return _Plans(self.places[chosen], self.M[chosen], self.costs[chosen])
+
+
+@dataclass(frozen=True, eq=False)
+class _Search:
+    """What stays the same during an exchange: problem, criterion, guide, and repetitions (b, k)."""
+
+    problem: Problem
+    criterion: Criterion
+    guide: Criterion
+    times: Array
+
+    def plans(self, places: Indices) -> _Plans:
+        """The plans at places (b, k)."""
+        return self._plans_of(places, self.times)
+
+    def _plans_of(self, places: Indices, times: Array) -> _Plans:
+        M = self.problem.plan_information(places, times)
+        return _Plans(places, M, np.asarray(self.criterion.cost(M)).reshape(-1))
+
+    def round(
+        self, plans: _Plans, left: Indices, sizes: Sequence[int], thorough: bool
+    ) -> tuple[_Plans, Indices]:
+        """Exchange one place in each plan that is left, and return those that became better.
+
+        A plan that a short list improves waits for the next round, which begins with short lists
+        again: the cost of a look at all candidates is paid only when they are exhausted.
+        """
+        improved = [left[:0]]
+        for size in (*sizes, self.problem.n):
+            everything = size == self.problem.n
+            regular = np.isfinite(plans.costs[left])
+            # A singular plan has no gradient, and therefore no short list.
+            tried = left[~regular | thorough] if everything else left[regular]
+            if len(tried):
+                plans, better = self._improve(plans, tried, size)
+                improved.append(better)
+                left = np.setdiff1d(left, better)
+        return plans, np.concatenate(improved)
+
+    def _improve(self, plans: _Plans, some: Indices, size: int) -> tuple[_Plans, Indices]:
+        """Make the best exchange in some plans, and return which of these became better."""
+        before = plans[some]
+        times = self.times[some]
+        candidates = self._shortlists(before, size)
+        after = self._plans_of(self._best_exchanges(before, times, candidates), times)
+        better = np.flatnonzero(after.costs < before.costs * (1 - GAIN))
+        return plans.replaced(some[better], after[better]), some[better]
+
+    def _shortlists(self, plans: _Plans, size: int) -> Indices:
+        """Candidates (b, size) of largest sensitivity for each plan; all where so many are asked."""
+        n = self.problem.n
+        if size == n:
+            return np.broadcast_to(np.arange(n), (len(plans.costs), n))
+        sensitivities = self.problem.sensitivities(-self.guide.gradient(plans.M))
+        return np.argpartition(-sensitivities, size, axis=1)[:, :size]
+
+    def _best_exchanges(self, plans: _Plans, times: Array, candidates: Indices) -> Indices:
+        """Places (b, k) after the best exchange with one of each plan's candidates (b, n)."""
+        problem = self.problem
+        changed = plans.places.copy()
+        least = np.full(len(changed), np.inf)
+        of, place = _different_places(plans.places, times)
+        r = times[of, place]
+        rest = plans.M[of] - r[:, None, None] * problem.blocks(plans.places[of, place])
+        width = candidates.shape[1]
+        parts = min(width, max(1, width * len(of) // EXCHANGES_AT_ONCE))
+        for part in np.array_split(candidates, parts, axis=1):
+            costs = np.full((*changed.shape, part.shape[1]), np.inf)
+            costs[of, place] = exchange_costs(
+                self.criterion, rest, problem.blocks(part)[of], problem.factors(part)[of], r
             )
-        return costs
-    W = U @ cov[:, None]
-    S = W @ np.swapaxes(U, -1, -2)
-    eye = np.eye(U.shape[-2])
-    if isinstance(criterion, DeterminantCriterion):
-        log_det = (
-            np.linalg.slogdet(rest).logabsdet[:, None] + np.linalg.slogdet(eye + r * S).logabsdet
-        )
-        return criterion.cost_of_log_determinant(log_det, rest.shape[-1])
-    updated = cov[:, None] - np.swapaxes(W, -1, -2) @ np.linalg.solve(eye / r + S, W)
-    return criterion.cost_of_regular(trial, updated)
+            flat = costs.reshape(len(changed), -1)
+            lowest = flat.min(axis=1)
+            where, which = np.divmod(flat.argmin(axis=1), part.shape[1])
+            better = np.flatnonzero(lowest < least)
+            changed[better] = plans.places[better]
+            changed[better, where[better]] = part[better, which[better]]
+            least[better] = lowest[better]
+        return changed
+
+
+def _different_places(places: Indices, times: Array) -> tuple[Indices, Indices]:
+    """Indices of plans and places (j,), each of several like places once.
+
+    Places of the same candidate and the same repetitions are alike. A place without measurements
+    contributes nothing and is left out.
+    """
+    same_candidate = places[:, :, None] == places[:, None, :]
+    same_times = times[:, :, None] == times[:, None, :]
+    repeated = np.tril(same_candidate & same_times, -1).any(axis=2)
+    of, place = np.nonzero(~repeated & (times > 0))
+    return of, place

@@ -1,18 +1,26 @@
-"""Nonlinear refinement: all experiments of a plan move together under the constraints, many plans at once."""
+"""Nonlinear refinement: all experiments of a plan move together under the constraints."""
 
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from criteria import Criterion
 from edtk.design.design_space import DesignSpace
 from edtk.design.exact.log_cost import LogCost
 from edtk.design.experiments import Experiments
 from edtk.design.interior_point.descend import descend
+from edtk.system.typing import Array
 
-Array = NDArray[np.float64]
-SHARPNESS = (10.0, 50.0, 250.0)  # of the soft maxima that take a criterion with kinks down
+SHARPNESS = (10.0, 50.0, 250.0)  # of the soft maxima for criteria with kinks, in turn
+# The first descent begins far from the constraints. A later one begins near an optimum, from which
+# a large barrier would only drive it away.
+FIRST_BARRIER = 0.03
+LATER_BARRIER = 0.003
+
+
+def never() -> bool:
+    """Do not stop early."""
+    return False
 
 
 def refine(
@@ -22,39 +30,41 @@ def refine(
     repeats: Array,
     iterations: int = 200,
     sharpness: tuple[float, ...] = SHARPNESS,
-    stop: Callable[[], bool] = lambda: False,
+    stop: Callable[[], bool] = never,
 ) -> tuple[Array, Array]:
-    """Minimise the logarithm of the criterion's cost over all movable variables of each plan, see `descend`.
+    """Move the poses and loads of plans to a local optimum of the criterion, many plans at once.
 
-    A criterion with kinks is taken down by smooth ones above it, sharper and sharper (`Criterion.smoothed`); what
-    counts in the end is the criterion itself.
+    The logarithm of the cost is minimised over all movable variables of each plan, see `descend`.
+    A criterion with kinks is replaced by smooth ones that are nowhere below it, sharper and sharper
+    (`Criterion.smoothed`). The result is chosen by the criterion itself.
 
     Args:
-        space: Model, feasible set and what may move.
-        criterion: What to improve.
+        space: Model, feasible set and movable variables.
+        criterion: The criterion to improve.
         x: Design variables (b, k, v) of b plans of k experiments.
         repeats: Their repetitions (b, k), which are kept.
-        iterations: Limit on steps, of each smooth criterion.
-        sharpness: Of those smooth criteria.
+        iterations: Limit on the number of steps, for each smooth criterion.
+        sharpness: Sharpness of these smooth criteria.
         stop: Asked before each step whether to end early.
 
     Returns:
-        Design variables (b, k, v) and costs (b,): feasible ones, never worse than a feasible start; a start that is
-        infeasible and cannot be mended has infinite cost.
+        Design variables (b, k, v) and costs (b,). Plans are feasible and never worse than a
+        feasible start. A start that is infeasible and cannot be pushed inside has infinite cost.
     """
-    guides = [criterion] if criterion.smooth else [criterion.smoothed(s) for s in sharpness]
-    met = [x]
-    for i, guide in enumerate(guides):
-        barrier = 0.03 if i == 0 else 0.003
-        met.append(
-            descend(space, met[-1], LogCost(guide, repeats), iterations, barrier=barrier, stop=stop)
-        )
-    costs = np.array([_cost(space.at(m), criterion, repeats) for m in met])
+    smooth = [criterion] if criterion.smooth else [criterion.smoothed(s) for s in sharpness]
+    stages = [x]
+    barrier = FIRST_BARRIER
+    for guide in smooth:
+        objective = LogCost(guide, repeats)
+        stages.append(descend(space, stages[-1], objective, iterations, barrier=barrier, stop=stop))
+        barrier = LATER_BARRIER
+    costs = np.array([_costs(space.at(stage), criterion, repeats) for stage in stages])
     best = costs.argmin(axis=0)
-    return np.array(met)[best, np.arange(len(x))], costs[best, np.arange(len(x))]
+    each = np.arange(len(x))
+    return np.array(stages)[best, each], costs[best, each]
 
 
-def _cost(experiments: Experiments, criterion: Criterion, repeats: Array) -> Array:
-    """Costs (b,) of plans (b, k); infinite where an experiment is not feasible."""
+def _costs(experiments: Experiments, criterion: Criterion, repeats: Array) -> Array:
+    """Costs (b,) of plans (b, k), infinite where an experiment is not feasible."""
     feasible = experiments.feasible.all(axis=1)
     return np.where(feasible, criterion.cost(experiments.information(repeats)), np.inf)

@@ -1,5 +1,7 @@
 """Apportionment: exact properties and a textbook example."""
 
+import doctest
+from importlib import import_module
 from itertools import product
 
 import numpy as np
@@ -79,3 +81,10 @@ def test_bad_input(weights, m):
     """Weights or numbers of the wrong kind are refused."""
     with pytest.raises(ValueError, match="apportion needs"):
         apportion(weights, m)
+
+
+def test_example():
+    """The example in the docstring runs and prints what it says."""
+    result = doctest.testmod(import_module("edtk.design.exact.apportion"))
+    assert result.attempted > 0
+    assert result.failed == 0

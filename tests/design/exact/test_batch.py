@@ -11,7 +11,7 @@ from threadpoolctl import threadpool_info, threadpool_limits
 from criteria import create
 from edtk.design.candidate_source import CandidateSource
 from edtk.design.exact.batch import ELITE, Batch
-from edtk.design.exact.starts import starts
+from edtk.design.exact.draw_starts import draw_starts
 from edtk.design.relaxation.relax_poses import relax_poses
 
 
@@ -38,7 +38,7 @@ def assert_equal(one, other):
 
 def assert_sound(work, costs, plans):
     """Feasible plans of m experiments at k places, at most four, each of its own cost, the best first."""
-    assert plans.x.shape == (len(costs), work.k, work.space.size)
+    assert plans.x.shape == (len(costs), work.places, work.space.size)
     assert 1 <= len(costs) <= ELITE
     assert work.space.at(plans.x).feasible.all()
     assert (plans.repeats.sum(axis=1) == work.m).all()
@@ -73,8 +73,15 @@ def test_better_than_its_starts(args):
     from_pool = CandidateSource(work.space, 0, workers=1).take(10)
     support = CandidateSource(work.space, 0, "sobol", workers=1).take(200)
     chosen = [int(np.flatnonzero((support.x == x).all(axis=1))[0]) for x in work.support]
-    first = starts(
-        work.criterion, work.m, work.k, support[np.array(chosen)], work.weights, from_pool, 1, (0,)
+    first = draw_starts(
+        work.criterion,
+        work.m,
+        work.places,
+        support[np.array(chosen)],
+        work.weights,
+        from_pool,
+        1,
+        (0,),
     )
     before = work.criterion.cost(work.space.at(first.x).information(first.repeats))
     assert answer(*args)[0][0] < before[0] * (1 - 1e-3)

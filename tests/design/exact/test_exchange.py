@@ -1,5 +1,6 @@
 """Exchange on candidate sets against enumeration."""
 
+import doctest
 from importlib import import_module
 from itertools import combinations_with_replacement
 
@@ -7,7 +8,7 @@ import numpy as np
 import pytest
 
 import criteria
-from edtk.design.exact.exchange import _costs, exchange
+from edtk.design.exact.exchange import exchange
 from edtk.design.problem import Problem
 
 EPS = np.finfo(float).eps
@@ -144,67 +145,15 @@ def test_a_place_of_no_measurement_stays():
 
 @pytest.mark.parametrize("name", criteria.available())
 def test_what_is_there_already_counts(name):
-    """Where every candidate carries its share of earlier information, one more experiment is the best of all."""
+    """Beside prior information of full rank, one more experiment is the best of all."""
     rng, problem, _, A0 = case(3)
     criterion = criteria.create(name, A0)
     A = rng.normal(size=(4, problem.p))
-    shared = Problem.of_information(problem.packed + (A.T @ A)[np.triu_indices(problem.p)][:, None])
-    plan, cost = exchange(shared, criterion, np.array([0]))
+    beside = Problem.of_information(problem.packed, prior=A.T @ A)
+    plan, cost = exchange(beside, criterion, np.array([0]))
     costs = criterion.cost(A.T @ A + problem.blocks())
     assert plan == costs.argmin()
     assert cost == pytest.approx(costs.min(), rel=slip(A.T @ A))
-
-
-@pytest.mark.parametrize("name", criteria.available())
-@pytest.mark.parametrize("rows", [1, 3])
-def test_updates_equal_direct_costs(name, rows):
-    """Costs by the lemma of the inverse are those of the matrices themselves, to rounding; in any units, where free.
-
-    The update of R by J subtracts from the inverse of R, which is exact to the condition of R at unit diagonal; what
-    remains is smaller by the largest eigenvalue of ``R^-1 (R + J)``, and its relative error larger.
-    """
-    rng = np.random.default_rng(rows)
-    p = 4
-    unit = 10 ** rng.uniform(-3, 3, size=p) if criteria.get(name).unit_free else np.ones(p)
-    criterion = criteria.create(name, rng.normal(size=(2, p)) * unit)
-    for _ in range(10):
-        B, U = rng.normal(size=(6, p)), rng.normal(size=(50, rows, p))
-        R, J = B.T @ B, np.swapaxes(U, 1, 2) @ U
-        lost = np.linalg.eigvals(np.linalg.solve(R, R + J)).real.max()
-        scaled = R / np.sqrt(np.outer(np.diag(R), np.diag(R)))
-        rest, joined = R * np.outer(unit, unit), J * np.outer(unit, unit)
-        direct = criterion.cost(rest + joined)
-        both = np.stack([joined, joined]), np.stack([U, U]) * unit
-        once, twice = _costs(criterion, np.array([rest, rest]), *both, np.array([1.0, 2.0]))
-        np.testing.assert_allclose(once, direct, rtol=slip(scaled) * lost)
-        np.testing.assert_allclose(
-            twice, criterion.cost(rest + 2 * joined), rtol=slip(scaled) * 2 * lost
-        )
-
-
-@pytest.mark.parametrize("name", criteria.available())
-@pytest.mark.parametrize("left", [0.0, 1e-9, 1e-5])
-def test_near_singular_rest(name, left):
-    """Where what is left of a plan is singular or nearly so, costs are those of the matrices, bit by bit.
-
-    A singular rest is told by its least eigenvalue at unit diagonal, here `left^2` to its order; the lemma would lose
-    all digits.
-    """
-    rng = np.random.default_rng(7)
-    p = 3
-    B, U = rng.normal(size=(2, p)), rng.normal(size=(20, 2, p))
-    across = np.cross(*B)
-    B = np.vstack([B, left * across / np.linalg.norm(across)])
-    criterion = criteria.create(name, rng.normal(size=(2, p)))
-    rest, joined = B.T @ B, np.swapaxes(U, 1, 2) @ U
-    direct = criterion.cost(rest + joined)
-    assert np.isfinite(direct).all()
-    regular = np.eye(p)
-    both = _costs(
-        criterion, np.array([rest, regular]), np.stack([joined] * 2), np.stack([U] * 2), np.ones(2)
-    )
-    assert both[0].tolist() == direct.tolist()
-    np.testing.assert_allclose(both[1], criterion.cost(regular + joined), rtol=1e-12)
 
 
 def test_a_singular_start_is_left():
@@ -219,12 +168,12 @@ def test_a_singular_start_is_left():
 
 
 @pytest.mark.parametrize("repeats", [np.ones(6), np.array([1.0, 5, 2, 1, 1, 3])])
-@pytest.mark.parametrize("dearest", [(1,), (20,), (2, 30)])
-def test_many_candidates(repeats, dearest):
-    """Judging the dearest candidates first, even one alone, ends in a plan that none of 3000 candidates improves."""
+@pytest.mark.parametrize("shortlists", [(1,), (20,), (2, 30)])
+def test_many_candidates(repeats, shortlists):
+    """Short lists, even of one candidate, end in a plan that none of 3000 candidates improves."""
     rng = np.random.default_rng(0)
     problem, criterion = Problem(rng.normal(size=(3000, 2, 4))), criteria.create("D")
-    plan, cost = exchange(problem, criterion, rng.integers(0, 3000, 6), repeats, dearest)
+    plan, cost = exchange(problem, criterion, rng.integers(0, 3000, 6), repeats, shortlists)
     assert_no_exchange_helps(problem, criterion, plan, repeats, cost)
 
 
@@ -233,7 +182,7 @@ def test_chunks(monkeypatch):
     rng, problem, m, _ = case(9)
     start, criterion = rng.integers(0, problem.n, m), criteria.create("A")
     whole = exchange(problem, criterion, start)
-    monkeypatch.setattr(import_module("edtk.design.exact.exchange"), "CHUNK", 2)
+    monkeypatch.setattr(import_module("edtk.design.exact.exchange"), "EXCHANGES_AT_ONCE", 2)
     parts = exchange(problem, criterion, start)
     assert (parts[0].tolist(), parts[1]) == (whole[0].tolist(), whole[1])
 
@@ -255,3 +204,10 @@ def test_plans_of_a_batch_do_not_see_each_other(name, thorough):
     for i in np.ndindex(2, 3):
         alone, cost = exchange(problem, criterion, start[i], repeats[i], thorough=thorough)
         assert (together[i].tolist(), costs[i]) == (alone.tolist(), cost)
+
+
+def test_example():
+    """The example in the docstring runs and prints what it says."""
+    result = doctest.testmod(import_module("edtk.design.exact.exchange"))
+    assert result.attempted > 0
+    assert result.failed == 0

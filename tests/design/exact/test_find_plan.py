@@ -12,8 +12,10 @@ from criteria.linalg.inverse import whitener
 from edtk.design.candidate_source import CandidateSource
 from edtk.design.design_space import DesignSpace
 from edtk.design.distinct import distinct
-from edtk.design.exact.find_plan import TooFewError, find_plan, smallest_size
-from edtk.design.exact.starts import starts
+from edtk.design.exact.draw_starts import draw_starts
+from edtk.design.exact.find_plan import SearchOptions, find_plan
+from edtk.design.exact.require_enough import TooFewExperimentsError
+from edtk.design.exact.smallest_size import smallest_size
 from edtk.design.plan import Plan
 from edtk.design.relaxation.relax_options import RelaxOptions
 from edtk.design.relaxation.relax_poses import relax_poses
@@ -43,10 +45,15 @@ def relaxed(name="rho0", space=KR270, continuous=False):
         return relax_poses(source, 200, criterion, continuous, RelaxOptions(tolerance=GAP))
 
 
+def search(plan, m, k=None, kept=None, **options):
+    """The search with these options."""
+    return find_plan(plan, m, k, kept, SearchOptions(**options))
+
+
 @cache
 def found(name, m, k=None, seed=0):
     """The plan of one batch."""
-    return find_plan(relaxed(name, KR270, True), m, k, seed, starts=BATCH)
+    return search(relaxed(name, KR270, True), m, k, seed=seed, starts=BATCH)
 
 
 @cache
@@ -136,10 +143,10 @@ def test_seeds_agree_by_chance_alone(monkeypatch):
     """Three seeds do so without the start that all seeds have in common, and then each comes by another way."""
 
     def without_the_first(*args):
-        return starts(*args)[np.array([*range(1, BATCH), 1])]
+        return draw_starts(*args)[np.array([*range(1, BATCH), 1])]
 
-    monkeypatch.setattr("edtk.design.exact.batch.starts", without_the_first)
-    plans = [find_plan(relaxed(), 4, seed=seed, starts=2 * BATCH) for seed in (0, 1, 2)]
+    monkeypatch.setattr("edtk.design.exact.batch.draw_starts", without_the_first)
+    plans = [search(relaxed(), 4, seed=seed, starts=2 * BATCH) for seed in (0, 1, 2)]
     costs = [p.cost for p in plans]
     assert max(costs) <= 1.003 * min(costs)
     assert len({p.plan.q.tobytes() for p in plans}) == 3
@@ -147,10 +154,8 @@ def test_seeds_agree_by_chance_alone(monkeypatch):
 
 def test_the_same_from_every_team():
     """One, two and three processes come to the very same plan, though the last do batches in vain at the end."""
-    search = {"m": 3, "starts": 10 * BATCH, "patience": 2}
-    one, two, three = (
-        find_plan(relaxed("D"), **search, workers=Workers(size)) for size in (1, 2, 3)
-    )
+    options = {"m": 3, "starts": 10 * BATCH, "patience": 2}
+    one, two, three = (search(relaxed("D"), **options, workers=Workers(size)) for size in (1, 2, 3))
     assert one.ended == "stagnation"
     assert one.starts < 10 * BATCH
     assert_same(one, two)
@@ -160,10 +165,10 @@ def test_the_same_from_every_team():
 def test_a_batch_has_its_own_seed():
     """What one batch finds is also among what two find, and the second adds plans of its own."""
     costs = []
-    both = find_plan(
+    both = search(
         relaxed(), 3, starts=2 * BATCH, progress=lambda starts, cost: costs.append((starts, cost))
     )
-    one = find_plan(relaxed(), 3, starts=BATCH)
+    one = search(relaxed(), 3, starts=BATCH)
     assert [starts for starts, _ in costs] == [BATCH, 2 * BATCH]
     assert costs[1][1] <= costs[0][1]
     assert both.cost <= one.cost
@@ -174,7 +179,7 @@ def test_a_batch_has_its_own_seed():
 def test_stagnation(patience):
     """The search ends after so many batches in a row without a gain of 1e-4, and not before."""
     costs = []
-    plan = find_plan(
+    plan = search(
         relaxed("D"),
         3,
         starts=50 * BATCH,
@@ -190,14 +195,14 @@ def test_stagnation(patience):
 @pytest.mark.parametrize(("starts", "batches"), [(1, 1), (16, 1), (17, 2)])
 def test_limit_on_starts(starts, batches):
     """The number of starts is rounded up to whole batches."""
-    plan = find_plan(relaxed("D"), 2, starts=starts)
+    plan = search(relaxed("D"), 2, starts=starts)
     assert (plan.ended, plan.starts) == ("starts", batches * BATCH)
 
 
 @pytest.mark.parametrize("name", ["rho0", "O2"])
 def test_no_time(name):
     """Even then one batch of starts is made, and the best of them comes back, feasible."""
-    plan = find_plan(relaxed(name), 4, seconds=0.0)
+    plan = search(relaxed(name), 4, seconds=0.0)
     assert (plan.ended, plan.starts) == ("budget", BATCH)
     assert_sound(plan, 4)
 
@@ -208,7 +213,7 @@ def test_interrupted():
     def interrupt(starts, cost):
         raise KeyboardInterrupt
 
-    plan = find_plan(relaxed("D"), 3, progress=interrupt)
+    plan = search(relaxed("D"), 3, progress=interrupt)
     assert (plan.ended, plan.starts) == ("interrupted", BATCH)
     assert_sound(plan, 3)
 
@@ -217,7 +222,7 @@ def test_interrupted():
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        find_plan(relaxed("D"), 3, workers=Impatient())
+        search(relaxed("D"), 3, workers=Impatient())
 
 
 def test_a_team_that_goes_away():
@@ -228,13 +233,13 @@ def test_a_team_that_goes_away():
             raise WorkersLostError("gone")
 
     with pytest.raises(WorkersLostError, match="gone"):
-        find_plan(relaxed("D"), 3, workers=Leaving())
+        search(relaxed("D"), 3, workers=Leaving())
 
 
 @pytest.mark.parametrize(("m", "k"), [(3, 2), (12, 3), (4, 4), (3, 6)])
 def test_distinct_poses(m, k):
     """No more poses than one asks for, and more experiments than poses mean repetitions."""
-    plan = find_plan(relaxed(), m, k, starts=BATCH)
+    plan = search(relaxed(), m, k, starts=BATCH)
     assert_sound(plan, m, k)
     assert plan.cost >= found("rho0", m).cost * (
         1 - 3e-3
@@ -245,7 +250,7 @@ def test_distinct_poses(m, k):
 def test_loads(kind):
     """Loads are chosen along with the poses, from their family; where they move, D is no worse for it."""
     space = LOADED[f"kr270 {kind}"]
-    exact = find_plan(relaxed("D", space), 3, starts=4 * BATCH)
+    exact = search(relaxed("D", space), 3, starts=4 * BATCH)
     assert_sound(exact, 3)
     wrench, size = exact.plan.wrench, np.linalg.norm(KR270.load.always)
     if kind == "listed":
@@ -260,7 +265,7 @@ def test_experiments_that_are_there_already():
     criterion = STUDY.criterion("rho0")
     for m in (1, 3):
         beside = KR270.with_kept(KR270.information(kept()), m)
-        plan = find_plan(relaxed("rho0", beside), m, kept=kept(), starts=BATCH)
+        plan = search(relaxed("rho0", beside), m, kept=kept(), starts=BATCH)
         M = KR270.information(plan.whole)
         assert_sound(plan, m)
         assert plan.whole.experiments == 5 + m
@@ -273,7 +278,7 @@ def test_what_is_there_counts():
     """New experiments that know of the kept ones are better beside them than those that do not."""
     criterion, m = STUDY.criterion("rho0"), 3
     beside = KR270.with_kept(KR270.information(kept()), m)
-    plan = find_plan(relaxed("rho0", beside), m, kept=kept(), starts=BATCH)
+    plan = search(relaxed("rho0", beside), m, kept=kept(), starts=BATCH)
     assert plan.cost < criterion.cost(KR270.information(kept() + found("rho0", m).plan)) * (
         1 - 1e-3
     )
@@ -342,10 +347,10 @@ def test_too_few(case):
         said = (
             rf"^{least - 1} {what}s? cannot identify 5 parameters; the smallest number is {least}$"
         )
-        with pytest.raises(TooFewError, match=said) as e:
-            find_plan(plan, m, k)
+        with pytest.raises(TooFewExperimentsError, match=said) as e:
+            search(plan, m, k)
         assert e.value.least == least
-    assert_sound(find_plan(plan, least, starts=BATCH), least)
+    assert_sound(search(plan, least, starts=BATCH), least)
 
 
 @cache
@@ -356,6 +361,6 @@ def _cached(case):
 
 def test_one_experiment():
     """Where six rows are measured, one experiment identifies five parameters, and is found."""
-    plan = find_plan(relaxed("rho0", _cached("six rows, five parameters")), 1, starts=BATCH)
+    plan = search(relaxed("rho0", _cached("six rows, five parameters")), 1, starts=BATCH)
     assert_sound(plan, 1)
     assert np.isfinite(plan.value)

@@ -6,14 +6,10 @@ import numpy as np
 import pytest
 from designs import KR270, STUDY
 
-import criteria
-from criteria import create
 from edtk.design.candidate_source import CandidateSource
 from edtk.design.candidates import Candidates
 from edtk.design.exact.apportion import apportion
-from edtk.design.exact.exchange import exchange
-from edtk.design.exact.starts import Starts, exchanged, starts
-from edtk.design.problem import Problem
+from edtk.design.exact.draw_starts import draw_starts
 from edtk.design.relaxation.relax_poses import relax_poses
 
 RHO0 = STUDY.criterion("rho0")
@@ -32,7 +28,7 @@ def made(m, k, seed=0):
     plan = relaxed()
     support = Candidates(plan.x, KR270.problem(plan.x))
     fresh = CandidateSource(KR270, 9, workers=1).take(30)
-    return starts(RHO0, m, k, support, plan.weights, fresh, SIZE, (seed,))
+    return draw_starts(RHO0, m, k, support, plan.weights, fresh, SIZE, (seed,))
 
 
 def costs(some):
@@ -104,39 +100,3 @@ def test_seeds():
     np.testing.assert_array_equal(made(4, 4).x, again.x)
     np.testing.assert_array_equal(made(4, 4).repeats, again.repeats)
     assert (made(4, 4, 1).x[1:] != again.x[1:]).any()
-
-
-def test_some_of_them():
-    """Choosing keeps variables and repetitions together."""
-    some = Starts(np.arange(12.0).reshape(3, 2, 2), np.arange(6.0).reshape(3, 2))[np.array([2, 0])]
-    assert some.x[:, 0, 0].tolist() == [8, 0]
-    assert some.repeats[:, 0].tolist() == [4, 0]
-
-
-@pytest.mark.parametrize("name", criteria.available())
-def test_exchange_in_turn(name):
-    """Places and repetitions exchanged in turn keep the sum and are no worse than places exchanged alone."""
-    for seed in range(5):
-        rng = np.random.default_rng(seed)
-        problem, criterion = (
-            Problem(rng.normal(size=(15, 2, 3))),
-            create(name, rng.normal(size=(2, 3))),
-        )
-        start, even = (
-            rng.integers(0, 15, (4, 3)),
-            np.tile(apportion(np.ones(3), 8).astype(float), (4, 1)),
-        )
-        places, repeats = exchanged(problem, criterion, start, even)
-        reached = criterion.cost(np.einsum("bk,bkij->bij", repeats, problem.blocks(places)))
-        assert (repeats.sum(axis=1) == 8).all()
-        assert (reached <= exchange(problem, criterion, start, even)[1] * (1 + 1e-9)).all()
-        for move in (np.eye(3)[:, None] - np.eye(3)[None]).reshape(-1, 3):
-            allowed = (repeats + move >= 0).all(axis=1)
-            moved = np.einsum(
-                "bk,bkij->bij", (repeats + move)[allowed], problem.blocks(places[allowed])
-            )
-            assert (criterion.cost(moved) >= reached[allowed] * (1 - 1e-8)).all()
-        alone = [
-            exchanged(problem, criterion, start[i : i + 1], even[i : i + 1])[0][0] for i in range(4)
-        ]
-        np.testing.assert_array_equal(places, alone)

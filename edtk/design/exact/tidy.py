@@ -1,0 +1,60 @@
+"""A plan without idle places and equal poses."""
+
+import numpy as np
+
+from criteria import Criterion
+from criteria.linalg.inverse import whitener
+from edtk.design.design_space import DesignSpace
+from edtk.design.distinct import distinct
+from edtk.design.exact.plans import Plans
+from edtk.design.exact.refine import refine
+from edtk.design.problem import Problem
+from edtk.system.typing import Array, Indices
+
+# Relative differences of information up to which poses become one, the boldest first: poses that
+# have drifted apart without gain are farther from each other than those of an accurate optimum.
+ALIKE = (0.03, 0.003, 1e-4)
+LOSS = 1e-6  # relative increase of the cost at which fewer poses are still welcome
+FINEST = 100  # steps of the last descent
+SHARPEST = (1000.0, 4000.0)  # its soft maxima, within 4e-4 of the criterion and less
+DIGITS = 9  # by which poses are sorted: rounding must not decide about their order
+
+
+def tidy(space: DesignSpace, criterion: Criterion, best: Plans, cost: float) -> tuple[Array, Array]:
+    """Merge alike poses of a plan where that costs next to nothing, and refine it once more.
+
+    Args:
+        space: Model and feasible set.
+        criterion: The criterion that the plan is good for.
+        best: The plan, in a batch of one.
+        cost: Its cost.
+
+    Returns:
+        Design variables (k, v) and repetitions (k,), the most repeated pose first, then in the
+        order of the joint variables.
+    """
+    used = best.repeats[0] > 0
+    x = best.x[0, used]
+    repeats = best.repeats[0, used].astype(float)
+    for alike in ALIKE:
+        problem = space.problem(x)
+        kept = distinct(problem.blocks(), whitener(problem.mean), alike)
+        if len(kept) == len(x):
+            continue
+        fewer = _merged_repeats(problem, repeats, kept)
+        moved, costs = refine(space, criterion, x[kept][None], fewer[None])
+        if costs[0] <= cost * (1 + LOSS):
+            x = moved[0]
+            repeats = fewer
+            break
+    x = refine(space, criterion, x[None], repeats[None], FINEST, SHARPEST)[0][0]
+    order = np.lexsort((*np.round(x.T[::-1], DIGITS), -repeats))
+    return x[order], repeats[order]
+
+
+def _merged_repeats(problem: Problem, repeats: Array, kept: Indices) -> Array:
+    """Repetitions of the poses that are kept: each pose gives its own to the most similar one."""
+    T = whitener(problem.information(repeats))
+    whitened = (T.T @ problem.blocks() @ T).reshape(problem.n, -1)
+    owner = np.linalg.norm(whitened[:, None] - whitened[kept], axis=-1).argmin(axis=1)
+    return np.bincount(owner, weights=repeats).astype(float)
