@@ -69,7 +69,6 @@ NOT_YET_NAMED = {
     "edtk/commands/run",
     "edtk/commands/shared",
     "edtk/commands/template",
-    "edtk/design/interior_point/newton",
     "edtk/report/comparison_report",
     "edtk/report/figures",
     "edtk/report/posterior_figures",

@@ -23,11 +23,13 @@ from edtk.design.design_space import DesignSpace
 from edtk.design.exact.exchange import exchange
 from edtk.design.exact.log_cost import LogCost
 from edtk.design.experiments import Experiments
-from edtk.design.interior_point.descend import Indices, Local, descend
+from edtk.design.interior_point.descend import descend
 from edtk.design.interior_point.neighbourhood import Neighbourhood
+from edtk.design.interior_point.objective import Local
 from edtk.report.markdown_table import markdown_table
 from edtk.study.study import Study, load_study
 from edtk.system.atomic_file import write_text
+from edtk.system.typing import Indices
 
 HERE = Path(__file__).parent
 STUDY = HERE.parent / "kr270_milling.toml"
@@ -61,10 +63,8 @@ def ours(m: int, seed: int) -> float:
 
         def local(self, near: Neighbourhood, start: Indices) -> Local:
             local = super().local(near, start)
-            if (
-                local[0].min() <= target
-                and space.at(near.x[local[0] <= target]).feasible.all(axis=1).any()
-            ):
+            good = local.value <= target
+            if good.any() and space.at(near.x[good]).feasible.all(axis=1).any():
                 reached.append(target)
             return local
 

@@ -8,8 +8,8 @@ from criteria import Criterion
 from criteria.linalg.triangle import triangle
 from criteria.second_derivative import derivatives
 from edtk.design.experiments import Experiments, weighted_information
-from edtk.design.interior_point.descend import Local, Objective
 from edtk.design.interior_point.neighbourhood import Neighbourhood
+from edtk.design.interior_point.objective import Local, Objective
 from edtk.system.typing import Array, Indices
 
 
@@ -61,4 +61,4 @@ class LogCost(Objective):
         slope = slopes[0].reshape(b, -1)
         # The second term is that of the logarithm: (log c)'' = c''/c - (c'/c)^2.
         joint = dM @ K @ np.swapaxes(dM, 1, 2) - slope[:, :, None] * slope[:, None]
-        return np.log(cost), slopes[0], near.second(slopes), joint
+        return Local(np.log(cost), slopes[0], near.second(slopes), joint)

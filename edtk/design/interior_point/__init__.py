@@ -1,1 +1,1 @@
-"""A batched interior-point method: many starts descend through the same array operations."""
+"""A batched interior-point method: many starts descend at once, under constraints."""

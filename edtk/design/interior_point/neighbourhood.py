@@ -4,21 +4,23 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from edtk.design.design_space import DesignSpace
 from edtk.design.experiments import Experiments
+from edtk.system.typing import Array
 
-Array = NDArray[np.float64]
-STEP = 1e-6  # to a neighbour
+# Distance to a neighbour, in parts of a variable's range. Differences of analytic slopes lose
+# about 1e-16/1e-6 to rounding and 1e-6 to curvature, which is plenty for a Newton step.
+STEP = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
 class Neighbourhood:
-    """Experiments, and beside each the same one moved a little along one movable variable after another.
+    """Experiments, and beside each the same one moved a little along each movable variable.
 
-    Derivatives are by the d movable variables, in parts of their range. Those of first order are analytic; a few
-    more poses in the same array operations cost little and give those of second order.
+    Derivatives are by the d movable variables, in parts of their range, so that angles, lengths and
+    forces count alike. First derivatives are analytic. A few more poses in the same array operations
+    cost little and give second ones.
 
     Args:
         space: What may move, and how far.
@@ -38,10 +40,10 @@ class Neighbourhood:
     def experiments(self) -> Experiments:
         """The experiments themselves and their neighbours (1 + d, b, k)."""
         move = self.space.movable
+        neighbours = np.arange(1, 1 + len(move))
         x = np.repeat(self.x[None], 1 + len(move), axis=0)
-        x[np.arange(1, 1 + len(move)), ..., move] += STEP * self.span.reshape(
-            -1, *[1] * (self.x.ndim - 1)
-        )
+        steps = STEP * self.span
+        x[neighbours, ..., move] += steps.reshape(-1, *[1] * (self.x.ndim - 1))
         return self.space.at(x)
 
     def first(self, gradient: Array) -> Array:
@@ -53,7 +55,10 @@ class Neighbourhood:
         return np.asarray((values[1:] - values[0]) / STEP)
 
     def second(self, first: Array) -> Array:
-        """Second derivatives (b, k, ..., d, d) of first ones (1 + d, b, k, ..., d)."""
+        """Second derivatives (b, k, ..., d, d) of first ones (1 + d, b, k, ..., d).
+
+        The mean with the transpose removes what differences break of the symmetry.
+        """
         H = self.differences(first)
         H = H.transpose(*range(1, H.ndim - 1), 0, H.ndim - 1)
         return 0.5 * (H + np.swapaxes(H, -1, -2))

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from edtk.design.experiments import Experiments
-from edtk.design.interior_point.descend import Local, Objective
 from edtk.design.interior_point.neighbourhood import Neighbourhood
+from edtk.design.interior_point.objective import Local, Objective
 from edtk.design.packed import sensitivity_rows
 from edtk.system.typing import Array, Indices
 
@@ -33,7 +33,7 @@ class Sensitivity(Objective):
         slope = -near.first(slope)
         own = near.second(slope)
         together = np.zeros_like(own[:, 0])
-        return -value[0, :, 0], slope[0], own, together
+        return Local(-value[0, :, 0], slope[0], own, together)
 
 
 def sensitivity_and_slope(

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 from designs import DESIGNS, LOADED
 
-from edtk.design.interior_point.descend import MARGIN, Objective, inward
 from edtk.design.interior_point.descend import descend as descended
+from edtk.design.interior_point.inward import MARGIN, inward
+from edtk.design.interior_point.objective import Local, Objective
 from edtk.design.sample_feasible import sample_feasible
 from edtk.model.constraints.height import Height
 from edtk.model.loads.free_load import FreeLoad
@@ -44,7 +45,8 @@ class Given(Objective):
             x[:, i, near.space.movable[a]] += h * near.span[a]
             H[:, i, a] = near.first(self.function(near.space.at(x), start)[1] - g) / h
         H = H.reshape(b, k * d, k * d)
-        return f, near.first(g), np.zeros((b, k, d, d)), 0.5 * (H + np.swapaxes(H, 1, 2))
+        own = np.zeros((b, k, d, d))
+        return Local(f, near.first(g), own, 0.5 * (H + np.swapaxes(H, 1, 2)))
 
 
 def descend(space, x, function, *arguments, **options):

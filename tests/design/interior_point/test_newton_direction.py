@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from edtk.design.interior_point.newton import LEAST, direction
+from edtk.design.interior_point.newton_direction import LEAST, newton_direction
 
 B, K, D = 6, 3, 4
 
@@ -34,7 +34,7 @@ def positive(own):
 def test_newton(late):
     """Where the Hessian is positive definite the step solves ``H d = -slope``, for every start."""
     own, joint, slope = case(0)
-    d = direction(positive(own), joint, slope, np.full(B, late))
+    d = newton_direction(positive(own), joint, slope, np.full(B, late))
     left = (whole(positive(own), joint) @ d.reshape(B, -1, 1))[..., 0] + slope.reshape(B, -1)
     np.testing.assert_allclose(left, 0, atol=1e-9)
 
@@ -45,7 +45,9 @@ def test_every_step_leads_down(late):
     for seed in range(20):
         own, joint, slope = case(seed)
         assert (np.linalg.eigvalsh(whole(own, joint))[:, 0] < 0).any()
-        assert ((direction(own, joint, slope, np.full(B, late)) * slope).sum(axis=(1, 2)) < 0).all()
+        assert (
+            (newton_direction(own, joint, slope, np.full(B, late)) * slope).sum(axis=(1, 2)) < 0
+        ).all()
 
 
 def test_a_saddle_is_left_along_its_negative_direction():
@@ -54,7 +56,9 @@ def test_a_saddle_is_left_along_its_negative_direction():
     e = np.array([-2.0, -1e-9, 1e-9, *np.arange(1.0, K * D - 2)])
     joint = (V * e) @ V.T
     slope = V @ np.ones(K * D)
-    d = direction(np.zeros((1, K, D, D)), joint[None], slope.reshape(1, K, D), np.array([True]))
+    d = newton_direction(
+        np.zeros((1, K, D, D)), joint[None], slope.reshape(1, K, D), np.array([True])
+    )
     expected = -V @ (1 / np.r_[2.0, LEAST, LEAST, e[3:]])
     np.testing.assert_allclose(d.ravel(), expected, atol=1e-6 / LEAST)
 
@@ -64,9 +68,11 @@ def test_starts_do_not_see_each_other():
     own, joint, slope = case(3)
     own[::2] = positive(own[::2])
     late = np.arange(B) % 3 == 0
-    together = direction(own, joint, slope, late)
+    together = newton_direction(own, joint, slope, late)
     for i in range(B):
-        alone = direction(own[i : i + 1], joint[i : i + 1], slope[i : i + 1], late[i : i + 1])
+        alone = newton_direction(
+            own[i : i + 1], joint[i : i + 1], slope[i : i + 1], late[i : i + 1]
+        )
         np.testing.assert_allclose(together[i], alone[0], rtol=1e-9)
 
 
@@ -74,6 +80,8 @@ def test_several_slopes_at_once():
     """Steps of several slopes are those of each of them."""
     own, joint, slope = case(4)
     slopes, late = np.stack([slope, 2 * slope, slope[::-1]]), np.arange(B) % 2 == 0
-    together = direction(own, joint, slopes, late)
+    together = newton_direction(own, joint, slopes, late)
     for some, steps in zip(slopes, together, strict=True):
-        np.testing.assert_allclose(direction(own, joint, some, late), steps, rtol=1e-9, atol=1e-12)
+        np.testing.assert_allclose(
+            newton_direction(own, joint, some, late), steps, rtol=1e-9, atol=1e-12
+        )
