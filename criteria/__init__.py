@@ -1,7 +1,7 @@
 """Optimality criteria, each in a file of its own: they say how good an information matrix is.
 
-A criterion is a function of the (p, p) information matrix ``M = sum A_i' A_i / sigma^2`` alone. This
-package knows no robot, no plan and no algorithm, and imports nothing from edtk.
+A criterion is a function of the (p, p) information matrix ``M = sum A_i' A_i / sigma^2`` alone.
+This package knows no robot, no plan and no algorithm, and imports nothing from edtk.
 
     >>> import numpy as np, criteria
     >>> round(float(criteria.create("D").value(np.diag([4.0, 9.0]))), 12)

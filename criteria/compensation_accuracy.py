@@ -39,6 +39,7 @@ class CompensationAccuracy(ConvexCriterion):
     expression_power = 2.0
 
     def __init__(self, target: ArrayLike) -> None:
+        # A frozen copy: a later change of the caller's array must not change the criterion.
         self.target = np.array(target, dtype=float)
         if self.target.ndim != 2 or not np.isfinite(self.target).all() or not self.target.any():
             raise ValueError("rho0: the target A0 must be a finite, non-zero matrix (rows, p)")
@@ -49,7 +50,7 @@ class CompensationAccuracy(ConvexCriterion):
         return type(self)(self.target @ T)
 
     def polar(self, Z: Array, M: Array) -> float:
-        """``trace (A0 Z A0')^(1/2)``."""
+        """``trace (A0 Z A0')^(1/2)``, as of a weighted A-criterion."""
         return power_trace(self.target @ Z @ self.target.T, 0.5)
 
     def expression(self, M: "cp.Expression", T: Array | None = None) -> "cp.Expression":

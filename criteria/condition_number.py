@@ -46,6 +46,7 @@ class ConditionNumber(KinkedCriterion, Relaxable):
         ``I <= X <= kappa I`` the least ``<Y, X>`` is ``trace(Y+) - kappa trace(Y-)``.
         """
         above, below = definite_parts(Z - t[:, None, None] * np.eye(Z.shape[-1]))
+        # A Y without negative part would exclude every design; from rounding, it proves nothing.
         ratio = np.divide(above, below, out=np.ones_like(above), where=below > 0)
         return float(np.sqrt(max(1.0, ratio.max())))
 

@@ -12,11 +12,11 @@ from criteria.relaxable import Formulation, Relaxable
 if TYPE_CHECKING:
     import cvxpy as cp
 
-# Relative distance at which Z counts as minus the gradient: rounding of whitened matrices of order
-# one, a hundred times below what would show in a bound.
+# Distance at which a whitened Z of unit trace counts as minus the gradient: it allows for rounding,
+# and is far below what would show in a bound.
 PARALLEL = 1e-12
-# The sharpest tolerance comes first, since a bound loses what the solver leaves; Clarabel stalls
-# at it for some multipliers of low rank.
+# The sharpest tolerance comes first, since a bound loses what the solver leaves; a looser one is
+# tried where the solver does not reach it.
 TOLERANCES = (1e-10, 1e-9, 1e-8)
 SAFETY = 1e-7  # part by which a solver's optimum is lowered: ten times the loosest tolerance
 
@@ -58,7 +58,7 @@ class ConvexCriterion(Relaxable):
         S = np.linalg.inv(T)
         whitened = S @ Z @ S.T
         size = float(np.trace(whitened))  # <Z, M>
-        if size <= 0:
+        if size <= 0:  # of a semidefinite Z: zero, which restricts no X
             return 0.0
         direction = whitened / size
         if self.smooth and _is_parallel(direction, S @ self.gradient(M) @ S.T):

@@ -116,10 +116,13 @@ class Criterion(ABC):
             Array (...); inf where M is singular to working precision, nan where it is not finite.
         """
         M = np.asarray(M, dtype=float)
+        # One test of singularity for all criteria: they agree on which plans are worthless.
         safe, cov, regular = guarded_inverse(M)
         cost = np.where(regular, self._cost(safe, cov), np.inf)
         return np.where(np.isfinite(M).all(axis=(-2, -1)), cost, np.nan)[()]
 
+    # Exchanges and differences update inverses by low-rank lemmas; another inversion, with its
+    # test of singularity, would be paid for every trial.
     @final
     def cost_of_regular(self, M: Array, cov: Array) -> Array:
         """Costs (...) of matrices whose inverses are known, for instance after a low-rank update.

@@ -39,6 +39,7 @@ class DOptimality(DeterminantCriterion, ConvexCriterion):
         """``exp(-log det(T^-T M T^-1) / p)``."""
         import cvxpy as cp
 
+        # T enters as a constant: log det(T^-T M T^-1) = log det M - 2 log |det T|.
         units = 0.0 if T is None else 2 * np.linalg.slogdet(T).logabsdet
         return cp.exp((units - cp.log_det(M)) / M.shape[0])
 

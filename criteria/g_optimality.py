@@ -74,6 +74,7 @@ def _weighted_polar(Z: Array, weights: Array) -> float:
     best = 0.0
     if not weights.any():
         return best  # no weights, no proof
+    # Each step is a fixed-point iteration of "weights are the diagonal of the root of K".
     for _ in range(STEPS):
         root = np.sqrt(weights / weights.sum())
         K = root[:, None] * Z * root

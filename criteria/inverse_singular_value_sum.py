@@ -50,6 +50,7 @@ class InverseSingularValueSum(ConvexCriterion):
         e = np.sqrt(s / s[0])
         turned = Q @ M @ Q.T
         B = s[0] * p / unit * cp.multiply(np.repeat(e[:, None], p, 1), R)
+        # cvxpy cannot tell that Q M Q' is symmetric, and asks for it.
         square = cp.bmat([[0.5 * (turned + turned.T), B], [B.T, np.diag(e**2)]])
         return cp.matrix_frac(np.diag(e), R) / p, [square >> 0, total == 1]
 

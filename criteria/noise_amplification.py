@@ -39,7 +39,7 @@ class NoiseAmplification(KinkedCriterion, Relaxable):
     degree = 0.5
     convex = False
     monotone = False
-    most_subproblems = 60  # a gap of 1e-6 takes a handful of lines; the rest is for bad cases
+    most_subproblems = 60  # a handful of lines is the rule; the limit only ends bad cases
 
     def subproblem(self, Z: Array, t: Array, M: Array) -> Relaxable:
         """The member of the family that cuts off the least corner; the design M sets the first."""

@@ -30,6 +30,7 @@ class PowerCriterion(ConvexCriterion):
     exponent: ClassVar[float]
 
     def __init__(self, base: ConvexCriterion | None = None) -> None:
+        # A base of its own kind is given where the base is smoothed or has other units.
         self.base = self.base_class() if base is None else base
         self.smooth = self.base.smooth
 
@@ -44,6 +45,7 @@ class PowerCriterion(ConvexCriterion):
 
     def smoothed(self, sharpness: float) -> Self:
         """The power of the smoothed base."""
+        # The relaxation keeps compiled programs by object, so an equal one is not made anew.
         base = self.base.smoothed(sharpness)
         return self if base is self.base else type(self)(base)
 

@@ -3,14 +3,17 @@
 import importlib
 import inspect
 import pkgutil
+import sys
 from functools import cache
-from importlib.metadata import EntryPoint, entry_points
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from numpy.typing import ArrayLike
 
 from criteria.criterion import Criterion
 from criteria.relaxable import Relaxable
+
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint, EntryPoints
 
 GROUP = "edtk.criteria"
 BUILTINS = ("A", "D", "E", "G", "O1", "O2", "O3", "O4", "O5", "rho0")  # the order of Table 1
@@ -62,7 +65,7 @@ def get(name: str) -> type[Criterion]:
         DuplicateCriterionError: A plug-in claims a name that is taken.
         CriterionError: A plug-in does not load, or is no complete Criterion.
     """
-    plugins = _plugins()
+    plugins = _plugins()  # first, so that a plug-in that claims a built-in's name is found out
     if name in _registered:
         return _registered[name]
     if name not in plugins:
@@ -100,11 +103,22 @@ def _load_builtins() -> None:
         importlib.import_module(f"criteria.{module}")
 
 
-def _plugins() -> dict[str, EntryPoint]:
+@cache
+def _entry_points(path: tuple[str, ...]) -> "EntryPoints":
+    """Entry points of the group `edtk.criteria` on a search path."""
+    # Imported late: this module takes 40 ms, which `import criteria` need not pay.
+    from importlib.metadata import entry_points
+
+    return entry_points(group=GROUP)
+
+
+def _plugins() -> "dict[str, EntryPoint]":
     """Entry points of the group `edtk.criteria` by name, each of which names a Criterion class."""
     _load_builtins()
     found: dict[str, EntryPoint] = {}
-    for point in entry_points(group=GROUP):
+    # Reading the metadata of all distributions takes 7 ms, which every look-up would pay. The path
+    # is the key, so that a folder that joins it later is noticed.
+    for point in _entry_points(tuple(sys.path)):
         holder = _registered.get(point.name)
         # A plug-in that is loaded already holds its own name.
         is_taken = holder is not None and _path(holder, ":") != point.value
@@ -115,7 +129,7 @@ def _plugins() -> dict[str, EntryPoint]:
     return found
 
 
-def _load(plugin: EntryPoint) -> type[Criterion]:
+def _load(plugin: "EntryPoint") -> type[Criterion]:
     """The class that an entry point names."""
     try:
         cls = plugin.load()
@@ -133,10 +147,12 @@ def _load(plugin: EntryPoint) -> type[Criterion]:
 
 def _require_complete(cls: type[Criterion]) -> None:
     """Reject a class that could not be used, or not be relaxed although it is meant to be."""
-    if missing := sorted(getattr(cls, "__abstractmethods__", ())):
+    missing = sorted(getattr(cls, "__abstractmethods__", ()))
+    if missing:
         raise CriterionError(
             f"criterion {cls.name!r}: {_path(cls)} does not define {' and '.join(missing)}"
         )
+    # Such a class would work, but no relaxation would find it: an error tells its author why.
     hooks = [hook for hook in RELAXATION_HOOKS if inspect.isfunction(getattr(cls, hook, None))]
     if hooks and not issubclass(cls, Relaxable):
         raise CriterionError(

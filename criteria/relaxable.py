@@ -26,6 +26,7 @@ class Relaxable(Criterion):
             multipliers of several members prove the bound together.
     """
 
+    # A root such as rho0 has no convex program of its own kind; its square has.
     expression_power: ClassVar[float] = 1.0
     most_subproblems: ClassVar[int] = 1
 

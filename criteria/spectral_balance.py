@@ -66,6 +66,7 @@ class SpectralBalance(Relaxable):
         eigenvalues, V = np.linalg.eigh(M)
         least = eigenvalues[..., :1]
         slopes = np.zeros_like(eigenvalues)
+        # With a single parameter both terms fall on the same eigenvalue, hence the sum.
         slopes[..., :1] = -(self.a * eigenvalues[..., -1:] + self.b) / least**2
         slopes[..., -1:] += self.a / least
         return (V * slopes[..., None, :]) @ np.swapaxes(V, -1, -2)
@@ -86,7 +87,7 @@ def corners(Z: Array, t: Array) -> Array:
     rows = np.column_stack([t, below, above])[(above > 0) & np.isfinite(t)]
     if not len(rows):
         return np.array([[0.0, 1.0]])
-    rows /= rows[:, 2:]
+    rows /= rows[:, 2:]  # each line as ``g_1 s + g_2 kappa >= 1``
     # Lengths are measured in the largest coefficients: s and kappa are of order one below.
     unit = np.abs(rows[:, :2]).max(axis=0)
     unit[unit == 0] = 1.0
@@ -98,7 +99,11 @@ def corners(Z: Array, t: Array) -> Array:
 
 
 def _intersections(rows: Array) -> list[Array]:
-    """Points (2,) in which two of the lines ``g x = h``, rows (n, 3), meet inside all ``g x >= h``."""
+    """Points (2,) where two lines cross without leaving any of the half-planes.
+
+    Args:
+        rows: Lines ``g x = h`` with half-planes ``g x >= h``, as rows (g_1, g_2, h) of (n, 3).
+    """
     normals = rows[:, :2]
     heights = rows[:, 2]
     found: list[Array] = []

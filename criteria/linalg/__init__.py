@@ -1,1 +1,1 @@
-"""The linear algebra that criteria share: inverses, spectra, null spaces, triangles, soft maxima."""
+"""Linear algebra that criteria share: inverses, spectra, null spaces, triangles, soft maxima."""

@@ -44,7 +44,7 @@ def guarded_inverse(M: Array, least: float = 0.0) -> tuple[Array, Array, Mask]:
 def whitener(M: Array) -> Array:
     """T (p, p) with ``T' M T = I`` of a regular M (p, p).
 
-    It comes from a Cholesky factor of M scaled to a unit diagonal, so that bad units cost no digits.
+    It comes from a Cholesky factor of M scaled to a unit diagonal: bad units cost no digits.
     """
     d = np.sqrt(np.diag(M))
     factor = np.linalg.cholesky(M / np.outer(d, d))

@@ -56,5 +56,5 @@ def largest_eigenvalue(M: "cp.Expression", T: Array) -> "cp.Expression":
     import cvxpy as cp
 
     S = np.linalg.inv(T) / np.sqrt(extreme_eigenvalues(T)[1])
-    X = S.T @ M @ S
+    X = S.T @ M @ S  # symmetric, which cvxpy cannot tell
     return cp.lambda_max(0.5 * (X + X.T))

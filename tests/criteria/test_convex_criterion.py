@@ -1,4 +1,7 @@
-"""Criteria of third parties that write nothing but a cvxpy expression: all else follows, and obeys the laws."""
+"""Third parties' criteria that write nothing but a cvxpy expression.
+
+Cost, gradient, polar and program follow from it, and obey the laws.
+"""
 
 import cvxpy as cp
 import numpy as np
@@ -28,7 +31,10 @@ SAFETY = 1e-7  # of a solver's word, by which polars are lowered
 class ThirdParty(ConvexCriterion):
     """What is common to the criteria below."""
 
-    title, formula, sense, degree = "Third party's", "", "min", 1.0
+    title = "Third party's"
+    formula = ""
+    sense = "min"
+    degree = 1.0
 
 
 def selected(M, T):
@@ -58,7 +64,9 @@ class Subset(ThirdParty):
 class SubsetRoot(ThirdParty):
     """Root of that sum, of which only the square is a convex expression."""
 
-    name, degree, expression_power = "subset root", 0.5, 2.0
+    name = "subset root"
+    degree = 0.5
+    expression_power = 2.0
 
     def expression(self, M, T=None):
         """As the law of `ConvexCriterion` asks."""
@@ -68,7 +76,8 @@ class SubsetRoot(ThirdParty):
 class LeastTwo(ThirdParty):
     """One over the sum of the two least eigenvalues: it has kinks."""
 
-    name, smooth = "least two", False
+    name = "least two"
+    smooth = False
 
     def expression(self, M, T=None):
         """As the law of `ConvexCriterion` asks."""
@@ -78,7 +87,10 @@ class LeastTwo(ThirdParty):
 class LeastTwoSquare(ThirdParty):
     """The square of that, known by its root."""
 
-    name, smooth, degree, expression_power = "least two square", False, 2.0, 0.5
+    name = "least two square"
+    smooth = False
+    degree = 2.0
+    expression_power = 0.5
 
     def expression(self, M, T=None):
         """As the law of `ConvexCriterion` asks."""
@@ -86,9 +98,13 @@ class LeastTwoSquare(ThirdParty):
 
 
 class WorstHalf(ThirdParty):
-    """The larger of two sums of variances, that of the first two parameters and that of the others: it has kinks."""
+    """The larger of two sums of variances; it has kinks.
 
-    name, smooth = "worst half", False
+    One sum is that of the first two parameters, the other that of the rest.
+    """
+
+    name = "worst half"
+    smooth = False
 
     def expression(self, M, T=None):
         """As the law of `ConvexCriterion` asks."""
@@ -98,7 +114,8 @@ class WorstHalf(ThirdParty):
 
 def definition(name, M):
     """The cost by numpy alone."""
-    variances, eigenvalues = np.diag(np.linalg.inv(M)), np.linalg.eigvalsh(M)
+    variances = np.diag(np.linalg.inv(M))
+    eigenvalues = np.linalg.eigvalsh(M)
     return {
         "subset": variances[:2].sum(),
         "subset root": np.sqrt(variances[:2].sum()),
@@ -122,7 +139,7 @@ copies = pytest.mark.parametrize("name", COPIED)
 
 
 def copy_of(c):
-    """A third party's criterion that has nothing of a built-in one but its declarations and its expression."""
+    """A third party's criterion with nothing of a built-in one but declarations and expression."""
     declared = {
         key: getattr(c, key) for key in ("degree", "smooth", "expression_power", "unit_free")
     }
@@ -135,7 +152,7 @@ def copy_of(c):
 
 
 def apart(rng, p=4):
-    """Information without multiple eigenvalues, condition 10, and far from every kink of the criteria above."""
+    """Information of condition 10, with simple eigenvalues, far from every kink."""
     while True:
         M = with_spectrum(rng, np.geomspace(1, 10, p))
         variances = np.diag(np.linalg.inv(M))
@@ -145,8 +162,9 @@ def apart(rng, p=4):
 
 @third_parties
 def test_cost_is_read_off_the_expression(cls):
-    """The cost is the expression's root of the declared power, one by one and in stacks of any shape."""
-    rng, c = np.random.default_rng(0), cls()
+    """The cost is the root of the expression, one by one and in stacks of any shape."""
+    rng = np.random.default_rng(0)
+    c = cls()
     M = np.array([positive(rng, 4, 1e3) for _ in range(6)])
     expected = np.array([definition(cls.name, m) for m in M])
     np.testing.assert_allclose(c.cost(M), expected, rtol=slip(M))
@@ -161,11 +179,14 @@ def test_cost_is_read_off_the_expression(cls):
 def test_gradient_is_read_off_the_expression(cls):
     """<G, H> is the directional derivative away from kinks, and G is symmetric.
 
-    Fourth-order differences with h = 1e-3 err by about 1e-9 of the cost, as for the built-in criteria.
+    Fourth-order differences with h = 1e-3 err by about 1e-9 of the cost, as for built-in criteria.
     """
-    rng, c, h = np.random.default_rng(1), cls(), 1e-3
+    rng = np.random.default_rng(1)
+    c = cls()
+    h = 1e-3
     for _ in range(10):
-        M, H = apart(rng), symmetric(rng, 4) / 10
+        M = apart(rng)
+        H = symmetric(rng, 4) / 10
         f = c.cost(M + h * np.array([-2, -1, 1, 2])[:, None, None] * H)
         G = c.gradient(M)
         assert abs(np.sum(G * H) - (f @ [1, -8, 8, -1]) / (12 * h)) < 1e-6 * c.cost(M)
@@ -175,11 +196,16 @@ def test_gradient_is_read_off_the_expression(cls):
 
 @third_parties
 def test_expression_is_convex_and_whitened(cls):
-    """The expression is convex by cvxpy's rules, with and without T, and T changes the parameters, not the value."""
-    rng, c = np.random.default_rng(2), cls()
+    """The expression is convex by cvxpy's rules, with and without T.
+
+    T changes the parameters, not the value.
+    """
+    rng = np.random.default_rng(2)
+    c = cls()
     X = cp.Variable((4, 4), symmetric=True)
     for _ in range(5):
-        M, T = positive(rng, 4), orthogonal(rng, 4) * 10 ** rng.uniform(-1, 1, size=4)
+        M = positive(rng, 4)
+        T = orthogonal(rng, 4) * 10 ** rng.uniform(-1, 1, size=4)
         assert c.expression(X).is_convex()
         assert c.expression(X, T).is_convex()
         X.value = 0.5 * (T.T @ M @ T + (T.T @ M @ T).T)
@@ -190,7 +216,8 @@ def test_expression_is_convex_and_whitened(cls):
 @third_parties
 def test_homogeneity_as_declared(cls):
     """cost(c M) = c**-degree * cost(M), and <G, M> = -degree * cost, at kinks too."""
-    rng, c = np.random.default_rng(3), cls()
+    rng = np.random.default_rng(3)
+    c = cls()
     for M in [*(positive(rng, 4) for _ in range(5)), np.eye(4)]:
         for factor in (1e-8, 0.3, 1e8):
             np.testing.assert_allclose(
@@ -201,12 +228,14 @@ def test_homogeneity_as_declared(cls):
 
 @third_parties
 def test_convexity_and_monotony_as_declared(cls):
-    """cost(N) >= cost(M) + <G(M), N - M> for all pairs, and information that is added does not raise the cost."""
-    rng, c = np.random.default_rng(4), cls()
+    """cost(N) >= cost(M) + <G(M), N - M> for all pairs, and more information never costs more."""
+    rng = np.random.default_rng(4)
+    c = cls()
     samples = np.array(
         [*(positive(rng, 4, 1e3) for _ in range(8)), np.eye(4), np.diag([1.0, 1.0, 1.0, 9.0])]
     )
-    costs, gradients = c.cost(samples), c.gradient(samples)
+    costs = c.cost(samples)
+    gradients = c.gradient(samples)
     for M, cost, G in zip(samples, costs, gradients, strict=True):
         terms = G * (samples - M)
         rounding = slip(samples) * (costs + cost + np.abs(terms).sum(axis=(1, 2)))
@@ -218,16 +247,18 @@ def test_convexity_and_monotony_as_declared(cls):
 @third_parties
 def test_singular_and_missing_information(cls):
     """Singular M costs infinity and NaN costs NaN, and neither reaches the expression."""
-    c, M = cls(), np.stack([np.eye(4), np.diag([1.0, 1.0, 1.0, 0.0]), np.full((4, 4), np.nan)])
+    c = cls()
+    M = np.stack([np.eye(4), np.diag([1.0, 1.0, 1.0, 0.0]), np.full((4, 4), np.nan)])
     np.testing.assert_array_equal(c.cost(M)[1:], [np.inf, np.nan])
     assert np.isfinite(c.gradient(M)).all(axis=(1, 2)).tolist() == [True, False, False]
 
 
 @copies
 def test_a_copy_by_expression_equals_the_original(name):
-    """Cost and gradient read off the expression of a built-in criterion are those that it has in closed form."""
+    """Cost and gradient read off a built-in criterion's expression equal its closed forms."""
     for p in (1, 2, 4):
-        rng, c = np.random.default_rng(p), make(name, p)
+        rng = np.random.default_rng(p)
+        c = make(name, p)
         M = np.stack([positive(rng, p, 1e3) for _ in range(4)])
         np.testing.assert_allclose(copy_of(c).cost(M), c.cost(M), rtol=slip(M))
         G = c.gradient(M)
@@ -237,9 +268,13 @@ def test_a_copy_by_expression_equals_the_original(name):
 
 @copies
 def test_polar_of_a_copy_is_that_of_the_original(name):
-    """At minus a gradient the polar that follows from the expression is the closed one, up to a solver's tolerance."""
+    """At minus a gradient the polar read off the expression is the closed one.
+
+    They agree up to a solver's tolerance.
+    """
     for p in (2, 4):
-        rng, c = np.random.default_rng(p), make(name, p)
+        rng = np.random.default_rng(p)
+        c = make(name, p)
         for _ in range(3):
             M = positive(rng, p)
             Z = -c.gradient(M)
@@ -249,8 +284,12 @@ def test_polar_of_a_copy_is_that_of_the_original(name):
 
 @third_parties
 def test_polar_is_tight_at_minus_a_gradient(cls):
-    """With Z minus a gradient, M is the best of all X with <Z, X> <= <Z, M>, up to a solver's tolerance at kinks."""
-    rng, c = np.random.default_rng(5), cls()
+    """With Z minus a gradient, M is the best of all X with <Z, X> <= <Z, M>.
+
+    At kinks this holds up to a solver's tolerance.
+    """
+    rng = np.random.default_rng(5)
+    c = cls()
     for _ in range(5):
         M = apart(rng)
         Z = -c.gradient(M)
@@ -261,12 +300,14 @@ def test_polar_is_tight_at_minus_a_gradient(cls):
 
 @third_parties
 def test_polar_is_below_every_matrix(cls):
-    """No X with <Z, X> = 1 costs less than the polar, whatever Z is and wherever the polar is taken."""
-    rng, c = np.random.default_rng(6), cls()
+    """No X with <Z, X> = 1 costs less than the polar, for any Z and wherever it is taken."""
+    rng = np.random.default_rng(6)
+    c = cls()
     X = np.array([positive(rng, 4, 1e3) for _ in range(150)])
     costs = np.array([definition(cls.name, x) for x in X])
-    for _ in range(6):
-        M, B = positive(rng, 4), rng.normal(size=(4, 3))
+    for _ in range(4):
+        M = positive(rng, 4)
+        B = rng.normal(size=(4, 3))
         for Z in (positive(rng, 4, 1e2), B @ B.T, -c.gradient(M)):
             polar = c.polar(Z, M)
             best = (costs * np.einsum("ij,nij->n", Z, X) ** c.degree).min()
@@ -275,11 +316,13 @@ def test_polar_is_below_every_matrix(cls):
 
 
 def test_polar_of_the_two_least_eigenvalues_in_closed_form():
-    """Of this criterion the polar is ``min(trace(Z)/2, trace(Z) - lambda_max(Z))``, by cvxpy too, for any Z.
+    """The polar is ``min(trace(Z)/2, trace(Z) - lambda_max(Z))``, by cvxpy too, for any Z.
 
-    In the eigenvectors of Z the problem is linear: X is a multiple of the identity, or leaves Z's first direction.
+    In the eigenvectors of Z the problem is linear: X is a multiple of the identity, or leaves Z's
+    first direction.
     """
-    rng, c = np.random.default_rng(7), LeastTwo()
+    rng = np.random.default_rng(7)
+    c = LeastTwo()
     for decades in (0.0, 0.3, 0.6, 1.0, 1.5):
         for _ in range(3):
             z = 10 ** rng.uniform(-decades, decades, size=4)
@@ -291,8 +334,12 @@ def test_polar_of_the_two_least_eigenvalues_in_closed_form():
 @pytest.mark.parametrize("factor", [1e-6, 0.5, 3.0, 1e6])
 @third_parties
 def test_polar_is_homogeneous(cls, factor):
-    """polar(c Z) = c**degree * polar(Z): a multiplier proves the same whatever its length, to a solver's tolerance."""
-    rng, c = np.random.default_rng(8), cls()
+    """polar(c Z) = c**degree * polar(Z), to a solver's tolerance.
+
+    So a multiplier proves the same whatever its length is.
+    """
+    rng = np.random.default_rng(8)
+    c = cls()
     M = apart(rng)
     Z = -c.gradient(M)
     expected = factor**c.degree * c.polar(Z, M)
@@ -302,12 +349,13 @@ def test_polar_is_homogeneous(cls, factor):
 
 @pytest.mark.parametrize("condition", [1e1, 1e3, 1e6])
 @third_parties
-def test_floor_survives_that_its_design_is_computed_anew(cls, condition):
-    """The floor that a multiplier proves is within the gap for the same design summed up in another order.
+def test_bound_survives_that_its_design_is_computed_anew(cls, condition):
+    """A multiplier's bound is within the gap for the same design summed up in another order.
 
-    Whoever recomputes a certificate has the weights, not the last bits of M.
+    A certificate is recomputed from the weights, which do not give the last bits of M.
     """
-    rng, c = np.random.default_rng(9), cls()
+    rng = np.random.default_rng(9)
+    c = cls()
     M = with_spectrum(rng, np.geomspace(1 / condition, 1, 4))
     again = np.tensordot(rng.dirichlet(np.ones(7)), np.repeat(M[None], 7, axis=0), axes=1)
     assert np.abs(again - M).max() <= 8 * EPS
@@ -319,11 +367,13 @@ def test_floor_survives_that_its_design_is_computed_anew(cls, condition):
 @pytest.mark.parametrize("seed", range(3))
 @third_parties
 def test_a_program_over_candidates_is_solved_and_proved(cls, seed):
-    """Over candidates the optimum is a design, a multiplier proves its cost to a gap of 1e-6, and no design is below.
+    """Over candidates the optimum is a design, and a multiplier proves its cost to 1e-6.
 
-    The multiplier is the solver's or, of a smooth criterion, minus the gradient at the optimum: the better one.
+    No design costs less. The multiplier is the solver's or, for a smooth criterion, minus the
+    gradient at the optimum if that is better.
     """
-    rng, c = np.random.default_rng(seed), cls()
+    rng = np.random.default_rng(seed)
+    c = cls()
     blocks = candidates(rng, 12, 4)
     mean = blocks.mean(axis=0)
     value, weights, _ = solve(c, blocks, mean, whitener(mean))
@@ -341,13 +391,16 @@ def test_a_program_over_candidates_is_solved_and_proved(cls, seed):
 
 @smooth_ones
 def test_badly_scaled_parameters(cls):
-    """With parameters in units from 1e-7 to 1e4, of which the first two are alike, cost and floor keep their ratio.
+    """With units from 1e-7 to 1e4 cost and bound keep their ratio.
 
-    The cost sees only the first two parameters, so that their common unit is a common factor of the costs.
+    The cost sees only the first two parameters, whose units are alike, so that this unit is a
+    common factor of the costs.
     """
-    rng, c = np.random.default_rng(10), cls()
+    rng = np.random.default_rng(10)
+    c = cls()
     for _ in range(5):
-        M, t = positive(rng, 4), units(rng, 4)
+        M = positive(rng, 4)
+        t = units(rng, 4)
         t[1] = t[0]
         scaled = np.outer(t, t) * M
         assert c.cost(scaled) == pytest.approx(c.cost(M) * t[0] ** (-2 * c.degree), rel=slip(M))
@@ -358,10 +411,12 @@ def test_badly_scaled_parameters(cls):
 
 @with_kinks
 def test_badly_scaled_parameters_of_criteria_with_kinks(cls):
-    """With parameters in units from 1e-7 to 1e4 the floor of minus a gradient is never above the cost."""
-    rng, c = np.random.default_rng(11), cls()
+    """With units from 1e-7 to 1e4 the bound of minus a gradient never exceeds the cost."""
+    rng = np.random.default_rng(11)
+    c = cls()
     for _ in range(5):
-        M, t = apart(rng), units(rng, 4)
+        M = apart(rng)
+        t = units(rng, 4)
         scaled = np.outer(t, t) * M
         cost = definition(cls.name, scaled)
         assert c.cost(scaled) == pytest.approx(cost, rel=1e-9)
@@ -375,7 +430,7 @@ def test_badly_scaled_parameters_of_criteria_with_kinks(cls):
 
 @third_parties
 def test_an_expression_is_a_convex_form(cls):
-    """An expression is all it takes to be relaxed, and such a criterion describes itself like any other."""
+    """A criterion with an expression can be relaxed, and describes itself like any other."""
     assert issubclass(cls, Relaxable)
     assert cls.describe()["name"] == cls.name
     assert isinstance(create("D"), Relaxable)

@@ -1,4 +1,7 @@
-"""What multipliers prove: floors are bounds, tight where they should be, and polars are attained and homogeneous."""
+"""What multipliers prove: bounds that hold, and that are tight where they should be.
+
+The polars behind them are attained and homogeneous.
+"""
 
 import numpy as np
 import pytest
@@ -36,38 +39,35 @@ def choose(name, M):
 
 
 def unit_trace(c, blocks):
-    """Candidates as a criterion is judged on: of unit trace where its degree is zero."""
+    """Candidates as a criterion normalises them: of unit trace where its degree is zero."""
     return blocks / np.trace(blocks, axis1=1, axis2=2)[:, None, None] if c.degree == 0 else blocks
 
 
 def proofs(c, M):
-    """Multipliers that prove the cost of M with prices <Z, M>: minus gradients, and for O4 those of E and of O2.
+    """Multipliers that prove the cost of M with ``t = <Z, M>``: minus gradients.
 
-    A member of O4's family has no gradient of its own; with v the unit eigenvectors it is
-    ``a v_1 v_1'/lambda_p - (a lambda_1 + b)/lambda_p^2 v_p v_p'``.
+    For O4 they are those of E and of O2. A member of O4's family has its own gradient.
     """
-    if c.name != "O4":
-        return -c.gradient(M)[None]
     if isinstance(c, type(make("O4", 1))):
         return np.stack([-make(name, len(M)).gradient(M) for name in ("E", "O2")])
-    m, V = np.linalg.eigh(M)
-    return ((c.cost(M) * np.outer(V[:, 0], V[:, 0]) - c.a * np.outer(V[:, -1], V[:, -1])) / m[0])[
-        None
-    ]
+    return -c.gradient(M)[None]
 
 
-def multipliers(rng, c, blocks):
-    """Random multipliers of many kinds: of full and of low rank, of designs, and near the optimal one.
+def best_design(c, blocks):
+    """Optimal information and its multiplier; for O4 those of a member of its family."""
+    member = choose("balance", blocks.mean(axis=0)) if c.name == "O4" else c
+    return optimum(member, blocks)
+
+
+def multipliers(rng, c, blocks, optimal):
+    """Random multipliers of many kinds: of full and low rank, of designs, near an optimal one.
 
     For a monotone criterion they are positive semidefinite, for the others indefinite.
     """
     p = blocks.shape[-1]
-    Z = [optimum(choose("balance", blocks.mean(axis=0)) if c.name == "O4" else c, blocks)[1]]
-    Z += [
-        np.linalg.norm(Z[0], 2) * positive(rng, p, 1e3),
-        Z[0] + 0.3 * np.linalg.norm(Z[0], 2) * symmetric(rng, p),
-    ]
-    Z += [Z[0] + size * np.linalg.norm(Z[0], 2) * symmetric(rng, p) for size in (1e-8, 1e-4, 1e-2)]
+    length = np.linalg.norm(optimal, 2)
+    Z = [optimal, length * positive(rng, p, 1e3), optimal + 0.3 * length * symmetric(rng, p)]
+    Z += [optimal + size * length * symmetric(rng, p) for size in (1e-8, 1e-4, 1e-2)]
     Z += [B @ B.T for B in (rng.normal(size=(p, 1)), rng.normal(size=(p, p - 1 or 1)))]
     for w in rng.dirichlet(np.full(len(blocks), 0.3), size=3):
         Z += list(proofs(c, np.tensordot(w + 0.01, blocks, axes=1)))
@@ -76,7 +76,7 @@ def multipliers(rng, c, blocks):
 
 
 def designs(rng, blocks, best):
-    """Information of many designs: of few and of all candidates, each alone, and in the vicinity of the best."""
+    """Information of many designs: of few, of all and of single candidates, and near the best."""
     n = len(blocks)
     weights = np.concatenate(
         [rng.dirichlet(np.full(n, a), size=300) for a in (0.05, 0.3, 3.0)] + [np.eye(n)]
@@ -86,39 +86,41 @@ def designs(rng, blocks, best):
     return np.concatenate([best[None], far, *near])
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 @every
-def test_floor_is_below_every_design(name, seed):
-    """Whatever the multipliers, one by one and all together, no design over the candidates costs less than the floor.
+def test_bound_is_below_every_design(name, seed):
+    """No design over the candidates costs less than the bound, whatever the multipliers are.
 
-    The designs include the optimal one and its vicinity, so that no floor can be too high by more than 1e-6 unseen;
-    and the optimal multiplier shows that floors come that close.
+    That holds for them one by one and all together. The designs include the optimal one and its
+    vicinity, so that a bound that is too high by 1e-6 is seen; and the optimal multiplier shows
+    that bounds come that close.
     """
     rng = np.random.default_rng(seed)
     blocks = candidates(rng, 12, 4)
     c = choose(name, blocks.mean(axis=0))
     blocks = unit_trace(c, blocks)
-    Z = multipliers(rng, c, blocks)
+    best, optimal = best_design(c, blocks)
+    Z = multipliers(rng, c, blocks, optimal)
     t = sensitivities(Z, blocks)
-    best = optimum(choose("balance", blocks.mean(axis=0)) if c.name == "O4" else c, blocks)[0]
     X = designs(rng, blocks, best)
-    costs, M = c.cost(X), blocks.mean(axis=0)
+    costs = c.cost(X)
+    M = blocks.mean(axis=0)
     least = X[costs.argmin()]
-    floors = np.array([c.lower_bound(z[None], top[None], M) for z, top in zip(Z, t, strict=True)])
+    bounds = np.array([c.lower_bound(z[None], top[None], M) for z, top in zip(Z, t, strict=True)])
     together = c.lower_bound(Z, t, M)
-    assert (floors >= 0).all()
-    assert max(together, *floors) <= costs.min() * (1 + slip(least))
-    assert together >= floors.max() * (1 - 1e-9)
+    assert (bounds >= 0).all()
+    assert max(together, *bounds) <= costs.min() * (1 + slip(least))
+    assert together >= bounds.max() * (1 - 1e-9)
     if name != "O4":  # a single multiplier proves nothing of O4
         assert c.lower_bound(Z[:1], t[:1], best) >= (1 - GAP) * c.cost(best)
 
 
 @sizes
 @every
-def test_floor_is_tight_at_the_design_that_a_gradient_belongs_to(name, p):
-    """With Z minus a (sub)gradient at M and t = <Z, M>, the floor is the cost of M: at smooth points and at kinks.
+def test_bound_is_tight_at_the_design_that_a_gradient_belongs_to(name, p):
+    """With Z minus a (sub)gradient at M and t = <Z, M>, the bound is the cost of M, at kinks too.
 
-    Of O4 the multipliers are two: of its largest variance, and of its condition number.
+    O4 needs two multipliers: of its largest variance, and of its condition number.
     """
     rng = np.random.default_rng(p)
     for M in [*(positive(rng, p) for _ in range(10)), np.eye(p), 7 * np.eye(p)]:
@@ -129,18 +131,18 @@ def test_floor_is_tight_at_the_design_that_a_gradient_belongs_to(name, p):
 
 
 @every
-def test_floor_is_homogeneous(name):
-    """If all candidates tell c times as much, prices grow by c and floors shrink as costs do, over forty decades.
+def test_bound_is_homogeneous(name):
+    """If all candidates tell c times as much, bounds shrink as costs do, over forty decades of c.
 
-    For degree zero candidates have unit trace, and nothing is to be scaled but the multipliers.
+    For degree zero candidates have unit trace, and only the multipliers are scaled.
     """
-    for seed in range(6):
+    for seed in range(3):
         rng = np.random.default_rng(seed)
         blocks = candidates(rng, 6, 3)
         M = blocks.mean(axis=0)
         c = choose(name, M)
         blocks = unit_trace(c, blocks)
-        Z = rng.permutation(multipliers(rng, c, blocks))[:4]
+        Z = rng.permutation(multipliers(rng, c, blocks, best_design(c, blocks)[1]))[:4]
         t = sensitivities(Z, blocks)
         before = c.lower_bound(Z, t, M)
         for factor in (1e-20, 1e-16, 1e-14, 1e-8, 1e8, 1e14, 1e20):
@@ -154,25 +156,34 @@ def test_floor_is_homogeneous(name):
 
 
 @every
-def test_further_multipliers_never_lower_the_floor(name):
-    """A further multiplier may raise the floor, not lower it (by the 1e-9 to which corners are told apart)."""
-    for seed in range(3):
+def test_further_multipliers_never_lower_the_bound(name):
+    """A further multiplier may raise the bound, but does not lower it.
+
+    Corners are told apart to 1e-9, hence the tolerance.
+    """
+    for seed in range(2):
         rng = np.random.default_rng(seed)
         blocks = candidates(rng, 8, 3)
         c = choose(name, blocks.mean(axis=0))
         blocks = unit_trace(c, blocks)
-        Z = multipliers(rng, c, blocks)
-        t, M = sensitivities(Z, blocks), blocks.mean(axis=0)
-        floors = np.array([c.lower_bound(Z[:k], t[:k], M) for k in range(1, len(Z) + 1)])
-        assert (floors[1:] >= floors[:-1] * (1 - 1e-8)).all()
+        Z = multipliers(rng, c, blocks, best_design(c, blocks)[1])
+        t = sensitivities(Z, blocks)
+        M = blocks.mean(axis=0)
+        bounds = np.array([c.lower_bound(Z[:k], t[:k], M) for k in range(1, len(Z) + 1)])
+        assert (bounds[1:] >= bounds[:-1] * (1 - 1e-8)).all()
 
 
 @of_degree
-def test_floor_of_several_is_the_best_of_each(name):
-    """Where multipliers do not combine, the floor is the best of them; one that costs nothing proves nothing."""
+def test_bound_of_several_is_the_best_of_each(name):
+    """Where multipliers do not combine, the bound is the best of them.
+
+    A multiplier to which no candidate is sensitive proves nothing.
+    """
     rng = np.random.default_rng(0)
-    c, M = make(name, 3), positive(rng, 3)
-    Z, t = np.stack([positive(rng, 3) for _ in range(4)]), rng.uniform(1, 2, size=4)
+    c = make(name, 3)
+    M = positive(rng, 3)
+    Z = np.stack([positive(rng, 3) for _ in range(4)])
+    t = rng.uniform(1, 2, size=4)
     each = [c.polar(z, M) * top**-c.degree for z, top in zip(Z, t, strict=True)]
     assert c.lower_bound(Z, t, M) == pytest.approx(max(each), rel=1e-14)
     assert c.lower_bound(Z, np.array([0.0, -1.0, 0.0, -2.0]), M) == 0.0
@@ -180,7 +191,10 @@ def test_floor_of_several_is_the_best_of_each(name):
 
 @pytest.mark.parametrize("name", ["O2", "O4", "balance"])
 def test_multipliers_that_prove_nothing(name):
-    """A negative, a zero or an unpriced multiplier leaves the trivial floor: kappa >= 1 and s >= 0."""
+    """A negative, a zero or an unbounded multiplier leaves the trivial bound.
+
+    That is kappa >= 1 and s >= 0.
+    """
     M = positive(np.random.default_rng(0), 3)
     c = choose(name, M)
     trivial = {"O2": 1.0, "O4": 0.0, "balance": getattr(c, "a", None)}[name]
@@ -188,10 +202,14 @@ def test_multipliers_that_prove_nothing(name):
         assert c.lower_bound(Z[None], np.array([t]), M) == trivial
 
 
-def test_floor_of_the_condition_number_knows_unit_traces():
-    """With candidates of unit trace, c I added to a multiplier adds c to its prices, and proves the same."""
+def test_bound_of_the_condition_number_knows_unit_traces():
+    """With candidates of unit trace, c I added to a multiplier proves the same.
+
+    It adds c to every sensitivity.
+    """
     for seed in range(5):
-        rng, c = np.random.default_rng(seed), make("O2", 4)
+        rng = np.random.default_rng(seed)
+        c = make("O2", 4)
         blocks = unit_trace(c, candidates(rng, 12, 4))
         M, Z = optimum(c, blocks)
         for shift in (-3.0, -0.1, 0.7, 10.0):
@@ -202,12 +220,14 @@ def test_floor_of_the_condition_number_knows_unit_traces():
 
 
 @pytest.mark.parametrize("kappa", [1e2, 1e6, 1e12, 1e18, 1e22])
-def test_floor_counts_a_negative_part_however_small(kappa):
-    """A negative eigenvalue of size 1/kappa counts: the design of eigenvalues 1 and kappa gains as much by it.
+def test_bound_counts_a_negative_part_however_small(kappa):
+    """A negative eigenvalue of size 1/kappa counts.
 
-    Of that design <Z, M> = t, so that it obeys whatever Z proves, and its cost is 0.9 s + 0.1 kappa' = 1 in its units.
+    The design of eigenvalues 1 and kappa gains as much by it: it has <Z, M> = t, so it obeys
+    whatever Z proves, and its cost is 0.9 s + 0.1 kappa' = 1 in its units.
     """
-    M, Z = np.diag([1.0, kappa]), np.diag([1.0, -0.4 / kappa])
+    M = np.diag([1.0, kappa])
+    Z = np.diag([1.0, -0.4 / kappa])
     c = balance(M, 0.1)
     assert c.cost(M) == pytest.approx(1, rel=slip(np.eye(2)))
     assert c.lower_bound(Z[None], np.array([0.6]), M) <= 1 + slip(np.eye(2))
@@ -215,14 +235,15 @@ def test_floor_counts_a_negative_part_however_small(kappa):
 
 @pytest.mark.parametrize("p", [2, 4])
 @of_degree
-def test_floor_proves_nothing_of_an_open_direction(name, p):
-    """A multiplier that pays nothing in a direction proves no more than what the other directions cost.
+def test_bound_proves_nothing_of_an_open_direction(name, p):
+    """A multiplier that is zero in a direction proves no more than the others cost.
 
-    Here the information along the unpaid direction may grow without limit, and the cost of M does shrink to the
-    floor or beyond.
+    The information along that direction may grow without limit, and the cost of M then shrinks to
+    the bound or beyond.
     """
     rng = np.random.default_rng(p)
-    c, Q = make(name, p), orthogonal(rng, p)
+    c = make(name, p)
+    Q = orthogonal(rng, p)
     Z = Q[:, 1:] @ np.diag(rng.uniform(1, 2, size=p - 1)) @ Q[:, 1:].T
     M = positive(rng, p)
     M /= np.sum(Z * M)
@@ -232,16 +253,17 @@ def test_floor_proves_nothing_of_an_open_direction(name, p):
 
 
 def minimise_weights(f, p):
-    """The least value of a convex function of weights (p,) of sum one; theta are their roots, free of bounds."""
+    """Least value of a convex function of weights (p,) of sum one, found over their roots theta."""
     found = minimize(lambda theta: f(theta**2 / (theta @ theta)), np.ones(p), tol=1e-12)
     return found.fun
 
 
 def attaining(name, Z, target):
-    """The matrix of ``<Z, X> = 1`` that the docstring names, up to its length."""
+    """The matrix of ``<Z, X> = 1`` that the docstring of the polar names, up to its length."""
     z, V = np.linalg.eigh(Z)
     if name == "rho0":
-        root, inverse = (V * z**0.5) @ V.T, (V * z**-0.5) @ V.T
+        root = (V * z**0.5) @ V.T
+        inverse = (V * z**-0.5) @ V.T
         s, U = np.linalg.eigh(root @ target.T @ target @ root)
         X = inverse @ (U * s**0.5) @ U.T @ inverse
     else:
@@ -254,10 +276,14 @@ def attaining(name, Z, target):
 @sizes
 @pytest.mark.parametrize("name", ["A", "D", "E", "O1", "O3", "O5", "rho0"])
 def test_polar_is_attained(name, p):
-    """The polar is the cost of the matrix that its docstring names; for rho0 of the one of a weighted A-criterion."""
+    """The polar is the cost of the matrix that its docstring names.
+
+    For rho0 it is that of a weighted A-criterion.
+    """
     for seed in range(5):
         rng = np.random.default_rng(seed)
-        Z, target = positive(rng, p, 1e3), rng.normal(size=(p + 1, p))
+        Z = positive(rng, p, 1e3)
+        target = rng.normal(size=(p + 1, p))
         c = make(name, p) if name != "rho0" else criteria.create(name, target=target)
         X = attaining(name, Z, target)
         expected = pytest.approx(c.cost(X), rel=slip(X, Z))
@@ -270,12 +296,16 @@ def test_polar_is_attained(name, p):
 
 @sizes
 def test_polar_of_g_is_attained_where_variances_are_equal(p):
-    """With equal variances and ``Z = cov U cov``, U any weights, M itself is the best of all; its polar says so."""
+    """With equal variances and ``Z = cov U cov``, U any weights, M is the best of all.
+
+    The polar says so.
+    """
     for seed in range(5):
         rng = np.random.default_rng(seed)
         cov = positive(rng, p)
         cov /= np.sqrt(np.outer(np.diag(cov), np.diag(cov)))
-        M, c = np.linalg.inv(cov), make("G", p)
+        M = np.linalg.inv(cov)
+        c = make("G", p)
         for u in (rng.dirichlet(np.ones(p)), np.eye(p)[0]):
             Z = (cov * u) @ cov
             assert c.polar(Z, M) == pytest.approx(c.cost(M) * np.sum(Z * M), rel=slip(M, M @ M))
@@ -283,13 +313,15 @@ def test_polar_of_g_is_attained_where_variances_are_equal(p):
 
 @pytest.mark.parametrize("p", [2, 3, 4])
 def test_polar_of_g_is_near_the_best_over_all_weights(p):
-    """For any Z and M the polar is at most the largest ``(trace (U^(1/2) Z U^(1/2))^(1/2))^2`` over weights u.
+    """The polar is at most the largest ``(trace (U^(1/2) Z U^(1/2))^(1/2))^2`` over weights u.
 
-    That is the true polar, by minimax; and what is returned is no less than at the weights that it starts from.
+    That is the true polar, by minimax. It is no less than at the weights from which it starts.
     """
-    rng, c = np.random.default_rng(p), make("G", p)
+    rng = np.random.default_rng(p)
+    c = make("G", p)
     for _ in range(5):
-        Z, M = positive(rng, p, 1e2), positive(rng, p)
+        Z = positive(rng, p, 1e2)
+        M = positive(rng, p)
 
         def bound(u, Z=Z):
             K = np.sqrt(u)[:, None] * Z * np.sqrt(u)
@@ -306,10 +338,11 @@ def test_polar_of_g_is_near_the_best_over_all_weights(p):
 @sizes
 @of_degree
 def test_polar_is_below_every_matrix(name, p):
-    """No X with <Z, X> = 1 costs less than the polar, near the best one either, whatever M it is taken at."""
+    """No X with <Z, X> = 1 costs less than the polar, near the best X either, at any M."""
     rng = np.random.default_rng(p)
     for _ in range(6):
-        Z, M = positive(rng, p, 1e3), positive(rng, p, 1e2)
+        Z = positive(rng, p, 1e3)
+        M = positive(rng, p, 1e2)
         c = make(name, p)
         X = [positive(rng, p, 1e4) for _ in range(100)] + [M, np.linalg.inv(Z)]
         if name not in ("G", "rho0"):
@@ -327,56 +360,66 @@ def test_polar_is_below_every_matrix(name, p):
 @sizes
 @of_degree
 def test_polar_is_homogeneous(name, p):
-    """polar(c Z) = c**degree * polar(Z) over sixteen decades of c, and whatever the size of M is."""
+    """polar(c Z) = c**degree * polar(Z) over sixteen decades of c, for M of any size."""
     rng = np.random.default_rng(p)
     c = make(name, p)
     for _ in range(5):
-        Z, M = positive(rng, p, 1e3), positive(rng, p)
+        Z = positive(rng, p, 1e3)
+        M = positive(rng, p)
         for factor in (1e-8, 0.3, 1e8):
             expected = pytest.approx(factor**c.degree * c.polar(Z, M), rel=slip(Z, M))
             assert c.polar(factor * Z, M) == expected
             assert c.polar(factor * Z, M / factor) == expected
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(3))
 @every
-def test_floor_is_a_bound_in_bad_units(name, seed):
-    """With parameters in units from 1e-7 to 1e4 no design over the candidates costs less than a floor either.
+def test_bound_is_a_bound_in_bad_units(name, seed):
+    """With units from 1e-7 to 1e4 no design over the candidates costs less than a bound either.
 
-    The multipliers are those of well scaled parameters, taken along, and gradients taken in the bad units.
+    The multipliers are those of well scaled parameters, transformed, and gradients taken in the bad
+    units.
     """
     rng = np.random.default_rng(seed)
-    blocks, t = candidates(rng, 12, 4), units(rng, 4)
+    blocks = candidates(rng, 12, 4)
+    t = units(rng, 4)
     T = np.diag(t)
     good = choose(name, blocks.mean(axis=0))
-    Z = multipliers(rng, good, unit_trace(good, blocks)) / np.outer(t, t)
+    normalised = unit_trace(good, blocks)
+    optimal = best_design(good, normalised)[1]
+    Z = multipliers(rng, good, normalised, optimal) / np.outer(t, t)
     weights = np.concatenate([rng.dirichlet(np.full(12, a), size=300) for a in (0.1, 1.0)])
     scaled = np.outer(t, t) * blocks
     c = choose(name, scaled.mean(axis=0)).in_units(T)
     scaled = unit_trace(c, scaled)
     X = np.tensordot(weights, scaled, axes=1)
-    costs, M = c.cost(X), scaled.mean(axis=0)
+    costs = c.cost(X)
+    M = scaled.mean(axis=0)
     assert np.isfinite(costs.min())
     Z = np.concatenate([Z, *(proofs(c, X[i]) for i in np.argsort(costs)[:3])])
     top = sensitivities(Z, scaled)
     limit = costs.min() * (1 + slip(np.tensordot(weights[costs.argmin()], blocks, axes=1)))
-    floors = [c.lower_bound(z[None], x[None], M) for z, x in zip(Z, top, strict=True)]
-    assert max(c.lower_bound(Z, top, M), *floors) <= limit
+    bounds = [c.lower_bound(z[None], x[None], M) for z, x in zip(Z, top, strict=True)]
+    assert max(c.lower_bound(Z, top, M), *bounds) <= limit
     if c.monotone:
-        assert max(floors[-3:]) > 0.01 * limit
+        assert max(bounds[-3:]) > 0.01 * limit
 
 
 @pytest.mark.parametrize("name", [n for n in BUILTINS if criteria.get(n).unit_free])
 def test_unit_free_ones_prove_the_same_in_any_units(name):
-    """With k = t k', t from 1e-7 to 1e4, costs, polars and floors of unit-free criteria change by one common factor.
+    """With k = t k' costs, polars and bounds of unit-free criteria change by one common factor.
 
-    For rho0, whose target changes along, that factor is one.
+    The units t are from 1e-7 to 1e4. For rho0, whose target is transformed too, the factor is one.
     """
     for seed in range(20):
         rng = np.random.default_rng(seed)
-        M, Z, t = positive(rng, 4), positive(rng, 4), units(rng, 4)
-        good, tops = make(name, 4), np.array([2.0, 3.0])
-        bad, TT = good.in_units(np.diag(t)), np.outer(t, t)
+        M = positive(rng, 4)
+        Z = positive(rng, 4)
+        t = units(rng, 4)
+        good = make(name, 4)
+        tops = np.array([2.0, 3.0])
+        bad = good.in_units(np.diag(t))
+        TT = np.outer(t, t)
         factor = bad.cost(TT * M) / good.cost(M)
         accuracy = (
             2 * slip(M, Z) * 4
@@ -384,23 +427,25 @@ def test_unit_free_ones_prove_the_same_in_any_units(name):
         if name == "rho0":
             assert factor == pytest.approx(1, rel=slip(M))
         assert bad.polar(Z / TT, TT * M) == pytest.approx(factor * good.polar(Z, M), rel=accuracy)
-        floors = (
+        bounds = (
             bad.lower_bound(np.stack([Z, M]) / TT, tops, TT * M),
             good.lower_bound(np.stack([Z, M]), tops, M),
         )
-        assert floors[0] == pytest.approx(factor * floors[1], rel=accuracy)
+        assert bounds[0] == pytest.approx(factor * bounds[1], rel=accuracy)
 
 
 @pytest.mark.parametrize("name", POLARS)
-def test_floor_of_a_gradient_is_tight_in_bad_units(name):
-    """With parameters in units from 1e-7 to 1e4, too, minus the gradient at M proves the cost of M to a gap of 1e-6.
+def test_bound_of_a_gradient_is_tight_in_bad_units(name):
+    """With units from 1e-7 to 1e4, too, minus the gradient at M proves the cost of M to 1e-6.
 
-    A relaxation that stops at this gap must be able to prove it; and no bound exceeds the cost. In bad units that of
-    O5 is a sum of roots of rounded eigenvalues, so it is taken from the singular values of a whitener instead.
+    A relaxation that stops at this gap must be able to prove it; and no bound exceeds the cost. In
+    bad units the cost of O5 is a sum of roots of rounded eigenvalues, so it is taken from the
+    singular values of a whitener instead.
     """
     for seed in range(20):
         rng = np.random.default_rng(seed)
-        t, good = units(rng, 4), positive(rng, 4)
+        t = units(rng, 4)
+        good = positive(rng, 4)
         M = np.outer(t, t) * good
         c = make(name, 4).in_units(np.diag(t))
         Z = proofs(c, M)

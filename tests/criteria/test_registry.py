@@ -21,7 +21,10 @@ def run(code, site=None):
 
 
 def site_with(folder, entry_points, module="", distribution="claimant"):
-    """A site directory with one hand-made distribution: its entry points, and a module of that name."""
+    """Make a site directory with one distribution by hand.
+
+    It has the given entry points, and a module of the distribution's name.
+    """
     info = folder / f"{distribution}-1.0.dist-info"
     info.mkdir()
     (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {distribution}\nVersion: 1.0\n")
@@ -63,7 +66,7 @@ def test_names_are_exact():
 
 
 def test_duplicate_is_refused_and_changes_nothing():
-    """A second class under a taken name is refused in one line that names both, and the first stays."""
+    """A second class under a taken name is rejected: the message names both, the first stays."""
     holder = criteria.get("A")
     impostor = type("Impostor", (holder,), {})
     with pytest.raises(
@@ -111,7 +114,10 @@ def test_package_stands_alone():
 
 
 def test_plugin_is_found_by_its_name(plugin_site):
-    """A third party's distribution, built and installed by pip, adds a criterion; this one has no convex form."""
+    """A third party's distribution, built and installed by pip, adds a criterion.
+
+    This one has no convex form.
+    """
     done = run(
         "import criteria, numpy as np\n"
         "c = criteria.create('trace_M')\n"
@@ -133,7 +139,7 @@ def test_plugin_is_listed_without_being_imported(plugin_site):
 
 
 def test_plugin_cannot_take_a_builtin_name(tmp_path):
-    """An entry point under a built-in's name is refused in one line that names it."""
+    """An entry point under a built-in's name is rejected in one line that names it."""
     done = run(REPORT.format(name="A"), site_with(tmp_path, "A = claimant:A"))
     assert (done.returncode, done.stderr) == (0, "")
     (line,) = done.stdout.splitlines()
@@ -141,35 +147,70 @@ def test_plugin_cannot_take_a_builtin_name(tmp_path):
 
 
 def test_two_plugins_cannot_share_a_name(tmp_path):
-    """Two entry points of one name and different value are refused."""
+    """Two entry points of one name and different value are rejected."""
     site_with(tmp_path, "twin = one:C", distribution="one")
     done = run(REPORT.format(name="twin"), site_with(tmp_path, "twin = two:C", distribution="two"))
     assert done.stdout.startswith("DuplicateCriterionError criterion name 'twin'")
     assert len(done.stdout.splitlines()) == 1
 
 
-@pytest.mark.parametrize(
-    ("entry", "module", "expected"),
-    [
-        ("x = claimant:Missing", "", "'claimant:Missing' does not load"),
-        ("x = claimant_absent:C", "", "'claimant_absent:C' does not load"),
-        ("x = claimant:C", "1/0", "'claimant:C' does not load"),
-        ("x = claimant:C", "syntax error here", "'claimant:C' does not load"),
-        ("x = claimant:C", "raise RuntimeError('first\\nsecond')", "'claimant:C' does not load"),
-        ("x = claimant:C", "C = 3", "must be a Criterion class whose name is 'x'"),
-        (
-            "x = claimant:C",
-            "class C:\n    name = 'x'",
-            "must be a Criterion class whose name is 'x'",
-        ),
-    ],
-    ids=["no attribute", "no module", "raises", "syntax", "two lines", "no class", "no criterion"],
+BARE = """
+from criteria import Criterion
+
+class C(Criterion):
+    name = {name!r}
+
+    def _cost(self, M, cov):
+        pass
+"""
+WITHOUT_BASE = (
+    BARE
+    + """
+    def _gradient(self, M, cov):
+        pass
+
+    def expression(self, M, T=None):
+        pass
+"""
 )
-def test_plugin_that_does_not_load_is_one_line(tmp_path, entry, module, expected):
-    """A plug-in that does not load or is no Criterion is a CriterionError of one line; the others work."""
-    site = site_with(tmp_path, entry, module)
-    done = run(REPORT.format(name="x") + "criteria.get('A')\ncriteria.available()", site)
+# What is wrong with a plug-in: the attribute that its entry point names, the text of its module
+# (None for no module), and what the message says.
+BROKEN = {
+    "no_attribute": ("Missing", "", "'{name}:Missing' does not load"),
+    "no_module": ("C", None, "'{name}:C' does not load"),
+    "raises": ("C", "1/0", "'{name}:C' does not load"),
+    "syntax": ("C", "syntax error here", "'{name}:C' does not load"),
+    "two_lines": ("C", "raise RuntimeError('first\\nsecond')", "'{name}:C' does not load"),
+    "no_class": ("C", "C = 3", "must be a Criterion class whose name is '{name}'"),
+    "no_criterion": (
+        "C",
+        "class C:\n    name = {name!r}",
+        "must be a Criterion class whose name is '{name}'",
+    ),
+    "no_gradient": ("C", BARE, "criterion '{name}': {name}.C does not define _gradient"),
+    "wrong_base": ("C", WITHOUT_BASE, "criteria.ConvexCriterion instead of criteria.Criterion"),
+}
+
+
+@pytest.fixture(scope="module")
+def messages(tmp_path_factory):
+    """What a look-up of each broken plug-in says, from one interpreter that has them all."""
+    entries = "\n".join(f"{name} = {name}:{what[0]}" for name, what in BROKEN.items())
+    site = site_with(tmp_path_factory.mktemp("broken"), entries)
+    for name, (_, module, _) in BROKEN.items():
+        if module is not None:
+            (site / f"{name}.py").write_text(module.replace("{name!r}", repr(name)))
+    code = "".join(REPORT.format(name=name) for name in BROKEN)
+    done = run(code + "criteria.get('A')\ncriteria.available()", site)
     assert (done.returncode, done.stderr) == (0, "")
-    (line,) = done.stdout.splitlines()
-    assert line.startswith("CriterionError criterion plug-in")
-    assert expected in line
+    return dict(zip(BROKEN, done.stdout.splitlines(), strict=True))
+
+
+@pytest.mark.parametrize("name", BROKEN)
+def test_plugin_that_does_not_load_is_one_line(messages, name):
+    """A plug-in that does not load, or is no complete Criterion, is a CriterionError of one line.
+
+    The other criteria still work.
+    """
+    assert messages[name].startswith("CriterionError criterion ")
+    assert BROKEN[name][2].format(name=name) in messages[name]

@@ -1,4 +1,4 @@
-"""Every built-in criterion against its definition by the singular values of the stacked regressor."""
+"""Every built-in criterion against its definition by the singular values of the regressor."""
 
 import numpy as np
 import pytest
@@ -32,7 +32,10 @@ BUILTINS = ("A", "D", "E", "G", "O1", "O2", "O3", "O4", "O5", "rho0")
 
 @pytest.mark.parametrize("name", BUILTINS)
 def test_value_is_the_definition_by_singular_values(name):
-    """The value of M = A'A is what Table 1 defines by the singular values of A (condition of M below 1e4)."""
+    """The value of M = A'A is what Table 1 defines by the singular values of A.
+
+    The condition of M is below 1e4.
+    """
     rng = np.random.default_rng(0)
     for m in (4, 9, 36):
         A = rng.normal(size=(m, 4)) @ np.diag([1.0, 2.0, 3.0, 0.5])
@@ -68,7 +71,7 @@ def test_d_is_the_root_of_the_determinant():
 
 
 def test_d_survives_a_determinant_that_underflows():
-    """The p-th root is taken of the logarithm: tiny compliances' huge or tiny determinants do no harm."""
+    """The p-th root is taken of the logarithm, so that tiny or huge determinants do no harm."""
     for scale in (1e-100, 1e100):
         assert criteria.create("D").value(scale * np.eye(6)) == pytest.approx(scale, rel=1e-12)
 

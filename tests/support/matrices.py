@@ -22,17 +22,20 @@ def make(name: str, p: int) -> criteria.Criterion:
 
 
 def balance(around: Array, share: float = 0.5) -> SpectralBalance:
-    """The member of O4's family to which ``a kappa`` contributes a given share at the design `around` (p, p)."""
-    s, kappa = (
-        float(make("E", len(around)).cost(around)),
-        float(make("O2", len(around)).cost(around)) ** 2,
-    )
+    """The member of O4's family in which ``a kappa`` has a given share of the cost of `around`."""
+    s = float(make("E", len(around)).cost(around))
+    kappa = float(make("O2", len(around)).cost(around)) ** 2
     return SpectralBalance(share / kappa, (1 - share) / s)
 
 
+def slips(M: Array) -> Array:
+    """Relative errors (...) to which costs of matrices (..., p, p) are defined: 64 p eps cond."""
+    return 64 * M.shape[-1] * EPS * np.linalg.cond(M)
+
+
 def slip(*matrices: Array) -> float:
-    """Relative error to which a cost is defined: 64 p eps cond, of the worst matrix."""
-    return 64 * matrices[0].shape[-1] * EPS * max(np.linalg.cond(M).max() for M in matrices)
+    """Relative error to which a cost is defined, that of the worst of some matrices."""
+    return max(float(slips(M).max()) for M in matrices)
 
 
 def orthogonal(rng: np.random.Generator, p: int) -> Array:
@@ -59,19 +62,21 @@ def symmetric(rng: np.random.Generator, p: int) -> Array:
 
 
 def units(rng: np.random.Generator, p: int) -> Array:
-    """Units (p,) of parameters, from 1e-7 to 1e4: with k = t k' information is multiplied by t t'."""
+    """Units t (p,) from 1e-7 to 1e4: for parameters k' with k = t k', M becomes M t t'."""
     return 10 ** rng.uniform(-7, 4, size=p)
 
 
 def solve(
     c: criteria.Relaxable, blocks: Array, around: Array, T: Array
 ) -> tuple[float, Array, Array]:
-    """Optimum of the criterion's program over candidates (n, p, p), weights (n,) of sum one, multiplier (p, p).
+    """Optimum of the criterion's program over candidates (n, p, p), with weights and multiplier.
 
-    The optimum is that of ``(cost/unit)^power``, with `unit` the cost of the design `around`, which T whitens. The
-    multiplier of ``M == sum w_i M_i`` belongs to the original units.
+    The optimum is that of ``(cost/unit)^power``, with `unit` the cost of the design `around`, which
+    T whitens. The weights (n,) have sum one. The multiplier (p, p) of ``M == sum w_i M_i`` belongs
+    to the original units.
     """
-    w, M = cp.Variable(len(blocks), nonneg=True), cp.Variable(T.shape, symmetric=True)
+    w = cp.Variable(len(blocks), nonneg=True)
+    M = cp.Variable(T.shape, symmetric=True)
     whitened = T.T @ blocks @ T
     rows, columns = np.triu_indices(len(T))
     link = cp.vec(M, order="C")[rows * len(T) + columns] == whitened[:, rows, columns].T @ w
@@ -86,7 +91,10 @@ def solve(
 
 
 def optimum(c: criteria.Relaxable, blocks: Array) -> tuple[Array, Array]:
-    """Optimal information (p, p) over the candidates, and the multiplier that proves it, psd where it must be."""
+    """Optimal information (p, p) over the candidates, and the multiplier that proves it.
+
+    The multiplier is semidefinite if the criterion is monotone.
+    """
     mean = blocks.mean(axis=0)
     _, weights, Z = solve(c, blocks, mean, whitener(mean))
     return np.tensordot(weights, blocks, axes=1), semidefinite(Z, mean) if c.monotone else Z
@@ -108,5 +116,5 @@ def candidates(rng: np.random.Generator, n: int, p: int, rows: int = 2) -> Array
 
 
 def sensitivities(Z: Array, blocks: Array) -> Array:
-    """The dearest prices (r,) of multipliers (r, p, p) over candidates (n, p, p)."""
+    """The largest sensitivities (r,) of candidates (n, p, p) to multipliers (r, p, p)."""
     return np.einsum("rij,nij->rn", Z, blocks).max(axis=1)

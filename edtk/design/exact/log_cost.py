@@ -6,7 +6,7 @@ import numpy as np
 
 from criteria import Criterion
 from criteria.linalg.triangle import triangle
-from criteria.second_derivative import derivatives
+from criteria.derivatives import derivatives
 from edtk.design.experiments import Experiments, weighted_information
 from edtk.design.interior_point.neighbourhood import Neighbourhood
 from edtk.design.interior_point.objective import Local, Objective

@@ -1,12 +1,13 @@
-"""The guarded inverse: an inverse where there is one, and a mask where there is none."""
+"""Inverses, whiteners and traces of powers, which mark or survive what is lost in rounding."""
 
 import numpy as np
 import pytest
-from matrices import EPS, positive, slip, units, with_spectrum
+from matrices import EPS, orthogonal, positive, slip, units, with_spectrum
 
-from criteria.linalg.inverse import guarded_inverse
+from criteria.linalg.inverse import guarded_inverse, power_trace, whitener
 
 sizes = pytest.mark.parametrize("p", [1, 2, 3, 6, 9])
+powers = pytest.mark.parametrize("exponent", [1 / 3, 0.5, 1.0])
 
 
 def unit_diagonal(M):
@@ -19,7 +20,8 @@ def test_regular_matrices_are_inverted_in_any_units(p):
     """``cov M = I`` to the rounding of a matrix of condition 1e4, once its units are taken away."""
     rng = np.random.default_rng(p)
     for _ in range(5):
-        M, t = positive(rng, p, 1e4), units(rng, p)
+        M = positive(rng, p, 1e4)
+        t = units(rng, p)
         safe, cov, regular = guarded_inverse(M * np.outer(t, t))
         assert regular
         np.testing.assert_array_equal(safe, M * np.outer(t, t))
@@ -27,9 +29,14 @@ def test_regular_matrices_are_inverted_in_any_units(p):
 
 
 def test_singular_and_non_finite_members_of_a_batch():
-    """They are marked, with the identity in their place and for their inverse; the others do not notice."""
+    """Singular and non-finite members are marked; they and their inverses become the identity.
+
+    The other members of the batch are what they would be alone.
+    """
     M = np.tile(positive(np.random.default_rng(0), 3), (5, 1, 1))
-    M[1], M[2], M[3] = np.ones((3, 3)), 0.0, np.nan
+    M[1] = np.ones((3, 3))
+    M[2] = 0.0
+    M[3] = np.nan
     safe, cov, regular = guarded_inverse(M)
     assert regular.tolist() == [True, False, False, False, True]
     for members in (safe, cov):
@@ -40,7 +47,10 @@ def test_singular_and_non_finite_members_of_a_batch():
 @pytest.mark.parametrize("scaled", [False, True], ids=["good units", "bad units"])
 @pytest.mark.parametrize("p", [2, 3, 6])
 def test_a_larger_threshold_refuses_what_is_nearly_singular(p, scaled):
-    """Regular are those whose least eigenvalue at unit diagonal is above the threshold, and above rounding anyway."""
+    """Matrices are regular whose least eigenvalue at unit diagonal exceeds the threshold.
+
+    It must exceed rounding in any case.
+    """
     rng = np.random.default_rng(p)
     t = units(rng, p) if scaled else np.ones(p)
     for decades in range(1, 13):
@@ -52,7 +62,58 @@ def test_a_larger_threshold_refuses_what_is_nearly_singular(p, scaled):
 
 
 def test_the_threshold_is_never_below_rounding():
-    """Asked for less than the rounding of a singular matrix, it is still marked as such."""
+    """A singular matrix is marked as such, however small the threshold is."""
     A = np.random.default_rng(1).normal(size=(2, 4))
     for least in (0.0, 1e-30, -1.0):
         assert not guarded_inverse(A.T @ A, least)[2]
+
+
+@sizes
+def test_whitener_whitens_in_any_units(p):
+    """``T' M T = I`` to the rounding of a matrix of condition 1e4, in any units."""
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        M = positive(rng, p, 1e4)
+        for t in (np.ones(p), units(rng, p)):
+            scaled = np.outer(t, t) * M
+            T = whitener(scaled)
+            np.testing.assert_allclose(T.T @ scaled @ T, np.eye(p), rtol=0, atol=slip(M))
+
+
+@powers
+@sizes
+def test_power_trace_is_the_sum_of_powers(p, exponent):
+    """``trace(Z^power)`` is the sum of the eigenvalues' powers.
+
+    The least root is known to 64 p eps of the spread.
+    """
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        z = 1e3 ** rng.uniform(-1, 1, size=p)
+        np.testing.assert_allclose(
+            power_trace(with_spectrum(rng, z), exponent), (z**exponent).sum(), rtol=1e6 * EPS * p
+        )
+
+
+@powers
+@pytest.mark.parametrize("p", [2, 3, 6, 9])
+def test_power_trace_of_low_rank_takes_no_roots_of_rounding(p, exponent):
+    """Of low rank the trace is that of the nonzero singular values.
+
+    Roots of rounded zeros would add up to 1e-5 of it.
+    """
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        s = rng.uniform(1, 2, size=rng.integers(1, p))
+        B = orthogonal(rng, p)[:, : len(s)] * s
+        found = power_trace(B @ B.T, exponent)
+        np.testing.assert_allclose(found, (s ** (2 * exponent)).sum(), rtol=64 * p * EPS)
+
+
+@powers
+def test_power_trace_is_never_above_the_sum(exponent):
+    """Small eigenvalues never count for more than they are, and zero has no trace."""
+    for small in 10.0 ** np.arange(-20, 1):
+        found = power_trace(np.diag([1.0, small]), exponent)
+        assert 1 - 64 * EPS <= found <= (1 + small**exponent) * (1 + 4 * EPS)
+    assert power_trace(np.zeros((2, 2)), exponent) == 0.0

@@ -27,7 +27,10 @@ def low_rank(seed, p, rank):
 
 @pytest.mark.parametrize("p", [1, 2, 3, 6, 9])
 def test_full_rank_leaves_nothing_open(p):
-    """A regular matrix has no open direction, at condition 1e10 and in units from 1e-7 to 1e4 either."""
+    """A regular matrix has no open direction.
+
+    That holds at condition 1e10 and in units from 1e-7 to 1e4 too.
+    """
     rng = np.random.default_rng(p)
     parameters = tuple(f"k{i}" for i in range(p))
     for M in (np.eye(p), positive(rng, p), with_spectrum(rng, np.geomspace(1e-10, 1, p))):
@@ -49,7 +52,10 @@ def test_a_parameter_without_effect_is_named_alone(j):
 
 
 def test_two_parameters_of_like_effect_are_named_by_their_combination():
-    """If k3 has twice the effect of k2, then "k2 - 0.5 k3" is open: one name, whatever is rounded in the rest."""
+    """If k3 has twice the effect of k2, then "k2 - 0.5 k3" is open.
+
+    It is always spelt so, whatever the rounding of the other entries is.
+    """
     found = set()
     for seed in SEEDS:
         A = regressor(seed)
@@ -67,7 +73,10 @@ def test_opposite_effects_add():
 
 
 def test_three_parameters_in_one_direction():
-    """A parameter whose effect is the sum of two others' leads their combination, for it has the largest share."""
+    """A parameter whose effect is the sum of two others' leads their combination.
+
+    It has the largest share.
+    """
     A = np.linalg.qr(regressor(0))[0]
     A[:, 0] = A[:, 1] + A[:, 2]
     assert names(A) == ("k1 - k2 - k3",)
@@ -76,12 +85,15 @@ def test_three_parameters_in_one_direction():
 
 
 def test_two_open_directions_are_told_apart():
-    """Of a two-dimensional null space each direction is named with few parameters, not mixed with the other."""
+    """Two open directions are named with few parameters each, not mixed with each other."""
     found = set()
     for seed in SEEDS:
-        A, B = regressor(seed), regressor(seed, p=5)
-        A[:, 3], A[:, 2] = 0, 2 * A[:, 1]
-        B[:, 1], B[:, 4] = B[:, 0], -2 * B[:, 3]
+        A = regressor(seed)
+        B = regressor(seed, p=5)
+        A[:, 3] = 0
+        A[:, 2] = 2 * A[:, 1]
+        B[:, 1] = B[:, 0]
+        B[:, 4] = -2 * B[:, 3]
         found |= {frozenset(names(A)), frozenset(names(B, (*FOUR, "k5")))}
     assert found == {frozenset({"k4", "k2 - 0.5 k3"}), frozenset({"k1 - k2", "k4 + 0.5 k5"})}
 
@@ -100,9 +112,9 @@ def test_no_information_leaves_every_parameter_open():
 
 @pytest.mark.parametrize(("p", "rank"), [(2, 1), (4, 2), (6, 5), (6, 3), (9, 4)])
 def test_null_space_is_one(p, rank):
-    """There are p - rank independent directions, and M maps each to zero in the rounding of its rows.
+    """As many as p - rank directions are found, and M maps each to zero up to rounding.
 
-    The directions are solved for from unit vectors of rows of modest condition, hence the factor of 1e3.
+    They are solved for from unit vectors of rows of modest condition, hence the factor of 1e3.
     """
     for seed in range(10):
         M = low_rank(seed, p, rank)
@@ -117,7 +129,7 @@ def test_null_space_is_one(p, rank):
 
 @pytest.mark.parametrize(("p", "rank"), [(2, 1), (4, 2), (6, 5), (6, 3), (9, 4)])
 def test_null_space_is_in_echelon_form(p, rank):
-    """Each direction has a parameter of coefficient one that no other direction has, so that few are named."""
+    """Each direction has a parameter of coefficient one that no other direction has."""
     for seed in range(10):
         N, _ = null_space(low_rank(seed, p, rank))
         own = [
@@ -129,9 +141,9 @@ def test_null_space_is_in_echelon_form(p, rank):
 
 @pytest.mark.parametrize(("p", "rank"), [(2, 1), (4, 2), (6, 5), (6, 3)])
 def test_null_space_does_not_depend_on_units(p, rank):
-    """With k = t k', t from 1e-7 to 1e4, the open directions are the same ones, and none is gained or lost.
+    """With k = t k', t from 1e-7 to 1e4, the open directions are the same.
 
-    Of the scaled parameters even the numbers are the same, here compared as projectors.
+    In the scaled parameters even the numbers are the same; projectors are compared.
     """
 
     def projector(N):
@@ -139,14 +151,19 @@ def test_null_space_does_not_depend_on_units(p, rank):
         return Q @ Q.T
 
     for seed in range(10):
-        M, t = low_rank(seed, p, rank), units(np.random.default_rng(seed), p)
-        (N, d), (scaled, e) = null_space(M), null_space(np.outer(t, t) * M)
+        M = low_rank(seed, p, rank)
+        t = units(np.random.default_rng(seed), p)
+        N, d = null_space(M)
+        scaled, e = null_space(np.outer(t, t) * M)
         np.testing.assert_allclose(e, t * d, rtol=8 * EPS)
         np.testing.assert_allclose(projector(scaled), projector(N), atol=1e4 * p * EPS)
 
 
 def test_coefficients_are_in_the_units_of_the_parameters():
-    """With k2 = 1e-7 k2' the direction "k2 - 0.5 k3" becomes "k2' - 5e-08 k3": names speak of the user's numbers."""
+    """With k2 = 1e-7 k2' the direction "k2 - 0.5 k3" becomes "k2' - 5e-08 k3".
+
+    So names speak of the user's numbers.
+    """
     A = regressor(0)
     A[:, 2] = 2 * A[:, 1]
     A[:, 1] *= 1e-7
@@ -156,7 +173,8 @@ def test_coefficients_are_in_the_units_of_the_parameters():
 @pytest.mark.parametrize("seed", range(10))
 def test_open_directions_are_why_a_cost_is_infinite(seed):
     """A matrix has an open direction just where criteria call it singular."""
-    rng, c = np.random.default_rng(seed), criteria.create("D")
+    rng = np.random.default_rng(seed)
+    c = criteria.create("D")
     for p in (2, 4, 6):
         parameters = tuple(f"k{i}" for i in range(p))
         for rank in range(1, p + 1):

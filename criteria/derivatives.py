@@ -9,8 +9,8 @@ from criteria.linalg.inverse import guarded_inverse
 from criteria.linalg.triangle import triangle
 from criteria.linalg.typing import Array
 
-# Of an entry of M, in parts of the root of the product of its two diagonal entries. Truncation errs
-# by the step and rounding by eps/step; a descent needs three digits of curvature.
+# Of an entry of M, in parts of the root of the product of its two diagonal entries. A one-sided
+# difference errs by the step (truncation) and by eps/step (rounding), here 1e-6 and 2e-10.
 STEP = 1e-6
 
 

@@ -5,7 +5,7 @@ import pytest
 from matrices import make, positive, symmetric, units
 
 import criteria
-from criteria.second_derivative import derivatives
+from criteria.derivatives import derivatives
 
 every = pytest.mark.parametrize("name", criteria.available())
 
@@ -23,8 +23,9 @@ def triangle(dM):
 @every
 @pytest.mark.parametrize("p", [1, 2, 5])
 def test_curvature_along_any_direction(name, p, derivative):
-    """Along any symmetric direction the second derivative of the cost is ``v' K v``, and the first ``<G, dM>``."""
-    rng, criterion = np.random.default_rng(p), smooth(name, p)
+    """Along any direction the first derivative is ``<G, dM>``, the second ``v' K v``."""
+    rng = np.random.default_rng(p)
+    criterion = smooth(name, p)
     for _ in range(5):
         M = positive(rng, p)
         H = symmetric(rng, p)
@@ -48,10 +49,15 @@ def test_curvature_along_any_direction(name, p, derivative):
     ],
 )
 def test_units(name):
-    """Scaled parameters, from 1e-7 to 1e4, have the curvature of the unscaled ones, where units do not matter."""
-    rng, p = np.random.default_rng(3), 3
+    """Parameters in units from 1e-7 to 1e4 have the curvature of unscaled ones.
+
+    That is tried where units do not matter.
+    """
+    rng = np.random.default_rng(3)
+    p = 3
     t = units(rng, p)
-    M, tt = positive(rng, p), np.outer(t, t)
+    M = positive(rng, p)
+    tt = np.outer(t, t)
     cost, _, K = (part[0] for part in derivatives(smooth(name, p), M[None]))
     other, _, scaled = (part[0] for part in derivatives(smooth(name, p), (M * tt)[None]))
     weight = np.outer(triangle(tt), triangle(tt))
@@ -62,8 +68,12 @@ def test_units(name):
 
 @every
 def test_batches_and_singular_members(name):
-    """Each of a batch has its own; a singular one has infinite cost, no derivatives, and disturbs no other."""
-    rng, p = np.random.default_rng(4), 3
+    """Each member of a batch has its own derivatives.
+
+    A singular one has infinite cost and no derivatives, and disturbs no other.
+    """
+    rng = np.random.default_rng(4)
+    p = 3
     criterion = smooth(name, p)
     M = np.array([positive(rng, p), np.diag([1.0, 1.0, 0.0]), positive(rng, p)])
     cost, G, K = derivatives(criterion, M)
@@ -81,7 +91,8 @@ def test_batches_and_singular_members(name):
 @pytest.mark.parametrize("name", [n for n in criteria.available() if criteria.get(n).convex])
 def test_convex_criteria_bend_upwards(name):
     """Where the cost is convex, K is positive semidefinite, to what differences leave."""
-    rng, p = np.random.default_rng(5), 4
+    rng = np.random.default_rng(5)
+    p = 4
     for _ in range(5):
         K = derivatives(smooth(name, p), positive(rng, p)[None])[2][0]
         assert np.linalg.eigvalsh(K)[0] >= -1e-4 * np.abs(K).max()
