@@ -1,6 +1,8 @@
 """The answer to a whole study: bounds and plans for every criterion and size, compared."""
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -10,12 +12,15 @@ from edtk.design.exact.find_plan import SearchOptions, find_plan
 from edtk.design.exact.require_enough import TooFewExperimentsError
 from edtk.design.exact.smallest_size import smallest_size
 from edtk.design.relaxation.relax import require_relaxable
+from edtk.design.relaxation.relax_options import RelaxOptions
+from edtk.design.relaxation.relax_poses import relax_poses
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
 from edtk.study.case import Case
-from edtk.study.checkpoint import Checkpoint, checkpoint_of
+from edtk.study.checkpoint import checkpoint_of
 from edtk.study.comparison_table import comparison_table
 from edtk.study.random_case import random_case
-from edtk.study.relax_study import relax_study, source_of
+from edtk.study.relax_study import source_of
+from edtk.study.relaxed_under import relaxed_under
 from edtk.study.run_options import DEFAULTS, Progress, RunOptions
 from edtk.study.study import Study
 from edtk.study.study_errors import study_errors
@@ -24,6 +29,9 @@ from edtk.study.write_plans import write_plans
 from edtk.system.atomic_file import atomic_path
 from edtk.system.errors import UserError
 from edtk.system.workers import WorkersLostError
+
+Answer = dict[str, Any]
+Complete = Callable[[Mapping[str, Callable[[], Answer]]], dict[str, Answer]]
 
 # Relative gap of the search over all poses: tables show efficiencies to 0.1 %.
 TOLERANCE = 1e-4
@@ -61,21 +69,34 @@ def run_study(
         checkpoint = checkpoint_of(study, folder / "cases")
         if fresh:
             checkpoint.forget_others(())
+        complete = partial(checkpoint.complete, workers=options.workers, report=report)
         try:
-            relaxations = _relaxations(study, checkpoint, options, report)
-            cases = _searched(study, questions, relaxations, checkpoint, options, report)
+            bases = _relaxed_bases(study, complete)
+            answers = complete(_searches(study, questions, bases))
         except WorkersLostError as error:
             raise UserError(f"{error}; what is finished is kept, run again to go on") from error
+    checkpoint.forget_others([*answers, *map(_relaxation_name, bases)])
+    relaxations = {
+        name: relaxed_under(require_relaxable(study.criterion(name)), bases[_base(study, name)])
+        for name in _relaxed_names(study)
+    }
+    cases = [_answered(case, answers[_search_name(study, case)], relaxations) for case in questions]
     for index, size in enumerate(study.specification.sizes):
         cases.append(random_case(study, size, index))
         report(cases[-1].name)
     cases += [Case("published", "", plan.experiments, plan=plan) for plan in published.values()]
     table = comparison_table(study, cases, relaxations)
-    write_plans(cases, study.robot, folder / "plans")
-    with atomic_path(folder / "results.csv") as temporary:
-        table.to_csv(temporary, index=False, float_format="%.10g")
+    run = StudyRun(study, table, relaxations, tuple(cases), folder)
+    _write(run)
     report("results")
-    return StudyRun(study, table, relaxations, tuple(cases), folder)
+    return run
+
+
+def _write(run: StudyRun) -> None:
+    """Write the plans and the table, each file whole."""
+    write_plans(run.cases, run.study.robot, run.folder / "plans")
+    with atomic_path(run.folder / "results.csv") as temporary:
+        run.table.to_csv(temporary, index=False, float_format="%.10g")
 
 
 def steps(study: Study) -> int:
@@ -86,7 +107,9 @@ def steps(study: Study) -> int:
 
 def _count(study: Study, questions: list[Case]) -> int:
     """The same, of a study whose questions are known: they, the random plans, first and last."""
-    return len(_relaxable(study)) + len(questions) + len(study.specification.sizes) + 2
+    relaxations = {_base(study, name) for name in _relaxed_names(study)}
+    searches = {_search_name(study, case) for case in questions}
+    return len(relaxations) + len(searches) + len(study.specification.sizes) + 2
 
 
 class _Steps:
@@ -102,9 +125,23 @@ class _Steps:
         self.progress(label, self.done / self.total)
 
 
-def _relaxable(study: Study) -> list[str]:
+def _relaxed_names(study: Study) -> list[str]:
     """Names of the criteria that can be relaxed, those that are optimised first."""
     return [name for name in study.names if issubclass(criteria.get(name), criteria.Relaxable)]
+
+
+def _base(study: Study, name: str) -> str:
+    """Name of the criterion that is searched for another one, as D is for O1 = D^(1/2)."""
+    return study.criterion(name).plan_criterion.name
+
+
+def _relaxation_name(base: str) -> str:
+    return f"relaxation_{base}"
+
+
+def _search_name(study: Study, case: Case) -> str:
+    """Name of the search that answers a case; cases of D and O1 share theirs."""
+    return replace(case, optimised=_base(study, case.optimised)).name
 
 
 def _questions(study: Study) -> list[Case]:
@@ -123,29 +160,29 @@ class _Relax:
     """The relaxation of one criterion, as a piece of work that answers with plain numbers."""
 
     study: Study
-    criterion: str
+    criterion: criteria.Relaxable
 
-    def __call__(self) -> dict[str, Any]:
-        found = relax_study(self.study, self.criterion, continuous=True, tolerance=TOLERANCE)
+    def __call__(self) -> Answer:
+        found = relax_poses(
+            source_of(self.study),
+            self.study.specification.candidates,
+            self.criterion,
+            continuous=True,
+            options=RelaxOptions(tolerance=TOLERANCE),
+        )
         answer = found.to_dict()
         del answer["seconds"]  # the same study gives the same files
         return answer
 
 
-def _relaxations(
-    study: Study, checkpoint: Checkpoint, options: RunOptions, report: _Steps
-) -> dict[str, RelaxedPlan]:
-    """The relaxation of every criterion that is compared or optimised, over all feasible poses."""
-    names = _relaxable(study)
-    pieces = {f"relaxation_{name}": _Relax(study, name) for name in names}
-    answers = checkpoint.complete(pieces, options.workers, report)
+def _relaxed_bases(study: Study, complete: Complete) -> dict[str, RelaxedPlan]:
+    """The relaxations over all feasible poses, one for all criteria that share their plans."""
+    every = [study.criterion(name).plan_criterion for name in _relaxed_names(study)]
+    bases = {criterion.name: require_relaxable(criterion) for criterion in every}
+    answers = complete({_relaxation_name(name): _Relax(study, bases[name]) for name in bases})
     return {
-        name: RelaxedPlan.from_dict(
-            source_of(study),
-            require_relaxable(study.criterion(name)),
-            answers[f"relaxation_{name}"],
-        )
-        for name in names
+        name: RelaxedPlan.from_dict(source_of(study), base, answers[_relaxation_name(name)])
+        for name, base in bases.items()
     }
 
 
@@ -153,16 +190,14 @@ def _relaxations(
 class _Search:
     """The search for one plan, as a piece of work that answers with plain numbers."""
 
-    study: Study
     relaxed: RelaxedPlan
-    case: Case
+    size: int
+    distinct: int | None
+    options: SearchOptions
 
-    def __call__(self) -> dict[str, Any]:
-        specification = self.study.specification
-        starts = specification.descents(self.case.optimised)
+    def __call__(self) -> Answer:
         try:
-            options = SearchOptions(seed=specification.seed, starts=starts)
-            found = find_plan(self.relaxed, self.case.size, self.case.distinct, options=options)
+            found = find_plan(self.relaxed, self.size, self.distinct, options=self.options)
         except TooFewExperimentsError as error:
             return {"reason": str(error)}
         if found.ended == "interrupted":
@@ -172,27 +207,26 @@ class _Search:
         return answer
 
 
-def _searched(
-    study: Study,
-    questions: list[Case],
-    relaxations: dict[str, RelaxedPlan],
-    checkpoint: Checkpoint,
-    options: RunOptions,
-    report: _Steps,
-) -> list[Case]:
-    """The plans that were searched for, or the reasons why there are none."""
-    largest_first = sorted(questions, key=lambda case: -case.size)  # they take longest
-    pieces = {
-        case.name: _Search(study, relaxations[case.optimised], case) for case in largest_first
-    }
-    answers = checkpoint.complete(pieces, options.workers, report)
-    checkpoint.forget_others([*answers, *(f"relaxation_{name}" for name in relaxations)])
-    return [_answered(case, answers[case.name], relaxations[case.optimised]) for case in questions]
+def _searches(
+    study: Study, questions: list[Case], bases: dict[str, RelaxedPlan]
+) -> dict[str, "_Search"]:
+    """The searches for the plans, by name, the largest first since they take longest."""
+    searches: dict[str, _Search] = {}
+    for case in sorted(questions, key=lambda case: -case.size):
+        name = _search_name(study, case)
+        starts = study.specification.descents(case.optimised)
+        if name in searches:  # shared; one of the criteria may be the one that gets more descents
+            starts = max(starts, searches[name].options.starts)
+        base = bases[_base(study, case.optimised)]
+        options = SearchOptions(seed=study.specification.seed, starts=starts)
+        searches[name] = _Search(base, case.size, case.distinct, options)
+    return searches
 
 
-def _answered(case: Case, answer: dict[str, Any], relaxed: RelaxedPlan) -> Case:
+def _answered(case: Case, answer: Answer, relaxations: dict[str, RelaxedPlan]) -> Case:
     """A case with its plan, from the numbers of a `_Search`."""
     if "reason" in answer:
         return replace(case, reason=answer["reason"])
-    found = ExactPlan.from_dict(relaxed, answer)
-    return replace(case, plan=found.plan, found=found)
+    found = ExactPlan.from_dict(relaxations[case.optimised], answer)
+    cost = found.relaxed.criterion.cost_from_plan_criterion(found.cost)
+    return replace(case, plan=found.plan, found=replace(found, cost=cost))

@@ -22,7 +22,6 @@ from edtk.design.exact.apportion import apportion
 from edtk.design.exact.find_plan import SearchOptions, find_plan
 from edtk.report.comparison_report import write_report
 from edtk.study import run_study as runner
-from edtk.study.case import Case
 from edtk.study.checkpoint import checkpoint_of
 from edtk.study.evaluate import evaluate
 from edtk.study.relax_study import relax_study
@@ -177,6 +176,52 @@ def test_every_criterion_can_be_optimised(tmp_path, name):
     assert cost(study.space.information(plan)) <= cost(study.space.information(rounded)) < np.inf
 
 
+def test_criteria_that_share_their_plans_are_searched_once(tmp_path):
+    """O1 is D^(1/2): one relaxation and one search serve both, and O1's rows follow from D's."""
+    changes = [
+        (SIZES, "sizes = [3]"),
+        (OPTIMISE, 'optimise = ["O1", "D"]'),
+        (CRITERIA, 'criteria = ["O1"]'),
+    ]
+    found = run_study(load_study(write(tmp_path, *changes, published=False)), tmp_path / "out")
+    assert {path.stem for path in (tmp_path / "out/cases").iterdir()} == {
+        "relaxation_D", "optimised_D_m3", "distinct_D_m3_k2",
+    }  # fmt: skip
+    plans = tmp_path / "out/plans"
+    assert (plans / "optimised_O1_m3.csv").read_bytes() == (
+        plans / "optimised_D_m3.csv"
+    ).read_bytes()
+    table = found.to_frame().set_index("plan")
+    np.testing.assert_allclose(table["efficiency_O1"] ** 2, table["efficiency_D"], rtol=1e-12)
+    by_name = {case.name: case.found for case in found.cases}
+    for name in ("O1", "D"):
+        exact = by_name[f"optimised_{name}_m3"]
+        M = exact.relaxed.space.information(exact.plan)
+        assert exact.relaxed.criterion.name == name
+        assert exact.cost == pytest.approx(float(exact.relaxed.criterion.cost(M)), rel=1e-12)
+        assert exact.efficiency == pytest.approx(
+            table.loc[f"optimised_{name}_m3", f"efficiency_{name}"], rel=1e-12
+        )
+
+
+def test_a_run_shows_itself(tmp_path):
+    """The result of a run has its plans by name, is plain data, and one line long."""
+    changes = [(SIZES, "sizes = [2, 1]"), (OPTIMISE, 'optimise = ["D"]')]
+    changes.append((CRITERIA, 'criteria = ["D"]'))
+    found = run_study(load_study(write(tmp_path, *changes)), tmp_path / "out")
+    assert list(found.plans) == ["optimised_D_m2", "random_m2", "published_m3"]
+    assert found.to_frame().equals(found.table)
+    assert "\n" not in repr(found)
+    assert "3 plans" in repr(found)
+    data = json.loads(json.dumps(found.to_dict(), allow_nan=False))
+    assert [row["plan"] for row in data["table"]] == found.table["plan"].tolist()
+    assert data["table"][1]["D"] is None  # one experiment identifies nothing
+    assert data["relaxations"]["D"]["multipliers"]
+    np.testing.assert_array_equal(
+        data["plans"]["optimised_D_m2"]["q"], found.plans["optimised_D_m2"].q
+    )
+
+
 def files(folder):
     """Every file below a folder, by its relative path."""
     return {str(p.relative_to(folder)): p for p in sorted(folder.rglob("*")) if p.is_file()}
@@ -270,9 +315,7 @@ def test_what_an_interrupted_search_leaves_is_no_answer(monkeypatch):
         runner, "find_plan", lambda *args, **options: SimpleNamespace(ended="interrupted")
     )
     with pytest.raises(KeyboardInterrupt):
-        runner._Search(
-            load_study(STUDIES / "kr270_milling.toml"), None, Case("optimised", "rho0", 6)
-        )()
+        runner._Search(None, 6, None, SearchOptions())()
 
 
 def test_unusable_cases_are_computed_anew(done, tmp_path):
