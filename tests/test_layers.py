@@ -43,6 +43,7 @@ KITS = {
     "edtk/design/interior_point/barrier",
     "edtk/design/packed",
     "edtk/inference/convergence",
+    "edtk/inference/distributions",
     "edtk/inference/least_squares",
     "edtk/report/palette",
     "edtk/study/schema",

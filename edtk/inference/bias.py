@@ -8,11 +8,12 @@ from numpy.typing import ArrayLike
 from edtk.inference.equilibrium_deflection import equilibrium_deflection
 from edtk.inference.least_squares import estimate
 from edtk.model.elastostatic_model import ElastostaticModel
+from edtk.system.presented import Presented
 from edtk.system.typing import Array
 
 
 @dataclass(frozen=True, eq=False)
-class Bias:
+class Bias(Presented):
     """Expected estimates where the linear model is fitted to a loaded equilibrium.
 
     Attributes:
@@ -24,6 +25,11 @@ class Bias:
     true: Array
     expected: Array
     covariance: Array
+
+    def headline(self) -> str:
+        """The largest bias in standard deviations."""
+        worst = self.in_std[np.abs(self.in_std).argmax()]
+        return f"{len(self.true)} compliances, off by {worst:+.3g} standard deviations at most"
 
     @property
     def bias(self) -> Array:

@@ -1,13 +1,12 @@
 """How large the error |A dk| of a compensation may be."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from edtk.inference.distributions import chi_square_quantile, fisher_quantile
 from edtk.system.typing import Array
 
 # Nodes of the quadrature along Talbot's contour. Its error is of the order 3.9^-NODES, and its
@@ -90,17 +89,11 @@ class _Scatter:
     scales: Array
     shares: Array
 
-    def law(self) -> Callable[[float, int], Any]:
-        """Quantiles of ``(z_1^2 + ... + z_n^2) / s``, by probability and n."""
-        from scipy.stats import chi2, f
-
+    def quantile(self, level: float, n: int) -> float:
+        """Quantile of ``(z_1^2 + ... + z_n^2) / s``."""
         if np.isinf(self.dof):
-            return chi2.ppf
-
-        def of_estimate(level: float, n: int) -> Any:
-            return n * f.ppf(level, n, self.dof)
-
-        return of_estimate
+            return float(chi_square_quantile(level, n))
+        return float(n * fisher_quantile(level, n, self.dof))
 
 
 @cache
@@ -113,14 +106,16 @@ def _estimated(dof: float) -> tuple[Array, Array]:
     """
     if np.isinf(dof):
         return np.ones(1), np.ones(1)
-    from scipy.stats import chi2, norm
+    from scipy.special import chdtri, ndtr
 
     if dof < SMOOTH_DOF:
         z, share = np.polynomial.legendre.leggauss(LEGENDRE_NODES)
-        return chi2.ppf((1 + z) / 2, dof) / dof, share / 2
+        return chi_square_quantile((1 + z) / 2, dof) / dof, share / 2
     z, share = np.polynomial.hermite_e.hermegauss(HERMITE_NODES)
     # Each half by its own tail: probabilities near one have no digits left.
-    quantiles = np.where(z < 0, chi2.ppf(norm.cdf(z), dof), chi2.isf(norm.sf(z), dof))
+    lower = chi_square_quantile(ndtr(z), dof)
+    upper = chdtri(dof, ndtr(-z))
+    quantiles = np.where(z < 0, lower, upper)
     return quantiles / dof, share / share.sum()
 
 
@@ -128,9 +123,8 @@ def _quantile(weights: Array, level: float, scatter: _Scatter) -> float:
     """The quantile of ``sum_i l_i z_i^2 / s`` for weights l (r,) whose largest is one."""
     from scipy.optimize import brentq
 
-    law = scatter.law()
-    low = law(level, 1)
-    high = law(level, len(weights))
+    low = scatter.quantile(level, 1)
+    high = scatter.quantile(level, len(weights))
 
     def excess(x: float) -> float:
         probabilities = weighted_chi_square_cdf(x * scatter.scales, weights)
@@ -139,7 +133,7 @@ def _quantile(weights: Array, level: float, scatter: _Scatter) -> float:
     # With a single weight that counts the quantile is an end of the bracket, which rounding may
     # exclude.
     if excess(low) >= 0:
-        return float(low)
+        return low
     if excess(high) <= 0:
-        return float(high)
+        return high
     return float(brentq(excess, low, high, xtol=1e-300, rtol=1e-12))

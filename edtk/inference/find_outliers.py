@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from edtk.inference.distributions import chi_square_tail, fisher_tail
 from edtk.system.typing import Array, Indices
 
 # Probability of flagging anything at all in data without outliers.
@@ -39,9 +40,8 @@ def find_outliers(Q: Array, z: Array, dof: float, scale: float | None = None) ->
     """
     T, r = _deletion(Q, z)
     if scale is not None and np.isinf(dof):
-        from scipy.stats import chi2
-
-        p = chi2.sf(T / max(scale, np.finfo(float).tiny) ** 2, r)
+        squares = T / max(scale, np.finfo(float).tiny) ** 2
+        p = np.where(r > 0, chi_square_tail(squares, np.maximum(r, 1)), 1.0)
     else:
         p = _studentised(T, r, (z**2).sum(), dof, scale)
     return np.flatnonzero(p < LEVEL / len(T))
@@ -49,8 +49,6 @@ def find_outliers(Q: Array, z: Array, dof: float, scale: float | None = None) ->
 
 def _studentised(T: Array, r: Indices, total: float, dof: float, scale: float | None) -> Array:
     """Probability (m,) of a larger T_i under Fisher's law; one where nothing can be compared."""
-    from scipy.stats import f
-
     rest = dof - r if scale is None else np.full(len(r), dof)
     able = (rest > 0) & (r > 0)
     numerator_dof = np.where(able, r, 1)
@@ -58,7 +56,7 @@ def _studentised(T: Array, r: Indices, total: float, dof: float, scale: float | 
     spread = (total - T) / denominator_dof if scale is None else np.full(len(r), scale**2)
     least = 1e-20 * total + np.finfo(float).tiny  # where one row is all that scatters
     ratio = T / numerator_dof / np.maximum(spread, least)
-    return np.where(able, f.sf(ratio, numerator_dof, denominator_dof), 1.0)
+    return np.where(able, fisher_tail(ratio, numerator_dof, denominator_dof), 1.0)
 
 
 def _deletion(Q: Array, z: Array) -> tuple[Array, Indices]:

@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from edtk.inference.distributions import chi_square_quantile, student_quantile
+from edtk.system.presented import Presented
 from edtk.system.typing import Array, Indices, Mask
 
 if TYPE_CHECKING:
@@ -16,7 +18,7 @@ MAD_EFFICIENCY = 0.37
 
 
 @dataclass(frozen=True, eq=False)
-class Identification:
+class Identification(Presented):
     """Identified compliances. N = m rows is the number of measured coordinates.
 
     All statistics are those of the fit without the bound k >= 0, so that they obey their laws.
@@ -66,6 +68,17 @@ class Identification:
     outliers: Indices
     parameters: tuple[str, ...]
 
+    def headline(self) -> str:
+        """How many compliances, how uncertain the worst of them is, and how well the model fits."""
+        if self.k.all():
+            uncertain = f"standard deviations up to {100 * (self.std / self.k).max():.2g} %"
+        else:
+            uncertain = f"{int((self.k == 0).sum())} of them zero"
+        return (
+            f"{len(self.k)} compliances, {uncertain}, chi-square {self.chi2:.4g} of {self.dof} "
+            f"degrees of freedom, {len(self.outliers)} outliers"
+        )
+
     @property
     def std(self) -> Array:
         """Standard deviations (p,) [rad/(N m)]."""
@@ -84,9 +97,7 @@ class Identification:
     @property
     def half_interval(self) -> Array:
         """Half the width (p,) of 95 % intervals about `unbounded`: std times Student's t."""
-        from scipy.stats import t
-
-        return t.ppf(0.975, self.covariance_dof) * self.std
+        return student_quantile(0.975, self.covariance_dof) * self.std
 
     @property
     def interval(self) -> Array:
@@ -126,8 +137,6 @@ class Identification:
         value = float(np.sqrt(np.einsum("ri,ij,rj->", target, self.covariance, target)))
         if np.isinf(self.covariance_dof):
             return value, (value, value)
-        from scipy.stats import chi2
-
-        quantiles = chi2.ppf([0.975, 0.025], self.covariance_dof)
+        quantiles = chi_square_quantile([0.975, 0.025], self.covariance_dof)
         low, high = value * np.sqrt(self.covariance_dof / quantiles)
         return value, (float(low), float(high))

@@ -5,6 +5,7 @@ from enum import Enum
 
 import numpy as np
 
+from edtk.inference.distributions import chi_square_tail
 from edtk.inference.find_outliers import find_outliers
 from edtk.inference.fit_huber import fit_huber
 from edtk.inference.identification import MAD_EFFICIENCY, Identification
@@ -146,7 +147,7 @@ def _least_squares(data: _Data, known: bool) -> Identification:
         leverage=leverage,
         chi2=square,
         dof=data.dof,
-        p_value=_p_value(square, data.dof) if known and data.dof else None,
+        p_value=float(chi_square_tail(square, data.dof)) if known and data.dof else None,
         scale=scale,
         covariance_dof=np.inf if known else float(data.dof),
         known=known,
@@ -166,13 +167,6 @@ def _bounded(k: Array, data: _Data) -> Array:
     # minimiser.
     whitened = data.whitened
     return nnls(whitened.R, whitened.project(data.measured))[0] / whitened.scale
-
-
-def _p_value(square: float, dof: int) -> float:
-    """Probability of a larger chi-square."""
-    from scipy.stats import chi2
-
-    return float(chi2.sf(square, dof))
 
 
 def _robust(fit: Identification, data: _Data) -> Identification:

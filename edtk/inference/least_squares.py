@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from criteria.linalg.inverse import guarded_inverse
+from edtk.system.presented import Presented
 from edtk.system.typing import Array
 
 
@@ -35,7 +36,7 @@ class SingularPlanError(ValueError):
 
 
 @dataclass(frozen=True, eq=False)
-class Estimate:
+class Estimate(Presented):
     """Estimated compliances.
 
     Attributes:
@@ -47,6 +48,16 @@ class Estimate:
     k: Array
     covariance: Array
     parameters: tuple[str, ...] = ()
+
+    def headline(self) -> str:
+        """How many compliances of how many fits."""
+        fits = "" if self.k.ndim == 1 else f" of {self.k[..., 0].size} fits"
+        return f"{self.k.shape[-1]} compliances{fits}"
+
+    @property
+    def std(self) -> Array:
+        """Standard deviations (p,) [rad/(N m)]."""
+        return np.sqrt(np.diag(self.covariance))
 
 
 def unidentified(M: Array, parameters: tuple[str, ...]) -> tuple[str, ...]:

@@ -9,6 +9,7 @@ import numpy as np
 from edtk.model.elastostatic_model import ElastostaticModel
 from edtk.model.frames import cross
 from edtk.model.robot import Robot
+from edtk.system.presented import Presented
 from edtk.system.typing import Array, Indices
 from edtk.tables.pose_table import PoseTable
 from edtk.tables.sheet_columns import (
@@ -34,7 +35,7 @@ MICROMETRES = 3e4
 
 
 @dataclass(frozen=True, eq=False)
-class Measurements:
+class Measurements(Presented):
     """Deflections, each with its pose, load, noise and marker; repetitions are rows of their own.
 
     Attributes:
@@ -51,6 +52,12 @@ class Measurements:
     deflection: Array
     sigma: Array
     marker: Array
+
+    def headline(self) -> str:
+        """How many measurements of how many poses."""
+        coordinates = self.deflection.shape[-1]
+        poses = len(np.unique(self.pose))
+        return f"{len(self)} measurements of {poses} poses, {coordinates} coordinates each"
 
     def __len__(self) -> int:
         return len(self.q)

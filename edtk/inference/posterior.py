@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from edtk.inference.convergence import std_error
+from edtk.system.presented import Presented
 from edtk.system.typing import Array
 
 if TYPE_CHECKING:
@@ -13,7 +14,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False)
-class Posterior:
+class Posterior(Presented):
     """The sampled posterior of the compliances.
 
     Attributes:
@@ -36,6 +37,14 @@ class Posterior:
     noise: Array
     noise_names: tuple[str, ...] = ()
     parameters: tuple[str, ...] = ()
+
+    def headline(self) -> str:
+        """How many compliances, and how long and how good the chain is."""
+        steps, walkers, p = self.samples.shape
+        return (
+            f"{p} compliances, {steps} steps of {walkers} walkers, at least "
+            f"{self.effective.min():.0f} effective samples, R-hat up to {self.r_hat.max():.4f}"
+        )
 
     @property
     def mean(self) -> Array:

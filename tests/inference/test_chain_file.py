@@ -1,58 +1,80 @@
-"""Chains that are kept, and gone on with."""
+"""Chains that are kept, and resumed."""
 
+import pickle
 import sys
+from shutil import copyfile
 
 import emcee
 import numpy as np
 import pytest
-from inference.test_posterior import sample
+from inference.test_sample_posterior import sample
 
-from edtk.inference.chain_file import ChainFileError
+from edtk.inference.chain_file import ChainFileError, ChainFileFault
 from edtk.inference.prior import Prior
 from edtk.inference.run_chain import Demand, UnconvergedError
 
 FINE = Demand(accuracy=0.01)
+LIMIT = 700
+
+
+@pytest.fixture(scope="module")
+def kept(tmp_path_factory):
+    """Two chains: one that was stopped after 700 steps, and one that never was."""
+    folder = tmp_path_factory.mktemp("kept")
+    with pytest.raises(UnconvergedError):
+        sample(0, Demand(0.01, most=LIMIT), chain=folder / "stopped.h5")
+    whole = sample(0, FINE, chain=folder / "whole.h5")
+    return folder, whole
 
 
 @pytest.fixture
-def stopped(tmp_path):
-    """A chain that was stopped after 700 steps."""
-    path = tmp_path / "chain.h5"
-    with pytest.raises(UnconvergedError):
-        sample(0, Demand(0.01, most=700), chain=path)
-    return path
+def stopped(kept, tmp_path):
+    """A file of its own of the chain that was stopped."""
+    return copyfile(kept[0] / "stopped.h5", tmp_path / "chain.h5")
 
 
-def test_resumed_chain_is_the_uninterrupted_one(stopped):
-    """A chain that goes on after a stop is longer, begins with the same steps, and ends as if never stopped."""
-    before = emcee.backends.HDFBackend(stopped, read_only=True).get_chain()
-    assert len(before) == 700
+@pytest.fixture
+def whole(kept):
+    """The posterior of the chain that was never stopped."""
+    return kept[1]
+
+
+def steps_in(path):
+    """All steps (steps, walkers, d) of a file, as emcee reads them."""
+    return emcee.backends.HDFBackend(path, read_only=True).get_chain()
+
+
+def test_resumed_chain_is_the_uninterrupted_one(stopped, kept):
+    """A resumed chain begins with the same steps, is longer, and ends as if never stopped."""
+    before = steps_in(stopped)
+    assert len(before) == LIMIT
     sample(0, FINE, chain=stopped)
-    after = emcee.backends.HDFBackend(stopped, read_only=True).get_chain()
-    assert len(after) > 700
-    np.testing.assert_array_equal(after[:700], before)
-    whole = stopped.parent / "whole.h5"
-    sample(0, FINE, chain=whole)
-    uninterrupted = emcee.backends.HDFBackend(whole, read_only=True).get_chain()
-    np.testing.assert_array_equal(after, uninterrupted)
+    after = steps_in(stopped)
+    assert len(after) > LIMIT
+    np.testing.assert_array_equal(after[:LIMIT], before)
+    np.testing.assert_array_equal(after, steps_in(kept[0] / "whole.h5"))
 
 
 @pytest.mark.parametrize("most", [500, 501, 900, 1100])
-def test_wherever_it_stopped(tmp_path, most):
-    """A chain that ended at some limit is, gone on with, as long as one that never stopped."""
+def test_wherever_it_stopped(tmp_path, most, whole):
+    """A chain that ended at some limit becomes, resumed, as long as one that never stopped."""
     path = tmp_path / "chain.h5"
     with pytest.raises(UnconvergedError):
         sample(0, Demand(0.01, most=most), chain=path)
-    resumed, whole = (sample(0, FINE, chain=file) for file in (path, None))
-    np.testing.assert_array_equal(resumed.samples, whole.samples)
+    np.testing.assert_array_equal(sample(0, FINE, chain=path).samples, whole.samples)
 
 
-def test_finished_chain_is_only_read(tmp_path):
+def test_a_file_changes_nothing(whole):
+    """A chain that is not kept has the same samples."""
+    np.testing.assert_array_equal(sample(0, FINE).samples, whole.samples)
+
+
+def test_finished_chain_is_only_read(kept, tmp_path):
     """A chain that is long enough is not sampled again, and gives the same samples."""
-    path, steps = tmp_path / "chain.h5", []
-    first = sample(0, FINE, chain=path)
+    path = copyfile(kept[0] / "whole.h5", tmp_path / "chain.h5")
+    steps = []
     again = sample(0, FINE, chain=path, progress=steps.append)
-    np.testing.assert_array_equal(again.samples, first.samples)
+    np.testing.assert_array_equal(again.samples, kept[1].samples)
     assert steps == []
     assert [p.name for p in tmp_path.iterdir()] == ["chain.h5"]
 
@@ -70,8 +92,11 @@ def test_chain_of_another_problem(stopped):
 def test_broken_file(stopped, keep):
     """A file that is cut off is refused in words that name it."""
     stopped.write_bytes(stopped.read_bytes()[:keep])
-    with pytest.raises(ChainFileError, match=r"chain\.h5: not a chain"):
+    with pytest.raises(ChainFileError, match=r"chain\.h5: not a chain") as caught:
         sample(0, FINE, chain=stopped)
+    assert caught.value.path == stopped
+    assert caught.value.fault is ChainFileFault.NO_CHAIN
+    assert str(pickle.loads(pickle.dumps(caught.value))) == str(caught.value)
 
 
 def test_without_h5py(tmp_path, monkeypatch):
@@ -81,10 +106,9 @@ def test_without_h5py(tmp_path, monkeypatch):
         sample(0, FINE, chain=tmp_path / "chain.h5")
 
 
-def test_less_accuracy_than_before(tmp_path):
-    """A chain that was to be very long is judged as it is where less is asked."""
-    path, steps = tmp_path / "chain.h5", []
-    with pytest.raises(UnconvergedError):
-        sample(0, Demand(0.002, most=3000), chain=path)
-    sample(0, Demand(0.05), chain=path, progress=steps.append)
+def test_less_accuracy_than_before(stopped):
+    """A chain that was to be long is not lengthened where less is asked."""
+    steps = []
+    found = sample(0, Demand(0.05), chain=stopped, progress=steps.append)
     assert steps == []
+    assert found.steps == LIMIT

@@ -8,7 +8,7 @@ from edtk.inference.convergence import autocorrelation_time, split_r_hat, std_er
 
 
 def autoregressive(phi, steps=4000, walkers=32, seed=0):
-    """``x_t = phi x_{t-1} + noise`` of unit variance, stationary from its start (steps, walkers, 1)."""
+    """Stationary ``x_t = phi x_{t-1} + noise`` of unit variance (steps, walkers, 1)."""
     z = np.random.default_rng(seed).standard_normal((steps, walkers))
     z[1:] *= np.sqrt(1 - phi**2)
     return lfilter([1.0], [1.0, -phi], z, axis=0)[..., None]
@@ -30,7 +30,7 @@ def test_error_of_standard_deviations():
 
 
 def test_split_r_hat():
-    """Parts that agree are near one; drifting chains, halves of the walkers apart, and still ones are not."""
+    """Parts that agree are near one; chains that drift, differ by walker or stand still are not."""
     x = autoregressive(0.5)
     assert abs(split_r_hat(x)[0] - 1) < 2e-3
     assert split_r_hat(x + np.linspace(0, 1, len(x))[:, None, None])[0] > 1.01

@@ -17,7 +17,10 @@ def test_equal_weights_are_a_chi_square(r):
 
 
 def test_pairs_of_weights_are_exponentials():
-    """With weights a, a, b, b the tail is (a exp(-x/2a) - b exp(-x/2b)) / (a - b), however far apart a and b are."""
+    """With weights a, a, b, b the tail is (a exp(-x/2a) - b exp(-x/2b)) / (a - b).
+
+    So it is however far apart a and b are.
+    """
     x = np.logspace(-4, 2, 30)
     for a, b in ((1.0, 0.5), (1.0, 1e-3), (1.0, 1e-9)):
         exact = 1 - (a * np.exp(-x / (2 * a)) - b * np.exp(-x / (2 * b))) / (a - b)
@@ -25,7 +28,7 @@ def test_pairs_of_weights_are_exponentials():
 
 
 def test_quantiles_of_drawn_errors():
-    """Of 400000 drawn errors the stated share lies below each quantile, within five binomial errors."""
+    """Of 400000 drawn errors the stated share lies below each quantile, within five errors."""
     rng = np.random.default_rng(0)
     A, root = rng.normal(size=(2, 3, 5)), rng.normal(size=(5, 5)) * 1e-8
     A[1, 2] *= 1e-3
@@ -60,7 +63,7 @@ def test_estimated_noise_makes_an_f_law(dof, accuracy):
 
 
 def test_quantiles_of_drawn_errors_with_estimated_noise():
-    """Of 400000 errors over an estimated noise the stated share lies below each quantile, within five errors."""
+    """The same holds of 400000 errors over an estimated noise."""
     rng, dof = np.random.default_rng(1), 4
     A, root = rng.normal(size=(3, 5)), rng.normal(size=(5, 5)) * 1e-8
     levels = np.array([0.025, 0.5, 0.95, 0.975])

@@ -35,7 +35,7 @@ def test_deletion_is_what_the_sum_of_squares_loses():
 
 
 def test_studentised_blocks_have_the_f_distribution():
-    """The externally studentised block of one row has the F distribution with (r, dof - r) degrees of freedom."""
+    """The studentised block of one row has the F law with (r, dof - r) degrees of freedom."""
     Q, runs = residuals(1, runs=2000)
     dof = M * ROWS - P
     values = []
@@ -67,7 +67,10 @@ def test_an_outlier_is_found_whatever_sigma():
 
 
 def test_a_row_that_alone_tells_of_a_parameter_is_judged_by_the_rest():
-    """A coordinate that the fit passes through takes a degree of freedom from its row, and is no outlier itself."""
+    """A coordinate that the fit passes through takes a degree of freedom from its row.
+
+    It is no outlier itself.
+    """
     Q = np.zeros((M, ROWS, 2))
     Q[0, 0, 0] = 1.0
     Q[:, 1, 1] = 1 / np.sqrt(M)

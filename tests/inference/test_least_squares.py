@@ -1,4 +1,4 @@
-"""The least-squares estimate, its covariance, and what it says when a plan cannot identify all parameters."""
+"""The least-squares estimate, its covariance, and the error of plans that cannot identify."""
 
 import numpy as np
 import pytest
@@ -31,7 +31,7 @@ def A():
 
 @pytest.mark.parametrize("sigma", [SIGMA, [0.01e-3, 0.03e-3, 0.1e-3]], ids=["one", "per row"])
 def test_exact_without_noise(A, sigma):
-    """Noise-free measurements give the true compliances back, to rounding times the regressor's condition."""
+    """Noise-free measurements give the truth back, to rounding times the regressor's condition."""
     k = estimate(A, A @ K0, sigma, NAMES).k
     condition = np.linalg.cond(A.reshape(-1, 5))
     np.testing.assert_allclose(k, K0, rtol=0, atol=1e3 * np.finfo(float).eps * condition * K0.max())
@@ -63,8 +63,9 @@ def test_estimate_solves_the_weighted_normal_equations(A):
 def test_covariance_is_that_of_repeated_experiments(A, sigma):
     """The estimates' scatter over 20000 runs is Eq. (13): unbiased, and whitened to the identity.
 
-    Whitened by Eq. (13) the runs are standard normal, so that the mean has standard deviation 1/sqrt(N), the
-    second moments sqrt(2/N) on the diagonal and 1/sqrt(N) off it; each must lie within five of these.
+    Whitened by Eq. (13) the runs are standard normal, so that the mean has standard deviation
+    1/sqrt(N), the second moments sqrt(2/N) on the diagonal and 1/sqrt(N) off it; each must lie
+    within five of these.
     """
     N = 20_000
     result = estimate(A, simulate(A, K0, sigma, np.random.default_rng(3), runs=N), sigma, NAMES)
@@ -118,7 +119,7 @@ def test_vertical_force_leaves_joint_1_open():
 
 
 def test_tool_on_the_last_axis_leaves_joint_6_open():
-    """With a force at a tool point on axis 6 exactly k6 is named, in spite of rounding in its column."""
+    """With a force at a tool point on axis 6 exactly k6 is named, in spite of rounding."""
     model = model_of(tool=(0.986, 0.0, 0.0))
     A = model.regressor(poses(8), WRENCH)
     assert unidentified(information(A), model.parameters) == ("k6",)
@@ -127,7 +128,7 @@ def test_tool_on_the_last_axis_leaves_joint_6_open():
 
 
 def test_force_along_a_tilted_first_axis_leaves_joint_1_open():
-    """On a tilted base exactly k1 is named when the force is parallel to its axis, in spite of rounding."""
+    """On a tilted base exactly k1 is named when the force is along its axis, despite rounding."""
     kuka = load_robot("kuka_kr270")
     base = transform([0.1, 0.2, 0.3], [0.3, -0.4, 0.5])
     model = ElastostaticModel(Robot("tilted", kuka.joints, base, transform([0.6115, 0.0, -0.460])))
@@ -161,7 +162,7 @@ def test_no_information_leaves_everything_open():
 
 
 def test_simulated_measurements_are_seeded_and_shaped(A):
-    """Equal seeds give equal measurements of shape (runs, m, rows), about A k0 with the given noise."""
+    """Equal seeds give equal measurements of shape (runs, m, rows), with the given noise."""
     one, two = (
         simulate(A, K0, [0.0, SIGMA, 2 * SIGMA], np.random.default_rng(5), runs=4) for _ in range(2)
     )

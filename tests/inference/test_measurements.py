@@ -34,7 +34,7 @@ def read(tmp_path):
 
 
 def test_displacements(read):
-    """Displacements are read in millimetres, whatever the order of the columns; pose, load and noise have defaults."""
+    """Displacements are in millimetres, in any order; pose, load and noise have defaults."""
     data = read(f"dz_mm,{HEAD},dx_mm,dy_mm\n-3,{GOOD},1,2\n-6,{GOOD},4,5\n")
     np.testing.assert_allclose(
         data.deflection, [[1e-3, 2e-3, -3e-3], [4e-3, 5e-3, -6e-3]], rtol=1e-15
@@ -55,7 +55,7 @@ def test_positions_are_subtracted(read):
 
 
 def test_rotations_noise_and_marker(read):
-    """Rotations are in degrees, sigma_mm overrides the positions' noise only, and marker offsets are in millimetres."""
+    """Rotations are in degrees, markers in millimetres; sigma_mm is of the positions alone."""
     columns = "drx_deg,dry_deg,drz_deg,sigma_mm,marker_x_mm,marker_y_mm,marker_z_mm"
     data = read(f"{HEAD},{D},{columns}\n{GOOD},1,2,3,0.1,0.2,0.3,0.05,10,20,30\n", POSE_SIGMA)
     np.testing.assert_allclose(data.deflection[0, 3:], np.deg2rad([0.1, 0.2, 0.3]), rtol=1e-15)
@@ -66,13 +66,14 @@ def test_rotations_noise_and_marker(read):
 def test_poses_are_counted_in_order_of_appearance(read):
     """Rows of one pose and load have one number; another load makes another pose."""
     data = read(
-        f"{HEAD},{D},Fz_N\n{GOOD},1,2,3,-1\n-80,0,1,2,3,1,2,3,-1\n{GOOD},4,5,6,-1\n{GOOD},1,2,3,-2\n"
+        f"{HEAD},{D},Fz_N\n{GOOD},1,2,3,-1\n-80,0,1,2,3,1,2,3,-1\n"
+        f"{GOOD},4,5,6,-1\n{GOOD},1,2,3,-2\n"
     )
     assert data.pose.tolist() == [0, 1, 0, 2]
 
 
 def test_positions_far_apart(read):
-    """Columns of positions that were exchanged, or of two frames, are refused; micrometres are read, and judged."""
+    """Positions that were exchanged, or of two frames, are refused; micrometres are read."""
     columns = "x0_mm,y0_mm,z0_mm,x_mm,y_mm,z_mm,Fz_N"
     assert len(read(f"{HEAD},{columns}\n{GOOD},1500,-200,900,1500.1,-200.1,898.9,-1\n"))
     with pytest.raises(
@@ -101,7 +102,7 @@ def random_measurements(rows, marker, seed=0, m=20):
 
 @pytest.mark.parametrize("rows", ["position", "pose"])
 def test_marker_moves_with_the_joints(rows):
-    """Turning each joint by a small multiple of k_j J_tool,j' W moves the marker by A k: central differences agree."""
+    """Turning each joint by a small multiple of k_j J_tool,j' W moves the marker by A k."""
     data = random_measurements(3 if rows == "position" else 6, [0.2, -0.3, 0.4])
     model = ElastostaticModel(KR270, (1, 2, 3, 4, 5), rows)
     k = np.array([0.3, 0.4, 2.8, 2.9, 2.1]) * 1e-6
@@ -132,7 +133,7 @@ def test_marker_at_the_tool_point_is_the_plain_model():
 
 
 def test_marker_on_the_last_axis_tells_nothing_of_joint_6():
-    """The axis of joint 6 runs through the marker, although it does not through the tool point: k6 is named."""
+    """Where the axis of joint 6 runs through the marker, not the tool point, k6 is named."""
     data = random_measurements(
         3, [-0.3, 0.0, 0.460]
     )  # axis 6 is the tool frame's x-axis through its wrist
@@ -168,7 +169,7 @@ def test_marker_beside_a_prismatic_joint():
         (f"{HEAD},q7_deg,{D}\n{GOOD},5,1,2,3\n", ["unknown column 'q7_deg'"]),
         (f"q2_deg,q3_deg,{D}\n1,2,1,2,3\n", ["'q4_deg' is missing"]),
         (f"{HEAD},{D},Fz_N\n{GOOD},1,2,3,5\n{GOOD},1,2,3,0\n", ["row 2", "Fx_N", "wrench is zero"]),
-        (f"{HEAD},{D},sigma_mm\n{GOOD},1,2,3,0.03\n{GOOD},1,2,3,0\n", ["row 2", "sigma_mm", "positive"]),
+        (f"{HEAD},{D},sigma_mm\n{GOOD},1,2,3,1\n{GOOD},1,2,3,0\n", ["row 2", "sigma_mm: 0 is not"]),
         (f"{HEAD},{D},sigma_mm\n{GOOD},1,2,3,-1\n", ["row 1", "sigma_mm", "-1"]),
         (f"{HEAD},{D},marker_x_mm\n{GOOD},1,2,3,4\n", ["'marker_y_mm' is missing", "marker_z_mm"]),
         (f"{HEAD},{D}\n{GOOD},1,2,3,4\n", ["not readable"]),
@@ -176,9 +177,9 @@ def test_marker_beside_a_prismatic_joint():
         ("", ["not readable"]),
     ],
     ids=[
-        "NaN", "empty", "text", "true", "inf", "missing", "no deflection", "only loaded", "both", "units missing",
-        "rotation", "joint too many", "joints missing", "no load", "sigma 0", "sigma -1", "marker", "long row",
-        "no rows", "empty file",
+        "NaN", "empty", "text", "true", "inf", "missing", "no deflection", "only loaded", "both",
+        "units missing", "rotation", "joint too many", "joints missing", "no load", "sigma 0",
+        "sigma -1", "marker", "long row", "no rows", "empty file",
     ],
 )  # fmt: skip
 def test_wrong_file(read, tmp_path, text, named):
@@ -193,7 +194,7 @@ def test_wrong_file(read, tmp_path, text, named):
 
 
 def test_a_load_that_the_study_leaves_open_must_be_in_the_file(read):
-    """Without a default load its columns are required, and so are rotations where they are measured."""
+    """Without a default load its columns are required, as are rotations where they are measured."""
     with pytest.raises(PoseFileError, match="'Fx_N' is missing"):
         read(f"{HEAD},{D}\n{GOOD},1,2,3\n", wrench=None)
     with pytest.raises(PoseFileError, match="'drx_deg' is missing"):

@@ -13,7 +13,7 @@ LOG_S, LOG_NU = np.random.default_rng(1).normal(size=(2, 6))
 @pytest.mark.parametrize("nu", [np.inf, 4.0, None])
 @pytest.mark.parametrize("factor", [1.0, 2.0, np.inf])
 def test_likelihood(nu, factor):
-    """The logarithm differs by a constant from that of scipy's densities, with s and nu known or sampled."""
+    """The logarithm differs from that of scipy's densities by a constant, whatever is sampled."""
     noise = Noise(factor, nu)
     extra = np.stack(
         [x for x, yes in ((LOG_S, factor > 1), (LOG_NU, nu is None)) if yes] or [LOG_S], axis=-1
@@ -26,7 +26,7 @@ def test_likelihood(nu, factor):
 
 
 def test_prior_of_the_logarithms():
-    """Jeffreys' prior is flat in log s, a factor is a normal one, and nu is gamma(2, 0.1) with log nu's Jacobian."""
+    """Jeffreys' prior is flat in log s, a factor is a normal one, and nu is gamma(2, 0.1)."""
     extra = np.stack([LOG_S, LOG_NU], axis=-1)
     nu = stats.gamma(2, scale=10).logpdf(np.exp(LOG_NU)) + LOG_NU
     assert np.ptp(Noise(np.inf, None).log_prior(extra) - nu) < 1e-12

@@ -14,7 +14,7 @@ KNOWN = [
 
 @pytest.mark.parametrize(("marginal", "exact"), KNOWN)
 def test_marginals(marginal, exact):
-    """Densities are scipy's up to a constant, zero for negative compliances, and draws follow them."""
+    """Densities are scipy's, zero for negative compliances, and draws follow them."""
     prior = Prior((marginal,))
     k = np.linspace(0.1, 9, 50)
     difference = prior.log_density(k[:, None]) - exact.logpdf(k)
@@ -24,7 +24,7 @@ def test_marginals(marginal, exact):
 
 
 def test_earlier_calibration():
-    """An earlier calibration's density is the multivariate normal's on positive compliances, as are its draws."""
+    """An earlier calibration is the multivariate normal law on positive compliances."""
     mean, covariance = np.array([0.5, 1.0]), np.array([[1.0, 0.3], [0.3, 0.5]])
     prior = Prior((Flat(), Flat()), Normal(mean, covariance))
     k = np.random.default_rng(0).uniform(0.1, 3, (4, 5, 2))
@@ -47,7 +47,7 @@ def test_flat():
 
 
 def test_gaussian_part_is_exact_for_normal_shapes():
-    """Precisions of half-normal and earlier calibration add up; their quadratic has the density's differences."""
+    """Precisions of half-normal and earlier calibration add up to the density's quadratic."""
     prior = Prior((HalfNormal(2.0), Flat()), Normal(np.array([1.0, 2.0]), np.diag([1.0, 4.0])))
     P, h = prior.gaussian()
     k = np.random.default_rng(0).uniform(0.1, 3, (20, 2))

@@ -1,0 +1,47 @@
+"""Tails and quantiles of the distributions that tests and intervals need.
+
+They are those of `scipy.stats`, to the last digit: the same special functions without that module's
+import, which takes longer than most commands, and without its checks, which take longer than a fit.
+"""
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from edtk.system.typing import Array
+
+
+def chi_square_tail(x: ArrayLike, dof: ArrayLike) -> Array:
+    """Probability that a chi-square with `dof` > 0 degrees of freedom is larger than x."""
+    from scipy.special import chdtrc
+
+    return np.asarray(chdtrc(dof, x))
+
+
+def chi_square_quantile(probability: ArrayLike, dof: ArrayLike) -> Array:
+    """The x that a chi-square with `dof` > 0 degrees of freedom is below with a probability."""
+    from scipy.special import gammaincinv
+
+    return np.asarray(2 * gammaincinv(np.asarray(dof) / 2, probability))
+
+
+def fisher_tail(x: ArrayLike, numerator_dof: ArrayLike, denominator_dof: ArrayLike) -> Array:
+    """Probability that a variable with Fisher's F distribution is larger than x >= 0."""
+    from scipy.special import fdtrc
+
+    return np.asarray(fdtrc(numerator_dof, denominator_dof, x))
+
+
+def fisher_quantile(
+    probability: ArrayLike, numerator_dof: ArrayLike, denominator_dof: ArrayLike
+) -> Array:
+    """The x that a variable with Fisher's F distribution is below with a probability."""
+    from scipy.special import fdtri
+
+    return np.asarray(fdtri(numerator_dof, denominator_dof, probability))
+
+
+def student_quantile(probability: ArrayLike, dof: ArrayLike) -> Array:
+    """The x that Student's t is below with a probability; that of a normal for infinite `dof`."""
+    from scipy.special import stdtrit
+
+    return np.asarray(stdtrit(dof, probability))
