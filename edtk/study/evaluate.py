@@ -1,29 +1,32 @@
-"""What a plan is worth: all criteria, standard deviations and covariance."""
+"""The worth of a plan: all criteria, standard deviations and covariance."""
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 import criteria
 from edtk.design.plan import Plan
 from edtk.inference.least_squares import covariance
 from edtk.study.study import Study
 from edtk.system.presented import Presented
+from edtk.system.typing import Array
 
-Array = NDArray[np.float64]
+if TYPE_CHECKING:
+    import pandas as pd
+
+OBSERVABILITY = ("O1", "O2", "O3", "O4", "O5")  # indices that others also print without sigma
 
 
 @dataclass(frozen=True, eq=False)
 class Evaluation(Presented):
-    """A plan's worth, in SI units throughout.
+    """The worth of a plan, in SI units throughout.
 
     Attributes:
         criteria: Value of every criterion that applies, by name; rho0 in metres.
         observability_unscaled: O1 to O5 from the singular values of A itself, not of A/sigma.
         std: Standard deviations (p,) of the compliances [rad/(N m)].
-        covariance: Covariance (p, p) of the compliances, Eq. (13).
+        covariance: Covariance (p, p) of the compliances, Eq. (13) [(rad/(N m))^2].
         parameters: Names (p,) of the parameters.
         joints: Names (p,) of their joints.
         units: Units (p,) of the parameters.
@@ -46,6 +49,21 @@ class Evaluation(Presented):
             f"standard deviations of {len(self.parameters)} parameters"
         )
 
+    def to_frame(self) -> "pd.DataFrame":
+        """A table with a criterion a row, by name: value [SI units], sense, title and formula."""
+        import pandas as pd
+
+        classes = [criteria.get(name) for name in self.criteria]
+        return pd.DataFrame(
+            {
+                "value": list(self.criteria.values()),
+                "sense": [criterion.sense for criterion in classes],
+                "title": [criterion.title for criterion in classes],
+                "formula": [criterion.formula for criterion in classes],
+            },
+            index=pd.Index(list(self.criteria), name="criterion"),
+        )
+
     def to_dict(self) -> dict[str, Any]:
         """Plain numbers, for JSON."""
         return {
@@ -61,19 +79,22 @@ class Evaluation(Presented):
 def evaluate(study: Study, plan: Plan) -> Evaluation:
     """Score a plan under every criterion that the study can evaluate.
 
+    Args:
+        study: The study; criteria that need a target are left out if it has no test pose.
+        plan: The plan, whether or not its poses are feasible.
+
     Raises:
         SingularPlanError: The plan cannot identify all parameters; names them.
     """
     M = study.space.information(plan)
     cov = covariance(M, study.model.parameters)
     names = [
-        n
-        for n in criteria.available()
-        if study.target is not None or not criteria.get(n).needs_target
+        name
+        for name in criteria.available()
+        if study.target is not None or not criteria.get(name).needs_target
     ]
-    values = {n: float(study.criterion(n).value(M)) for n in names}
     return Evaluation(
-        criteria=values,
+        criteria={name: float(study.criterion(name).value(M)) for name in names},
         observability_unscaled=_unscaled(study, plan),
         std=np.sqrt(np.diag(cov)),
         covariance=cov,
@@ -88,4 +109,4 @@ def _unscaled(study: Study, plan: Plan) -> dict[str, float]:
     """O1 to O5 of the stacked regressor without division by sigma."""
     A = study.model.regressor(plan.q, plan.wrench)
     M = np.einsum("k,kri,krj->ij", plan.repeats, A, A)
-    return {n: float(criteria.create(n).value(M)) for n in ("O1", "O2", "O3", "O4", "O5")}
+    return {name: float(criteria.create(name).value(M)) for name in OBSERVABILITY}

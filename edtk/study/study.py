@@ -31,6 +31,7 @@ from edtk.study.schema import Specification, read_specification
 from edtk.study.study_keys import StudyKeys
 from edtk.study.study_toml import study_toml
 from edtk.system.errors import UserError
+from edtk.system.presented import Presented
 from edtk.system.typing import Array
 from edtk.tables.pose_table import PoseFileError, pose_factors
 
@@ -40,8 +41,8 @@ NO_WRENCH = np.zeros(6)
 FEASIBLE = -1e-9  # least slack [m or rad] of a pose that counts as feasible, against rounding
 
 
-@dataclass(frozen=True, eq=False, init=False, repr=False)
-class Study:
+@dataclass(frozen=True, eq=False, init=False)
+class Study(Presented):
     """The question: which poses to measure, to identify which compliances, and for what.
 
     A study is built from the keys of a study file as keyword arguments, or read from such a file
@@ -178,19 +179,12 @@ class Study:
         return UserError(message, where=self.where, key=key)
 
     def headline(self) -> str:
-        """The study in one line."""
-        specification = self.specification
-        count = len(specification.joints.unknown)
-        unknown = f"{count} unknown compliance{'s' if count > 1 else ''}"
-        sizes = ", ".join(map(str, specification.sizes))
-        optimised = ", ".join(specification.optimise)
+        """Title, robot, number of unknown compliances and main criterion."""
+        count = len(self.specification.joints.unknown)
         return (
-            f"{specification.title!r}: {self.robot.name}, {unknown}, plans of {sizes} experiments "
-            f"for {optimised}"
+            f"{self.specification.title}; {self.robot.name}, "
+            f"{count} unknown compliance{'s' if count > 1 else ''}, about {self.main_criterion}"
         )
-
-    def __repr__(self) -> str:
-        return f"Study({self.headline()})"
 
     @property
     def main_criterion(self) -> str:

@@ -1,6 +1,8 @@
 """Errors that carry what a person needs to mend the cause."""
 
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 
 class UserError(ValueError):
@@ -60,6 +62,11 @@ class ArgumentError(UserError):
         super().__init__(message, where=where, key=key)
         self.argument = argument
         self.given = given
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # An exception is pickled with its text alone, on its way from a worker.
+        options = {"argument": self.argument, "given": self.given, "where": self.where}
+        return partial(ArgumentError, **options), (self.message,)
 
     def naming(self, name: str) -> "ArgumentError":
         """The same error, whose message gives the argument another name."""

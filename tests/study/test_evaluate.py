@@ -76,6 +76,15 @@ def test_json(plan):
     np.testing.assert_array_equal(data["covariance"], found.covariance)
 
 
+def test_table(plan):
+    """The table has a row for each criterion with the same value, and its sense."""
+    found = evaluate(STUDY, plan)
+    frame = found.to_frame()
+    assert frame["value"].to_dict() == found.criteria
+    assert frame.loc["rho0", "sense"] == "min"
+    assert frame.loc["O4", "sense"] == "max"
+
+
 def test_repetition(plan):
     """Four times the experiments halve every standard deviation and rho0."""
     once, four = evaluate(STUDY, plan), evaluate(STUDY, plan.repeated(4))

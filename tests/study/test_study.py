@@ -2,7 +2,10 @@
 
 import copy
 import inspect
+import os
 import pickle
+import subprocess
+import sys
 import tomllib
 from dataclasses import FrozenInstanceError
 from pathlib import Path
@@ -344,12 +347,33 @@ def test_main_criterion():
         assert study.replace(optimise=optimise).main_criterion == main
 
 
-def test_a_study_shows_itself_in_one_line():
-    """Its name, its robot and what is sought are in its representation, which is one line."""
+def test_a_study_shows_itself():
+    """It is one line in a console, a few lines of text, and a small table in a notebook."""
     text = repr(PAPER)
     assert "\n" not in text
-    for word in ("Study(", "KUKA KR 270, robot-based milling", "5 unknown", "2, 3, 4, 6, 12"):
+    for word in ("<Study: ", "KUKA KR 270, robot-based milling", "5 unknown", "rho0"):
         assert word in text
+    rows = PAPER.summary().splitlines()
+    assert rows[0] == PAPER.specification.title
+    for start in ("  robot ", "  unknown ", "  workspace ", "  task ", "  experiments "):
+        assert [line for line in rows if line.startswith(start)]
+    assert "height p_z > 800 mm" in PAPER.summary()
+    odd = Study(**REQUIRED, title="a < b")._repr_html_()
+    assert odd.startswith("<table><caption>a &lt; b</caption>")
+    assert "task" not in odd
+
+
+def test_reading_a_study_is_light():
+    """Neither tables, pictures, solvers, samplers nor statistics are imported to read a study."""
+    script = (
+        "import sys\nfrom edtk.study.study import load_study\n"
+        f"load_study({str(PAPER.path)!r}).published_plans()\n"
+        "heavy = {'pandas', 'cvxpy', 'matplotlib', 'scipy', 'emcee', 'joblib', 'arviz', 'tqdm'}\n"
+        "sys.exit(', '.join(heavy & set(sys.modules)) or 0)"
+    )
+    env = {**os.environ, "PYTHONPATH": str(STUDIES.parent)}
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, env=env)
+    assert done.returncode == 0, done.stderr
 
 
 def test_signature_lists_the_keys():

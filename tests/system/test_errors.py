@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from edtk.system.errors import UserError
+from edtk.system.errors import ArgumentError, UserError
 
 
 @pytest.mark.parametrize(
@@ -28,3 +28,28 @@ def test_an_error_travels_between_processes():
     received = pickle.loads(pickle.dumps(sent))
     assert str(received) == str(sent)
     assert vars(received) == vars(sent)
+
+
+@pytest.mark.parametrize(
+    ("error", "text", "flag"),
+    [
+        (ArgumentError("too few", argument="size"), "size: too few", "--size: too few"),
+        (
+            ArgumentError("too few", argument="size", given=3),
+            "size 3: too few",
+            "--size 3: too few",
+        ),
+        (
+            ArgumentError("too few", argument="size", where="a.toml"),
+            "a.toml: size: too few",
+            "a.toml: --size: too few",
+        ),
+    ],
+)
+def test_an_argument_has_the_callers_name(error, text, flag):
+    """The message names the argument and its value, and a command line names its own flag instead."""
+    assert str(error) == text
+    assert str(error.naming(f"--{error.argument}")) == flag
+    received = pickle.loads(pickle.dumps(error))
+    assert str(received) == text
+    assert vars(received) == vars(error)

@@ -1,0 +1,38 @@
+"""Text of a study."""
+
+from edtk.study.study import Study
+
+
+def study(asked: Study) -> str:
+    """The question: a line for each key that a person would ask about."""
+    rows = study_rows(asked)
+    width = max(len(name) for name, _ in rows)
+    lines = [f"  {name:{width}}  {value}" for name, value in rows]
+    return "\n".join([asked.specification.title, *lines])
+
+
+def study_rows(asked: Study) -> list[tuple[str, str]]:
+    """Names and values of the main keys, in words."""
+    specification = asked.specification
+    measurement = specification.measurement
+    noise = f"sigma = {measurement.sigma_mm:g} mm"
+    if measurement.rows == "pose":
+        noise += f" and {measurement.sigma_deg:g} deg"
+    joints = specification.joints
+    fixed = [f"{name} = {value:g} deg" for name, value in joints.fixed_deg.items()]
+    fixed += [f"{name} = {value:g} mm" for name, value in joints.fixed_mm.items()]
+    labels = [label for c in asked.space.workspace.constraints for label in c.labels(asked.robot)]
+    rows = [
+        ("robot", f"{asked.robot.name}, {asked.robot.n} joints"),
+        ("unknown", ", ".join(joints.unknown)),
+        ("fixed", ", ".join(fixed)),
+        ("experiment", specification.load.describe()),
+        ("measured", f"{measurement.rows}, {noise}"),
+        ("workspace", "; ".join(labels)),
+        ("task", "" if asked.task is None else "the test pose"),
+        ("optimised for", ", ".join(specification.optimise)),
+        ("compared under", ", ".join(specification.criteria)),
+        ("experiments", ", ".join(map(str, specification.sizes))),
+        ("seed", str(specification.seed)),
+    ]
+    return [(name, value) for name, value in rows if value]
