@@ -65,8 +65,8 @@ class ArgumentError(UserError):
 
     def __reduce__(self) -> tuple[Any, ...]:
         # An exception is pickled with its text alone, on its way from a worker.
-        options = {"argument": self.argument, "given": self.given, "where": self.where}
-        return partial(ArgumentError, **options), (self.message,)
+        again = partial(ArgumentError, argument=self.argument, given=self.given, where=self.where)
+        return again, (self.message,)
 
     def naming(self, name: str) -> "ArgumentError":
         """The same error, whose message gives the argument another name."""
