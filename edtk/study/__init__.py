@@ -1,1 +1,1 @@
-"""One question is a file, its answer is a table."""
+"""Studies: their keys, their checks, and the answers to them."""

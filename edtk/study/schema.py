@@ -22,6 +22,7 @@ from edtk.system.typing import Array
 MORE_DESCENTS = 4
 ACCURACY = "rho0"  # the accuracy in the test pose, for which a calibration is usually made
 WITHOUT_A_TEST_POSE = "D"
+ROBOT_FILE = ".toml"  # ending of a robot's file; names of built-in robots have none
 
 
 def _listed(value: object) -> object:
@@ -209,8 +210,14 @@ class Specification(Table):
         return given
 
     @property
+    def robot_file(self) -> str | None:
+        """Path of the robot's file, as it is written; None for a built-in robot and a table."""
+        is_file = isinstance(self.robot, str) and self.robot.endswith(ROBOT_FILE)
+        return str(self.robot) if is_file else None
+
+    @property
     def main_criterion(self) -> str:
-        """Name of the criterion that the study is about: rho0 if it is optimised, else the first."""
+        """Name of the criterion that the study is about: rho0 if optimised, else the first."""
         return ACCURACY if ACCURACY in self.optimise else self.optimise[0]
 
     def descents(self, criterion: str) -> int:

@@ -1,8 +1,6 @@
 """A study: the question that is asked of a robot, and the objects that it describes."""
 
 import hashlib
-import inspect
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -14,31 +12,28 @@ import numpy as np
 import criteria
 from edtk.design.design_space import DesignSpace
 from edtk.design.plan import Plan
-from edtk.model.constraints.constraint import Constraint
-from edtk.model.constraints.excluded import Excluded
 from edtk.model.elastostatic_model import ElastostaticModel
 from edtk.model.load_robot import load_robot
-from edtk.model.loads.fixed_load import FixedLoad
 from edtk.model.rigid_joints import rigid_joints_in_words
 from edtk.model.robot import Robot
 from edtk.model.robot_from_dict import RobotFileError, robot_from_dict
 from edtk.model.robot_to_dict import robot_to_dict
 from edtk.model.task import Task
-from edtk.model.workspace import Workspace
 from edtk.study.check_study import check_study
+from edtk.study.load_plan import load_plan
 from edtk.study.plain_keys import plain_keys
+from edtk.study.read_toml import read_toml
 from edtk.study.schema import Specification, read_specification
-from edtk.study.study_keys import StudyKeys
+from edtk.study.study_keys import StudyKeys, keys_signature
+from edtk.study.study_space import study_space
 from edtk.study.study_toml import study_toml
 from edtk.system.errors import UserError
 from edtk.system.presented import Presented
 from edtk.system.typing import Array
-from edtk.tables.pose_table import PoseFileError, pose_factors
+from edtk.tables.pose_table import pose_factors
 
 IN_PYTHON = "Study"  # takes the place of the file's name in messages about a study without a file
 DIGITS = 12  # of the SHA-256 that names a study in results
-NO_WRENCH = np.zeros(6)
-FEASIBLE = -1e-9  # least slack [m or rad] of a pose that counts as feasible, against rounding
 
 
 @dataclass(frozen=True, eq=False, init=False)
@@ -188,7 +183,7 @@ class Study(Presented):
 
     @property
     def main_criterion(self) -> str:
-        """Name of the criterion that the study is about: rho0 if it is optimised, else the first."""
+        """Name of the criterion that the study is about: rho0 if optimised, else the first."""
         return self.specification.main_criterion
 
     @cached_property
@@ -221,31 +216,7 @@ class Study(Presented):
     @cached_property
     def space(self) -> DesignSpace:
         """Model, feasible set and free joints, for designing plans."""
-        fixed = self.fixed
-        values = np.array([fixed.get(j, 0.0) for j in range(self.robot.n)])
-        free = [j for j in range(self.robot.n) if j not in fixed]
-        constraints = (*self.specification.workspace.build(), *self._exclusions())
-        workspace = Workspace(self.robot, constraints)
-        load = self.specification.load.build()
-        return DesignSpace(self.model, workspace, self.sigma, load, free, values)
-
-    def _exclusions(self) -> list[Constraint]:
-        """Distances from the poses that must not be used."""
-        workspace = self.specification.workspace
-        plans = [self._read(self.folder / name, NO_WRENCH) for name in workspace.excluded]
-        if isinstance(self.excluded, Plan):
-            plans.append(self.excluded)
-        elif self.excluded is not None:
-            plans.append(self._read(self.excluded, NO_WRENCH))
-        within = float(np.deg2rad(workspace.excluded_within_deg))
-        return [Excluded(plan.q, within) for plan in plans]
-
-    def _read(self, path: Path | str, wrench: Array | None) -> Plan:
-        """The plan of a file, whose poses are not checked."""
-        try:
-            return Plan.from_csv(path, self.robot, self.fixed, wrench)
-        except PoseFileError as error:
-            raise UserError(str(error)) from error
+        return study_space(self)
 
     @cached_property
     def task(self) -> Task | None:
@@ -317,9 +288,7 @@ class Study(Presented):
         """All files that the study is read from: its own, and those that it names."""
         specification = self.specification
         named = [*specification.published, *specification.workspace.excluded]
-        named += [specification.prior.earlier_file] if specification.prior.earlier_file else []
-        robot = specification.robot
-        named += [robot] if isinstance(robot, str) and robot.endswith(".toml") else []
+        named += filter(None, (specification.prior.earlier_file, specification.robot_file))
         own = [] if self.path is None else [self.path]
         more = [self.excluded] if isinstance(self.excluded, Path) else []
         return (*own, *(self.folder / name for name in named), *more)
@@ -327,25 +296,12 @@ class Study(Presented):
     def load_plan(self, path: Path | str) -> Plan:
         """Read a plan and check every pose against limits and workspace.
 
-        A pose counts as feasible if one within the study's `plan_resolution_deg` of it is, since
-        published poses are rounded. Excluded poses are feasible too: they may have been measured,
-        and are only not to be planned.
+        See `load_plan` for the poses that count as feasible.
 
         Raises:
             UserError: Names the file and the row.
         """
-        load = self.space.load
-        plan = self._read(path, load.always if isinstance(load, FixedLoad) else None)
-        turning = np.array([joint.kind == "revolute" for joint in self.robot.joints])
-        resolution = np.deg2rad(self.specification.workspace.plan_resolution_deg) * turning
-        workspace = Workspace(self.robot, self.specification.workspace.build())
-        slack = workspace.slack_within(plan.q, resolution)
-        outside = (slack < FEASIBLE).any(axis=1)
-        if outside.any():
-            row = int(outside.argmax())
-            broken = "; ".join(map(str, workspace.violations(slack[row])))
-            raise UserError(f"the pose violates {broken}", where=path, key=f"row {row + 1}")
-        return plan
+        return load_plan(self, path)
 
     def published_plans(self) -> dict[str, Plan]:
         """The published plans that the study names, by their file's stem."""
@@ -355,24 +311,8 @@ class Study(Presented):
         }
 
 
-def _signature() -> inspect.Signature:
-    """The keys by name, those that are required first; `folder` is the last."""
-    fields = Specification.model_fields
-    names = [*sorted(fields, key=lambda name: not fields[name].is_required()), "folder"]
-    required = inspect.Parameter.empty
-    parameters = [
-        inspect.Parameter(
-            name,
-            inspect.Parameter.KEYWORD_ONLY,
-            default=required if name in fields and fields[name].is_required() else None,
-        )
-        for name in names
-    ]
-    return inspect.Signature(parameters)
-
-
 # Notebooks and `help` shall list the keys, in place of a bare `**keys`.
-Study.__signature__ = _signature()  # type: ignore[attr-defined]
+Study.__signature__ = keys_signature()  # type: ignore[attr-defined]
 
 
 def load_study(path: Path | str, excluded: Path | str | Plan | None = None) -> Study:
@@ -387,15 +327,7 @@ def load_study(path: Path | str, excluded: Path | str | Plan | None = None) -> S
         UserError: One line that names the file, the key and what was expected.
     """
     path = Path(path)
-    try:
-        raw = path.read_bytes()
-        content = tomllib.loads(raw.decode("utf-8"))
-    except FileNotFoundError:
-        raise UserError("no such study file", where=path) from None
-    except OSError as error:
-        raise UserError(str(error.strerror), where=path) from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise UserError(f"not valid TOML: {error}", where=path) from error
+    content, raw = read_toml(path)
     study = Study.__new__(Study)
     study._fill(content, path.parent, path)
     study._set(digest=_digest(raw))

@@ -1,10 +1,12 @@
-"""The types of a study's keys in Python, for editors and type checkers."""
+"""The keys of a study in Python, for editors and type checkers."""
 
+import inspect
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypedDict
 
 from edtk.model.robot import Robot
+from edtk.study.schema import Specification
 
 
 class StudyKeys(TypedDict, total=False):
@@ -28,3 +30,19 @@ class StudyKeys(TypedDict, total=False):
     published: list[str] | tuple[str, ...] | None
     simulation: Mapping[str, Any] | None
     prior: Mapping[str, Any] | None
+
+
+def keys_signature() -> inspect.Signature:
+    """The signature of `Study`: its keys by name, the required ones first, `folder` last."""
+    fields = Specification.model_fields
+    required = {name for name, field in fields.items() if field.is_required()}
+    names = [*sorted(fields, key=lambda name: name not in required), "folder"]
+    parameters = [
+        inspect.Parameter(
+            name,
+            inspect.Parameter.KEYWORD_ONLY,
+            default=inspect.Parameter.empty if name in required else None,
+        )
+        for name in names
+    ]
+    return inspect.Signature(parameters)

@@ -41,6 +41,8 @@ def study_toml(study: "Study", path: Path | str | None = None) -> str:
         def moved(name: str) -> str:
             return name if Path(name).is_absolute() else _relative(study.folder / name, folder)
 
+        if study.specification.robot_file is not None:
+            content["robot"] = moved(study.specification.robot_file)
         content = _with_names(content, moved)
     text = toml_text(content)
     write_text(path, text)
@@ -55,10 +57,8 @@ def _excluded_name(study: "Study") -> str:
 
 
 def _with_names(content: dict[str, Any], moved: Callable[[str], str]) -> dict[str, Any]:
-    """The same keys, with other names of the files."""
+    """The same keys, with other names of plans and results."""
     content = dict(content)
-    if isinstance(content["robot"], str) and content["robot"].endswith(".toml"):
-        content["robot"] = moved(content["robot"])
     if "published" in content:
         content["published"] = [moved(name) for name in content["published"]]
     if "excluded" in content.get("workspace", {}):

@@ -1,0 +1,43 @@
+"""The design space of a study."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from edtk.design.design_space import DesignSpace
+from edtk.design.plan import Plan
+from edtk.model.constraints.excluded import Excluded
+from edtk.model.workspace import Workspace
+from edtk.study.load_plan import read_plan
+
+if TYPE_CHECKING:
+    from edtk.study.study import Study
+
+NO_WRENCH = np.zeros(6)  # of poses to stay away from, whatever their load
+
+
+def study_space(study: "Study") -> DesignSpace:
+    """Build the design space of a study: model, feasible set, noise, loads and free joints.
+
+    Raises:
+        UserError: A file of excluded poses cannot be read.
+    """
+    fixed = study.fixed
+    values = np.array([fixed.get(j, 0.0) for j in range(study.robot.n)])
+    free = [j for j in range(study.robot.n) if j not in fixed]
+    constraints = (*study.specification.workspace.build(), *_exclusions(study))
+    workspace = Workspace(study.robot, constraints)
+    load = study.specification.load.build()
+    return DesignSpace(study.model, workspace, study.sigma, load, free, values)
+
+
+def _exclusions(study: "Study") -> list[Excluded]:
+    """Distances from the poses that plans keep away from, a constraint for each file or plan."""
+    workspace = study.specification.workspace
+    plans = [read_plan(study, study.folder / name, NO_WRENCH) for name in workspace.excluded]
+    if isinstance(study.excluded, Plan):
+        plans.append(study.excluded)
+    elif study.excluded is not None:
+        plans.append(read_plan(study, study.excluded, NO_WRENCH))
+    within = float(np.deg2rad(workspace.excluded_within_deg))
+    return [Excluded(plan.q, within) for plan in plans]
