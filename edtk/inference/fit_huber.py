@@ -113,10 +113,17 @@ def _minimise(columns: Array, measured: Array, start: Array, corner: float, leas
     # SciPy's reflective trust region must begin inside the bounds, and ends inside them as well:
     # a parameter this near to the bound belongs on it.
     begin = start if np.isneginf(least) else np.maximum(start, least + 1e-6 * size)
+
+    def residuals(x: Array) -> Array:
+        return columns @ x - measured
+
+    def jacobian(x: Array) -> Array:
+        return columns
+
     found = least_squares(
-        lambda x: columns @ x - measured,
+        residuals,
         begin,
-        jac=lambda x: columns,
+        jac=jacobian,
         bounds=(least, np.inf),
         loss="huber",
         f_scale=corner,

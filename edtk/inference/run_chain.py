@@ -103,12 +103,7 @@ def run_chain(
     file: ChainFile | None = None,
     progress: Callable[[int], object] = no_progress,
 ) -> Chain:
-    """Sample a density with emcee's differential-evolution move until the chain is long enough.
-
-    For the near-normal posteriors of calibrations that move decorrelates three times as fast as the
-    stretch move, at the same price, and it is as indifferent to scales and correlations. The
-    density is evaluated for all walkers at once: that was measured to be 12 times as fast as
-    emcee's pool of processes, two of which mostly wait.
+    """Sample a density with emcee until the chain is long enough.
 
     A chain that was killed, or ended at the limit, is resumed up to the length at which it was to
     be checked next, so that it ends as if it had never stopped.
@@ -129,14 +124,9 @@ def run_chain(
     stored = None if file is None else file.load(demand.accuracy)
     sampler, state = _begin(density, start, seed, stored)
     goal = max(0 if stored is None else stored.goal, sampler.iteration, BLOCK)
-    keeper = _Keeper(file, demand.accuracy)
+    run = _Run(sampler, file, demand.accuracy, progress)
     while True:
-        end = min(goal, demand.most)
-        while sampler.iteration < end:
-            steps = min(BLOCK, end - sampler.iteration)
-            state = sampler.run_mcmc(state, steps, skip_initial_state_check=True)
-            progress(sampler.iteration)
-            keeper.keep(sampler, goal, finished=sampler.iteration >= end)
+        state = run.advance(state, goal, demand.most)
         found = _assess(density, sampler, demand)
         if isinstance(found, Chain):
             return found
@@ -154,7 +144,12 @@ def _begin(
     sampler = emcee.EnsembleSampler(
         *start.shape,
         density.log_density,
+        # For the near-normal posteriors of calibrations, differential evolution decorrelates three
+        # times as fast as the stretch move, at the same cost, and is as indifferent to scales and
+        # correlations.
         moves=emcee.moves.DEMove(sigma=0.1),
+        # All walkers at once: measured to be 12 times as fast as emcee's pool of processes, two of
+        # which mostly wait.
         vectorize=True,
         backend=None if stored is None else stored.backend,
     )
@@ -165,23 +160,35 @@ def _begin(
 
 
 @dataclass(eq=False)
-class _Keeper:
-    """Writes a growing chain to its file, as often as that costs little."""
+class _Run:
+    """A sampler that reports its progress, and writes its chain as often as that costs little."""
 
+    sampler: "emcee.EnsembleSampler"
     file: ChainFile | None
     accuracy: float
-    last: float = field(default_factory=monotonic)
-    duration: float = 0.0
+    progress: Callable[[int], object]
+    last_save: float = field(default_factory=monotonic)
+    save_duration: float = 0.0
 
-    def keep(self, sampler: "emcee.EnsembleSampler", goal: int, finished: bool) -> None:
-        """Write the chain where it is finished, or has not been written for long enough."""
-        due = finished or monotonic() - self.last > SAVE_SHARE * self.duration
-        if self.file is None or not due:
+    def advance(self, state: "emcee.State | None", goal: int, most: int) -> "emcee.State | None":
+        """Sample up to the goal, or the limit where that comes first; returns the last state."""
+        end = min(goal, most)
+        while self.sampler.iteration < end:
+            steps = min(BLOCK, end - self.sampler.iteration)
+            state = self.sampler.run_mcmc(state, steps, skip_initial_state_check=True)
+            self.progress(self.sampler.iteration)
+            waited = monotonic() - self.last_save
+            if self.sampler.iteration >= end or waited > SAVE_SHARE * self.save_duration:
+                self._save(goal)
+        return state
+
+    def _save(self, goal: int) -> None:
+        if self.file is None:
             return
         before = monotonic()
-        self.file.save(StoredChain(sampler.backend, goal), self.accuracy)
-        self.last = monotonic()
-        self.duration = self.last - before
+        self.file.save(StoredChain(self.sampler.backend, goal), self.accuracy)
+        self.last_save = monotonic()
+        self.save_duration = self.last_save - before
 
 
 def _assess(density: Density, sampler: "emcee.EnsembleSampler", demand: Demand) -> Chain | int:

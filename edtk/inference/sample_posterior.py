@@ -14,7 +14,7 @@ from edtk.inference.least_squares import Estimate
 from edtk.inference.noise import Noise
 from edtk.inference.posterior import Posterior
 from edtk.inference.prior import Prior
-from edtk.inference.run_chain import Demand, no_progress, run_chain
+from edtk.inference.run_chain import Chain, Demand, no_progress, run_chain
 from edtk.system.typing import Array
 
 # emcee's differential evolution moves along differences of two other walkers, which must span the
@@ -81,6 +81,10 @@ class SamplingOptions:
     walkers: int = 32
 
 
+NORMAL = Noise()
+DEFAULT_OPTIONS = SamplingOptions()
+
+
 def sample_posterior(
     A: Array,
     measured: Array,
@@ -89,8 +93,8 @@ def sample_posterior(
     rng: np.random.Generator,
     *,
     prior: Prior | None = None,
-    noise: Noise | None = None,
-    options: SamplingOptions | None = None,
+    noise: Noise = NORMAL,
+    options: SamplingOptions = DEFAULT_OPTIONS,
 ) -> Posterior:
     """Sample ``prior(k) prod_i p((dp_i - A_i k) / sigma)``, with what is unknown of the noise.
 
@@ -101,8 +105,8 @@ def sample_posterior(
         fit: The least-squares estimate, for scale, start and names.
         rng: Source of randomness.
         prior: Of the compliances; None for flat on positive compliances.
-        noise: What is known of the noise; None for normal errors of known sigma.
-        options: How accurately, and where the chain is kept; None for the defaults.
+        noise: What is known of the noise.
+        options: How accurately, and where the chain is kept.
 
     Raises:
         UnconvergedError: The limit on the number of steps was reached first.
@@ -110,22 +114,21 @@ def sample_posterior(
         ChainFileError: The file is no chain, or of another problem.
         OSError: The file cannot be written.
     """
-    p = A.shape[-1]
-    prior = Prior.flat(p) if prior is None else prior
-    noise = Noise() if noise is None else noise
-    options = SamplingOptions() if options is None else options
+    prior = Prior.flat(A.shape[-1]) if prior is None else prior
     data = _Rows.of(A, measured, sigma, fit.k)
     _require_variances(prior, noise, data)
-    coordinates = _Coordinates.of(fit, prior, noise.spread(data.squares, data.freedom))
-    start = _start(coordinates, prior, noise, data, rng, options.walkers)
+    density = _PosteriorDensity.of(data, fit, prior, noise)
+    start = density.start(data, rng, options.walkers)
     seed = int(rng.integers(2**31))
-    density = _PosteriorDensity.of(data, coordinates, prior, noise)
-    file = None
-    if options.chain is not None:
-        numbers = density.parameters(np.eye(start.shape[1]))
-        content = [A, measured, sigma, start, np.array([seed]), numbers]
-        file = ChainFile(options.chain, _digest(content, prior, noise))
+    content = [A, measured, sigma, start, np.array([seed])]
+    file = density.file(options.chain, content)
     chain = run_chain(density, start, seed, options.demand, file=file, progress=options.progress)
+    return _posterior(chain, fit.parameters, noise)
+
+
+def _posterior(chain: Chain, parameters: tuple[str, ...], noise: Noise) -> Posterior:
+    """Samples of the compliances, and of what is unknown of the noise without its logarithm."""
+    p = chain.samples.shape[-1] - len(noise.names)
     return Posterior(
         samples=chain.samples[..., :p],
         tau=chain.tau[:p],
@@ -134,7 +137,7 @@ def sample_posterior(
         noise_tau=chain.tau[p:],
         noise=np.exp(chain.samples[..., p:]),
         noise_names=noise.names,
-        parameters=fit.parameters,
+        parameters=parameters,
     )
 
 
@@ -242,31 +245,6 @@ class _Coordinates:
         return self.centre + x @ self.L.T
 
 
-def _start(
-    coordinates: _Coordinates,
-    prior: Prior,
-    noise: Noise,
-    data: _Rows,
-    rng: np.random.Generator,
-    walkers: int,
-) -> Array:
-    """Where the walkers start (walkers, p + e): independent draws, which need little burn-in.
-
-    The compliances are drawn from the Gaussian of the coordinates, confined to positive numbers if
-    the prior asks for it.
-    """
-    p = len(coordinates.centre)
-    walkers = max(walkers, WALKERS_PER_PARAMETER * (p + len(noise.names)))
-    k = coordinates.compliances(rng.standard_normal((walkers, p)))
-    if prior.log_density(k).min() == -np.inf:
-        scale = coordinates.scale
-        # Rejection would never end where the estimate is far below zero.
-        k = scale * draw_positive(coordinates.centre / scale, coordinates.precision, walkers, rng)
-    x = np.linalg.solve(coordinates.L, (k - coordinates.centre).T).T
-    extra = noise.start(data.squares, data.freedom, rng, walkers)
-    return np.concatenate([x, extra], axis=1)
-
-
 @dataclass(frozen=True, eq=False)
 class _PosteriorDensity:
     """The density that is sampled: coordinates (p,), then what is unknown of the noise (e,).
@@ -284,10 +262,10 @@ class _PosteriorDensity:
     rest: float = 0.0
 
     @classmethod
-    def of(
-        cls, data: _Rows, coordinates: _Coordinates, prior: Prior, noise: Noise
-    ) -> "_PosteriorDensity":
-        """The density given measurements."""
+    def of(cls, data: _Rows, fit: Estimate, prior: Prior, noise: Noise) -> "_PosteriorDensity":
+        """The density given measurements and their least-squares fit."""
+        spread = noise.spread(data.squares, data.freedom)
+        coordinates = _Coordinates.of(fit, prior, spread)
         B = data.X @ coordinates.L
         residual = data.y - data.X @ coordinates.centre
         if not noise.normal or data.freedom <= 0:
@@ -316,9 +294,34 @@ class _PosteriorDensity:
         p = len(self.coordinates.centre)
         return np.concatenate([self.coordinates.compliances(x[..., :p]), x[..., p:]], axis=-1)
 
+    def start(self, data: _Rows, rng: np.random.Generator, walkers: int) -> Array:
+        """Where the walkers start (walkers, p + e): independent draws, which need little burn-in.
 
-def _digest(content: list[Array], prior: Prior, noise: Noise) -> str:
-    """What tells a chain's problem from others: every number that it depends on."""
-    digest = hashlib.sha256(b"".join(np.ascontiguousarray(part).tobytes() for part in content))
-    digest.update(repr((prior, noise)).encode())
-    return digest.hexdigest()
+        The compliances are drawn from the Gaussian of the coordinates, confined to positive numbers
+        if the prior asks for it.
+        """
+        at = self.coordinates
+        p = len(at.centre)
+        walkers = max(walkers, WALKERS_PER_PARAMETER * (p + len(self.noise.names)))
+        k = at.compliances(rng.standard_normal((walkers, p)))
+        if self.prior.log_density(k).min() == -np.inf:
+            # Rejection would never end where the estimate is far below zero.
+            k = at.scale * draw_positive(at.centre / at.scale, at.precision, walkers, rng)
+        x = np.linalg.solve(at.L, (k - at.centre).T).T
+        extra = self.noise.start(data.squares, data.freedom, rng, walkers)
+        return np.concatenate([x, extra], axis=1)
+
+    def file(self, path: Path | None, content: list[Array]) -> ChainFile | None:
+        """The file at a path that is of this problem alone; None without a path.
+
+        Args:
+            path: Where it lies.
+            content: Every number that the chain depends on, but for this density's own.
+        """
+        if path is None:
+            return None
+        numbers = self.parameters(np.eye(len(self.coordinates.centre) + len(self.noise.names)))
+        parts = [np.ascontiguousarray(part).tobytes() for part in (*content, numbers)]
+        digest = hashlib.sha256(b"".join(parts))
+        digest.update(repr((self.prior, self.noise)).encode())
+        return ChainFile(path, digest.hexdigest())
