@@ -5,13 +5,20 @@ BIN := $(VENV)/bin
 STUDY ?= studies/kr270_milling.toml
 
 .DEFAULT_GOAL := study
-.PHONY: study test check figures benchmark lock clean
+.PHONY: study test quick check docs figures benchmark lock clean
 
 study: $(VENV)/.installed
 	$(BIN)/edtk run $(STUDY)
 
 test: $(VENV)/.installed
 	$(BIN)/python -m pytest -n 2
+
+# The fast part of the tests: laws, textbook optima and messages, without searches and subprocesses.
+quick: $(VENV)/.installed
+	$(BIN)/python -m pytest -n 2 -m "not slow"
+
+docs: $(VENV)/.installed
+	$(BIN)/sphinx-build -W -n -q -b html docs results/docs
 
 check: $(VENV)/.installed
 	$(BIN)/ruff check .
@@ -35,7 +42,7 @@ $(VENV)/.installed: requirements.lock pyproject.toml
 
 # Needs uv. Writes versions and hashes, and no address of any index.
 lock:
-	uv pip compile --universal --generate-hashes --no-emit-index-url --group dev pyproject.toml --output-file requirements.lock
+	uv pip compile --universal --generate-hashes --no-emit-index-url --group dev --group docs pyproject.toml --output-file requirements.lock
 
 clean:
 	rm -rf $(VENV) results dist .pytest_cache .mypy_cache .ruff_cache

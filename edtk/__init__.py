@@ -1,5 +1,108 @@
-"""edtk: plans of experiments that can be trusted, for robot calibration and any linear(ised) model."""
+"""edtk: plans of experiments that can be trusted, for robot calibration and linear(ised) models.
+
+    >>> import edtk
+    >>> study = edtk.load_study("studies/kr270_milling.toml")  # doctest: +SKIP
+    >>> plan = edtk.plan(study, size=4)  # doctest: +SKIP
+    >>> calibration = edtk.identify(study, "day1.csv")  # doctest: +SKIP
+
+The verbs are those of the command line, with its words. Every name is loaded when it is first used,
+so that `import edtk` itself costs next to nothing.
+"""
+
+import importlib
+from typing import TYPE_CHECKING, Any
 
 from edtk.version import __version__
 
-__all__ = ["__version__"]
+if TYPE_CHECKING:
+    import criteria as criteria
+    from edtk.calibration.calibrate import Calibration as Calibration
+    from edtk.calibration.compensate import Compensation as Compensation
+    from edtk.calibration.plan_bias import PlanBias as PlanBias
+    from edtk.calibration.posterior_check import PosteriorCheck as PosteriorCheck
+    from edtk.certificate.verification import Verification as Verification
+    from edtk.design.bound import Bound as Bound
+    from edtk.design.exact.apportion import apportion as apportion
+    from edtk.design.exact.exact_plan import ExactPlan as ExactPlan
+    from edtk.design.exact.exchange import exchange as exchange
+    from edtk.design.plan import Plan as Plan
+    from edtk.design.problem import Problem as Problem
+    from edtk.design.relaxation.relax import Relaxation as Relaxation
+    from edtk.design.relaxation.relaxed_plan import RelaxedPlan as RelaxedPlan
+    from edtk.model.joint import Joint as Joint
+    from edtk.model.load_robot import load_robot as load_robot
+    from edtk.model.robot import Robot as Robot
+    from edtk.study.evaluate import Evaluation as Evaluation
+    from edtk.study.study import Study as Study
+    from edtk.system.errors import UserError as UserError
+    from edtk.verbs.bayes import bayes as bayes
+    from edtk.verbs.bias import bias as bias
+    from edtk.verbs.compensate import compensate as compensate
+    from edtk.verbs.evaluate import evaluate as evaluate
+    from edtk.verbs.identify import identify as identify
+    from edtk.verbs.load_study import load_study as load_study
+    from edtk.verbs.plan import plan as plan
+    from edtk.verbs.relax import relax as relax
+    from edtk.verbs.run import run as run
+    from edtk.verbs.sampling import Sampling as Sampling
+    from edtk.verbs.template import template as template
+    from edtk.verbs.verify import verify as verify
+
+_HOME = {
+    # verbs, in the order of a day's work
+    "load_study": "edtk.verbs.load_study",
+    "plan": "edtk.verbs.plan",
+    "relax": "edtk.verbs.relax",
+    "run": "edtk.verbs.run",
+    "evaluate": "edtk.verbs.evaluate",
+    "template": "edtk.verbs.template",
+    "identify": "edtk.verbs.identify",
+    "bayes": "edtk.verbs.bayes",
+    "bias": "edtk.verbs.bias",
+    "compensate": "edtk.verbs.compensate",
+    "verify": "edtk.verbs.verify",
+    # nouns
+    "Study": "edtk.study.study",
+    "Robot": "edtk.model.robot",
+    "Joint": "edtk.model.joint",
+    "load_robot": "edtk.model.load_robot",
+    "Plan": "edtk.design.plan",
+    "ExactPlan": "edtk.design.exact.exact_plan",
+    "RelaxedPlan": "edtk.design.relaxation.relaxed_plan",
+    "Evaluation": "edtk.study.evaluate",
+    "Calibration": "edtk.calibration.calibrate",
+    "PosteriorCheck": "edtk.calibration.posterior_check",
+    "PlanBias": "edtk.calibration.plan_bias",
+    "Compensation": "edtk.calibration.compensate",
+    "Verification": "edtk.certificate.verification",
+    "Bound": "edtk.design.bound",
+    "Sampling": "edtk.verbs.sampling",
+    "UserError": "edtk.system.errors",
+    # any linear(ised) model
+    "Problem": "edtk.design.problem",
+    "Relaxation": "edtk.design.relaxation.relax",
+    "apportion": "edtk.design.exact.apportion",
+    "exchange": "edtk.design.exact.exchange",
+}
+__all__ = ["__version__", "criteria", *_HOME]
+
+
+def __getattr__(name: str) -> Any:
+    """Load a public name when it is first used.
+
+    Raises:
+        AttributeError: The package has no such name.
+    """
+    if name == "criteria":
+        found: Any = importlib.import_module("criteria")
+    elif name in _HOME:
+        found = getattr(importlib.import_module(_HOME[name]), name)
+    else:
+        raise AttributeError(f"module 'edtk' has no attribute {name!r}")
+    globals()[name] = found
+    return found
+
+
+def __dir__() -> list[str]:
+    """The public names, for completion at a prompt."""
+    return sorted(__all__)

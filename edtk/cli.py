@@ -1,4 +1,4 @@
-"""The command `edtk`: thin, JSON alone on standard output, messages on standard error."""
+"""The command `edtk`: JSON alone on standard output, messages on standard error."""
 
 import click
 
@@ -13,9 +13,24 @@ from edtk.commands import (
     relax,
     run,
     template,
+    verify,
 )
 from edtk.commands.one_line import OneLine
 from edtk.version import __version__
+
+COMMANDS = (
+    plan,
+    run,
+    relax,
+    evaluate,
+    template,
+    identify,
+    compensate,
+    bias,
+    bayes,
+    verify,
+    criteria,
+)
 
 
 class _Group(OneLine, click.Group):
@@ -30,5 +45,5 @@ def main() -> None:
     """Design calibration experiments, identify compliances, and say how good both are."""
 
 
-for module in (plan, run, relax, evaluate, template, identify, compensate, bias, bayes, criteria):
+for module in COMMANDS:
     main.add_command(module.command)

@@ -12,6 +12,7 @@ ROOT = Path(__file__).parents[1]
 FLOORS = (
     ("edtk.version",),
     ("edtk.system",),
+    ("edtk.certificate.recompute",),
     ("criteria.linalg",),
     ("criteria",),
     ("edtk.model",),
@@ -21,6 +22,7 @@ FLOORS = (
     ("edtk.design.relaxation",),
     ("edtk.design.exact",),
     ("edtk.study",),
+    ("edtk.certificate",),
     ("edtk.calibration",),
     ("edtk.report",),
     ("edtk.verbs",),
@@ -39,7 +41,11 @@ KITS = {
     "criteria/linalg/triangle",
     "criteria/linalg/typing",
     "criteria/registry",
+    "edtk/certificate/recompute/bounds",
+    "edtk/certificate/recompute/experiments",
+    "edtk/certificate/recompute/values",
     "edtk/cli",
+    "edtk/commands/shared",
     "edtk/design/interior_point/barrier",
     "edtk/design/packed",
     "edtk/inference/convergence",
@@ -52,23 +58,13 @@ KITS = {
     "edtk/system/typing",
     "edtk/system/workers",
     "edtk/tables/sheet_columns",
+    "edtk/verbs/inputs",
     "edtk/version",
 }
 
 # Modules that are still to be split or renamed, and modules that still import from a room above
 # their own. Both lists only ever get shorter.
 NOT_YET_NAMED = {
-    "edtk/commands/bayes",
-    "edtk/commands/bias",
-    "edtk/commands/compensate",
-    "edtk/commands/criteria",
-    "edtk/commands/evaluate",
-    "edtk/commands/identify",
-    "edtk/commands/plan",
-    "edtk/commands/relax",
-    "edtk/commands/run",
-    "edtk/commands/shared",
-    "edtk/commands/template",
     "edtk/report/comparison_report",
     "edtk/report/figures",
     "edtk/report/posterior_figures",
@@ -153,7 +149,10 @@ def test_a_module_is_named_after_its_public_thing(path: Path) -> None:
     if path.stem.startswith("__") or name in KITS | NOT_YET_NAMED:
         return
     names = public_names(ast.parse(path.read_text()))
-    assert path.stem in {snake_case(public) for public in names}, f"{name} defines {sorted(names)}"
+    named = {snake_case(public) for public in names}
+    if path.parent.name == "commands" and "command" in names:
+        return  # the click command of a module of commands is called `command`
+    assert path.stem in named, f"{name} defines {sorted(names)}"
 
 
 @pytest.mark.parametrize(

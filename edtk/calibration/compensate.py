@@ -49,6 +49,8 @@ class Compensation(Presented):
         rho0_bias: Error that the linear model of the identification leaves besides in the test
             pose [m]; None if it is not known.
         rigid: Which joints count as rigid although the load turns them, in words.
+        verdict: "good", "warn" or "bad", as the identification judged the compliances; None if it
+            is not known.
     """
 
     robot: Robot
@@ -60,6 +62,7 @@ class Compensation(Presented):
     band: Array | None
     rho0_bias: float | None = None
     rigid: str = ""
+    verdict: str | None = None
 
     def headline(self) -> str:
         """Number of poses, and the largest error before and after."""
@@ -158,6 +161,7 @@ def compensate(study: Study, found: Compliances, task: Plan, path: Path | str) -
         remaining=remaining,
         band=band,
         rho0_bias=found.rho0_bias,
+        verdict=found.verdict,
         rigid=rigid_joints_in_words(rigid_joints(robot, task.q, task.wrench, found.joints)),
     )
 

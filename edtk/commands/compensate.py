@@ -1,40 +1,30 @@
 """`edtk compensate`: commands that make up for the deflection under the task's load."""
 
-import json
 from pathlib import Path
 
 import click
 
-from edtk.commands.shared import FilePath, require_output
+from edtk.commands.shared import FilePath, json_option, show, warn
 
 
 @click.command("compensate")
 @click.argument("study", type=FilePath)
 @click.argument("k", type=FilePath, metavar="K.json")
 @click.argument("task", type=FilePath)
-@click.option("--json", "as_json", is_flag=True, help="Print JSON, in SI units.")
+@json_option
 @click.option("--out", type=FilePath, help="Write commands and errors (CSV).")
 def command(study: Path, k: Path, task: Path, as_json: bool, out: Path | None) -> None:
-    """Joint angles to command so that the loaded robot is where TASK (CSV) wants it.
+    """Compute joint angles to command, so that the loaded robot is where TASK (CSV) wants it.
 
-    K.json holds the compliances, as an identification writes them; tool, and load where TASK has no wrench columns, are
-    those of the test pose of STUDY (TOML).
+    K.json holds the compliances, as `edtk identify` writes them. The tool is that of the test pose
+    of STUDY (TOML); so is the load where TASK has no wrench columns.
     """
-    from edtk.calibration.compensate import compensate
-    from edtk.calibration.load_task import load_task
-    from edtk.study.study import load_study
-    from edtk.tables.compliances import load_compliances
+    from edtk.verbs.compensate import compensate
 
-    loaded = load_study(study)
-    require_output(out, *loaded.reads, k, task)
-    poses = load_task(loaded, task)
-    given = load_compliances(k, loaded.robot.joint_names, loaded.specification.joints.unknown)
-    found = compensate(loaded, given, poses, task)
-    if out is not None:
-        found.to_csv(out)
-    if given.verdict == "bad":
-        click.echo(
-            f"edtk: {k}: the calibration says not to use these compliances; its error band is not to be trusted",
-            err=True,
+    found = compensate(study, k, task, out=out)
+    if found.verdict == "bad":
+        warn(
+            f"{k}: the calibration says not to use these compliances; "
+            "its error band is not to be trusted"
         )
-    click.echo(json.dumps(found.to_dict(), indent=2) if as_json else found.summary())
+    show(found, as_json)

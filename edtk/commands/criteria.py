@@ -1,16 +1,18 @@
-"""`edtk criteria`: the criteria that are there."""
+"""`edtk criteria`: the criteria that can be used."""
 
 import json
 
 import click
 
-import criteria
-from edtk.report.text.criteria_table import criteria_table
+from edtk.commands.shared import json_option
 
 
 @click.command("criteria")
-@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+@json_option
 def command(as_json: bool) -> None:
-    """List the criteria that are there, built in or from plug-ins."""
+    """List the criteria, built in or from plug-ins."""
+    import criteria
+    from edtk.report.text.criteria_table import criteria_table
+
     rows = [criteria.get(name).describe() for name in criteria.available()]
     click.echo(json.dumps(rows, indent=2) if as_json else criteria_table(rows))

@@ -5,31 +5,47 @@ from typing import Any
 
 import click
 
-import criteria
 from edtk.system.errors import ArgumentError, UserError
 
+MISTAKE = 2  # exit code
+INTERRUPTED = 130  # exit code after Ctrl-C, as shells have it
+
+
 FLAGS = {"memory_mb": "--memory"}  # of arguments whose flags have other names
+# Options that help where the library raises an error of this class: only commands know a flag.
+HINTS = {
+    "UnconvergedError": " with --most, or expect less with --accuracy",
+    "SigmaTooSmallError": ", or --sigma-unknown",
+}
 
 
 class OneLine(click.Command):
-    """Mixin for a click command: one line on standard error, exit code 2, and never a traceback, for a mistake."""
+    """Mixin for a click command: a mistake is one line on standard error, and never a traceback."""
 
     program = "edtk"
 
     def main(self, *args: Any, **kwargs: Any) -> Any:
-        """Run and exit; with code 130 where the user interrupts."""
+        """Run the command and exit: with code 2 after a mistake, 130 after Ctrl-C."""
         kwargs["standalone_mode"] = False
-        code = 2
+        code = MISTAKE
         try:
             sys.exit(super().main(*args, **kwargs) or 0)
         except click.ClickException as error:
             message = error.format_message()
         except click.Abort:
-            message, code = "interrupted", 130
+            message = "interrupted"
+            code = INTERRUPTED
         except ArgumentError as error:
             flag = FLAGS.get(error.argument, f"--{error.argument}")
             message = str(error.naming(flag))
-        except (UserError, criteria.CriterionError) as error:
+        except UserError as error:
+            message = f"{error}{HINTS.get(type(error.__cause__).__name__, '')}"
+        except LookupError as error:
+            # Imported late: the criteria bring scipy, which no mistake in a path should wait for.
+            from criteria import CriterionError
+
+            if not isinstance(error, CriterionError):
+                raise
             message = str(error)
         except OSError as error:
             message = f"{error.filename}: {error.strerror}" if error.filename else str(error)

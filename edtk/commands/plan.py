@@ -1,19 +1,21 @@
 """`edtk plan`: the best plan of exactly m experiments."""
 
-import json
-import sys
 from pathlib import Path
 
 import click
-from tqdm import tqdm
 
 from edtk.commands.shared import (
     FilePath,
     Range,
+    certificate_option,
+    criterion_option,
     dask_option,
-    mistakes_in,
-    require_output,
-    team_of,
+    end_interrupted,
+    json_option,
+    progress_line,
+    seed_option,
+    show,
+    warn,
     workers_option,
 )
 
@@ -31,25 +33,23 @@ from edtk.commands.shared import (
     type=click.IntRange(min=1),
     help="Distinct new poses at most [default: p(p+1)/2 + 1 of p parameters].",
 )
-@click.option(
-    "--criterion",
-    "name",
-    help="Criterion to optimise [default: rho0 where the study optimises it, else its first "
-    "criterion].",
-)
-@click.option("--keep", type=FilePath, help="Plan (CSV) of experiments that are there already.")
+@criterion_option
+@click.option("--keep", type=FilePath, help="Plan (CSV) of experiments that were made already.")
 @click.option("--exclude", type=FilePath, help="Plan (CSV) of poses to stay away from.")
-@click.option("--budget", type=Range(min=0, min_open=True), help="Seconds after which to stop.")
+@click.option(
+    "--budget", type=Range(min=0, min_open=True), help="Seconds after which the search ends."
+)
 @workers_option
 @dask_option
-@click.option("--seed", type=click.IntRange(min=0), help="Seed [default: the study's].")
-@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+@seed_option
+@json_option
 @click.option("--out", type=FilePath, help="Write all experiments (CSV).")
+@certificate_option
 def command(
     study: Path,
     size: int,
     distinct: int | None,
-    name: str | None,
+    criterion: str | None,
     keep: Path | None,
     exclude: Path | None,
     budget: float | None,
@@ -58,36 +58,33 @@ def command(
     seed: int | None,
     as_json: bool,
     out: Path | None,
+    certificate: Path | None,
 ) -> None:
-    """The best plan of exactly m experiments for STUDY (TOML), and how far it is from the bound.
+    """Find the best plan of exactly m experiments for STUDY (TOML), and bound its distance to the best.
 
     Ctrl-C, or the end of the budget, leaves the best plan so far.
     """
-    from edtk.study.plan_study import plan_study
-    from edtk.study.run_options import RunOptions
-    from edtk.study.study import load_study
+    from edtk.verbs.plan import plan
 
-    loaded = load_study(study, exclude)
-    kept = loaded.load_plan(keep) if keep is not None else None
-    require_output(out, *loaded.reads, keep)
-    with (
-        team_of(workers, dask) as pool,
-        tqdm(unit="step", file=sys.stderr, bar_format="{desc} [{elapsed}]", desc="bound") as bar,
-        mistakes_in(study),
-    ):
-        options = RunOptions(
-            seed=seed,
-            workers=pool,
+    with progress_line("bound") as bar:
+        found = plan(
+            study,
+            size,
+            criterion,
+            seed,
+            distinct=distinct,
+            keep=keep,
+            exclude=exclude,
+            budget=budget,
+            workers=workers,
+            dask=dask,
+            out=out,
+            certificate=certificate,
             progress=lambda label, number: bar.set_description_str(label),
         )
-        found = plan_study(
-            loaded, size, name, distinct=distinct, kept=kept, budget=budget, options=options
-        )
-    if out is not None:
-        found.whole.to_csv(out, loaded.robot)
-    click.echo(json.dumps(found.to_dict(), indent=2) if as_json else found.summary())
-    if found.ended in ("budget", "interrupted"):
-        why = "the budget ended the search" if found.ended == "budget" else "interrupted"
-        click.echo(f"edtk: {why}; this is the best plan so far", err=True)
+    show(found, as_json)
+    if found.ended == "budget":
+        warn("the budget ended the search; this is the best plan so far")
     if found.ended == "interrupted":
-        sys.exit(130)
+        warn("interrupted; this is the best plan so far")
+        end_interrupted()

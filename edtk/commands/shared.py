@@ -1,80 +1,83 @@
-"""What several commands have in common."""
+"""Options and helpers that several commands share."""
 
+import json
 import math
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, NoReturn
 
 import click
 
-from edtk.system.atomic_file import require_writable
-from edtk.system.errors import UserError
-
-if TYPE_CHECKING:
-    from edtk.system.workers import Workers
+from edtk.commands.one_line import INTERRUPTED
 
 FilePath = click.Path(path_type=Path, dir_okay=False)
+FolderPath = click.Path(path_type=Path, file_okay=False)
 
 
 class Range(click.FloatRange):
-    """A range that holds no NaN."""
+    """A range of numbers that rejects NaN."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """The number."""
+        """Convert to a number in the range.
+
+        Raises:
+            click.BadParameter: The value is not in the range.
+        """
         number = super().convert(value, param, ctx)
         if math.isnan(number):
             self.fail(f"{value!r} is not in the range {self._describe_range()}.", param, ctx)
         return number
 
 
-def require_output(path: Path | None, *inputs: Path | None) -> None:
-    """Check, before long work, that a file can be written, and is neither read by the command nor a filled sheet.
-
-    Raises:
-        UserError: It is one of them, or has measurements in it.
-        OSError: It cannot be written.
-    """
-    if path is None:
-        return
-    if any(other is not None and path.resolve() == other.resolve() for other in inputs):
-        raise UserError(f"{path}: is read by this command; expected another file to write")
-    require_writable(path)
-    if path.exists():
-        from edtk.calibration.is_filled import is_filled
-
-        if is_filled(path):
-            raise UserError(f"{path}: has measurements in it; expected another file to write")
-
-
-@contextmanager
-def mistakes_in(where: Path) -> Iterator[None]:
-    """Name the file in mistakes that only show in the arithmetic, or in the file system."""
-    from edtk.inference.least_squares import SingularPlanError
-
-    try:
-        yield
-    except SingularPlanError as error:
-        raise UserError(f"{where}: {error}") from error
-    except OSError as error:
-        raise UserError(f"{error.filename or where}: {error.strerror or error}") from error
-
-
+json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON, in SI units.")
+seed_option = click.option(
+    "--seed", type=click.IntRange(min=0), help="Seed [default: the study's]."
+)
+criterion_option = click.option(
+    "--criterion",
+    help="Criterion to optimise [default: rho0 if the study optimises it, else its first].",
+)
+certificate_option = click.option(
+    "--certificate", type=FilePath, help="Write what proves the numbers (JSON), for edtk verify."
+)
 workers_option = click.option(
-    "--workers", type=click.IntRange(min=1), help="Processes on this machine [default: one a core]."
+    "--workers",
+    type=click.IntRange(min=1),
+    help="Processes on this machine [default: one a core].",
 )
 dask_option = click.option(
     "--dask", metavar="ADDRESS", help="Use the workers of a Dask cluster, tcp://HOST:PORT."
 )
 
 
-@contextmanager
-def team_of(workers: int | None, dask: str | None) -> Iterator["Workers"]:
-    """Who does the work; a cluster that is not there is the user's mistake."""
-    from edtk.system.workers import WorkersLostError, open_workers
+def show(result: Any, as_json: bool) -> None:
+    """Print a result on standard output: its text, or its JSON."""
+    click.echo(json.dumps(result.to_dict(), indent=2) if as_json else result.summary())
 
-    try:
-        with open_workers(workers, dask) as found:
-            yield found
-    except WorkersLostError as error:
-        raise UserError(f"--dask: {error}") from error
+
+def warn(message: str) -> None:
+    """Print one line on standard error."""
+    click.echo(f"edtk: {message}", err=True)
+
+
+def end_interrupted() -> NoReturn:
+    """End with the exit code of an interrupted program."""
+    sys.exit(INTERRUPTED)
+
+
+@contextmanager
+def progress_line(first: str) -> Iterator[Any]:
+    """A line on standard error that says the current step and the time since the beginning.
+
+    Args:
+        first: The first step.
+
+    Yields:
+        The progress bar, whose description is the step.
+    """
+    from tqdm import tqdm
+
+    with tqdm(unit="step", file=sys.stderr, bar_format="{desc} [{elapsed}]", desc=first) as bar:
+        yield bar

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from criteria import Criterion
-from criteria.linalg.triangle import triangle
 from criteria.derivatives import derivatives
+from criteria.linalg.triangle import triangle
 from edtk.design.experiments import Experiments, weighted_information
 from edtk.design.interior_point.neighbourhood import Neighbourhood
 from edtk.design.interior_point.objective import Local, Objective

@@ -1,0 +1,163 @@
+"""What proves the numbers of a relaxation or of an exact plan, as plain data that a file can hold."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from edtk.design.bound import BoundKind
+from edtk.design.exact.exact_plan import ExactPlan
+from edtk.design.plan import Plan
+from edtk.design.relaxation.relaxed_plan import RelaxedPlan
+from edtk.model.constraints.excluded import Excluded
+from edtk.model.robot import Robot
+from edtk.study.study import Study
+from edtk.system.atomic_file import write_text
+from edtk.version import __version__
+
+
+def certificate(study: Study, found: RelaxedPlan | ExactPlan) -> dict[str, Any]:
+    """Collect all that `verify_certificate` needs: setting, experiments, multipliers and claims.
+
+    The content stands alone: robot, load, noise and constraints are part of it, in SI units and
+    radians, but for the study's own keys, which name their units.
+
+    Args:
+        study: The study that was answered.
+        found: A relaxation, or an exact plan of this study.
+
+    Returns:
+        Plain data for JSON.
+    """
+    if isinstance(found, ExactPlan):
+        relaxed = found.relaxed
+        answer = {
+            "kind": "plan",
+            "claims": _plan_claims(found),
+            "experiments": _repeated(found.plan),
+            "kept": [] if found.kept is None else _repeated(found.kept),
+        }
+    else:
+        relaxed = found
+        answer = {
+            "kind": "relaxation",
+            "claims": _relaxation_claims(found),
+            "experiments": _weighted(found),
+            "kept": [],
+        }
+    return {
+        "edtk": __version__,
+        "title": study.specification.title,
+        "study_sha256": study.digest,
+        "criterion": relaxed.criterion.name,
+        **answer,
+        "proof": _proof(relaxed),
+        "setting": _setting(study, relaxed),
+    }
+
+
+def write_certificate(path: Path | str, study: Study, found: RelaxedPlan | ExactPlan) -> None:
+    """Write the certificate of a result, atomically.
+
+    Raises:
+        OSError: The file cannot be written.
+    """
+    write_text(path, json.dumps(certificate(study, found), indent=1) + "\n")
+
+
+def _proof(relaxed: RelaxedPlan) -> dict[str, Any]:
+    """Multipliers, and the experiments over which their largest sensitivities are taken."""
+    searched = getattr(relaxed, "searched_x", np.zeros((0, relaxed.x.shape[1])))
+    return {
+        "candidates": relaxed.candidates,
+        "seed": np.atleast_1d(relaxed.source.seed).tolist(),
+        "sampling": relaxed.source.sampling,
+        "multipliers": relaxed.multipliers.tolist(),
+        "support": relaxed.x.tolist(),
+        "searched": searched.tolist(),
+    }
+
+
+def _relaxation_claims(found: RelaxedPlan) -> dict[str, float]:
+    """Value, bounds and proved gap; a bound that says nothing is no claim."""
+    claims = {"value": found.value, "bound": found.bound, "gap": found.gap}
+    if found.searched_bound is not None:
+        claims["bound_searched"] = found.searched_bound.value
+    return {name: float(number) for name, number in claims.items() if np.isfinite(number)}
+
+
+def _plan_claims(found: ExactPlan) -> dict[str, float]:
+    """Value, bound of its kind, and efficiency."""
+    searched = found.lower_bound.kind is BoundKind.SEARCHED
+    bound = "bound_searched" if searched else "bound"
+    claims = {"value": found.value, bound: found.bound, "efficiency": found.efficiency}
+    return {name: float(number) for name, number in claims.items() if np.isfinite(number)}
+
+
+def _weighted(found: RelaxedPlan) -> list[dict[str, Any]]:
+    """Experiments with their weights, in the design's own order."""
+    plan = found.space.plan(found.x, np.ones(len(found.x), dtype=int))
+    return [
+        {"q": q.tolist(), "wrench": wrench.tolist(), "weight": float(weight)}
+        for q, wrench, weight in zip(plan.q, plan.wrench, found.weights, strict=True)
+    ]
+
+
+def _repeated(plan: Plan) -> list[dict[str, Any]]:
+    """Experiments with their repetitions."""
+    return [
+        {"q": q.tolist(), "wrench": wrench.tolist(), "repeats": int(repeats)}
+        for q, wrench, repeats in zip(plan.q, plan.wrench, plan.repeats, strict=True)
+    ]
+
+
+def _setting(study: Study, relaxed: RelaxedPlan) -> dict[str, Any]:
+    """Robot, load, noise, constraints and test pose."""
+    keys = study.specification
+    space = relaxed.space
+    excluded = [
+        {"poses": part.poses.tolist(), "distance": part.distance}
+        for part in space.workspace.constraints
+        if isinstance(part, Excluded)
+    ]
+    return {
+        "robot": _robot(study.robot),
+        "unknown": list(study.model.joints),
+        "rows": study.model.rows,
+        "sigma": study.sigma.tolist(),
+        "load": keys.load.model_dump(mode="json", exclude_none=True),
+        "workspace": keys.workspace.model_dump(mode="json", exclude_none=True),
+        "excluded": excluded,
+        "free": list(space.free),
+        "fixed": space.fixed.tolist(),
+        "test_pose": _test_pose(study),
+    }
+
+
+def _robot(robot: Robot) -> dict[str, Any]:
+    """The chain: transforms [m], axes, limits [rad or m]."""
+    joints = [
+        {
+            "name": joint.name,
+            "kind": joint.kind,
+            "origin": joint.origin.tolist(),
+            "axis": joint.axis.tolist(),
+            "limits": list(joint.limits),
+        }
+        for joint in robot.joints
+    ]
+    return {
+        "name": robot.name,
+        "base": robot.base.tolist(),
+        "tool": robot.tool.tolist(),
+        "joints": joints,
+    }
+
+
+def _test_pose(study: Study) -> dict[str, Any] | None:
+    """Pose [rad or m], tool [m] and wrench [N, N m] of the task; None without one."""
+    task = study.task
+    if task is None:
+        return None
+    return {"q": task.q.tolist(), "tool": task.tool.tolist(), "wrench": task.wrench.tolist()}

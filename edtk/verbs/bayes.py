@@ -1,0 +1,67 @@
+"""`edtk.bayes`: the sampled posterior of a plan beside Eq. (13)."""
+
+from pathlib import Path
+
+from edtk.calibration.export_inference_data import export_inference_data
+from edtk.calibration.check_plan_posterior import check_plan_posterior
+from edtk.calibration.posterior_check import PosteriorCheck
+from edtk.inference.noise import NU_IN_WORDS, Noise
+from edtk.system.atomic_file import require_writable
+from edtk.verbs.inputs import PlanLike, StudyLike, as_plan, as_study, name_of
+from edtk.verbs.sampling import Sampling
+
+
+def bayes(
+    study: StudyLike,
+    plan: PlanLike,
+    *,
+    sigma_factor: float | None = None,
+    nu: float | str | None = None,
+    sampling: Sampling | None = None,
+    figures: Path | str | None = None,
+) -> PosteriorCheck:
+    """Simulate measurements of a plan, sample their posterior, and compare it with Eq. (13).
+
+    The [prior] of the study says what is known before the measurements.
+
+    Args:
+        study: A study, or the path of a study file; it must have a [simulation].
+        plan: A plan, or the path of its CSV file.
+        sigma_factor: Sigma is known to this factor: 1 exactly, infinite not at all; defaults to
+            the study's.
+        nu: Degrees of freedom of Student-t errors, "normal" or "sampled"; defaults to the study's.
+        sampling: How the posterior is sampled; defaults to an accuracy of 1 %.
+        figures: Folder for pictures (PNG).
+
+    Returns:
+        Posterior standard deviations beside those of Eq. (13), and the samples.
+
+    Raises:
+        UserError: A file is not valid, the plan leaves parameters open, or the chain does not
+            converge.
+    """
+    question = as_study(study)
+    sampling = sampling or Sampling()
+    sampling.require_writable(*question.reads, plan if isinstance(plan, str | Path) else None)
+    measured = as_plan(question, plan)
+    if figures is not None:
+        require_writable(Path(figures) / "corner.png")
+    noise = _noise(question.specification.prior.noise(), sigma_factor, nu)
+    where = name_of(plan, "plan")
+    with sampling.arguments(where, question.specification.seed) as arguments:
+        check = check_plan_posterior(question, measured, noise=noise, **arguments)
+    if sampling.export is not None:
+        export_inference_data(check, sampling.export, question.target)
+    if figures is not None:
+        from edtk.report.posterior_figures import draw_figures
+
+        draw_figures(check, Path(figures))
+    return check
+
+
+def _noise(given: Noise, sigma_factor: float | None, nu: float | str | None) -> Noise:
+    """The study's noise, with what the caller says in its place."""
+    factor = given.sigma_factor if sigma_factor is None else sigma_factor
+    if nu is None:
+        return Noise(factor, given.nu)
+    return Noise(factor, NU_IN_WORDS[nu] if isinstance(nu, str) else nu)

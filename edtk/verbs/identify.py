@@ -1,0 +1,55 @@
+"""`edtk.identify`: compliances from measurements, with a verdict."""
+
+from pathlib import Path
+
+from edtk.calibration.calibrate import Calibration, calibrate
+from edtk.calibration.export_inference_data import export_inference_data
+from edtk.report.write_calibration import WRITTEN, write_calibration
+from edtk.verbs.inputs import PlanLike, StudyLike, as_plan, as_study
+from edtk.verbs.require_output import require_output
+from edtk.verbs.sampling import Sampling
+
+
+def identify(
+    study: StudyLike,
+    measurements: Path | str,
+    *,
+    robust: bool = False,
+    sigma_unknown: bool = False,
+    plan: PlanLike | None = None,
+    bayes: Sampling | bool = False,
+    out: Path | str | None = None,
+) -> Calibration:
+    """Identify the unknown compliances of a study by weighted least squares, and judge the result.
+
+    Args:
+        study: A study, or the path of a study file.
+        measurements: The filled-in sheet (CSV); `edtk.template` makes an empty one.
+        robust: Whether Huber's loss takes the place of squares, so that outliers count less.
+        sigma_unknown: Whether the size of the noise is estimated from the residuals.
+        plan: The plan that was measured, or its CSV file, to compare the poses with.
+        bayes: Whether the posterior is sampled too; a `Sampling` says how.
+        out: Folder for `k.json`, `residuals.csv` and `report.html`.
+
+    Returns:
+        The calibration: `.k` and `.std` by joint [rad/(N m)], the fit, and its diagnostics.
+
+    Raises:
+        UserError: A file is not valid, or the measurements cannot be used; one line says why.
+    """
+    question = as_study(study)
+    sampling = bayes if isinstance(bayes, Sampling) else Sampling()
+    inputs = (*question.reads, measurements, plan if isinstance(plan, str | Path) else None)
+    sampling.require_writable(*inputs)
+    for name in WRITTEN if out is not None else ():
+        require_output(Path(out or "") / name, *inputs, sampling.chain, sampling.export)
+    planned = None if plan is None else as_plan(question, plan)
+    found = calibrate(question, measurements, robust, not sigma_unknown, planned)
+    if bayes:
+        with sampling.arguments(Path(measurements), question.specification.seed) as arguments:
+            found = found.sampled(**arguments)
+    if found.check is not None and sampling.export is not None:
+        export_inference_data(found.check, sampling.export, question.target)
+    if out is not None:
+        write_calibration(found, Path(out))
+    return found

@@ -1,0 +1,80 @@
+"""`edtk.plan`: the best plan of exactly m experiments."""
+
+from pathlib import Path
+
+from edtk.design.exact.exact_plan import ExactPlan
+from edtk.study.plan_study import plan_study
+from edtk.study.run_options import Progress, RunOptions, no_progress
+from edtk.verbs.inputs import PlanLike, StudyLike, as_plan, as_study, errors_in
+from edtk.verbs.require_output import require_output
+from edtk.verbs.workers_for import workers_for
+
+
+def plan(
+    study: StudyLike,
+    size: int,
+    criterion: str | None = None,
+    seed: int | None = None,
+    *,
+    distinct: int | None = None,
+    keep: PlanLike | None = None,
+    exclude: Path | str | None = None,
+    budget: float | None = None,
+    workers: int | None = None,
+    dask: str | None = None,
+    out: Path | str | None = None,
+    certificate: Path | str | None = None,
+    progress: Progress = no_progress,
+) -> ExactPlan:
+    """Search for the best plan of `size` experiments, and bound how much better any plan can be.
+
+    The same seed gives the same plan on any number of workers. Ctrl-C, or the end of the budget,
+    returns the best plan so far; `.ended` says so.
+
+    Args:
+        study: A study, or the path of a study file.
+        size: Number of experiments m; kept experiments count.
+        criterion: Name of the criterion to optimise; defaults to the study's main criterion.
+        seed: Seed of the search; defaults to the study's.
+        distinct: Distinct new poses at most; defaults to p(p+1)/2 + 1 for p parameters.
+        keep: A plan (or its CSV file) of experiments that were made already.
+        exclude: A plan (CSV file) of poses to stay away from.
+        budget: Seconds after which the search ends [s]; defaults to no limit.
+        workers: Processes on this machine; defaults to one a core.
+        dask: Address of a Dask scheduler (tcp://HOST:PORT) whose workers do the work instead.
+        out: File to write all experiments to (CSV).
+        certificate: File to write what proves the numbers to (JSON), for `edtk.verify`.
+        progress: Called with a line about the current step, and its gap or its best cost.
+
+    Returns:
+        The plan with its `.value`, its `.bound`, and its `.efficiency` between 0 and 1.
+
+    Raises:
+        UserError: One line that says what cannot be done, and where.
+
+    Example:
+        >>> import edtk
+        >>> found = edtk.plan("studies/kr270_milling.toml", size=4)  # doctest: +SKIP
+        >>> found.plan.to_csv("plan.csv", found.robot)  # doctest: +SKIP
+    """
+    question = as_study(study) if exclude is None else as_study(study).excluding(exclude)
+    kept = None if keep is None else as_plan(question, keep)
+    for path in (out, certificate):
+        require_output(path, *question.reads, keep if isinstance(keep, str | Path) else None)
+    with workers_for(workers, dask) as pool, errors_in(question.where):
+        found = plan_study(
+            question,
+            size,
+            criterion,
+            distinct=distinct,
+            kept=kept,
+            budget=budget,
+            options=RunOptions(seed=seed, workers=pool, progress=progress),
+        )
+    if out is not None:
+        found.whole.to_csv(out, question.robot)
+    if certificate is not None:
+        from edtk.certificate.certificate import write_certificate
+
+        write_certificate(certificate, question, found)
+    return found

@@ -1,0 +1,133 @@
+"""`edtk.relax`: the best weights over candidate experiments, with a bound on every design."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, overload
+
+if TYPE_CHECKING:
+    from criteria import Criterion
+    from edtk.design.problem import Problem
+    from edtk.design.relaxation.relax import Relaxation
+    from edtk.design.relaxation.relaxed_plan import RelaxedPlan
+    from edtk.study.study import Study
+    from edtk.verbs.inputs import StudyLike
+
+Progress = Callable[[str, float], object]
+MEMORY_MB = 1000.0
+
+
+@overload
+def relax(
+    question: "StudyLike",
+    criterion: str | None = None,
+    candidates: int | None = None,
+    *,
+    continuous: bool = False,
+    seed: int | None = None,
+    memory_mb: float = MEMORY_MB,
+    out: Path | str | None = None,
+    certificate: Path | str | None = None,
+    progress: Progress = ...,
+) -> "RelaxedPlan": ...
+
+
+@overload
+def relax(question: "Problem", criterion: "Criterion | str | None" = None) -> "Relaxation": ...
+
+
+def relax(
+    question: "StudyLike | Problem",
+    criterion: "Criterion | str | None" = None,
+    candidates: int | None = None,
+    *,
+    continuous: bool = False,
+    seed: int | None = None,
+    memory_mb: float = MEMORY_MB,
+    out: Path | str | None = None,
+    certificate: Path | str | None = None,
+    progress: Progress = lambda stage, gap: None,
+) -> "RelaxedPlan | Relaxation":
+    """Minimise a criterion over weights instead of whole experiments, and prove a bound.
+
+    Args:
+        question: A study, the path of a study file, or a `Problem` of arrays. The options below
+            belong to studies.
+        criterion: Name of a criterion (a `Criterion` object is fine for a problem); defaults to
+            the study's main criterion, and to "D" for a problem.
+        candidates: Number of candidate poses; defaults to the study's.
+        continuous: Whether to search all feasible poses, beyond the candidates.
+        seed: Seed of the candidates; defaults to the study's.
+        memory_mb: Limit on memory [MB].
+        out: File to write poses and weights to (CSV).
+        certificate: File to write what proves the numbers to (JSON), for `edtk.verify`.
+        progress: Called with the stage and its relative gap.
+
+    Returns:
+        Weights with `.value`, `.bound` and `.gap`.
+
+    Raises:
+        UserError: One line that says what cannot be done, and where.
+        PlanInterrupted: Ctrl-C after a first certified design, which the exception carries.
+
+    Example:
+        >>> import numpy as np, edtk
+        >>> x = np.linspace(-1, 1, 201)
+        >>> rows = np.stack([np.ones_like(x), x, x**2], axis=-1)
+        >>> design = edtk.relax(edtk.Problem(rows[:, None, :]), "D")
+        >>> x[design.weights > 0.1].round(2).tolist()
+        [-1.0, 0.0, 1.0]
+    """
+    from edtk.design.problem import Problem
+
+    if isinstance(question, Problem):
+        return _relax_problem(question, "D" if criterion is None else criterion)
+    from edtk.design.relaxation.relax_poses import PlanInterrupted
+    from edtk.study.relax_study import relax_study
+    from edtk.study.run_options import RunOptions
+    from edtk.verbs.inputs import as_study, errors_in
+    from edtk.verbs.require_output import require_output
+
+    study = as_study(question)
+    for path in (out, certificate):
+        require_output(path, *study.reads)
+    name = criterion if criterion is None or isinstance(criterion, str) else criterion.name
+    try:
+        with errors_in(study.where):
+            found = relax_study(
+                study,
+                name,
+                candidates=candidates,
+                continuous=continuous,
+                memory_mb=memory_mb,
+                options=RunOptions(seed=seed, progress=progress),
+            )
+    except PlanInterrupted as interrupt:
+        _write(study, interrupt.best, out, certificate)
+        raise
+    _write(study, found, out, certificate)
+    return found
+
+
+def _write(
+    study: "Study",
+    found: "RelaxedPlan",
+    out: Path | str | None,
+    certificate: Path | str | None,
+) -> None:
+    """Write the files that were asked for."""
+    if out is not None:
+        found.to_csv(out)
+    if certificate is not None:
+        from edtk.certificate.certificate import write_certificate
+
+        write_certificate(certificate, study, found)
+
+
+def _relax_problem(problem: "Problem", criterion: "Criterion | str") -> "Relaxation":
+    """The relaxation over the candidates of a problem of arrays."""
+    import criteria
+    from edtk.design.relaxation.relax import relax as relax_candidates
+
+    if isinstance(criterion, str):
+        criterion = criteria.create(criterion)
+    return relax_candidates(problem, criterion)

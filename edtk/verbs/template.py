@@ -1,0 +1,56 @@
+"""`edtk.template`: the sheet on which measurements are written down."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from edtk.calibration.require_empty import require_empty
+from edtk.calibration.template import template as empty_sheet
+from edtk.calibration.template import write_template
+from edtk.system.errors import UserError
+from edtk.verbs.inputs import PlanLike, StudyLike, as_plan, as_study, name_of
+from edtk.verbs.require_output import require_output
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+MOST_ROWS = 1_000_000
+
+
+def template(
+    study: StudyLike,
+    plan: PlanLike,
+    *,
+    positions: bool = False,
+    markers: int | None = None,
+    out: Path | str | None = None,
+) -> "pd.DataFrame":
+    """Make a sheet to fill in while a plan is measured, in an order in which the joints travel little.
+
+    Args:
+        study: A study, or the path of a study file.
+        plan: The plan to measure, or the path of its CSV file.
+        positions: Whether unloaded and loaded positions are measured, instead of displacements.
+        markers: Number of markers on the tool, each with rows of its own; defaults to one marker
+            at the tool point.
+        out: File to write the sheet to (CSV); an empty sheet is replaced, anything else is not.
+
+    Returns:
+        A row for each repetition; headers name the units, cells to fill in are empty.
+
+    Raises:
+        UserError: A file is not valid, the plan is too long, or `out` holds something else.
+    """
+    question = as_study(study)
+    measured = as_plan(question, plan)
+    if out is not None:
+        require_output(out, *question.reads, plan if isinstance(plan, str | Path) else None)
+        require_empty(Path(out))
+    if measured.experiments > MOST_ROWS:
+        raise UserError(
+            f"{name_of(plan, 'plan')}: {measured.experiments} experiments; "
+            f"expected {MOST_ROWS} at most for a sheet"
+        )
+    table = empty_sheet(question, measured, positions, markers or 0)
+    if out is not None:
+        write_template(table, out)
+    return table
