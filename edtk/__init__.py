@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from edtk.design.exact.exchange import exchange as exchange
     from edtk.design.plan import Plan as Plan
     from edtk.design.problem import Problem as Problem
-    from edtk.design.relaxation.relax import Relaxation as Relaxation
+    from edtk.design.relaxation.relaxation import Relaxation as Relaxation
     from edtk.design.relaxation.relaxed_plan import RelaxedPlan as RelaxedPlan
     from edtk.model.joint import Joint as Joint
     from edtk.model.load_robot import load_robot as load_robot
@@ -80,7 +80,7 @@ _HOME = {
     "UserError": "edtk.system.errors",
     # any linear(ised) model
     "Problem": "edtk.design.problem",
-    "Relaxation": "edtk.design.relaxation.relax",
+    "Relaxation": "edtk.design.relaxation.relaxation",
     "apportion": "edtk.design.exact.apportion",
     "exchange": "edtk.design.exact.exchange",
 }

@@ -151,6 +151,7 @@ def test_run_writes_results_plans_and_report(study: Path, tmp_path: Path) -> Non
         "results.csv",
         "report.md",
         "cases",
+        "certificates",
         "plans",
     }
     assert "comparison.png" in figures

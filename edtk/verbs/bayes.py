@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from edtk.calibration.export_inference_data import export_inference_data
 from edtk.calibration.check_plan_posterior import check_plan_posterior
+from edtk.calibration.export_inference_data import export_inference_data
 from edtk.calibration.posterior_check import PosteriorCheck
 from edtk.inference.noise import NU_IN_WORDS, Noise
 from edtk.system.atomic_file import require_writable

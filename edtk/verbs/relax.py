@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, overload
 if TYPE_CHECKING:
     from criteria import Criterion
     from edtk.design.problem import Problem
-    from edtk.design.relaxation.relax import Relaxation
+    from edtk.design.relaxation.relaxation import Relaxation
     from edtk.design.relaxation.relaxed_plan import RelaxedPlan
     from edtk.study.study import Study
     from edtk.verbs.inputs import StudyLike

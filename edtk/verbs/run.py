@@ -2,6 +2,9 @@
 
 from pathlib import Path
 
+from edtk.certificate.certificate import write_certificate
+from edtk.design.exact.exact_plan import ExactPlan
+from edtk.design.relaxation.relaxed_plan import RelaxedPlan
 from edtk.report.comparison_report import write_report
 from edtk.study.run_options import Progress, RunOptions, no_progress
 from edtk.study.run_study import run_study
@@ -58,10 +61,10 @@ def _folder(study: Study) -> Path:
 
 def _write_certificates(found: StudyRun) -> None:
     """Write what proves each relaxation and each plan that was searched, and remove older files."""
-    from edtk.certificate.certificate import write_certificate
-
     folder = found.folder / "certificates"
-    results = {f"relaxation_{name}": relaxed for name, relaxed in found.relaxations.items()}
+    results: dict[str, RelaxedPlan | ExactPlan] = {
+        f"relaxation_{name}": relaxed for name, relaxed in found.relaxations.items()
+    }
     results |= {case.name: case.found for case in found.cases if case.found is not None}
     for name, result in results.items():
         write_certificate(folder / f"{name}.json", found.study, result)

@@ -19,8 +19,7 @@ from click.testing import CliRunner
 import criteria
 from edtk.cli import main
 from edtk.design.exact.apportion import apportion
-from edtk.design.exact.find_plan import SearchOptions, find_plan
-from edtk.report.comparison_report import write_report
+from edtk.design.exact.find_plan import find_plan
 from edtk.study import run_study as runner
 from edtk.study.checkpoint import checkpoint_of
 from edtk.study.evaluate import evaluate
@@ -28,6 +27,7 @@ from edtk.study.relax_study import relax_study
 from edtk.study.run_options import RunOptions
 from edtk.study.run_study import run_study, steps
 from edtk.study.study import load_study
+from edtk.verbs.run import run
 from edtk.system.errors import UserError
 
 STUDIES = Path(__file__).parents[2] / "studies"
@@ -68,9 +68,11 @@ def done(tmp_path_factory):
     folder = tmp_path_factory.mktemp("study")
     labels = []
     study = load_study(write(folder))
-    options = RunOptions(progress=lambda label, share: labels.append((label, share)))
-    found = run_study(study, folder / "first", options=options)
-    write_report(study, found.table, found.relaxations, folder / "first")
+
+    def progress(label, share):
+        labels.append((label, share))
+
+    found = run(study, folder / "first", workers=1, progress=progress)
     return study, found.table, folder / "first", labels
 
 
