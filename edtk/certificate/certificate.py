@@ -68,14 +68,14 @@ def write_certificate(path: Path | str, study: Study, found: RelaxedPlan | Exact
 
 def _proof(relaxed: RelaxedPlan) -> dict[str, Any]:
     """Multipliers, and the experiments over which their largest sensitivities are taken."""
-    searched = getattr(relaxed, "searched_x", np.zeros((0, relaxed.x.shape[1])))
+    searched = relaxed.searched_sensitivities
     return {
         "candidates": relaxed.candidates,
         "seed": np.atleast_1d(relaxed.source.seed).tolist(),
         "sampling": relaxed.source.sampling,
         "multipliers": relaxed.multipliers.tolist(),
         "support": relaxed.x.tolist(),
-        "searched": searched.tolist(),
+        "searched": [] if searched is None else searched.x.tolist(),
     }
 
 

@@ -19,16 +19,15 @@ from click.testing import CliRunner
 import criteria
 from edtk.cli import main
 from edtk.design.exact.apportion import apportion
-from edtk.design.exact.find_plan import find_plan
+from edtk.design.exact.find_plan import SearchOptions, find_plan
 from edtk.study import run_study as runner
 from edtk.study.checkpoint import checkpoint_of
 from edtk.study.evaluate import evaluate
 from edtk.study.relax_study import relax_study
-from edtk.study.run_options import RunOptions
 from edtk.study.run_study import run_study, steps
 from edtk.study.study import load_study
-from edtk.verbs.run import run
 from edtk.system.errors import UserError
+from edtk.verbs.run import run as run_and_report
 
 STUDIES = Path(__file__).parents[2] / "studies"
 SIZES = "sizes = [1, 3]"
@@ -72,7 +71,7 @@ def done(tmp_path_factory):
     def progress(label, share):
         labels.append((label, share))
 
-    found = run(study, folder / "first", workers=1, progress=progress)
+    found = run_and_report(study, folder / "first", workers=1, progress=progress)
     return study, found.table, folder / "first", labels
 
 
