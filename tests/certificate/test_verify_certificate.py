@@ -43,7 +43,7 @@ def relaxed() -> Callable[[str], Content]:
 
     def of(name: str) -> Content:
         if name not in made:
-            found = relax_study(STUDY, name, 400)
+            found = relax_study(STUDY, name, candidates=400)
             made[name] = json.loads(json.dumps(certificate(STUDY, found)))
         return made[name]
 
@@ -53,7 +53,7 @@ def relaxed() -> Callable[[str], Content]:
 @pytest.fixture(scope="module")
 def searched() -> Content:
     """The certificate of a relaxation over all feasible poses."""
-    found = relax_study(STUDY, "rho0", 400, continuous=True)
+    found = relax_study(STUDY, "rho0", candidates=400, continuous=True)
     return json.loads(json.dumps(certificate(STUDY, found)))
 
 
@@ -98,7 +98,7 @@ def test_searched_bounds_and_exact_plans_are_valid(searched: Content, planned: C
 def test_designed_loads(load: str, tmp_path: Path) -> None:
     """Loads that are designed are drawn anew and confirmed too."""
     study = studied(load, tmp_path)
-    assert verify_certificate(certificate(study, relax_study(study, "D", 300))).valid
+    assert verify_certificate(certificate(study, relax_study(study, "D", candidates=300))).valid
 
 
 def test_kept_experiments_and_excluded_poses(tmp_path: Path) -> None:
