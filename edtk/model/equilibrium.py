@@ -1,33 +1,46 @@
-"""The loaded equilibrium: what the linear model is the first order of."""
+"""The loaded equilibrium, of which the linear model is the first order."""
 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
-from scipy.spatial.transform import Rotation
+from numpy.typing import ArrayLike
 
 from edtk.model.frames import cross
 from edtk.model.robot import Robot
+from edtk.system.typing import Array, Mask
 
-Array = NDArray[np.float64]
-FAR = 0.1  # joint deflection [rad or m] beyond which the load is raised in steps
+# Joint deflection [rad or m] beyond which the load is raised in steps: Newton's method could then
+# have jumped to another branch of equilibria.
+FAR = 0.1
 STEPS = 32  # load steps where one is not enough
 ITERATIONS = 30  # Newton steps per load step; a handful is the rule
+LONGEST = 0.5  # Newton step [rad or m]; beyond, the derivative says nothing about the arm
+CONVERGED = 1e-12  # Newton step, relative to the deflection, that is rounding
+TINY = 1e-300  # a denominator that divides nothing by zero
 
 
 class NoEquilibriumError(ValueError):
-    """A pose has no stable equilibrium under its load: it buckles, or the compliances are far too large.
+    """A pose has no stable equilibrium under its load.
+
+    It buckles, or the compliances are far too large.
+
+    Args:
+        pose: Index of the first such pose, counted over the whole batch in row-major order.
 
     Attributes:
-        pose: Index of the first such pose, counted over the whole batch in row-major order.
+        pose: As given.
     """
 
     def __init__(self, pose: int) -> None:
         super().__init__(
-            f"pose {pose + 1} has no stable equilibrium under its load: expected a load that the compliant joints "
-            "can carry without buckling"
+            f"pose {pose + 1} has no stable equilibrium under its load: expected a load that the "
+            "compliant joints can carry without buckling"
         )
         self.pose = pose
+
+    def __reduce__(self) -> tuple[type["NoEquilibriumError"], tuple[int]]:
+        """Pickle by the pose, so that the error can come back from another process."""
+        return type(self), (self.pose,)
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,8 +49,8 @@ class Equilibrium:
 
     Attributes:
         theta: Deflections (..., n) of the joints [rad or m].
-        displacement: Motion (..., 6) of the tool from the unloaded to the loaded pose, in world axes: of the tool point
-            [m], and the rotation vector of the tool [rad].
+        displacement: Motion (..., 6) of the tool from the unloaded to the loaded pose, in world
+            axes: of the tool point [m], and the rotation vector of the tool [rad].
     """
 
     theta: Array
@@ -47,58 +60,59 @@ class Equilibrium:
 def equilibrium(robot: Robot, q: ArrayLike, wrench: ArrayLike, k: ArrayLike) -> Equilibrium:
     """Solve ``theta = k * tau(q + theta)`` with ``tau = J(q + theta)' W``.
 
-    The motors hold q, each joint is a spring, and W keeps its direction in the world while its point moves with the
-    tool (a dead load). Newton's method with the analytic derivative ``I - diag(k) H``, ``H_jl = dtau_j/dq_l``, starts
-    from the unloaded pose. A rest of the arm counts only if it is stable, all eigenvalues of that derivative having a
-    positive real part; for a pure force H is the Hessian of ``F . p`` and this says that the potential energy has a
-    minimum there. Where the deflection is large, or one step fails, the load is raised in equal steps and every step
-    must be stable, so that the branch that begins at the unloaded pose is followed, and ends where it buckles.
+    The motors hold q, each joint is a spring, and W keeps its direction in the world while its
+    point moves with the tool (a dead load). Newton's method with the analytic derivative
+    ``I - diag(k) H``, ``H_jl = dtau_j/dq_l``, starts from the unloaded pose. A rest of the arm
+    counts only if it is stable: all eigenvalues of that derivative have a positive real part. For a
+    pure force H is the Hessian of ``F . p``, and the potential energy then has a minimum. Where the
+    deflection is large, or one step fails, the load is raised in equal steps and every step must be
+    stable, so that the branch that begins at the unloaded pose is followed, and ends where it
+    buckles.
 
-    Replacing ``tau(q + theta)`` by ``tau(q)`` and the motion of the tool by its first order gives Eq. (2).
+    Replacing ``tau(q + theta)`` by ``tau(q)`` and the motion of the tool by its first order gives
+    Eq. (2).
 
     Args:
         robot: The chain; its tool frame is where the wrench acts.
         q: Commanded joint variables (..., n) [rad or m].
         wrench: Forces and torques (..., 6) or (6,) at the tool point in the world frame [N, N m].
-        k: Compliances (..., n) or (n,) of all joints, zero for rigid ones [rad/(N m)], or [m/N] if prismatic.
+        k: Compliances (..., n) or (n,) of all joints, zero for rigid ones [rad/(N m)], or [m/N] if
+            prismatic.
 
     Raises:
         NoEquilibriumError: Names the first pose that has none.
         ValueError: Shapes do not fit, or a compliance is negative or not finite.
     """
-    q, W, k = (
-        np.asarray(q, dtype=float),
-        np.asarray(wrench, dtype=float),
-        np.asarray(k, dtype=float),
-    )
-    if q.shape[-1:] != (robot.n,) or k.shape[-1:] != (robot.n,) or W.shape[-1:] != (6,):
-        raise ValueError(f"expected q (..., {robot.n}), wrench (..., 6) and k (..., {robot.n})")
-    if not np.all((k >= 0) & np.isfinite(k)):
-        raise ValueError("compliances must be finite and not negative")
-    batch = np.broadcast_shapes(q.shape[:-1], W.shape[:-1], k.shape[:-1])
-    flat = [np.broadcast_to(x, (*batch, x.shape[-1])).reshape(-1, x.shape[-1]) for x in (q, W, k)]
+    batch, flat = _checked(robot, q, wrench, k)
     theta, found = _follow(robot, 1, *flat)
     hard = np.flatnonzero(~found | (np.abs(theta) > FAR).any(axis=-1))
     if len(hard):
         theta[hard], found[hard] = _follow(robot, STEPS, *(x[hard] for x in flat))
     if not found.all():
         raise NoEquilibriumError(int(np.argmin(found)))
-    before, after = robot.forward(flat[0]), robot.forward(flat[0] + theta)
-    turn = after[:, :3, :3] @ np.swapaxes(before[:, :3, :3], -1, -2)
-    rotation = Rotation.from_matrix(turn).as_rotvec() if len(turn) else np.zeros((0, 3))
-    displacement = np.concatenate([after[:, :3, 3] - before[:, :3, 3], rotation], axis=-1)
+    displacement = _displacement(robot, flat[0], theta)
     return Equilibrium(theta.reshape(*batch, robot.n), displacement.reshape(*batch, 6))
 
 
 def torque_and_derivative(robot: Robot, q: Array, wrench: Array) -> tuple[Array, Array]:
-    """Joint loads ``tau = J'W`` (N, n) and their derivatives ``H_jl = dtau_j/dq_l`` (N, n, n), W being constant.
+    """Joint loads and their derivatives under a constant wrench.
 
     As in `ElastostaticModel.regressor_slope`: ``dJ_j/dq_l = (w_l x v_j, w_l x w_j)`` for l <= j and
     ``(w_j x v_l, 0)`` for l > j, with the linear and angular columns v and w of the Jacobian.
+
+    Args:
+        robot: The chain; its tool frame is where the wrench acts.
+        q: Joint variables (N, n) [rad or m].
+        wrench: Forces and torques (N, 6) [N, N m].
+
+    Returns:
+        ``tau = J'W`` (N, n) [N m, or N if prismatic], and ``H_jl = dtau_j/dq_l`` (N, n, n).
     """
     frames = robot.frames(q)
-    v, w = frames.linear, frames.angular
-    F, T = wrench[:, :3].T, wrench[:, 3:].T
+    v = frames.linear
+    w = frames.angular
+    F = wrench[:, :3].T
+    T = wrench[:, 3:].T
     tau = np.einsum("jcN,cN->Nj", v, F) + np.einsum("jcN,cN->Nj", w, T)
     j, m = (index.ravel() for index in np.indices((robot.n, robot.n)))
     H = np.einsum("icN,cN->Ni", cross(w[np.minimum(j, m)], v[np.maximum(j, m)]), F)
@@ -106,22 +120,56 @@ def torque_and_derivative(robot: Robot, q: Array, wrench: Array) -> tuple[Array,
     return tau, H.reshape(-1, robot.n, robot.n)
 
 
-def _follow(
-    robot: Robot, steps: int, q: Array, W: Array, k: Array
-) -> tuple[Array, NDArray[np.bool_]]:
-    """Deflections (N, n) under the whole load, raised in equal steps, and whether each pose got there stably (N,)."""
-    theta, good = np.zeros_like(q), np.ones(len(q), dtype=bool)
+def _checked(
+    robot: Robot, q: ArrayLike, wrench: ArrayLike, k: ArrayLike
+) -> tuple[tuple[int, ...], list[Array]]:
+    """The shape of the batch, and q (N, n), wrench (N, 6) and k (N, n) of all its N poses."""
+    q = np.asarray(q, dtype=float)
+    W = np.asarray(wrench, dtype=float)
+    k = np.asarray(k, dtype=float)
+    if q.shape[-1:] != (robot.n,) or k.shape[-1:] != (robot.n,) or W.shape[-1:] != (6,):
+        raise ValueError(f"expected q (..., {robot.n}), wrench (..., 6) and k (..., {robot.n})")
+    if not np.all((k >= 0) & np.isfinite(k)):
+        raise ValueError("compliances must be finite and not negative")
+    batch = np.broadcast_shapes(q.shape[:-1], W.shape[:-1], k.shape[:-1])
+    flat = [np.broadcast_to(x, (*batch, x.shape[-1])).reshape(-1, x.shape[-1]) for x in (q, W, k)]
+    return batch, flat
+
+
+def _displacement(robot: Robot, q: Array, theta: Array) -> Array:
+    """Motion (N, 6) of the tool between the joints q and q + theta (N, n) [m, rad]."""
+    # Imported here, as it takes 0.2 s, and commands without an equilibrium do not need it.
+    from scipy.spatial.transform import Rotation
+
+    before = robot.forward(q)
+    after = robot.forward(q + theta)
+    turn = after[:, :3, :3] @ np.swapaxes(before[:, :3, :3], -1, -2)
+    rotation = Rotation.from_matrix(turn).as_rotvec() if len(turn) else np.zeros((0, 3))
+    return np.concatenate([after[:, :3, 3] - before[:, :3, 3], rotation], axis=-1)
+
+
+def _follow(robot: Robot, steps: int, q: Array, W: Array, k: Array) -> tuple[Array, Mask]:
+    """Raise the load in equal steps.
+
+    Returns:
+        Deflections (N, n) under the whole load, and whether each pose got there stably (N,).
+    """
+    theta = np.zeros_like(q)
+    good = np.ones(len(q), dtype=bool)
     for part in np.linspace(0, 1, steps + 1)[1:]:
         at = np.flatnonzero(good)
         theta[at], good[at] = _newton(robot, q[at], part * W[at], k[at], theta[at])
     return theta, good
 
 
-def _newton(
-    robot: Robot, q: Array, W: Array, k: Array, theta: Array
-) -> tuple[Array, NDArray[np.bool_]]:
-    """Deflections (N, n) from a start, and whether each is a converged, stable equilibrium (N,)."""
-    theta, eye = theta.copy(), np.eye(robot.n)
+def _newton(robot: Robot, q: Array, W: Array, k: Array, theta: Array) -> tuple[Array, Mask]:
+    """Solve from a start theta (N, n), each pose until it has converged.
+
+    Returns:
+        Deflections (N, n), and whether each is a converged, stable equilibrium (N,).
+    """
+    theta = theta.copy()
+    eye = np.eye(robot.n)
     good = np.zeros(len(q), dtype=bool)
     moving = np.arange(len(q))
     for _ in range(ITERATIONS):
@@ -129,18 +177,18 @@ def _newton(
             break
         tau, H = torque_and_derivative(robot, q[moving] + theta[moving], W[moving])
         slope = eye - k[moving, :, None] * H
+        # At a buckling point the derivative is singular: such a pose is given up.
         regular = np.abs(np.linalg.det(slope)) > np.finfo(float).eps
-        moving, tau, slope = moving[regular], tau[regular], slope[regular]
-        step = np.linalg.solve(slope, (k[moving] * tau - theta[moving])[..., None])[..., 0]
-        # A step of more than half a radian leaves the range in which the derivative says anything.
-        step *= np.minimum(1.0, 0.5 / np.maximum(np.abs(step).max(axis=-1, initial=0.0), 1e-300))[
-            :, None
-        ]
+        moving = moving[regular]
+        tau = tau[regular]
+        slope = slope[regular]
+        residual = k[moving] * tau - theta[moving]
+        step = np.linalg.solve(slope, residual[..., None])[..., 0]
+        longest = np.abs(step).max(axis=-1, initial=0.0)
+        step *= np.minimum(1.0, LONGEST / np.maximum(longest, TINY))[:, None]
         theta[moving] += step
-        still = np.abs(step) <= 1e-12 * np.abs(theta[moving]).max(
-            axis=-1, initial=0.0, keepdims=True
-        )
-        done = still.all(axis=-1)
+        size = np.abs(theta[moving]).max(axis=-1, initial=0.0, keepdims=True)
+        done = (np.abs(step) <= CONVERGED * size).all(axis=-1)
         good[moving[done]] = np.linalg.eigvals(slope[done]).real.min(axis=-1, initial=np.inf) > 0
         moving = moving[~done]
     return theta, good

@@ -15,8 +15,8 @@ def remaining_error(
 ) -> Array:
     """Tool point under load minus the desired one, for a command from believed compliances.
 
-    ``g(q + theta(q)) - g(q0)`` with ``q = q0 - believed * tau(q0)`` and the equilibrium theta of the
-    true robot; to first order ``A0 (true - believed)``, of which Eq. (17) is the mean square.
+    ``g(q + theta(q)) - g(q0)`` with ``q = q0 - believed * tau(q0)`` and the equilibrium theta of
+    the true robot; to first order ``A0 (true - believed)``, of which Eq. (17) is the mean square.
 
     Args:
         model: The robot with its task tool.

@@ -1,4 +1,4 @@
-"""Joints that count as rigid, because their compliances are not known, although a load turns them."""
+"""Joints that a load turns, and that count as rigid because no compliance is known."""
 
 from dataclasses import dataclass
 

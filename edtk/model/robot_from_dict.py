@@ -26,7 +26,7 @@ class _Table(BaseModel):
 
 
 class _Placed(_Table):
-    """A frame, turned by `rpy_deg`, or by the matrix `rotation` where angles cannot say it exactly."""
+    """A frame, turned by `rpy_deg`, or by the matrix `rotation` where angles are not exact."""
 
     rpy_deg: Vector3 = ZERO
     rotation: tuple[Vector3, Vector3, Vector3] | None = None

@@ -73,7 +73,7 @@ class Workspace:
         )
 
     def slack(self, q: ArrayLike) -> Array:
-        """All slacks (..., c) of the poses q (..., n) [m or rad]; none of a feasible pose is negative."""
+        """All slacks (..., c) of the poses q (..., n) [m or rad]; negative ones are violations."""
         frames = self.robot.frames(q)
         slacks = [constraint.slack(frames) for constraint in self.everything]
         return np.moveaxis(np.concatenate(slacks), 0, -1)

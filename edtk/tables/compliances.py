@@ -1,4 +1,4 @@
-"""Compliances as an identification writes them: JSON, values by joint, perhaps with a covariance."""
+"""Compliances as an identification writes them: JSON, by joint, perhaps with a covariance."""
 
 import json
 from collections.abc import Mapping
@@ -93,8 +93,8 @@ def load_compliances(
     ``{"k": {joint: value}}``, with ``"covariance": [[..]]``, or with ``"std"`` and perhaps
     ``"correlation"``, or with neither. Matrices and lists follow the order of the joints in "k";
     "std" may also be given by joint, and without "correlation" the errors count as independent. A
-    file that is just ``{joint: value}`` is read too. Where sigma was estimated, "covariance_dof" are
-    its degrees of freedom. Other keys are ignored.
+    file that is just ``{joint: value}`` is read too. Where sigma was estimated, "covariance_dof"
+    are its degrees of freedom. Other keys are ignored.
 
     Args:
         path: The file, in SI units.

@@ -10,9 +10,9 @@ from edtk.system.typing import Array
 MOST_BYTES = 64_000  # of a file that is read here; in larger ones pandas is faster, import included
 TEXT = re.compile(r"[\x20-\x7e\n]*")  # no tab and no lone carriage return
 NAME = re.compile(r"[A-Za-z]\w*")
-# At most fifteen digits and a small exponent: such a number is a whole one below 2^53, times or over
-# an exact power of ten, and every correct reader makes the same float of it. Beyond, pandas and
-# Python may differ in the last digit.
+# At most fifteen digits and a small exponent: such a number is a whole one below 2^53, times or
+# over an exact power of ten, and every correct reader makes the same float of it. Beyond, pandas
+# and Python may differ in the last digit.
 NUMBER = re.compile(r"[+-]?(\d+)(?:\.(\d+))?(?:[eE][+-]?0*[0-7])?")
 MOST_DIGITS = 15
 # Pandas reads a column of whole numbers as such, in which a negative zero has no sign.

@@ -9,7 +9,8 @@ and Waltz, Adaptive barrier update strategies, SIAM J. Optim. 19, 2009). All sta
 in the same few array operations.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from functools import partial
 
 import numpy as np
 
@@ -48,10 +49,8 @@ def descend(
             is pushed inside first; where that fails, it stays as it is.
         objective: The function to minimise.
         iterations: Limit on steps that are tried.
-        accuracy: On the objective: a start is done when a step promises less, and the barrier
-            holds back less.
-        barrier: Weight mu of the logarithmic barrier at the beginning, of all k experiments
-            together.
+        accuracy: A start is done when a step promises less, and the barrier holds back less.
+        barrier: Weight mu of the barrier at the beginning, of all k experiments together.
         stop: Asked before each step whether to end early.
 
     Returns:
@@ -64,24 +63,34 @@ def descend(
     inside = inward(space, answer)
     least = _values_of_moved(space, objective, answer, inside)
     variables = ScaledVariables(space, inside)
-
-    def look(y: Array, start: Indices) -> Point:
-        return Point.at(variables, objective, y, start)
-
-    state = State.first(look(variables.begin(), np.arange(len(x))), barrier)
-    slacks = state.point.slack[:1].size
-    floor = SPARE * accuracy / max(1, slacks)
-    for taken in range(iterations + 1):
-        here = state.point
+    look = partial(Point.at, variables, objective)
+    first = State.first(look(variables.begin(), np.arange(len(x))), barrier)
+    for here in _points(first, look, iterations, accuracy, barrier, stop):
         better = np.flatnonzero(here.value < least[here.start])
         won = here.start[better]
         answer[won] = variables.design(here.y[better], won)
         least[won] = here.value[better]
-        state = state.going_on()
-        if not len(state) or taken == iterations or stop():
-            break
-        state = step(state, look, barrier, floor, accuracy)
     return answer
+
+
+def _points(
+    state: State,
+    look: Callable[[Array, Indices], Point],
+    iterations: int,
+    accuracy: float,
+    barrier: float,
+    stop: Callable[[], bool],
+) -> Iterator[Point]:
+    """The points that the starts come to, one after each step, until all are done."""
+    slacks = state.point.slack[:1].size
+    floor = SPARE * accuracy / max(1, slacks)
+    for _ in range(iterations):
+        yield state.point
+        state = state.going_on()
+        if not len(state) or stop():
+            return
+        state = step(state, look, barrier, floor, accuracy)
+    yield state.point
 
 
 def _values_of_moved(space: DesignSpace, objective: Objective, x: Array, inside: Array) -> Array:

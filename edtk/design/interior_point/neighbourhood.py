@@ -19,8 +19,8 @@ class Neighbourhood:
     """Experiments, and beside each the same one moved a little along each movable variable.
 
     Derivatives are by the d movable variables, in parts of their range, so that angles, lengths and
-    forces count alike. First derivatives are analytic. A few more poses in the same array operations
-    cost little and give second ones.
+    forces count alike. First derivatives are analytic. A few more poses in the same array
+    operations cost little and give second ones.
 
     Args:
         space: What may move, and how far.

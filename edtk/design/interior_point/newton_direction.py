@@ -59,8 +59,8 @@ def _sum(own: Array, joint: Array) -> Array:
 def _positive_definite(K: Array) -> Mask:
     """Whether each matrix (b, n, n) is positive definite.
 
-    NumPy's Cholesky factorisation of a stack fails as a whole, so that a stack with a matrix that is
-    not positive definite is halved until the matrix is found; most stacks have few.
+    NumPy's Cholesky factorisation of a stack fails as a whole, so that a stack with a matrix that
+    is not positive definite is halved until the matrix is found; most stacks have few.
     """
     try:
         np.linalg.cholesky(K)
@@ -72,6 +72,6 @@ def _positive_definite(K: Array) -> Mask:
 
 
 def _positive(K: Array) -> Array:
-    """Symmetric matrices (..., n, n) with negative eigenvalues made positive and small ones raised."""
+    """Matrices (..., n, n) with negative eigenvalues made positive and small ones raised."""
     e, V = np.linalg.eigh(K)
     return conjugate(V, np.where(e < LEAST, np.maximum(np.abs(e), LEAST), e))

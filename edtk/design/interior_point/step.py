@@ -6,9 +6,9 @@ import numpy as np
 
 from edtk.design.interior_point.barrier import TO_BOUNDARY, merit, next_bounds, to_boundary
 from edtk.design.interior_point.point import Point
-from edtk.design.interior_point.search_direction import search_direction
+from edtk.design.interior_point.search_direction import SearchDirection, search_direction
 from edtk.design.interior_point.state import State
-from edtk.system.typing import Array, Indices
+from edtk.system.typing import Array, Indices, Mask
 
 # Share of the decrease along the slope that a step must bring (Nocedal and Wright, Eq. 3.4).
 ARMIJO = 1e-4
@@ -41,24 +41,17 @@ def step(
     """
     here = state.point
     direction = search_direction(state)
-    mu = direction.mu
     length = to_boundary(direction.ds, here.slack) * SHORTER[state.tried]
     there = look(here.y + length[:, None, None] * direction.dy, here.start)
-    before = merit(here.value, here.slack, mu)
-    with np.errstate(invalid="ignore", divide="ignore"):  # outside, where the step is not taken
-        drop = before - merit(there.value, there.slack, mu)
-    # To first order the slacks keep this share of themselves; curved ones have to be asked.
-    inside = (there.slack > (1 - TO_BOUNDARY) * here.slack).all(axis=(1, 2))
-    enough = drop >= -ARMIJO * length * direction.slope - ROUNDING * np.abs(before)
-    taken = inside & enough
+    drop, taken = _compare(here, there, direction, length)
     there = there.with_starts_of(here, np.flatnonzero(~taken))
     over = taken | (state.tried == len(SHORTER) - 1)
+    mu = direction.mu
     promise = -direction.slope
     # A step of which shorter parts are still to be tried may gain all that it promises.
     gain = np.minimum(np.where(taken, drop, np.where(over, 0.0, np.inf)), promise)
     bounds = next_bounds(mu, gain, promise, floor, barrier, here.y.shape[1])
     z = _multipliers(state.z, direction.dz, mu, there.slack)
-    slacks = here.slack[0].size
     return State(
         point=there,
         z=np.where(over[:, None, None], z, state.z),
@@ -66,8 +59,29 @@ def step(
         bounds=np.where(over, bounds, state.bounds),
         tried=np.where(over, 0, state.tried + 1),
         # mu times the number of slacks is how far the barrier holds the objective from its minimum.
-        done=(mu * slacks <= accuracy) & (gain <= accuracy),
+        done=(mu * here.slack[0].size <= accuracy) & (gain <= accuracy),
     )
+
+
+def _compare(
+    here: Point, there: Point, direction: SearchDirection, length: Array
+) -> tuple[Array, Mask]:
+    """By how much steps lower the barrier function, and whether they are taken (b,) each.
+
+    Args:
+        here: Where the steps begin.
+        there: Where they lead.
+        direction: The whole steps.
+        length: The parts (b,) of them that were tried.
+    """
+    mu = direction.mu
+    before = merit(here.value, here.slack, mu)
+    with np.errstate(invalid="ignore", divide="ignore"):  # outside, where the step is not taken
+        drop = before - merit(there.value, there.slack, mu)
+    # To first order the slacks keep this share of themselves; curved ones have to be compared.
+    inside = (there.slack > (1 - TO_BOUNDARY) * here.slack).all(axis=(1, 2))
+    enough = drop >= -ARMIJO * length * direction.slope - ROUNDING * np.abs(before)
+    return drop, inside & enough
 
 
 def _multipliers(z: Array, dz: Array, mu: Array, s: Array) -> Array:

@@ -23,9 +23,10 @@ class Inequality:
 
 
 class Constraint(ABC):
-    """One or more inequalities ``slack >= 0`` on a pose; arrays are component first, as in `Frames`.
+    """One or more inequalities ``slack >= 0`` on a pose.
 
-    A descent needs slacks that are smooth, and their derivatives.
+    Arrays are component first, as in `Frames`. A descent needs slacks that are smooth, and their
+    derivatives.
     """
 
     @abstractmethod
