@@ -23,7 +23,7 @@ class PowerCriterion(ConvexCriterion):
 
     Attributes:
         base_class: The class of the base.
-        exponent: Positive.
+        exponent: The exponent, above zero.
     """
 
     base_class: ClassVar[type[ConvexCriterion]]
