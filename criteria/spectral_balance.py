@@ -94,26 +94,24 @@ def corners(Z: Array, t: Array) -> Array:
     quadrant = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, unit[1]]])
     rows = np.vstack([quadrant, rows / np.append(unit, 1.0)])
     origin = rows[:2, 2]
-    found = [np.maximum(corner, origin) for corner in _intersections(rows)]
-    return np.array(found or [origin]) / unit
+    found = np.maximum(_intersections(rows), origin)
+    return (found if len(found) else origin[None]) / unit
 
 
-def _intersections(rows: Array) -> list[Array]:
-    """Points (2,) where two lines cross without leaving any of the half-planes.
+def _intersections(rows: Array) -> Array:
+    """Points (c, 2) where two lines cross without leaving any of the half-planes.
 
     Args:
         rows: Lines ``g x = h`` with half-planes ``g x >= h``, as rows (g_1, g_2, h) of (n, 3).
     """
     normals = rows[:, :2]
     heights = rows[:, 2]
-    found: list[Array] = []
-    for i, j in combinations(range(len(rows)), 2):
-        G = normals[[i, j]]
-        scale = np.prod(np.linalg.norm(G, axis=1))
-        if not abs(np.linalg.det(G)) > PARALLEL * scale:
-            continue  # parallel lines; also lines with an infinite coefficient, whose det is nan
-        point = np.asarray(np.linalg.solve(G, heights[[i, j]]))
-        slack = OUTSIDE * np.abs(normals) @ np.abs(point)
-        if (normals @ point >= heights - slack).all():
-            found.append(point)
-    return found
+    pairs = np.array(list(combinations(range(len(rows)), 2)))
+    G = normals[pairs]
+    scale = np.prod(np.linalg.norm(G, axis=2), axis=1)
+    # Parallel lines have no corner, nor have lines with an infinite coefficient: their det is nan.
+    cross = np.abs(np.linalg.det(G)) > PARALLEL * scale
+    points = np.linalg.solve(G[cross], heights[pairs[cross]][..., None])[..., 0]
+    slack = OUTSIDE * np.abs(points) @ np.abs(normals).T
+    inside = (points @ normals.T >= heights - slack).all(axis=1)
+    return points[inside]

@@ -78,3 +78,22 @@ def log_cost_slope(space, criterion, x, repeats):
     near = Neighbourhood(space, x)
     value, slope, _, _ = LogCost(criterion, repeats).local(near, np.arange(len(x)))
     return value, slope / near.span
+
+
+def symmetric(q):
+    """One pose (6,) of the KR 270, and seven others with the same information under a vertical force."""
+    turn = 2 * np.pi * np.eye(6)
+    flip = q * [1, 1, 1, 1, -1, 1] + np.pi * np.array([0, 0, 0, 1, 0, 1])
+    mirror = [1, 1, 1, -1, 1, -1]
+    return np.array(
+        [
+            q,
+            q + turn[3],
+            q - turn[5],
+            q * mirror,
+            flip,
+            flip * mirror,
+            flip - turn[3],
+            q + np.eye(6)[0],
+        ]
+    )

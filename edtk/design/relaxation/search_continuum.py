@@ -82,5 +82,5 @@ def _largest_of_own(
 def _most_sensitive(among: Candidates, sensitivities: Array, T: Array, size: int) -> Array:
     """The experiments (size, v) of largest sensitivities (n,) that differ from each other."""
     order = np.argsort(-sensitivities, kind="stable")[: LIKE * size]
-    chosen = distinct(experiment_blocks(among.problem, order), T, DIFFERENT)[:size]
+    chosen = distinct(experiment_blocks(among.problem, order), T, DIFFERENT, most=size)
     return among.x[order[chosen]]

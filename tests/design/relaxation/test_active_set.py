@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-from designs import KR270
-from test_search_continuum import symmetric
+from designs import KR270, symmetric
 
 from criteria import create
 from criteria.linalg.inverse import whitener

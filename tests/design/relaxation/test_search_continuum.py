@@ -1,19 +1,16 @@
-"""The search for dearer poses, and which poses count as one."""
+"""The search over all poses for the largest sensitivities."""
 
 import numpy as np
 import pytest
-from designs import DESIGNS, KR270
+from designs import KR270
 
 from criteria import create
-from criteria.linalg.inverse import whitener
 from edtk.design.candidate_source import CandidateSource
-from edtk.design.distinct import distinct
 from edtk.design.relaxation.relax import relax
 from edtk.design.relaxation.search_continuum import search_continuum
 from edtk.design.relaxation.sensitivity import sensitivity_and_slope
 from edtk.design.sample_feasible import sample_feasible
 
-on_each = pytest.mark.parametrize("space", DESIGNS.values(), ids=DESIGNS)
 ACCURACY = 1e-6
 
 
@@ -87,61 +84,3 @@ def test_seeded(case, answer, monkeypatch):
     np.testing.assert_array_equal(first[0].values, again[0].values)
     np.testing.assert_array_equal(first[1].x, again[1].x)
     assert first[1].x.shape != other[1].x.shape or (first[1].x != other[1].x).any()
-
-
-def symmetric(q):
-    """One pose (6,) of the KR 270, and seven others with the same information under a vertical force."""
-    turn = 2 * np.pi * np.eye(6)
-    flip = q * [1, 1, 1, 1, -1, 1] + np.pi * np.array([0, 0, 0, 1, 0, 1])
-    mirror = [1, 1, 1, -1, 1, -1]
-    return np.array(
-        [
-            q,
-            q + turn[3],
-            q - turn[5],
-            q * mirror,
-            flip,
-            flip * mirror,
-            flip - turn[3],
-            q + np.eye(6)[0],
-        ]
-    )
-
-
-def test_symmetric_poses_count_as_one():
-    """Full turns of q4 and q6, the flipped wrist, the mirrored arm and any q1 make no other pose; the first stays."""
-    q = sample_feasible(KR270, 12, 3)
-    every = np.concatenate([symmetric(x) for x in q])
-    problem = KR270.problem(every)
-    chosen = distinct(problem.blocks(), whitener(problem.mean), 1e-6)
-    np.testing.assert_array_equal(chosen, 8 * np.arange(12))
-    shuffled = np.random.default_rng(0).permutation(len(every))
-    chosen = shuffled[distinct(problem.blocks(shuffled), whitener(problem.mean), 1e-6)]
-    assert sorted(chosen // 8) == list(range(12))
-
-
-@on_each
-@pytest.mark.parametrize("tolerance", [0.0, 0.5])
-def test_distinct_keeps_the_first_of_each_kind(space, tolerance):
-    """What is dropped is like one before it that is kept, and what is kept is unlike all those."""
-    problem = space.problem(np.repeat(sample_feasible(space, 60, 4), 2, axis=0))
-    T = whitener(problem.mean)
-    W = T.T @ problem.blocks() @ T
-    chosen = distinct(problem.blocks(), T, tolerance)
-    assert chosen[0] == 0
-    assert (np.diff(chosen) > 0).all()
-    for i, w in enumerate(W):
-        before = chosen[chosen < i]
-        away = np.linalg.norm(W[before] - w, axis=(1, 2)) / np.linalg.norm(w)
-        assert (i in chosen) == (away > tolerance).all()
-    assert len(chosen) == 60 if tolerance == 0 else len(chosen) < 60
-
-
-def test_distinct_does_not_depend_on_units():
-    """Parameters in other units, from 1e-7 to 1e4, change nothing."""
-    S = np.diag([1e-7, 1e4, 1e-3, 1.0, 1e2])
-    problem = KR270.problem(sample_feasible(KR270, 100, 5))
-    T, blocks = whitener(problem.mean), problem.blocks()
-    chosen = distinct(blocks, T, 0.5)
-    assert 10 < len(chosen) < 90
-    np.testing.assert_array_equal(distinct(S @ blocks @ S, np.linalg.inv(S) @ T, 0.5), chosen)
