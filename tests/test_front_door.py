@@ -1,0 +1,196 @@
+"""The front door: one import gives the verbs and nouns, costs nothing, and does what commands do."""
+
+import ast
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import criteria
+import edtk
+from edtk.cli import main
+
+ROOT = Path(__file__).parents[1]
+PATH = ROOT / "studies" / "kr270_milling.toml"
+PLAN = ROOT / "studies" / "plans" / "table_4_3.csv"
+VERBS = ["load_study", "plan", "relax", "run", "evaluate", "template", "identify", "bayes", "bias", "compensate", "verify"]
+HEAVY = ("numpy", "scipy", "pandas", "cvxpy", "matplotlib", "emcee", "pydantic", "click", "joblib")
+
+
+def loaded_by(code: str) -> set[str]:
+    """Top-level modules that a new interpreter has loaded after some code."""
+    command = f"{code}\nimport sys\nprint(*{{name.split('.')[0] for name in sys.modules}})"
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", command], capture_output=True, text=True, check=True
+    )
+    return set(done.stdout.split())
+
+
+def printed(*words: object) -> dict[str, object]:
+    """What a command prints as JSON."""
+    answer = CliRunner().invoke(main, [*map(str, words), "--json"])
+    assert answer.exit_code == 0, answer.output
+    return json.loads(answer.stdout)
+
+
+def test_import_loads_nothing_heavy() -> None:
+    """`import edtk` alone loads none of the libraries that the verbs use."""
+    assert not loaded_by("import edtk") & set(HEAVY)
+
+
+@pytest.mark.parametrize(
+    ("code", "allowed"),
+    [
+        ("import edtk; edtk.load_study", {"numpy", "scipy", "pydantic"}),
+        ("import edtk.cli", {"click"}),
+        (f"import edtk; edtk.load_study({str(PATH)!r}).target", {"numpy", "scipy", "pydantic"}),
+    ],
+    ids=["a verb's name", "the program", "a study"],
+)
+def test_slow_libraries_are_loaded_late(code: str, allowed: set[str]) -> None:
+    """A study is read, and the program begins, without pandas, cvxpy, matplotlib and emcee."""
+    assert loaded_by(code) & set(HEAVY) <= allowed
+
+
+def test_every_name_is_there_and_typed() -> None:
+    """Public names can be loaded, are listed by dir, and are the same for a type checker."""
+    assert sorted(edtk.__all__) == dir(edtk)
+    assert set(VERBS) <= set(dir(edtk))
+    for name in edtk.__all__:
+        assert getattr(edtk, name) is not None
+    assert edtk.criteria is criteria
+    tree = ast.parse((ROOT / "edtk" / "__init__.py").read_text(encoding="utf-8"))
+    block = next(node for node in tree.body if isinstance(node, ast.If))
+    typed = {
+        alias.asname: f"{node.module}"
+        for node in block.body
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+    }
+    assert typed == edtk._HOME
+    with pytest.raises(AttributeError, match="no attribute 'none_such'"):
+        _ = edtk.none_such
+
+
+def test_every_command_is_a_verb() -> None:
+    """What the command line can do, one call can do, under the same name."""
+    assert set(main.commands) - {"criteria"} <= set(VERBS)
+
+
+def test_evaluate_is_the_command() -> None:
+    """The call gives the numbers that the command prints, from paths and from objects."""
+    study = edtk.load_study(PATH)
+    plan = study.load_plan(PLAN)
+    shown = printed("evaluate", PATH, PLAN)
+    assert edtk.evaluate(PATH, PLAN).to_dict() == shown
+    assert edtk.evaluate(study, plan).to_dict() == shown
+
+
+def test_relax_is_the_command(tmp_path: Path) -> None:
+    """Weights, value, bound and gap are those of the command; files are written by the call too."""
+    out, proof = tmp_path / "weights.csv", tmp_path / "proof.json"
+    found = edtk.relax(PATH, "D", candidates=300, out=out, certificate=proof)
+    shown = printed("relax", PATH, "--criterion", "D", "--candidates", 300)
+    assert found.value == shown["value"]
+    assert found.bound == shown["bound"]
+    assert found.gap == shown["gap"]
+    assert np.isclose(found.weights.sum(), 1)
+    assert out.is_file()
+    assert edtk.verify(proof).valid
+
+
+def test_relax_takes_problems_of_arrays() -> None:
+    """A problem without a robot is relaxed by the same verb, with a criterion by name or as an object."""
+    x = np.linspace(-1, 1, 51)
+    problem = edtk.Problem(np.stack([np.ones_like(x), x, x**2], axis=-1)[:, None, :])
+    for criterion in ("D", criteria.create("D")):
+        design = edtk.relax(problem, criterion)
+        assert np.allclose(design.weights[[0, 25, 50]], 1 / 3, atol=1e-4)
+        assert design.value == pytest.approx(design.bound)
+        assert design.gap < 1e-6
+
+
+def test_plan_is_the_command(tmp_path: Path) -> None:
+    """The call finds the plan of the command, and writes plan and certificate."""
+    text = PATH.read_text(encoding="utf-8").replace("candidates = 2000", "candidates = 200")
+    study = tmp_path / "study.toml"
+    study.write_text(text.split("published = [")[0] + text.split("]\n\n", 1)[1], encoding="utf-8")
+    out, proof = tmp_path / "plan.csv", tmp_path / "plan.json"
+    found = edtk.plan(study, size=3, criterion="D", seed=1, workers=1, out=out, certificate=proof)
+    shown = printed("plan", study, "--size", 3, "--criterion", "D", "--seed", 1, "--workers", 1)
+    assert found.value == shown["value"]
+    assert found.bound == shown["bound"]
+    assert found.efficiency == shown["efficiency"]
+    assert found.plan.experiments == 3
+    assert out.is_file()
+    assert edtk.verify(proof).valid
+
+
+def test_a_day_in_python(tmp_path: Path) -> None:
+    """Template, identify, compensate and bias work on objects and paths, and results are by name."""
+    study = edtk.load_study(PATH)
+    sheet = edtk.template(study, PLAN)
+    q = np.deg2rad(sheet.iloc[:, :6].to_numpy())
+    deflection = study.model.regressor(q, sheet.iloc[:, 6:12].to_numpy()) @ study.compliances
+    noise = 3e-5 * np.random.default_rng(0).standard_normal(deflection.shape)
+    sheet[["dx_mm", "dy_mm", "dz_mm"]] = 1e3 * (deflection + noise)
+    day = tmp_path / "day1.csv"
+    sheet.to_csv(day, index=False)
+    found = edtk.identify(study, day, plan=PLAN, out=tmp_path / "out")
+    assert found.to_dict() == printed("identify", PATH, day, "--plan", PLAN)
+    assert list(found.k) == list(found.std) == ["q2", "q3", "q4", "q5", "q6"]
+    for name, true in zip(found.k, study.compliances, strict=True):
+        assert abs(found.k[name] - true) < 5 * found.std[name]
+    task = tmp_path / "task.csv"
+    task.write_text("q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n0,-56.9,89.3,45.1,76,57.2\n")
+    written = tmp_path / "out" / "k.json"
+    commands = edtk.compensate(study, found, task)
+    assert commands.to_dict() == edtk.compensate(study, written, task).to_dict()
+    assert commands.to_dict() == printed("compensate", PATH, written, task)
+    assert edtk.bias(study, PLAN).to_dict() == printed("bias", PATH, PLAN)
+
+
+def test_results_show_themselves_in_one_line() -> None:
+    """The repr of results is one line of at most 100 characters, and notebooks get a table."""
+    study = edtk.load_study(PATH)
+    results = [study, edtk.evaluate(study, PLAN), edtk.relax(study, "D", candidates=300)]
+    results += [edtk.bias(study, PLAN), study.load_plan(PLAN), study.robot]
+    for result in results:
+        text = repr(result)
+        assert "\n" not in text
+        assert len(text) <= 100
+        assert result._repr_html_().startswith("<")
+
+
+@pytest.mark.parametrize(
+    "content", ["", "{", "[]", "{}", '{"proof": 1}', '{"proof": {}, "kind": 3}']
+)
+def test_what_is_no_certificate_is_one_line(content: str, tmp_path: Path) -> None:
+    """A file that is no certificate ends with exit code 2 and one line, and a bad one with code 1."""
+    path = tmp_path / "file.json"
+    path.write_text(content, encoding="utf-8")
+    answer = CliRunner().invoke(main, ["verify", str(path)])
+    assert answer.exit_code == 2
+    assert answer.stdout == ""
+    assert answer.stderr.startswith(f"edtk: {path}: not ")
+    assert answer.stderr.count("\n") == 1
+
+
+def test_verify_ends_with_one_for_a_false_claim(tmp_path: Path) -> None:
+    """The exit code is 0 for a valid certificate and 1 after tampering; JSON lists the claims."""
+    path = tmp_path / "proof.json"
+    edtk.relax(PATH, "D", candidates=200, certificate=path)
+    assert printed("verify", path)["valid"] is True
+    content = json.loads(path.read_text(encoding="utf-8"))
+    content["claims"]["value"] *= 1.01
+    path.write_text(json.dumps(content), encoding="utf-8")
+    answer = CliRunner().invoke(main, ["verify", str(path), "--json"])
+    assert answer.exit_code == 1
+    shown = json.loads(answer.stdout)
+    assert shown["valid"] is False
+    assert {"claim", "holds", "stated", "recomputed"} <= set(shown["claims"][0])
+    assert [c["claim"] for c in shown["claims"] if not c["holds"]] == ["value"]
