@@ -2,31 +2,37 @@
 
 from collections.abc import Iterable, Sequence
 
+LEAST_WIDTH = 3  # of a column; a rule needs three characters
+
 
 def markdown_table(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    """A Markdown table with columns padded to one width; numbers are right-aligned, text left-aligned."""
-    cells = [[str(c).replace("|", "\\|") for c in row] for row in rows]
+    """Write a table with columns padded to one width.
+
+    Columns of numbers are aligned to the right, others to the left.
+    """
+    cells = [[str(cell).replace("|", "\\|") for cell in row] for row in rows]
+    columns = list(zip(*cells, strict=True)) or [()] * len(header)
     widths = [
-        max(3, len(h), *(len(r[i]) for r in cells)) if cells else max(3, len(h))
-        for i, h in enumerate(header)
+        max(LEAST_WIDTH, len(name), *map(len, column))
+        for name, column in zip(header, columns, strict=True)
     ]
-    right = [i > 0 and all(_numeric(r[i]) for r in cells) for i in range(len(header))]
+    right = [i > 0 and all(map(_is_numeric, column)) for i, column in enumerate(columns)]
 
     def line(row: Sequence[str]) -> str:
-        pairs = zip(row, widths, right, strict=True)
-        return "| " + " | ".join(c.rjust(w) if r else c.ljust(w) for c, w, r in pairs) + " |"
-
-    rule = (
-        "|"
-        + "|".join(
-            f"{'-' * (w + 1)}:" if r else "-" * (w + 2) for w, r in zip(widths, right, strict=True)
+        aligned = (
+            cell.rjust(width) if to_right else cell.ljust(width)
+            for cell, width, to_right in zip(row, widths, right, strict=True)
         )
-        + "|"
+        return f"| {' | '.join(aligned)} |"
+
+    rules = (
+        f"{'-' * (width + 1)}:" if to_right else "-" * (width + 2)
+        for width, to_right in zip(widths, right, strict=True)
     )
-    return "\n".join([line(header), rule, *map(line, cells)]) + "\n"
+    return "\n".join([line(header), f"|{'|'.join(rules)}|", *map(line, cells)]) + "\n"
 
 
-def _numeric(cell: str) -> bool:
+def _is_numeric(cell: str) -> bool:
     """Whether a cell reads as a number, a percentage, or an empty place."""
     digits = cell.rstrip(" %").lstrip("-+").replace(".", "", 1)
     return cell in ("", "-", "inf", "nan") or digits[:1].isdigit()

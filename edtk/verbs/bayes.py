@@ -53,9 +53,9 @@ def bayes(
     if sampling.export is not None:
         export_inference_data(check, sampling.export, question.target)
     if figures is not None:
-        from edtk.report.posterior_figures import draw_figures
+        from edtk.report.write_posterior_figures import write_posterior_figures
 
-        draw_figures(check, Path(figures))
+        write_posterior_figures(check, Path(figures))
     return check
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 from edtk.certificate.certificate import write_certificate
 from edtk.design.exact.exact_plan import ExactPlan
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
-from edtk.report.comparison_report import write_report
+from edtk.report.write_comparison import write_comparison
 from edtk.study.run_options import Progress, RunOptions, no_progress
 from edtk.study.run_study import run_study
 from edtk.study.study import Study
@@ -50,7 +50,7 @@ def run(
         options = RunOptions(workers=pool, progress=progress)
         found = run_study(question, folder, fresh=fresh, options=options)
         _write_certificates(found)
-        write_report(question, found.table, dict(found.relaxations), folder)
+        write_comparison(found)
     return found
 
 

@@ -6,9 +6,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from edtk.report.comparison_report import write_report
+from edtk.report.write_comparison import write_comparison
 from edtk.study.relax_study import relax_study
 from edtk.study.study import load_study
+from edtk.study.study_run import StudyRun
 
 PATH = Path(__file__).parents[2] / "studies" / "kr270_milling.toml"
 
@@ -38,7 +39,7 @@ def report(folder, relaxed, optimise, E=(np.nan, 5e14), rho0=(np.nan, 7e-6)):
     )
     table["reason"] = ["too few" if np.isnan(v) else "" for v in table["E"]]
     table["efficiency_E"], table["efficiency_rho0"], table["edtk"] = 0.8, 0.9, "1.2"
-    write_report(load_study(path), table, relaxed, folder)
+    write_comparison(StudyRun(load_study(path), table, relaxed, (), folder))
     return (folder / "report.md").read_text(encoding="utf-8")
 
 
@@ -126,7 +127,7 @@ def comparison(folder, relaxed):
         table["distinct_at_most"],
     )
     table["efficiency_E"], table["efficiency_rho0"] = 0.5, 4.8e-6 / table["rho0"]
-    write_report(load_study(path), table, relaxed, folder)
+    write_comparison(StudyRun(load_study(path), table, relaxed, (), folder))
     return (folder / "report.md").read_text(encoding="utf-8")
 
 

@@ -1,0 +1,30 @@
+"""The main criterion, size by size."""
+
+import criteria
+from edtk.report.comparison.cell import number, percent
+from edtk.report.markdown_table import markdown_table
+from edtk.report.plans_of import plans_of
+from edtk.report.shown_unit import shown_unit
+from edtk.study.study_run import StudyRun
+
+
+def by_size(run: StudyRun) -> str:
+    """A table of our plan, its efficiency, the bound, and plans that were not optimised."""
+    main = run.study.main_criterion
+    factor, unit = shown_unit(main)
+    power = 1.0 if criteria.get(main).sense == "min" else -1.0
+    rows = []
+    for _, row in plans_of(run.table, "optimised", main).sort_values("experiments").iterrows():
+        efficiency = row[f"efficiency_{main}"]
+        cells = [
+            number(factor * row[main]),
+            percent(efficiency),
+            number(factor * row[main] * efficiency**power),
+        ]
+        for kind in ("published", "random"):
+            other = plans_of(run.table, kind, size=row["experiments"])
+            cells.append(number(factor * other[main].iloc[0]) if len(other) else "-")
+        rows.append([row["experiments"], *cells])
+    header = ["experiments", f"optimised for {main}", "efficiency", "bound", "published", "random"]
+    text = f"{main} ({unit}), and the bound over all feasible poses:"
+    return f"{text}\n\n{markdown_table(header, rows)}"

@@ -1,0 +1,52 @@
+"""What plans for other criteria cost in the main one."""
+
+import math
+
+from edtk.report.comparison.relative_loss import relative_loss
+from edtk.report.markdown_table import markdown_table
+from edtk.report.plans_of import plans_of
+from edtk.study.study_run import StudyRun
+
+
+def loss_of_others(run: StudyRun) -> str:
+    """How much worse than the plan for the main criterion the other plans are, size by size."""
+    main = run.study.main_criterion
+    sizes = sorted(run.study.specification.sizes)
+    others = [name for name in run.study.specification.optimise if name != main]
+    groups = [("optimised", name) for name in others] + [("published", ""), ("random", "")]
+    rows = []
+    classical = []
+    for kind, name in groups:
+        if all(plans_of(run.table, kind, name, size).empty for size in sizes):
+            continue
+        losses = [_loss(run, kind, name, size) for size in sizes]
+        label = f"optimised for {name}" if name else kind
+        rows.append([label, *("-" if math.isnan(x) else f"{100 * x:+.1f} %" for x in losses)])
+        if name:
+            known = zip(losses, sizes, strict=True)
+            classical += [(loss, name, size) for loss, size in known if not math.isnan(loss)]
+    if not rows:
+        return "There are no other plans.\n"
+    text = (
+        f"Cost in {main} of each plan, relative to the plan of the same size that was optimised "
+        f"for {main}."
+    )
+    if classical:
+        least, cheapest, small = min(classical)
+        most, costliest, large = max(classical)
+        text += (
+            f" A plan that is optimised for another criterion costs between {100 * least:.0f} % "
+            f"({cheapest}, {small} experiments) and {100 * most:.0f} % ({costliest}, {large} "
+            "experiments)."
+        )
+    return f"{text}\n\n{markdown_table(['plan', *(f'm = {m}' for m in sizes)], rows)}"
+
+
+def _loss(run: StudyRun, kind: str, name: str, size: int) -> float:
+    """The loss of a plan in the main criterion; NaN without a plan that identifies everything."""
+    main = run.study.main_criterion
+    found = plans_of(run.table, kind, name, size)
+    if found.empty:
+        return math.nan
+    best = plans_of(run.table, "optimised", main, size)[main].iloc[0]
+    return float(relative_loss(main, best, found[main].iloc[0]))

@@ -1,0 +1,67 @@
+"""A criterion against the number of experiments."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from edtk.report.palette import COLOURS, MARKERS
+from edtk.report.plans_of import plans_of
+from edtk.report.shown_unit import shown_unit
+from edtk.study.study_run import StudyRun
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+def criterion_by_size(run: StudyRun, ax: "Axes") -> None:
+    """Draw the main criterion for every kind of plan, with the bound as a line; without a legend."""
+    main = run.study.main_criterion
+    factor, unit = shown_unit(main)
+    others = [name for name in run.study.specification.optimise if name != main]
+    groups = [("optimised", main), ("published", ""), ("random", "")]
+    groups += [("optimised", name) for name in others]
+    for i, (kind, name) in enumerate(groups):
+        plans = plans_of(run.table, kind, name).sort_values("experiments")
+        if len(plans):
+            ax.plot(
+                plans["experiments"],
+                factor * plans[main],
+                label=f"optimised for {name}" if name else kind,
+                linewidth=2.0 if i == 0 else 1.0,
+                linestyle=":" if kind == "random" else "-",
+                color=COLOURS[i % len(COLOURS)],
+                marker=MARKERS[i % len(MARKERS)],
+                markersize=5,
+            )
+    _bound(run, factor, ax)
+    _scales(run, f"{main} [{unit}]", ax)
+
+
+def _bound(run: StudyRun, factor: float, ax: "Axes") -> None:
+    """The bound over all poses, as a line over all numbers of experiments."""
+    sizes = run.study.specification.sizes
+    m = np.geomspace(min(sizes), max(sizes), 100)
+    best = run.relaxations[run.study.main_criterion].best_bound
+    bound = np.array([best.scaled(size).value for size in m])
+    ax.plot(
+        m,
+        factor * bound,
+        color="black",
+        linestyle="--",
+        linewidth=1.2,
+        label="bound over all poses",
+    )
+
+
+def _scales(run: StudyRun, label: str, ax: "Axes") -> None:
+    """Logarithmic axes with plain numbers, and a tick for each size."""
+    from matplotlib.ticker import FixedLocator, NullLocator, ScalarFormatter
+
+    ax.set(xscale="log", yscale="log", xlabel="number of experiments m", ylabel=label)
+    ax.xaxis.set_major_locator(FixedLocator(sorted(run.study.specification.sizes)))
+    ax.xaxis.set_minor_locator(NullLocator())
+    for axis in (ax.xaxis, ax.yaxis):
+        axis.set_major_formatter(ScalarFormatter())
+        axis.set_minor_formatter(ScalarFormatter())
+    ax.set_title(run.study.specification.title, fontsize=11)
+    ax.grid(visible=True, which="both", alpha=0.25)
