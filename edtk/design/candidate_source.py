@@ -11,7 +11,6 @@ import numpy as np
 
 from edtk.design.candidates import Candidates
 from edtk.design.design_space import DesignSpace
-from edtk.design.problem import Problem
 from edtk.system.typing import Array, Indices
 
 Sampling = Literal["random", "sobol"]
@@ -88,7 +87,7 @@ class CandidateSource:
             x[start:end] = chunk.x
             packed[:, start:end] = chunk.problem.packed
             start = end
-        return Candidates(x, self._problem(packed))
+        return Candidates(x, self.space.problem_of(packed))
 
     def chunks(self, n: int) -> Iterator[Candidates]:
         """Draw the first n candidates in chunks, none of which is empty.
@@ -114,14 +113,10 @@ class CandidateSource:
                 share = excluded[worst] / samples
                 raise EmptyFeasibleSetError(samples, self.space.labels[worst], share)
             if found:
-                yield Candidates(chunk.x[:left], self._problem(chunk.packed[:, :left]))
+                yield Candidates(chunk.x[:left], self.space.problem_of(chunk.packed[:, :left]))
                 left -= found
             if left <= 0:
                 return
-
-    def _problem(self, packed: Array) -> Problem:
-        """A problem of candidates whose information (p(p+1)/2, n) is at hand."""
-        return Problem.of_information(packed, self.space.model.parameters)
 
     def _cubes(self, size: int) -> Iterator[Array]:
         """Points of the unit cube (size, drawn), without end.

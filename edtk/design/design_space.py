@@ -95,7 +95,11 @@ class DesignSpace:
 
     def problem(self, x: Array) -> Problem:
         """Make a problem of arrays with the experiments x (k, v) as its candidates."""
-        return Problem.of_information(self.at(x).packed, self.model.parameters)
+        return self.problem_of(self.at(x).packed)
+
+    def problem_of(self, packed: Array) -> Problem:
+        """Make a problem of experiments whose packed information (p(p+1)/2, k) is at hand."""
+        return Problem.of_information(packed, self.model.parameters, self.prior)
 
     def plan(self, x: Array, repeats: Indices) -> Plan:
         """Make a plan of the experiments x (k, v) with repetitions (k,)."""

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from criteria.linalg.triangle import triangle
 from edtk.design.packed import pack_gram
 from edtk.model.frames import Frames
 from edtk.system.typing import Array, Indices, Mask
@@ -54,11 +53,11 @@ class Experiments:
 
     @property
     def packed(self) -> Array:
-        """Information ``A' A/sigma^2`` and the prior, packed (p(p+1)/2, ...)."""
-        M = pack_gram(self._regressor)
-        if self.space.prior is not None:
-            M += self.space.prior[triangle(self.space.model.p)].reshape(-1, *[1] * (M.ndim - 1))
-        return M
+        """Information ``A' A/sigma^2`` of one measurement each, packed (p(p+1)/2, ...).
+
+        The prior of the design space is no part of it; it enters by `DesignSpace.problem`.
+        """
+        return pack_gram(self._regressor)
 
     def information(self, repeats: Array) -> Array:
         """Information matrices of plans, the prior included.

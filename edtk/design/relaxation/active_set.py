@@ -8,7 +8,6 @@ from criteria.linalg.inverse import whitener
 from edtk.design.candidates import Candidates
 from edtk.design.distinct import distinct
 from edtk.design.problem import RankDeficientError
-from edtk.design.relaxation.experiment_blocks import experiment_blocks
 from edtk.design.relaxation.relax import relax
 from edtk.design.relaxation.relaxation import Relaxation
 from edtk.system.typing import Array
@@ -73,7 +72,7 @@ class ActiveSet:
             last_first = support[heavy[::-1]]
             trials = [last_first] if found is None else [last_first, found + last_first]
             for poses in trials:
-                kept = distinct(experiment_blocks(poses.problem), T, alike)
+                kept = distinct(poses.problem.blocks(), T, alike)
                 try:
                     fewer = self.over(poses[kept], gap)
                 except RankDeficientError:

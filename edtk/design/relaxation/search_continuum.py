@@ -9,7 +9,6 @@ from edtk.design.candidates import Candidates
 from edtk.design.design_space import DesignSpace
 from edtk.design.distinct import distinct
 from edtk.design.relaxation.ascend import ascend
-from edtk.design.relaxation.experiment_blocks import experiment_blocks
 from edtk.design.relaxation.largest_sensitivities import LargestSensitivities
 from edtk.design.relaxation.normalised import is_normalised, normalised
 from edtk.system.typing import Array
@@ -82,5 +81,5 @@ def _largest_of_own(
 def _most_sensitive(among: Candidates, sensitivities: Array, T: Array, size: int) -> Array:
     """The experiments (size, v) of largest sensitivities (n,) that differ from each other."""
     order = np.argsort(-sensitivities, kind="stable")[: LIKE * size]
-    chosen = distinct(experiment_blocks(among.problem, order), T, DIFFERENT, most=size)
+    chosen = distinct(among.problem.blocks(order), T, DIFFERENT, most=size)
     return among.x[order[chosen]]

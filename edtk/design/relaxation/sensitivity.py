@@ -54,11 +54,16 @@ def sensitivity_and_slope(
     """
     M = here.packed
     A = here.regressor
+    prior = here.space.prior
     value = np.einsum("bt,t...bk->...bk", sensitivity_rows(Z), M)
+    if prior is not None:
+        value = value + np.tensordot(Z, prior, 2)[:, None]
     slope = here.slope(2 * A @ Z[:, None])
     if not per_trace:
         return value, slope
     trace = np.tensordot(sensitivity_rows(np.eye(Z.shape[-1])), M, 1)
+    if prior is not None:
+        trace = trace + np.trace(prior)
     trace_slope = here.slope(2 * A)
     value = value / trace
     return value, (slope - value[..., None] * trace_slope) / trace[..., None]

@@ -28,6 +28,8 @@ def sparse_weights(packed: Array, weights: Array) -> Array:
     rows, columns = triangle(order(len(packed)))
     # Equations of order one, whatever the units of the parameters.
     root = np.sqrt((packed @ weights)[rows == columns])
+    # A parameter may be known from the prior alone: no candidate then contributes to its equations.
+    root = np.where(root > 0, root, 1.0)
     scaled = packed / (root[rows] * root[columns])[:, None]
     A = np.vstack([scaled, np.ones(len(weights))])
     result = linprog(np.zeros(len(weights)), A_eq=A, b_eq=A @ weights, method="highs-ds")

@@ -17,6 +17,7 @@ from edtk.design.exact.find_plan import SearchOptions, find_plan
 from edtk.design.exact.require_enough import TooFewExperimentsError
 from edtk.design.exact.smallest_size import smallest_size
 from edtk.design.plan import Plan
+from edtk.design.problem import RankDeficientError
 from edtk.design.relaxation.relax_options import RelaxOptions
 from edtk.design.relaxation.relax_poses import relax_poses
 from edtk.design.sample_feasible import sample_feasible
@@ -282,6 +283,36 @@ def test_what_is_there_counts():
     assert plan.cost < criterion.cost(KR270.information(kept() + found("rho0", m).plan)) * (
         1 - 1e-3
     )
+
+
+def test_bound_beside_very_many_kept_experiments():
+    """Beside four thousand kept experiments two new ones gain what the bound allows, and not more.
+
+    When each pose counted with its share of the kept ones, all poses looked alike, ascents started
+    from one of them only, and the plan's gain was two per cent beyond the bound's.
+    """
+    many = STUDY.published_plans()["table_4_4"].repeated(1000)
+    K = KR270.information(many)
+    source = CandidateSource(KR270.with_kept(K, 2), 0, "sobol", workers=1)
+    bounded = relax_poses(source, 200, create("E"), True, RelaxOptions(tolerance=1e-6))
+    plan = search(bounded, 2, kept=many, starts=BATCH)
+    before = float(create("E").cost(K))
+    allowed = before - plan.lower_bound.cost
+    assert 0.999 * allowed <= before - plan.cost <= (1 + 1e-3) * allowed
+
+
+def test_kept_experiments_may_identify_what_no_new_one_can():
+    """A joint that no pose excites under the load is no obstacle where kept experiments tell it."""
+    model = replace(KR270.model, unknown=tuple(range(6)))
+    space = replace(KR270, model=model)
+    with pytest.raises(RankDeficientError):
+        smallest_size(space)
+    pushed = np.tile([0.0, 1500.0, -800.0, 0.0, 0.0, 0.0], (4, 1))
+    sideways = Plan(sample_feasible(KR270, 4, 2), pushed, np.ones(4, dtype=int))
+    beside = space.with_kept(space.information(sideways), 3)
+    plan = search(relaxed("D", beside), 3, kept=sideways, starts=BATCH)
+    assert_sound(plan, 3)
+    assert plan.cost < plan.relaxed.criterion.cost(space.information(sideways))
 
 
 def planar():

@@ -9,6 +9,7 @@ from scipy.optimize import nnls
 
 from criteria import create
 from edtk.design.relaxation.ascend import ascend
+from edtk.design.relaxation.experiment_blocks import experiment_blocks
 from edtk.design.relaxation.relax import relax
 from edtk.design.relaxation.sensitivity import sensitivity_and_slope
 from edtk.design.sample_feasible import sample_feasible
@@ -26,7 +27,7 @@ BESIDE = {
         ("beside others", space.with_kept(space.problem(sample_feasible(space, 9, 8)).mean, 3)),
     )
 }
-shared_or_not = pytest.mark.parametrize("space", BESIDE.values(), ids=BESIDE)
+beside_or_not = pytest.mark.parametrize("space", BESIDE.values(), ids=BESIDE)
 
 
 def priced(space, x, Z, per_trace=False):
@@ -57,15 +58,15 @@ either = pytest.mark.parametrize("Z_of", [multiplier, indefinite])
 
 @either
 @both
-@shared_or_not
+@beside_or_not
 def test_price_is_the_inner_product_with_the_information(space, per_trace, Z_of):
     """The price of an experiment is <Z, M>, divided by the trace of M where asked, and independent of others; M is its
-    information with what is shared.
+    information with the prior's.
 
     Rounding is eps times the sum of the absolute products, with some ten additions in a row.
     """
     Z, x = Z_of(space), sample_feasible(space, 50, 1)
-    M = space.problem(x).blocks()
+    M = experiment_blocks(space.problem(x))
     size = np.trace(M, axis1=1, axis2=2) if per_trace else 1.0
     price = priced(space, x, Z, per_trace)[0]
     error = 64 * np.finfo(float).eps * np.einsum("ij,kij->k", np.abs(Z), np.abs(M)) / size
