@@ -17,7 +17,19 @@ from edtk.cli import main
 ROOT = Path(__file__).parents[1]
 PATH = ROOT / "studies" / "kr270_milling.toml"
 PLAN = ROOT / "studies" / "plans" / "table_4_3.csv"
-VERBS = ["load_study", "plan", "relax", "run", "evaluate", "template", "identify", "bayes", "bias", "compensate", "verify"]
+VERBS = [
+    "load_study",
+    "plan",
+    "relax",
+    "run",
+    "evaluate",
+    "template",
+    "identify",
+    "bayes",
+    "bias",
+    "compensate",
+    "verify",
+]
 HEAVY = ("numpy", "scipy", "pandas", "cvxpy", "matplotlib", "emcee", "pydantic", "click", "joblib")
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from edtk.model.robot import Robot
 from edtk.system.atomic_file import atomic_path
+from edtk.system.presented import Presented
 from edtk.system.typing import Array, Indices
 from edtk.tables.pose_table import WRENCH_COLUMNS, PoseTable, pose_columns, pose_factors
 
@@ -19,7 +20,7 @@ MOST_REPEATS = 1e9  # of one pose in a file; beyond it a whole number is hardly 
 
 
 @dataclass(frozen=True, eq=False)
-class Plan:
+class Plan(Presented):
     """Poses to measure, each with its wrench and a number of repetitions.
 
     Args:
@@ -42,6 +43,10 @@ class Plan:
         finite = np.isfinite(self.q).all() and np.isfinite(self.wrench).all()
         if not (finite and (self.repeats >= 1).all()):
             raise ValueError("a plan's entries must be finite and its repetitions at least one")
+
+    def headline(self) -> str:
+        """Number of experiments and of poses."""
+        return f"{self.experiments} experiments in {len(self.q)} poses of {self.q.shape[1]} joints"
 
     @property
     def experiments(self) -> int:

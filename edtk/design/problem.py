@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike
 
 from criteria.linalg.null_space import open_directions
 from edtk.design.packed import order, pack, pack_gram, sensitivity_rows, unpack
+from edtk.system.presented import Presented
 from edtk.system.typing import Array, Indices, Mask
 
 # Relative size of a pivot below which a candidate's factorization ends: information is a sum of
@@ -18,7 +19,7 @@ class RankDeficientError(ValueError):
     """The candidates cannot identify all parameters; the message names the open directions."""
 
 
-class Problem:
+class Problem(Presented):
     """Candidate experiments of a linear (or linearised) model ``y_i = A_i k + noise``.
 
     The information matrix of weights w is ``M = sum_i w_i (M0 + A_i' A_i / sigma^2)``. Of each
@@ -114,6 +115,10 @@ class Problem:
         self.prior = None if prior is None else np.asarray(prior, dtype=float)
         if self.prior is not None and self.prior.shape != (self.p, self.p):
             raise ValueError(f"the prior must be ({self.p}, {self.p}), not {self.prior.shape}")
+
+    def headline(self) -> str:
+        """Number of candidates and of parameters."""
+        return f"{self.n} candidates, {self.p} parameters ({', '.join(self.parameters)})"
 
     @property
     def n(self) -> int:

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 from edtk.model.frames import Frames
 from edtk.model.joint import Joint
 from edtk.model.transform import transform
+from edtk.system.presented import Presented
 from edtk.system.typing import Array, Mask
 
 # Entries of a constant rotation that are this close to zero are the rounding of a right angle.
@@ -16,7 +17,7 @@ ROUNDING = 1e-15
 
 
 @dataclass(frozen=True, eq=False)
-class Robot:
+class Robot(Presented):
     """A serial chain with a fixed base and tool transform. Immutable; `with_tool` makes another.
 
     Args:
@@ -41,6 +42,10 @@ class Robot:
             raise ValueError(
                 f"robot {self.name}: needs at least one joint, each with a name of its own"
             )
+
+    def headline(self) -> str:
+        """Name, and the joints by name."""
+        return f"{self.name}, joints {', '.join(self.joint_names)}"
 
     @property
     def n(self) -> int:
