@@ -17,7 +17,19 @@ from edtk.cli import main
 ROOT = Path(__file__).parents[1]
 PATH = ROOT / "studies" / "kr270_milling.toml"
 PLAN = ROOT / "studies" / "plans" / "table_4_3.csv"
-VERBS = [
+VERBS = {
+    "load_study",
+    "plan",
+    "relax",
+    "run",
+    "evaluate",
+    "template",
+    "identify",
+    "bayes",
+    "bias",
+    "compensate",
+    "verify",
+}
     "load_study",
     "plan",
     "relax",
@@ -71,7 +83,7 @@ def test_slow_libraries_are_loaded_late(code: str, allowed: set[str]) -> None:
 def test_every_name_is_there_and_typed() -> None:
     """Public names can be loaded, are listed by dir, and are the same for a type checker."""
     assert sorted(edtk.__all__) == dir(edtk)
-    assert set(VERBS) <= set(dir(edtk))
+    assert set(dir(edtk)) >= VERBS
     for name in edtk.__all__:
         assert getattr(edtk, name) is not None
     assert edtk.criteria is criteria
@@ -90,7 +102,7 @@ def test_every_name_is_there_and_typed() -> None:
 
 def test_every_command_is_a_verb() -> None:
     """What the command line can do, one call can do, under the same name."""
-    assert set(main.commands) - {"criteria"} <= set(VERBS)
+    assert set(main.commands) - {"criteria"} <= VERBS
 
 
 def test_evaluate_is_the_command() -> None:
