@@ -30,18 +30,6 @@ VERBS = {
     "compensate",
     "verify",
 }
-    "load_study",
-    "plan",
-    "relax",
-    "run",
-    "evaluate",
-    "template",
-    "identify",
-    "bayes",
-    "bias",
-    "compensate",
-    "verify",
-]
 HEAVY = ("numpy", "scipy", "pandas", "cvxpy", "matplotlib", "emcee", "pydantic", "click", "joblib")
 
 
