@@ -12,7 +12,7 @@ WRITERS = {"table_5": table_5.write, "table_6": table_6.write, "figure_7": figur
 
 
 class _Command(OneLine):
-    """This program: a command that answers mistakes with one line."""
+    """A command that answers a user's mistake with one line."""
 
     program = "paper_figures"
 
@@ -27,7 +27,7 @@ class _Command(OneLine):
     help="Folder to write to.",
 )
 def main(names: tuple[str, ...], out: Path) -> None:
-    """Recompute table_5, table_6 and figure_7 (default: all) and set them beside print."""
+    """Recompute table_5, table_6 and figure_7 (default: all), and set them beside print."""
     for name in names:
         if name not in WRITERS:
             raise click.UsageError(f"unknown name {name!r}; choose from {', '.join(WRITERS)}")

@@ -13,17 +13,11 @@ from matplotlib.lines import Line2D
 from edtk.system.atomic_file import atomic_path
 from paper_figures.simulated import Errors
 
-DOTS = 30
-UNIT = 1e-6
+DOTS = 30  # a plan
+UNIT = 1e-6  # 1e-3 mm
 HEADROOM = 1.03  # so that the highest dot is whole
-COLOURS = (
-    "#595959",
-    "#0072B2",
-    "#C44E00",
-    "#00805E",
-    "#B0558A",
-    "#946B00",
-)  # Okabe and Ito, darkened
+# Colours of Okabe and Ito, which colour-blind readers can tell apart, darkened for thin lines.
+COLOURS = ("#595959", "#0072B2", "#C44E00", "#00805E", "#B0558A", "#946B00")
 TITLES = {
     "clipped": "(a) $\\max(\\mathbf{A}_0, 0)$: agrees with print in Table 6",
     "true": "(b) $\\mathbf{A}_0$ itself, as in Eq. (23)",
@@ -35,7 +29,7 @@ STYLE: dict[Any, Any] = {
     "axes.spines.top": False,
     "axes.spines.right": False,
     "mathtext.fontset": "dejavusans",
-    "svg.hashsalt": "paper_figures",
+    "svg.hashsalt": "paper_figures",  # without it every drawing has other ids
 }
 
 
@@ -62,41 +56,37 @@ def _panel(ax: Axes, errors: Sequence[Errors]) -> None:
         ax.plot(ends, [e.printed / UNIT] * 2, color="black", lw=1.3, ls=(0, (3, 2)), zorder=4)
         ax.plot(ends, [e.mean / UNIT] * 2, color=colour, lw=2.4, solid_capstyle="butt", zorder=3)
         ax.plot(column, e.exact_mean / UNIT, "D", ms=4.2, mfc="white", mec="black", mew=1, zorder=5)
-        label = f"({e.line})\n{e.mean / UNIT:.2f}"
-        place = ax.get_xaxis_transform()
-        ax.text(
-            column,
-            1.01,
-            label,
-            ha="center",
-            va="bottom",
-            color=colour,
-            weight="bold",
-            transform=place,
-        )
+        _write_mean(ax, column, e, colour)
         ax.plot(column, e.rho0 / UNIT, "^", ms=4.6, mfc="white", mec="black", mew=1, zorder=5)
-    ax.set_xticks(
-        range(len(errors)), [f"({e.plan})\n{n}" for e, n in zip(errors, NAMES, strict=True)]
-    )
+    names = [f"({e.plan})\n{name}" for e, name in zip(errors, NAMES, strict=True)]
+    ax.set_xticks(range(len(errors)), names)
     ax.set_xlim(-0.55, len(errors) - 0.35)
     ax.tick_params(axis="x", length=0)
     ax.yaxis.grid(True, color="0.9", lw=0.6)
     ax.set_axisbelow(True)
 
 
+def _write_mean(ax: Axes, column: int, e: Errors, colour: str) -> None:
+    """The number of a plan's mean line and its value, above the panel."""
+    ax.text(
+        column,
+        1.01,
+        f"({e.line})\n{e.mean / UNIT:.2f}",
+        ha="center",
+        va="bottom",
+        color=colour,
+        weight="bold",
+        transform=ax.get_xaxis_transform(),
+    )
+
+
 def _legend(errors: Sequence[Errors]) -> list[Line2D]:
     """What each mark means."""
     marks: dict[str, Any] = {"mfc": "white", "mec": "black", "ls": ""}
+    runs = f"{len(errors[0].distances):,}".replace(",", " ")
+    mean = f"mean of {runs} simulations (value above)"
     return [
-        Line2D(
-            [],
-            [],
-            color="0.4",
-            lw=2.4,
-            label=f"mean of {len(errors[0].distances):,} simulations (value above)".replace(
-                ",", " "
-            ),
-        ),
+        Line2D([], [], color="0.4", lw=2.4, label=mean),
         Line2D([], [], color="black", lw=1.3, ls=(0, (3, 2)), label="printed mean"),
         Line2D([], [], marker="D", ms=4.2, label="exact mean", **marks),
         Line2D([], [], marker="^", ms=4.6, label="exact RMS, $\\rho_0$ of Eq. (20)", **marks),

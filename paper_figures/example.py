@@ -2,13 +2,10 @@
 
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
 from edtk.design.plan import Plan
 from edtk.study.study import Study, load_study
+from edtk.system.typing import Array
 
-Array = NDArray[np.float64]
 STUDY = Path(__file__).parent.parent / "studies" / "kr270_milling.toml"
 
 
@@ -23,7 +20,11 @@ def plans_of_table_4(study: Study) -> dict[int, Plan]:
 
 
 def target_of(study: Study) -> Array:
-    """A0 (3, p) of the test pose, Eq. (23) [m/(rad/(N m))]."""
+    """A0 (3, p) of the test pose, Eq. (23) [m/(rad/(N m))].
+
+    Raises:
+        ValueError: The study has no test pose.
+    """
     if study.target is None:
         raise ValueError("the study has no test pose")
     return study.target

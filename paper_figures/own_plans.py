@@ -1,7 +1,8 @@
-"""Plans of our own in place of Table 4's: searched for by `python -m paper_figures.own_plans`, read by Table 6.
+"""Plans of our own in place of Table 4's, read by Table 6.
 
-The search takes a few minutes, so its answers lie beside this file: `own_plans/true_m4.csv` is the plan of four
-experiments with the least rho0 found for A0 itself, `own_plans/clipped_m4.csv` that for max(A0, 0).
+`python -m paper_figures.own_plans` searches for them. That takes a few minutes, so its answers lie
+beside this file: `own_plans/true_m4.csv` is the plan of four experiments with the least rho0 found
+for A0 itself, `own_plans/clipped_m4.csv` that for max(A0, 0).
 """
 
 import sys
@@ -21,6 +22,8 @@ from paper_figures.example import load_example, target_of
 from paper_figures.targets import both
 
 FOLDER = Path(__file__).parent / "own_plans"
+
+# Batches without an improvement after which a search ends; `edtk plan` waits for six.
 PATIENCE = 40
 
 
@@ -30,13 +33,26 @@ def own_plans(study: Study, name: str) -> dict[int, Plan]:
 
 
 def search_plan(
-    study: Study, name: str, size: int, workers: Workers, patience: int = PATIENCE
+    study: Study,
+    name: str,
+    size: int,
+    workers: Workers,
+    patience: int = PATIENCE,
+    continuous: bool = True,
 ) -> ExactPlan:
-    """The best plan of so many experiments for "true" or "clipped" A0."""
+    """The best plan of so many experiments for "true" or "clipped" A0.
+
+    Args:
+        study: The example.
+        name: Which A0.
+        size: Number of experiments.
+        workers: Who does the work.
+        patience: Batches without an improvement after which the search ends.
+        continuous: Whether the bound is searched for over all poses, and not among candidates.
+    """
     criterion = criteria.create("rho0", both(target_of(study))[name])
-    relaxed = relax_poses(
-        source_of(study), study.specification.candidates, criterion, continuous=True
-    )
+    candidates = study.specification.candidates
+    relaxed = relax_poses(source_of(study), candidates, criterion, continuous=continuous)
     options = SearchOptions(seed=study.specification.seed, patience=patience, workers=workers)
     return find_plan(relaxed, size, options=options)
 
@@ -46,12 +62,13 @@ def main() -> None:
     study = load_example()
     cases = [(name, m) for name in both(target_of(study)) for m in study.specification.sizes]
     with open_workers() as workers:
-        for name, m in (bar := tqdm(cases, file=sys.stderr)):
+        bar = tqdm(cases, file=sys.stderr)
+        for name, m in bar:
             found = search_plan(study, name, m, workers)
             found.plan.to_csv(FOLDER / f"{name}_m{m}.csv", study.robot)
-            bar.write(
-                f"{name}, {m} experiments: {1e3 * found.value:.6g} mm, {100 * found.efficiency:.2f} % of the bound"
-            )
+            value = f"{1e3 * found.value:.6g} mm"
+            efficiency = f"{100 * found.efficiency:.2f} %"
+            bar.write(f"{name}, {m} experiments: {value}, {efficiency} of the bound")
 
 
 if __name__ == "__main__":

@@ -4,12 +4,13 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from edtk.system.typing import Array
+
 FOLDER = Path(__file__).parent / "printed"
+
+# "3.336", or "3.294 (<0.01%)" with the loss.
 CELL = re.compile(r"(?P<rho0>[0-9.]+)(?: \((?P<loss><?[0-9.]+)%\))?")
 
 
@@ -21,7 +22,8 @@ class Table6Cell:
         experiments: Number of experiments m.
         configurations: Number of different configurations k.
         rho0: Printed accuracy [1e-3 mm].
-        loss: Printed loss against the full-dimensional plan [%], as text ("<0.01" occurs); empty if none.
+        loss: Printed loss against the full-dimensional plan [%], as text ("<0.01" occurs); empty
+            if none.
     """
 
     experiments: int
@@ -64,9 +66,12 @@ def table_6() -> tuple[Table6Cell, ...]:
     found = []
     for experiments, *cells in table_6_cells():
         for configurations, cell in zip(columns, cells, strict=True):
-            if match := CELL.fullmatch(cell):
-                rho0, loss = float(match["rho0"]), match["loss"] or ""
-                found.append(Table6Cell(int(experiments), int(configurations), rho0, loss))
+            match = CELL.fullmatch(cell)
+            if match is None:  # a dash, or nothing
+                continue
+            rho0 = float(match["rho0"])
+            loss = match["loss"] or ""
+            found.append(Table6Cell(int(experiments), int(configurations), rho0, loss))
     return tuple(found)
 
 

@@ -3,21 +3,21 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from edtk.design.plan import Plan
 from edtk.inference.least_squares import covariance, estimate
 from edtk.inference.simulate import simulate
 from edtk.model.compensation_accuracy import compensation_accuracy
 from edtk.study.study import Study
+from edtk.system.typing import Array
 from paper_figures import printed_values
 from paper_figures.example import plans_of_table_4, target_of
 from paper_figures.mean_distance import mean_distance
 from paper_figures.targets import both
 
-Array = NDArray[np.float64]
 EXPERIMENTS = 12
 RUNS = 20_000
+MICROMETRE = 1e-6  # unit of the printed expectations [m]
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,25 +44,24 @@ class Errors:
 
     @property
     def mean(self) -> float:
-        """Monte-Carlo mean."""
+        """Monte-Carlo mean [m]."""
         return float(self.distances.mean())
 
     @property
     def mean_error(self) -> float:
-        """Standard error of `mean`."""
+        """Standard error of `mean` [m]."""
         return float(self.distances.std(ddof=1) / np.sqrt(len(self.distances)))
 
     @property
     def rms(self) -> float:
-        """Monte-Carlo root mean square."""
+        """Monte-Carlo root mean square [m]."""
         return float(np.sqrt((self.distances**2).mean()))
 
     @property
     def rms_error(self) -> float:
-        """Standard error of `rms`: ``std(d^2) / (2 rms sqrt(runs))``."""
-        return float(
-            (self.distances**2).std(ddof=1) / (2 * self.rms * np.sqrt(len(self.distances)))
-        )
+        """Standard error of `rms`: ``std(d^2) / (2 rms sqrt(runs))`` [m]."""
+        spread = (self.distances**2).std(ddof=1)
+        return float(spread / (2 * self.rms * np.sqrt(len(self.distances))))
 
 
 def parameter_errors(study: Study, plan: Plan, rng: np.random.Generator, runs: int) -> Array:
@@ -80,10 +79,14 @@ def simulate_errors(study: Study, random_plan: Plan, runs: int = RUNS) -> tuple[
         study: The example; its seed decides the noise.
         random_plan: Plan (1), of twelve poses.
         runs: Simulated calibrations per plan.
+
+    Returns:
+        One element a plan and A0, plans in the order of the figure.
     """
     published = plans_of_table_4(study)
     found = []
     for index, line in enumerate(printed_values.figure_7()):
+        # A stream a plan: its noise does not depend on which other plans are shown.
         rng = np.random.default_rng([study.specification.seed, index])
         k = line.configurations
         plan = random_plan if k is None else published[k].repeated(EXPERIMENTS // k)
@@ -98,7 +101,7 @@ def simulate_errors(study: Study, random_plan: Plan, runs: int = RUNS) -> tuple[
                     distances=np.linalg.norm(dk @ A0.T, axis=1),
                     exact_mean=float(mean_distance(A0 @ cov @ A0.T)),
                     rho0=float(compensation_accuracy(A0, cov)),
-                    printed=line.expectation * 1e-6,
+                    printed=line.expectation * MICROMETRE,
                 )
             )
     return tuple(found)

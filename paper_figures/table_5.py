@@ -12,14 +12,9 @@ from edtk.system.atomic_file import write_text
 from paper_figures import printed_values
 from paper_figures.csv_file import write_csv
 from paper_figures.example import plans_of_table_4
+from paper_figures.fill_page import fill_page
 
-UNIT = 1e-9
-TEXT = """# Table 5: estimation error of the compliances
-
-Square roots of the diagonal of Eq. (13), in 1e-9 rad/(N m), for the plans of Table 4 and sigma = 0.03 mm per
-coordinate. Differences are (computed - printed)/printed; the largest is {largest:.2f} %.
-
-{table}"""
+UNIT = 1e-9  # of the printed deviations [rad/(N m)]
 
 
 def compute(study: Study) -> pd.DataFrame:
@@ -34,9 +29,8 @@ def compute(study: Study) -> pd.DataFrame:
         cov = covariance(study.space.information(plan), study.model.parameters)
         for name, value in zip(study.model.parameters, np.sqrt(np.diag(cov)) / UNIT, strict=True):
             rows.append((m, name, float(value), float(printed[name].loc[m])))
-    table = pd.DataFrame(
-        rows, columns=["experiments", "parameter", "computed_1e-9", "printed_1e-9"]
-    )
+    columns = ["experiments", "parameter", "computed_1e-9", "printed_1e-9"]
+    table = pd.DataFrame(rows, columns=columns)
     table["difference_percent"] = 100 * (table["computed_1e-9"] / table["printed_1e-9"] - 1)
     return table
 
@@ -44,21 +38,21 @@ def compute(study: Study) -> pd.DataFrame:
 def readable(table: pd.DataFrame) -> str:
     """The table as Markdown: computed, printed and difference for each plan."""
     parameters = list(dict.fromkeys(table["parameter"]))
+    header = ["plan", "", *(f"d{p}" for p in parameters)]
     rows: list[list[str]] = []
     for m, group in table.groupby("experiments"):
         rows.append([f"{m} exp.", "computed", *(f"{v:.4g}" for v in group["computed_1e-9"])])
         rows.append(["", "printed", *(f"{v:.3g}" for v in group["printed_1e-9"])])
         rows.append(["", "difference", *(f"{v:+.2f} %" for v in group["difference_percent"])])
     largest = float(table["difference_percent"].abs().max())
-    return TEXT.format(
-        table=markdown_table(["plan", "", *(f"d{p}" for p in parameters)], rows), largest=largest
-    )
+    return fill_page("table_5", table=markdown_table(header, rows), largest=largest)
 
 
 def write(study: Study, out: Path) -> tuple[Path, ...]:
     """Write table_5.csv and table_5.md."""
     table = compute(study)
-    csv, text = out / "table_5.csv", out / "table_5.md"
+    csv = out / "table_5.csv"
+    text = out / "table_5.md"
     write_csv(csv, table)
     write_text(text, readable(table))
     return csv, text

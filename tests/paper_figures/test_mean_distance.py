@@ -12,7 +12,7 @@ from paper_figures.mean_distance import mean_distance
     [(1, np.sqrt(2 / np.pi)), (2, np.sqrt(np.pi / 2)), (3, np.sqrt(8 / np.pi))],
 )
 def test_equal_variances_give_the_mean_of_the_chi_distribution(dimensions, expected):
-    """The integral reproduces the half-normal, Rayleigh and Maxwell means, also at micrometre scale."""
+    """The integral gives the half-normal, Rayleigh and Maxwell means, also in micrometres."""
     cov = np.zeros((3, 3))
     cov[range(dimensions), range(dimensions)] = 1e-12
     assert mean_distance(cov) == pytest.approx(1e-6 * expected, rel=1e-12)
