@@ -27,7 +27,7 @@ def poses(robot, *batch, seed=1):
 
 
 def gradient(model, q, wrench):
-    """Derivative (rows, p, n) of the regressor in one pose: the slopes of one entry after another."""
+    """Derivative (rows, p, n) of the regressor in one pose, one entry after another."""
     rows = 3 if model.rows == "position" else 6
     each = np.eye(rows * model.p).reshape(-1, rows, model.p)
     return model.regressor_slope(np.tile(q, (len(each), 1)), wrench, each).reshape(
@@ -39,7 +39,7 @@ def gradient(model, q, wrench):
 @either
 @both
 def test_regressor_slope_matches_finite_differences(robot, rows, unknown, derivative):
-    """dA/dq agrees with differences for forces and torques, all rows, any joints, prismatic ones too."""
+    """dA/dq agrees with differences: forces, torques, all rows, revolute and prismatic joints."""
     model = ElastostaticModel(robot, unknown, rows)
     for q in poses(robot, 5):
         numeric = derivative(lambda x: model.regressor(x, WRENCH), q)
@@ -114,7 +114,7 @@ def test_cartesian_stiffness_is_equation_1(robot):
 
 
 def test_stiffness_needs_six_compliant_joints():
-    """With one rigid joint the Cartesian compliance is singular, its inverse either an error or huge."""
+    """With a rigid joint the Cartesian compliance is singular, its inverse an error or huge."""
     model = ElastostaticModel(ROBOTS["kuka"], (1, 2, 3, 4, 5))
     compliance = model.cartesian_compliance(np.full(6, 0.3), np.full(5, 1e-6))
     assert np.linalg.matrix_rank(compliance) == 5
@@ -126,15 +126,15 @@ def test_stiffness_needs_six_compliant_joints():
 def test_batches_equal_loops(robot, rows, batch):
     """Any batch of poses, with one wrench or one each, gives what its members give."""
     model = ElastostaticModel(robot, (1, 4, 5), rows)
-    q, k = poses(robot, *batch), np.array([1e-6, 2e-6, 3e-6])
-    each, rank = np.random.default_rng(3).normal(size=(*batch, 6)), 3 if rows == "position" else 6
+    q = poses(robot, *batch)
+    k = np.array([1e-6, 2e-6, 3e-6])
+    each = np.random.default_rng(3).normal(size=(*batch, 6))
+    rank = 3 if rows == "position" else 6
     B = np.random.default_rng(4).normal(size=(rank, 3))
     for W in (WRENCH, each):
-        A, slope, t = (
-            model.regressor(q, W),
-            model.regressor_slope(q, W, B),
-            model.deflection(q, W, k),
-        )
+        A = model.regressor(q, W)
+        slope = model.regressor_slope(q, W, B)
+        t = model.deflection(q, W, k)
         assert (A.shape, slope.shape, t.shape) == (
             (*batch, rank, 3),
             (*batch, robot.n),
@@ -156,11 +156,9 @@ def test_batches_equal_loops(robot, rows, batch):
 def test_wrench_of_the_last_axis_only_is_shared_by_the_first():
     """A wrench (3, 6) goes with the last batch axis of poses (2, 3, n), for regressor and slope."""
     robot = ROBOTS["kuka"]
-    model, q, W = (
-        ElastostaticModel(robot),
-        poses(robot, 2, 3),
-        np.random.default_rng(4).normal(size=(3, 6)),
-    )
+    model = ElastostaticModel(robot)
+    q = poses(robot, 2, 3)
+    W = np.random.default_rng(4).normal(size=(3, 6))
     full = np.broadcast_to(W, (2, 3, 6))
     np.testing.assert_array_equal(model.regressor(q, W), model.regressor(q, full))
     B = np.random.default_rng(5).normal(size=(3, 6))
@@ -170,7 +168,9 @@ def test_wrench_of_the_last_axis_only_is_shared_by_the_first():
 def test_regressor_is_linear_in_the_wrench():
     """Superposition: A(W1 + 2 W2) = A(W1) + 2 A(W2), with pure forces and pure torques."""
     model = ElastostaticModel(ROBOTS["mixed"], rows="pose")
-    q, F, T = poses(model.robot, 4), np.r_[WRENCH[:3], 0, 0, 0], np.r_[0, 0, 0, WRENCH[3:]]
+    q = poses(model.robot, 4)
+    F = np.r_[WRENCH[:3], 0, 0, 0]
+    T = np.r_[0, 0, 0, WRENCH[3:]]
     expected = model.regressor(q, F) + 2 * model.regressor(q, T)
     np.testing.assert_allclose(
         model.regressor(q, F + 2 * T), expected, atol=1e-12 * np.abs(expected).max()
@@ -192,7 +192,7 @@ def test_bad_unknown_joints_are_refused(unknown):
 
 
 def test_equation_23_of_the_paper():
-    """The test pose's A0 has the printed entries to 0.11, and a zero column as the tool lies on axis 6."""
+    """The test pose's A0 has the printed entries to 0.11, and zero for axis 6, where it lies."""
     printed = [
         [-73.4, -177.4, -106.1, 102.4, 0],
         [0, 0, 197.2, 19.3, 0],
@@ -239,7 +239,7 @@ def test_flipped_wrist_is_the_same_experiment(calibration):
 
 
 def test_mirrored_wrist_gives_the_same_information(calibration):
-    """(q4, q6) -> (-q4, -q6) mirrors A in the arm plane and leaves A'A unchanged under a vertical force."""
+    """(q4, q6) -> (-q4, -q6) mirrors A in the arm plane; under a vertical force A'A stays."""
     q = poses(calibration.robot, 50)
     mirrored = q * [1, 1, 1, -1, 1, -1]
     A = calibration.regressor(q, CALIBRATION_WRENCH)

@@ -23,37 +23,36 @@ ARM = Robot(
 
 
 def test_derivative_of_the_joint_loads_is_the_difference_quotient(derivative):
-    """H is the derivative of J'W by all joint variables, for revolute and prismatic joints, forces and torques."""
-    robot, rng = mixed_chain(), np.random.default_rng(0)
-    q, W = rng.uniform(-1, 1, robot.n), rng.normal(size=6)
+    """H is the derivative of J'W by all joints, for both kinds of joint, forces and torques."""
+    robot = mixed_chain()
+    rng = np.random.default_rng(0)
+    q = rng.uniform(-1, 1, robot.n)
+    W = rng.normal(size=6)
     tau, H = torque_and_derivative(robot, q[None], W[None])
     np.testing.assert_allclose(tau[0], robot.jacobian(q).T @ W, atol=1e-13)
     np.testing.assert_allclose(H[0], derivative(lambda x: robot.jacobian(x).T @ W, q), atol=1e-9)
 
 
 def test_springs_and_load_are_in_balance():
-    """The deflection solves theta = k tau(q + theta), and the displacement is what the tool moves by."""
+    """Theta solves theta = k tau(q + theta), and the displacement is the motion of the tool."""
     rng = np.random.default_rng(1)
-    q, W = (
-        rng.uniform(*KR270.limits, (200, 6)),
-        rng.normal(size=(200, 6)) * [2e3, 2e3, 2e3, 500, 500, 500],
-    )
+    q = rng.uniform(*KR270.limits, (200, 6))
+    W = rng.normal(size=(200, 6)) * [2e3, 2e3, 2e3, 500, 500, 500]
     found = equilibrium(KR270, q, W, K)
     tau = np.einsum("nij,ni->nj", KR270.jacobian(q + found.theta), W)
     np.testing.assert_allclose(found.theta, K * tau, rtol=1e-11, atol=1e-16)
-    before, after = KR270.forward(q), KR270.forward(q + found.theta)
+    before = KR270.forward(q)
+    after = KR270.forward(q + found.theta)
     np.testing.assert_allclose(found.displacement[:, :3], (after - before)[:, :3, 3], atol=1e-15)
     turned = Rotation.from_rotvec(found.displacement[:, 3:]).as_matrix() @ before[:, :3, :3]
     np.testing.assert_allclose(turned, after[:, :3, :3], atol=1e-14)
 
 
 def test_linear_model_is_the_first_order():
-    """Halving the load quarters the distance between the equilibrium and Eq. (2), in position and in rotation."""
+    """Halving the load quarters the distance of equilibrium and Eq. (2), rotation included."""
     model = ElastostaticModel(KR270, rows="pose")
-    q, W = (
-        np.deg2rad([10, -60, 80, 40, 70, 50]),
-        np.array([500.0, -900.0, -2500.0, 100.0, 50.0, -80.0]),
-    )
+    q = np.deg2rad([10, -60, 80, 40, 70, 50])
+    W = np.array([500.0, -900.0, -2500.0, 100.0, 50.0, -80.0])
     sizes = 2.0 ** -np.arange(6)
     off = [
         equilibrium(KR270, q, s * W, K).displacement - model.deflection(q, s * W, K) for s in sizes
@@ -65,8 +64,10 @@ def test_linear_model_is_the_first_order():
 
 @pytest.mark.parametrize("kFL", [-5.0, 0.3, 0.9, 3.0])
 def test_one_joint_solves_its_scalar_equation(kFL):
-    """A single arm under any force along it rests where theta = k F L sin(q + theta), on the unloaded pose's branch."""
-    q, F, L = 0.4, 500.0, 2.0
+    """A single arm rests where theta = k F L sin(q + theta), on the unloaded pose's branch."""
+    q = 0.4
+    F = 500.0
+    L = 2.0
     theta = equilibrium(ARM, [q], [-F * np.sign(kFL), 0, 0, 0, 0, 0], [abs(kFL) / (F * L)]).theta
     expected = brentq(
         lambda t: t - kFL * np.sin(q + t), *((-q, 0.0) if kFL < 0 else (0.0, np.pi)), xtol=1e-15
@@ -75,7 +76,7 @@ def test_one_joint_solves_its_scalar_equation(kFL):
 
 
 def test_buckling_is_refused_and_the_pose_is_named():
-    """Compressed beyond k F L = 1 the straight arm stays in balance but not stably, and just below it is accepted."""
+    """A straight arm is accepted just below its buckling load k F L = 1 and rejected beyond it."""
     W = np.array([-500.0, 0, 0, 0, 0, 0])
     assert equilibrium(ARM, [0.0], W, [0.99e-3]).theta == 0
     with pytest.raises(NoEquilibriumError, match="pose 3 has no stable equilibrium") as error:
@@ -84,7 +85,7 @@ def test_buckling_is_refused_and_the_pose_is_named():
 
 
 def test_absurd_load_is_refused_or_balanced():
-    """Loads a thousand times too large end in a stable balance or in the named error, never in garbage."""
+    """Loads a thousand times too large end in a stable balance or in the named error."""
     rng = np.random.default_rng(2)
     for q in rng.uniform(*KR270.limits, (20, 6)):
         W = np.array([0, 0, 2.5e6, 0, 0, 0])
@@ -99,7 +100,8 @@ def test_absurd_load_is_refused_or_balanced():
 
 def test_rigid_robot_and_no_load():
     """Without compliance, or without load, nothing moves; rigid joints never do."""
-    q, W = np.deg2rad([0, -60, 80, 40, 70, 50]), np.array([0, 0, -2500.0, 0, 0, 0])
+    q = np.deg2rad([0, -60, 80, 40, 70, 50])
+    W = np.array([0, 0, -2500.0, 0, 0, 0])
     for k, load in ((np.zeros(6), W), (K, np.zeros(6))):
         found = equilibrium(KR270, q, load, k)
         assert not found.theta.any()
@@ -112,12 +114,11 @@ def test_rigid_robot_and_no_load():
 @pytest.mark.parametrize("batch", [(), (0,), (3,), (2, 3)])
 def test_batch_equals_the_loop(batch):
     """Poses, wrenches and compliances of any batch shape give what they give one by one."""
-    robot, rng = mixed_chain(), np.random.default_rng(3)
-    q, W, k = (
-        rng.uniform(-1, 1, (*batch, robot.n)),
-        rng.normal(size=(*batch, 6)),
-        rng.uniform(0, 3e-3, robot.n),
-    )
+    robot = mixed_chain()
+    rng = np.random.default_rng(3)
+    q = rng.uniform(-1, 1, (*batch, robot.n))
+    W = rng.normal(size=(*batch, 6))
+    k = rng.uniform(0, 3e-3, robot.n)
     found = equilibrium(robot, q, W, k)
     assert found.theta.shape == (*batch, robot.n)
     assert found.displacement.shape == (*batch, 6)

@@ -95,7 +95,7 @@ def test_file_becomes_the_robot_that_it_describes(tmp_path):
 
 @pytest.mark.parametrize("case", WRONG)
 def test_wrong_file_is_one_line_that_says_where(tmp_path, case):
-    """Each kind of mistake in a robot file gives one line with the file's name and the key or joint."""
+    """Each kind of error in a robot file gives one line with the file and the key or joint."""
     old, new, expected = WRONG[case]
     assert old in GOOD
     (tmp_path / "bad.toml").write_text(GOOD.replace(old, new, 1))
@@ -126,7 +126,7 @@ def test_file_that_is_no_text_is_one_line(tmp_path):
 
 
 def test_builtin_robot_has_the_published_frames():
-    """The KR 270 has six revolute joints, the published limits, and says where its numbers come from."""
+    """The KR 270 has six revolute joints, the published limits, and a source of its numbers."""
     robot = load_robot("kuka_kr270")
     assert robot.joint_names == ("q1", "q2", "q3", "q4", "q5", "q6")
     expected = [[-185, -146, -119, -350, -125, -350], [185, 0, 155, 350, 125, 350]]

@@ -12,7 +12,7 @@ WRENCH = np.tile([0.0, 0, -1000, 0, 0, 0], (2, 1))
 
 
 def test_displacements_are_those_of_the_linear_model():
-    """A joint's displacement is the length of ``J_j tau_j`` by 1e-7 rad/(N m), in the worst pose."""
+    """Displacements are lengths of ``J_j tau_j`` by 1e-7 rad/(N m), in the worst pose."""
     J = ROBOT.jacobian(Q)
     found = rigid_joints(ROBOT, Q, WRENCH, ("q3",))
     assert "q2" in {joint.name for joint in found}

@@ -69,7 +69,9 @@ def test_forward_kinematics_is_the_product_of_transforms(robot):
 def test_frames_agree_with_the_jacobian(robot):
     """Frames hold the same numbers component first: columns of J, tool rotation and tool point."""
     q = poses(robot, 5)
-    frames, J, T = robot.frames(q), robot.jacobian(q), robot.forward(q)
+    frames = robot.frames(q)
+    J = robot.jacobian(q)
+    T = robot.forward(q)
     np.testing.assert_array_equal(np.moveaxis(frames.linear, (0, 1), (2, 1)), J[:, :3])
     np.testing.assert_array_equal(np.moveaxis(frames.angular, (0, 1), (2, 1)), J[:, 3:])
     np.testing.assert_array_equal(frames.position.T, T[:, :3, 3])
@@ -88,9 +90,10 @@ def test_frames_agree_with_the_jacobian(robot):
     ids=["rows", "one row", "batch", "two axes", "none"],
 )
 def test_cross_product_along_the_second_axis(a, b):
-    """The product with components on the second axis is numpy's, other axes broadcast, and its inputs stay."""
+    """The product along the second axis is numpy's, other axes broadcast, and inputs stay."""
     rng = np.random.default_rng(0)
-    x, y = rng.normal(size=a), rng.normal(size=b)
+    x = rng.normal(size=a)
+    y = rng.normal(size=b)
     x.flags.writeable = y.flags.writeable = False
     np.testing.assert_array_equal(cross(x, y), np.cross(x, y, axis=1))
 
@@ -100,7 +103,8 @@ def test_cross_product_along_the_second_axis(a, b):
 def test_batches_equal_loops(robot, batch):
     """Poses of any batch shape, a single one and none included, give what they give one by one."""
     q = poses(robot, *batch)
-    T, J = robot.forward(q), robot.jacobian(q)
+    T = robot.forward(q)
+    J = robot.jacobian(q)
     assert T.shape == (*batch, 4, 4)
     assert J.shape == (*batch, 6, robot.n)
     for i in np.ndindex(*batch):
@@ -165,10 +169,11 @@ def test_bad_robot_is_refused():
 
 
 def test_same_kinematics_as_pinocchio_reads_from_the_sister_robots_urdf():
-    """The KR 150-2 in another library has our forward kinematics and Jacobians, in 200 random poses."""
+    """Another library finds our forward kinematics and Jacobians of the KR 150-2 in 200 poses."""
     pin = pytest.importorskip("pinocchio", reason="pinocchio is not importable here")
     model = pin.buildModelFromUrdf(str(URDF))
-    data, flange = model.createData(), model.getFrameId("flange")
+    data = model.createData()
+    flange = model.getFrameId("flange")
     robot = load_robot("kuka_kr270").with_tool(transform([0.230, 0.0, 0.0]))
     np.testing.assert_allclose(
         robot.limits, [model.lowerPositionLimit, model.upperPositionLimit], atol=1e-12

@@ -10,7 +10,7 @@ KINDS = ("revolute", "prismatic", "revolute", "revolute", "prismatic", "revolute
 
 
 def mixed_chain(n: int = len(KINDS)) -> Robot:
-    """Revolute and prismatic joints on skew axes, with rotated origins, and base and tool transforms."""
+    """Both kinds of joint on skew axes, with rotated origins, and base and tool transforms."""
     rng = np.random.default_rng(0)
     joints = tuple(
         Joint(

@@ -47,7 +47,7 @@ def test_an_error_travels_between_processes():
     ],
 )
 def test_an_argument_has_the_callers_name(error, text, flag):
-    """The message names the argument and its value, and a command line names its own flag instead."""
+    """The message names the argument and its value; a command line names its own flag."""
     assert str(error) == text
     assert str(error.naming(f"--{error.argument}")) == flag
     received = pickle.loads(pickle.dumps(error))

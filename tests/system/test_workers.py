@@ -58,7 +58,8 @@ class Cluster:
         with socket.socket() as s:
             s.bind((LOOPBACK, 0))
             self.port = s.getsockname()[1]
-        self.address, self.folder = f"tcp://{LOOPBACK}:{self.port}", folder
+        self.address = f"tcp://{LOOPBACK}:{self.port}"
+        self.folder = folder
         self.workers: list[subprocess.Popen[bytes]] = []
         self.scheduler = self._process("scheduler", "--host", LOOPBACK, "--port", str(self.port))
 
@@ -108,7 +109,7 @@ def cluster(tmp_path: Path) -> Iterator[Cluster]:
 
 @pytest.mark.parametrize("size", [1, 2, 3])
 def test_every_piece_is_answered_once(size):
-    """Pieces come back with their own index, each exactly once, whatever the number of processes."""
+    """Each piece comes back once with its index, whatever the number of processes."""
     pieces: list[Callable[[], int]] = [partial(pow, 10, i) for i in range(5)]
     assert sorted(Workers(size).run(pieces)) == [(i, 10**i) for i in range(5)]
 
@@ -126,7 +127,7 @@ def test_answers_come_when_they_are_there(tmp_path):
 
 @pytest.mark.parametrize("size", [1, 2])
 def test_a_mistake_stays_what_it_is(size):
-    """An exception inside a piece of work reaches the caller as itself and not as a loss of workers."""
+    """An exception inside a piece of work reaches the caller as itself."""
     with pytest.raises(ZeroDivisionError):
         list(Workers(size).run([FAULTY, FAULTY]))
 
@@ -139,7 +140,7 @@ def test_this_machine():
 
 
 def test_a_process_that_dies():
-    """When a process of this machine is killed, as by a lack of memory, the loss is named, and the next team works."""
+    """The loss of a killed process is named, and the next processes work."""
     with pytest.raises(WorkersLostError, match="this machine"):
         list(Workers(2).run([DEADLY, DEADLY]))
     assert sorted(Workers(2).run([partial(pow, 10, i) for i in range(2)])) == [(0, 1), (1, 10)]
@@ -147,7 +148,7 @@ def test_a_process_that_dies():
 
 @pytest.mark.parametrize("address", [f"tcp://{LOOPBACK}:{{}}", "nonsense://here"])
 def test_nobody_there(address):
-    """An address where nobody answers, or that is none, is refused soon, by a message that names it."""
+    """An address where nobody answers, or that is none, is rejected soon, by its name."""
     pytest.importorskip("distributed")
     with socket.socket() as s:
         s.bind((LOOPBACK, 0))  # taken, but nobody listens
@@ -163,10 +164,11 @@ def test_nobody_there(address):
 
 @pytest.mark.parametrize("answer", [None, b"", b"HTTP/1.1 400 Bad Request\r\n\r\n" + 100 * b"x"])
 def test_something_else_answers(answer, capfd):
-    """Where something listens that is no scheduler (silent, hanging up, a web server) one line says so, and soon."""
+    """A program that is no scheduler (silent, hanging up, a web server) is named soon."""
     pytest.importorskip("distributed")
     with socket.create_server((LOOPBACK, 0)) as server:
-        address, callers = f"tcp://{LOOPBACK}:{server.getsockname()[1]}", []
+        address = f"tcp://{LOOPBACK}:{server.getsockname()[1]}"
+        callers = []
 
         def listen():
             with suppress(OSError):  # closed at the end
@@ -210,7 +212,7 @@ def test_scheduler_without_workers(cluster):
 
 
 def test_a_worker_killed_between_batches(cluster):
-    """Two Dask workers, of which one is killed in the middle of the search, find the very plan that one process finds.
+    """Two Dask workers, one of them killed during the search, find the plan that one finds.
 
     The same plan is the same bit by bit, found just as often among as many others.
     """
@@ -251,7 +253,7 @@ def test_a_worker_killed_at_work(cluster):
 
 @pytest.mark.parametrize("who", ["scheduler", "workers"])
 def test_all_killed_at_work(cluster, capfd, who):
-    """When the scheduler is killed, or every worker is, the work in progress soon ends by a message, and no other."""
+    """When the scheduler or every worker is killed, the work soon ends by one message."""
     cluster.join(2)
     killed = []
 

@@ -19,7 +19,7 @@ def read(folder, content):
 
 
 def test_order_is_that_of_the_file(tmp_path):
-    """Joints, values and covariance follow the file's k; other keys of an identification are left alone."""
+    """Joints, values and covariance follow the file's k; other keys are ignored."""
     cov = [[9e-16, 1e-16], [1e-16, 4e-16]]
     found = read(tmp_path, {"k": K, "covariance": cov, "experiments": 3})
     assert found.joints == ("q3", "q2")
@@ -28,7 +28,7 @@ def test_order_is_that_of_the_file(tmp_path):
 
 
 def test_standard_deviations_and_correlation(tmp_path):
-    """Std by joint or as a list, with or without correlation, give the covariance; a plain table gives none."""
+    """Std by joint or as a list, with or without correlation, gives the covariance."""
     by_joint = read(
         tmp_path, {"k": K, "std": {"q2": 2e-8, "q3": 3e-8}, "correlation": [[1, 0.5], [0.5, 1]]}
     )

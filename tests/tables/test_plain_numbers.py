@@ -23,7 +23,9 @@ def numbers_in_many_forms(rng, n):
 
 def test_the_numbers_are_those_of_pandas(tmp_path):
     """Whatever the number of digits and the exponent: the same floats, bit by bit."""
-    rng, path, read = np.random.default_rng(0), tmp_path / "table.csv", 0
+    rng = np.random.default_rng(0)
+    path = tmp_path / "table.csv"
+    read = 0
     for _ in range(60):
         columns = [list(numbers_in_many_forms(rng, 4)) for _ in range(3)]
         lines = [

@@ -34,7 +34,7 @@ def read(tmp_path):
 
 
 def test_units(read):
-    """Degrees and millimetres become radians and metres; joints that the file leaves out have their fixed values."""
+    """Degrees and millimetres become radians and metres; joints left out have fixed values."""
     assert pose_columns(MIXED) == ("turn_deg", "slide_mm")
     np.testing.assert_array_equal(pose_factors(MIXED), [np.pi / 180, 1e-3])
     np.testing.assert_allclose(
@@ -44,7 +44,7 @@ def test_units(read):
 
 
 def test_wrenches(read):
-    """A column overrides its component of the default; without a default the forces must be there."""
+    """A column overrides its component of the default; without a default forces are required."""
     table = read("Fx_N,Tz_Nm\n1,2\n3,4\n")
     np.testing.assert_array_equal(
         table.wrenches(np.full(6, 9.0)), [[1, 9, 9, 9, 9, 2], [3, 9, 9, 9, 9, 4]]

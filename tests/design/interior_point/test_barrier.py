@@ -16,7 +16,9 @@ from edtk.design.interior_point.barrier import (
     to_boundary,
 )
 
-B, K, C = 5, 3, 4
+B = 5
+K = 3
+C = 4
 
 
 def positive(seed):
@@ -26,14 +28,16 @@ def positive(seed):
 
 def test_slope_of_the_barrier_function(derivative):
     """By a slack it is ``-mu/s``."""
-    s, mu = positive(0), np.full(B, 0.3)
+    s = positive(0)
+    mu = np.full(B, 0.3)
     slope = derivative(lambda t: merit(np.zeros(B), s * (1 + t[0]), mu), np.zeros(1))
     np.testing.assert_allclose(slope[..., 0], -mu * K * C, rtol=1e-6)
 
 
 def test_steps_up_to_the_boundary():
-    """A whole step where it leaves all positive by far; else one that leaves just the share that is to be left."""
-    x, change = positive(1), np.random.default_rng(2).normal(size=(B, K, C))
+    """Whole steps where all stays far positive; else steps that leave just the reserved share."""
+    x = positive(1)
+    change = np.random.default_rng(2).normal(size=(B, K, C))
     length = to_boundary(change, x)
     left = (x + length[:, None, None] * change) / x
     np.testing.assert_allclose(left.min(axis=(1, 2)), 1 - TO_BOUNDARY, rtol=1e-9)
@@ -52,9 +56,11 @@ def test_no_step_is_longer_than_the_longest():
 
 
 def test_what_can_be_reached():
-    """A step that is free to go leaves nothing of ``s z`` to first order; none at all leaves the mean as it is."""
-    s, z = positive(4), positive(5)
-    whole, nothing = np.ones((B, 1, 1)), np.zeros((B, 1, 1))
+    """A free step leaves nothing of ``s z`` to first order; no step leaves the mean as it is."""
+    s = positive(4)
+    z = positive(5)
+    whole = np.ones((B, 1, 1))
+    nothing = np.zeros((B, 1, 1))
     np.testing.assert_allclose(
         reachable(s, z, 1e-9 * s, whole), (1 - TO_BOUNDARY) * (s * z).mean(axis=(1, 2)), rtol=1e-6
     )
@@ -73,7 +79,7 @@ def test_what_can_be_reached():
     ],
 )
 def test_bounds_of_the_next_barrier(gain, promise, low, high):
-    """Down after a good step or one in vain, up after one that crept, never above the first or below the floor."""
+    """Mu falls after a good or a vain step, rises after a creeping one, and stays in its range."""
     one = np.ones(1)
     found = next_bounds(1e-3 * one, gain * one, promise * one, 1e-9, 0.03, 3)
     np.testing.assert_allclose(found[:, 0], [low, high])

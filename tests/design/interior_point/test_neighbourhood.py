@@ -12,7 +12,7 @@ on_every_load = pytest.mark.parametrize("space", LOADED.values(), ids=LOADED)
 
 @on_every_load
 def test_neighbours(space):
-    """First come the experiments themselves, then each moved along one movable variable; what is fixed stays."""
+    """The experiments come first, then each moved along one movable variable after another."""
     x = sample_feasible(space, 6, 0).reshape(2, 3, -1)
     near = Neighbourhood(space, x)
     around = near.experiments.x
@@ -29,7 +29,7 @@ def test_neighbours(space):
 
 @on_every_load
 def test_second_derivatives(space):
-    """Of a quadratic form of the variables, differences of its slopes are its matrix, in parts of the ranges."""
+    """Of a quadratic form the differences of slopes are its matrix, in parts of the ranges."""
     x = sample_feasible(space, 6, 1).reshape(2, 3, -1)
     near = Neighbourhood(space, x)
     Q = np.random.default_rng(2).normal(size=(space.size, space.size))
@@ -44,11 +44,12 @@ def test_second_derivatives(space):
 
 @on_every_load
 def test_curved_slacks(space, derivative):
-    """Second derivatives of the slacks are finite differences of their gradients, away from the poles of the tilt."""
+    """Second derivatives of slacks are differences of gradients, off the poles of the tilt."""
     x = sample_feasible(space, 12, 2)[:, None]
     near = Neighbourhood(space, x)
     C = near.second(near.first(near.experiments.slack_gradient))
-    move, used = space.movable, 0
+    move = space.movable
+    used = 0
     for one, exact in zip(x[:, 0], C[:, 0], strict=True):
         if abs(space.workspace.robot.forward(one[: len(space.fixed)])[2, 2]) > 0.8:
             continue

@@ -5,7 +5,9 @@ import pytest
 
 from edtk.design.interior_point.newton_direction import LEAST, newton_direction
 
-B, K, D = 6, 3, 4
+B = 6
+K = 3
+D = 4
 
 
 def whole(own, joint):
@@ -20,7 +22,8 @@ def whole(own, joint):
 def case(seed):
     """Symmetric blocks, coupling, and slopes, at random."""
     rng = np.random.default_rng(seed)
-    own, joint = rng.normal(size=(B, K, D, D)), rng.normal(size=(B, K * D, K * D))
+    own = rng.normal(size=(B, K, D, D))
+    joint = rng.normal(size=(B, K * D, K * D))
     slope = rng.normal(size=(B, K, D))
     return own + np.swapaxes(own, -1, -2), 0.1 * joint @ np.swapaxes(joint, -1, -2), slope
 
@@ -51,7 +54,7 @@ def test_every_step_leads_down(late):
 
 
 def test_a_saddle_is_left_along_its_negative_direction():
-    """Near the end the sign of each negative eigenvalue of the whole is changed, small ones raised to a least size."""
+    """Near the end each negative eigenvalue changes its sign, and small ones are raised."""
     V = np.linalg.qr(np.random.default_rng(1).normal(size=(K * D, K * D)))[0]
     e = np.array([-2.0, -1e-9, 1e-9, *np.arange(1.0, K * D - 2)])
     joint = (V * e) @ V.T
@@ -79,7 +82,8 @@ def test_starts_do_not_see_each_other():
 def test_several_slopes_at_once():
     """Steps of several slopes are those of each of them."""
     own, joint, slope = case(4)
-    slopes, late = np.stack([slope, 2 * slope, slope[::-1]]), np.arange(B) % 2 == 0
+    slopes = np.stack([slope, 2 * slope, slope[::-1]])
+    late = np.arange(B) % 2 == 0
     together = newton_direction(own, joint, slopes, late)
     for some, steps in zip(slopes, together, strict=True):
         np.testing.assert_allclose(

@@ -1,4 +1,4 @@
-"""Families of wrenches: what they apply, their derivatives, their bounds, and draws that are inside and even."""
+"""Loads: their wrenches, derivatives and bounds, and draws that are inside and even."""
 
 import numpy as np
 import pytest
@@ -56,7 +56,7 @@ def test_derivatives_are_finite_differences(kind, derivative):
 
 
 def test_what_is_applied():
-    """One wrench always; a part of the largest; the one of an index; any force up to a size, without a torque."""
+    """Each kind applies its wrenches: one, a part of the largest, one of a list, any force."""
     np.testing.assert_array_equal(LOADS["fixed"].wrench(np.zeros((2, 0))), [WRENCH, WRENCH])
     np.testing.assert_array_equal(
         LOADS["bounded"].wrench(np.array([[0.0], [0.25], [1.0]])), [0 * WRENCH, WRENCH / 4, WRENCH]
@@ -95,10 +95,10 @@ def test_every_wrench_of_a_list_is_as_likely():
 
 
 def test_forces_are_drawn_uniformly_in_the_ball():
-    """The cubed length, each coordinate of the direction and its turn about the vertical are uniform, and unrelated.
+    """Cubed length, coordinates of the direction and turn about z are uniform and unrelated.
 
-    By Archimedes a coordinate of a uniform direction is uniform in [-1, 1]; a correlation of n independent pairs is
-    below 5/sqrt(n) but for one in a million.
+    By Archimedes a coordinate of a uniform direction is uniform in [-1, 1]; a correlation of n
+    independent pairs is below 5/sqrt(n) but for one in a million.
     """
     u = LOADS["free"].wrench(drawn(LOADS["free"]))[:, :3] / 2500
     r = np.linalg.norm(u, axis=1)
@@ -111,10 +111,11 @@ def test_forces_are_drawn_uniformly_in_the_ball():
 
 def test_the_limit_of_a_free_force():
     """The size of the force is its first variable times the largest, whatever the direction."""
-    load, u = LOADS["free"], drawn(LOADS["free"], 50)
+    load = LOADS["free"]
+    u = drawn(LOADS["free"], 50)
     np.testing.assert_allclose(np.linalg.norm(load.wrench(u), axis=1), 2500 * u[:, 0], rtol=1e-14)
 
 
 def test_only_a_listed_load_does_not_move():
-    """A descent may change the size and the direction of a force, and not the index of a listed one."""
+    """A descent may change the size and direction of a force, and not the index of a list."""
     assert [name for name, load in LOADS.items() if not load.moves] == ["listed"]
