@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from edtk.design.exact.exchange import exchange as exchange
     from edtk.design.plan import Plan as Plan
     from edtk.design.problem import Problem as Problem
+    from edtk.design.relaxation.relax_poses import PlanInterrupted as PlanInterrupted
     from edtk.design.relaxation.relaxation import Relaxation as Relaxation
     from edtk.design.relaxation.relaxed_plan import RelaxedPlan as RelaxedPlan
     from edtk.model.joint import Joint as Joint
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
     from edtk.model.robot import Robot as Robot
     from edtk.study.evaluate import Evaluation as Evaluation
     from edtk.study.study import Study as Study
+    from edtk.study.study_run import StudyRun as StudyRun
     from edtk.system.errors import UserError as UserError
     from edtk.verbs.bayes import bayes as bayes
     from edtk.verbs.bias import bias as bias
@@ -77,7 +79,9 @@ _HOME = {
     "Verification": "edtk.certificate.verification",
     "Bound": "edtk.design.bound",
     "Sampling": "edtk.verbs.sampling",
+    "StudyRun": "edtk.study.study_run",
     "UserError": "edtk.system.errors",
+    "PlanInterrupted": "edtk.design.relaxation.relax_poses",
     # any linear(ised) model
     "Problem": "edtk.design.problem",
     "Relaxation": "edtk.design.relaxation.relaxation",

@@ -32,7 +32,8 @@ def identify(
         out: Folder for `k.json`, `residuals.csv` and `report.html`.
 
     Returns:
-        The calibration: `.k` and `.std` by joint [rad/(N m)], the fit, and its diagnostics.
+        Compliances `.k` and standard deviations `.std` by joint [rad/(N m)], the fit, and its
+        diagnostics.
 
     Raises:
         UserError: A file is not valid, or the measurements cannot be used; one line says why.
