@@ -28,8 +28,8 @@ class Bound:
         kind: What the claim rests on.
         degree: Degree of homogeneity of the cost: ``cost(c M) = c**-degree cost(M)``.
         sense: Whether the criterion's printed form is minimised or maximised.
-        gap: Relative gap ``1 - cost/best`` to the best weights known: how much higher the least
-            possible cost may be, relative to the cost of these weights. Below zero only by rounding.
+        gap: Relative gap ``1 - cost/best`` to the cost of the best weights known. The least
+            possible cost of weights lies between the two. Below zero only by rounding.
     """
 
     cost: float

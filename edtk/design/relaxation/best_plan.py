@@ -8,10 +8,11 @@ from edtk.design.candidate_source import CandidateSource
 from edtk.design.relaxation.active_set import ActiveSet
 from edtk.design.relaxation.largest_sensitivities import LargestSensitivities
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
+from edtk.system.typing import Array
 
 
 class BestPlan:
-    """A run can be interrupted at any time and then leaves this plan.
+    """What a run leaves when it ends or is interrupted.
 
     Args:
         source: Where the candidates come from.
@@ -46,41 +47,27 @@ class BestPlan:
         """Make the plan of an active set, with the bounds that its multipliers prove.
 
         Args:
-            active: Gives the multipliers, and the design if no other is given.
-            candidates: Number of candidates among which sensitivities are the largest.
-            proved: Their largest sensitivities.
-            searched: The largest sensitivities that a search over all poses has found.
-            design: The design, where it rests on fewer poses than the active set.
+            active: The active set, whose design it is unless another `design` is given.
+            candidates: Number of candidates, of which `proved` are the largest sensitivities.
+            searched: The largest sensitivities that a search has found.
         """
         Z = active.relaxation.multipliers
         design = design or active
         support = design.support
         M = support.problem.information(design.weights)
-        cost = float(self.criterion.cost(M))
         # The bound has to hold for this design, too, whose poses may not be candidates.
         proved = proved.or_larger(LargestSensitivities.over(support, self.criterion, Z))
         searched = None if searched is None else searched.or_larger(proved)
+        proved_bound, searched_bound = self._bounds(M, Z, proved, searched)
         self.plan = RelaxedPlan(
             source=self.source,
             candidates=candidates,
             criterion=self.criterion,
             x=support.x,
             weights=design.weights,
-            cost=cost,
-            proved_bound=Bound.of(
-                self.criterion,
-                self.criterion.lower_bound(Z, proved.values, M),
-                cost,
-                BoundKind.PROVED_ON_CANDIDATES,
-            ),
-            searched_bound=None
-            if searched is None
-            else Bound.of(
-                self.criterion,
-                self.criterion.lower_bound(Z, searched.values, M),
-                cost,
-                BoundKind.SEARCHED,
-            ),
+            cost=float(self.criterion.cost(M)),
+            proved_bound=proved_bound,
+            searched_bound=searched_bound,
             multipliers=Z,
             proved_sensitivities=proved,
             searched_sensitivities=searched,
@@ -89,3 +76,19 @@ class BestPlan:
             seconds=self._seconds,
         )
         return self.plan
+
+    def _bounds(
+        self,
+        M: Array,
+        multipliers: Array,
+        proved: LargestSensitivities,
+        searched: LargestSensitivities | None,
+    ) -> tuple[Bound, Bound | None]:
+        """The bounds that multipliers (r, p, p) prove near a design M (p, p)."""
+
+        def bound(largest: LargestSensitivities, kind: BoundKind) -> Bound:
+            cost = self.criterion.lower_bound(multipliers, largest.values, M)
+            return Bound.of(self.criterion, cost, float(self.criterion.cost(M)), kind)
+
+        on_candidates = bound(proved, BoundKind.PROVED_ON_CANDIDATES)
+        return on_candidates, None if searched is None else bound(searched, BoundKind.SEARCHED)

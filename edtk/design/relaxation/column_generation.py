@@ -106,7 +106,8 @@ class ColumnGeneration:
         # Where the first program holds all candidates, it decides nothing but the answer itself.
         loose = self.criterion.convex and len(active) < self.problem.n
         effort = _Effort(self.options.solvers, loose)
-        step, cost = None, np.inf
+        step = None
+        cost = np.inf
         for _ in range(self.options.rounds):
             try:
                 step, sensitivities = self._step(active, around, effort, step)

@@ -4,7 +4,7 @@ from edtk.design.problem import Problem
 from edtk.system.typing import Array, Indices
 
 
-def experiment_blocks(problem: Problem, chosen: Indices | None = None) -> Array:
+def experiment_blocks(problem: Problem, chosen: Indices) -> Array:
     """Information ``M0 + A_i' A_i / sigma^2`` (k, p, p) of one experiment in some candidates each.
 
     Weights of sum one make of them the information matrix of a design, the prior M0 included. The
@@ -12,7 +12,7 @@ def experiment_blocks(problem: Problem, chosen: Indices | None = None) -> Array:
 
     Args:
         problem: The candidates, and the prior information per experiment.
-        chosen: Indices (k,) of the candidates; by default all.
+        chosen: Indices (k,) of the candidates.
     """
-    blocks = problem.blocks() if chosen is None else problem.blocks(chosen)
+    blocks = problem.blocks(chosen)
     return blocks if problem.prior is None else blocks + problem.prior

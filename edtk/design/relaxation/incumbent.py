@@ -27,6 +27,7 @@ class Incumbent:
     """
 
     def __init__(self, problem: Problem, criterion: Relaxable, multipliers: Array | None) -> None:
+        self.problem = problem
         self.criterion = criterion
         self.iterations = 0
         self.cost = np.inf

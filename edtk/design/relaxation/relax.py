@@ -38,15 +38,11 @@ def relax(
 ) -> Relaxation:
     """Find the weights of candidates that minimise a criterion's cost, and prove a bound.
 
-    The program ``min cost(M), M = sum_i w_i M_i, sum_i w_i = 1, w >= 0`` is solved by column
-    generation, see `ColumnGeneration`. Every design obeys ``<Z, M> <= t = max_i <Z, M_i>`` for the
-    multiplier Z of the equation, which bounds its cost (`Relaxable.lower_bound`). Cost and
-    bound are computed anew from weights and multiplier, whatever a solver says of its own answer,
-    and the best of each is returned. Where an answer is too inaccurate for the gap, the next solver
-    is tried.
-
-    Some criteria (O4) are the least of a family of convex ones. They are solved member by member,
-    and the multipliers of several members prove the bound for all designs together.
+    The program ``min cost(M), M = sum_i w_i M_i, sum_i w_i = 1, w >= 0`` is solved by
+    `ColumnGeneration`. Every design obeys ``<Z, M> <= max_i <Z, M_i>`` for the multiplier Z of the
+    equation, which bounds its cost (`Relaxable.lower_bound`). Cost and bound are computed anew from
+    weights and multiplier, whatever a solver says. A criterion that is the least of a family of
+    convex ones is solved member by member, and several multipliers prove its bound together.
 
     Args:
         problem: The candidates (n).
@@ -57,21 +53,20 @@ def relax(
         multipliers: Multipliers (r, p, p) of a like problem, from which a family starts.
 
     Raises:
-        RankDeficientError: The candidates cannot identify all parameters; names the directions.
-        RelaxationError: No solver found a design.
         NotImplementedError: The criterion cannot be relaxed.
+        RankDeficientError: The candidates cannot identify all parameters.
+        RelaxationError: No solver found a design.
         RelaxationInterrupted: Ctrl-C after a first certified design, which it carries.
     """
     criterion = require_relaxable(criterion)
     problem.require_identifiable()
-    scaled = normalised(problem, criterion)
-    incumbent = Incumbent(scaled, criterion, multipliers)
+    incumbent = Incumbent(normalised(problem, criterion), criterion, multipliers)
     try:
-        _improve(incumbent, scaled, gap, options, progress)
+        _improve(incumbent, gap, options, progress)
     except KeyboardInterrupt as interrupt:
-        if incumbent.iterations:
-            raise RelaxationInterrupted(incumbent.relaxation(problem, gap)) from interrupt
-        raise
+        if not incumbent.iterations:
+            raise
+        raise RelaxationInterrupted(incumbent.relaxation(problem, gap)) from interrupt
     return incumbent.relaxation(problem, gap)
 
 
@@ -86,9 +81,7 @@ def require_relaxable(criterion: Criterion) -> Relaxable:
     return criterion
 
 
-def _improve(
-    incumbent: Incumbent, problem: Problem, gap: float, options: SolverOptions, progress: Progress
-) -> None:
+def _improve(incumbent: Incumbent, gap: float, options: SolverOptions, progress: Progress) -> None:
     """Solve the criterion's subproblems, one or several, until the gap is proved or stays."""
     criterion = incumbent.criterion
     is_family = criterion.most_subproblems > 1
@@ -98,7 +91,7 @@ def _improve(
         bound_before = incumbent.lower_bound
         subproblem = criterion.subproblem(Z, t, incumbent.M)
         subproblem_gap = MEMBER_GAP * gap if is_family else gap
-        generation = ColumnGeneration(problem, subproblem, subproblem_gap, options)
+        generation = ColumnGeneration(incumbent.problem, subproblem, subproblem_gap, options)
         if not is_family:
             # The proof of a convex criterion stands by itself.
             Z = Z[:0]

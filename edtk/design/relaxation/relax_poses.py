@@ -46,11 +46,9 @@ def relax_poses(
     """Find the best weights over candidate poses, and on request over all feasible poses.
 
     There are up to three stages. Candidates that fit in memory are solved by `relax`. Candidates
-    beyond the limit are generated anew in chunks, pass after pass, and those of largest sensitivity
-    join the problem, until no sensitivity is larger than the gap allows. In the continuum of poses
-    the largest sensitivities are found by ascents from many starts, and join in the same way; at
-    last support points that are the same pose, or equivalent by a symmetry of robot and load, are
-    merged.
+    beyond the limit are generated anew in chunks, and those of largest sensitivity join, until no
+    sensitivity is larger than the gap allows. In the continuum, ascents from many starts find poses
+    of largest sensitivity, which join in the same way; at last equivalent poses are merged.
 
     Args:
         source: Where candidates come from, with model and feasible set.
@@ -60,8 +58,7 @@ def relax_poses(
         options: Accuracies, limits and callbacks.
 
     Raises:
-        MemoryLimitError: The limit leaves no room for candidates.
-        EmptyFeasibleSetError: Sampling finds no feasible pose.
+        MemoryLimitError, EmptyFeasibleSetError: There is no room for candidates, or there are none.
         RankDeficientError: The candidates cannot identify all parameters.
         RelaxationError: No solver finds a design.
         NotImplementedError: The criterion cannot be relaxed.
@@ -72,15 +69,7 @@ def relax_poses(
     relaxable = require_relaxable(criterion)
     run = _Run(source, n, relaxable, options, BestPlan(source, relaxable))
     try:
-        head = run.take(min(n, fit))
-        active = run.solve(head)
-        fits_in_memory = n == len(head.x)
-        if continuous or not fits_in_memory:
-            active = run.drop_others(active)
-        if not fits_in_memory:
-            active = run.solve_beyond_memory(active)
-        if continuous:
-            run.solve_continuum(active, head)
+        run.all_stages(min(n, fit), continuous)
     except KeyboardInterrupt as interrupt:
         if run.best.plan is None:
             raise
@@ -98,6 +87,18 @@ class _Run:
     criterion: Relaxable
     options: RelaxOptions
     best: BestPlan
+
+    def all_stages(self, fit: int, continuous: bool) -> None:
+        """Carry out the stages that are needed where so many candidates fit in memory."""
+        head = self.take(fit)
+        active = self.solve(head)
+        beyond_memory = self.n > fit
+        if beyond_memory or continuous:
+            active = self.drop_others(active)
+        if beyond_memory:
+            active = self.solve_beyond_memory(active)
+        if continuous:
+            self.solve_continuum(active, head)
 
     def take(self, n: int) -> Candidates:
         """Generate the first n candidates, which are held in memory."""

@@ -68,7 +68,7 @@ class RestrictedMaster:
         self.program = cp.Problem(cp.Minimize(objective), [self.balance, *constraints])
 
     def suits(self, M: Array, n: int) -> bool:
-        """Whether the program has places for n candidates, and nearly whitens the design M (p, p)."""
+        """Whether the program has places for n candidates and nearly whitens M (p, p)."""
         eigenvalues = np.linalg.eigvalsh(self.T.T @ M @ self.T)
         is_white = eigenvalues[0] > 1 / WHITE and eigenvalues[-1] < WHITE
         return bool(n <= self.size and is_white)
@@ -133,7 +133,7 @@ class RestrictedMaster:
         )
 
     def _regular(self, weights: Array, blocks: Array, solver: str) -> Array:
-        """Weights of sum one, without those that are only inaccuracy, of a design of finite cost."""
+        """Weights of sum one and of finite cost, without those that are only inaccuracy."""
         weights = np.where(weights > PRUNE * weights.max(), weights, 0.0)
         weights /= weights.sum()
         if np.isfinite(self.criterion.cost(np.tensordot(weights, blocks, axes=1))):

@@ -11,7 +11,7 @@ from edtk.design.distinct import distinct
 from edtk.design.relaxation.ascend import ascend
 from edtk.design.relaxation.largest_sensitivities import LargestSensitivities
 from edtk.design.relaxation.normalised import is_normalised, normalised
-from edtk.system.typing import Array
+from edtk.system.typing import Array, Indices
 
 SCREEN = 20_000  # fresh feasible poses among which starts are chosen
 STARTS = 96  # ascents in all, shared out among the multipliers
@@ -45,32 +45,41 @@ def search_continuum(
         nothing: a pose of larger sensitivity may exist.
     """
     fresh = CandidateSource(space, seed).take(SCREEN)
+    starts, owner, unit = _starts(known, fresh, criterion, multipliers)
+    # Objectives are of order one, whatever the size of a multiplier.
+    Z = multipliers[owner] / unit[owner, None, None]
+    x = ascend(space, starts, Z, is_normalised(criterion), accuracy=accuracy)
+    found = Candidates(x, space.problem(x))
+    return _largest_of_own(found, criterion, multipliers, owner), found
+
+
+def _starts(
+    known: Candidates, fresh: Candidates, criterion: Criterion, multipliers: Array
+) -> tuple[Array, Indices, Array]:
+    """Where to ascend from: for each multiplier the best known and the best fresh poses.
+
+    Returns:
+        Starts (b, v), the index (b,) of the multiplier of each, and the size (r,) of a sensitivity
+        to each multiplier.
+    """
     T = whitener(known.problem.mean)
     size = max(LEAST_STARTS, min(MOST_STARTS, STARTS // len(multipliers)))
     starts: list[Array] = []
-    units: list[float] = []
     owner: list[int] = []
+    units: list[float] = []
     for j, Z in enumerate(multipliers):
         of_known = normalised(known.problem, criterion).sensitivities(Z)
         of_fresh = normalised(fresh.problem, criterion).sensitivities(Z)
-        near = np.concatenate(
-            [
-                _most_sensitive(known, of_known, T, size),
-                _most_sensitive(fresh, of_fresh, T, size // FRESH_SHARE),
-            ]
-        )
-        starts.append(near)
+        from_known = _most_sensitive(known, of_known, T, size)
+        from_fresh = _most_sensitive(fresh, of_fresh, T, size // FRESH_SHARE)
+        starts += [from_known, from_fresh]
+        owner += [j] * (len(from_known) + len(from_fresh))
         units.append(float(np.abs(of_known).max()))
-        owner += [j] * len(near)
-    # Objectives of order one, whatever the multiplier's.
-    Z = multipliers[owner] / np.array(units)[owner, None, None]
-    x = ascend(space, np.concatenate(starts), Z, is_normalised(criterion), accuracy=accuracy)
-    found = Candidates(x, space.problem(x))
-    return _largest_of_own(found, criterion, multipliers, np.array(owner)), found
+    return np.concatenate(starts), np.array(owner), np.array(units)
 
 
 def _largest_of_own(
-    found: Candidates, criterion: Criterion, multipliers: Array, owner: Array
+    found: Candidates, criterion: Criterion, multipliers: Array, owner: Indices
 ) -> LargestSensitivities:
     """The largest sensitivity to each multiplier, among the ends of its own ascents."""
     ends = normalised(found.problem, criterion).sensitivities(multipliers)
