@@ -47,9 +47,11 @@ class BestPlan:
         """Make the plan of an active set, with the bounds that its multipliers prove.
 
         Args:
-            active: The active set, whose design it is unless another `design` is given.
-            candidates: Number of candidates, of which `proved` are the largest sensitivities.
+            active: The active set; its design is the plan's unless another one is given.
+            candidates: Number of candidates.
+            proved: The largest sensitivities of these candidates.
             searched: The largest sensitivities that a search has found.
+            design: A design on fewer poses.
         """
         Z = active.relaxation.multipliers
         design = design or active
