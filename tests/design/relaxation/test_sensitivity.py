@@ -66,7 +66,7 @@ def test_price_is_the_inner_product_with_the_information(space, per_trace, Z_of)
     Rounding is eps times the sum of the absolute products, with some ten additions in a row.
     """
     Z, x = Z_of(space), sample_feasible(space, 50, 1)
-    M = experiment_blocks(space.problem(x))
+    M = experiment_blocks(space.problem(x), np.arange(len(x)))
     size = np.trace(M, axis1=1, axis2=2) if per_trace else 1.0
     price = priced(space, x, Z, per_trace)[0]
     error = 64 * np.finfo(float).eps * np.einsum("ij,kij->k", np.abs(Z), np.abs(M)) / size
