@@ -67,10 +67,10 @@ class Compensation(Presented):
     def headline(self) -> str:
         """Number of poses, and the largest error before and after."""
         before = f"{1e3 * self.uncompensated.max():.3g} mm"
-        after = "an unknown error"
+        after = "unknown"
         if self.remaining is not None:
             after = f"{1e3 * self.remaining.max():.3g} mm"
-        return f"{len(self.command)} task poses, from {before} at most down to {after}"
+        return f"{len(self.command)} task poses, largest error {before} before, {after} after"
 
     def to_frame(self) -> "pd.DataFrame":
         """Commands, wrenches and errors: degrees, millimetres, newtons and newton metres."""

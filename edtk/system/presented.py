@@ -43,12 +43,14 @@ class Presented:
         """A small table for a notebook, without outside links."""
         return str(_rendered("notebook", self))
 
-    def plot(self, ax: Any = None) -> Any:
+    def plot(self, ax: Any = None, **options: Any) -> Any:
         """Draw the result with matplotlib.
 
         Args:
             ax: Axes to draw into; a new figure where it is not given. A picture of several panels
                 divides the place of these axes.
+            options: What else the picture asks for, such as the joint variables of a robot; see the
+                function of that name in `edtk.report.plot`.
 
         Returns:
             The axes, or an array of them where the picture has several panels.
@@ -56,9 +58,9 @@ class Presented:
         Raises:
             TypeError: There is no picture of such a result.
         """
-        return _rendered("plot", self, ax)
+        return _rendered("plot", self, ax, **options)
 
 
-def _rendered(form: str, result: Presented, *arguments: Any) -> Any:
+def _rendered(form: str, result: Presented, *arguments: Any, **options: Any) -> Any:
     """The result in a form: "text", "notebook" or "plot"."""
-    return import_module("edtk.report.render").render(form, result, *arguments)
+    return import_module("edtk.report.render").render(form, result, *arguments, **options)

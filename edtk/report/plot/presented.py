@@ -5,7 +5,7 @@ from typing import Any, NoReturn
 from edtk.system.presented import Presented
 
 
-def presented(result: Presented, ax: Any = None) -> NoReturn:
+def presented(result: Presented, ax: Any = None, **options: Any) -> NoReturn:
     """Say that there is no picture.
 
     Raises:

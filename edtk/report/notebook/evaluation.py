@@ -1,0 +1,21 @@
+"""Tables of an evaluation, for a notebook."""
+
+import criteria
+from edtk.report.notebook_table import notebook_table
+from edtk.report.shown_value import shown_value
+from edtk.study.evaluate import Evaluation
+
+
+def evaluation(found: Evaluation) -> str:
+    """A row for each criterion, then a row for each standard deviation."""
+    values = [
+        [name, shown_value(name, value, 6), criteria.get(name).sense, criteria.get(name).formula]
+        for name, value in found.criteria.items()
+    ]
+    deviations = [
+        [name, f"{std:.4g}", unit]
+        for name, std, unit in zip(found.parameters, found.std, found.units, strict=True)
+    ]
+    first = notebook_table(found.headline(), ["criterion", "value", "sense", "formula"], values)
+    second = notebook_table("standard deviations", ["parameter", "std", "unit"], deviations)
+    return f"{first}\n{second}"

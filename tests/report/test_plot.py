@@ -1,0 +1,154 @@
+"""Every result can be drawn and shown in a notebook: axes have labels with units, text is escaped."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib import pyplot
+
+import criteria
+from edtk.calibration.calibrate import Calibration
+from edtk.calibration.check_plan_posterior import check_plan_posterior
+from edtk.calibration.compensate import compensate
+from edtk.calibration.fitted_data import FittedData
+from edtk.calibration.plan_bias import plan_bias
+from edtk.design.plan import Plan
+from edtk.design.problem import Problem
+from edtk.design.relaxation.relax import relax
+from edtk.inference.measurements import Measurements
+from edtk.inference.run_chain import Demand
+from edtk.inference.sample_posterior import SamplingOptions
+from edtk.inference.simulate import simulate
+from edtk.study.evaluate import evaluate
+from edtk.study.relax_study import relax_study
+from edtk.study.study import load_study
+from edtk.tables.compliances import Compliances
+
+STUDY = load_study(Path(__file__).parents[2] / "studies" / "kr270_milling.toml")
+PLAN = STUDY.published_plans()["table_4_3"].repeated(2)
+NAMES = (
+    "plan",
+    "evaluation",
+    "plan_bias",
+    "calibration",
+    "posterior_check",
+    "compensation",
+    "relaxation",
+    "relaxed_plan",
+    "robot",
+)
+
+
+def _calibration():
+    """A calibration from simulated measurements of the plan."""
+    q = np.repeat(PLAN.q, PLAN.repeats, axis=0)
+    wrench = np.repeat(PLAN.wrench, PLAN.repeats, axis=0)
+    A = STUDY.model.regressor(q, wrench)
+    moved = simulate(A, STUDY.compliances, STUDY.sigma, np.random.default_rng(0))[0]
+    sigma = np.tile(STUDY.sigma, (len(q), 1))
+    data = Measurements(q, wrench, moved, sigma, np.zeros((len(q), 3)))
+    return Calibration(FittedData.of(STUDY, data), (), Path("day <1>.csv"))
+
+
+def _compensation():
+    """A compensation of two task poses."""
+    joints = STUDY.specification.joints.unknown
+    covariance = np.linalg.inv(STUDY.space.information(PLAN))
+    known = Compliances(joints, STUDY.compliances, STUDY.compliances, covariance)
+    q = STUDY.task.q + np.deg2rad([[0], [2]])
+    task = Plan(q, np.tile(STUDY.task.wrench, (2, 1)), np.ones(2, dtype=int))
+    return compensate(STUDY, known, task, "task")
+
+
+@pytest.fixture(scope="module")
+def results():
+    """One result of each kind, by the name of its files."""
+    blocks = np.random.default_rng(0).normal(size=(20, 3, 4))
+    options = SamplingOptions(Demand(0.2))
+    return {
+        "plan": PLAN,
+        "evaluation": evaluate(STUDY, PLAN),
+        "plan_bias": plan_bias(STUDY, PLAN, "plan.csv"),
+        "calibration": _calibration(),
+        "posterior_check": check_plan_posterior(
+            STUDY, PLAN, np.random.default_rng(0), options=options
+        ),
+        "compensation": _compensation(),
+        "relaxation": relax(Problem(blocks), criteria.create("D")),
+        "relaxed_plan": relax_study(STUDY, "A", candidates=200),
+        "robot": STUDY.robot,
+    }
+
+
+@pytest.fixture(autouse=True)
+def no_figures():
+    """Figures are closed after each test."""
+    yield
+    pyplot.close("all")
+
+
+def labels(axes):
+    """Labels of all axes."""
+    return [getattr(ax, f"get_{axis}label")() for ax in np.ravel(axes) for axis in "xy"]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_axes_have_labels_with_units(results, name):
+    """Every picture names its quantities, and those that have a unit with it."""
+    text = "\n".join(labels(results[name].plot()))
+    expected = {
+        "plan": r"joint variable \[rad or m\]",
+        "evaluation": r"standard deviation \[rad/\(N m\)\]",
+        "plan_bias": r"bias \[standard deviations\]",
+        "calibration": r"deviation from the estimate \[%\][\s\S]*residual \[mm\]",
+        "posterior_check": r"k2\n\[\$10\^\{-9\}\$ rad/\(N m\)\]",
+        "compensation": r"error of the tool point \[mm\]",
+        "relaxation": r"weight \[share of the experiments\]",
+        "relaxed_plan": r"weight \[share of the experiments\]",
+        "robot": r"x \[m\]",
+    }
+    assert re.search(expected[name], text)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_axes_may_be_given(results, name):
+    """A picture is drawn into given axes; one of several panels divides their place."""
+    projection = {"projection": "3d"} if name == "robot" else {}
+    _, axes = pyplot.subplots(1, 2, subplot_kw=projection)
+    drawn = np.ravel(results[name].plot(axes[1]))
+    place = axes[1].get_position()
+    inside = [place.x0 - 1e-9 <= ax.get_position().x0 <= place.x1 for ax in drawn]
+    assert all(inside)
+    assert not axes[0].has_data()
+    assert pyplot.get_fignums() == [1]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_notebook_shows_a_small_table(results, name):
+    """The table has the headline and nothing from outside; every result fits on a screen."""
+    text = results[name]._repr_html_()
+    headline = results[name].headline()
+    assert headline.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;") in text
+    assert text.count("<table") >= 1
+    assert not re.search(r"(src|href)=|<script|http", text)
+    assert len(repr(results[name])) <= 100
+    assert results[name].summary().strip()
+
+
+def test_a_plan_in_degrees(results):
+    """With its robot a plan is drawn in degrees, the joints by their names."""
+    ax = results["plan"].plot(robot=STUDY.robot)
+    assert ax.get_ylabel() == "joint angle [deg]"
+    assert [text.get_text() for text in ax.get_legend().get_texts()] == list(
+        STUDY.robot.joint_names
+    )
+
+
+def test_a_robot_in_a_pose(results):
+    """The tool point is drawn where forward kinematics puts it."""
+    q = PLAN.q[0]
+    ax = results["robot"].plot(q=q)
+    expected = STUDY.robot.forward(q)[:3, 3]
+    (marker,) = [line for line in ax.get_lines() if line.get_marker() == "^"]
+    np.testing.assert_allclose(np.ravel(marker.get_data_3d()), expected, atol=1e-12)
