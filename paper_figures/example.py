@@ -2,8 +2,7 @@
 
 from pathlib import Path
 
-from edtk.design.plan import Plan
-from edtk.study.study import Study, load_study
+from edtk import Plan, Study, load_study
 from edtk.system.typing import Array
 
 STUDY = Path(__file__).parent.parent / "studies" / "kr270_milling.toml"

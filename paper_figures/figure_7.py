@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from edtk import Study
 from edtk.report.markdown_table import markdown_table
-from edtk.study.study import Study
 from edtk.system.atomic_file import write_text
 from edtk.system.typing import Array
 from paper_figures.csv_file import write_csv

@@ -10,14 +10,11 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-import criteria
-from edtk.design.exact.exact_plan import ExactPlan
+from edtk import ExactPlan, Plan, Study, criteria
 from edtk.design.exact.find_plan import SearchOptions, find_plan
-from edtk.design.plan import Plan
 from edtk.design.relaxation.relax_poses import relax_poses
 from edtk.study.relax_study import source_of
-from edtk.study.study import Study
-from edtk.system.workers import Workers, open_workers
+from edtk.system.workers import open_workers
 from paper_figures.example import load_example, target_of
 from paper_figures.targets import both
 
@@ -33,12 +30,7 @@ def own_plans(study: Study, name: str) -> dict[int, Plan]:
 
 
 def search_plan(
-    study: Study,
-    name: str,
-    size: int,
-    workers: Workers,
-    patience: int = PATIENCE,
-    continuous: bool = True,
+    study: Study, name: str, size: int, options: SearchOptions, continuous: bool = True
 ) -> ExactPlan:
     """The best plan of so many experiments for "true" or "clipped" A0.
 
@@ -46,14 +38,13 @@ def search_plan(
         study: The example.
         name: Which A0.
         size: Number of experiments.
-        workers: Who does the work.
-        patience: Batches without an improvement after which the search ends.
+        options: Seed, patience and workers of the search.
         continuous: Whether the bound is searched for over all poses, and not among candidates.
     """
     criterion = criteria.create("rho0", both(target_of(study))[name])
     candidates = study.specification.candidates
-    relaxed = relax_poses(source_of(study), candidates, criterion, continuous=continuous)
-    options = SearchOptions(seed=study.specification.seed, patience=patience, workers=workers)
+    source = source_of(study, options.seed)
+    relaxed = relax_poses(source, candidates, criterion, continuous=continuous)
     return find_plan(relaxed, size, options=options)
 
 
@@ -64,7 +55,9 @@ def main() -> None:
     with open_workers() as workers:
         bar = tqdm(cases, file=sys.stderr)
         for name, m in bar:
-            found = search_plan(study, name, m, workers)
+            seed = study.specification.seed
+            options = SearchOptions(seed=seed, patience=PATIENCE, workers=workers)
+            found = search_plan(study, name, m, options)
             found.plan.to_csv(FOLDER / f"{name}_m{m}.csv", study.robot)
             value = f"{1e3 * found.value:.6g} mm"
             efficiency = f"{100 * found.efficiency:.2f} %"

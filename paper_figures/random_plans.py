@@ -4,10 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from edtk.design.plan import Plan
+from edtk import Plan, Study
 from edtk.design.sample_feasible import sample_feasible
 from edtk.inference.least_squares import covariance
-from edtk.study.study import Study
 from edtk.system.typing import Array
 from paper_figures.example import target_of
 from paper_figures.mean_distance import mean_distance

@@ -4,11 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from edtk.design.plan import Plan
+from edtk import Plan, Study
 from edtk.inference.least_squares import covariance, estimate
 from edtk.inference.simulate import simulate
 from edtk.model.compensation_accuracy import compensation_accuracy
-from edtk.study.study import Study
 from edtk.system.typing import Array
 from paper_figures import printed_values
 from paper_figures.example import plans_of_table_4, target_of

@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from edtk import Study
 from edtk.inference.least_squares import covariance
 from edtk.report.markdown_table import markdown_table
-from edtk.study.study import Study
 from edtk.system.atomic_file import write_text
 from paper_figures import printed_values
 from paper_figures.csv_file import write_csv

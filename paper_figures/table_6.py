@@ -6,10 +6,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-import criteria
-from edtk.design.plan import Plan
+from edtk import Plan, Study, criteria
 from edtk.report.markdown_table import markdown_table
-from edtk.study.study import Study
 from edtk.system.atomic_file import write_text
 from edtk.system.typing import Array
 from paper_figures import printed_values

@@ -1,22 +1,23 @@
-"""How long do identification and the sampled posterior take, and how near does that come to the closed form?
+"""How long do identification and the sampled posterior take, and how exact are they?
 
     python studies/benchmarks/inference.py
 
-writes inference.md beside this file. With a flat prior and sigma known the posterior is normal, and Eq. (13) gives its
-standard deviations at once; the chain's are held against them, in units of their Monte-Carlo errors.
+writes inference.md beside this file. With a flat prior and sigma known the posterior is normal, and
+Eq. (13) gives its standard deviations at once; the chain's are held against them, in units of their
+Monte-Carlo errors.
 """
 
-import statistics
 import sys
 from dataclasses import dataclass
 from pathlib import Path
+from statistics import median
 from tempfile import TemporaryDirectory
 from time import perf_counter
 
 import numpy as np
 from measure import machine, measure
 
-from edtk.design.plan import Plan
+from edtk import Plan, load_study
 from edtk.inference.identify import identify
 from edtk.inference.least_squares import estimate
 from edtk.inference.measurements import Measurements
@@ -24,18 +25,31 @@ from edtk.inference.noise import Noise
 from edtk.inference.sample_posterior import sample_posterior
 from edtk.inference.simulate import simulate
 from edtk.report.markdown_table import markdown_table
-from edtk.study.study import load_study
 from edtk.system.atomic_file import write_text
 from edtk.tables.sheet_columns import DEFLECTION_COLUMNS, MARKER_COLUMNS
 
 HERE = Path(__file__).parent
 STUDY = HERE.parent / "kr270_milling.toml"
 REPEATS = 5
+RUNS = 500
+SIGMA_KNOWN = "normal, sigma known"
 CASES = {
-    "normal, sigma known": Noise(),
+    SIGMA_KNOWN: Noise(),
     "normal, sigma unknown": Noise(np.inf),
     "Student-t, nu and sigma unknown": Noise(np.inf, None),
 }
+SIZES = (1_000, 100_000)
+KINDS = {"": (False, False), "with markers": (True, False), "Huber's loss": (False, True)}
+CHAIN_HEADER = (
+    "plan",
+    "noise",
+    "chain [s]",
+    "closed form [ms]",
+    "steps",
+    "error of std",
+    "deviation [errors]",
+)
+FIT_HEADER = ("measurements", "kind", "read CSV [s]", "identify [s]", "peak memory [MB]")
 
 
 @dataclass(frozen=True)
@@ -62,38 +76,45 @@ def timing(plan_name: str, case: str) -> Timing:
     study = load_study(STUDY)
     plan = study.published_plans()[plan_name]
     A = np.repeat(study.model.regressor(plan.q, plan.wrench), plan.repeats, axis=0)
-    seconds, exact, steps, errors, off = [], [], [], [], []
+    seconds = []
+    exact = []
+    found = []
+    off = []
     for seed in range(REPEATS):
         rng = np.random.default_rng(seed)
         measured = simulate(A, study.compliances, study.sigma, rng)[0]
         start = perf_counter()
         fit = estimate(A, measured, study.sigma, study.model.parameters)
-        std = np.sqrt(np.diag(fit.covariance))
+        std = fit.std
         exact.append(perf_counter() - start)
         start = perf_counter()
-        found = sample_posterior(A, measured, study.sigma, fit, rng, noise=CASES[case])
+        chain = sample_posterior(A, measured, study.sigma, fit, rng, noise=CASES[case])
         seconds.append(perf_counter() - start)
-        steps.append(found.steps)
-        errors.append((found.std_error / found.std).max())
-        off.append((np.abs(found.std - std) / found.std_error).max())
-    median = statistics.median
-    return Timing(median(seconds), median(exact), median(steps), max(errors), max(off))
+        found.append(chain)
+        off.append((np.abs(chain.std - std) / chain.std_error).max())
+    return Timing(
+        seconds=median(seconds),
+        exact=median(exact),
+        steps=median(chain.steps for chain in found),
+        error=max((chain.std_error / chain.std).max() for chain in found),
+        off=max(off),
+    )
 
 
 def identification(rows: int, markers: bool, robust: bool) -> tuple[float, float]:
-    """Median seconds to read a file of so many measurements, and to identify from it with all statistics."""
+    """Median seconds to read a file of so many measurements, and to identify from it."""
     study = load_study(STUDY)
     plan = study.published_plans()["table_4_12"]
     each = np.arange(rows) % len(plan.q)
-    q, wrench = plan.q[each], plan.wrench[each]
-    measured = simulate(
-        study.model.regressor(q, wrench), study.compliances, study.sigma, np.random.default_rng(0)
-    )[0]
-    table = Plan(q, wrench, np.ones(rows, dtype=int)).to_frame(study.robot).drop(columns="repeats")
+    poses = Plan(plan.q[each], plan.wrench[each], np.ones(rows, dtype=int))
+    A = study.model.regressor(poses.q, poses.wrench)
+    measured = simulate(A, study.compliances, study.sigma, np.random.default_rng(0))[0]
+    table = poses.to_frame(study.robot).drop(columns="repeats")
     table[list(DEFLECTION_COLUMNS)] = 1e3 * measured
     if markers:
         table[list(MARKER_COLUMNS)] = 0.001
-    reading, fitting = [], []
+    reading = []
+    fitting = []
     with TemporaryDirectory() as folder:
         path = Path(folder) / "measured.csv"
         table.to_csv(path, index=False, float_format="%.10g")
@@ -105,71 +126,73 @@ def identification(rows: int, markers: bool, robust: bool) -> tuple[float, float
             A = data.regressor(study.model)
             identify(A, data.deflection, data.sigma, study.model.parameters, robust)
             fitting.append(perf_counter() - start)
-    return statistics.median(reading), statistics.median(fitting)
+    return median(reading), median(fitting)
 
 
 def calibration(case: int) -> float:
-    """Seconds of 500 simulated calibrations on all cores, each with its chain, ranks and intervals."""
+    """Seconds of RUNS simulated calibrations on all cores, each with its chain and ranks."""
     sys.path.insert(0, str(HERE.parent))
-    from calibration_check import run_case
+    from simulation_based_calibration import run_case
+
+    def nothing(runs: int) -> None:
+        """Report nothing."""
 
     start = perf_counter()
-    run_case(load_study(STUDY), case, 500, None, lambda runs: None)
+    run_case(load_study(STUDY), case, RUNS, None, nothing)
     return perf_counter() - start
+
+
+def chain_rows() -> list[tuple[str, ...]]:
+    """A row a plan with sigma known, and a row for each other noise."""
+    asked = [(name, SIGMA_KNOWN) for name in load_study(STUDY).published_plans()]
+    asked += [("table_4_12", case) for case in CASES if case != SIGMA_KNOWN]
+    rows = []
+    for name, case in asked:
+        got = measure(timing, name, case).answer
+        numbers = (
+            f"{got.seconds:.2f}",
+            f"{1e3 * got.exact:.2f}",
+            f"{got.steps:.0f}",
+            f"{100 * got.error:.2f} %",
+            # Eq. (13) is the posterior's covariance only for normal noise of known sigma.
+            f"{got.off:.1f}" if case == SIGMA_KNOWN else "-",
+        )
+        rows.append((name, case, *numbers))
+    return rows
+
+
+def fit_rows() -> list[tuple[str, ...]]:
+    """A row a number of measurements and kind of fit."""
+    rows = []
+    for n in SIZES:
+        for kind, options in KINDS.items():
+            got = measure(identification, n, *options)
+            seconds = (f"{s:.3f}" for s in got.answer)
+            rows.append((f"{n}", kind, *seconds, f"{got.peak_mb:.0f}"))
+    return rows
 
 
 def main() -> None:
     """Run the benchmark."""
-    plans = load_study(STUDY).published_plans()
-    asked = [(name, "normal, sigma known") for name in plans]
-    asked += [("table_4_12", case) for case in CASES if case != "normal, sigma known"]
-    rows = []
-    for name, case in asked:
-        got = measure(timing, name, case).answer
-        off = f"{got.off:.1f}" if case == "normal, sigma known" else "-"
-        rows.append(
-            (
-                name,
-                case,
-                f"{got.seconds:.2f}",
-                f"{1e3 * got.exact:.2f}",
-                f"{got.steps:.0f}",
-                f"{100 * got.error:.2f} %",
-                off,
-            )
-        )
-    kinds = {"": (False, False), "with markers": (True, False), "Huber's loss": (False, True)}
-    calibrate = []
-    for n in (1_000, 100_000):
-        for kind, options in kinds.items():
-            got = measure(identification, n, *options)
-            calibrate.append(
-                (f"{n}", kind, *(f"{s:.3f}" for s in got.answer), f"{got.peak_mb:.0f}")
-            )
-    studies = [
-        (title, f"{calibration(case):.0f}")
-        for title, case in (("sigma known", 0), ("sigma unknown", 1))
-    ]
-    header = (
-        "plan", "noise", "chain [s]", "closed form [ms]", "steps", "error of std", "deviation [errors]",
-    )  # fmt: skip
+    chains = markdown_table(CHAIN_HEADER, chain_rows())
+    fits = markdown_table(FIT_HEADER, fit_rows())
+    titles = ("sigma known", "sigma unknown")
+    studies = [(title, f"{calibration(case):.0f}") for case, title in enumerate(titles)]
     text = (
         "# Seconds of identification and posterior\n\n"
         f"`python studies/benchmarks/inference.py` wrote this file on {machine()}.\n\n"
         "## Sampled posterior\n\n"
-        f"KUKA KR 270, flat prior, 32 walkers, the accuracy that `edtk bayes` asks for; medians of {REPEATS} simulated "
-        "calibrations. The error of std is the greatest Monte-Carlo error of a posterior standard deviation. The "
-        f"deviation is the greatest distance of the {5 * REPEATS} sampled standard deviations from the closed form, "
-        "Eq. (13), in such errors; of as many independent normal numbers the greatest is 2.2 in the median and below "
-        "3.5 in 99 cases of a hundred.\n\n"
-        + markdown_table(header, rows)
-        + "\n## Identification\n\nMedians of "
-        f"{REPEATS}; a measurement is three coordinates. Statistics are all those of `edtk identify`.\n\n"
-        + markdown_table(
-            ("measurements", "kind", "read CSV [s]", "identify [s]", "peak memory [MB]"), calibrate
-        )
-        + "\n## Simulation-based calibration\n\n500 simulated calibrations of `studies/calibration_check.py`, all "
-        "cores.\n\n" + markdown_table(("case", "seconds"), studies)
+        "KUKA KR 270, flat prior, 32 walkers, the accuracy that `edtk bayes` asks for; medians of "
+        f"{REPEATS} simulated calibrations. The error of std is the greatest Monte-Carlo error of "
+        "a posterior standard deviation. The deviation is the greatest distance of the "
+        f"{5 * REPEATS} sampled standard deviations from the closed form, Eq. (13), in such "
+        "errors; of as many independent normal numbers the greatest is 2.2 in the median and below "
+        f"3.5 in 99 cases of a hundred.\n\n{chains}\n"
+        f"## Identification\n\nMedians of {REPEATS}; a measurement is three coordinates. "
+        f"Statistics are all those of `edtk identify`.\n\n{fits}\n"
+        f"## Simulation-based calibration\n\n{RUNS} simulated calibrations of "
+        f"`studies/calibration_check.py`, all cores.\n\n"
+        f"{markdown_table(('case', 'seconds'), studies)}"
     )
     write_text(HERE / "inference.md", text)
 

@@ -13,7 +13,7 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Measured:
-    """What came of a call.
+    """The outcome of a call.
 
     Attributes:
         answer: What the function returned; None where it failed.
@@ -27,7 +27,10 @@ class Measured:
 
 
 def measure(function: Callable[..., Any], *args: Any, limit: float = 600.0) -> Measured:
-    """Call a function of a module in a fresh process, for at most `limit` seconds."""
+    """Call a function of a module in a fresh process, for at most `limit` seconds.
+
+    A process of its own has no memory of the calls before, and can be ended.
+    """
     context = mp.get_context("spawn")
     here, there = context.Pipe(duplex=False)
     process = context.Process(target=_call, args=(there, function, args))
@@ -46,19 +49,26 @@ def measure(function: Callable[..., Any], *args: Any, limit: float = 600.0) -> M
 
 def _call(pipe: Connection, function: Callable[..., Any], args: tuple[Any, ...]) -> None:
     try:
-        answer, failure = function(*args), ""
+        answer = function(*args)
+        failure = ""
     except Exception as error:
-        answer, failure = None, type(error).__name__
+        answer = None
+        failure = type(error).__name__
+    # The peak is in bytes on macOS, and in kilobytes on Linux.
     unit = 1e6 if sys.platform == "darwin" else 1e3
-    pipe.send(Measured(answer, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / unit, failure))
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / unit
+    pipe.send(Measured(answer, peak, failure))
 
 
 def machine() -> str:
     """Processor, number of cores and Python, as far as the system tells."""
-    name, cores = platform.processor(), 0
+    name = platform.processor()
+    cores = 0
     info = Path("/proc/cpuinfo")
     if info.exists():
         lines = info.read_text(encoding="utf-8").splitlines()
         names = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
-        name, cores = (names[0] if names else name), len(names)
-    return f"{name or platform.machine()}, {cores or mp.cpu_count()} cores, Python {platform.python_version()}"
+        name = names[0] if names else name
+        cores = len(names)
+    python = f"Python {platform.python_version()}"
+    return f"{name or platform.machine()}, {cores or mp.cpu_count()} cores, {python}"

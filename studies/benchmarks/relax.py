@@ -1,15 +1,16 @@
-"""How fast is the relaxation? Direct cvxpy models and edtk side by side, in one run, on the KUKA KR 270.
+"""How fast is the relaxation? Direct cvxpy models and edtk side by side, in one run.
 
     python studies/benchmarks/relax.py
 
-writes relax.md and relax.png beside this file. Candidates are drawn before the clock starts, and every number is a
-median. A direct model has one variable for every candidate, in whitened parameters, and cvxpy's default settings; of
-its solvers the fastest that comes within 1e-3 of the proved optimum counts. edtk closes a proved gap of 1e-6.
+writes relax.md and relax.png beside this file, for the KUKA KR 270. Candidates are drawn before the
+clock starts, and every number is a median. A direct model has one variable for every candidate, in
+whitened parameters, and cvxpy's default settings; of its solvers the fastest that comes within 1e-3
+of the proved optimum counts. edtk closes a proved gap of 1e-6.
 """
 
-import statistics
 from collections.abc import Iterable
 from pathlib import Path
+from statistics import median
 from time import perf_counter
 
 import click
@@ -20,36 +21,39 @@ from matplotlib.figure import Figure
 from measure import Measured, machine, measure
 from tqdm import tqdm
 
-import criteria
 from criteria.linalg.inverse import whitener
+from edtk import Problem, Study, criteria, load_study, relax
 from edtk.design.candidate_source import CandidateSource
-from edtk.design.problem import Problem
-from edtk.design.relaxation.relax import relax
 from edtk.design.relaxation.relax_poses import relax_poses
 from edtk.report.markdown_table import markdown_table
-from edtk.study.study import Study, load_study
 from edtk.system.atomic_file import atomic_path, write_text
 
 HERE = Path(__file__).parent
 STUDY = HERE.parent / "kr270_milling.toml"
 COMPARED = ("A", "D", "E", "rho0")
-DIRECT_SIZES, SIZES, STREAMED = (1_000, 5_000, 20_000), (100_000, 1_000_000), 10_000_000
-LIMIT = 180.0  # seconds for a direct model
+DIRECT_SIZES = (1_000, 5_000, 20_000)
+SIZES = (100_000, 1_000_000)
+STREAMED = 10_000_000
+REPEATS = 5
+SOLVERS = ("CLARABEL", "SCS")
+ACCURATE = 1e-3  # relative to the proved optimum
+LIMIT_S = 180.0  # for a direct model
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7")
 
 
 def direct(name: str, n: int, solver: str) -> tuple[float, float]:
     """Seconds and cost of one large cvxpy model."""
     study = load_study(STUDY)
-    problem, criterion = _problem(study, n), study.criterion(name)
+    problem = _problem(study, n)
+    criterion = study.criterion(name)
     T = whitener(problem.mean)
     start = perf_counter()
     w = cp.Variable(n, nonneg=True)
     rows = (T.T @ problem.blocks() @ T).reshape(n, -1)
     M = cp.reshape(rows.T @ w, T.shape, order="C")
     M = 0.5 * (M + M.T)
-    objective, constraints = criterion.formulation(
-        M, cp.sum(w), T, float(criterion.cost(problem.mean))
-    )
+    size = float(criterion.cost(problem.mean))
+    objective, constraints = criterion.formulation(M, cp.sum(w), T, size)
     cp.Problem(cp.Minimize(objective), constraints).solve(solver=solver)
     seconds = perf_counter() - start
     weights = np.maximum(w.value, 0.0)
@@ -59,29 +63,30 @@ def direct(name: str, n: int, solver: str) -> tuple[float, float]:
 def ours(
     names: tuple[str, ...], n: int, repeats: int
 ) -> dict[str, tuple[float, float, float, float, float]]:
-    """Median seconds, cost, gap, seconds for the candidates and seconds of the first call, by criterion."""
+    """By criterion: median seconds, cost, gap, seconds of the candidates and of the first call."""
     study = load_study(STUDY)
     start = perf_counter()
     problem = _problem(study, n)
     drawn = perf_counter() - start
-    relax(_problem(study, 200), study.criterion("A"))  # cvxpy loads its solvers at the first call
+    # cvxpy loads its solvers at the first call.
+    relax(_problem(study, 200), study.criterion("A"))
     found = {}
     for name in names:
-        times, criterion = [], study.criterion(name)
+        criterion = study.criterion(name)
+        times = []
         for _ in range(repeats):
             start = perf_counter()
             answer = relax(problem, criterion)
             times.append(perf_counter() - start)
-        found[name] = (statistics.median(times), answer.cost, answer.gap, drawn, times[0])
+        found[name] = (median(times), answer.cost, answer.gap, drawn, times[0])
     return found
 
 
 def streamed(name: str, n: int) -> tuple[float, float, float, float]:
-    """Seconds to price and solve, cost, gap and seconds for the resident candidates, beyond the memory limit."""
+    """Beyond memory: seconds of passes and solves, cost, gap, seconds of the candidates."""
     study = load_study(STUDY)
-    plan = relax_poses(
-        CandidateSource(study.space, (study.specification.seed, 0)), n, study.criterion(name)
-    )
+    source = CandidateSource(study.space, (study.specification.seed, 0))
+    plan = relax_poses(source, n, study.criterion(name))
     return plan.seconds["solve"], plan.cost, plan.gap, plan.seconds["candidates"]
 
 
@@ -106,12 +111,12 @@ def main(out: Path) -> None:
             bar.update()
             return measured
 
-        mine = {n: done(measure(ours, everything, n, 5)) for n in (*DIRECT_SIZES, *SIZES)}
+        mine = {n: done(measure(ours, everything, n, REPEATS)) for n in (*DIRECT_SIZES, *SIZES)}
         others = {
-            (name, n, solver): done(measure(direct, name, n, solver, limit=LIMIT))
+            (name, n, solver): done(measure(direct, name, n, solver, limit=LIMIT_S))
             for name in COMPARED
             for n in DIRECT_SIZES
-            for solver in ("CLARABEL", "SCS")
+            for solver in SOLVERS
         }
         large = {name: done(measure(streamed, name, STREAMED)) for name in COMPARED}
     best = {
@@ -125,23 +130,24 @@ def main(out: Path) -> None:
 
 
 def _accurate(measured: Measured, cost: float) -> bool:
-    return measured.answer is not None and measured.answer[1] <= cost * (1 + 1e-3)
+    """Whether a direct model has come near the proved optimum."""
+    return measured.answer is not None and measured.answer[1] <= cost * (1 + ACCURATE)
 
 
 def _best(others: dict[tuple[str, int, str], Measured], name: str, n: int, cost: float) -> float:
     """Seconds of the fastest direct model that is accurate; nan where none is."""
-    times = [
-        m.answer[0] for key, m in others.items() if key[:2] == (name, n) and _accurate(m, cost)
-    ]
-    return min(times, default=np.nan)
+    runs = [others[name, n, solver] for solver in SOLVERS]
+    return min((run.answer[0] for run in runs if _accurate(run, cost)), default=np.nan)
 
 
 def _cell(measured: Measured, cost: float) -> str:
+    """Seconds of a direct model, and its error where that is not small."""
     if measured.answer is None:
         return measured.failure
-    return f"{measured.answer[0]:.2f} s" + (
-        "" if _accurate(measured, cost) else f" (off by {measured.answer[1] / cost - 1:.1e})"
-    )
+    seconds = f"{measured.answer[0]:.2f} s"
+    if _accurate(measured, cost):
+        return seconds
+    return f"{seconds} (off by {measured.answer[1] / cost - 1:.1e})"
 
 
 def _report(
@@ -154,11 +160,13 @@ def _report(
     return "\n".join(
         [
             "# How fast is the relaxation?\n",
-            f"{machine()}. Blocks of 3 rows, 5 parameters (KUKA KR 270). Written by `relax.py` beside this file.\n",
+            f"{machine()}. Blocks of 3 rows, 5 parameters (KUKA KR 270). Written by `relax.py` "
+            "beside this file.\n",
             "## Against a direct cvxpy model\n",
-            "Medians of 5 calls for edtk, which keeps the small program that cvxpy has compiled for a criterion (the "
-            "first call compiles it); one run for a direct model. The ratio is of the fastest direct model that comes "
-            "within 1e-3 of the proved optimum to the median; edtk proves a gap of 1e-6.\n",
+            f"Medians of {REPEATS} calls for edtk, which keeps the small program that cvxpy has "
+            "compiled for a criterion (the first call compiles it); one run for a direct model. "
+            "The ratio is of the fastest direct model that comes within 1e-3 of the proved optimum to "
+            "the median; edtk proves a gap of 1e-6.\n",
             _versus(mine, others, best),
             "## All ten criteria, at scale\n",
             "Seconds by criterion, after the candidates with their information were drawn.\n",
@@ -175,11 +183,12 @@ def _versus(
     others: dict[tuple[str, int, str], Measured],
     best: dict[tuple[str, int], float],
 ) -> str:
+    """The table of direct models beside edtk."""
     rows = []
     for n in DIRECT_SIZES:
         for name in COMPARED:
             seconds, cost, gap, _, first = mine[n].answer[name]
-            cells = [_cell(others[name, n, solver], cost) for solver in ("CLARABEL", "SCS")]
+            cells = [_cell(others[name, n, solver], cost) for solver in SOLVERS]
             ratio = best[name, n] / seconds
             cells += [
                 f"{first:.3f} s",
@@ -202,6 +211,7 @@ def _versus(
 
 
 def _at_scale(mine: dict[int, Measured]) -> str:
+    """The table of all criteria over many candidates."""
     rows = []
     for n, measured in mine.items():
         answers = list(measured.answer.values())
@@ -220,6 +230,7 @@ def _at_scale(mine: dict[int, Measured]) -> str:
 
 
 def _beyond_memory(large: dict[str, Measured]) -> str:
+    """The table of candidates that do not fit in memory."""
     rows = []
     for name, m in large.items():
         cells = [m.failure] * 4
@@ -241,10 +252,11 @@ def _beyond_memory(large: dict[str, Measured]) -> str:
 def _picture(
     mine: dict[int, Measured], best: dict[tuple[str, int], float], large: dict[str, Measured]
 ) -> Figure:
+    """Seconds over the number of candidates, on logarithmic axes."""
     figure = Figure(figsize=(7.5, 4.6), layout="constrained")
     FigureCanvasAgg(figure)
     ax = figure.add_subplot()
-    colours = dict(zip(COMPARED, ("#0072B2", "#D55E00", "#009E73", "#CC79A7"), strict=True))
+    colours = dict(zip(COMPARED, COLOURS, strict=True))
 
     def line(points: Iterable[tuple[int, float]], **style: object) -> None:
         x, y = zip(*points, strict=True)

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 import criteria
-from edtk.system.workers import Workers
+from edtk.design.exact.find_plan import SearchOptions
 from paper_figures import printed_values, table_6
 from paper_figures.example import load_example, target_of
 from paper_figures.own_plans import own_plans, search_plan
@@ -81,7 +81,8 @@ def test_own_plans_are_better_than_print(table):
 def test_searching_for_a_plan_anew():
     """A short search for three experiments ends within 2 % of the plan in the repository."""
     study = load_example()
-    found = search_plan(study, "clipped", 3, Workers(), patience=1, continuous=False)
+    options = SearchOptions(seed=study.specification.seed, patience=1)
+    found = search_plan(study, "clipped", 3, options, continuous=False)
     rho0 = criteria.create("rho0", clipped(target_of(study)))
     best = float(rho0.value(study.space.information(own_plans(study, "clipped")[3])))
     assert best * (1 - 1e-3) <= found.value <= 1.02 * best
