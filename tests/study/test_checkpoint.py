@@ -56,7 +56,7 @@ def checkpoint(tmp_path):
 
 
 def test_numbers_come_back_bit_by_bit(checkpoint):
-    """What is found is what was kept: every float, integer, text and None, and the folder is made for it."""
+    """Floats, integers, texts and None come back as they were kept; the folder is made."""
     answer = {
         "q": [[0.1 + 0.2, -1e-300, 1e308], [math.pi, 5e-324, -0.0]],
         "starts": 64,
@@ -90,7 +90,7 @@ def test_a_bound_that_says_nothing_comes_back(checkpoint):
     ],
 )
 def test_what_is_no_answer_is_not_there(checkpoint, content):
-    """Garbage, half a file, another key and a file without answer count as nothing, and can be replaced."""
+    """Garbage, half a file, another key and a missing answer count as nothing, and are replaced."""
     checkpoint.folder.mkdir()
     (checkpoint.folder / "some.json").write_bytes(content)
     assert checkpoint.find("some") is None
@@ -99,7 +99,7 @@ def test_what_is_no_answer_is_not_there(checkpoint, content):
 
 
 def test_nothing_is_there_before_it_is_kept(checkpoint):
-    """A folder, a file or a case that does not exist is None, and nothing is made by asking; nor by forgetting."""
+    """A missing folder, file or case is None; neither asking nor forgetting makes anything."""
     assert checkpoint.find("some") is None
     checkpoint.forget_others(["some"])
     assert not checkpoint.folder.exists()
@@ -156,7 +156,7 @@ def test_key_does_not_depend_on_the_place(folder, tmp_path_factory):
     ],
 )
 def test_key_depends_on_the_study_its_robot_and_its_exclusions(folder, name, old, new):
-    """A change of any file that the answers rest on is another key, and the change undone is the first one again."""
+    """A changed file gives another key, and the same file again the same key."""
     before, text = key(folder), (folder / name).read_text()
     assert text.count(old) == 1
     (folder / name).write_text(text.replace(old, new))
@@ -189,8 +189,10 @@ def test_key_depends_on_the_code(tmp_path):
             ROOT / package, tmp_path / package, ignore=shutil.ignore_patterns("__pycache__")
         )
     script = (
-        "import sys\nfrom pathlib import Path\nfrom edtk.study.study import load_study\n"
-        "from edtk.study.checkpoint import checkpoint_of\nstudy = load_study(Path(sys.argv[1]))\nkeys = []\n"
+        "import sys\nfrom pathlib import Path\n"
+        "from edtk.study.checkpoint import checkpoint_of\n"
+        "from edtk.study.study import load_study\n"
+        "study = load_study(sys.argv[1])\nkeys = []\n"
         "for path in (None, *map(Path, sys.argv[2:])):\n"
         "    if path:\n        path.write_text(path.read_text() + '# more\\n')\n"
         "    keys.append(checkpoint_of(study, Path('cases')).key)\n"

@@ -22,7 +22,7 @@ def plan(request):
 
 
 def test_definitions(plan):
-    """Every criterion is what Table 1 prints, from singular values and a plain inverse of the stacked regressor."""
+    """Criteria are those of Table 1, from the stacked regressor's singular values and inverse."""
     A = (
         np.repeat(STUDY.model.regressor(plan.q, plan.wrench), plan.repeats, axis=0).reshape(-1, 5)
         / SIGMA
@@ -49,7 +49,7 @@ def test_definitions(plan):
 
 
 def test_observability_without_sigma(plan):
-    """Without division by sigma O1, O3 and O4 are sigma times theirs, O5 a sigma-th, and O2 the same."""
+    """Without sigma, O1, O3 and O4 are sigma times theirs, O5 is a sigma-th, O2 is the same."""
     found = evaluate(STUDY, plan)
     for name, power in {"O1": 1, "O2": 0, "O3": 1, "O4": 1, "O5": -1}.items():
         assert found.observability_unscaled[name] == pytest.approx(
@@ -93,14 +93,14 @@ def test_repetition(plan):
 
 
 def test_singular_plan_names_its_parameters():
-    """A plan of one pose, however often repeated, is refused with the names of what it leaves open."""
+    """A plan of one pose, however often repeated, is rejected with the open parameters' names."""
     q = STUDY.published_plans()["table_4_2"].q[:1]
     with pytest.raises(SingularPlanError, match=r"k\d"):
         evaluate(STUDY, STUDY.space.plan(q, np.array([5])))
 
 
 def test_parameter_that_no_pose_excites_is_named():
-    """With the wrist-centre joint angles that leave only joint 6 without torque, k6 alone is named."""
+    """In poses that leave only joint 6 without torque, k6 alone is named."""
     q = np.deg2rad([[0, -90 + 7 * i, 10 * i, 0, 0, 0] for i in range(6)])
     torque = np.abs(STUDY.model.robot.jacobian(q)[:, 2]).max(axis=0)
     assert torque[5] < 1e-12 < 1e-3 < torque[1]

@@ -97,7 +97,7 @@ def study(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def site(tmp_path: Path) -> Path:
-    """A directory for PYTHONPATH with a third party's criterion, which is a cvxpy expression and nothing else."""
+    """A directory for PYTHONPATH with a third party's criterion, which is only an expression."""
     info = tmp_path / "site" / "total-1.0.dist-info"
     info.mkdir(parents=True)
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: total\nVersion: 1.0\n")
@@ -113,8 +113,11 @@ def edtk(*args: object) -> str:
     return result.stdout
 
 
-def test_the_whole_way_from_study_to_posterior(study: Path) -> None:
-    """`run`, `evaluate` and `bayes` serve a robot file with a prismatic joint, millimetres in its plans."""
+def test_the_whole_way_from_study_to_posterior(
+    study: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """`run`, `evaluate` and `bayes` serve a robot with a prismatic joint, in millimetres."""
+    monkeypatch.setattr("edtk.study.plan_study.STARTS", 16)
     out = study.parent / "out"
     edtk("run", study, "--out", out)
     plan = out / "plans/optimised_rho0_m3.csv"
@@ -131,7 +134,7 @@ def test_the_whole_way_from_study_to_posterior(study: Path) -> None:
         results["rho0"].min(), rel=1e-6
     )
     assert {"efficiency_rho0", "efficiency_G"} <= set(results)
-    # rho0's best plan may leave a joint that does not matter in the test pose to the bound k > 0; A's does not
+    # The best plan for rho0 may leave a compliance to the bound k > 0; that for A does not.
     edtk("plan", study, "--size", 3, "--criterion", "A", "--workers", 1, "--out", out / "A.csv")
     rows = json.loads(edtk("bayes", study, out / "A.csv", "--json"))["parameters"]
     assert [row["parameter"] for row in rows] == ["k_shoulder", "k_elbow", "k_wrist"]
@@ -139,7 +142,7 @@ def test_the_whole_way_from_study_to_posterior(study: Path) -> None:
 
 
 def test_relaxation_has_its_slide_in_millimetres(study: Path) -> None:
-    """`relax` prints and writes the prismatic joint in millimetres, and its value is that of the printed poses."""
+    """`relax` prints the prismatic joint in millimetres, and the value of the printed poses."""
     out = study.parent / "plan.csv"
     answer = json.loads(edtk("relax", study, "--json", "--out", out))
     loaded = load_study(study)
@@ -156,7 +159,7 @@ def test_relaxation_has_its_slide_in_millimetres(study: Path) -> None:
 
 
 def test_same_seed_same_answer_on_the_continuum(study: Path) -> None:
-    """The search over all poses gives the same poses, weights and bounds twice, and ends at a gap of 1e-5."""
+    """The search over all poses gives the same answer twice, and ends at a gap of 1e-5."""
     options = ["relax", study, "--criterion", "G", "--candidates", 200, "--continuous", "--json"]
     first, again = (json.loads(edtk(*options)) for _ in range(2))
     del first["seconds"], again["seconds"]
@@ -173,7 +176,7 @@ def test_same_seed_same_answer_on_the_continuum(study: Path) -> None:
 def test_an_expression_is_all_that_a_third_party_writes(
     study: Path, site: Path, options: list[str], key: str, gap: float
 ) -> None:
-    """A criterion that is only a cvxpy expression, here that of A, is relaxed and bounded just as A itself."""
+    """A criterion that is only the cvxpy expression of A is relaxed and bounded as A itself is."""
     command = ["relax", study, "--candidates", "200", *options, "--json", "--criterion"]
     env = {**os.environ, "PYTHONPATH": str(site)}
     done = subprocess.run(
@@ -202,7 +205,7 @@ def test_an_expression_is_all_that_a_third_party_writes(
 def test_units_that_do_not_fit_the_joint_are_refused(
     study: Path, old: str, new: str, words: tuple[str, ...]
 ) -> None:
-    """A prismatic joint is fixed in millimetres, within its limits; measured rotations need their own sigma."""
+    """A prismatic joint is fixed in millimetres, within limits; rotations need their own sigma."""
     study.write_text(STUDY.replace(old, new))
     with pytest.raises(UserError) as caught:
         load_study(study)

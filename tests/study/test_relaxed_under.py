@@ -1,20 +1,18 @@
 """A power of a criterion has its base's relaxation: the same weights, costs and bounds turned."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
+from arm import arm
 
 from edtk.study.relax_study import relax_study
 from edtk.study.relaxed_under import relaxed_under
-from edtk.study.study import load_study
 
-STUDY = load_study(Path(__file__).parents[2] / "studies" / "kr270_milling.toml")
+STUDY = arm()
 
 
 @pytest.mark.parametrize(("name", "base"), [("O1", "D"), ("O3", "E")])
 def test_base_proves_the_power(name, base):
-    """Cost and bounds are those of the turned relaxation, recomputed from weights and multipliers."""
+    """Turned cost and bounds are those recomputed from weights and multipliers."""
     criterion = STUDY.criterion(name)
     assert criterion.plan_criterion.name == base
     relaxed = relax_study(STUDY, base, candidates=200, continuous=True, tolerance=1e-3)

@@ -235,7 +235,7 @@ def test_file_round_trip(tmp_path, name):
 
 
 def test_files_beside_the_study_are_found_from_elsewhere(tmp_path, monkeypatch):
-    """Robots, plans, poses to exclude and earlier results keep their files, wherever it is written."""
+    """Robot, plans, excluded poses and earlier results are found from wherever it is written."""
     folder = tmp_path / "folder"
     folder.mkdir()
     (folder / "gantry.toml").write_text(GANTRY)
@@ -422,7 +422,7 @@ def test_a_robot_object_or_table_is_part_of_the_study(tmp_path):
 
 
 def test_a_random_robot_keeps_every_bit(tmp_path):
-    """Frames, axes and limits of any robot survive the file, turned base and tilted axes included."""
+    """Frames, axes and limits of any robot survive the file, also a turned base and tilted axes."""
     rng = np.random.default_rng(3)
 
     def frame():
