@@ -161,8 +161,7 @@ class ElastostaticModel:
         if self.rows == "pose":
             s += _dot(w, B[:, 3:])
         f = tau[:, None] * B[:, :3] + s[:, None] * F
-        turning = np.zeros((self.robot.n, *f.shape[1:]))
-        moving = np.zeros((self.robot.n, *f.shape[1:]))
+        turning, moving = np.zeros((2, self.robot.n, *f.shape[1:]))
         turning[self.joints] = cross(v, f)
         moving[self.joints] = cross(f, w)
         if turned:
