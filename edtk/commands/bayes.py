@@ -67,8 +67,8 @@ def command(
 ) -> None:
     """Simulate measurements of PLAN, sample their posterior, and compare it with Eq. (13).
 
-    The [prior] of STUDY (TOML) says what is known before the measurements. A killed run with --chain
-    goes on where it was when it is started again.
+    The [prior] of STUDY (TOML) says what is known before the measurements. A killed run with
+    --chain goes on where it was when it is started again.
     """
     from edtk.verbs.bayes import bayes
 

@@ -60,9 +60,9 @@ def command(
     out: Path | None,
     certificate: Path | None,
 ) -> None:
-    """Find the best plan of exactly m experiments for STUDY (TOML), and bound its distance to the best.
+    """Find the best plan of exactly m experiments for STUDY (TOML).
 
-    Ctrl-C, or the end of the budget, leaves the best plan so far.
+    The plan comes with a bound: a number that no plan of m experiments can beat. Ctrl-C, or the end of the budget, leaves the best plan so far.
     """
     from edtk.verbs.plan import plan
 

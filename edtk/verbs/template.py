@@ -24,7 +24,9 @@ def template(
     markers: int | None = None,
     out: Path | str | None = None,
 ) -> "pd.DataFrame":
-    """Make a sheet to fill in while a plan is measured, in an order in which the joints travel little.
+    """Make a sheet to fill in while a plan is measured.
+
+    The poses are in an order in which the joints travel little.
 
     Args:
         study: A study, or the path of a study file.
