@@ -39,7 +39,9 @@ figure, ax = plt.subplots(figsize=(5, 4), layout="constrained")
 image = ax.imshow(efficiency, vmin=0, vmax=100, cmap="viridis")
 for row in range(len(names)):
     for column in range(len(names)):
-        ax.text(column, row, f"{efficiency[row, column]:.0f}", ha="center", va="center", color="w")
+        value = efficiency[row, column]
+        colour = "black" if value > 60 else "white"
+        ax.text(column, row, f"{value:.0f}", ha="center", va="center", color=colour)
 ax.set_xticks(range(len(names)), names)
 ax.set_yticks(range(len(names)), [f"plan for {name}" for name in names])
 ax.set_title("Efficiency [%], by criterion")

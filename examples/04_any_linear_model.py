@@ -46,8 +46,16 @@ sensitivity = problem.sensitivities(np.linalg.inv(M)).reshape(21, 21)
 figure, ax = plt.subplots(figsize=(5.5, 4.4), layout="constrained")
 picture = ax.contourf(axis, axis, sensitivity, levels=12, cmap="viridis")
 ax.scatter(
-    u[plan > 0], v[plan > 0], s=60 * plan[plan > 0], color="w", edgecolor="k", label="experiments"
+    u[plan > 0],
+    v[plan > 0],
+    s=60 * plan[plan > 0],
+    color="w",
+    clip_on=False,
+    zorder=3,
+    edgecolor="k",
+    label="experiments",
 )
 ax.set(xlabel="u", ylabel="v", title="Sensitivity of the D-optimal design")
-ax.legend(loc="upper center", ncols=2, bbox_to_anchor=(0.5, -0.12))
+ax.set(xticks=[-1, -0.5, 0, 0.5, 1], yticks=[-1, -0.5, 0, 0.5, 1])
+ax.legend(loc="upper center", ncols=2, bbox_to_anchor=(0.5, -0.15))
 figure.colorbar(picture, ax=ax, label="sensitivity (at most 6)")

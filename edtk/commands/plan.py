@@ -62,7 +62,8 @@ def command(
 ) -> None:
     """Find the best plan of exactly m experiments for STUDY (TOML).
 
-    The plan comes with a bound: a number that no plan of m experiments can beat. Ctrl-C, or the end of the budget, leaves the best plan so far.
+    The plan comes with a bound: a number that no plan of m experiments can beat. Ctrl-C, or the end
+    of the budget, leaves the best plan so far.
     """
     from edtk.verbs.plan import plan
 
