@@ -25,8 +25,8 @@ extensions = [
 ]
 exclude_patterns = ["_build", "_ext"]
 nitpicky = True
-# Types are text here, as the pages of Python and numpy cannot be reached while this is built; links between
-# pages, to functions and to methods are checked.
+# Types are text here, as the pages of Python and numpy cannot be reached while this is built;
+# links between pages, to functions and to methods are checked.
 nitpick_ignore_regex = [("py:(class|exc)", r".*")]
 
 myst_enable_extensions = ["colon_fence", "deflist", "dollarmath"]

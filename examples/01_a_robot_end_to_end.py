@@ -10,8 +10,9 @@ simulated measurements in the place of a laser tracker.
 # %%
 # The question
 # ------------
-# A study names the robot, the load that the lab can apply, the noise of the tracker, the poses that are
-# allowed, and the pose in which the robot shall be accurate. Units are part of every key.
+# A study names the robot, the load that the lab can apply, the noise of the tracker, the poses
+# that are allowed, and the pose in which the robot shall be accurate. Units are part of every
+# key.
 
 from pathlib import Path
 from tempfile import mkdtemp
@@ -51,8 +52,9 @@ study
 # %%
 # The plan
 # --------
-# ``edtk.plan`` looks for the best plan of exactly six experiments. ``bound`` is a number that no plan of
-# six experiments can beat, so the efficiency says how much a longer search could gain at most.
+# ``edtk.plan`` looks for the best plan of exactly six experiments. ``bound`` is a number that no
+# plan of six experiments can beat, so the efficiency says how much a longer search could gain at
+# most.
 
 plan = edtk.plan(study, size=6, seed=1, workers=1)
 print(plan.summary())
@@ -65,7 +67,8 @@ plan.plot()
 # %%
 # The day in the lab
 # ------------------
-# ``edtk.template`` writes the sheet on which the measurements are noted. Here a simulation fills it in.
+# ``edtk.template`` writes the sheet on which the measurements are noted. Here a simulation fills
+# it in.
 
 folder = Path(mkdtemp())
 sheet = edtk.template(study, plan.plan)

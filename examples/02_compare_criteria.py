@@ -2,8 +2,8 @@
 Compare criteria
 ================
 
-A plan that is best for one criterion may be poor for another. Here plans of three experiments are found
-for four criteria, and every plan is scored under all of them.
+A plan that is best for one criterion may be poor for another. Here plans of three experiments are
+found for four criteria, and every plan is scored under all of them.
 """
 
 from pathlib import Path
@@ -24,7 +24,8 @@ for found in plans.values():
     print(found)
 
 # %%
-# The efficiency of a plan under a criterion is the cost of the best of these plans, divided by its own cost.
+# The efficiency of a plan under a criterion is the cost of the best of these plans, divided by
+# its own cost.
 
 values = {
     name: {key: edtk.evaluate(study, found.plan).criteria[key] for key in names}
@@ -48,5 +49,5 @@ ax.set_title("Efficiency [%], by criterion")
 figure.colorbar(image, ax=ax, label="efficiency [%]")
 
 # %%
-# The plan for O2, the condition number, is far from the best in the test pose. That is the message of the
-# reference paper: choose the plan for what the robot shall do.
+# The plan for O2, the condition number, is far from the best in the test pose. That is the
+# message of the reference paper: choose the plan for what the robot shall do.

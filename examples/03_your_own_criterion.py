@@ -2,8 +2,9 @@
 Your own criterion
 ==================
 
-A criterion is one class: it says how good an information matrix is. This example adds the *c-criterion*,
-the variance of one linear combination of the parameters, and finds an optimal design for it.
+A criterion is one class: it says how good an information matrix is. This example adds the
+*c-criterion*, the variance of one linear combination of the parameters, and finds an optimal
+design for it.
 """
 
 from pathlib import Path

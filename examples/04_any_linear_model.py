@@ -38,8 +38,8 @@ value = float(criterion.value(problem.information(plan)))
 print(f"value {value:.4f}, at most {12 * design.bound:.4f} is possible")
 
 # %%
-# The equivalence theorem as a picture: at the optimum no candidate has a sensitivity above p = 6, and the
-# experiments sit where it is reached.
+# The equivalence theorem as a picture: at the optimum no candidate has a sensitivity above p = 6,
+# and the experiments sit where it is reached.
 
 M = problem.information(design.weights)
 sensitivity = problem.sensitivities(np.linalg.inv(M)).reshape(21, 21)

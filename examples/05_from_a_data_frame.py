@@ -2,8 +2,9 @@
 From a data frame
 =================
 
-Candidates often come as a table: what could be measured, a row each. This example chooses eight rows out
-of two hundred, so that a linear model with an interaction is estimated as well as possible.
+Candidates often come as a table: what could be measured, a row each. This example chooses eight
+rows out of two hundred, so that a linear model with an interaction is estimated as well as
+possible.
 """
 
 import numpy as np
