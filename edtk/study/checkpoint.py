@@ -67,10 +67,15 @@ class Checkpoint:
         Raises:
             WorkersLostError: No process is left to do the work.
         """
-        answers = {name: found for name in pieces if (found := self.find(name)) is not None}
-        for name in answers:
-            report(name)
-        missing = [name for name in pieces if name not in answers]
+        answers = {}
+        missing = []
+        for name in pieces:
+            answer = self.find(name)
+            if answer is None:
+                missing.append(name)
+            else:
+                answers[name] = answer
+                report(name)
         for i, answer in workers.run([pieces[name] for name in missing]):
             self.keep(missing[i], answer)
             answers[missing[i]] = answer

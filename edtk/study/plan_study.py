@@ -55,13 +55,6 @@ def plan_study(
     space = study.space
     if kept is not None:
         space = space.with_kept(space.information(kept), new)
-
-    def relaxing(stage: str, gap: float) -> None:
-        options.progress(f"bound: {stage}", gap)
-
-    def searching(starts: int, cost: float) -> None:
-        options.progress(f"{starts} starts", cost)
-
     with study_errors(study):
         _require_enough(study, space, new, distinct, kept)
         relaxed = relax_poses(
@@ -69,24 +62,38 @@ def plan_study(
             study.specification.candidates,
             study.criterion(criterion),
             continuous=True,
-            options=RelaxOptions(
-                progress=relaxing, stop=lambda: monotonic() >= since + SHARE_OF_BOUND * seconds
-            ),
+            options=_relax_options(options, since + SHARE_OF_BOUND * seconds),
         )
-        found = find_plan(
-            relaxed,
-            new,
-            distinct,
-            kept,
-            SearchOptions(
-                seed=study.specification.seed if options.seed is None else options.seed,
-                starts=STARTS,
-                seconds=since + seconds - monotonic(),
-                workers=options.workers,
-                progress=searching,
-            ),
-        )
+        left = since + seconds - monotonic()
+        found = find_plan(relaxed, new, distinct, kept, _search_options(study, options, left))
     return replace(found, seconds=monotonic() - since)
+
+
+def _relax_options(options: RunOptions, end: float) -> RelaxOptions:
+    """Options of the relaxation, whose search over all poses stops at a time of `monotonic` [s]."""
+
+    def progress(stage: str, gap: float) -> None:
+        options.progress(f"bound: {stage}", gap)
+
+    def stop() -> bool:
+        return monotonic() >= end
+
+    return RelaxOptions(progress=progress, stop=stop)
+
+
+def _search_options(study: Study, options: RunOptions, seconds: float) -> SearchOptions:
+    """Options of the search for the plan, for which so many seconds are left."""
+
+    def progress(starts: int, cost: float) -> None:
+        options.progress(f"{starts} starts", cost)
+
+    return SearchOptions(
+        seed=study.specification.seed if options.seed is None else options.seed,
+        starts=STARTS,
+        seconds=seconds,
+        workers=options.workers,
+        progress=progress,
+    )
 
 
 def _new_experiments(size: int, distinct: int | None, kept: Plan | None) -> int:

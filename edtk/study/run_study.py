@@ -76,10 +76,7 @@ def run_study(
         except WorkersLostError as error:
             raise UserError(f"{error}; what is finished is kept, run again to go on") from error
     checkpoint.forget_others([*answers, *map(_relaxation_name, bases)])
-    relaxations = {
-        name: relaxed_under(require_relaxable(study.criterion(name)), bases[_base(study, name)])
-        for name in _relaxed_names(study)
-    }
+    relaxations = _relaxations(study, bases)
     cases = [_answered(case, answers[_search_name(study, case)], relaxations) for case in questions]
     for index, size in enumerate(study.specification.sizes):
         cases.append(random_case(study, size, index))
@@ -106,10 +103,11 @@ def steps(study: Study) -> int:
 
 
 def _count(study: Study, questions: list[Case]) -> int:
-    """The same, of a study whose questions are known: they, the random plans, first and last."""
+    """Number of reports: one for the questions, each relaxation, search and random plan, the end."""
     relaxations = {_base(study, name) for name in _relaxed_names(study)}
     searches = {_search_name(study, case) for case in questions}
-    return len(relaxations) + len(searches) + len(study.specification.sizes) + 2
+    begin_and_end = 2
+    return len(relaxations) + len(searches) + len(study.specification.sizes) + begin_and_end
 
 
 class _Steps:
@@ -183,6 +181,14 @@ def _relaxed_bases(study: Study, complete: Complete) -> dict[str, RelaxedPlan]:
     return {
         name: RelaxedPlan.from_dict(source_of(study), base, answers[_relaxation_name(name)])
         for name, base in bases.items()
+    }
+
+
+def _relaxations(study: Study, bases: dict[str, RelaxedPlan]) -> dict[str, RelaxedPlan]:
+    """The relaxation under each criterion, from that under the one that is searched for it."""
+    return {
+        name: relaxed_under(require_relaxable(study.criterion(name)), bases[_base(study, name)])
+        for name in _relaxed_names(study)
     }
 
 

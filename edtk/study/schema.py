@@ -108,7 +108,7 @@ class WorkspaceTable(Table):
         "beside the study",
     )
     excluded_within_deg: Positive = Field(
-        5.0, description="Distance to keep from each excluded pose, over all joints [deg]"
+        5.0, description="Least distance from each excluded pose, Euclidean over revolute joints [deg]"
     )
 
     def build(self) -> tuple[Constraint, ...]:
@@ -205,8 +205,11 @@ class Specification(Table):
     @field_validator("criteria", "optimise", "sizes")
     @classmethod
     def _once_each(cls, given: tuple[object, ...]) -> tuple[object, ...]:
-        if twice := [entry for entry in given if given.count(entry) > 1]:
-            raise PydanticCustomError("twice", "{entry} is listed twice", {"entry": repr(twice[0])})
+        for entry in given:
+            if given.count(entry) > 1:
+                raise PydanticCustomError(
+                    "twice", "{entry} is listed twice", {"entry": repr(entry)}
+                )
         return given
 
     @property
