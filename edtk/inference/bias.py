@@ -49,6 +49,7 @@ class Bias(Presented):
     @property
     def percent(self) -> Array:
         """Bias (p,) in per cent of the true compliances; infinite where only the truth is zero."""
+        # A joint that is rigid in truth has no percentage: infinite, unless its bias is zero too.
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.where(self.bias == 0, 0.0, 100 * self.bias / self.true)
 
@@ -84,6 +85,7 @@ def linearisation_bias(
         NoEquilibriumError: A pose buckles under the load.
     """
     k = np.asarray(k, dtype=float)
+    # All joints bend in the measurements, those that the linear model takes as rigid too.
     measured = equilibrium_deflection(model, q, wrench, k)
     fit = estimate(model.regressor(q, wrench), measured, sigma, model.parameters)
     return Bias(k[model.joints], fit.k, fit.covariance)

@@ -54,6 +54,7 @@ def marker_motion(model: ElastostaticModel, q: ArrayLike, moved: Array, marker: 
         orientation = model.robot.forward(q)[..., :3, :3]
         orientation = np.broadcast_to(orientation, (*moved.shape[:-1], 3, 3))
         offset = (orientation @ marker[..., None])[..., 0].reshape(-1, 3)
+        # Not offset x rotation: the equilibrium is exact, and so is the turn of the tool.
         swing = Rotation.from_rotvec(moved[..., 3:].reshape(-1, 3)).apply(offset) - offset
         added = np.concatenate([swing, np.zeros_like(swing)], axis=-1)
         moved = moved + added.reshape(moved.shape)

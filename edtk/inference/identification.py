@@ -103,6 +103,7 @@ class Identification(Presented):
     def interval(self) -> Array:
         """Ends (2, p) of the 95 % intervals [rad/(N m)], without their negative parts."""
         half = self.half_interval
+        # Compliances are not negative: cutting off what cannot be keeps the coverage.
         return np.maximum(np.stack([self.unbounded - half, self.unbounded + half]), 0.0)
 
     def to_frame(self) -> "pd.DataFrame":

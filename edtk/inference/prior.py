@@ -100,6 +100,7 @@ class Normal:
     def __post_init__(self) -> None:
         # Factored once: a chain evaluates the density hundreds of thousands of times.
         factor = np.linalg.cholesky(self.covariance)
+        # The class is frozen; these two follow from its fields.
         object.__setattr__(self, "_factor", factor)
         object.__setattr__(self, "_whitener", np.linalg.inv(factor).T)
 

@@ -17,7 +17,8 @@ def test_one_number(mean):
 def test_two_correlated_numbers():
     """Two correlated numbers have the law of normal draws of which the positive ones are kept."""
     covariance = np.array([[1.0, -0.7], [-0.7, 1.0]])
-    mean, rng = np.array([0.5, -0.3]), np.random.default_rng(1)
+    mean = np.array([0.5, -0.3])
+    rng = np.random.default_rng(1)
     x = draw_positive(mean, np.linalg.inv(covariance), 4000, rng)
     kept = rng.multivariate_normal(mean, covariance, 60_000)
     kept = kept[(kept > 0).all(axis=1)]

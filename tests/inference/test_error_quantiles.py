@@ -30,7 +30,8 @@ def test_pairs_of_weights_are_exponentials():
 def test_quantiles_of_drawn_errors():
     """Of 400000 drawn errors the stated share lies below each quantile, within five errors."""
     rng = np.random.default_rng(0)
-    A, root = rng.normal(size=(2, 3, 5)), rng.normal(size=(5, 5)) * 1e-8
+    A = rng.normal(size=(2, 3, 5))
+    root = rng.normal(size=(5, 5)) * 1e-8
     A[1, 2] *= 1e-3
     levels = np.array([0.025, 0.5, 0.95, 0.975])
     found = error_quantiles(A, root @ root.T, levels)
@@ -64,8 +65,10 @@ def test_estimated_noise_makes_an_f_law(dof, accuracy):
 
 def test_quantiles_of_drawn_errors_with_estimated_noise():
     """The same holds of 400000 errors over an estimated noise."""
-    rng, dof = np.random.default_rng(1), 4
-    A, root = rng.normal(size=(3, 5)), rng.normal(size=(5, 5)) * 1e-8
+    rng = np.random.default_rng(1)
+    dof = 4
+    A = rng.normal(size=(3, 5))
+    root = rng.normal(size=(5, 5)) * 1e-8
     levels = np.array([0.025, 0.5, 0.95, 0.975])
     found = error_quantiles(A[None], root @ root.T, levels, dof)[0]
     drawn = rng.normal(size=(400_000, 5)) @ root.T / np.sqrt(rng.chisquare(dof, (400_000, 1)) / dof)

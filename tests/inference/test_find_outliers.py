@@ -6,7 +6,9 @@ from scipy.stats import f, kstest
 
 from edtk.inference.find_outliers import _deletion, find_outliers
 
-M, ROWS, P = 15, 3, 4
+M = 15
+ROWS = 3
+P = 4
 
 
 def residuals(seed, runs=1, Q=None):
@@ -19,10 +21,12 @@ def residuals(seed, runs=1, Q=None):
 def test_deletion_is_what_the_sum_of_squares_loses():
     """T_i is the drop of the least sum of squares when row i is left out, from a fit without it."""
     rng = np.random.default_rng(0)
-    X, y = rng.normal(size=(M, ROWS, P)), rng.normal(size=(M, ROWS))
+    X = rng.normal(size=(M, ROWS, P))
+    y = rng.normal(size=(M, ROWS))
 
     def least(keep):
-        A, b = X[keep].reshape(-1, P), y[keep].ravel()
+        A = X[keep].reshape(-1, P)
+        b = y[keep].ravel()
         return np.sum((b - A @ np.linalg.lstsq(A, b)[0]) ** 2)
 
     Q = np.linalg.qr(X.reshape(-1, P))[0]

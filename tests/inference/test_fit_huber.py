@@ -7,7 +7,9 @@ import pytest
 
 from edtk.inference.fit_huber import CORNER, SigmaTooSmallError, fit_huber
 
-M, ROWS, P = 20, 3, 3
+M = 20
+ROWS = 3
+P = 3
 RNG = np.random.default_rng(0)
 X = RNG.normal(size=(M, ROWS, P)) / np.sqrt(M * ROWS)
 TRUE = np.array([30.0, 20.0, 10.0])
@@ -41,7 +43,9 @@ def test_covariance_is_that_of_repeated_fits(tails):
     the chi-square that chance exceeds once in a million. Of nine parameters with as many rows each
     as three have, a third of the runs tells as much.
     """
-    p, m, runs = 9, 60, 270
+    p = 9
+    m = 60
+    runs = 270
     rng = np.random.default_rng(3)
     columns = rng.normal(size=(m, ROWS, p)) / np.sqrt(m * ROWS)
     true = np.full(p, 20.0)

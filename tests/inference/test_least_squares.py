@@ -86,10 +86,8 @@ def test_covariance_is_equation_13(A):
 
 def test_covariance_halves_with_twice_the_measurements(A):
     """Repeating a plan halves the covariance and leaves the noise-free estimate."""
-    once, twice = (
-        estimate(A, A @ K0, SIGMA, NAMES),
-        estimate(np.tile(A, (2, 1, 1)), np.tile(A @ K0, (2, 1)), SIGMA, NAMES),
-    )
+    once = estimate(A, A @ K0, SIGMA, NAMES)
+    twice = estimate(np.tile(A, (2, 1, 1)), np.tile(A @ K0, (2, 1)), SIGMA, NAMES)
     np.testing.assert_allclose(
         twice.covariance, once.covariance / 2, rtol=1e-10, atol=1e-12 * once.covariance.max()
     )

@@ -85,7 +85,8 @@ def test_positions_far_apart(read):
 
 def test_a_german_spreadsheet(read):
     """Semicolons between columns are named, with commas in the numbers too."""
-    head, good = f"{HEAD},{D}".replace(",", ";"), "-90,5;0,1;10,2;20,3;30,4;1,5;2,5;3,5"
+    head = f"{HEAD},{D}".replace(",", ";")
+    good = "-90,5;0,1;10,2;20,3;30,4;1,5;2,5;3,5"
     with pytest.raises(
         PoseFileError, match="separated by semicolons; expected commas, and points in numbers"
     ):
@@ -94,7 +95,8 @@ def test_a_german_spreadsheet(read):
 
 def random_measurements(rows, marker, seed=0, m=20):
     rng = np.random.default_rng(seed)
-    q, W = rng.uniform(*KR270.limits, size=(m, 6)), rng.normal(size=(m, 6)) * [1e3] * 6
+    q = rng.uniform(*KR270.limits, size=(m, 6))
+    W = rng.normal(size=(m, 6)) * [1e3] * 6
     return Measurements(
         q, W, np.zeros((m, rows)), np.ones((m, rows)), np.tile(marker, (m, 1)) * 1.0
     )
@@ -111,7 +113,8 @@ def test_marker_moves_with_the_joints(rows):
     step = 1e-3
     dq = np.zeros_like(data.q)
     dq[:, 1:] = step * k * torque
-    plus, minus = KR270.forward(data.q + dq) @ tip, KR270.forward(data.q - dq) @ tip
+    plus = KR270.forward(data.q + dq) @ tip
+    minus = KR270.forward(data.q - dq) @ tip
     moved = (plus - minus)[:, :3, 3] / (2 * step)
     if rows == "pose":
         turned = Rotation.from_matrix(

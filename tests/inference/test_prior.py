@@ -25,7 +25,8 @@ def test_marginals(marginal, exact):
 
 def test_earlier_calibration():
     """An earlier calibration is the multivariate normal law on positive compliances."""
-    mean, covariance = np.array([0.5, 1.0]), np.array([[1.0, 0.3], [0.3, 0.5]])
+    mean = np.array([0.5, 1.0])
+    covariance = np.array([[1.0, 0.3], [0.3, 0.5]])
     prior = Prior((Flat(), Flat()), Normal(mean, covariance))
     k = np.random.default_rng(0).uniform(0.1, 3, (4, 5, 2))
     assert (
