@@ -108,7 +108,9 @@ class WorkspaceTable(Table):
         "beside the study",
     )
     excluded_within_deg: Positive = Field(
-        5.0, description="Least distance from each excluded pose, Euclidean over revolute joints [deg]"
+        5.0,
+        description="Least distance from each excluded pose, Euclidean over the revolute joints "
+        "[deg]",
     )
 
     def build(self) -> tuple[Constraint, ...]:

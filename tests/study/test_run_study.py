@@ -24,8 +24,8 @@ from edtk.verbs.run import run as run_and_report
 
 STUDIES = Path(__file__).parents[2] / "studies"
 SIZES = "sizes = [1, 3]"
-OPTIMISE = 'optimise = ["rho0", "E"]'
-CRITERIA = 'criteria = ["rho0", "E"]'
+OPTIMISE = 'optimise = ["rho0", "D"]'
+CRITERIA = 'criteria = ["rho0", "D"]'
 
 
 def write(folder, *changes, published=True):
@@ -82,10 +82,10 @@ def test_columns(done):
         "reason",
     ]
     expected += study.specification.criteria
-    expected += ["efficiency_rho0", "efficiency_E", "seed", "study_sha256", "edtk"]
+    expected += ["efficiency_rho0", "efficiency_D", "seed", "study_sha256", "edtk"]
     assert list(read) == list(table) == expected
     assert read["plan"].tolist() == [
-        "optimised_rho0_m1", "optimised_E_m1", "optimised_rho0_m3", "optimised_E_m3",
+        "optimised_rho0_m1", "optimised_D_m1", "optimised_rho0_m3", "optimised_D_m3",
         "distinct_rho0_m3_k2", "random_m1", "random_m3", "published_m3",
     ]  # fmt: skip
     assert read["distinct_at_most"].tolist() == [1, 1, 3, 3, 2, 1, 3, 3]
@@ -100,7 +100,7 @@ def test_plan_files_are_what_the_table_says(done):
     files = sorted((out / "plans").iterdir())
     assert [f.stem for f in files] == [
         "distinct_rho0_m3_k2",
-        "optimised_E_m3",
+        "optimised_D_m3",
         "optimised_rho0_m3",
         "random_m3",
     ]
@@ -131,7 +131,7 @@ def test_published_plan_is_compared(done):
     assert not (out / "plans" / "published_m3.csv").exists()
 
 
-@pytest.mark.parametrize(("name", "best"), [("rho0", "min"), ("E", "max")])
+@pytest.mark.parametrize(("name", "best"), [("rho0", "min"), ("D", "max")])
 def test_optimised_plan_is_the_best_of_its_size(done, name, best):
     """Under the criterion that it was optimised for no other plan of that size is better."""
     table = done[1].query("experiments == 3").set_index("plan")
@@ -143,11 +143,11 @@ def test_efficiency_follows_from_value_and_bound(done):
     table = done[1].query("experiments == 3")
     for bound in (
         table["efficiency_rho0"] * table["rho0"] * 3**0.5,
-        table["efficiency_E"] / table["E"] * 3,
+        table["efficiency_D"] / table["D"] * 3,
     ):
         np.testing.assert_allclose(bound, bound.iloc[0], rtol=1e-12)
-    assert table[["efficiency_rho0", "efficiency_E"]].gt(0).all(axis=None)
-    assert table[["efficiency_rho0", "efficiency_E"]].lt(1).all(axis=None)
+    assert table[["efficiency_rho0", "efficiency_D"]].gt(0).all(axis=None)
+    assert table[["efficiency_rho0", "efficiency_D"]].lt(1).all(axis=None)
 
 
 def test_bound_is_over_all_poses(done):
@@ -198,7 +198,7 @@ def test_second_run_is_the_same_with_two_workers(done, tmp_path):
     """One process or two give byte-identical files."""
     study, _, first, _ = done
     run(study.path, tmp_path / "second", "--workers", 2)
-    assert {"results.csv", "report.md", "comparison.png", "cases/relaxation_E.json"} <= set(
+    assert {"results.csv", "report.md", "comparison.png", "cases/relaxation_D.json"} <= set(
         files(first)
     )
     assert_same(first, tmp_path / "second")
@@ -221,8 +221,8 @@ def test_size_too_small_is_a_row_with_its_reason(done):
     assert (
         rows["reason"] == "1 experiment cannot identify 5 parameters; the smallest number is 2"
     ).all()
-    assert rows[["rho0", "E"]].isna().all(axis=None)
-    assert (rows[["efficiency_rho0", "efficiency_E"]] == 0).all(axis=None)
+    assert rows[["rho0", "D"]].isna().all(axis=None)
+    assert (rows[["efficiency_rho0", "efficiency_D"]] == 0).all(axis=None)
     assert (table.query("experiments == 3")["reason"] == "").all()
     assert "cannot identify" in (out / "report.md").read_text(encoding="utf-8")
 
@@ -232,7 +232,7 @@ def test_progress(done):
     study, _, _, progress = done
     labels = [label for label, _ in progress]
     assert len(labels) == steps(study)
-    assert labels[:3] == ["questions", "relaxation_rho0", "relaxation_E"]
+    assert labels[:3] == ["questions", "relaxation_rho0", "relaxation_D"]
     assert labels[-1] == "results"
     np.testing.assert_allclose(
         [share for _, share in progress], np.arange(1, len(labels) + 1) / len(labels)

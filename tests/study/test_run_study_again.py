@@ -59,7 +59,7 @@ def wait_for(process, there):
     while not there():
         assert process.poll() is None, process.communicate()
         assert time.monotonic() < end
-        time.sleep(0.01)
+        time.sleep(0.02)
 
 
 def test_killed_run_goes_on(tmp_path):
