@@ -21,6 +21,7 @@ from edtk.inference.identification import Identification
 from edtk.inference.identify import NothingLeftError
 from edtk.inference.least_squares import Estimate, SingularPlanError
 from edtk.inference.measurements import Measurements
+from edtk.inference.noise import Noise
 from edtk.inference.prior import Flat
 from edtk.inference.sample_posterior import SamplingOptions
 from edtk.model.loads.fixed_load import FixedLoad
@@ -192,29 +193,31 @@ class Calibration(Presented):
             ImproperPosteriorError: Too few measurements for what is unknown.
             ChainFileError: The file is no chain, or of another problem.
         """
-        study = self.study
-        data = self.data
-        fit = self.fit
-        noise = study.specification.prior.noise()
-        if not fit.known:
-            noise = replace(noise, sigma_factor=np.inf)
-        if fit.robust and noise.normal:
-            noise = replace(noise, nu=None)
+        noise = self._posterior_noise()
         check = check_posterior(
-            study,
+            self.study,
             self.fitted.A,
-            data.deflection,
-            data.sigma,
-            Estimate(fit.k, fit.covariance),
+            self.data.deflection,
+            self.data.sigma,
+            Estimate(self.fit.k, self.fit.covariance),
             rng,
             noise=noise,
             options=options,
         )
-        prior = study_prior(study)
+        prior = study_prior(self.study)
         flat = all(isinstance(marginal, Flat) for marginal in prior.marginals)
         vague = prior.earlier is None and flat
-        estimated = vague and noise.normal and not fit.known and not fit.robust
+        estimated = vague and noise.normal and not self.fit.known and not self.fit.robust
         return replace(self, check=replace(check, sigma_estimated=estimated))
+
+    def _posterior_noise(self) -> Noise:
+        """The noise that a posterior assumes beside this fit."""
+        noise = self.study.specification.prior.noise()
+        if not self.fit.known:
+            noise = replace(noise, sigma_factor=np.inf)
+        if self.fit.robust and noise.normal:
+            noise = replace(noise, nu=None)
+        return noise
 
     def _by_joint(self, values: np.ndarray) -> dict[str, float]:
         """Values (p,) by the names of the unknown joints."""

@@ -49,15 +49,10 @@ def check_posterior(
         ChainFileError: The file is no chain, or of another problem.
     """
     assumed = study.specification.prior.noise() if noise is None else noise
+    fit = estimate(A, measured, sigma, study.model.parameters)
+    prior = study_prior(study)
     posterior = sample_posterior(
-        A,
-        measured,
-        sigma,
-        estimate(A, measured, sigma, study.model.parameters),
-        rng,
-        prior=study_prior(study),
-        noise=assumed,
-        options=options,
+        A, measured, sigma, fit, rng, prior=prior, noise=assumed, options=options
     )
     table = _table(study, identified, posterior)
     pose = None if study.target is None else pose_error(study.target, identified, posterior)

@@ -28,8 +28,7 @@ if TYPE_CHECKING:
 
 BAND = (0.025, 0.975)
 ROUNDING = 1e-9  # [rad or m]: a joint at its very limit counts as within
-# A load that lets the loaded joints settle elsewhere by more than that has buckled the arm [rad or m].
-SETTLED = 1e-8
+SETTLED = 1e-8  # [rad or m]: an arm that settles farther from the desired joints has buckled
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,41 +128,60 @@ def compensate(study: Study, found: Compliances, task: Plan, path: Path | str) -
         UserError: The study has no test pose; or a desired or commanded pose is beyond a joint's
             limits, or buckles; names the row.
     """
-    pose = study.specification.test_pose
-    if pose is None:
+    if study.task is None:
         message = "expected a table with the tool of the task, and there is none"
         raise study.error("test_pose", message)
-    robot = study.robot.with_tool(pose.tool.build())
-    joints = tuple(robot.joint_names.index(name) for name in found.joints)
-    model = ElastostaticModel(robot, joints)
+    robot = study.task.model.robot
+    model = ElastostaticModel(robot, tuple(map(robot.joint_names.index, found.joints)))
     q = compensated_joints(model, task.q, task.wrench, found.k)
     _require_within_limits(robot, task.q, "desired", path)
     _require_within_limits(robot, q, "commanded", path)
     k = all_compliances(model, found.k)
-    before = _deflection(robot, task.q, task.wrench, k, path)
-    after = q + _deflection(robot, q, task.wrench, k, path)
-    lost = np.flatnonzero(np.abs(after - task.q).max(axis=-1) > SETTLED)
-    if len(lost):
-        raise _buckles(path, lost[0])
-    moved = robot.forward(task.q + before)[:, :3, 3] - robot.forward(task.q)[:, :3, 3]
-    remaining = None
-    band = None
-    if found.covariance is not None:
-        A = model.regressor(task.q, task.wrench)
-        remaining = compensation_accuracy(A, found.covariance)
-        band = error_quantiles(A, found.covariance, BAND, found.covariance_dof)
+    uncompensated = _uncompensated(robot, task, k, path)
+    _require_settled(robot, task, q, k, path)
+    remaining, band = _errors_after(model, task, found)
     return Compensation(
         robot=robot,
         desired=task.q,
         wrench=task.wrench,
         command=q,
-        uncompensated=np.linalg.norm(moved, axis=-1),
+        uncompensated=uncompensated,
         remaining=remaining,
         band=band,
         rho0_bias=found.rho0_bias,
         verdict=found.verdict,
         rigid=rigid_joints_in_words(rigid_joints(robot, task.q, task.wrench, found.joints)),
     )
+
+
+def _uncompensated(robot: Robot, task: Plan, k: Array, path: Path | str) -> Array:
+    """Distance (t,) of the loaded tool point from the desired one without compensation [m]."""
+    loaded = task.q + _deflection(robot, task.q, task.wrench, k, path)
+    moved = robot.forward(loaded)[:, :3, 3] - robot.forward(task.q)[:, :3, 3]
+    return np.linalg.norm(moved, axis=-1)
+
+
+def _errors_after(
+    model: ElastostaticModel, task: Plan, found: Compliances
+) -> tuple[Array | None, Array | None]:
+    """Root mean square (t,) and band (t, 2) of the errors that wrong compliances leave [m]."""
+    if found.covariance is None:
+        return None, None
+    A = model.regressor(task.q, task.wrench)
+    band = error_quantiles(A, found.covariance, BAND, found.covariance_dof)
+    return compensation_accuracy(A, found.covariance), band
+
+
+def _require_settled(robot: Robot, task: Plan, q: Array, k: Array, path: Path | str) -> None:
+    """Check that the loaded robot comes to rest in the desired joints.
+
+    Raises:
+        UserError: A pose buckles; names its row.
+    """
+    loaded = q + _deflection(robot, q, task.wrench, k, path)
+    lost = np.flatnonzero(np.abs(loaded - task.q).max(axis=-1) > SETTLED)
+    if len(lost):
+        raise _buckles(path, lost[0])
 
 
 def _deflection(robot: Robot, q: Array, wrench: Array, k: Array, path: Path | str) -> Array:

@@ -19,8 +19,7 @@ def load_task(study: Study, path: Path | str) -> Plan:
         UserError: The study has no test pose, or the file cannot be read; names the row and the
             column.
     """
-    pose = study.specification.test_pose
-    if pose is None:
+    if study.task is None:
         message = "expected a table with the tool and the load of the task, and there is none"
         raise study.error("test_pose", message)
-    return Plan.from_csv(path, study.robot, study.fixed, pose.load.build())
+    return Plan.from_csv(path, study.robot, study.fixed, study.task.wrench)

@@ -12,6 +12,7 @@ def wording(finding: Finding) -> str:
 
 
 def _force_unit(found: Finding) -> str:
+    """Forces of another size than expected."""
     whose = "the plan" if found.data["planned"] else "the study's [load]"
     unit = found.data["unit"]
     why = "; expected those that were applied, in newtons"
@@ -22,12 +23,14 @@ def _force_unit(found: Finding) -> str:
 
 
 def _other_load(found: Finding) -> str:
+    """Loads that are not those planned."""
     within = f"{100 * found.data['tolerance']:g} %"
     rows = row_names(found.rows)
     return f"{rows}: the load is not the one planned in this pose; expected it within {within}"
 
 
 def _length_unit(found: Finding) -> str:
+    """Displacements a thousand times off."""
     ratio = f"{found.data['ratio']:.2g}"
     size = f"the residuals are {ratio} times sigma"
     if found.data["predicted"]:
@@ -36,15 +39,18 @@ def _length_unit(found: Finding) -> str:
 
 
 def _rotation_unit(found: Finding) -> str:
+    """Rotations in radians."""
     ratio = f"{found.data['ratio']:.2g}"
     return f"the rotations are {ratio} times those predicted: are they in radians? expected degrees"
 
 
 def _angle_unit(found: Finding) -> str:
+    """Joint angles in radians."""
     return "all joint angles are within 6.3 degrees of zero: are they in radians? expected degrees"
 
 
 def _all_negative(found: Finding) -> str:
+    """No positive compliance."""
     return (
         "every compliance comes out negative, and was set to zero: are the loaded and the unloaded "
         "positions swapped, or has the load the wrong sign?"
@@ -52,18 +58,21 @@ def _all_negative(found: Finding) -> str:
 
 
 def _far_below_zero(found: Finding) -> str:
+    """A negative compliance that noise does not explain."""
     k = f"{found.data['k']:.2g} +- {found.data['std']:.2g}"
     why = "far below zero: model, tool, units or poses are wrong"
     return f"{found.parameters[0]} comes out as {k}, {why}"
 
 
 def _near_zero(found: Finding) -> str:
+    """A compliance that might as well be zero."""
     k = f"{found.data['k']:.2g} +- {found.data['std']:.2g}"
     bounded = ", and was set to zero" if found.data["k"] < 0 else ""
     return f"{found.parameters[0]} can hardly be told from zero ({k}){bounded}"
 
 
 def _no_residuals(found: Finding) -> str:
+    """No degrees of freedom."""
     return (
         "there are as many measured coordinates as parameters: no residual tells whether anything "
         "is wrong"
@@ -71,6 +80,7 @@ def _no_residuals(found: Finding) -> str:
 
 
 def _noise_above_sigma(found: Finding) -> str:
+    """Residuals larger than sigma allows."""
     p = found.data["p"]
     likely = f"p = {p:.1g}" if p > 0 else "p < 1e-300"
     more = "--sigma-unknown" if found.data["robust"] else "--sigma-unknown and --robust"
@@ -81,11 +91,13 @@ def _noise_above_sigma(found: Finding) -> str:
 
 
 def _noise_below_sigma(found: Finding) -> str:
+    """Residuals smaller than sigma says."""
     scale = f"{found.data['scale']:.3g}"
     return f"the residuals are only {scale} times what sigma says: sigma is too large"
 
 
 def _noise_estimated_large(found: Finding) -> str:
+    """An estimated noise above the stated one."""
     return (
         f"the noise is estimated as {found.data['scale']:.3g} times the stated one: if that was "
         "right, the model, the tool or the poses are wrong"
@@ -93,6 +105,7 @@ def _noise_estimated_large(found: Finding) -> str:
 
 
 def _noise_estimated_small(found: Finding) -> str:
+    """An estimated noise far below the stated one."""
     return (
         f"the noise is estimated as only {found.data['scale']:.2g} times the stated one: "
         "displacements in another unit? expected millimetres"
@@ -100,12 +113,14 @@ def _noise_estimated_small(found: Finding) -> str:
 
 
 def _outliers(found: Finding) -> str:
+    """Rows that do not belong to the others."""
     plural = "s" * (len(found.rows) > 1)
     hidden = "; several can hide each other, --robust shows them all"
     return f"{row_names(found.rows)}: outlier{plural}{'' if found.data['robust'] else hidden}"
 
 
 def _twins(found: Finding) -> str:
+    """Rows that are the same."""
     later, earlier = found.rows
     others = found.data["others"]
     more = f", and {others} more rows have such a twin" if others else ""
@@ -113,16 +128,19 @@ def _twins(found: Finding) -> str:
 
 
 def _equal_rows(found: Finding) -> str:
+    """Rows that chance may have made the same."""
     chance = f"{found.data['chance']:.2g}"
     return f"{_twins(found)}: as readings so coarse may be by chance ({chance}), or was it copied?"
 
 
 def _alike_parameters(found: Finding) -> str:
+    """Two parameters that measurements hardly tell apart."""
     pair = " and ".join(found.parameters)
     return f"{pair} are hardly told apart (correlation {found.data['correlation']:+.3f})"
 
 
 def _one_pose(found: Finding) -> str:
+    """Parameters that a single pose tells of."""
     verb = "rests" if len(found.parameters) == 1 else "rest"
     return (
         f"{', '.join(found.parameters)} {verb} on one pose alone, {row_names(found.rows)}: "
@@ -131,11 +149,13 @@ def _one_pose(found: Finding) -> str:
 
 
 def _linear_model(found: Finding) -> str:
+    """A linear model that costs more than noise."""
     error = f"{1e3 * found.data['rho0_bias']:.2g} mm"
     return f"the linear model leaves {error} in the test pose, more than noise: use lighter loads"
 
 
 def _beyond_limits(found: Finding) -> str:
+    """A pose beyond a joint's limits."""
     data = found.data
     return (
         f"row {found.rows[0] + 1}, column {found.columns[0]}: {data['value']:g} is beyond the "
@@ -144,10 +164,12 @@ def _beyond_limits(found: Finding) -> str:
 
 
 def _not_measured(found: Finding) -> str:
+    """Planned experiments without a measurement."""
     return f"{row_names(found.rows)} of the plan: not measured"
 
 
 def _other_pose(found: Finding) -> str:
+    """A measured pose that is not planned."""
     data = found.data
     more = f"; {data['others']} more rows are not either" if data["others"] else ""
     return (
@@ -158,10 +180,12 @@ def _other_pose(found: Finding) -> str:
 
 
 def _copied_rows(found: Finding) -> str:
+    """Rows that were copied."""
     return f"{_twins(found)}; expected measurements anew"
 
 
 def _wrong_sign(found: Finding) -> str:
+    """Displacements of the wrong sign."""
     return (
         "the columns of loaded and unloaded positions look swapped, or the load has the wrong "
         "sign: every compliance comes out negative; expected positive ones"
@@ -169,26 +193,31 @@ def _wrong_sign(found: Finding) -> str:
 
 
 def _better_by(found: Finding) -> str:
+    """How much better another reading of the columns fits."""
     after = f"{found.data['after']:.3g}"
     before = f"{found.data['before']:.3g}"
     return f", which makes the residuals {after} times sigma instead of {before}"
 
 
 def _swapped_columns(found: Finding) -> str:
+    """Two columns that were exchanged."""
     columns = " and ".join(found.columns)
-    if axes := found.data["positions"]:
+    axes = found.data["positions"]
+    if axes:
         columns += f" (or the positions in {axes[0]} and {axes[1]})"
     look = f"columns {columns} look swapped; expected them the other way round"
     return look + _better_by(found)
 
 
 def _marker_unit(found: Finding) -> str:
+    """Marker offsets in metres."""
     columns = ", ".join(found.columns)
     look = f"columns {columns} look as if they were in metres; expected millimetres"
     return look + _better_by(found)
 
 
 def _other_axes(found: Finding) -> str:
+    """Displacements along other axes."""
     look = (
         f"columns {', '.join(found.columns)} look as if they were of a frame with other axes than "
         f"the robot's; expected them to be {', '.join(found.data['expected'])}"

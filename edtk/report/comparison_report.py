@@ -65,11 +65,12 @@ def _setting(run: StudyRun) -> str:
     """One paragraph on the question."""
     specification = run.study.specification
     main = run.study.main_criterion
+    unknown = ", ".join(run.study.model.parameters)
     # Descents are made in batches: the last one is filled up.
     least = BATCH_SIZE * -(-specification.starts // BATCH_SIZE)
     most = BATCH_SIZE * -(-specification.descents(main) // BATCH_SIZE)
     return (
-        f"Robot {run.study.robot.name}; unknown compliances {', '.join(run.study.model.parameters)}; "
+        f"Robot {run.study.robot.name}; unknown compliances {unknown}; "
         f"{specification.load.describe()}; "
         f"sigma = {specification.measurement.sigma_mm:g} mm per coordinate; "
         f"{specification.candidates} candidate poses; at most {least} descents per plan, "

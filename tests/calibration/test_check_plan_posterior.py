@@ -32,14 +32,14 @@ def checked():
 
 
 def test_posterior_has_the_covariance_of_eq_13(checked):
-    """For every parameter the sampled standard deviation is Eq. (13)'s within three Monte-Carlo errors."""
+    """Each sampled standard deviation is Eq. (13)'s within three Monte-Carlo errors."""
     table = checked[1].table
     assert (np.abs(table["ratio"] - 1) <= 3 * table["ratio_error"]).all()
     assert (table["ratio_error"] < 0.011).all()
 
 
 def test_accuracy_in_the_test_pose(checked):
-    """The sampled rho0 is Eq. (20)'s within three Monte-Carlo errors; 95 % of the errors are below 1 to 3 times it."""
+    """The sampled rho0 is Eq. (20)'s; 95 % of the errors are below one to three times it."""
     pose = checked[1].pose
     assert abs(pose.rho0 - pose.rho0_fit) < 3 * pose.rho0_error < 0.05 * pose.rho0
     assert pose.rho0_fit == pytest.approx(
@@ -67,7 +67,7 @@ def test_columns(checked):
 
 
 def test_posterior_lies_about_the_truth(checked):
-    """The posterior's mean is the truth within five standard deviations of the one simulated calibration."""
+    """The posterior's mean is the truth within five standard deviations."""
     table = checked[1].table
     assert (np.abs(table["mean"] - table["reference"]) < 5 * table["std_eq13"]).all()
 

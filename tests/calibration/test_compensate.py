@@ -37,17 +37,19 @@ def edtk(*args):
 def given(tmp_path):
     """Files of compliances, with the covariance of a published plan, and of two task poses."""
     result = evaluate(STUDY, STUDY.published_plans()["table_4_3"])
-    k, task = tmp_path / "K.json", tmp_path / "task.csv"
+    k = tmp_path / "K.json"
+    task = tmp_path / "task.csv"
     k.write_text(json.dumps({"k": K, "covariance": result.covariance.tolist()}), encoding="utf-8")
     task.write_text(POSES, encoding="utf-8")
     return k, task, result
 
 
 def test_loaded_robot_is_where_the_task_wants_it(given):
-    """Commanded as printed, the loaded robot rests in the desired joints; uncommanded it misses by what is printed."""
+    """Commanded as printed, the loaded robot rests in the desired joints; else it misses."""
     k, task, _ = given
     rows = json.loads(edtk(PATH, k, task, "--json").stdout)
-    load, all_k = STUDY.specification.test_pose.load.build(), np.array([0.0, *K.values()])
+    load = STUDY.specification.test_pose.load.build()
+    all_k = np.array([0.0, *K.values()])
     desired = np.deg2rad(np.loadtxt(POSES.split("\n")[1:3], delimiter=","))
     for row, q0 in zip(rows, desired, strict=True):
         q = np.array(row["q"])
@@ -60,7 +62,7 @@ def test_loaded_robot_is_where_the_task_wants_it(given):
 
 
 def test_what_remains_in_the_test_pose_is_rho0(given):
-    """With the covariance of a plan, the remaining error in the test pose is that plan's rho0, inside its band."""
+    """With a plan's covariance the error that remains in the test pose is its rho0."""
     k, task, result = given
     row = json.loads(edtk(PATH, k, task, "--json").stdout)[0]
     assert row["remaining_rms"] == pytest.approx(result.criteria["rho0"], rel=1e-9)
@@ -68,7 +70,7 @@ def test_what_remains_in_the_test_pose_is_rho0(given):
 
 
 def test_file_has_what_is_printed(given, tmp_path):
-    """The CSV holds degrees and millimetres; order and parameters not unknown follow the file of compliances."""
+    """The CSV holds degrees and millimetres; the file of compliances may have other joints."""
     k, task, _ = given
     out = tmp_path / "new" / "out.csv"
     rows = json.loads(edtk(PATH, k, task, "--json", "--out", out).stdout)
@@ -107,7 +109,7 @@ def test_wrench_columns_override_the_test_poses_load(given):
 
 
 def test_what_identify_writes_is_read(given, tmp_path):
-    """Measurements go in, and k.json of `edtk identify` compensates the test pose with an error of rho0."""
+    """The k.json of `edtk identify` compensates the test pose with an error of rho0."""
     _, task, result = given
     plan = STUDY.published_plans()["table_4_3"]
     table = plan.to_frame(STUDY.robot).drop(columns="repeats")
@@ -167,9 +169,12 @@ def test_other_mistakes(given, tmp_path):
 
 
 def test_the_band_holds_where_sigma_was_estimated():
-    """Of 400 calibrations of three poses that estimate sigma 95 % leave errors inside their own bands."""
-    A, A0 = STUDY.model.regressor(*_plan_3()), STUDY.target
-    rng, runs, inside = np.random.default_rng(4), 400, 0
+    """Of 400 calibrations that estimate sigma, 95 % leave errors inside their own bands."""
+    A = STUDY.model.regressor(*_plan_3())
+    A0 = STUDY.target
+    rng = np.random.default_rng(4)
+    runs = 400
+    inside = 0
     for moved in simulate(A, STUDY.compliances, STUDY.sigma, rng, runs):
         fit = identify(
             A, moved, np.tile(STUDY.sigma, (len(A), 1)), STUDY.model.parameters, known=False
@@ -180,7 +185,7 @@ def test_the_band_holds_where_sigma_was_estimated():
 
 
 def test_degrees_of_freedom_and_bias_of_the_file_count(given):
-    """Few degrees of freedom widen the band, none are refused, and what the linear model leaves is said."""
+    """Few degrees of freedom widen the band, none are refused; the linear model's error is said."""
     k, task, _ = given
     content = json.loads(k.read_text(encoding="utf-8"))
     before = json.loads(edtk(PATH, k, task, "--json").stdout)[0]["remaining_band"]
@@ -198,7 +203,7 @@ def _plan_3():
 
 
 def test_a_joint_without_compliance_is_named(given):
-    """The load turns joint 1, whose compliance is not in the file: what 1e-7 rad/(N m) of it adds is said."""
+    """The load turns joint 1, whose compliance is not in the file: the effect of 1e-7 is said."""
     k, task, _ = given
     line = edtk(PATH, k, task).stdout.splitlines()[-1]
     assert line.startswith("without a known compliance, and so taken as rigid: q1 (")

@@ -1,4 +1,4 @@
-"""The study of all six compliances: joint 1 comes out where a horizontal load excites it, and only there."""
+"""The study of all six compliances: only a horizontal load excites joint 1."""
 
 import json
 from pathlib import Path
@@ -28,7 +28,7 @@ def plan_study(tmp_path_factory):
 
 
 def test_plan_identifies_all_six(plan_study):
-    """The plan is regular, near its bound, and applies a horizontal load; each compliance is known to 4 %."""
+    """The plan is near its bound, applies a horizontal load, and finds each compliance to 4 %."""
     answer, out = plan_study
     assert answer["efficiency"] > 0.9
     study = load_study(PATH)
@@ -51,7 +51,7 @@ def test_six_compliances_come_out_of_simulated_measurements(plan_study):
 
 
 def test_vertical_load_leaves_joint_1_open(plan_study, tmp_path):
-    """The same poses under the vertical load alone cannot tell k1, and the message names it, and it alone."""
+    """Under the vertical load alone k1 cannot be told, and the message names it alone."""
     study = load_study(PATH)
     plan = study.load_plan(plan_study[1])
     wrench = np.tile([0, 0, -2500.0, 0, 0, 0], (len(plan.q), 1))

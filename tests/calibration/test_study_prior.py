@@ -1,4 +1,4 @@
-"""What a study knows before the measurements, from its own table or from an earlier calibration's file."""
+"""The prior of a study, from its own table or from an earlier calibration's file."""
 
 import json
 from pathlib import Path
@@ -47,7 +47,7 @@ def test_an_earlier_calibration_is_read_from_its_file(with_prior):
 
 
 def test_what_the_bound_and_an_estimated_sigma_leave(with_prior, tmp_path):
-    """The mean is that without the bound k >= 0; the covariance is widened for few degrees of freedom."""
+    """The mean is that without the bound k >= 0; few degrees of freedom widen the covariance."""
     load, covariance = with_prior
     content = json.loads((tmp_path / "k.json").read_text())
     unbounded = dict(zip(content["k"], [*K[:4], -1e-8], strict=True))

@@ -5,7 +5,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from edtk.calibration.is_filled import is_filled
 from edtk.calibration.require_empty import require_empty
 from edtk.calibration.template import template
 from edtk.design.plan import Plan
@@ -17,7 +16,7 @@ PLAN = STUDY.published_plans()["table_4_6"]
 
 
 def test_a_row_per_repetition_in_an_order_of_little_travel():
-    """Every pose comes as often as the plan says, repetitions together, and the joints travel less than in the plan."""
+    """Every pose comes as often as planned, and the joints travel less than in the plan."""
     plan = Plan(PLAN.q, PLAN.wrench, np.array([1, 2, 3, 1, 2, 3]))
     table = template(STUDY, plan)
     assert len(table) == plan.experiments
@@ -50,33 +49,10 @@ def test_columns():
     ]
 
 
-def test_a_filled_sheet_is_not_overwritten(tmp_path):
-    """A sheet with a single reading in it is refused, in whatever dialect; an empty one, or an empty file, is not."""
-    path = tmp_path / "sheet.csv"
-    require_empty(path)
-    table = template(STUDY, PLAN)
-    table.to_csv(path, index=False)
-    require_empty(path)
-    table.loc[2, "dy_mm"] = 0.1
-    table.to_csv(path, index=False)
-    with pytest.raises(UserError, match="has measurements in it"):
-        require_empty(path)
-    for text in (
-        table.to_csv(sep=";"),
-        "# day 1\n" + table.to_csv(),
-        "q1_deg;dx_mm\n1,5;0,3\n",
-        'title = "a study"\n',
-    ):
-        path.write_text(text)
-        with pytest.raises(UserError, match=r"has measurements in it|not an empty sheet"):
-            require_empty(path)
-    path.write_text("")
-    require_empty(path)
-
-
 def test_markers(tmp_path):
-    """With three markers each repetition has three rows, and empty columns for where each marker is."""
-    one, three = template(STUDY, PLAN.repeated(2)), template(STUDY, PLAN.repeated(2), markers=3)
+    """With three markers each repetition has three rows, and columns for their places."""
+    one = template(STUDY, PLAN.repeated(2))
+    three = template(STUDY, PLAN.repeated(2), markers=3)
     assert len(three) == 3 * len(one)
     np.testing.assert_array_equal(three.iloc[::3, :12], one.iloc[:, :12])
     assert three[["marker_x_mm", "marker_y_mm", "marker_z_mm", "dx_mm"]].isna().all(axis=None)
@@ -86,24 +62,3 @@ def test_markers(tmp_path):
     three.assign(marker_x_mm=5.0).to_csv(path, index=False)
     with pytest.raises(UserError, match="has measurements in it"):
         require_empty(path)
-
-
-def test_what_is_a_filled_sheet(tmp_path):
-    """One entry among the measured columns makes a sheet a filled one; plans, texts and bytes are no sheets at all."""
-    path, table = tmp_path / "file", template(STUDY, PLAN)
-    for separator in (",", ";", "\t"):
-        path.write_text("# day 1\n" + table.to_csv(index=False, sep=separator))
-        assert is_filled(path) is False
-        path.write_text(
-            "# day 1\n" + table.assign(sigma_mm=0.03).to_csv(index=False, sep=separator)
-        )
-        assert is_filled(path) is True
-    for content in (
-        b"",
-        b"q1_deg,repeats\n1,2\n",
-        b'{"q2": 1}',
-        b"dx_mmm\n1\n",
-        bytes(range(256)) * 2000,
-    ):
-        path.write_bytes(content)
-        assert is_filled(path) is None

@@ -30,7 +30,7 @@ def test_points_on_a_line(k):
 
 
 def test_exchanges_come_near_the_best():
-    """Nearest neighbour with exchanges is within a fifth of the best path, and never longer than without exchanges."""
+    """With exchanges the path is within a fifth of the best, and never longer than without."""
     for seed in range(20):
         x = np.random.default_rng(seed).normal(size=(9, 3))
         best = length(x, visiting_order(x, np.ones(3)))

@@ -9,16 +9,14 @@ import numpy as np
 import pytest
 
 from edtk.calibration.calibrate import Calibration
-from edtk.calibration.check_posterior import check_posterior
 from edtk.calibration.diagnostics.diagnostics import diagnostics
 from edtk.calibration.fitted_data import FittedData
-from edtk.inference.identify import identify
-from edtk.inference.least_squares import Estimate
 from edtk.inference.measurements import Measurements
 from edtk.inference.run_chain import Demand
 from edtk.inference.sample_posterior import SamplingOptions
 from edtk.inference.simulate import simulate
 from edtk.report.calibration_report import calibration_report
+from edtk.report.calibration_verdict import calibration_verdict
 from edtk.report.digits import digits
 from edtk.study.study import load_study
 
@@ -30,8 +28,8 @@ CHROMIUM = (
 )
 
 
-def page(spoil=lambda y: y, k=STUDY.compliances, known=True, seed=3, bayes=False):
-    """The report on simulated measurements of the published plan of twelve, which may be spoiled."""
+def calibrated(spoil=lambda y: y, k=STUDY.compliances, known=True, seed=3):
+    """A calibration from simulated measurements of the plan of twelve, which may be spoiled."""
     y = spoil(simulate(A, k, STUDY.sigma, np.random.default_rng(seed))[0])
     data = Measurements(
         np.repeat(PLAN.q, PLAN.repeats, axis=0),
@@ -40,38 +38,38 @@ def page(spoil=lambda y: y, k=STUDY.compliances, known=True, seed=3, bayes=False
         np.tile(STUDY.sigma, (len(y), 1)),
         np.zeros((len(y), 3)),
     )
-    fit = identify(A, y, data.sigma, STUDY.model.parameters, known=known)
-    check = None
-    if bayes:
-        estimate, rng = Estimate(fit.k, fit.covariance), np.random.default_rng(seed)
-        check = check_posterior(
-            STUDY, A, y, data.sigma, estimate, rng, options=SamplingOptions(Demand(0.1))
-        )
-    fitted = FittedData(STUDY, data, A, fit)
-    found = Calibration(fitted, diagnostics(fitted), Path("day <1>.csv"), check=check)
-    return calibration_report(found), fit
+    fitted = FittedData.of(STUDY, data, known=known)
+    return Calibration(fitted, diagnostics(fitted), Path("day <1>.csv"))
+
+
+@pytest.fixture(scope="module")
+def good():
+    """A calibration with data as the study says, and its page."""
+    found = calibrated()
+    return found, calibration_report(found)
 
 
 def level_of(text):
     return re.search(r'data-level="(\w+)"', text)[1]
 
 
-def test_a_good_calibration():
-    """Data as the study says give a good verdict with rho0, and every compliance with its standard deviation."""
-    text, fit = page()
+def test_a_good_calibration(good):
+    """Data as the study says give a good verdict with rho0, and every standard deviation."""
+    found, text = good
     assert level_of(text) == "good"
-    value = fit.accuracy(STUDY.target)[0]
+    value = found.fit.accuracy(STUDY.target)[0]
     assert f"Expect an error of {1e3 * value:.2g} mm" in text
     assert "Nothing is wrong" in text
-    for name, k, std in zip(STUDY.model.parameters, fit.k, fit.std, strict=True):
+    for name, k, std in zip(STUDY.model.parameters, found.fit.k, found.fit.std, strict=True):
         assert f"<td>{name}</td><td>{digits(k, std)}</td><td>{std:.1e}</td>" in text
 
 
 def test_an_interval_where_sigma_is_estimated():
     """Where sigma is estimated, the accuracy to expect comes with its interval."""
-    text, fit = page(known=False)
-    low, high = fit.accuracy(STUDY.target)[1]
-    assert f"between {1e3 * low:.2g} and {1e3 * high:.2g} mm (95 %)" in text
+    found = calibrated(known=False)
+    low, high = found.fit.accuracy(STUDY.target)[1]
+    interval = f"between {1e3 * low:.2g} and {1e3 * high:.2g} mm (95 %)"
+    assert interval in calibration_verdict(found)
 
 
 def test_one_bad_measurement():
@@ -82,61 +80,65 @@ def test_one_bad_measurement():
         y[4] += 4e-4
         return y
 
-    text, fit = page(spoil)
+    found = calibrated(spoil)
+    text = calibration_verdict(found)
     assert level_of(text) == "bad"
     assert "Row 5: outlier" in text
-    assert f"{fit.scale:.3g} times what the stated noise allows" in text
+    assert f"{found.fit.scale:.3g} times what the stated noise allows" in text
     assert "Expect an error" not in text
 
 
 def test_negative_compliance():
     """Data of a joint that yields the wrong way are called wrong, and the parameter is named."""
-    k = STUDY.compliances * [1, 1, 1, 1, -1]
-    text, _ = page(k=k)
+    text = calibration_verdict(calibrated(k=STUDY.compliances * [1, 1, 1, 1, -1]))
     assert level_of(text) == "bad"
     assert "<p>k6 comes out as -" in text
 
 
-def test_nothing_from_outside():
+def test_nothing_from_outside(good):
     """The file names no other: no links, scripts or addresses; names are escaped."""
-    text, _ = page()
+    text = good[1]
     assert re.findall(r'(?:src|href)="(?!data:)', text) == []
     assert "<script" not in text
     assert "http" not in re.sub(r"base64,[A-Za-z0-9+/=]+", "", text)
     assert "day <1>" not in text
 
 
+PROBE = """<script>addEventListener('load', () => {
+  const images = [...document.images];
+  const shown = images.filter(i => i.complete && i.naturalWidth > 0 && i.clientWidth > 100).length;
+  const seen = document.getElementById('verdict').getBoundingClientRect();
+  document.title = [shown, document.images.length, seen.height > 20 && seen.top < 400,
+    document.documentElement.scrollWidth <= innerWidth].join(' ');
+});</script></body>"""
+
+
 @pytest.mark.skipif(CHROMIUM is None, reason="there is no chromium on this machine")
 @pytest.mark.parametrize("width", [1200, 390])
 @pytest.mark.parametrize(("bayes", "pictures"), [(False, 4), (True, 7)])
-def test_in_a_browser(tmp_path, width, bayes, pictures):
-    """A headless browser shows the verdict and all pictures, at desk and phone width, without a console error.
+def test_in_a_browser(tmp_path, good, width, bayes, pictures):
+    """A headless browser shows verdict and pictures, at desk and phone width, without an error.
 
-    A script that is added for the test writes down what the browser made of the page; nothing is wider than the screen.
+    A script that is added for the test writes down what the browser made of the page; nothing is
+    wider than the screen.
     """
-    probe = """<script>addEventListener('load', () => {
-      const shown = [...document.images].filter(i => i.complete && i.naturalWidth > 0 && i.clientWidth > 100).length;
-      const seen = document.getElementById('verdict').getBoundingClientRect();
-      document.title = [shown, document.images.length, seen.height > 20 && seen.top < 400,
-        document.documentElement.scrollWidth <= innerWidth].join(' ');
-    });</script></body>"""
+    text = good[1]
+    if bayes:
+        options = SamplingOptions(Demand(0.1))
+        text = calibration_report(good[0].sampled(np.random.default_rng(3), options))
     path = tmp_path / "report.html"
-    path.write_text(page(bayes=bayes)[0].replace("</body>", probe), encoding="utf-8")
+    path.write_text(text.replace("</body>", PROBE), encoding="utf-8")
     options = [
         "--headless",
         "--no-sandbox",
         "--disable-gpu",
         "--enable-logging=stderr",
         f"--user-data-dir={tmp_path}",
-    ]
-    command = [
-        CHROMIUM,
-        *options,
         f"--window-size={width},900",
         "--virtual-time-budget=5000",
         "--dump-dom",
-        str(path),
     ]
+    command = [CHROMIUM, *options, str(path)]
     answer = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
     assert "CONSOLE" not in answer.stderr
     assert re.search("<title>(.*)</title>", answer.stdout)[1] == f"{pictures} {pictures} true true"

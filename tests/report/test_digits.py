@@ -19,5 +19,5 @@ from edtk.report.digits import digits
     ],
 )
 def test_digits(value, std, text):
-    """Down to the second digit of the standard deviation, three digits at least, and never more than there are."""
+    """Down to the second digit of the standard deviation, with three digits at least."""
     assert digits(value, std) == text

@@ -7,7 +7,7 @@ CHANCE = 1e-3  # probability of equal rows up to which they are copies
 
 
 def copied_rows(fitted: FittedData) -> Finding | None:
-    """Find rows that are the same, if they are more than the resolution of the readings explains."""
+    """Find rows that are the same, if they are more than coarse readings explain."""
     found = fitted.equal_rows
     if found is None or found.chance > CHANCE:
         return None

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def criterion_by_size(run: StudyRun, ax: "Axes") -> None:
-    """Draw the main criterion for every kind of plan, with the bound as a line; without a legend."""
+    """Draw the main criterion for every kind of plan, and the bound; without a legend."""
     main = run.study.main_criterion
     factor, unit = shown_unit(main)
     others = [name for name in run.study.specification.optimise if name != main]

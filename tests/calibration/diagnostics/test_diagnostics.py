@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from readings import PLAN, STUDY, measured, readings_of
 
 from edtk.calibration.diagnostics.diagnostic import Severity
 from edtk.calibration.diagnostics.diagnostics import diagnostics
@@ -18,9 +19,7 @@ from edtk.study.study import load_study
 
 NOTE, WARNING, ALARM = Severity
 
-ROOT = Path(__file__).parents[2]
-STUDY = load_study(ROOT / "studies" / "kr270_milling.toml")
-PLAN = STUDY.published_plans()["table_4_12"]
+ROOT = Path(__file__).parents[3]
 
 
 @pytest.fixture(scope="module")
@@ -34,17 +33,6 @@ def unassuming(tmp_path_factory):
     path = tmp_path_factory.mktemp("study") / "study.toml"
     path.write_text(text)
     return load_study(path)
-
-
-def measured(seed=0, repeats=2, digits=4):
-    """Simulated readings of the plan, each to so many digits of a millimetre."""
-    q, W = np.repeat(PLAN.q, repeats, axis=0), np.repeat(PLAN.wrench, repeats, axis=0)
-    moved = simulate(
-        STUDY.model.regressor(q, W), STUDY.compliances, STUDY.sigma, np.random.default_rng(seed)
-    )[0]
-    return Measurements(
-        q, W, moved.round(digits + 3), np.tile(STUDY.sigma, (len(q), 1)), np.zeros((len(q), 3))
-    )
 
 
 def found(data, study=STUDY, plan=None, known=True, robust=False):
@@ -77,7 +65,7 @@ def test_units(unassuming, factor, named, known):
 
 @pytest.mark.parametrize("factor", [1 / 25.4, 0.1])
 def test_inches_and_centimetres(unassuming, factor):
-    """A noise that comes out far smaller than the stated one is an alarm, as everything scales with the unit."""
+    """A noise far below the stated one is an alarm, as everything scales with the unit."""
     data = measured()
     data = replace(data, deflection=data.deflection * factor)
     (diagnostic,) = [d for d in found(data, unassuming, known=False) if "another unit" in d.text]
@@ -92,7 +80,7 @@ def test_radians():
 
 
 def test_swapped_positions():
-    """Displacements of the wrong sign make every compliance negative, which is said instead of each by name."""
+    """Displacements of the wrong sign are said once, instead of each compliance by name."""
     data = measured()
     found = lines(replace(data, deflection=-data.deflection))
     assert "swapped" in found[0]
@@ -138,23 +126,31 @@ def test_sigma_that_the_residuals_contradict(factor, why):
 
 
 def test_a_wrong_tool_is_never_good():
-    """Data of a robot whose tool is 100 mm longer raise a doubt in every kind of fit, an alarm where sigma counts."""
-    data, tool = measured(), STUDY.specification.tool.build()
+    """A tool that is 100 mm longer is found in every kind of fit; an alarm where sigma counts."""
+    data = measured()
+    tool = STUDY.specification.tool.build()
     tool[:3, 3] += tool[:3, :3] @ [0, 0, 0.1]
     other = ElastostaticModel(STUDY.robot.with_tool(tool), STUDY.model.joints)
-    data = replace(data, deflection=simulate(other.regressor(data.q, data.wrench), STUDY.compliances, STUDY.sigma,
-                                             np.random.default_rng(1))[0])  # fmt: skip
+    A = other.regressor(data.q, data.wrench)
+    moved = simulate(A, STUDY.compliances, STUDY.sigma, np.random.default_rng(1))[0]
+    data = replace(data, deflection=moved)
     for robust in (False, True):
         assert max(d.severity for d in found(data, robust=robust)) == ALARM
         assert max(d.severity for d in found(data, robust=robust, known=False)) >= WARNING
 
 
-@pytest.mark.parametrize(("factor", "named", "severity"), [
-    (1e-3, "kilonewtons", ALARM), (1 / 9.81, "kilograms", ALARM), (1e3, "millinewtons", ALARM), (2, "newtons", WARNING),
-    (1.1, None, NOTE),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("factor", "named", "severity"),
+    [
+        (1e-3, "kilonewtons", ALARM),
+        (1 / 9.81, "kilograms", ALARM),
+        (1e3, "millinewtons", ALARM),
+        (2, "newtons", WARNING),
+        (1.1, None, NOTE),
+    ],
+)
 def test_forces_in_another_unit(factor, named, severity):
-    """Forces that are not those of the load or the plan are noticed, and named before the displacements are blamed."""
+    """Forces that are not the expected ones are named before the displacements are blamed."""
     data = measured()
     data = replace(data, wrench=data.wrench * factor)
     for plan in (None, PLAN):
@@ -167,21 +163,16 @@ def test_forces_in_another_unit(factor, named, severity):
 
 
 def _two_loads():
-    """A plan of three poses, each under two loads, the second of them repeated, and its measurements."""
-    q, W = (
-        np.repeat(PLAN.q[:6:2], 2, axis=0),
-        np.tile([[0, 0, -2500, 0, 0, 0], [700, 0, 0, 0, 0, 0.0]], (3, 1)),
-    )
+    """A plan of three poses under two loads each, the second repeated, and its measurements."""
+    q = np.repeat(PLAN.q[:6:2], 2, axis=0)
+    W = np.tile([[0, 0, -2500, 0, 0, 0], [700, 0, 0, 0, 0, 0.0]], (3, 1))
     plan = Plan(q, W, np.tile([1, 4], 3))
-    q, W = (np.repeat(x, plan.repeats, axis=0) for x in (q, W))
-    moved = simulate(
-        STUDY.model.regressor(q, W), STUDY.compliances, STUDY.sigma, np.random.default_rng(3)
-    )[0]
-    return plan, Measurements(q, W, moved, np.tile(STUDY.sigma, (len(q), 1)), np.zeros((len(q), 3)))
+    each = np.repeat(np.arange(6), plan.repeats)
+    return plan, readings_of(q[each], W[each], seed=3)
 
 
 def test_the_load_is_part_of_an_experiment():
-    """Loads are compared with those planned in the same pose; one left out, or another, is named."""
+    """Loads are compared with those planned in the same pose; a missing or another one is named."""
     plan, data = _two_loads()
     assert not [line for line in lines(data, plan=plan) if "plan" in line or "forces" in line]
     some = np.flatnonzero(np.arange(len(data)) != 5)
@@ -193,18 +184,12 @@ def test_the_load_is_part_of_an_experiment():
 
 
 def test_loads_of_one_direction():
-    """Two sizes of load in every pose are told apart by their size, and a length in metres beside another load."""
-    q, W = (
-        np.repeat(PLAN.q[:6], 2, axis=0),
-        np.tile([[0, 0, -1000.0, 0, 0, 0], [0, 0, -2500.0, 0, 0, 0]], (6, 1)),
-    )
+    """Two sizes of load are told apart, and a length in metres is found beside another load."""
+    q = np.repeat(PLAN.q[:6], 2, axis=0)
+    W = np.tile([[0, 0, -1000.0, 0, 0, 0], [0, 0, -2500.0, 0, 0, 0]], (6, 1))
     plan = Plan(q, W, np.ones(12, dtype=int))
-    moved = simulate(
-        STUDY.model.regressor(q, W), STUDY.compliances, STUDY.sigma, np.random.default_rng(4)
-    )[0]
-    data = Measurements(
-        q.round(5), W * 1.02, moved, np.tile(STUDY.sigma, (12, 1)), np.zeros((12, 3))
-    )
+    data = readings_of(q, W, seed=4)
+    data = replace(data, q=q.round(5), wrench=1.02 * W)
     assert not [line for line in lines(data, plan=plan) if "plan" in line or "forces" in line]
     other = data.wrench.copy()
     other[3] *= 1.3
@@ -235,7 +220,8 @@ def test_coarse_readings_that_are_the_same():
 
 def test_what_cannot_be_told_from_zero():
     """A stiff joint is no alarm: its compliance is said to be as good as zero."""
-    data, k = measured(repeats=1), STUDY.compliances * [1, 1, 1, 1, 1e-3]
+    data = measured(repeats=1)
+    k = STUDY.compliances * [1, 1, 1, 1, 1e-3]
     A = data.regressor(STUDY.model)
     told = 0
     for seed in range(20):
@@ -261,7 +247,7 @@ def test_too_many_outliers():
 
 
 def test_a_parameter_that_rests_on_one_pose():
-    """An optimal plan of few poses has a parameter that one of them alone tells of: the pose is named."""
+    """A pose that alone tells of a parameter, as in a plan of few poses, is named."""
     plan = STUDY.load_plan(ROOT / "paper_figures/own_plans/true_m3.csv")
     A = STUDY.model.regressor(plan.q, plan.wrench)
     moved = simulate(A, STUDY.compliances, STUDY.sigma, np.random.default_rng(0))[0]
@@ -276,7 +262,7 @@ def test_a_parameter_that_rests_on_one_pose():
 
 
 def test_nothing_left_to_judge_by():
-    """With as many coordinates as parameters it is said that nothing tells whether something is wrong."""
+    """With as many coordinates as parameters, no residual tells whether anything is wrong."""
     data = measured(repeats=1)
     two = Measurements(
         data.q[:2], data.wrench[:2], data.deflection[:2], data.sigma[:2], data.marker[:2]
