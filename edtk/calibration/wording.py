@@ -83,10 +83,9 @@ def _noise_above_sigma(found: Finding) -> str:
     """Residuals larger than sigma allows."""
     p = found.data["p"]
     likely = f"p = {p:.1g}" if p > 0 else "p < 1e-300"
-    more = "--sigma-unknown" if found.data["robust"] else "--sigma-unknown and --robust"
     return (
         f"the residuals are {found.data['scale']:.3g} times what the stated noise allows "
-        f"({likely}): sigma is too small, there are outliers, or the model does not fit; see {more}"
+        f"({likely}): sigma is too small, there are outliers, or the model does not fit"
     )
 
 
@@ -115,7 +114,7 @@ def _noise_estimated_small(found: Finding) -> str:
 def _outliers(found: Finding) -> str:
     """Rows that do not belong to the others."""
     plural = "s" * (len(found.rows) > 1)
-    hidden = "; several can hide each other, --robust shows them all"
+    hidden = "; several can hide each other, a robust fit shows them all"
     return f"{row_names(found.rows)}: outlier{plural}{'' if found.data['robust'] else hidden}"
 
 

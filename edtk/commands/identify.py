@@ -2,12 +2,16 @@
 
 from contextlib import nullcontext
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from edtk.commands.sampling_options import SamplingOptions, sampling_options
 from edtk.commands.shared import FilePath, FolderPath, json_option, show, warn
 from edtk.system.errors import UserError
+
+if TYPE_CHECKING:
+    from edtk.calibration.finding import Kind
 
 
 @click.command("identify")
@@ -69,4 +73,14 @@ def command(
     show(found, as_json)
     for diagnostic in found.diagnostics:
         if diagnostic.severity > Severity.NOTE:
-            warn(f"{measurements}: {diagnostic.text}")
+            hint = _hint(diagnostic.kind, robust)
+            warn(f"{measurements}: {diagnostic.text}{hint}")
+
+
+def _hint(kind: "Kind", robust: bool) -> str:
+    """The options that help against a diagnostic, where there are any."""
+    from edtk.calibration.finding import Kind
+
+    if kind is Kind.NOISE_ABOVE_SIGMA:
+        return "; see --sigma-unknown" if robust else "; see --sigma-unknown and --robust"
+    return " (--robust)" if kind is Kind.OUTLIERS and not robust else ""

@@ -23,8 +23,8 @@ def notebook_table(
     more = [f"and {len(cells) - SHOWN} more rows"] if len(cells) > SHOWN else []
     lines = "".join(f"<div>{escape(note)}</div>" for note in [*more, *notes])
     return (
-        f"<div><div><b>{escape(caption)}</b></div>"
-        f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>{lines}</div>"
+        f"<table><caption>{escape(caption)}</caption>"
+        f"<thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>{lines}"
     )
 
 
