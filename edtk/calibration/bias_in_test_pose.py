@@ -1,4 +1,4 @@
-"""What the linear model of a calibration costs in the test pose."""
+"""The error of a calibration's linear model in the test pose."""
 
 import numpy as np
 

@@ -43,7 +43,7 @@ class Calibration(Presented):
 
     Attributes:
         fitted: The study, its measurements, and the fit.
-        diagnostics: What looks wrong, the worst first.
+        diagnostics: Everything that looks wrong, the worst first.
         path: Where the measurements are.
         rho0_bias: Length of the mean error in the test pose that the linear model leaves [m]; None
             if it is unknown.
@@ -91,7 +91,7 @@ class Calibration(Presented):
 
     @property
     def verdict(self) -> str:
-        """What to do with the result: "good", "warn" or "bad"."""
+        """Whether to use the result: "good", "warn" or "bad"."""
         worst = (diagnostic.severity for diagnostic in self.diagnostics)
         return VERDICTS[max(worst, default=Severity.NOTE)]
 
@@ -104,7 +104,7 @@ class Calibration(Presented):
         return float(self.fit.scale * np.sqrt(np.mean(self.data.sigma[:, :3] ** 2)))
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain numbers, SI, for JSON; what cannot be told is null."""
+        """Plain numbers, SI, for JSON; a number that is not known is null."""
         fit = self.fit
         rho0 = None
         if self.study.target is not None:
@@ -190,7 +190,7 @@ class Calibration(Presented):
         Raises:
             UserError: The study's prior is not one.
             UnconvergedError: The chain does not converge.
-            ImproperPosteriorError: Too few measurements for what is unknown.
+            ImproperPosteriorError: Too few measurements for the unknowns.
             ChainFileError: The file is no chain, or of another problem.
         """
         noise = self._posterior_noise()
@@ -246,7 +246,8 @@ def calibrate(
 
     Raises:
         InputError: The measurements are certainly wrong; names rows and columns.
-        UserError: One line that names the file, and row and column where there are any.
+        UserError: The file cannot be read or does not identify all parameters; names row and
+            column of a bad cell.
     """
     path = Path(path)
     load = study.space.load

@@ -28,7 +28,7 @@ def check_plan_posterior(
         study: Model, noise, priors and assumed true compliances.
         plan: The plan that is carried out.
         rng: Source of randomness, of the errors and of the sampler.
-        noise: What is assumed of the noise; defaults to what the study says.
+        noise: Assumptions about the noise; default to those of the study.
         options: How accurately, and where the chain is kept.
 
     Returns:
@@ -39,7 +39,7 @@ def check_plan_posterior(
         SingularPlanError: The plan cannot identify all parameters.
         UserError: The study assumes no true compliances, or its prior is not one.
         UnconvergedError: The chain does not converge.
-        ImproperPosteriorError: Too few measurements for what is unknown.
+        ImproperPosteriorError: Too few measurements for the unknowns.
         ChainFileError: The file is no chain, or of another problem.
     """
     A = np.repeat(study.model.regressor(plan.q, plan.wrench), plan.repeats, axis=0)

@@ -39,13 +39,13 @@ def check_posterior(
         identified: The estimate from these measurements. Its covariance is Eq. (13), corrected
             where sigma was estimated, or where the loss was not least squares.
         rng: Source of randomness.
-        noise: What is assumed of the noise; defaults to what the study says.
+        noise: Assumptions about the noise; default to those of the study.
         options: How accurately, and where the chain is kept.
 
     Raises:
         UserError: The study's prior is not one.
         UnconvergedError: The chain does not converge.
-        ImproperPosteriorError: Too few measurements for what is unknown.
+        ImproperPosteriorError: Too few measurements for the unknowns.
         ChainFileError: The file is no chain, or of another problem.
     """
     assumed = study.specification.prior.noise() if noise is None else noise

@@ -48,7 +48,7 @@ class Compensation(Presented):
         rho0_bias: Error that the linear model of the identification leaves besides in the test
             pose [m]; None if it is not known.
         rigid: Which joints count as rigid although the load turns them, in words.
-        verdict: "good", "warn" or "bad", as the identification judged the compliances; None if it
+        verdict: "good", "warn" or "bad", as the identification rated the compliances; None if it
             is not known.
     """
 
@@ -129,7 +129,7 @@ def compensate(study: Study, found: Compliances, task: Plan, path: Path | str) -
             limits, or buckles; names the row.
     """
     if study.task is None:
-        message = "expected a table with the tool of the task, and there is none"
+        message = "expected a table with the tool of the task; the study has none"
         raise study.error("test_pose", message)
     robot = study.task.model.robot
     model = ElastostaticModel(robot, tuple(map(robot.joint_names.index, found.joints)))

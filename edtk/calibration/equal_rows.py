@@ -16,9 +16,9 @@ class EqualRows:
     """Rows that are the same in all columns.
 
     Attributes:
-        later: The first row, counted from 0, that was there before.
-        earlier: Where it was there first.
-        others: How many more rows were there before.
+        later: The first row, counted from 0, that repeats an earlier one.
+        earlier: The row that it repeats.
+        others: Number of further rows that repeat earlier ones.
         chance: Probability of so many, by the resolution of the readings.
     """
 

@@ -7,7 +7,7 @@ from typing import Any
 
 
 class Kind(Enum):
-    """What was found. `wording` has the sentence of each; `Finding.data` has the numbers in it."""
+    """The kinds of findings; `wording` has a sentence for each."""
 
     # Units.
     FORCE_UNIT = auto()
@@ -26,7 +26,7 @@ class Kind(Enum):
     NOISE_ESTIMATED_LARGE = auto()
     NOISE_ESTIMATED_SMALL = auto()
     OUTLIERS = auto()
-    # Structure: what the measured poses can tell.
+    # Structure of the measured poses.
     EQUAL_ROWS = auto()
     ALIKE_PARAMETERS = auto()
     ONE_POSE = auto()
@@ -47,7 +47,7 @@ class Finding:
     """One thing that is wrong, or looks wrong.
 
     Attributes:
-        kind: What it is.
+        kind: Its kind.
         rows: Rows of the file or of the plan, counted from 0.
         columns: Columns of the file.
         parameters: Names of the parameters.

@@ -22,7 +22,7 @@ class FittedData:
         data: The measurements.
         A: Their regressors (m, rows, p).
         fit: Estimates and statistics.
-        plan: The plan that was to be carried out; None where nobody named one.
+        plan: The plan that was to be carried out; None if it is not known.
     """
 
     study: Study
@@ -51,7 +51,7 @@ class FittedData:
 
         Raises:
             SingularPlanError: The measurements do not identify all parameters.
-            NothingLeftError: There is nothing to estimate sigma from.
+            NothingLeftError: No residuals remain to estimate sigma from.
             SigmaTooSmallError: Robust, and no residual is as small as sigma says.
         """
         A = data.regressor(study.model)

@@ -1,4 +1,4 @@
-"""Whether there are measurements on a sheet."""
+"""Whether a sheet has measurements on it."""
 
 import csv
 from pathlib import Path

@@ -20,6 +20,6 @@ def load_task(study: Study, path: Path | str) -> Plan:
             column.
     """
     if study.task is None:
-        message = "expected a table with the tool and the load of the task, and there is none"
+        message = "expected a table with the tool and the load of the task; the study has none"
         raise study.error("test_pose", message)
     return Plan.from_csv(path, study.robot, study.fixed, study.task.wrench)

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class PlanBias(Presented):
-    """A plan's bias, and what it does in the test pose.
+    """A plan's bias, and its effect in the test pose.
 
     Attributes:
         bias: Bias and covariance of the compliances.
@@ -29,8 +29,8 @@ class PlanBias(Presented):
         parameters: Names (p,) of the parameters.
         experiments: Number of measurements.
         unit: Of the parameters.
-        rho0: Eq. (20), what the noise leaves in the test pose [m]; None without one.
-        rho0_bias: Length of the mean error that the bias leaves there [m]; None without one.
+        rho0: Error by the noise in the test pose, Eq. (20) [m]; None without a test pose.
+        rho0_bias: Length of the mean error by the bias in the test pose [m]; None without one.
     """
 
     bias: Bias
@@ -101,8 +101,8 @@ def plan_bias(study: Study, plan: Plan, path: Path | str) -> PlanBias:
         path: Where the plan comes from, for the message.
 
     Raises:
-        UserError: There is no [simulation], or it lacks a joint or names an unknown one; or a pose
-            of the plan has no equilibrium.
+        UserError: The study has no [simulation], or it lacks a joint or names an unknown one; or a
+            pose of the plan has no equilibrium.
         SingularPlanError: The plan cannot identify all parameters; names them.
     """
     k = _assumed_compliances(study)
@@ -129,11 +129,11 @@ def _assumed_compliances(study: Study) -> Array:
     """Compliances (n,) of all joints from [simulation], zero where it names none [rad/(N m)].
 
     Raises:
-        UserError: There is no [simulation], or it lacks a joint or names an unknown one.
+        UserError: The study has no [simulation], or it lacks a joint or names an unknown one.
     """
     simulation = study.specification.simulation
     if simulation is None:
-        message = "expected a table with the assumed true compliances, and there is none"
+        message = "expected a table with the assumed true compliances; the study has none"
         raise study.error("simulation", message)
     names = study.robot.joint_names
     for name in simulation.compliance_rad_per_Nm:

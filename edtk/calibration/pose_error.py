@@ -1,4 +1,4 @@
-"""What a posterior of the compliances says of the compensation in the test pose."""
+"""The error of a compensation in the test pose, by a posterior of the compliances."""
 
 from dataclasses import dataclass
 from typing import Any

@@ -26,12 +26,12 @@ class PosteriorCheck(Presented):
             `high_95`, `std_posterior`, `std_fit` (of a simulated calibration `std_eq13`), `ratio`,
             `ratio_error` (Monte-Carlo standard error of the ratio), `tau_steps`, `r_hat`,
             `effective_samples`.
-        reference: What the column `reference` holds: "assumed truth" or "identified".
+        reference: The meaning of the column `reference`: "assumed truth" or "identified".
         posterior: The samples.
         A: Regressors (m, rows, p).
         measured: Deflections (m, rows) [m, rad].
         sigma: Noise (m, rows) [m, rad].
-        noise: What is assumed of the noise.
+        noise: Assumptions about the noise.
         pose: Errors in the test pose; None without one.
         sigma_estimated: Whether posterior and fit both estimated the size of normal noise, and all
             priors are flat.
@@ -84,7 +84,7 @@ class PosteriorCheck(Presented):
         return 1.0
 
     def to_frame(self) -> "pd.DataFrame":
-        """The table, see there."""
+        """A copy of `table`."""
         return self.table.copy()
 
     def to_dict(self) -> dict[str, Any]:

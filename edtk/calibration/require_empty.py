@@ -7,7 +7,7 @@ from edtk.system.errors import UserError
 
 
 def require_empty(path: Path) -> None:
-    """Check that a file in this place, if there is one, is a sheet that has not been filled in.
+    """Check that an existing file is a sheet that has not been filled in.
 
     Raises:
         UserError: The file is no sheet, or has measurements in it; it is not to be overwritten.

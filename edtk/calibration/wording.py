@@ -7,7 +7,7 @@ from edtk.calibration.row_names import row_names
 
 
 def wording(finding: Finding) -> str:
-    """What is wrong, where, and what was expected, in one line."""
+    """One line that says what is wrong, where, and what was expected."""
     return _SENTENCES[finding.kind](finding)
 
 

@@ -66,7 +66,7 @@ def _compliances(found: Calibration) -> str:
 
 
 def _noise(fit: Identification) -> str:
-    """What chi-square says of the noise."""
+    """The noise, by chi-square."""
     if not fit.dof:
         return (
             "As many coordinates as parameters were measured: no residuals remain to judge the "

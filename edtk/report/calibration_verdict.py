@@ -1,4 +1,4 @@
-"""The verdict of a calibration: the accuracy to expect, and what is wrong."""
+"""The verdict of a calibration: the accuracy to expect, and the diagnostics."""
 
 import numpy as np
 

@@ -10,7 +10,7 @@ NOISE = {"sigma_ratio": "Noise over the stated one", "nu": "Degrees of freedom o
 
 
 def posterior_report(check: PosteriorCheck) -> str:
-    """A table, what it means in the test pose, and the pictures."""
+    """A table, its meaning in the test pose, and the pictures."""
     parts = [heading("What does the posterior say?"), paragraph(_chain(check)), _compliances(check)]
     if check.ratio_to_expect != 1:
         ratio = f"{check.ratio_to_expect:.3f}"

@@ -14,8 +14,8 @@ def render(form: str, result: Presented, *arguments: Any, **options: Any) -> Any
     Args:
         form: A folder of `edtk.report`: "text", "notebook" or "plot".
         result: The result.
-        arguments: What the form needs besides, such as axes.
-        options: What the function of the class needs besides.
+        arguments: Further arguments of the form, such as axes.
+        options: Further arguments of the function of the class.
 
     Raises:
         TypeError: It is no result, or the form does not take these arguments or options.

@@ -28,7 +28,7 @@ class Presented:
         cls.__repr__ = cls.__repr__  # type: ignore[method-assign]
 
     def headline(self) -> str:
-        """What the result is, with its main numbers, in one line."""
+        """The result in one line, with its main numbers."""
         return type(self).__name__
 
     def __repr__(self) -> str:
@@ -49,14 +49,14 @@ class Presented:
         Args:
             ax: Axes to draw into; a new figure where it is not given. A picture of several panels
                 divides the place of these axes.
-            options: What else the picture asks for, such as the joint variables of a robot; see the
-                function of that name in `edtk.report.plot`.
+            options: Further arguments of the picture, such as the joint variables q of a robot; see
+                the function of the class in `edtk.report.plot`.
 
         Returns:
             The axes, or an array of them where the picture has several panels.
 
         Raises:
-            TypeError: There is no picture of such a result.
+            TypeError: Such a result has no picture.
         """
         return _rendered("plot", self, ax, **options)
 

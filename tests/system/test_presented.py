@@ -60,7 +60,7 @@ def test_without_files_of_its_own_a_result_is_rendered_like_any() -> None:
     result = Made(np.zeros(3))
     assert result.summary() == result.headline()
     assert "&amp; &lt;more&gt;" in result._repr_html_()
-    with pytest.raises(TypeError, match="no picture of a Made"):
+    with pytest.raises(TypeError, match="a Made has no picture"):
         result.plot()
 
 

@@ -9,7 +9,7 @@ from edtk.calibration.wording import wording
 
 
 class Severity(IntEnum):
-    """What a finding means for the result."""
+    """The consequence of a finding for the result."""
 
     NOTE = 0  # worth knowing
     WARNING = 1  # the result can be used, with care
@@ -21,8 +21,8 @@ class Diagnostic:
     """One thing that looks wrong in measurements.
 
     Attributes:
-        severity: What it means for the result.
-        finding: What it is, and where.
+        severity: Its consequence for the result.
+        finding: Its kind, rows, columns and numbers.
     """
 
     severity: Severity
@@ -30,12 +30,12 @@ class Diagnostic:
 
     @property
     def kind(self) -> Kind:
-        """What it is."""
+        """The kind of the finding."""
         return self.finding.kind
 
     @property
     def text(self) -> str:
-        """What, where, and what was expected, in one line."""
+        """One line that says what is wrong, where, and what was expected."""
         return wording(self.finding)
 
     def to_dict(self) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from edtk.calibration.fitted_data import FittedData
 
 
 def diagnostics(fitted: FittedData, rho0_bias: float | None = None) -> tuple[Diagnostic, ...]:
-    """Say what looks wrong in measurements, the worst first; nothing where nothing does.
+    """List everything that looks wrong in measurements, the worst first.
 
     Args:
         fitted: The measurements and their fit. The study's load and its assumed true compliances,
@@ -19,7 +19,7 @@ def diagnostics(fitted: FittedData, rho0_bias: float | None = None) -> tuple[Dia
         rho0_bias: Error that the linear model leaves in the test pose [m]; None if it is unknown.
     """
     found = list(unit_diagnostics(fitted))
-    # A wrong unit spoils the fit: what the fit says then is a consequence, and would only distract.
+    # A wrong unit spoils the fit: its other faults are consequences, and would only distract.
     if all(diagnostic.severity < Severity.ALARM for diagnostic in found):
         found += sign_diagnostics(fitted)
         found += noise_diagnostics(fitted.fit)

@@ -1,4 +1,4 @@
-"""What the measured poses cannot tell, however small the noise is."""
+"""Parameters that the measured poses cannot tell, however small the noise is."""
 
 from collections.abc import Iterator
 
@@ -54,9 +54,9 @@ def _alike(fitted: FittedData) -> Iterator[Diagnostic]:
 def _alone(fitted: FittedData) -> Iterator[Diagnostic]:
     """Parameters that rest on one pose.
 
-    With G = Q'Q of a pose's rows, the least eigenvalue of I - G is the share of an error there that
-    residuals show; without the pose the covariance is ``T (I - G)^-1 T'`` where it is ``T T'`` with
-    the pose.
+    With G = Q'Q of a pose's rows, the least eigenvalue of I - G is the share of an error in that
+    pose that residuals show; without the pose the covariance is ``T (I - G)^-1 T'`` where it is
+    ``T T'`` with the pose.
     """
     data = fitted.data
     parameters = fitted.study.model.parameters

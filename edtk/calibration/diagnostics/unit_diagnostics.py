@@ -71,7 +71,7 @@ def _forces(fitted: FittedData) -> Iterator[Diagnostic]:
 
 
 def _ratio(fitted: FittedData, columns: slice) -> float | None:
-    """Size of measured columns over that predicted by the assumed compliances, if there are any."""
+    """Size of measured columns over the predicted one; None without assumed compliances."""
     specification = fitted.study.specification
     if specification.simulation is None:
         return None
@@ -86,7 +86,7 @@ def _ratio(fitted: FittedData, columns: slice) -> float | None:
 def _lengths(fitted: FittedData) -> Iterator[Diagnostic]:
     """Displacements a thousand times too small or too large, within a factor of ten.
 
-    They are compared with the prediction where there is one; else the residuals are with sigma.
+    They are compared with the prediction; without one, the residuals are compared with sigma.
     """
     ratio = _ratio(fitted, slice(3))
     predicted = ratio is not None

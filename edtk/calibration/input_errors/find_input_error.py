@@ -14,6 +14,6 @@ def find_input_error(fitted: FittedData) -> Finding | None:
         fitted: The measurements, their fit, and the plan that was to be carried out.
 
     Returns:
-        What is wrong, with its rows and columns; None where nothing is.
+        The error, with its rows and columns; None if the measurements have none.
     """
     return other_pose(fitted) or copied_rows(fitted) or swapped_columns(fitted)

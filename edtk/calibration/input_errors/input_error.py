@@ -11,7 +11,7 @@ class InputError(UserError):
     """Measurements are certainly wrong.
 
     Attributes:
-        finding: What is wrong, with rows and columns.
+        finding: The first error, with rows and columns.
     """
 
     def __init__(self, path: Path, finding: Finding) -> None:

@@ -25,7 +25,7 @@ def readings(study: Study, data: Measurements) -> Iterator[Reading]:
         data: The measurements as the columns are headed.
 
     Yields:
-        What would be wrong with the columns, and the measurements if it is.
+        The error of the columns that such a reading assumes, and the measurements read so.
     """
     yield from _displacements(data)
     yield from _joints(study, data)

@@ -4,7 +4,7 @@ import math
 
 
 def number(x: float) -> str:
-    """Four digits; a dash where there is no value."""
+    """Four digits; a dash for NaN."""
     return "-" if math.isnan(x) else f"{x:.4g}"
 
 

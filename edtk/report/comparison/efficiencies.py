@@ -18,9 +18,9 @@ class Efficiencies:
     Attributes:
         size: Number of experiments of the plans.
         names: Criteria (c,).
-        plans: What the plans are (k,), in words.
+        plans: Names of the plans (k,), in words.
         values: Efficiencies (k, c).
-        reason: Why there is no plan, or "".
+        reason: Why no plan exists, or "".
     """
 
     size: int
@@ -55,7 +55,7 @@ class Efficiencies:
 
 
 def efficiencies(found: Efficiencies) -> str:
-    """A heading, the heat map, and a table; or why there is none."""
+    """A heading, the heat map, and a table; or the reason why no plan exists."""
     heading = f"### {found.size} experiment{'s' if found.size > 1 else ''}\n"
     if not found.plans:
         return f"{heading}\nNo plan: {found.reason}.\n"

@@ -1,4 +1,4 @@
-"""What plans for other criteria cost in the main one."""
+"""The loss of plans for other criteria in the main one."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""What a reader should take away from a comparison."""
+"""The main result of a comparison."""
 
 import criteria
 from edtk.report.plans_of import plans_of

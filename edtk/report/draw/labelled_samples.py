@@ -12,12 +12,12 @@ NOISE_LABELS = {"sigma_ratio": "sigma ratio", "nu": "log10 nu"}
 
 @dataclass(frozen=True, eq=False)
 class LabelledSamples:
-    """Compliances, and what is unknown of the noise.
+    """Compliances, and the unknowns of the noise.
 
     Attributes:
         labels: Names with units (d,).
         samples: Samples (steps, walkers, d); nu as its logarithm.
-        reference: Values (d,) to compare with; NaN where there is none.
+        reference: Values (d,) to compare with; NaN without one.
     """
 
     labels: list[str]

@@ -20,7 +20,7 @@ def residuals(fit: Identification, axes: "Iterable[Axes]") -> None:
     """Draw residuals of positions [mm] and, where they are measured, of rotations [deg].
 
     Args:
-        fit: What was identified.
+        fit: The fit.
         axes: One for the positions, and one more where rotations are measured.
     """
     worst = np.abs(fit.standardised).argmax(axis=1)

@@ -20,7 +20,7 @@ def weight_bars(weights: Array, names: Sequence[str], label: str, ax: "Axes") ->
     Args:
         weights: Shares (k,) of the experiments, in any order.
         names: Names (k,) of their poses.
-        label: What the names are.
+        label: The meaning of the names.
         ax: Where to draw.
     """
     order = np.argsort(-weights, kind="stable")

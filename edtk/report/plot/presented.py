@@ -6,9 +6,9 @@ from edtk.system.presented import Presented
 
 
 def presented(result: Presented, ax: Any = None, **options: Any) -> NoReturn:
-    """Say that there is no picture.
+    """Refuse: such a result has no picture.
 
     Raises:
         TypeError: Always.
     """
-    raise TypeError(f"there is no picture of a {type(result).__name__}")
+    raise TypeError(f"a {type(result).__name__} has no picture")

@@ -8,7 +8,7 @@ def criteria_table(rows: Iterable[Mapping[str, Any]]) -> str:
     """A line for each criterion.
 
     Args:
-        rows: What `Criterion.describe()` says of each.
+        rows: The answers of `Criterion.describe()`.
     """
     lines = [f"{'name':6}{'sense':6}{'convex':8}{'title':32}formula"]
     for row in rows:
