@@ -80,13 +80,22 @@ class Cluster:
             sleep(0.05)
 
     def join(self, n: int) -> None:
-        """Start workers, and wait until the scheduler counts them."""
+        """Have n workers: those that are alive and new ones, or none; wait until all are known."""
         from distributed import Client
 
+        if n == 0:
+            for process in self.workers:
+                process.kill()
+                process.wait()
+        self.workers = [process for process in self.workers if process.poll() is None]
         options = ["--nthreads", "1", "--no-nanny", "--local-directory", str(self.folder)]
-        self.workers += [self._process("worker", self.address, *options) for _ in range(n)]
+        missing = n - len(self.workers)
+        self.workers += [self._process("worker", self.address, *options) for _ in range(missing)]
+        limit = time() + STARTED_S
         with Client(self.address, timeout=STARTED_S, set_as_default=False) as client:
-            client.wait_for_workers(len(self.workers), timeout=STARTED_S)
+            while len(client.ncores()) != n:
+                assert time() < limit, (self.folder / "log.txt").read_text()
+                sleep(0.05)
 
     def close(self) -> None:
         """End all that was started."""
@@ -95,16 +104,29 @@ class Cluster:
             process.wait()
 
 
-@pytest.fixture
-def cluster(tmp_path: Path) -> Iterator[Cluster]:
-    """A scheduler without workers."""
+@pytest.fixture(scope="module")
+def clusters(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[[], Cluster]]:
+    """A function that gives a cluster whose scheduler is alive; starting one takes a second."""
     pytest.importorskip("distributed")
-    cluster = Cluster(tmp_path)
+    started: list[Cluster] = []
+
+    def alive() -> Cluster:
+        if not started or started[-1].scheduler.poll() is not None:
+            started.append(Cluster(tmp_path_factory.mktemp("cluster")))
+            started[-1].listen()
+        return started[-1]
+
     try:
-        cluster.listen()
-        yield cluster
+        yield alive
     finally:
-        cluster.close()
+        for cluster in started:
+            cluster.close()
+
+
+@pytest.fixture
+def cluster(clusters: Callable[[], Cluster]) -> Cluster:
+    """A scheduler that is alive, and any number of workers."""
+    return clusters()
 
 
 @pytest.mark.parametrize("size", [1, 2, 3])
@@ -202,6 +224,7 @@ def test_without_distributed(monkeypatch):
 
 def test_scheduler_without_workers(cluster):
     """A cluster without workers is refused soon, by a message that says what it lacks."""
+    cluster.join(0)
     since = perf_counter()
     with (
         pytest.raises(WorkersLostError, match=f"{cluster.address} has no workers"),
@@ -245,13 +268,14 @@ def test_a_worker_killed_at_work(cluster):
         answers = both.run([NAP] * 4)
         done = [next(answers)]  # and the next ones are under way
         cluster.workers[1].kill()
+        cluster.workers[1].wait()
         assert sorted([*done, *answers]) == [(i, None) for i in range(4)]
         assert {pid for _, pid in both.run([os.getpid] * 4)} == {cluster.workers[0].pid}
     with open_workers(dask=cluster.address) as one:
         assert {pid for _, pid in one.run([os.getpid] * 4)} == {cluster.workers[0].pid}
 
 
-@pytest.mark.parametrize("who", ["scheduler", "workers"])
+@pytest.mark.parametrize("who", ["workers", "scheduler"])
 def test_all_killed_at_work(cluster, capfd, who):
     """When the scheduler or every worker is killed, the work soon ends by one message."""
     cluster.join(2)
@@ -262,6 +286,7 @@ def test_all_killed_at_work(cluster, capfd, who):
             for _ in both.run([NAP] * 6):
                 for process in cluster.workers if who == "workers" else [cluster.scheduler]:
                     process.kill()
+                    process.wait()
                 killed.append(perf_counter())
 
     with pytest.raises(WorkersLostError, match=f"{cluster.address} have gone away"):
