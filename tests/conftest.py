@@ -55,7 +55,9 @@ include = ["my_criterion.py"]
 
 @pytest.fixture(scope="session")
 def plugin_site(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A directory for PYTHONPATH into which a third party's criterion `trace_M` was installed by pip."""
+    """A directory for PYTHONPATH into which a third party's criterion `trace_M` was installed by
+    pip.
+    """
     folder = tmp_path_factory.mktemp("plugin")
     source, site = folder / "dist", folder / "site"
     source.mkdir()
@@ -76,10 +78,11 @@ def plugin_site(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def derivative() -> Callable[..., Array]:
-    """Central difference of fourth order of a function along every coordinate, appended as the last axis.
+    """Central difference of fourth order of a function along every coordinate, appended as the last
+    axis.
 
-    With h = 1e-3 truncation is h^4/30 of the fifth derivative and rounding eps/h of the value: about 1e-12 of
-    a function whose derivatives are of order one.
+    With h = 1e-3 truncation is h^4/30 of the fifth derivative and rounding eps/h of the value:
+    about 1e-12 of a function whose derivatives are of order one.
     """
 
     def along(f: Callable[[Array], Array], x: Array, h: float = 1e-3) -> Array:

@@ -68,7 +68,9 @@ def messages(answer: Answer) -> list[str]:
 
 
 def assert_one_line(answer: Answer, *words: str) -> None:
-    """Exit code 2, nothing on standard output, and one line beside the progress that says what is wrong."""
+    """Exit code 2, nothing on standard output, and one line beside the progress that says what is
+    wrong.
+    """
     assert answer.returncode == 2, answer.stderr
     assert answer.stdout == ""
     assert len(lines := messages(answer)) == 1, answer.stderr
@@ -128,7 +130,9 @@ def test_evaluate_json_is_alone_on_standard_output_and_in_si() -> None:
 
 
 def test_evaluate_counts_repeats_and_takes_a_wrench(tmp_path: Path) -> None:
-    """Repeating every pose k times divides the covariance by k; doubling the force divides it by four."""
+    """Repeating every pose k times divides the covariance by k; doubling the force divides it by
+    four.
+    """
     plain = json.loads(edtk("evaluate", PAPER, PLAN_3, "--json").stdout)
     rows = PLAN_3.read_text().split()
     path = tmp_path / "plan.csv"
@@ -166,7 +170,9 @@ def test_run_writes_results_plans_and_report(study: Path, tmp_path: Path) -> Non
 def test_a_plug_in_criterion_is_found_by_name_in_a_study(
     study: Path, plugin_site: Path, tmp_path: Path
 ) -> None:
-    """A criterion of another distribution has values in the results, and efficiencies if it has a convex form."""
+    """A criterion of another distribution has values in the results, and efficiencies if it has a
+    convex form.
+    """
     env = {"PYTHONPATH": str(plugin_site)}
     name = next(r["name"] for r in json.loads(process("criteria", "--json", env=env).stdout)[10:])
     edit(study, '["rho0", "E"]', '["E"]')
@@ -181,7 +187,9 @@ def test_a_plug_in_criterion_is_found_by_name_in_a_study(
 def test_a_plug_in_criterion_without_convex_form_is_not_relaxed(
     study: Path, plugin_site: Path, tmp_path: Path
 ) -> None:
-    """`relax` refuses it in one line and writes nothing; so does a study that wants it optimised."""
+    """`relax` refuses it in one line and writes nothing; so does a study that wants it
+    optimised.
+    """
     env, out = {"PYTHONPATH": str(plugin_site)}, tmp_path / "plan.csv"
     answer = process("relax", study, "--criterion", "trace_M", "--json", "--out", out, env=env)
     assert_one_line(answer, "study.toml", "trace_M", "no convex form")
@@ -211,7 +219,9 @@ def test_a_plug_in_criterion_without_convex_form_is_not_relaxed(
 def test_bad_plan(
     study: Path, tmp_path: Path, command: str, content: str, words: tuple[str, ...]
 ) -> None:
-    """Each mistake in a plan is one line that names the file, and the row or column where there is one."""
+    """Each mistake in a plan is one line that names the file, and the row or column where there is
+    one.
+    """
     path = tmp_path / "plan.csv"
     path.write_text(content)
     assert_one_line(edtk(command, study, path), "plan.csv", *words)
@@ -266,14 +276,18 @@ def test_bad_plan(
     ],
 )
 def test_bad_study(study: Path, tmp_path: Path, old: str, new: str, words: tuple[str, ...]) -> None:
-    """Each mistake in a study is one line that names the file and the key, and nothing is written."""
+    """Each mistake in a study is one line that names the file and the key, and nothing
+    is written.
+    """
     out = tmp_path / "out"
     assert_one_line(edtk("run", edit(study, old, new), "--out", out), *words)
     assert not out.exists()
 
 
 def test_missing_files_and_wrong_usage(study: Path) -> None:
-    """A study or plan that is not there, an unknown option and an unknown command are one line each."""
+    """A study or plan that is not there, an unknown option and an unknown command are one line
+    each.
+    """
     assert_one_line(edtk("run", "nowhere.toml"), "nowhere.toml", "no such study file")
     assert_one_line(edtk("evaluate", study, "nowhere.csv"), "nowhere.csv", "no such file")
     assert_one_line(edtk("run", study, "--color"), "--color")
@@ -281,7 +295,9 @@ def test_missing_files_and_wrong_usage(study: Path) -> None:
 
 
 def test_ctrl_c_leaves_the_best_certified_plan(tmp_path: Path) -> None:
-    """A long run that is interrupted prints and writes its best plan, proved to 1e-6, says so, and exits with 130."""
+    """A long run that is interrupted prints and writes its best plan, proved to 1e-6, says so, and
+    exits with 130.
+    """
     out, study = tmp_path / "plan.csv", load_study(PAPER)
     options = ["--criterion", "O4", "--candidates", 500, "--continuous", "--json", "--out", out]
     answer = interrupted(b"continuum: gap", "relax", PAPER, *options)
@@ -301,7 +317,9 @@ def test_ctrl_c_leaves_the_best_certified_plan(tmp_path: Path) -> None:
 
 
 def test_ctrl_c_before_there_is_a_plan(tmp_path: Path) -> None:
-    """Interrupted while candidates are made, nothing is printed and nothing is written; exit code 130."""
+    """Interrupted while candidates are made, nothing is printed and nothing is written; exit code
+    130.
+    """
     options = ["--candidates", 10**9, "--json", "--out", tmp_path / "plan.csv"]
     answer = interrupted(b"candidates", "relax", PAPER, *options)
     assert answer.returncode == 130, answer.stderr
@@ -342,7 +360,9 @@ def test_bad_relax(
     change: tuple[str, str] | None,
     words: tuple[str, ...],
 ) -> None:
-    """Each mistake is one line that names the file and key, or the option, and an earlier file stays as it was."""
+    """Each mistake is one line that names the file and key, or the option, and an earlier file
+    stays as it was.
+    """
     if change:
         edit(study, *change)
     out = tmp_path / "plan.csv"
@@ -443,7 +463,9 @@ def test_bad_plan_question(
 
 
 def test_kept_pose_that_is_infeasible_is_named_by_its_row(study: Path, tmp_path: Path) -> None:
-    """A kept plan is checked as any other: the file, the row, the constraint; and nothing is written."""
+    """A kept plan is checked as any other: the file, the row, the constraint; and nothing is
+    written.
+    """
     kept, out = tmp_path / "kept.csv", tmp_path / "plan.csv"
     kept.write_text(f"{HEADER}\n{POSE}\n-93.5,185.0,-118.7,-62.4,-168.9\n")
     answer = edtk("plan", study, "--size", 3, "--keep", kept, "--out", out)
@@ -470,7 +492,9 @@ def test_plan_without_forces_where_the_load_is_open(study: Path, command: str) -
     ],
 )
 def test_cluster_that_is_not_there(study: Path, tmp_path: Path, command: str, address: str) -> None:
-    """An address at which no scheduler answers, or that is none, is one line without a log; nothing is written."""
+    """An address at which no scheduler answers, or that is none, is one line without a log; nothing
+    is written.
+    """
     options = ["--size", "3"] if command == "plan" else []
     answer = process(command, study, *options, "--dask", address, "--out", tmp_path / "out")
     assert_one_line(answer, "--dask", "no Dask scheduler answers", address)
@@ -478,7 +502,9 @@ def test_cluster_that_is_not_there(study: Path, tmp_path: Path, command: str, ad
 
 
 def test_relax_for_a_test_pose_that_is_not_there(study: Path) -> None:
-    """A criterion of accuracy in a test pose is refused where the study has none; the others are relaxed."""
+    """A criterion of accuracy in a test pose is refused where the study has none; the others are
+    relaxed.
+    """
     text = study.read_text().replace('["rho0", "E"]', '["E"]').replace('["E", "rho0"]', '["E"]')
     start, end = text.index("[test_pose]"), text.index("[simulation]")
     study.write_text(text[:start] + text[end:])
@@ -489,7 +515,9 @@ def test_relax_for_a_test_pose_that_is_not_there(study: Path) -> None:
 
 
 def test_relax_to_a_place_that_cannot_be_written(study: Path, tmp_path: Path) -> None:
-    """A folder, or a path below a file, is refused in one line, and no part of a plan is left anywhere."""
+    """A folder, or a path below a file, is refused in one line, and no part of a plan is left
+    anywhere.
+    """
     file = tmp_path / "file"
     file.write_text("mine")
     for out in (tmp_path, file / "plan.csv", file / "below" / "plan.csv"):
@@ -531,7 +559,9 @@ def test_no_command_overwrites_what_it_reads(study: Path, tmp_path: Path, line: 
     ],
 )  # fmt: skip
 def test_measurements_are_never_overwritten(study: Path, tmp_path: Path, line: str) -> None:
-    """A sheet that somebody has filled in is refused as an output, before any work, whatever the command."""
+    """A sheet that somebody has filled in is refused as an output, before any work, whatever the
+    command.
+    """
     sheet, k = tmp_path / "day1.csv", tmp_path / "k.json"
     k.write_text('{"q2": 3e-7, "q3": 4e-7, "q4": 2.8e-6, "q5": 2.8e-6, "q6": 2.1e-6}')
     assert edtk("template", study, PLAN_3, "--out", sheet).returncode == 0

@@ -1,4 +1,6 @@
-"""The front door: one import gives the verbs and nouns, costs nothing, and does what commands do."""
+"""The front door: one import gives the verbs and nouns, costs nothing, and does what
+commands do.
+"""
 
 import ast
 import json
@@ -116,7 +118,9 @@ def test_relax_is_the_command(tmp_path: Path) -> None:
 
 
 def test_relax_takes_problems_of_arrays() -> None:
-    """A problem without a robot is relaxed by the same verb, with a criterion by name or as an object."""
+    """A problem without a robot is relaxed by the same verb, with a criterion by name or as an
+    object.
+    """
     x = np.linspace(-1, 1, 51)
     problem = edtk.Problem(np.stack([np.ones_like(x), x, x**2], axis=-1)[:, None, :])
     for criterion in ("D", criteria.create("D")):
@@ -143,7 +147,9 @@ def test_plan_is_the_command(tmp_path: Path) -> None:
 
 
 def test_a_day_in_python(tmp_path: Path) -> None:
-    """Template, identify, compensate and bias work on objects and paths, and results are by name."""
+    """Template, identify, compensate and bias work on objects and paths, and results
+    are by name.
+    """
     study = edtk.load_study(PATH)
     sheet = edtk.template(study, PLAN)
     q = np.deg2rad(sheet.iloc[:, :6].to_numpy())
@@ -182,7 +188,9 @@ def test_results_show_themselves_in_one_line() -> None:
     "content", ["", "{", "[]", "{}", '{"proof": 1}', '{"proof": {}, "kind": 3}']
 )
 def test_what_is_no_certificate_is_one_line(content: str, tmp_path: Path) -> None:
-    """A file that is no certificate ends with exit code 2 and one line, and a bad one with code 1."""
+    """A file that is no certificate ends with exit code 2 and one line, and a bad one
+    with code 1.
+    """
     path = tmp_path / "file.json"
     path.write_text(content, encoding="utf-8")
     answer = CliRunner().invoke(main, ["verify", str(path)])

@@ -82,7 +82,9 @@ def test_no_file_names_a_registry_or_a_machine_path() -> None:
 
 
 def test_every_requirement_of_the_lock_is_pinned_with_hashes() -> None:
-    """Each entry of the lock is one exact version with at least one hash, and the lock has no address."""
+    """Each entry of the lock is one exact version with at least one hash, and the lock has no
+    address.
+    """
     text = (ROOT / "requirements.lock").read_text()
     entries = [e for e in re.split(r"\n(?=[a-z])", text) if re.match(r"[a-z]", e)]
     assert len(entries) > 30

@@ -103,7 +103,9 @@ def steps(study: Study) -> int:
 
 
 def _count(study: Study, questions: list[Case]) -> int:
-    """Number of reports: one for the questions, each relaxation, search and random plan, the end."""
+    """Number of reports: one for the questions, each relaxation, search and random
+    plan, the end.
+    """
     relaxations = {_base(study, name) for name in _relaxed_names(study)}
     searches = {_search_name(study, case) for case in questions}
     begin_and_end = 2

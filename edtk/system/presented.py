@@ -9,11 +9,11 @@ LINE = 100  # characters that fit on a line of a terminal
 class Presented:
     """A result that a person can look at.
 
-    A class that inherits from it says `headline()`, and nothing else. The room `edtk.report` renders
-    results, with one file for each class and form: `report/text/exact_plan.py` holds the function
-    `exact_plan(result)` that writes the `summary()` of an `ExactPlan`; `report/notebook/` and
-    `report/plot/` hold those of the other forms. A class without such a file is rendered like its
-    base class, at last like any `Presented`.
+    A class that inherits from it says `headline()`, and nothing else. The room `edtk.report`
+    renders results, with one file for each class and form: `report/text/exact_plan.py` holds the
+    function `exact_plan(result)` that writes the `summary()` of an `ExactPlan`; `report/notebook/`
+    and `report/plot/` hold those of the other forms. A class without such a file is rendered like
+    its base class, at last like any `Presented`.
 
     `edtk.report` lies above all rooms that hold results, and some of it needs matplotlib. So it is
     looked up when it is called, and never imported with the class.

@@ -89,7 +89,9 @@ def test_prior_of_the_study_counts(tmp_path):
 
 
 def test_files(tmp_path):
-    """Chain, export and pictures are written whole; ArviZ reads the export with its names and shapes."""
+    """Chain, export and pictures are written whole; ArviZ reads the export with its names and
+    shapes.
+    """
     chain, nc, figures = tmp_path / "a.h5", tmp_path / "a.nc", tmp_path / "figures"
     options = ["--sigma-factor", "inf", "--nu", "sampled", "--accuracy", 0.1]
     answer = edtk(STUDY, PLAN, "--chain", chain, "--export", nc, "--figures", figures, *options)

@@ -71,7 +71,9 @@ def test_an_empty_sheet_is_refused(tmp_path: Path) -> None:
 
 
 def test_identify(measured: Path, tmp_path: Path) -> None:
-    """JSON is alone on standard output and equals k.json; the table names every compliance; both see the truth."""
+    """JSON is alone on standard output and equals k.json; the table names every compliance; both
+    see the truth.
+    """
     answer = edtk("identify", PAPER, measured, "--plan", PLAN, "--json", "--out", tmp_path / "out")
     assert (answer.exit_code, answer.stderr) == (0, "")
     found = json.loads(answer.stdout)
@@ -161,7 +163,9 @@ def test_places_that_cannot_be_written(measured: Path, tmp_path: Path) -> None:
 
 
 def test_bayes(measured: Path, tmp_path: Path) -> None:
-    """--bayes adds the posterior to JSON, table and report; chain and export are written; the same seed, the same."""
+    """--bayes adds the posterior to JSON, table and report; chain and export are written; the same
+    seed, the same.
+    """
     files = ["--chain", tmp_path / "chain.h5", "--export", tmp_path / "posterior.nc"]
     answer = edtk(
         "identify",

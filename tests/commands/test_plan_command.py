@@ -89,7 +89,9 @@ def distances(q, others):
 
 @pytest.fixture(scope="module")
 def found(tmp_path_factory):
-    """The study, answers by one worker for two criteria, with three batches of starts, and the files of these plans."""
+    """The study, answers by one worker for two criteria, with three batches of starts, and the
+    files of these plans.
+    """
     folder = tmp_path_factory.mktemp("plan")
     study = write(folder)
     answers, outs = {}, {}
@@ -104,7 +106,9 @@ def found(tmp_path_factory):
 
 @pytest.mark.parametrize("name", ["rho0", "D"])
 def test_json_is_what_the_plan_is_worth(found, name):
-    """All promised fields are there; the value is that of the written file, and efficiency follows from the bound."""
+    """All promised fields are there; the value is that of the written file, and efficiency follows
+    from the bound.
+    """
     study, answers, outs = found
     answer = answers[name]
     assert list(answer) == KEYS
@@ -134,7 +138,9 @@ def test_plan_beats_the_papers(found):
 
 
 def test_bound_is_that_of_the_relaxation(found):
-    """The bound is the searched one of `edtk relax --continuous`, scaled to the number of experiments."""
+    """The bound is the searched one of `edtk relax --continuous`, scaled to the number of
+    experiments.
+    """
     study, answers, _ = found
     relaxed = json.loads(
         edtk("relax", study, "--criterion", "rho0", "--continuous", "--json").stdout
@@ -143,7 +149,9 @@ def test_bound_is_that_of_the_relaxation(found):
 
 
 def test_file_is_the_json(found):
-    """--out writes poses in degrees, repetitions and wrenches, in the order of the JSON, and nothing else."""
+    """--out writes poses in degrees, repetitions and wrenches, in the order of the JSON, and
+    nothing else.
+    """
     _, answers, outs = found
     table = pd.read_csv(outs["rho0"])
     assert list(table) == [*POSES, "repeats", *WRENCH]
@@ -161,7 +169,9 @@ def test_file_is_the_json(found):
 
 
 def test_seed_and_workers(found, tmp_path, monkeypatch):
-    """Two workers and the study's own seed, named, come to the same file; another seed comes to another plan."""
+    """Two workers and the study's own seed, named, come to the same file; another seed comes to
+    another plan.
+    """
     study, answers, outs = found
     monkeypatch.setattr("edtk.study.plan_study.STARTS", 48)
     out = tmp_path / "plan.csv"
@@ -183,7 +193,9 @@ def test_distinct(tmp_path):
 
 
 def test_keep(tmp_path):
-    """Kept experiments come first, as they were, repetitions and loads included, and count in size and value."""
+    """Kept experiments come first, as they were, repetitions and loads included, and count in size
+    and value.
+    """
     study, out, kept = write(tmp_path), tmp_path / "plan.csv", tmp_path / "kept.csv"
     rows = PAPERS.read_text().split()
     kept.write_text(f"{rows[0]},repeats,Fz_N\n{rows[1]},2,-1000\n{rows[2]},1,-2500\n")
@@ -207,7 +219,9 @@ def test_keep(tmp_path):
 
 
 def test_one_more_experiment_where_one_alone_would_not_do(tmp_path):
-    """One pose identifies nothing, but beside one that is kept it does; the plan has one new pose."""
+    """One pose identifies nothing, but beside one that is kept it does; the plan has
+    one new pose.
+    """
     study, kept = write(tmp_path), tmp_path / "kept.csv"
     study.write_text(
         study.read_text().replace("plan_resolution_deg = 0.0 ", "plan_resolution_deg = 0.1 ")
@@ -233,7 +247,9 @@ def test_exclude(found, tmp_path):
 
 
 def test_exclusions_of_the_study_and_of_the_option(found, tmp_path):
-    """Poses excluded in the study and by option count both, at the distance that the study names."""
+    """Poses excluded in the study and by option count both, at the distance that the
+    study names.
+    """
     _, _, outs = found
     table = pd.read_csv(outs["rho0"])
     table[:1].to_csv(tmp_path / "one.csv", index=False)
@@ -245,7 +261,9 @@ def test_exclusions_of_the_study_and_of_the_option(found, tmp_path):
 
 
 def test_budget(tmp_path):
-    """When the budget ends the search, there is a feasible plan of the size that was asked for, and a line says so."""
+    """When the budget ends the search, there is a feasible plan of the size that was asked for, and
+    a line says so.
+    """
     study, out = write(tmp_path), tmp_path / "plan.csv"
     options = ["--size", 3, "--budget", 0.01, "--workers", 1, "--json", "--out", out]
     result = edtk("plan", study, *options)
@@ -260,7 +278,9 @@ def test_budget(tmp_path):
 
 
 def test_ctrl_c_leaves_the_best_plan(tmp_path):
-    """Ctrl-C during the search prints and writes the best plan so far, says so, and exits with 130."""
+    """Ctrl-C during the search prints and writes the best plan so far, says so, and
+    exits with 130.
+    """
     study, out = write(tmp_path), tmp_path / "plan.csv"
     options = ["--size", 6, "--criterion", "A", "--workers", 1, "--json", "--out", out]
     command = [sys.executable, "-m", "edtk", "plan", str(study), *map(str, options)]
@@ -284,7 +304,9 @@ def test_ctrl_c_leaves_the_best_plan(tmp_path):
 
 
 def test_text_says_what_json_says(found, monkeypatch):
-    """Without --json a person reads value and bound in mm, efficiency and poses; rho0 is this study's default."""
+    """Without --json a person reads value and bound in mm, efficiency and poses; rho0 is this
+    study's default.
+    """
     study, answers, _ = found
     monkeypatch.setattr("edtk.study.plan_study.STARTS", 48)
     answer = answers["rho0"]
@@ -317,7 +339,9 @@ def assert_allowed(kind, forces):
 
 @pytest.mark.parametrize("kind", LOADS)
 def test_loads_are_designed_from_study_to_file(tmp_path, kind):
-    """`plan` and `relax` write the load of every pose, from the family in the study, and `evaluate` reads it back."""
+    """`plan` and `relax` write the load of every pose, from the family in the study, and `evaluate`
+    reads it back.
+    """
     study, out, weights = (
         write(tmp_path, LOADS[kind]),
         tmp_path / "plan.csv",

@@ -1,4 +1,6 @@
-"""`edtk relax`: what it prints follows from the study's model, and its bound from the candidates."""
+"""`edtk relax`: what it prints follows from the study's model, and its bound from the
+candidates.
+"""
 
 import json
 import subprocess
@@ -75,7 +77,9 @@ def untimed(answer):
 
 @pytest.mark.parametrize("name", DEFINITIONS)
 def test_json(name):
-    """Keys, weights, value, side of the bound and a gap of 1e-6: the promise, for every criterion."""
+    """Keys, weights, value, side of the bound and a gap of 1e-6: the promise, for every
+    criterion.
+    """
     answer = relaxed(name=name)
     keys = ["criterion", "value", "bound", "gap", "bound_searched", "candidates", "support"]
     keys += ["multipliers", "seed", "sampling", "solver", "iterations"]
@@ -105,7 +109,9 @@ def test_json(name):
 
 
 def test_condition_number_of_rounding():
-    """The information matrices of these designs have condition numbers below 1e4, as ROUNDING takes for granted."""
+    """The information matrices of these designs have condition numbers below 1e4, as ROUNDING takes
+    for granted.
+    """
     for name in ("A", "D", "E", "G", "rho0"):
         s = spectrum(relaxed(name=name))[0]
         assert (s[0] / s[-1]) ** 2 < 1e4
@@ -113,9 +119,11 @@ def test_condition_number_of_rounding():
 
 @pytest.mark.parametrize("name", ["A", "D", "rho0"])
 def test_bound_can_be_rechecked(name):
-    """The printed bound lies between the value and what Kiefer and Wolfowitz's theorem proves at the printed weights.
+    """The printed bound lies between the value and what Kiefer and Wolfowitz's theorem proves at
+    the printed weights.
 
-    Weights that are 1e-6 from the optimum in value are 1e-3 from it in gradient, and so is the theorem's bound.
+    Weights that are 1e-6 from the optimum in value are 1e-3 from it in gradient, and so is the
+    theorem's bound.
     """
     answer = relaxed(name=name)
     A, cov = (
@@ -134,7 +142,9 @@ def test_bound_can_be_rechecked(name):
 
 @pytest.mark.parametrize("sampling", ["random", "sobol"])
 def test_support_is_of_the_candidates(tmp_path, sampling):
-    """Every pose is one of the first N feasible poses that seed and sampling name, and obeys the workspace."""
+    """Every pose is one of the first N feasible poses that seed and sampling name, and obeys the
+    workspace.
+    """
     path = tmp_path / "study.toml"
     path.write_text(
         PATH.read_text().replace("seed = 2026", f'seed = 2026\nsampling = "{sampling}"')
@@ -147,7 +157,9 @@ def test_support_is_of_the_candidates(tmp_path, sampling):
 
 
 def test_same_seed_same_answer():
-    """Twice the same, but for the seconds; the study's seed is the default; another seed has other poses."""
+    """Twice the same, but for the seconds; the study's seed is the default; another seed has other
+    poses.
+    """
     first, again, named, other = (
         relaxed(*o) for o in ([], [], ["--seed", STUDY.specification.seed], ["--seed", 3])
     )
@@ -156,7 +168,9 @@ def test_same_seed_same_answer():
 
 
 def test_out_is_the_support(tmp_path):
-    """--out writes the poses of the JSON in degrees and their weights, the heaviest first, and nothing else."""
+    """--out writes the poses of the JSON in degrees and their weights, the heaviest first, and
+    nothing else.
+    """
     out = tmp_path / "new" / "plan.csv"
     answer = relaxed("--out", out)
     table = pd.read_csv(out)
@@ -170,7 +184,9 @@ def test_out_is_the_support(tmp_path):
 
 
 def test_json_is_alone_on_standard_output(tmp_path):
-    """As a user starts it: one JSON document, progress on standard error, no file; defaults are the study's."""
+    """As a user starts it: one JSON document, progress on standard error, no file; defaults are the
+    study's.
+    """
     command = [sys.executable, "-m", "edtk", "relax", str(PATH), "--json"]
     done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=tmp_path)
     answer = json.loads(done.stdout)
@@ -202,7 +218,9 @@ def test_text_says_what_json_says():
 
 
 def test_more_candidates_than_memory_holds():
-    """With 360 MB, 60,000 candidates do not fit; the answer is that of the memory that holds them, within the gaps."""
+    """With 360 MB, 60,000 candidates do not fit; the answer is that of the memory that holds them,
+    within the gaps.
+    """
     assert capacity(5, 6, 360) < 60_000 < capacity(5, 6, 1000)
     small, large = (relaxed("--memory", m, name="A", n=60_000) for m in (360, 1000))
     assert small["candidates"] == large["candidates"] == 60_000
@@ -213,7 +231,9 @@ def test_more_candidates_than_memory_holds():
 
 @pytest.mark.parametrize("seed", [1, 2])
 def test_continuous_finds_the_best_of_all_poses(seed):
-    """From any seed rho0 is the paper's problem's 9.645e-3 mm, in feasible poses; published plans obey the bound."""
+    """From any seed rho0 is the paper's problem's 9.645e-3 mm, in feasible poses; published plans
+    obey the bound.
+    """
     answer = relaxed("--continuous", "--seed", seed)
     value, searched = answer["value"], answer["bound_searched"]
     assert value == pytest.approx(9.645e-6, rel=1e-4)

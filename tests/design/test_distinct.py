@@ -12,7 +12,9 @@ on_each = pytest.mark.parametrize("space", DESIGNS.values(), ids=DESIGNS)
 
 
 def test_symmetric_poses_count_as_one():
-    """Full turns of q4 and q6, the flipped wrist, the mirrored arm and any q1 make no other pose; the first stays."""
+    """Full turns of q4 and q6, the flipped wrist, the mirrored arm and any q1 make no other pose;
+    the first stays.
+    """
     q = sample_feasible(KR270, 12, 3)
     every = np.concatenate([symmetric(x) for x in q])
     problem = KR270.problem(every)
