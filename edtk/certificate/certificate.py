@@ -1,4 +1,4 @@
-"""What proves the numbers of a relaxation or of an exact plan, as plain data that a file can hold."""
+"""What proves the numbers of a relaxation or of an exact plan, as plain data for a file."""
 
 import json
 from pathlib import Path
@@ -6,12 +6,11 @@ from typing import Any
 
 import numpy as np
 
+from edtk.certificate.setting_to_dict import setting_to_dict
 from edtk.design.bound import BoundKind
 from edtk.design.exact.exact_plan import ExactPlan
 from edtk.design.plan import Plan
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
-from edtk.model.constraints.excluded import Excluded
-from edtk.model.robot import Robot
 from edtk.study.study import Study
 from edtk.system.atomic_file import write_text
 from edtk.version import __version__
@@ -53,7 +52,7 @@ def certificate(study: Study, found: RelaxedPlan | ExactPlan) -> dict[str, Any]:
         "criterion": relaxed.criterion.name,
         **answer,
         "proof": _proof(relaxed),
-        "setting": _setting(study, relaxed),
+        "setting": setting_to_dict(study, relaxed.space),
     }
 
 
@@ -110,54 +109,3 @@ def _repeated(plan: Plan) -> list[dict[str, Any]]:
         {"q": q.tolist(), "wrench": wrench.tolist(), "repeats": int(repeats)}
         for q, wrench, repeats in zip(plan.q, plan.wrench, plan.repeats, strict=True)
     ]
-
-
-def _setting(study: Study, relaxed: RelaxedPlan) -> dict[str, Any]:
-    """Robot, load, noise, constraints and test pose."""
-    keys = study.specification
-    space = relaxed.space
-    excluded = [
-        {"poses": part.poses.tolist(), "distance": part.distance}
-        for part in space.workspace.constraints
-        if isinstance(part, Excluded)
-    ]
-    return {
-        "robot": _robot(study.robot),
-        "unknown": list(study.model.joints),
-        "rows": study.model.rows,
-        "sigma": study.sigma.tolist(),
-        "load": keys.load.model_dump(mode="json", exclude_none=True),
-        "workspace": keys.workspace.model_dump(mode="json", exclude_none=True),
-        "excluded": excluded,
-        "free": list(space.free),
-        "fixed": space.fixed.tolist(),
-        "test_pose": _test_pose(study),
-    }
-
-
-def _robot(robot: Robot) -> dict[str, Any]:
-    """The chain: transforms [m], axes, limits [rad or m]."""
-    joints = [
-        {
-            "name": joint.name,
-            "kind": joint.kind,
-            "origin": joint.origin.tolist(),
-            "axis": joint.axis.tolist(),
-            "limits": list(joint.limits),
-        }
-        for joint in robot.joints
-    ]
-    return {
-        "name": robot.name,
-        "base": robot.base.tolist(),
-        "tool": robot.tool.tolist(),
-        "joints": joints,
-    }
-
-
-def _test_pose(study: Study) -> dict[str, Any] | None:
-    """Pose [rad or m], tool [m] and wrench [N, N m] of the task; None without one."""
-    task = study.task
-    if task is None:
-        return None
-    return {"q": task.q.tolist(), "tool": task.tool.tolist(), "wrench": task.wrench.tolist()}

@@ -1,5 +1,6 @@
 """The result of checking a certificate: each claim, stated and recomputed."""
 
+import math
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -16,6 +17,7 @@ class Claim:
         stated: The number in the certificate; None for a claim without a number.
         recomputed: The number found here; None where nothing could be computed.
         reason: Why the claim does not hold, in one line; empty if it does.
+        candidates: Number of candidates over which a bound is proved; None for other claims.
     """
 
     claim: str
@@ -23,6 +25,14 @@ class Claim:
     stated: float | None
     recomputed: float | None
     reason: str = ""
+    candidates: int | None = None
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data for JSON, which knows no infinity: such a number becomes None."""
+        return {
+            name: None if isinstance(part, float) and not math.isfinite(part) else part
+            for name, part in asdict(self).items()
+        }
 
 
 @dataclass(frozen=True, repr=False)
@@ -30,11 +40,21 @@ class Verification(Presented):
     """All claims of a certificate, checked.
 
     Attributes:
-        subject: The criterion and the kind of plan that the certificate is about.
+        criterion: Name of the criterion.
+        kind: "relaxation" or "plan".
+        robot: Name of the robot.
+        poses: Number of poses of the design.
+        kept: Number of experiments that the certificate takes as carried out already.
+        candidates: Number of candidates over which a bound is proved.
         claims: The claims, in the order in which they were checked.
     """
 
-    subject: str
+    criterion: str
+    kind: str
+    robot: str
+    poses: int
+    kept: int
+    candidates: int
     claims: tuple[Claim, ...]
 
     @property
@@ -42,11 +62,25 @@ class Verification(Presented):
         """Whether every claim holds."""
         return all(claim.holds for claim in self.claims)
 
+    @property
+    def failed(self) -> tuple[str, ...]:
+        """Names of the claims that do not hold."""
+        return tuple(claim.claim for claim in self.claims if not claim.holds)
+
     def headline(self) -> str:
-        """One line: the subject, and whether all claims hold."""
-        verdict = "valid" if self.valid else "NOT valid"
-        return f"Verification({self.subject}: {verdict}, {len(self.claims)} claims)"
+        """The subject, and whether all claims hold."""
+        verdict = "valid" if self.valid else f"NOT valid ({', '.join(self.failed)})"
+        return f"certificate of a {self.kind}, {self.criterion}: {verdict}"
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data for JSON: `valid`, and the claims."""
-        return {"valid": self.valid, "claims": [asdict(claim) for claim in self.claims]}
+        """Plain data for JSON: `valid`, what the certificate is about, and the claims."""
+        return {
+            "valid": self.valid,
+            "criterion": self.criterion,
+            "kind": self.kind,
+            "robot": self.robot,
+            "poses": self.poses,
+            "kept": self.kept,
+            "candidates": self.candidates,
+            "claims": [claim.to_dict() for claim in self.claims],
+        }

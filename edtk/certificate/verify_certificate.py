@@ -1,96 +1,192 @@
 """Recompute every claim of a certificate from its poses and multipliers, in a code path of its own.
 
-A certificate is treated as an enemy's: whatever it states is computed anew, and the numbers that prove
-a bound must have the properties that the proof needs.
+A certificate is treated as an enemy's: its claims are computed anew, numbers that prove a bound
+must have the properties that the proof needs, and a claim that is left out fails.
 """
 
 import math
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
+
 from edtk.certificate.case import Case
 from edtk.certificate.recompute import values
+from edtk.certificate.recompute.load import TINY as TINY_LOAD
+from edtk.certificate.recompute.setting import TINY
 from edtk.certificate.verification import Claim, Verification
 
 AGREE = 1e-8  # relative difference that two ways of rounding may make; 1e-13 is the rule
 ABSOLUTE = 1e-8  # difference of a gap or an efficiency, which are of order one
 EXCESS = 1e-3  # relative excess of a sensitivity found here over those that a search rests on
+# A plan also states one of the two bounds. A claim that is left out could hide a bad number.
+MANDATORY = {"relaxation": ("value", "bound", "gap"), "plan": ("value", "efficiency")}
+BOUNDS = ("bound", "bound_searched")
+ORDER = ("value", *BOUNDS, "gap", "efficiency")
 
 
 def verify_certificate(content: dict[str, Any]) -> Verification:
     """Check all claims of a certificate.
 
     Args:
-        content: The certificate, as `certificate_of` makes it.
+        content: The certificate, as `certificate` makes it.
 
     Returns:
         Each claim with the stated and the recomputed number.
 
     Raises:
-        KeyError, TypeError, ValueError: The content is no certificate.
+        ValueError: The content is no certificate; one line says where.
     """
-    case = Case.from_dict(content)
-    claims = [_feasible(case), _amounts(case)]
+    # Numbers of an enemy overflow. What comes of it is infinite or no number, and fails.
+    with np.errstate(all="ignore"):
+        case = Case.from_dict(content)
+        claims = [_feasible(case), _loads(case), _amounts(case)]
+        if len(case.kept):
+            claims.append(_kept(case))
+        claims += _numbers(case)
+        if "bound_searched" in case.stated:
+            claims.append(_search(case))
+    return Verification(
+        criterion=case.name,
+        kind=case.kind,
+        robot=case.setting.name,
+        poses=len(case.made),
+        kept=int(case.kept.amount.sum()),
+        candidates=case.proof.candidates,
+        claims=tuple(claims),
+    )
+
+
+def _feasible(case: Case) -> Claim:
+    """All poses satisfy the joint limits, the workspace and the fixed joints."""
+    violation = float(np.max(case.setting.violation(case.made.q)))
+    return _at_most("feasible", violation, TINY, "a pose violates a constraint")
+
+
+def _loads(case: Case) -> Claim:
+    """All wrenches are among those that may be applied."""
+    excess = float(np.max(case.setting.load.excess(case.made.wrench)))
+    return _at_most("loads", excess, TINY_LOAD, "a load is not among the allowed ones")
+
+
+def _kept(case: Case) -> Claim:
+    """Kept experiments lie within the workspace, but for the rounding of their file.
+
+    They may be near poses that are excluded, and under other loads: they were made before.
+    """
+    violation = float(np.max(case.setting.workspace.violation_within_rounding(case.kept.q)))
+    return _at_most("kept", violation, TINY, "a kept pose violates a constraint")
+
+
+def _at_most(name: str, found: float, limit: float, reason: str) -> Claim:
+    """The claim that a number that should be zero or less is no more than rounding."""
+    holds = found <= limit  # not if it is no number
+    positive = found if math.isnan(found) else max(found, 0.0)
+    return Claim(name, holds, 0.0, positive, "" if holds else reason)
+
+
+def _amounts(case: Case) -> Claim:
+    """Weights sum to one, or repetitions are whole numbers."""
+    is_plan = case.kind == "plan"
+    total = float(case.made.amount.sum())
+    holds = case.amounts_are_sound
+    expected = "whole repetitions from 1 to 1e9" if is_plan else "weights of sum one, none negative"
+    reason = "" if holds else f"expected {expected}"
+    name = "repeats" if is_plan else "weights"
+    return Claim(name, holds, total if is_plan else 1.0, total, reason)
+
+
+def _numbers(case: Case) -> list[Claim]:
+    """The stated numbers, those that are missing, and those that nobody knows."""
     recomputed: dict[str, float] = {}
     sources: dict[str, Callable[[], float]] = {
         "value": lambda: case.value,
         "bound": lambda: case.bound(searched=False),
         "bound_searched": lambda: case.bound(searched=True),
-        "gap": lambda: _gap(case, recomputed),
-        "efficiency": lambda: 1.0 - _gap(case, recomputed),
+        "gap": lambda: _gap(case, recomputed, BOUNDS),
+        "efficiency": lambda: 1.0 - _gap(case, recomputed, BOUNDS[::-1]),
     }
-    for name, stated in case.stated.items():
-        if name not in sources:
-            raise ValueError(f"claims: unknown claim {name!r}")
-        claim = _compared(name, stated, sources[name])
+    mandatory = MANDATORY[case.kind]
+    if not any(name in case.stated for name in BOUNDS):
+        mandatory = (*mandatory, "bound")
+    found = []
+    for name in ORDER:
+        if name not in case.stated and name not in mandatory:
+            continue
+        claim = _compared(case, name, sources[name])
         recomputed[name] = math.nan if claim.recomputed is None else claim.recomputed
-        claims.append(claim)
-    if "bound_searched" in case.stated:
-        claims.append(_search(case))
-    return Verification(f"{case.name}, {case.kind}", tuple(claims))
+        found.append(_unbeaten(case, claim))
+    # The name is from the file, and is not printed.
+    found += [
+        Claim("unknown", False, None, None, "a claim that cannot be checked")
+        for name in case.stated
+        if name not in ORDER
+    ]
+    return found
 
 
-def _feasible(case: Case) -> Claim:
-    """All poses satisfy the joint limits and the workspace."""
-    violation = case.violation
-    holds = violation <= 1e-9  # rounding of a forward kinematics [m or rad]
-    reason = "" if holds else "a pose violates a constraint"
-    return Claim("feasible", holds, 0.0, violation, reason)
-
-
-def _amounts(case: Case) -> Claim:
-    """Weights sum to one, or repetitions are whole numbers."""
-    name = "weights" if case.kind == "relaxation" else "repeats"
-    total = float(case.made.amount.sum())
-    holds = case.amounts_are_sound
-    reason = "" if holds else "expected shares of one, or whole repetitions of at least one"
-    return Claim(name, holds, 1.0 if case.kind == "relaxation" else total, total, reason)
-
-
-def _gap(case: Case, recomputed: dict[str, float]) -> float:
-    """``1 - bound/cost`` of the recomputed numbers: of the proved bound where one is stated."""
-    bound = recomputed["bound"] if "bound" in recomputed else recomputed["bound_searched"]
+def _gap(case: Case, recomputed: dict[str, float], order: tuple[str, ...]) -> float:
+    """``1 - bound/cost`` of the recomputed numbers, for the first of the bounds that is stated."""
+    bound = next(recomputed[name] for name in order if name in recomputed)
     best = values.cost(case.name, recomputed["value"])
     return 1.0 - values.cost(case.name, bound) / best
 
 
-def _compared(name: str, stated: float, source: Callable[[], float]) -> Claim:
+def _compared(case: Case, name: str, source: Callable[[], float]) -> Claim:
     """Compare a stated number with a recomputed one; a proof that proves nothing does not hold."""
+    candidates = case.proof.candidates if name in BOUNDS else None
+    number = _number(case.stated.get(name))
     try:
         found = source()
-    except (ValueError, ArithmeticError, KeyError) as error:
-        return Claim(name, False, stated, None, f"cannot be recomputed: {error}")
+    except (ValueError, ArithmeticError) as error:
+        reason = f"cannot be recomputed: {' '.join(str(error).split())}"
+        return Claim(name, False, number, None, reason, candidates)
     absolute = ABSOLUTE if name in ("gap", "efficiency") else 0.0
-    holds = math.isclose(stated, found, rel_tol=AGREE, abs_tol=absolute)
-    return Claim(name, holds, stated, found, "" if holds else "the recomputed number differs")
+    agrees = math.isclose(number, found, rel_tol=AGREE, abs_tol=absolute)
+    holds = math.isfinite(number) and math.isfinite(found) and agrees
+    reason = "" if holds else _why(case, name, number, found)
+    return Claim(name, holds, number, found, reason, candidates)
+
+
+def _number(stated: Any) -> float:
+    """A stated number; no number if the certificate has anything else in its place."""
+    try:
+        is_number = isinstance(stated, int | float) and not isinstance(stated, bool)
+        return float(stated) if is_number else math.nan
+    except OverflowError:  # an integer of more than 308 digits
+        return math.nan
+
+
+def _why(case: Case, name: str, stated: float, found: float) -> str:
+    """Why a stated number does not hold."""
+    if name not in case.stated:
+        return f"not stated, and the certificate of a {case.kind} must state it"
+    if not math.isfinite(stated):
+        return "the stated value is no finite number"
+    if not math.isfinite(found):
+        return "the certificate proves nothing here"
+    return "the recomputed number differs"
+
+
+def _unbeaten(case: Case, claim: Claim) -> Claim:
+    """Reject a gap or an efficiency of a design that beats the bound: then the bound is wrong.
+
+    A plan may beat a bound over candidates alone, as its poses need not be among them.
+    """
+    if claim.recomputed is None or not claim.holds:
+        return claim
+    allowed = case.kind == "plan" and "bound_searched" not in case.stated
+    beaten = claim.recomputed < 0 if claim.claim == "gap" else claim.recomputed > 1
+    by = claim.recomputed if claim.claim == "gap" else claim.recomputed - 1
+    if claim.claim not in ("gap", "efficiency") or allowed or not beaten or abs(by) <= ABSOLUTE:
+        return claim
+    return Claim(claim.claim, False, claim.stated, claim.recomputed, "the design beats the bound")
 
 
 def _search(case: Case) -> Claim:
     """No pose that a search of this module's own finds has a much larger sensitivity."""
     try:
-        excess = case.excess
-    except (ValueError, ArithmeticError, KeyError) as error:
+        excess = case.largest.excess
+    except (ValueError, ArithmeticError) as error:
         return Claim("search", False, 0.0, None, f"cannot be repeated: {error}")
-    holds = excess <= EXCESS
-    reason = "" if holds else "a pose of a larger sensitivity was found"
-    return Claim("search", holds, 0.0, max(excess, 0.0), reason)
+    return _at_most("search", excess, EXCESS, "a pose of a larger sensitivity was found")

@@ -1,28 +1,41 @@
 """`edtk.verify`: the claims of a certificate, recomputed."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from edtk.certificate.verification import Verification
+from edtk.certificate.verification import Claim, Verification
 from edtk.certificate.verify_certificate import verify_certificate
 from edtk.system.errors import UserError
 
+if TYPE_CHECKING:
+    from edtk.verbs.inputs import StudyLike
 
-def verify(certificate: Path | str | dict[str, Any]) -> Verification:
+# A certificate has some hundred lines; one of 20,000 experiments has 20 MB. A larger file is
+# rejected before it fills the memory.
+MOST_MB = 50
+
+
+def verify(
+    certificate: Path | str | dict[str, Any], study: "StudyLike | None" = None
+) -> Verification:
     """Recompute every claim of a certificate from its poses and multipliers alone.
 
     The check shares no code with the search: it has a kinematics, an information matrix and bounds
-    of its own, and draws the candidates anew.
+    of its own, and draws the candidates anew. The certificate holds robot, load, noise and limits;
+    whether these are the right ones, only the study can tell.
 
     Args:
         certificate: The file that `edtk.plan`, `edtk.relax` or `edtk.run` wrote, or its content.
+        study: A study, or its file, whose setting the certificate must have; defaults to none, and
+            then the certificate's own setting is taken as given.
 
     Returns:
         Each claim with the stated and the recomputed number; `.valid` if all hold.
 
     Raises:
-        UserError: The file cannot be read, or is no certificate.
+        UserError: A file cannot be read, or is no certificate or no study.
 
     Example:
         >>> import edtk
@@ -38,24 +51,64 @@ def verify(certificate: Path | str | dict[str, Any]) -> Verification:
     if not isinstance(content, dict) or "proof" not in content:
         raise UserError(f"{where}: not a certificate; expected a file written by --certificate")
     try:
-        return verify_certificate(content)
-    except KeyError as error:
-        raise UserError(f"{where}: not a certificate: the key {error} is missing") from error
-    except (TypeError, ValueError, OverflowError) as error:
+        found = verify_certificate(content)
+    except ValueError as error:
         raise UserError(f"{where}: not a certificate: {' '.join(str(error).split())}") from error
+    if study is None:
+        return found
+    return replace(found, claims=(_same_study(content, study), *found.claims))
+
+
+def _same_study(content: dict[str, Any], study: "StudyLike") -> Claim:
+    """The claim that a certificate's robot, load, noise and limits are those of a study."""
+    # Imported late: studies bring pydantic, which the check of a file alone need not pay.
+    from edtk.certificate.setting_to_dict import setting_to_dict
+    from edtk.verbs.inputs import as_study
+
+    known = as_study(study)
+    expected = json.loads(json.dumps(setting_to_dict(known, known.space)))
+    other = [key for key in expected if content["setting"][key] != expected[key]]
+    reason = f"the study has another {', '.join(other)}" if other else ""
+    return Claim("study", not other, None, None, reason)
 
 
 def _read(path: Path) -> Any:
-    """The content of a JSON file.
+    """The content of a JSON file, in which no key occurs twice and every number is finite.
 
     Raises:
         UserError: The file is missing, or is no JSON.
     """
     try:
-        return json.loads(path.read_text(encoding="utf-8"))
+        if path.stat().st_size > MOST_MB * 1e6:
+            raise UserError(f"{path}: not a certificate: larger than {MOST_MB} MB")
+        text = path.read_text(encoding="utf-8")
+        return json.loads(text, object_pairs_hook=_unique, parse_constant=_reject)
     except FileNotFoundError:
         raise UserError(f"{path}: no such file") from None
     except OSError as error:
         raise UserError(f"{path}: {error.strerror}") from error
+    except UserError:
+        raise
     except (ValueError, RecursionError) as error:
         raise UserError(f"{path}: not valid JSON: {error}") from error
+
+
+def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """A table; a key that occurs twice would be read as one number by one reader, another by us.
+
+    Raises:
+        ValueError: A key occurs twice.
+    """
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        raise ValueError("a key occurs twice in one table")
+    return found
+
+
+def _reject(constant: str) -> Any:
+    """Reject NaN and Infinity, which JSON does not have although Python reads them.
+
+    Raises:
+        ValueError: Always.
+    """
+    raise ValueError(f"{constant} is no number")

@@ -1,4 +1,4 @@
-"""Certificates: what is true is confirmed by another way of computing it, what was tampered with is not."""
+"""Certificates: a true one is confirmed by another way of computing it, a false one is not."""
 
 import ast
 import copy
@@ -74,13 +74,14 @@ def test_a_true_certificate_is_valid(name: str, relaxed: Callable[[str], Content
     """Value, bound and gap of every criterion come out again, to a relative difference of 1e-8."""
     found = verify_certificate(relaxed(name))
     assert found.valid, found.claims
-    assert {"feasible", "weights", "value", "bound", "gap"} == {c.claim for c in found.claims}
+    claims = {"feasible", "loads", "weights", "value", "bound", "gap"}
+    assert claims == {claim.claim for claim in found.claims}
     for claim in found.claims:
         assert claim.recomputed == pytest.approx(claim.stated, rel=1e-8, abs=1e-8)
 
 
 def test_searched_bounds_and_exact_plans_are_valid(searched: Content, planned: Content) -> None:
-    """The bound over all poses is confirmed at the poses found, and another search finds no better."""
+    """The bound over all poses is confirmed at the poses found; another search finds no better."""
     for content in (searched, planned):
         found = verify_certificate(content)
         assert found.valid, found.claims
@@ -177,7 +178,7 @@ def test_a_searched_bound_cannot_be_raised(searched: Content) -> None:
 def test_a_search_that_missed_the_best_poses_is_found_out(
     relaxed: Callable[[str], Content],
 ) -> None:
-    """A bound over few candidates, passed off as one over all poses, does not survive the second search."""
+    """A bound over few candidates, passed off as one over all poses, fails the second search."""
     content = copy.deepcopy(relaxed("rho0"))
     content["claims"]["bound_searched"] = content["claims"]["bound"]
     assert "search" in failed(content)
@@ -212,7 +213,7 @@ def test_values_are_those_of_the_registry(name: str) -> None:
 
 @pytest.mark.parametrize("path", PATHS, ids=lambda path: path.stem)
 def test_the_check_shares_no_code_with_what_it_checks(path: Path) -> None:
-    """The second implementation imports numpy, scipy, the standard library, itself, and array types."""
+    """The second implementation imports numpy, scipy, the standard library and array types."""
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         names = [a.name for a in node.names] if isinstance(node, ast.Import) else []
         names += [node.module or ""] if isinstance(node, ast.ImportFrom) else []

@@ -1,33 +1,74 @@
 """Text of a checked certificate."""
 
+import math
+
+import criteria
+from criteria.registry import BUILTINS
 from edtk.certificate.verification import Claim, Verification
+
+IN_UNITS = ("value", "bound", "bound_searched")  # claims whose numbers are the criterion's
+DIGITS = 10
 
 # What each claim says, for a person.
 MEANING = {
-    "feasible": "all poses are within the limits and the workspace",
+    "study": "robot, load, noise and limits are those of the study",
+    "feasible": "every pose is within the joint limits and the workspace",
+    "loads": "every load is among those that may be applied",
+    "kept": "the kept poses are within the joint limits and the workspace",
     "weights": "the weights are shares of one",
     "repeats": "every pose is measured a whole number of times",
-    "value": "the criterion has this value",
-    "bound": "no design over the candidates is better",
-    "bound_searched": "no design over the poses that the search found is better",
-    "search": "a second search finds no pose of a larger sensitivity",
-    "gap": "relative distance from value to bound",
-    "efficiency": "bound over cost",
+    "value": "of these experiments together",
+    "bound": "proved on {candidates} candidates: no design on them is better",
+    "bound_searched": "searched, not proved: no design over all poses is better",
+    "search": "a second search finds no pose whose sensitivity is 0.1 % larger",
+    "gap": "relative distance from the bound to the value",
+    "efficiency": "share of the best possible cost, as the bound has it",
 }
+WITHOUT_NUMBER = ("study", "feasible", "loads", "kept", "weights", "repeats", "search")
 
 
 def verification(found: Verification) -> str:
-    """A line for each claim, then the verdict."""
-    lines = [found.subject]
-    lines += [_line(claim) for claim in found.claims]
-    verdict = "valid: every claim holds" if found.valid else "NOT valid: at least one claim fails"
-    return "\n".join([*lines, verdict])
+    """What the certificate is about, a line for each claim, then the verdict."""
+    kept = "" if not found.kept else f", beside {found.kept} kept experiments, taken as carried out"
+    plural = "" if found.poses == 1 else "s"
+    lines = [f"{found.criterion}, {found.kind} of {found.poses} pose{plural}{kept}"]
+    if all(claim.claim != "study" for claim in found.claims):
+        robot = _printable(found.robot)
+        lines.append(f"{robot}; robot, load, noise and limits as the certificate has them")
+    lines += [_line(found, claim) for claim in found.claims]
+    count = len(found.claims)
+    if found.valid:
+        return "\n".join([*lines, f"valid: all {count} claims hold"])
+    names = ", ".join(found.failed)
+    return "\n".join([*lines, f"NOT valid: {len(found.failed)} of {count} claims fail: {names}"])
 
 
-def _line(claim: Claim) -> str:
-    """Whether a claim holds, its numbers, and what it says."""
-    mark = "holds" if claim.holds else "FAILS"
-    recomputed = "-" if claim.recomputed is None else f"{claim.recomputed:.10g}"
-    stated = "-" if claim.stated is None else f"{claim.stated:.10g}"
-    text = claim.reason or MEANING[claim.claim]
-    return f"  {mark}  {claim.claim:15} stated {stated:>17}  recomputed {recomputed:>17}  {text}"
+def _line(found: Verification, claim: Claim) -> str:
+    """Whether a claim holds, its number, and what it says or why it fails."""
+    if claim.holds:
+        number = "" if claim.claim in WITHOUT_NUMBER else _shown(found, claim, claim.recomputed)
+        meaning = MEANING[claim.claim].format(candidates=claim.candidates)
+        return f"  holds  {claim.claim:14}  {number:18}  {meaning}"
+    numbers = [
+        f"{word} {_shown(found, claim, number)}"
+        for word, number in (("stated", claim.stated), ("recomputed", claim.recomputed))
+        if number is not None and math.isfinite(number)
+    ]
+    return f"  FAILS  {claim.claim:14}  {', '.join([claim.reason, *numbers])}"
+
+
+def _shown(found: Verification, claim: Claim, number: float | None) -> str:
+    """A number in the unit in which people read it."""
+    if number is None:
+        return "-"
+    if claim.claim in IN_UNITS and found.criterion in BUILTINS:
+        factor, unit = criteria.get(found.criterion).shown
+        return f"{factor * number:.{DIGITS}g} {unit}".rstrip()
+    if claim.claim in ("feasible", "kept"):
+        return f"{number:.3g} (m or rad)"
+    return f"{number:.3g}" if claim.claim == "gap" else f"{number:.{DIGITS}g}"
+
+
+def _printable(name: str) -> str:
+    """A name from a file, without what could pass for other lines of this text."""
+    return "".join(letter if letter.isprintable() else "?" for letter in name)[:40]

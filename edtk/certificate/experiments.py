@@ -1,0 +1,61 @@
+"""The experiments of a certificate."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from edtk.certificate.recompute.plain_data import numbers, rows, table
+from edtk.certificate.recompute.setting import Setting
+from edtk.system.typing import Array
+
+MOST = 20_000  # experiments that a certificate may list
+
+
+@dataclass(frozen=True, eq=False)
+class Experiments:
+    """Experiments with their weights or repetitions.
+
+    Attributes:
+        q: Joint variables (k, n) [rad or m].
+        wrench: Forces and torques (k, 6) [N, N m].
+        amount: Weights or repetitions (k,).
+    """
+
+    q: Array
+    wrench: Array
+    amount: Array
+
+    @classmethod
+    def from_list(cls, value: Any, amount: str, n: int, where: str) -> "Experiments":
+        """Read experiments of a robot with n joints.
+
+        Args:
+            value: The entry of the certificate.
+            amount: Name of the key that holds the amounts, "weight" or "repeats".
+            n: Number of joints.
+            where: Name of the entry, for messages.
+
+        Raises:
+            ValueError: An entry is missing, or is no finite number.
+        """
+        found = rows(value, MOST, where)
+        for i, row in enumerate(found):
+            table(row, ("q", "wrench", amount), f"{where}[{i}]")
+        return cls(
+            numbers([row["q"] for row in found], (None, n), f"{where}.q"),
+            numbers([row["wrench"] for row in found], (None, 6), f"{where}.wrench"),
+            numbers([row[amount] for row in found], (None,), f"{where}.{amount}"),
+        )
+
+    def __len__(self) -> int:
+        return len(self.amount)
+
+    def rows(self, setting: Setting) -> Array:
+        """Whitened rows (k, measured, p) of one measurement of each."""
+        return setting.whitened_rows(self.q, self.wrench)
+
+    def stacked(self, setting: Setting) -> Array:
+        """Whitened rows (N, p), each times the root of its experiment's amount."""
+        rows = self.rows(setting) * np.sqrt(self.amount)[:, None, None]
+        return rows.reshape(-1, len(setting.unknown))

@@ -1,0 +1,121 @@
+"""The largest sensitivities of a certificate's candidates, and of poses beyond them."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from edtk.certificate.experiments import Experiments
+from edtk.certificate.proof import Proof
+from edtk.certificate.recompute.candidates import candidates
+from edtk.certificate.recompute.climb import climb
+from edtk.certificate.recompute.multipliers import Multipliers
+from edtk.certificate.recompute.setting import Setting
+from edtk.system.typing import Array
+
+STARTS = 32  # experiments of the largest sensitivities from which the search climbs, per multiplier
+# Poses that the search draws itself: a certificate may name few candidates, or only bad ones.
+OWN_DRAWS = 4096
+OWN_SEED = 20_250_101
+
+
+@dataclass(frozen=True, eq=False)
+class LargestSensitivities:
+    """Maxima over experiments i of ``<Z_j, M_i + M0>``, for each multiplier Z_j.
+
+    Attributes:
+        setting: Robot, load, noise and constraints.
+        proof: Candidates, and poses of the relaxation and of the search.
+        multipliers: The multipliers (r, p, p).
+        prior: Prior information M0 (p, p).
+        per_trace: Whether sensitivities are per trace of ``M_i + M0``.
+        own: The experiments of the design.
+        own_count: Whether these count as candidates.
+    """
+
+    setting: Setting
+    proof: Proof
+    multipliers: Multipliers
+    prior: Array
+    per_trace: bool
+    own: Experiments
+    own_count: bool
+
+    @cached_property
+    def proved(self) -> Array:
+        """Maxima (r,) over the candidates and the poses of the relaxation."""
+        largest, _ = self._over_candidates
+        points = self._at(self.proof.points).max(axis=1, initial=-np.inf)
+        largest = np.maximum(largest, points)
+        return np.maximum(largest, self._of_own) if self.own_count else largest
+
+    @cached_property
+    def searched(self) -> Array:
+        """Maxima (r,) over these, and over the poses that a search has found."""
+        found = self._at(self.proof.searched).max(axis=1, initial=-np.inf)
+        return np.maximum(self.proved, found)
+
+    @cached_property
+    def excess(self) -> float:
+        """By how much a search of this module's own beats `searched`, relative to it.
+
+        It climbs from the best candidates, from poses of its own, and from those of the proof. The
+        poses of the design count too.
+        """
+        own = list(candidates(self.setting, [OWN_SEED], "random", OWN_DRAWS))
+        starts = np.concatenate(
+            [self._over_candidates[1], *own, self.proof.points, self.proof.searched]
+        )
+        heights = self._at(starts)
+        worst = 0.0
+        for j, largest in enumerate(self.searched):
+            order = np.argsort(-heights[j])[:STARTS]
+            reached = climb(self.setting, starts[order], self._height(j))
+            top = max(float(self._height(j)(reached).max()), float(self._of_own[j]))
+            worst = max(worst, (top - largest) / abs(largest))
+        return worst
+
+    @cached_property
+    def _over_candidates(self) -> tuple[Array, Array]:
+        """Maxima (r,) over all candidates, and the best of the candidates (s, v)."""
+        r = len(self.multipliers.Z)
+        proof = self.proof
+        largest = np.full(r, -np.inf)
+        best = proof.points[:0]
+        heights = np.empty((r, 0))
+        drawn = candidates(self.setting, proof.seed, proof.sampling, proof.candidates, r)
+        for x in drawn:
+            found = self._at(x)
+            largest = np.maximum(largest, found.max(axis=1))
+            pool = np.concatenate([best, x])
+            heights = np.concatenate([heights, found], axis=1)
+            order = np.unique(np.argsort(-heights, axis=1)[:, :STARTS])
+            best = pool[order]
+            heights = heights[:, order]
+        return largest, best
+
+    @cached_property
+    def _of_own(self) -> Array:
+        """Maxima (r,) over the experiments of the design."""
+        rows = self.own.rows(self.setting)
+        return self.multipliers.sensitivities(rows, self.prior, self.per_trace).max(axis=1)
+
+    def _at(self, x: Array) -> Array:
+        """Sensitivities (r, k) of experiments x (k, v)."""
+        return self._sensitivities(self.multipliers, x)
+
+    def _height(self, j: int) -> Callable[[Array], Array]:
+        """The sensitivity under one multiplier, as a function of experiments."""
+        one = Multipliers(self.multipliers.Z[j : j + 1], self.multipliers.indefinite)
+
+        def height(x: Array) -> Array:
+            return np.asarray(self._sensitivities(one, x)[0])
+
+        return height
+
+    def _sensitivities(self, multipliers: Multipliers, x: Array) -> Array:
+        """Sensitivities (r, k) of experiments x (k, v) under some multipliers."""
+        n = len(self.setting.fixed)
+        rows = self.setting.whitened_rows(x[:, :n], self.setting.load.wrench(x[:, n:]))
+        return multipliers.sensitivities(rows, self.prior, self.per_trace)

@@ -1,0 +1,163 @@
+"""Lower bounds that multipliers prove: every design X obeys ``<Z_j, X> <= t_j`` for all j.
+
+The closed forms are derived in the documentation, page "Bounds".
+"""
+
+import numpy as np
+
+from edtk.certificate.recompute.multipliers import EPS
+from edtk.certificate.recompute.values import DEGREE
+from edtk.system.typing import Array
+
+WEIGHT_STEPS = 20  # towards the best weights of the variances for G; any weights prove a bound
+NEGLIGIBLE = 1e-8  # part of a variance, beside the largest part, that gets no weight
+PARALLEL = 1e-6  # sine of the angle between two lines of which one is left out
+OUTSIDE = 1e-9  # by how much, beside its coordinates, rounding can move a corner
+
+
+def lower_bound(name: str, Z: Array, t: Array, target: Array | None, M: Array) -> float:
+    """The least cost that any design can have.
+
+    Args:
+        name: One of the ten criteria.
+        Z: Multipliers (r, p, p), symmetric; but for O2 and O4 positive semidefinite up to rounding.
+        t: Their largest sensitivities (r,), rounded up; those of O2 are per trace.
+        target: A0 (3, p), for rho0.
+        M: The information matrix (p, p) of the design, near which the bound of G is tight.
+    """
+    if name == "O2":
+        return max(_condition_number(z, top) for z, top in zip(Z, t, strict=True))
+    if name == "O4":
+        return _noise_amplification(Z, t)
+    found = 0.0
+    for z, top in zip(Z, t, strict=True):
+        if top > 0:
+            found = max(found, _polar(name, _factor(z), target, M) * top ** -DEGREE[name])
+    return found
+
+
+def _polar(name: str, factor: Array, target: Array | None, M: Array) -> float:
+    """The least cost of any X with ``<Z, X> <= 1``, where ``Z = F'F`` for a factor F (p, p).
+
+    Each form needs the eigenvalues of Z, or of ``B Z B'``: squared singular values of ``F B'``.
+    """
+    p = len(factor)
+    if name == "G":
+        return _largest_variance(factor, M)
+    if name == "rho0" and target is None:
+        raise ValueError("rho0 needs a test pose")
+    side = factor if name != "rho0" else factor @ np.asarray(target).T
+    roots = np.linalg.svd(side, compute_uv=False)
+    if name in ("D", "O1"):
+        if roots[-1] <= 0:
+            return 0.0
+        determinant = p * float(np.exp(2 * np.log(roots).mean()))
+        return determinant if name == "D" else determinant**0.5
+    if name in ("E", "O3"):
+        trace = float((roots**2).sum())
+        return trace if name == "E" else trace**0.5
+    if name == "O5":
+        return float((roots ** (2 / 3)).sum() ** 1.5)
+    total = float(roots.sum())
+    return total**2 if name == "A" else total
+
+
+def _factor(Z: Array) -> Array:
+    """F (p, p) with ``F'F`` at most Z: eigenvalues at unit diagonal are rounded down.
+
+    The scaling keeps the roots of small eigenvalues, whatever the units of the parameters. Those
+    that may be nothing but rounding count as zero: their roots would be large.
+    """
+    scale = np.sqrt(np.maximum(np.diag(Z), 0.0))
+    divisor = np.where(scale > 0, scale, 1.0)
+    values, V = np.linalg.eigh(Z / divisor[:, None] / divisor)
+    values = values - 4 * EPS * len(Z)
+    return np.asarray(np.sqrt(np.maximum(values, 0.0))[:, None] * V.T * scale)
+
+
+def _largest_variance(factor: Array, M: Array) -> float:
+    """The best of ``(trace (U^1/2 Z U^1/2)^1/2)^2`` over weights u of sum one.
+
+    Every u proves a bound. A fixed-point iteration looks for a good one, from the weights that are
+    best at the optimum, and from all weight on the largest variance.
+    """
+    best = 0.0
+    variances = np.diag(np.linalg.inv(M))
+    part = np.square(factor @ M).sum(axis=0) * variances
+    natural = np.where(part > NEGLIGIBLE * part.max(), part / variances, 0.0)
+    largest = (variances == variances.max()).astype(float)
+    for start in (natural, largest):
+        weights = start
+        for _ in range(WEIGHT_STEPS):
+            if not weights.sum() > 0:
+                break  # no weights, no proof
+            _, roots, V = np.linalg.svd(factor * np.sqrt(weights / weights.sum()))
+            best = max(best, float(roots.sum() ** 2))
+            weights = (V.T**2) @ roots
+    return best
+
+
+def _condition_number(Z: Array, t: float) -> float:
+    """``s_1/s_p >= (trace Y+ / trace Y-)^1/2`` with ``Y = Z - t I``, for designs of trace one."""
+    y = np.linalg.eigvalsh(Z - t * np.eye(len(Z)))
+    rounding = len(Z) * EPS * max(abs(t), float(np.abs(Z).max()))
+    positive = np.maximum(y - rounding, 0.0).sum()
+    negative = np.maximum(rounding - y, 0.0).sum()
+    return float(np.sqrt(max(1.0, positive / negative))) if negative > 0 else 1.0
+
+
+def _noise_amplification(Z: Array, t: Array) -> float:
+    """The least ``(s kappa)^1/2`` over ``t s + trace(Z-) kappa >= trace(Z+), s >= 0, kappa >= 1``.
+
+    The product is quasiconcave where both are positive, so that its least value is at a corner.
+    """
+    lines = []
+    for values, top in zip(np.linalg.eigvalsh(Z), t, strict=True):
+        rounding = len(values) * EPS * float(np.abs(values).max())
+        positive = np.maximum(values - rounding, 0.0).sum()
+        # A matrix that is semidefinite but for rounding counts as semidefinite: the sensitivities
+        # are rounded up by more than it takes to make it so. Any small negative part would let
+        # kappa be huge, and prove nothing.
+        is_semidefinite = values[0] >= -rounding
+        negative = 0.0 if is_semidefinite else np.maximum(rounding - values, 0.0).sum()
+        if positive > 0:
+            lines.append([top / positive, negative / positive])
+    unit = float(np.median(np.abs(lines), axis=0)[0]) if lines else 0.0  # of 1/s
+    if not unit > 0:
+        return 0.0
+    least = _least_product(np.array(lines) / [unit, 1.0])
+    return float(np.sqrt(least / unit)) if np.isfinite(least) else 0.0
+
+
+def _least_product(lines: Array) -> float:
+    """The least ``x y`` over ``a x + b y >= 1`` for lines (a, b), ``x >= 0`` and ``y >= 1``."""
+    A, b = _distinct_lines(lines)
+    first, second = np.triu_indices(len(A), 1)
+    determinant = A[first, 0] * A[second, 1] - A[first, 1] * A[second, 0]
+    x = (b[first] * A[second, 1] - b[second] * A[first, 1]) / determinant
+    y = (A[first, 0] * b[second] - A[second, 0] * b[first]) / determinant
+    # A corner outside by rounding counts: that can only make the least value smaller.
+    rounding = OUTSIDE * (1 + np.abs(x) + np.abs(y))
+    away = b - np.outer(x, A[:, 0]) - np.outer(y, A[:, 1])
+    inside = away.max(axis=1) <= rounding
+    return float((np.maximum(x, 0.0) * np.maximum(y, 0.0))[inside].min(initial=np.inf))
+
+
+def _distinct_lines(lines: Array) -> tuple[Array, Array]:
+    """Unit normals (k, 2) and distances (k,) of the axes and of lines that are not nearly parallel.
+
+    The corner of nearly parallel lines cannot be computed. The one that lies closer to the origin
+    is left out: fewer lines leave more points, so that the least value can only become smaller.
+    Corners on an axis are exact, whatever the angle.
+    """
+    normals: list[Array] = []
+    distances = []
+    length = np.linalg.norm(lines, axis=1)
+    for i in np.argsort(length):
+        if not length[i] > 0:
+            continue
+        normal = lines[i] / length[i]
+        if all(abs(normal[0] * one[1] - normal[1] * one[0]) > PARALLEL for one in normals):
+            normals.append(normal)
+            distances.append(1 / float(length[i]))
+    return np.array([*normals, [1.0, 0.0], [0.0, 1.0]]), np.array([*distances, 0.0, 1.0])
