@@ -108,6 +108,7 @@ class CandidateSource:
             samples += size
             excluded = excluded + chunk.excluded
             found = len(chunk.x)
+            # Patience is counted in samples, so that it does not depend on the size of a chunk.
             if left == n and not found and samples >= self.patience * CHUNK:
                 worst = int(excluded.argmax())
                 share = excluded[worst] / samples

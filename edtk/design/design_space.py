@@ -90,6 +90,7 @@ class DesignSpace:
         x = np.empty((len(cube), self.size))
         x[:, : len(self.fixed)] = self.fixed
         x[:, self.free] = lower + (upper - lower) * cube[:, : len(self.free)]
+        # The load maps its own part of the cube: the index of a listed load is a whole number.
         x[:, len(self.fixed) :] = self.load.draw(cube[:, len(self.free) :])
         return x
 
@@ -108,6 +109,7 @@ class DesignSpace:
 
     def information(self, plan: Plan) -> Array:
         """Information matrix (p, p) of a plan under the plan's own wrenches."""
+        # A plan from a file may have other loads than this space, and thus no design variables.
         A = self.model.regressor(plan.q, plan.wrench)
         problem = Problem(A, self.sigma, self.model.parameters, self.prior)
         return problem.information(plan.repeats)

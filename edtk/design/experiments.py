@@ -73,8 +73,8 @@ class Experiments:
     def slope(self, B: Array) -> Array:
         """Derivatives of ``<B, A/sigma>`` by all design variables, weights B held fixed.
 
-        A is linear in the wrench, so that the derivative by a load's variable is ``<B, A(dW)/sigma>``
-        with dW the derivative of the wrench.
+        A is linear in the wrench, so that the derivative by a variable of the load is
+        ``<B, A(dW)/sigma>`` with dW the derivative of the wrench.
 
         Args:
             B: Weights (..., rows, p).
@@ -84,6 +84,7 @@ class Experiments:
         """
         space = self.space
         model = space.model
+        # All derivatives by joints come from one adjoint pass with these weights.
         weights = _component_first(B / space.sigma[:, None], (-1, -2))
         wrench = space.load.wrench(self._load)
         by_joint = model.regressor_slope_of(self.frames, wrench, weights)

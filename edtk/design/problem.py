@@ -98,6 +98,7 @@ class Problem(Presented):
             raise ValueError(
                 f"packed information must be a non-empty array (p(p+1)/2, n), not {packed.shape}"
             )
+        # A sum is finite only if all its terms are, and needs no mask of the size of the input.
         _require_finite(np.isfinite(packed.sum(axis=0)))
         problem = cls.__new__(cls)
         problem._set(packed, parameters, prior)
@@ -112,6 +113,7 @@ class Problem(Presented):
         self.parameters = default if parameters is None else tuple(parameters)
         if len(self.parameters) != self.p:
             raise ValueError(f"{len(self.parameters)} names for {self.p} parameters")
+        # None instead of zeros: without a prior nothing is added, and no last digit changes.
         self.prior = None if prior is None else np.asarray(prior, dtype=float)
         if self.prior is not None and self.prior.shape != (self.p, self.p):
             raise ValueError(f"the prior must be ({self.p}, {self.p}), not {self.prior.shape}")
@@ -145,6 +147,7 @@ class Problem(Presented):
         This is a Cholesky factorization with pivots, of all candidates at once: each step removes
         the part that belongs to the largest remaining diagonal entry, until only rounding remains.
         """
+        # At a diagonal of order one the size of a pivot tells the rank, whatever the units.
         own = unpack(self.packed.mean(axis=1))
         scale = np.sqrt(np.maximum(np.diag(own), np.finfo(float).tiny))
         remaining = self.blocks() / np.outer(scale, scale)
@@ -156,6 +159,7 @@ class Problem(Presented):
             top = diagonal.max(axis=1)
             if not (top > least).any():
                 break
+            # An infinite pivot gives candidates of lower rank a row of zeros.
             pivot = np.sqrt(np.where(top > least, top, np.inf))
             row = remaining[each, diagonal.argmax(axis=1)] / pivot[:, None]
             remaining -= row[:, :, None] * row[:, None]

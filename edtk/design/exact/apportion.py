@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from edtk.system.typing import Indices
+from edtk.system.typing import Array, Indices
 
 
 def apportion(weights: ArrayLike, m: int) -> Indices:
@@ -43,10 +43,16 @@ def apportion(weights: ArrayLike, m: int) -> Indices:
     count = np.ceil((m - len(share) / 2) * share).astype(int)
     # With m near l/2 the ceiling of a small share is zero, which would drop a support point.
     count = np.maximum(count, 1)
+    result = np.zeros(len(w), dtype=int)
+    result[support] = _with_sum(m, count, share)
+    return result
+
+
+def _with_sum(m: int, count: Indices, share: Array) -> Indices:
+    """Counts (l,) of sum m, after the fewest steps up or down from the given ones."""
+    count = count.copy()
     while count.sum() < m:
         count[np.argmin(count / share)] += 1
     while count.sum() > m:
         count[np.argmax((count - 1) / share)] -= 1
-    result = np.zeros(len(w), dtype=int)
-    result[support] = count
-    return result
+    return count

@@ -12,11 +12,11 @@ GAIN = 1e-12  # relative improvement that counts: less than this may be rounding
 def best_repeats(
     criterion: Criterion, blocks: Array, repeats: Array, prior: Array | None = None
 ) -> Array:
-    """Distribute a number of measurements over poses so that no single move improves the plan.
+    """Distribute measurements over poses so that no single move improves the plan.
 
-    A move takes measurements from one pose and gives them to another. The best move is made as
-    long as it lowers the cost. At first each move has many measurements; when no move helps, it
-    has half as many, and one at last.
+    A move takes measurements from one pose and gives them to another. The best one is made as long
+    as it lowers the cost. It has many measurements at first, half as many when that no longer
+    helps, and one at last.
 
     Args:
         criterion: The criterion to improve.
@@ -25,8 +25,7 @@ def best_repeats(
         prior: Prior information (p, p) per single measurement, see `Problem`.
 
     Returns:
-        Whole numbers (k,) of the same sum. None of the k (k - 1) moves of a single measurement
-        lowers their cost.
+        Whole numbers (k,) of the same sum, whose cost no move of a single measurement lowers.
     """
     r = np.array(repeats, dtype=float)
     k = len(r)

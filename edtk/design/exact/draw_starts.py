@@ -7,7 +7,7 @@ from edtk.design.candidates import Candidates
 from edtk.design.exact.apportion import apportion
 from edtk.design.exact.exchange_in_turn import exchange_in_turn
 from edtk.design.exact.plans import Plans
-from edtk.system.typing import Array
+from edtk.system.typing import Array, Indices
 
 
 def draw_starts(
@@ -40,22 +40,24 @@ def draw_starts(
     pool = support + fresh
     even = apportion(np.ones(places), m).astype(float)
     heaviest = np.argsort(-weights, kind="stable")[:places]
-    chosen = [np.resize(heaviest, places)]
-    repeats = [_rounded(weights, m, places)]
-    for i in range(1, size):
-        # Both are drawn in every turn, so that the sequence of random numbers is the same however
-        # the turns are used.
-        by_weight = rng.choice(len(weights), size=places, p=weights)
-        anywhere = rng.choice(len(pool.x), size=places)
-        chosen.append(by_weight if i % 4 == 0 else anywhere)
-        repeats.append(even)
-    indices = np.array(chosen)
-    times = np.array(repeats)
+    chosen = [_draw_places(rng, i, weights, len(pool.x), places) for i in range(1, size)]
+    indices = np.array([np.resize(heaviest, places), *chosen])
+    times = np.array([_rounded(weights, m, places), *[even] * (size - 1)])
     # Starts are refined afterwards, so that a look at all candidates would be wasted on them.
     indices[1::2], times[1::2] = exchange_in_turn(
         pool.problem, criterion, indices[1::2], times[1::2], thorough=False
     )
     return Plans(pool.x[indices], times)
+
+
+def _draw_places(
+    rng: np.random.Generator, number: int, weights: Array, candidates: int, places: int
+) -> Indices:
+    """Indices (places,) of the plan of this number, among so many candidates, the support first."""
+    # Both are drawn for every plan, so that its random numbers do not depend on the others' kind.
+    by_weight = rng.choice(len(weights), size=places, p=weights)
+    anywhere = rng.choice(candidates, size=places)
+    return by_weight if number % 4 == 0 else anywhere
 
 
 def _rounded(weights: Array, m: int, places: int) -> Array:

@@ -98,6 +98,7 @@ class ExactPlan(Presented):
         """
         frame = self.whole.to_frame(self.relaxed.space.workspace.robot)
         frame.insert(0, "repeats", frame.pop("repeats"))
+        # Kept experiments may have been made under other loads than the new ones.
         if self.kept is not None:
             return frame.assign(kept=np.arange(len(frame)) < len(self.kept.q))
         one_load_for_all = not self.relaxed.space.load.limits.size
@@ -109,6 +110,7 @@ class ExactPlan(Presented):
         The rows of `plan` have angles in degrees and lengths in millimetres, the kept experiments
         first. The certificate has the cost, and the experiments in SI units.
         """
+        # JSON has no infinity: a bound that says nothing is null.
         bound = self.bound
         gap = self.bound_gap
         return {

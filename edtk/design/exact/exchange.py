@@ -87,6 +87,7 @@ class _Plans:
 
     def replaced(self, which: Indices, others: "_Plans") -> "_Plans":
         """The same plans, some of them replaced by others in the order of `which`."""
+        # The caller keeps its arrays: a copy costs little beside a look at the candidates.
         places = self.places.copy()
         M = self.M.copy()
         costs = self.costs.copy()
@@ -102,7 +103,14 @@ class _Plans:
 
 @dataclass(frozen=True, eq=False)
 class _Search:
-    """What stays the same during an exchange: problem, criterion, guide, and repetitions (b, k)."""
+    """The parts of an exchange that stay the same.
+
+    Attributes:
+        problem: The candidates.
+        criterion: The criterion to improve.
+        guide: A smooth criterion near it, whose gradient ranks the candidates.
+        times: Repetitions (b, k) of the places.
+    """
 
     problem: Problem
     criterion: Criterion
@@ -147,7 +155,7 @@ class _Search:
         return plans.replaced(some[better], after[better]), some[better]
 
     def _shortlists(self, plans: _Plans, size: int) -> Indices:
-        """Candidates (b, size) of largest sensitivity for each plan; all where so many are asked."""
+        """Candidates (b, size) of largest sensitivity for each plan, or all of them."""
         n = self.problem.n
         if size == n:
             return np.broadcast_to(np.arange(n), (len(plans.costs), n))
@@ -165,6 +173,7 @@ class _Search:
         width = candidates.shape[1]
         parts = min(width, max(1, width * len(of) // EXCHANGES_AT_ONCE))
         for part in np.array_split(candidates, parts, axis=1):
+            # Places that are not tried keep an infinite cost, and are never the best.
             costs = np.full((*changed.shape, part.shape[1]), np.inf)
             costs[of, place] = exchange_costs(
                 self.criterion, rest, problem.blocks(part)[of], problem.factors(part)[of], r

@@ -64,9 +64,8 @@ def find_plan(
     Args:
         relaxed: The relaxation of the same design space and criterion, with its bound.
         m: Number of new experiments.
-        places: Number of distinct poses at most; defaults to p(p+1)/2 + 1, since the best weights
-            need no more (Caratheodory).
-        kept: Experiments that exist already; their information is the prior of the relaxation's
+        places: Number of distinct poses at most; defaults to p(p+1)/2 + 1, which is enough.
+        kept: Experiments that exist already. Their information is the prior of the relaxation's
             design space, see `DesignSpace.with_kept`.
         options: Seed, limits and workers of the search.
 
@@ -80,7 +79,7 @@ def find_plan(
     since = monotonic()
     space = relaxed.space
     if places is None:
-        places = min(m, space.model.p * (space.model.p + 1) // 2 + 1)
+        places = _enough_places(space.model.p, m)
     require_enough(space, m, places)
     search = _Search(relaxed, m, places, since + options.seconds, options)
     record = SearchRecord(space)
@@ -90,21 +89,28 @@ def find_plan(
         if record.empty:
             raise
         ended = "interrupted"
-    x, repeats = tidy(space, relaxed.criterion, record.best, record.cost)
-    plan = space.plan(x, repeats.astype(int))
+    # An interrupted search has a best plan all the same, which is tidied like any other.
+    plan = _tidied(relaxed, record)
+    # The cost is that of the plan as it is written, whatever the search believed.
     cost = float(relaxed.criterion.cost(space.information(plan)))
     found, optima = record.census()
-    return ExactPlan(
-        relaxed=relaxed,
-        plan=plan,
-        kept=kept,
-        cost=cost,
-        starts=record.batches * BATCH_SIZE,
-        found=found,
-        optima=optima,
-        seconds=monotonic() - since,
-        ended=ended,
-    )
+    starts = record.batches * BATCH_SIZE
+    seconds = monotonic() - since
+    return ExactPlan(relaxed, plan, kept, cost, starts, found, optima, seconds, ended)
+
+
+def _tidied(relaxed: RelaxedPlan, record: SearchRecord) -> Plan:
+    """The best plan of a record, with as few poses as it needs."""
+    x, repeats = tidy(relaxed.space, relaxed.criterion, record.best, record.cost)
+    return relaxed.space.plan(x, repeats.astype(int))
+
+
+def _enough_places(p: int, m: int) -> int:
+    """Number of distinct poses beyond which none is needed, for p parameters and m experiments.
+
+    The information of any weights is that of weights on p(p+1)/2 + 1 poses (Caratheodory).
+    """
+    return min(m, p * (p + 1) // 2 + 1)
 
 
 @dataclass(frozen=True, eq=False)

@@ -46,7 +46,7 @@ class LogCost(Objective):
         """
         A = near.experiments.regressor
         repeats = self.repeats[start, :, None, None]
-        b, p = A.shape[1], A.shape[-1]
+        b = len(start)
         M = weighted_information(A[0], self.repeats[start], near.space.prior)
         cost, G, K = derivatives(self.criterion, M)
         # The logarithm divides its derivatives by the cost; singular plans have none.
@@ -55,7 +55,7 @@ class LogCost(Objective):
         G = np.where(finite, G / divisor, 0.0)
         K = np.where(finite, K / divisor, 0.0)
         slopes = near.first(near.experiments.slope(2.0 * repeats * (A @ G[:, None])))
-        rows, columns = triangle(p)
+        rows, columns = triangle(A.shape[-1])
         own = (repeats * (np.swapaxes(A, -1, -2) @ A))[..., rows, columns]
         dM = near.differences(own).transpose(1, 2, 0, 3).reshape(b, -1, len(rows))
         slope = slopes[0].reshape(b, -1)
