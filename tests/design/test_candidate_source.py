@@ -1,4 +1,4 @@
-"""Candidates: feasible, repeatable on any number of cores, even, and with the information they claim."""
+"""Candidates of a source: feasible, repeatable on any number of cores, and even."""
 
 import pickle
 from dataclasses import replace
@@ -40,7 +40,7 @@ def same(a: Candidates, b: Candidates) -> None:
 @either
 @on_every_load
 def test_all_feasible(space, sampling):
-    """As many experiments come as are asked for; each is feasible, and joints that are not free stay."""
+    """A source gives as many experiments as asked for; each is feasible, and fixed joints stay."""
     x, n = CandidateSource(space, 0, sampling).take(1000).x, space.workspace.robot.n
     assert x.shape == (1000, space.size)
     assert space.at(x).feasible.all()
@@ -57,7 +57,7 @@ def test_all_feasible(space, sampling):
 @either
 @on_every_load
 def test_information_is_that_of_the_regressor(space, sampling):
-    """Each candidate's information is A'A/sigma^2 with the model's regressor, to rounding of the sums."""
+    """Each candidate's information is A'A/sigma^2 with the model's regressor, to rounding."""
     candidates, n = CandidateSource(space, 1, sampling).take(300), space.workspace.robot.n
     q, wrench = candidates.x[:, :n], space.load.wrench(candidates.x[:, n:])
     A = space.model.regressor(q, wrench) / space.sigma[:, None]
@@ -79,7 +79,7 @@ def test_seeded(sampling):
 @either
 @on_every_load
 def test_a_smaller_number_is_the_head_of_a_larger_one(space, sampling):
-    """The first n candidates do not depend on how many follow, nor on how many are asked for in all."""
+    """The first n candidates do not depend on how many are asked for in all."""
     source = CandidateSource(space, 5, sampling)
     many = source.take(1500)
     for n in (1, 255, 256, 257, 700):
@@ -99,7 +99,7 @@ def test_the_number_of_workers_does_not_matter(space, sampling, workers):
 
 @on_each
 def test_chunks_are_the_candidates(space):
-    """Chunk after chunk is what `take` holds at once, poses and packed information, and none is empty."""
+    """All chunks together are the candidates that `take` returns, and no chunk is empty."""
     source, n = CandidateSource(space, 7), 1000
     chunks = list(source.chunks(n))
     assert len(chunks) > 2
@@ -121,9 +121,10 @@ def test_a_source_that_is_not_read_to_its_end_can_be_read_again():
 @either
 @pytest.mark.parametrize("seed", range(3))
 def test_uniform_where_nothing_constrains(sampling, seed):
-    """Without constraints each joint is uniform in its limits: Kolmogorov's statistic stays below 2.6/sqrt(n).
+    """Without constraints each joint is uniform: Kolmogorov's statistic is below 2.6/sqrt(n).
 
-    Random numbers exceed that with probability 2 exp(-2 * 2.6^2) = 3e-6 per joint; Sobol's points lie closer.
+    Random numbers exceed that with probability 2 exp(-2 * 2.6^2) = 3e-6 per joint; Sobol's points
+    lie closer.
     """
     n = 5000
     points = cube(UNBOUNDED, CandidateSource(UNBOUNDED, seed, sampling).take(n).x)
@@ -132,9 +133,10 @@ def test_uniform_where_nothing_constrains(sampling, seed):
 
 @pytest.mark.parametrize("seed", range(3))
 def test_sobol_is_more_even_than_random(seed):
-    """The centred discrepancy of 1024 scrambled Sobol points is less than a tenth of that of as many random ones.
+    """The centred discrepancy of 1024 Sobol points is below a tenth of that of random ones.
 
-    Of random points the mean square discrepancy falls as 1/n, of scrambled nets as n^-3 up to logarithms.
+    Of random points the mean square discrepancy falls as 1/n, of scrambled nets as n^-3 up to
+    logarithms.
     """
     points = {
         s: cube(UNBOUNDED, CandidateSource(UNBOUNDED, seed, s).take(1024).x)
@@ -145,7 +147,7 @@ def test_sobol_is_more_even_than_random(seed):
 
 @either
 def test_all_that_is_feasible_among_the_points_of_the_cube(sampling):
-    """The candidates are the points that an unconstrained source of the same seed has, less those outside."""
+    """The candidates are the feasible points of an unconstrained source of the same seed."""
     points = CandidateSource(UNBOUNDED, 11, sampling).take(10_000).x
     feasible = points[KR270.workspace.contains(points)]
     assert 1000 < len(feasible) < 9000
@@ -175,7 +177,7 @@ def test_empty_set_names_the_constraint(sampling):
 
 
 def test_patience_ends_with_the_first_feasible_pose():
-    """A rare feasible set is found if it shows within the patience, and is then sampled for as long as it takes."""
+    """A rare feasible set that is found within the patience is sampled for as long as it takes."""
     rare = replace(
         KR270,
         workspace=Workspace(KR270.workspace.robot, (*KR270.workspace.constraints, Height(2.9))),

@@ -25,7 +25,7 @@ on_every_load = pytest.mark.parametrize("space", LOADED.values(), ids=LOADED)
 
 
 def plans(space, b=2, k=5, seed=0):
-    """Design variables (b, k, v) and repetitions (b, k), of random plans that identify all parameters."""
+    """Design variables (b, k, v) and repetitions (b, k) of random regular plans."""
     x = sample_feasible(space, b * k, seed).reshape(b, k, -1)
     return x, np.tile(np.arange(1.0, k + 1), (b, 1))
 
@@ -48,7 +48,7 @@ def test_a_plan_has_the_wrenches_of_its_variables(space):
 
 
 def test_information_of_repetitions():
-    """A pose with repetitions tells what as many rows of it tell, and a plan what its poses tell together."""
+    """A pose with repetitions has the information of as many rows of it."""
     x, repeats = plans(ANY)
     plan = ANY.plan(x[0], repeats[0].astype(int))
     rows = np.repeat(np.arange(5), plan.repeats)
@@ -60,7 +60,7 @@ def test_information_of_repetitions():
 
 
 def test_wrenches_of_any_plan_are_its_own():
-    """A plan is judged under its own wrenches, whatever the design's load: twice the force, four times the worth."""
+    """A plan counts under its own wrenches: twice the force is four times the information."""
     plan = DESIGN.plan(plans(DESIGN)[0][0], np.ones(5, dtype=int))
     np.testing.assert_allclose(
         DESIGN.information(replace(plan, wrench=2 * plan.wrench)),
@@ -71,7 +71,7 @@ def test_wrenches_of_any_plan_are_its_own():
 
 @on_every_load
 def test_bounds_and_what_moves(space):
-    """Fixed joints are neither drawn nor moved, a load's variables are both, and the index of a listed one is drawn."""
+    """Fixed joints are neither drawn nor moved; the index of a listed load is not moved."""
     n, d = len(space.fixed), len(space.load.limits.T)
     np.testing.assert_array_equal(space.limits[:, :n], space.workspace.robot.limits)
     np.testing.assert_array_equal(space.limits[:, n:], space.load.limits)
@@ -80,7 +80,7 @@ def test_bounds_and_what_moves(space):
 
 
 @pytest.mark.parametrize("fixed", [4.0, -3.3])
-def test_a_joint_fixed_outside_its_limits_is_refused(fixed):
+def test_a_joint_fixed_outside_its_limits_is_rejected(fixed):
     """No experiment could be feasible: the joint is named at once."""
     with pytest.raises(ValueError, match="q1 is fixed outside its limits"):
         replace(DESIGN, fixed=np.array([fixed, 0, 0, 0, 0, 0]))
@@ -100,7 +100,7 @@ def assert_close(M, expected):
 
 @on_every_load
 def test_plans_beside_kept_experiments(space):
-    """The information of m experiments more, however it is computed, is theirs and that of those there already."""
+    """The information of m new experiments, however computed, is theirs and the kept ones'."""
     repeats = np.array([2, 1, 3])
     kept, beside = kept_and_beside(space, repeats.sum())
     x = sample_feasible(space, 3, 9)
@@ -127,9 +127,10 @@ def test_candidates_beside_kept_experiments_are_the_same(space):
 
 @pytest.mark.parametrize("name", ["rho0", "D", "E", "O2", "O4", "O5"])
 def test_no_plan_beside_kept_experiments_beats_the_bound(name):
-    """The relaxation beside kept experiments bounds all plans of m candidates more, refined ones once it is searched.
+    """The relaxation beside kept experiments bounds all plans of m more candidates.
 
-    Exchanged plans come within a fifth of the bound, so that a bound 20 % too low would be noticed as well.
+    Exchanged plans come within a fifth of the bound, so that a bound 20 % too low would be noticed
+    as well.
     """
     m, criterion = 4, STUDY.criterion(name)
     kept, beside = kept_and_beside(DESIGN, m)
@@ -149,7 +150,7 @@ def test_no_plan_beside_kept_experiments_beats_the_bound(name):
 
 
 def test_no_refined_plan_beside_kept_experiments_beats_the_searched_bound():
-    """Over all poses, too: refined plans of m experiments more stay above the bound, and within a fifth of it."""
+    """Refined plans over all poses stay above the searched bound, and within a fifth of it."""
     m, criterion = 4, STUDY.criterion("rho0")
     kept, beside = kept_and_beside(DESIGN, m)
     relaxed = relax_poses(

@@ -18,9 +18,10 @@ moving = pytest.mark.parametrize(
 
 @moving
 def test_slope(space, derivative):
-    """The derivative of <B, A/sigma> by every joint and every load variable is its finite difference, for any B.
+    """The derivative of <B, A/sigma> by every design variable is its finite difference.
 
-    Truncation is h^4/30 of a fifth derivative, which for sines is of the size of A; by the load A is linear.
+    Truncation is h^4/30 of a fifth derivative, which for sines is of the size of A; by the load A
+    is linear.
     """
     x = sample_feasible(space, 6, 1)
     assert space.size == len(space.fixed) + len(space.load.limits.T)
@@ -38,7 +39,7 @@ def test_slope(space, derivative):
 
 @moving
 def test_slack_gradient(space, derivative):
-    """The derivative of every slack by joints and load is its finite difference; there is one label for each."""
+    """The derivative of every slack is its finite difference, and each slack has a label."""
     here = space.at(x := sample_feasible(space, 30, 2))
     assert here.slack.shape == (30, len(space.labels))
     used = 0
@@ -54,7 +55,7 @@ def test_slack_gradient(space, derivative):
 
 @on_every_load
 def test_experiments_of_any_shape(space):
-    """Experiments in any batch are those one by one: regressors, information, slacks, and their gradients."""
+    """Experiments in a batch of any shape are those one by one."""
     x = sample_feasible(space, 6, 3).reshape(2, 3, -1)
     whole = space.at(x)
     for i in np.ndindex(2, 3):
@@ -86,7 +87,7 @@ def test_some_experiments(space):
 
 @on_every_load
 def test_feasible_means_bounds_and_constraints(space):
-    """An experiment is feasible where no slack is negative and every variable is within its bounds."""
+    """An experiment is feasible where no slack is negative and all variables are within bounds."""
     rng = np.random.default_rng(5)
     lower, upper = space.limits
     whole = sample_feasible(space, 300, 5)

@@ -14,9 +14,7 @@ EPS = np.finfo(float).eps
 @SIZES
 @BATCH
 def test_gram_round_trip(p, batch):
-    """Unpacked Gram matrices are A'A of every candidate, to the rounding of a sum of as many terms
-    as rows.
-    """
+    """Unpacked Gram matrices are A'A of every candidate, to the rounding of a sum."""
     A = RNG.normal(size=(*batch, 4, p))
     packed = pack_gram(np.moveaxis(A, (-1, -2), (0, 1)))
     assert packed.shape == (p * (p + 1) // 2, *batch)
@@ -28,9 +26,7 @@ def test_gram_round_trip(p, batch):
 @SIZES
 @BATCH
 def test_unpack_is_symmetric_and_keeps_every_entry(p, batch):
-    """Unpacking copies entry (i, j), counted row by row in the upper triangle, to (i, j) and (j, i)
-    exactly.
-    """
+    """Unpacking copies each entry of the upper triangle, row by row, to (i, j) and (j, i)."""
     packed = RNG.normal(size=(p * (p + 1) // 2, *batch))
     M = unpack(packed)
     assert M.shape == (*batch, p, p)
@@ -44,9 +40,7 @@ def test_unpack_is_symmetric_and_keeps_every_entry(p, batch):
 
 @SIZES
 def test_price_rows_give_the_inner_product(p):
-    """The product of price rows and packed matrices is trace(Z M), for one multiplier and for a
-    stack of them.
-    """
+    """The product of sensitivity rows and packed matrices is trace(Z M), for one Z or a stack."""
     Z = RNG.normal(size=(2, 3, p, p))
     Z = Z + np.swapaxes(Z, -1, -2)
     packed = RNG.normal(size=(p * (p + 1) // 2, 6))
@@ -59,9 +53,7 @@ def test_price_rows_give_the_inner_product(p):
 
 
 def test_order_inverts_the_length_of_a_triangle():
-    """The order of p (p + 1)/2 entries is p, up to sizes whose root is large; any other length is
-    refused.
-    """
+    """The order of p (p + 1)/2 entries is p, also of large ones; any other length is rejected."""
     for p in (*range(1, 60), 10_000, 1_000_000):
         assert order(p * (p + 1) // 2) == p
     for length in set(range(60)) - {p * (p + 1) // 2 for p in range(1, 12)}:

@@ -46,7 +46,7 @@ def read(tmp_path):
 
 @pytest.mark.parametrize("robot", [KR270, MIXED], ids=["KR 270", "prismatic"])
 def test_round_trip(robot, tmp_path):
-    """A plan comes back from its file with poses, wrenches and repetitions, to the ten digits written."""
+    """A plan comes back from its file to the ten digits written."""
     plan = plan_of(robot)
     plan.to_csv(tmp_path / "a" / "plan.csv", robot)
     back = Plan.from_csv(tmp_path / "a" / "plan.csv", robot, {}, np.zeros(6))
@@ -58,7 +58,7 @@ def test_round_trip(robot, tmp_path):
 
 @pytest.mark.parametrize("robot", [KR270, MIXED], ids=["KR 270", "prismatic"])
 def test_round_trip_by_frame(robot):
-    """A plan comes back from its table, whatever the table's index, to the rounding of its units."""
+    """A plan comes back from its table to the rounding of units, whatever the table's index."""
     plan = plan_of(robot)
     frame = plan.to_frame(robot).set_index(pd.Index([7, 7, 1, 0]))
     back = Plan.from_frame(frame, robot)
@@ -96,7 +96,7 @@ def test_units_of_a_prismatic_joint(tmp_path):
 
 
 def test_defaults(read):
-    """A fixed joint, the wrench and the repetitions may be left out; one wrench column overrides its component."""
+    """Fixed joints, wrench and repetitions may be left out; a column overrides one component."""
     plan = read(f"# a note\n{HEAD},Fx_N\n-90, 0,10,20,30,7\n-80,1,2,3,4,-7\n")
     np.testing.assert_array_equal(plan.q[:, 0], 0.25)
     np.testing.assert_allclose(plan.q[0, 1:], np.deg2rad([-90, 0, 10, 20, 30]), rtol=1e-15)
@@ -134,9 +134,10 @@ GOOD = "-90,0,10,20,30"
         ('q2_deg,q3_deg\n"1,2\n', []),
     ],
     ids=[
-        "NaN", "empty cell", "short row", "inf", "text", "unknown column", "column twice", "missing column",
-        "repeats 0", "repeats 1.5", "repeats -1", "repeats empty", "wrench text", "long row",
-        "long first row", "repeats 1e300", "empty file", "comment only", "header only", "open quote",
+        "NaN", "empty cell", "short row", "inf", "text", "unknown column", "column twice",
+        "missing column", "repeats 0", "repeats 1.5", "repeats -1", "repeats empty", "wrench text",
+        "long row", "long first row", "repeats 1e300", "empty file", "comment only", "header only",
+        "open quote",
     ],
 )  # fmt: skip
 def test_wrong_file(read, tmp_path, text, named):
@@ -167,7 +168,7 @@ def test_no_file(tmp_path):
 
 
 def test_repeated():
-    """Carrying a plan out several times multiplies the repetitions, and with them the experiments."""
+    """A plan that is carried out several times has as many times the repetitions."""
     plan = plan_of(KR270, k=3)
     assert plan.experiments == 6
     assert plan.repeated(4).experiments == 24
@@ -185,7 +186,7 @@ def test_sum():
 
 
 def test_a_load_that_the_study_leaves_open_must_be_in_the_file(tmp_path):
-    """Without a default each force must have its column, and is named where it has none; torques are zero then."""
+    """Without a default wrench each force must have a column; missing torques are zero."""
     path, columns = tmp_path / "plan.csv", ("Fx_N", "Fy_N", "Fz_N")
     for n in range(3):
         path.write_text(f"{HEAD}{''.join(f',{c}' for c in columns[:n])}\n{GOOD}{',1' * n}\n")

@@ -25,7 +25,7 @@ def test_information_is_the_sum_of_outer_products(blocks, sigma):
 
 
 def test_information_of_few_and_of_many_candidates_agree(blocks):
-    """Weights on few candidates give the sum of their blocks, as do weights on all, to the rounding of the sum."""
+    """The information of few and of many weights is the sum of their blocks, to rounding."""
     problem = Problem(blocks)
     rng = np.random.default_rng(1)
     for k in range(8):
@@ -37,7 +37,7 @@ def test_information_of_few_and_of_many_candidates_agree(blocks):
 
 
 def test_blocks_are_information_of_one_each(blocks):
-    """The information of a unit weight is the candidate's own block, chosen one by one, as a list, or all."""
+    """The information of a unit weight is the candidate's block, however blocks are chosen."""
     problem = Problem(blocks, 2.0)
     assert (problem.n, problem.p) == (7, 4)
     assert problem.packed.shape == (10, 7)
@@ -52,10 +52,10 @@ def test_blocks_are_information_of_one_each(blocks):
 )
 @pytest.mark.parametrize("rows", [1, 3, 6])
 def test_factors_are_roots_of_the_information(rows, units):
-    """U' U is the candidate's information, with no more rows than its rank, chosen one by one, as a list, or all.
+    """U' U is the candidate's information, with no more rows than its rank, however chosen.
 
-    An eigenvalue that is left out is below 1e-13 of the largest, and rounding is a few eps of it, both at the scale
-    sqrt(m_ii m_jj) of the mean.
+    An eigenvalue that is left out is below 1e-13 of the largest, and rounding is a few eps of it,
+    both at the scale sqrt(m_ii m_jj) of the mean.
     """
     problem = Problem(np.random.default_rng(0).normal(size=(7, rows, 4)) * units)
     U = problem.factors()
@@ -69,7 +69,7 @@ def test_factors_are_roots_of_the_information(rows, units):
 
 
 def test_factors_of_candidates_that_tell_different_amounts():
-    """Ranks may differ, a candidate may tell nothing, and a parameter may be excited by none: the largest counts."""
+    """Factors have as many rows as the largest rank, also beside candidates of no information."""
     blocks = np.zeros((4, 2, 3))
     blocks[0] = [[1, 2, 0], [3, -1, 0]]
     blocks[1, 0] = [1e-3, 0, 0]
@@ -101,7 +101,7 @@ def test_sensitivities_are_traces(blocks):
 
 
 def test_of_information_is_the_same_problem_without_a_copy(blocks):
-    """A problem made from packed information has the same blocks and names, and shares the memory."""
+    """A problem of packed information has the same blocks and names, and shares the memory."""
     problem = Problem(blocks, 0.5, ("a", "b", "c", "d"))
     same = Problem.of_information(problem.packed, problem.parameters)
     assert np.shares_memory(same.packed, problem.packed)
@@ -110,7 +110,7 @@ def test_of_information_is_the_same_problem_without_a_copy(blocks):
 
 
 def test_with_unit_trace(blocks):
-    """Every candidate is scaled to trace one and nothing else; one without information is left as it is."""
+    """Every candidate is scaled to trace one; one without information is left as it is."""
     blocks[3] = 0
     blocks *= 10.0 ** np.arange(-9, 12, 3)[:, None, None]
     problem = Problem(blocks, parameters=("a", "b", "c", "d"))
@@ -217,7 +217,7 @@ def test_non_finite_information_is_named(blocks, value):
 
 
 def test_block_whose_information_overflows_is_named(blocks):
-    """A finite block whose square is not finite is rejected by name too, not by a warning about an overflow."""
+    """A finite block whose square is not finite is rejected by name, without a warning."""
     blocks[4] *= 1e200
     with pytest.raises(ValueError, match="block 4 "):
         Problem(blocks)
@@ -265,7 +265,7 @@ def test_sigma(blocks, sigma):
     ids=["unexcited", "equal", "proportional", "opposite", "two", "three"],
 )
 def test_rank_deficient_candidates_name_the_directions(columns, named, scale):
-    """The message names the directions that no candidate excites, whatever the unit of the information."""
+    """The message names the directions that no candidate excites, in any unit."""
     problem = Problem(scale * np.column_stack(columns)[:, None, :])
     with pytest.raises(
         RankDeficientError, match=f"no candidate excites {named.replace('+', '[+]')}$"
@@ -274,7 +274,7 @@ def test_rank_deficient_candidates_name_the_directions(columns, named, scale):
 
 
 def test_directions_are_named_in_the_parameters_units():
-    """In units 1e-7 and 1e4 the direction (1, -1/2) of (x, 2 x) is named in those units, by the caller's names."""
+    """The open direction (1, -1/2) of (x, 2 x) is named in the parameters' units and names."""
     T = np.array([1e-7, 1e4, 1.0])
     rows = np.column_stack([X, 2 * X, X**2]) * T
     with pytest.raises(RankDeficientError, match=r"excites a - 5e-12 b$"):
@@ -283,7 +283,7 @@ def test_directions_are_named_in_the_parameters_units():
 
 @pytest.mark.parametrize("spread", [0.0, 7.0, 20.0])
 def test_units_make_no_candidates_deficient(blocks, spread):
-    """Candidates of full rank pass in units that differ by twice `spread` decades, and with duplicates."""
+    """Candidates of full rank pass in units of twice `spread` decades, and with duplicates."""
     units = 10.0 ** np.linspace(-spread, spread, 4)
     Problem(blocks * units).require_identifiable()
     Problem(np.repeat(blocks * units, 3, axis=0)).require_identifiable()

@@ -26,7 +26,7 @@ KR270 = STUDY.space
 
 
 def odd() -> DesignSpace:
-    """Prismatic joints among revolute ones on skew axes, forces and torques, six measured rows, a fixed joint."""
+    """A robot with prismatic joints and skew axes, six measured rows, torques, a fixed joint."""
     rng = np.random.default_rng(3)
     kinds = ("revolute", "prismatic", "revolute", "revolute", "prismatic", "revolute")
     joints = tuple(
@@ -74,14 +74,14 @@ LOADED = {
 
 
 def log_cost_slope(space, criterion, x, repeats):
-    """Log costs (b,) of plans x (b, k, v) with repetitions (b, k), and slopes (b, k, d) by the movable variables."""
+    """Log costs (b,) of plans x (b, k, v) with repetitions (b, k), and slopes (b, k, d)."""
     near = Neighbourhood(space, x)
     value, slope, _, _ = LogCost(criterion, repeats).local(near, np.arange(len(x)))
     return value, slope / near.span
 
 
 def symmetric(q):
-    """One pose (6,) of the KR 270, and seven others with the same information under a vertical force."""
+    """A pose (6,) of the KR 270, and seven others of the same information (vertical force)."""
     turn = 2 * np.pi * np.eye(6)
     flip = q * [1, 1, 1, 1, -1, 1] + np.pi * np.array([0, 0, 0, 1, 0, 1])
     mirror = [1, 1, 1, -1, 1, -1]

@@ -37,7 +37,7 @@ def test_adams_example():
 
 @cases
 def test_multiplier(seed):
-    """Pukelsheim and Rieder's characterisation: one multiplier v has n_i - 1 <= v w_i <= n_i for all i."""
+    """One multiplier v has n_i - 1 <= v w_i <= n_i for all i (Pukelsheim and Rieder)."""
     w = draw(seed)
     w = w[w > 0]
     for m in range(len(w), 40):
@@ -47,7 +47,7 @@ def test_multiplier(seed):
 
 @cases
 def test_efficiency_bound(seed):
-    """The likelihood ratio min n_i/(m w_i), a bound on every criterion's efficiency, is at least 1 - l/m."""
+    """The least n_i/(m w_i), which bounds every criterion's efficiency, is at least 1 - l/m."""
     w = draw(seed)
     w = w[w > 0]
     for m in range(len(w), 60):
@@ -78,7 +78,7 @@ def test_fewer_experiments_than_support():
     [([0.5, 0.5], 0), ([0.5, -0.5], 2), ([0.0, 0.0], 2), ([np.nan, 1.0], 2), ([[1.0]], 2), ([], 1)],
 )
 def test_bad_input(weights, m):
-    """Weights or numbers of the wrong kind are refused."""
+    """Weights or numbers of the wrong kind are rejected."""
     with pytest.raises(ValueError, match="apportion needs"):
         apportion(weights, m)
 

@@ -37,7 +37,7 @@ def assert_equal(one, other):
 
 
 def assert_sound(work, costs, plans):
-    """Feasible plans of m experiments at k places, at most four, each of its own cost, the best first."""
+    """The plans are feasible, of m experiments, at most four, with their costs, the best first."""
     assert plans.x.shape == (len(costs), work.places, work.space.size)
     assert 1 <= len(costs) <= ELITE
     assert work.space.at(plans.x).feasible.all()
@@ -55,7 +55,7 @@ CASES = [("rho0", 4, 4), ("D", 7, 3), ("O2", 3, 3)]
 
 @pytest.mark.parametrize("args", CASES)
 def test_what_it_comes_back_with(args):
-    """Whatever the criterion, smooth or with kinks, the plans are feasible and worth what is said."""
+    """Plans of criteria with and without kinks are feasible and have the stated costs."""
     assert_sound(batch(*args), *answer(*args))
 
 
@@ -88,14 +88,14 @@ def test_better_than_its_starts(args):
 
 
 def test_it_depends_on_itself_alone():
-    """A copy that has gone through a pipe, with other settings of threads around it, gives the same answer."""
+    """A pickled copy gives the same answer, whatever the number of threads around it."""
     copy = pickle.loads(pickle.dumps(batch()))
     with threadpool_limits(2):
         assert_equal(copy(), answer())
 
 
 def test_one_thread(monkeypatch):
-    """Its products are sums in one thread, whatever is allowed outside, so that their rounding is always the same."""
+    """A batch computes in one thread, so that the rounding of products is always the same."""
     monkeypatch.setattr(
         Batch, "_search", lambda self, late: [pool["num_threads"] for pool in threadpool_info()]
     )
@@ -110,7 +110,7 @@ def test_seeds_differ():
 
 @pytest.mark.parametrize("args", CASES)
 def test_no_time(args):
-    """A batch that is late from the beginning makes its starts, no descent, and comes back with feasible plans."""
+    """A batch without time makes its starts, no descent, and returns feasible plans."""
     late = (*args, (0,), 0.0)
     assert_sound(batch(*late), *answer(*late))
     assert answer(*late)[0][0] >= answer(*args)[0][0] * (1 - 1e-9)

@@ -30,7 +30,7 @@ def every(m, k):
 
 @pytest.mark.parametrize("name", criteria.available())
 def test_no_single_move_helps(name):
-    """What is returned are whole numbers of the same sum, no worse than the start, that no single move improves.
+    """The result has whole numbers of the same sum, and no single move improves it.
 
     A move that gains less than 1e-12 ends the search; the cost itself is known to 64 p eps cond.
     """
@@ -53,9 +53,11 @@ def test_no_single_move_helps(name):
 
 @pytest.mark.parametrize("name", criteria.available())
 def test_against_enumeration(name):
-    """From an even start the best of all distributions of eight measurements is found in nine of ten cases or more.
+    """From an even start the best distribution of eight measurements is found in nine of ten
+    cases.
 
-    A move takes one measurement only, so that a cost with kinks, or one that is not convex, can end in a trap.
+    A move takes one measurement only, so that a cost with kinks, or one that is not convex, can
+    end in a trap.
     """
     off = []
     for seed in range(10):
@@ -69,14 +71,14 @@ def test_against_enumeration(name):
 
 
 def test_known_answer():
-    """Variances 9/r_1 + 1/r_2 are least, of eight measurements, with six in the first pose: 9/6 + 1/2."""
+    """The variances 9/r_1 + 1/r_2 of eight measurements are least with six in the first pose."""
     criterion, blocks = criteria.create("A"), np.stack([np.diag([1 / 9, 0.0]), np.diag([0.0, 1.0])])
     for start in ([1, 7], [7, 1], [4, 4], [0, 8]):
         assert best_repeats(criterion, blocks, np.array(start)).tolist() == [6, 2]
 
 
 def test_a_singular_start_is_left():
-    """From a start that identifies nothing, one move away from a regular one, the way goes on to the best."""
+    """From a singular start, one move away from a regular one, the best plan is reached."""
     _, blocks, _ = case(0)
     criterion = criteria.create("D")
     found = best_repeats(criterion, blocks, np.eye(len(blocks))[0] * 6)
@@ -87,7 +89,7 @@ def test_a_singular_start_is_left():
 
 
 def test_where_nothing_can_be_told():
-    """A start from which no single move leads to a regular plan comes back as it was, and so does a single pose."""
+    """A start with no regular plan one move away comes back unchanged, as does a single pose."""
     blocks = np.eye(4)[:, :, None] * np.eye(4)[:, None]
     start = np.array([4, 0, 0, 0])
     assert best_repeats(criteria.create("A"), blocks, start).tolist() == start.tolist()
@@ -105,7 +107,7 @@ def test_the_start_is_not_changed():
 
 @pytest.mark.parametrize("name", ["rho0", "D", "E"])
 def test_very_many_measurements(name):
-    """A hundred thousand measurements are shared out as a thousand are, a hundred times over, and no move helps."""
+    """A hundred thousand measurements are distributed as a thousand are, and no move helps."""
     _, blocks, A0 = case(3)
     criterion, k = criteria.create(name, A0), len(blocks)
     few, many = (best_repeats(criterion, blocks, np.bincount([0], [m], k)) for m in (1000, 100_000))

@@ -18,7 +18,7 @@ SIZE = 12
 
 @cache
 def relaxed():
-    """A relaxation over a few candidates, of fewer support points than the largest number of places here."""
+    """A relaxation with fewer support points than the largest number of places in these tests."""
     return relax_poses(CandidateSource(KR270, 0, "sobol", workers=1), 200, RHO0)
 
 
@@ -39,7 +39,7 @@ def costs(some):
 
 @pytest.mark.parametrize(("m", "k"), [(3, 3), (4, 2), (12, 12), (25, 16)])
 def test_what_all_have_in_common(m, k):
-    """Each start has k feasible experiments and whole repetitions of sum m, with and without places to spare."""
+    """Each start has k feasible experiments, and whole repetitions of sum m."""
     some = made(m, k)
     assert some.x.shape == (SIZE, k, KR270.size)
     assert some.repeats.shape == (SIZE, k)
@@ -51,7 +51,7 @@ def test_what_all_have_in_common(m, k):
 
 @pytest.mark.parametrize(("m", "k"), [(3, 3), (4, 2), (12, 12), (25, 16)])
 def test_the_first_is_the_apportionment(m, k):
-    """The first start measures the k heaviest poses of the relaxation as apportionment says, whatever the seed."""
+    """The first start is the apportionment of the k heaviest poses, whatever the seed."""
     plan = relaxed()
     heaviest = np.argsort(-plan.weights, kind="stable")[:k]
     expected = apportion(plan.weights[heaviest], m)
@@ -69,7 +69,7 @@ def test_the_support_is_smaller_than_the_places():
 
 @pytest.mark.parametrize(("m", "k"), [(4, 4), (7, 3)])
 def test_exchanged_ones_are_best_in_their_pool(m, k):
-    """Every other start is exchanged: none of its places can be improved from the pool, and none of its repetitions."""
+    """Neither places nor repetitions of every second start can be improved from the pool."""
     plan, some = relaxed(), made(m, k)
     pool = Candidates(plan.x, KR270.problem(plan.x)) + CandidateSource(KR270, 9, workers=1).take(30)
     blocks, found = pool.problem.blocks(), costs(some)
@@ -84,7 +84,7 @@ def test_exchanged_ones_are_best_in_their_pool(m, k):
 
 
 def test_drawn_by_weight():
-    """Every fourth start consists of support points only, and the others draw on fresh experiments too."""
+    """Every fourth start has support points only, and the others have fresh experiments too."""
     plan = relaxed()
 
     def known(i):

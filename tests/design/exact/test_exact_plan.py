@@ -20,7 +20,7 @@ from edtk.design.sample_feasible import sample_feasible
 
 @cache
 def exact(name="D", beside=False, space=KR270):
-    """A plan of two poses and five experiments, with one that was there where asked for; made up, not searched."""
+    """A made-up plan of two poses and five experiments, on request beside one that is kept."""
     criterion = STUDY.criterion("rho0") if name == "rho0" else create(name)
     x = sample_feasible(space, 3, 4)
     kept = space.plan(x[2:], np.array([1])) if beside else None
@@ -51,7 +51,7 @@ def exact(name="D", beside=False, space=KR270):
 @pytest.mark.parametrize("name", ["D", "rho0", "O2", "O4"])
 @pytest.mark.parametrize("beside", [False, True])
 def test_bound_and_efficiency(name, beside):
-    """Of m new experiments the bound is that of one, by m to the degree; efficiency is their ratio, below one.
+    """The bound of m experiments is that of one, divided by m to the degree.
 
     The bound that speaks of all poses is taken where there is one.
     """
@@ -64,7 +64,7 @@ def test_bound_and_efficiency(name, beside):
 
 @pytest.mark.parametrize("name", ["D", "rho0", "O2", "O4"])
 def test_printed_values(name):
-    """Value and bound are those of the formula: the bound is the larger one where the value is maximised."""
+    """Value and bound are printed by the formula: a maximised value is below its bound."""
     plan = exact(name)
     M = KR270.information(plan.plan)
     maximised = plan.relaxed.criterion.sense == "max"
@@ -84,7 +84,7 @@ def test_whole(name):
 
 
 def test_violation():
-    """The worst of the new poses counts, by its distance to the constraint; what is there already does not."""
+    """The violation is that of the worst new pose; kept poses do not count."""
     assert exact().violation == 0
     plan = exact(beside=True)
     low = Plan(np.array([[0, 0.7, 1.0, 0, 0, 0]]), plan.plan.wrench[:1], np.array([1]))
@@ -96,7 +96,7 @@ def test_violation():
 
 @pytest.mark.parametrize("beside", [False, True])
 def test_json(beside):
-    """Everything a program needs, as plain numbers; a row a pose, with degrees, wrench, and whether it was there."""
+    """A program gets plain numbers; each pose has degrees, wrench, and whether it is kept."""
     plan = exact("rho0", beside)
     data = json.loads(json.dumps(plan.to_dict(), allow_nan=False))
     assert data["criterion"] == "rho0"
@@ -114,7 +114,7 @@ def test_json(beside):
 
 
 def test_json_without_a_bound():
-    """A bound of nothing is null in JSON, which has no infinity, and a proved one is not called searched."""
+    """A bound that says nothing is null in JSON, and a proved one is not called searched."""
     plan = exact("D")
     nothing = replace(plan.relaxed.proved_bound, cost=0.0)
     relaxed = replace(plan.relaxed, proved_bound=nothing, searched_bound=None)
@@ -126,7 +126,7 @@ def test_json_without_a_bound():
 
 
 def test_summary():
-    """A person reads criterion, value and bound in mm, efficiency, how the search went, and a line per pose."""
+    """The summary has value and bound in mm, efficiency, the search, and a line per pose."""
     plan = exact("rho0")
     lines = plan.summary().splitlines()
     assert lines[0].startswith("rho0, ")
@@ -146,7 +146,7 @@ def test_summary():
 
 
 def test_summary_of_wrenches():
-    """Wrenches are shown where they may differ: when the load is chosen, and when others were there already."""
+    """Wrenches are shown where they may differ: for designed loads, beside kept experiments."""
     assert "Fz_N" not in exact("D").summary()
     assert "Fz_N" in exact("D", space=LOADED["kr270 free"]).summary()
     beside = exact("D", True).summary().splitlines()

@@ -33,14 +33,14 @@ def slip(*matrices):
 
 
 def trials(problem, plan, repeats):
-    """Information (k, n, p, p) of the plans with any one of the places exchanged for any candidate."""
+    """Information (k, n, p, p) after each exchange of a place for a candidate."""
     blocks = problem.blocks()
     M = np.tensordot(repeats, blocks[plan], 1)
     return np.stack([M + r * (blocks - blocks[i]) for i, r in zip(plan, repeats, strict=True)])
 
 
 def assert_no_exchange_helps(problem, criterion, plan, repeats, cost):
-    """The cost is that of the plan, and no single exchange lowers it by more than what ends the search, 1e-12."""
+    """The cost is that of the plan, and no single exchange lowers it by more than 1e-12."""
     M = np.tensordot(repeats, problem.blocks(plan), 1)
     assert cost == pytest.approx(float(criterion.cost(M)), rel=1e-12)
     tried = trials(problem, plan, repeats)
@@ -48,7 +48,7 @@ def assert_no_exchange_helps(problem, criterion, plan, repeats, cost):
 
 
 def assert_close_to_enumeration(names, starts, repeated):
-    """In at least 95 of 100 cases the best of the starts is the best of all plans; it is never more than 1 % off."""
+    """The best of several starts is the best of all plans in 95 of 100 cases, else within 1 %."""
     assert sum(100 // len(names) for _ in names) == 100
     off = []
     for seed in range(100):
@@ -77,7 +77,7 @@ def assert_close_to_enumeration(names, starts, repeated):
 
 @pytest.mark.parametrize("family", FAMILIES)
 def test_against_enumeration(family):
-    """From random starts the best plan of all is found in 95 of 100 cases, and missed by 1 % at most."""
+    """From random starts the best of all plans is found in 95 of 100 cases, else within 1 %."""
     assert_close_to_enumeration(*FAMILIES[family], repeated=False)
 
 
@@ -88,7 +88,7 @@ def test_repetitions_against_enumeration():
 
 @pytest.mark.parametrize("name", criteria.available())
 def test_no_single_exchange_helps(name):
-    """What is returned is no worse than its start and cannot be improved by one exchange, with repetitions or not."""
+    """The result is no worse than its start, and no single exchange improves it."""
     for seed in range(100, 110):
         rng, problem, m, A0 = case(seed)
         criterion = criteria.create(name, A0)
@@ -120,10 +120,10 @@ def test_places_keep_their_order():
 
 @pytest.mark.parametrize("start", [[0, 0], [1, 1]])
 def test_repetitions_stay_with_their_place(start):
-    """From a singular start, the place of three measurements ends up in the direction that counts most.
+    """The place of three measurements ends up in the direction that counts most.
 
-    With information 1 in the first direction and 3 in the second ``9 k_1 + k_2`` has variance 9 + 1/3; the other way
-    round 9/3 + 1 = 4.
+    With information 1 in the first direction and 3 in the second ``9 k_1 + k_2`` has variance 9 +
+    1/3; the other way round 9/3 + 1 = 4.
     """
     problem, criterion = Problem(np.eye(2)[:, None]), criteria.create("rho0", np.diag([3.0, 1.0]))
     plan, cost = exchange(problem, criterion, np.array(start), np.array([1.0, 3.0]))
@@ -157,7 +157,7 @@ def test_what_is_there_already_counts(name):
 
 
 def test_a_singular_start_is_left():
-    """A start that measures one candidate only, and identifies nothing, ends in a regular plan of the best cost."""
+    """A singular start that measures one candidate only ends in a regular plan of the best cost."""
     rng = np.random.default_rng(1)
     problem, criterion = Problem(rng.normal(size=(12, 2, 3))), criteria.create("D")
     for repeats in (np.ones(3), np.array([2.0, 1.0, 4.0])):
@@ -178,7 +178,7 @@ def test_many_candidates(repeats, shortlists):
 
 
 def test_chunks(monkeypatch):
-    """Judging the candidates in chunks changes nothing."""
+    """Candidates in chunks changes nothing."""
     rng, problem, m, _ = case(9)
     start, criterion = rng.integers(0, problem.n, m), criteria.create("A")
     whole = exchange(problem, criterion, start)
@@ -190,7 +190,7 @@ def test_chunks(monkeypatch):
 @pytest.mark.parametrize("name", ["rho0", "D", "O2"])
 @pytest.mark.parametrize("thorough", [False, True])
 def test_plans_of_a_batch_do_not_see_each_other(name, thorough):
-    """Plans that are exchanged together end as each does alone; a singular one and a single place are among them."""
+    """Plans that are exchanged together end as each does alone, singular ones included."""
     rng = np.random.default_rng(2)
     problem, criterion = (
         Problem(rng.normal(size=(300, 2, 3))),

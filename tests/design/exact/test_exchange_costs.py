@@ -17,10 +17,11 @@ def slip(*matrices):
 @pytest.mark.parametrize("name", criteria.available())
 @pytest.mark.parametrize("rows", [1, 3])
 def test_updates_equal_direct_costs(name, rows):
-    """Costs by the lemma of the inverse are those of the matrices themselves, to rounding; in any units, where free.
+    """Updated costs are those of the matrices themselves, to rounding.
 
-    The update of R by J subtracts from the inverse of R, which is exact to the condition of R at unit diagonal; what
-    remains is smaller by the largest eigenvalue of ``R^-1 (R + J)``, and its relative error larger.
+    The update of R by J subtracts from the inverse of R, which is exact to the condition of R at
+    unit diagonal; what remains is smaller by the largest eigenvalue of ``R^-1 (R + J)``, and its
+    relative error larger.
     """
     rng = np.random.default_rng(rows)
     p = 4
@@ -44,10 +45,10 @@ def test_updates_equal_direct_costs(name, rows):
 @pytest.mark.parametrize("name", criteria.available())
 @pytest.mark.parametrize("left", [0.0, 1e-9, 1e-5])
 def test_near_singular_rest(name, left):
-    """Where what is left of a plan is singular or nearly so, costs are those of the matrices, bit by bit.
+    """Where the rest of a plan is nearly singular, costs are those of the matrices, bit by bit.
 
-    A singular rest is told by its least eigenvalue at unit diagonal, here `left^2` to its order; the lemma would lose
-    all digits.
+    A singular rest is told by its least eigenvalue at unit diagonal, here `left^2` to its order;
+    the lemma would lose all digits.
     """
     rng = np.random.default_rng(7)
     p = 3
@@ -67,7 +68,7 @@ def test_near_singular_rest(name, left):
 
 
 def test_exchange_beside_the_rounding_of_nothing():
-    """A parameter that what is left of a plan excites by rounding only is judged by the sum, not by an update."""
+    """A rest that excites a parameter by rounding alone is summed and inverted, not updated."""
     rest = np.array(
         [
             [1.957e14, 3.211e11, -5.452e3],

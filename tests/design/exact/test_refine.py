@@ -34,7 +34,7 @@ def cost(criterion, x, repeats, space=DESIGN):
 @every
 @pytest.mark.parametrize("iterations", [1, 25])
 def test_never_worse_and_feasible(name, iterations):
-    """From feasible starts come plans that are no worse and feasible, with their costs; fixed joints are kept."""
+    """Plans from feasible starts are feasible and no worse; fixed joints are kept."""
     criterion, (start, repeats) = STUDY.criterion(name), start_of(4, 3, 0)
     before = start.copy()
     x, costs = refine(DESIGN, criterion, start, repeats, iterations=iterations)
@@ -48,17 +48,17 @@ def test_never_worse_and_feasible(name, iterations):
 @every
 @pytest.mark.parametrize("space", ["kr270 free", "odd fixed", "odd free"])
 def test_every_criterion_improves(name, space):
-    """Random plans get better under every criterion, on any robot and load, all of them and by a tenth at least."""
+    """All random plans get better by a tenth, under every criterion, on any robot and load."""
     space = LOADED[space]
     criterion = STUDY.criterion(name) if space.model.p == 5 else criteria.create(name, np.eye(3, 4))
-    start, repeats = start_of(4, 3, 1, space)
-    x, costs = refine(space, criterion, start, repeats, iterations=40)
+    start, repeats = start_of(3, 3, 1, space)
+    x, costs = refine(space, criterion, start, repeats, iterations=20)
     assert (costs < 0.9 * cost(criterion, start, repeats, space)).all()
     assert space.at(x).feasible.all()
 
 
 def test_singular_start_comes_back():
-    """One pose cannot identify five parameters: that start is returned, without an error, and the other is refined."""
+    """A singular start is returned without an error, and the other start is refined."""
     start, repeats = start_of(2, 3, 0)
     repeats[0] = [1, 0, 0]
     x, costs = refine(DESIGN, STUDY.criterion("D"), start, repeats)
@@ -87,10 +87,11 @@ def test_what_cannot_be_mended_has_infinite_cost():
 
 
 def test_smooth_optimum_is_stationary():
-    """At a refined D plan the slope is a non-negative combination of the slopes of the active constraints.
+    """At a refined D plan the slope is a non-negative combination of the slopes of the active
+    constraints.
 
-    The descent ends where a step gains less than 1e-7, which leaves a slope of sqrt(2 * 1e-7 * curvature), the latter
-    below 50 per squared radian.
+    The descent ends where a step gains less than 1e-7, which leaves a slope of sqrt(2 * 1e-7 *
+    curvature), the latter below 50 per squared radian.
     """
     criterion, (start, repeats) = STUDY.criterion("D"), start_of(4, 3, 1)
     x, _ = refine(DESIGN, criterion, start, repeats, iterations=300)
@@ -112,7 +113,7 @@ def test_smooth_optimum_is_stationary():
 
 
 def test_published_plan_of_four_is_improved():
-    """Four experiments: the best of eight refined plans beats the published one of Table 4 by more than 5 % in rho0."""
+    """The best of eight refined plans of four experiments beats that of Table 4 by 5 % in rho0."""
     criterion = STUDY.criterion("rho0")
     published = STUDY.published_plans()["table_4_4"]
     assert published.experiments == 4
@@ -122,7 +123,7 @@ def test_published_plan_of_four_is_improved():
 
 
 def slsqp(space, criterion, x, repeats):
-    """The cost that scipy's SLSQP reaches from the same start, of its feasible iterates the best."""
+    """The cost of the best feasible iterate of scipy's SLSQP from the same start."""
     move, shape = np.ix_(range(len(x)), space.movable), (len(x), len(space.movable))
     best = [np.inf]
 
@@ -133,10 +134,15 @@ def slsqp(space, criterion, x, repeats):
 
     def f(y):
         here = space.at(full(y)[None])
-        value, slope = log_cost_slope(space, criterion, here.x, repeats[None])
+        M = here.information(repeats[None])
+        value = float(np.log(criterion.cost(M))[0])
         if here.feasible.all():
-            best.append(float(value[0]))
-        return (float(value[0]) if np.isfinite(value[0]) else 1e3), slope[0].ravel()
+            best.append(value)
+        if not np.isfinite(value):
+            return 1e3, np.zeros(y.shape)
+        G = criterion.gradient(M) / np.exp(value)
+        slope = here.slope(2 * repeats[:, None, None] * (here.regressor @ G[:, None]))
+        return value, slope[0][..., space.movable].ravel()
 
     def slack(y):
         return space.at(full(y)).slack.ravel()
@@ -161,26 +167,27 @@ def slsqp(space, criterion, x, repeats):
 
 @pytest.mark.parametrize("name", ["A", "D", "O5", "rho0"])
 def test_against_slsqp(name):
-    """From the same starts scipy's SLSQP ends no lower than we do, to 1e-4, for half of them at least.
+    """From half of the same starts at least, scipy's SLSQP ends no lower than we do, to 1e-4.
 
     Two descents may come down in different valleys, so that single starts may differ either way.
     """
-    criterion, (start, repeats) = STUDY.criterion(name), start_of(16, 3, 5)
+    criterion, (start, repeats) = STUDY.criterion(name), start_of(8, 3, 5)
     costs = refine(DESIGN, criterion, start, repeats)[1]
     theirs = np.array([slsqp(DESIGN, criterion, x, r) for x, r in zip(start, repeats, strict=True)])
     assert (theirs < cost(criterion, start, repeats)).all()
-    assert (costs <= theirs * (1 + 1e-4)).sum() >= 8
+    assert (costs <= theirs * (1 + 1e-4)).sum() >= 4
 
 
 @pytest.mark.parametrize("name", [n for n in criteria.available() if criteria.get(n).monotone])
 def test_the_whole_of_a_bounded_load_is_used(name):
-    """More force never hurts a monotone criterion: every experiment that is refined ends at the largest force.
+    """Under a monotone criterion every refined experiment ends at the largest force.
 
-    The interior point keeps ``mu/z`` away from the bound, with z the slope of the log cost by the force; where that is
-    below 1e-5, an experiment that is worth next to nothing, it may be further away by mu/1e-5 with mu below 1e-9.
+    The interior point keeps ``mu/z`` away from the bound, with z the slope of the log cost by the
+    force; where that is below 1e-5, an experiment that is worth next to nothing, it may be further
+    away by mu/1e-5 with mu below 1e-9.
     """
     space = replace(DESIGN, load=BoundedLoad(LARGEST))
-    criterion, (start, repeats) = STUDY.criterion(name), start_of(4, 3, 2, space)
+    criterion, (start, repeats) = STUDY.criterion(name), start_of(2, 3, 2, space)
     x, _ = refine(space, criterion, start, repeats)
     assert start[..., -1].max() < 1
     assert (x[..., -1] > 1 - 1e-4).all()
@@ -191,12 +198,13 @@ def test_the_whole_of_a_bounded_load_is_used(name):
 def test_a_free_force_is_as_large_as_it_may_be(name, robot):
     """Whatever the direction, twice the force is worth four times as much: |F| ends at the limit.
 
-    The slack 1 - r ends at ``mu/z``, with mu below 1e-9 and z the slope of the log cost by the force. That is above
-    1e-2: the slopes of all experiments sum to twice the degree, and both are needed for all parameters.
+    The slack 1 - r ends at ``mu/z``, with mu below 1e-9 and z the slope of the log cost by the
+    force. That is above 1e-2: the slopes of all experiments sum to twice the degree, and both are
+    needed for all parameters.
     """
     space = replace(DESIGNS[robot], load=FreeLoad(2500.0))
     criterion = STUDY.criterion(name) if robot == "kr270" else criteria.create(name, np.eye(3, 4))
-    start, repeats = start_of(4, 2, 3, space)
+    start, repeats = start_of(2, 2, 3, space)
     x, _ = refine(space, criterion, start, repeats, iterations=800)
     n = len(space.fixed)
     force = np.linalg.norm(space.load.wrench(x[..., n:])[..., :3], axis=-1)
@@ -222,7 +230,7 @@ def test_a_listed_load_is_not_moved():
 
 
 def test_free_forces_are_worth_more_than_one():
-    """Over any direction of the force the best plan found is cheaper than over the one direction that it contains."""
+    """The best plan over any direction of the force is cheaper than over a single direction."""
     criterion, repeats = STUDY.criterion("rho0"), np.ones((8, 3))
     vertical = refine(DESIGN, criterion, start_of(8, 3, 6)[0], repeats)
     best = vertical[0][vertical[1].argmin()]
@@ -234,8 +242,8 @@ def test_free_forces_are_worth_more_than_one():
 
 
 def test_kinks():
-    """Sharper soft maxima follow blunter ones: the answer is never worse than after the bluntest, and may be better."""
-    criterion, (start, repeats) = STUDY.criterion("E"), start_of(6, 3, 7)
+    """Sharper soft maxima after blunter ones never make a plan worse, and may make it better."""
+    criterion, (start, repeats) = STUDY.criterion("E"), start_of(4, 3, 7)
     blunt, sharp = (
         refine(DESIGN, criterion, start, repeats, sharpness=s)[1]
         for s in ((10.0,), (10.0, 50.0, 250.0))
