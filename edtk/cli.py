@@ -34,7 +34,11 @@ COMMANDS = (
 
 
 class _Group(OneLine, click.Group):
-    """The program: a group of commands that answer mistakes with one line."""
+    """The program: a group of commands, listed in the order of a day's work."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Names of the commands in the order in which they are used."""
+        return list(self.commands)
 
 
 @click.group(

@@ -39,7 +39,7 @@ class _Number(click.ParamType[Any]):
         return number
 
 
-@click.command("bayes")
+@click.command("bayes", short_help="Sample the posterior that a plan leads to.")
 @click.argument("study", type=FilePath)
 @click.argument("plan", type=FilePath)
 @click.option(

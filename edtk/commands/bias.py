@@ -7,7 +7,7 @@ import click
 from edtk.commands.shared import FilePath, json_option, show
 
 
-@click.command("bias")
+@click.command("bias", short_help="Tell what the linear model costs.")
 @click.argument("study", type=FilePath)
 @click.argument("plan", type=FilePath)
 @json_option

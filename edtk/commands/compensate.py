@@ -7,7 +7,7 @@ import click
 from edtk.commands.shared import FilePath, json_option, show, warn
 
 
-@click.command("compensate")
+@click.command("compensate", short_help="Correct commands for the load.")
 @click.argument("study", type=FilePath)
 @click.argument("k", type=FilePath, metavar="K.json")
 @click.argument("task", type=FilePath)

@@ -7,7 +7,7 @@ import click
 from edtk.commands.shared import json_option
 
 
-@click.command("criteria")
+@click.command("criteria", short_help="List the criteria.")
 @json_option
 def command(as_json: bool) -> None:
     """List the criteria, built in or from plug-ins."""

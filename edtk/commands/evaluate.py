@@ -7,7 +7,7 @@ import click
 from edtk.commands.shared import FilePath, json_option, show
 
 
-@click.command("evaluate")
+@click.command("evaluate", short_help="Score a plan under every criterion.")
 @click.argument("study", type=FilePath)
 @click.argument("plan", type=FilePath)
 @json_option

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from edtk.calibration.finding import Kind
 
 
-@click.command("identify")
+@click.command("identify", short_help="Find compliances from measurements.")
 @click.argument("study", type=FilePath)
 @click.argument("measurements", type=FilePath)
 @click.option(

@@ -1,4 +1,4 @@
-"""Commands that answer every mistake of a user with one line."""
+"""Commands that answer every error of a user with one line."""
 
 import sys
 from typing import Any
@@ -7,7 +7,7 @@ import click
 
 from edtk.system.errors import ArgumentError, UserError
 
-MISTAKE = 2  # exit code
+USER_ERROR = 2  # exit code
 INTERRUPTED = 130  # exit code after Ctrl-C, as shells have it
 
 
@@ -20,14 +20,14 @@ HINTS = {
 
 
 class OneLine(click.Command):
-    """Mixin for a click command: a mistake is one line on standard error, and never a traceback."""
+    """Mixin for a click command: an error of the user is one line, and never a traceback."""
 
     program = "edtk"
 
     def main(self, *args: Any, **kwargs: Any) -> Any:
-        """Run the command and exit: with code 2 after a mistake, 130 after Ctrl-C."""
+        """Run the command and exit: with code 2 after an error of the user, 130 after Ctrl-C."""
         kwargs["standalone_mode"] = False
-        code = MISTAKE
+        code = USER_ERROR
         try:
             sys.exit(super().main(*args, **kwargs) or 0)
         except click.ClickException as error:
@@ -41,7 +41,7 @@ class OneLine(click.Command):
         except UserError as error:
             message = f"{error}{HINTS.get(type(error.__cause__).__name__, '')}"
         except LookupError as error:
-            # Imported late: the criteria bring scipy, which no mistake in a path should wait for.
+            # Imported late: the criteria bring scipy, which no error in a path should wait for.
             from criteria import CriterionError
 
             if not isinstance(error, CriterionError):

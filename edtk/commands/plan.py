@@ -20,7 +20,7 @@ from edtk.commands.shared import (
 )
 
 
-@click.command("plan")
+@click.command("plan", short_help="Find the best plan of m experiments.")
 @click.argument("study", type=FilePath)
 @click.option(
     "--size",

@@ -18,7 +18,7 @@ from edtk.commands.shared import (
 )
 
 
-@click.command("relax")
+@click.command("relax", short_help="Find the best weights, with a bound.")
 @click.argument("study", type=FilePath)
 @criterion_option
 @click.option(

@@ -10,7 +10,7 @@ from edtk.commands.shared import FilePath, FolderPath, dask_option, workers_opti
 BAR = "{percentage:3.0f} %|{bar}| [{elapsed}<{remaining}]{postfix}"
 
 
-@click.command("run")
+@click.command("run", short_help="Plan, compare and report a whole study.")
 @click.argument("study", type=FilePath)
 @click.option("--out", type=FolderPath, help="Folder [default: results/STUDY].")
 @workers_option

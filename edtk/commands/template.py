@@ -7,7 +7,7 @@ import click
 from edtk.commands.shared import FilePath
 
 
-@click.command("template")
+@click.command("template", short_help="Make a sheet to fill in in the lab.")
 @click.argument("study", type=FilePath)
 @click.argument("plan", type=FilePath)
 @click.option(

@@ -10,7 +10,7 @@ from edtk.commands.shared import FilePath, json_option, show
 NOT_VALID = 1  # exit code: the file was read, and a claim does not hold
 
 
-@click.command("verify")
+@click.command("verify", short_help="Recompute the claims of a certificate.")
 @click.argument("certificate", type=FilePath, metavar="FILE")
 @click.option("--study", type=FilePath, help="Study whose robot, load and limits FILE must have.")
 @json_option
