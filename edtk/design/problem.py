@@ -40,10 +40,9 @@ class Problem(Presented):
             shape of the prior does not fit the number of parameters.
 
     Example:
-        >>> import numpy as np
-        >>> from edtk.design.problem import Problem
+        >>> import numpy as np, edtk
         >>> x = np.array([-1.0, 0.0, 1.0])
-        >>> line = Problem(np.column_stack([np.ones(3), x])[:, None, :], sigma=0.5)
+        >>> line = edtk.Problem(np.column_stack([np.ones(3), x])[:, None, :], sigma=0.5)
         >>> line.information([1, 0, 1])
         array([[8., 0.],
                [0., 8.]])

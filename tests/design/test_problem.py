@@ -1,5 +1,8 @@
 """A problem of arrays: its information, its sensitivities, and what it rejects."""
 
+import doctest
+from importlib import import_module
+
 import numpy as np
 import pytest
 
@@ -287,3 +290,10 @@ def test_units_make_no_candidates_deficient(blocks, spread):
     units = 10.0 ** np.linspace(-spread, spread, 4)
     Problem(blocks * units).require_identifiable()
     Problem(np.repeat(blocks * units, 3, axis=0)).require_identifiable()
+
+
+def test_example():
+    """The example in the docstring runs and prints what it says."""
+    result = doctest.testmod(import_module("edtk.design.problem"))
+    assert result.attempted > 0
+    assert result.failed == 0

@@ -27,8 +27,8 @@ def apportion(weights: ArrayLike, m: int) -> Indices:
         ValueError: The weights or m are not of that kind.
 
     Example:
-        >>> from edtk.design.exact.apportion import apportion
-        >>> apportion([0.52, 0.31, 0.17], 10)
+        >>> import edtk
+        >>> edtk.apportion([0.52, 0.31, 0.17], 10)
         array([5, 3, 2])
     """
     w = np.asarray(weights, dtype=float)

@@ -49,13 +49,10 @@ def exchange(
     Example:
         The best two of eleven points for a straight line are its ends.
 
-        >>> import numpy as np
-        >>> from criteria import create
-        >>> from edtk.design.exact.exchange import exchange
-        >>> from edtk.design.problem import Problem
+        >>> import numpy as np, edtk
         >>> x = np.linspace(-1.0, 1.0, 11)
-        >>> line = Problem(np.column_stack([np.ones(11), x])[:, None, :])
-        >>> places, cost = exchange(line, create("D"), start=[4, 5])
+        >>> line = edtk.Problem(np.column_stack([np.ones(11), x])[:, None, :])
+        >>> places, cost = edtk.exchange(line, edtk.criteria.create("D"), start=[4, 5])
         >>> sorted(x[places].tolist())
         [-1.0, 1.0]
     """

@@ -37,11 +37,10 @@ def _reach(found: ExactPlan) -> str:
 
 def _experiments(found: ExactPlan) -> list[str]:
     """A header, and a line for each pose."""
-    whole = found.whole
-    table = whole.to_frame(found.relaxed.space.workspace.robot)
-    if not found.relaxed.space.load.limits.size and found.kept is None:
-        table = table.iloc[:, : -whole.wrench.shape[1]]  # one load for all, which the study states
+    table = found.to_frame()
     repeats = table.pop("repeats")
+    if found.kept is not None:
+        table = table.drop(columns="kept")
     kept_poses = 0 if found.kept is None else len(found.kept.q)
     lines = ["repeats  " + " ".join(f"{column:>9}" for column in table.columns)]
     for i, (times, row) in enumerate(zip(repeats, table.to_numpy(), strict=True)):

@@ -16,6 +16,7 @@ from edtk.design.plan import Plan
 from edtk.design.relaxation.largest_sensitivities import LargestSensitivities
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
 from edtk.design.sample_feasible import sample_feasible
+from edtk.tables.pose_table import WRENCH_COLUMNS
 
 
 @cache
@@ -111,6 +112,30 @@ def test_json(beside):
         [row["q_deg"] for row in data["plan"]], np.rad2deg(plan.whole.q), rtol=1e-14
     )
     np.testing.assert_array_equal([row["wrench"] for row in data["plan"]], plan.whole.wrench)
+
+
+@pytest.mark.parametrize("beside", [False, True])
+def test_round_trip(beside):
+    """A plan comes back from its plain numbers bit by bit, by way of JSON, with its relaxation."""
+    plan = exact("rho0", beside)
+    back = ExactPlan.from_dict(plan.relaxed, json.loads(json.dumps(plan.to_dict())))
+    assert back.to_dict() == plan.to_dict()
+    for name in ("q", "wrench", "repeats"):
+        np.testing.assert_array_equal(getattr(back.whole, name), getattr(plan.whole, name))
+    assert (back.cost, back.kept is None) == (plan.cost, plan.kept is None)
+
+
+def test_frame():
+    """The table has a pose a row, repetitions first, and wrenches where they may differ."""
+    angles = [f"q{i}_deg" for i in range(1, 7)]
+    alone = exact("rho0").to_frame()
+    assert list(alone) == ["repeats", *angles]
+    assert alone["repeats"].tolist() == [3, 2]
+    np.testing.assert_allclose(alone[angles], np.rad2deg(exact("rho0").plan.q), rtol=1e-14)
+    beside = exact("rho0", True).to_frame()
+    assert list(beside) == ["repeats", *angles, *WRENCH_COLUMNS, "kept"]
+    assert beside["kept"].tolist() == [True, False, False]
+    assert "Fz_N" in exact("D", space=LOADED["kr270 free"]).to_frame()
 
 
 def test_json_without_a_bound():
