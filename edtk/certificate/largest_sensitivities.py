@@ -74,7 +74,7 @@ class LargestSensitivities:
             reached = climb(self.setting, starts[order], self._height(j))
             top = max(float(self._height(j)(reached).max()), float(self._of_own[j]))
             worst = max(worst, (top - largest) / abs(largest))
-        return worst
+        return float(worst)
 
     @cached_property
     def _over_candidates(self) -> tuple[Array, Array]:

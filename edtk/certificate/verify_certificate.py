@@ -80,7 +80,7 @@ def _kept(case: Case) -> Claim:
 
 def _at_most(name: str, found: float, limit: float, reason: str) -> Claim:
     """The claim that a number that should be zero or less is no more than rounding."""
-    holds = found <= limit  # not if it is no number
+    holds = bool(found <= limit)  # not if it is no number
     positive = found if math.isnan(found) else max(found, 0.0)
     return Claim(name, holds, 0.0, positive, "" if holds else reason)
 

@@ -86,6 +86,7 @@ def test_searched_bounds_and_exact_plans_are_valid(searched: Content, planned: C
         found = verify_certificate(content)
         assert found.valid, found.claims
         assert {"bound_searched", "search"} <= {claim.claim for claim in found.claims}
+        assert json.loads(json.dumps(found.to_dict(), allow_nan=False))["valid"] is True
 
 
 @pytest.mark.parametrize(
