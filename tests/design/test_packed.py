@@ -1,4 +1,4 @@
-"""Packed symmetric matrices: round trips, and the inner product that prices them."""
+"""Packed symmetric matrices: round trips, and inner products with multipliers."""
 
 import numpy as np
 import pytest

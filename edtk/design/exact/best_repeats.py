@@ -14,9 +14,8 @@ def best_repeats(
 ) -> Array:
     """Distribute measurements over poses so that no single move improves the plan.
 
-    A move takes measurements from one pose and gives them to another. The best one is made as long
-    as it lowers the cost. It has many measurements at first, half as many when that no longer
-    helps, and one at last.
+    A move gives measurements of one pose to another. The best one is made as long as it lowers the
+    cost. It has many measurements at first, half as many when that no longer helps, at last one.
 
     Args:
         criterion: The criterion to improve.
