@@ -17,6 +17,8 @@ import criteria
 from edtk.cli import main
 from edtk.study.study import load_study
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[1]
 PAPER = ROOT / "studies/kr270_milling.toml"
 STUDY = PAPER.read_text()

@@ -16,6 +16,8 @@ import criteria
 import edtk
 from edtk.cli import main
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[1]
 PATH = ROOT / "studies" / "kr270_milling.toml"
 PLAN = ROOT / "studies" / "plans" / "table_4_3.csv"

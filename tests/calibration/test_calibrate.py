@@ -19,6 +19,8 @@ from edtk.study.study import load_study
 from edtk.system.errors import UserError
 from edtk.tables.compliances import load_compliances
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[2]
 STUDY = load_study(ROOT / "studies" / "kr270_milling.toml")
 PLAN = STUDY.published_plans()["table_4_12"]

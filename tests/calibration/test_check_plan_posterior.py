@@ -12,6 +12,8 @@ from edtk.inference.run_chain import Demand
 from edtk.inference.sample_posterior import SamplingOptions
 from edtk.study.study import load_study
 
+pytestmark = pytest.mark.slow
+
 STUDY = load_study(Path(__file__).parents[2] / "studies" / "kr270_milling.toml")
 
 

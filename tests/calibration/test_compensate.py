@@ -17,6 +17,8 @@ from edtk.model.equilibrium import equilibrium
 from edtk.study.evaluate import evaluate
 from edtk.study.study import load_study
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[2]
 PATH = ROOT / "studies" / "kr270_milling.toml"
 STUDY = load_study(PATH)

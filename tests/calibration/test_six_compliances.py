@@ -12,6 +12,8 @@ from edtk.inference.least_squares import estimate
 from edtk.inference.simulate import simulate
 from edtk.study.study import load_study
 
+pytestmark = pytest.mark.slow
+
 PATH = Path(__file__).parents[2] / "studies" / "kr270_six_compliances.toml"
 
 

@@ -18,6 +18,8 @@ from edtk.study.plan_study import plan_study
 from edtk.study.relax_study import relax_study
 from edtk.study.study import Study, load_study
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[2]
 STUDY = load_study(ROOT / "studies" / "kr270_milling.toml")
 NAMES = criteria.available()

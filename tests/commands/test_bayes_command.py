@@ -14,6 +14,8 @@ from click.testing import CliRunner
 
 from edtk.cli import main
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[2]
 STUDY = ROOT / "studies" / "kr270_milling.toml"
 PLAN = ROOT / "studies" / "plans" / "table_4_12.csv"

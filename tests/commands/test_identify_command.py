@@ -13,6 +13,8 @@ from edtk.inference.fit_huber import SigmaTooSmallError
 from edtk.inference.simulate import simulate
 from edtk.study.study import load_study
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[2]
 PAPER = ROOT / "studies/kr270_milling.toml"
 PLAN = ROOT / "studies/plans/table_4_4.csv"

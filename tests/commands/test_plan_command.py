@@ -15,6 +15,8 @@ from click.testing import CliRunner
 from edtk.cli import main
 from edtk.study.study import load_study
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[2]
 PATH = ROOT / "studies" / "kr270_milling.toml"
 PAPERS = ROOT / "studies" / "plans" / "table_4_3.csv"

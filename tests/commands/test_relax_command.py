@@ -18,6 +18,8 @@ from edtk.design.relaxation.capacity import capacity
 from edtk.design.relaxation.restricted_master import CHAIN
 from edtk.study.study import load_study
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[2]
 PATH = ROOT / "studies" / "kr270_milling.toml"
 STUDY = load_study(PATH)

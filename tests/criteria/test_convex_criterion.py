@@ -24,6 +24,8 @@ from matrices import (
 from criteria import ConvexCriterion, Relaxable, create
 from criteria.linalg.inverse import whitener
 
+pytestmark = pytest.mark.slow
+
 GAP = 1e-6  # that a relaxation stops at
 SAFETY = 1e-7  # of a solver's word, by which polars are lowered
 

@@ -28,6 +28,8 @@ from criteria import ConvexCriterion, Criterion, Relaxable
 from criteria.linalg.inverse import whitener
 from criteria.spectral_balance import SpectralBalance
 
+pytestmark = pytest.mark.slow
+
 ACCURACY = 1e-6
 BUILTINS = ("A", "D", "E", "G", "O1", "O2", "O3", "O4", "O5", "rho0")
 PROGRAMS = (*(name for name in BUILTINS if name != "O4"), "balance", "E by balance")

@@ -18,6 +18,8 @@ from matrices import (
 import criteria
 from criteria.linalg.inverse import whitener
 
+pytestmark = pytest.mark.slow
+
 BUILTINS = ("A", "D", "E", "G", "O1", "O2", "O3", "O4", "O5", "rho0")
 POLARS = ("A", "D", "E", "G", "O1", "O3", "O5", "rho0")
 GAP = 1e-6

@@ -9,6 +9,8 @@ import pytest
 
 import criteria
 
+pytestmark = pytest.mark.slow
+
 BUILTINS = ("A", "D", "E", "G", "O1", "O2", "O3", "O4", "O5", "rho0")
 
 

@@ -14,6 +14,8 @@ from edtk.design.sample_feasible import sample_feasible
 from edtk.model.constraints.height import Height
 from edtk.model.workspace import Workspace
 
+pytestmark = pytest.mark.slow
+
 UNBOUNDED = replace(KR270, workspace=Workspace(KR270.workspace.robot))
 on_each = pytest.mark.parametrize("space", DESIGNS.values(), ids=DESIGNS)
 on_every_load = pytest.mark.parametrize("space", LOADED.values(), ids=LOADED)

@@ -18,6 +18,8 @@ from edtk.design.sample_feasible import sample_feasible
 from edtk.model.loads.free_load import FreeLoad
 from edtk.model.loads.listed_load import ListedLoad
 
+pytestmark = pytest.mark.slow
+
 EPS = np.finfo(float).eps
 ANY = replace(DESIGN, load=FreeLoad(2500.0))
 on_each = pytest.mark.parametrize("space", DESIGNS.values(), ids=DESIGNS)

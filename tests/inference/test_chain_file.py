@@ -13,6 +13,8 @@ from edtk.inference.chain_file import ChainFileError, ChainFileFault
 from edtk.inference.prior import Prior
 from edtk.inference.run_chain import Demand, UnconvergedError
 
+pytestmark = pytest.mark.slow
+
 FINE = Demand(accuracy=0.01)
 LIMIT = 700
 

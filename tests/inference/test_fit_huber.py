@@ -7,6 +7,8 @@ import pytest
 
 from edtk.inference.fit_huber import CORNER, SigmaTooSmallError, fit_huber
 
+pytestmark = pytest.mark.slow
+
 M = 20
 ROWS = 3
 P = 3

@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 from simulated_fits import K0, NAMES, STUDY, fits
 
+pytestmark = pytest.mark.slow
+
 ROBUST_RUNS = 400
 
 

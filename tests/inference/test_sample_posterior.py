@@ -18,6 +18,8 @@ from edtk.inference.sample_posterior import (
 )
 from edtk.inference.simulate import simulate
 
+pytestmark = pytest.mark.slow
+
 SIGMA = np.array([0.1, 0.2, 0.05])
 A = np.random.default_rng(0).normal(size=(4, 3, 2))
 MEASURED = simulate(A, [1.0, 2.0], SIGMA, np.random.default_rng(1))[0]

@@ -13,6 +13,8 @@ from edtk.model.load_robot import load_robot
 from edtk.model.robot import Robot
 from edtk.model.transform import transform
 
+pytestmark = pytest.mark.slow
+
 KR270 = load_robot("kuka_kr270").with_tool(transform((0.6115, 0.0, -0.460)))
 K = np.array([4e-7, 3e-7, 4e-7, 2.8e-6, 2.8e-6, 2.1e-6])
 ARM = Robot(

@@ -11,6 +11,8 @@ from paper_figures import figure_7
 from paper_figures.__main__ import main
 from paper_figures.example import load_example
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[2]
 FILES = {f"{n}.{e}" for n, es in (("table_5", "csv md"), ("table_6", "csv md")) for e in es.split()}
 FILES |= {f"figure_7.{e}" for e in ("png", "svg", "csv", "md")}

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from edtk.calibration.check_plan_posterior import check_plan_posterior
 from edtk.inference.noise import Noise
@@ -10,6 +11,8 @@ from edtk.inference.run_chain import Demand
 from edtk.inference.sample_posterior import SamplingOptions
 from edtk.report.posterior_report import posterior_report
 from edtk.study.study import load_study
+
+pytestmark = pytest.mark.slow
 
 STUDY = load_study(Path(__file__).parents[2] / "studies" / "kr270_milling.toml")
 

@@ -8,6 +8,8 @@ from scipy import stats
 
 from edtk import load_study
 
+pytestmark = pytest.mark.slow
+
 STUDY = Path(__file__).parents[2] / "studies" / "kr270_milling.toml"
 
 

@@ -15,6 +15,8 @@ from edtk.cli import main
 from edtk.study.study import load_study
 from edtk.system.errors import UserError
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[2]
 ROBOT = """
 name = "gantry arm"

@@ -13,6 +13,8 @@ from edtk.study.run_options import RunOptions
 from edtk.study.study import load_study
 from edtk.system.errors import UserError
 
+pytestmark = pytest.mark.slow
+
 STUDY = load_study(Path(__file__).parents[2] / "studies" / "kr270_milling.toml")
 ARM = arm()
 PAPERS = STUDY.published_plans()

@@ -22,6 +22,8 @@ from edtk.study.study import load_study
 from edtk.system.errors import UserError
 from edtk.verbs.run import run as run_and_report
 
+pytestmark = pytest.mark.slow
+
 STUDIES = Path(__file__).parents[2] / "studies"
 SIZES = "sizes = [1, 3]"
 OPTIMISE = 'optimise = ["rho0", "D"]'

@@ -19,6 +19,8 @@ from edtk.study.run_study import run_study
 from edtk.study.study import load_study
 from edtk.verbs.run import run
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[2]
 
 

@@ -23,6 +23,8 @@ from edtk.design.relaxation.relax_poses import relax_poses
 from edtk.study.study import load_study
 from edtk.system.workers import Workers, WorkersLostError, open_workers
 
+pytestmark = pytest.mark.slow
+
 LOOPBACK = "127.0.0.1"
 STARTED_S = 30.0  # for a process of ours to come up
 SOON_S = 15.0  # five for a connection or a loss to be noticed, and a machine that others use

@@ -16,6 +16,8 @@ from edtk.inference.measurements import Measurements
 from edtk.inference.simulate import simulate
 from edtk.model.elastostatic_model import ElastostaticModel
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[3]
 
 

@@ -14,6 +14,8 @@ from edtk.design.exact.batch import ELITE, Batch
 from edtk.design.exact.draw_starts import draw_starts
 from edtk.design.relaxation.relax_poses import relax_poses
 
+pytestmark = pytest.mark.slow
+
 
 @cache
 def batch(name="rho0", m=4, k=4, seed=(0,), seconds=np.inf, space=KR270):

@@ -11,6 +11,8 @@ import criteria
 from edtk.design.exact.exchange import exchange
 from edtk.design.problem import Problem
 
+pytestmark = pytest.mark.slow
+
 EPS = np.finfo(float).eps
 FAMILIES = {  # and the number of starts that each is given
     "volume": (("D", "O1"), 5),

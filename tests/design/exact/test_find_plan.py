@@ -30,6 +30,8 @@ from edtk.model.transform import transform
 from edtk.model.workspace import Workspace
 from edtk.system.workers import Workers, WorkersLostError
 
+pytestmark = pytest.mark.slow
+
 BATCH = 16  # starts of one
 GAP = 1e-3  # of the relaxations, searched over all poses
 RUNS = [(name, m) for name in ("rho0", "D") for m in (2, 3, 4)]

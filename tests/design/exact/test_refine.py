@@ -16,6 +16,8 @@ from edtk.model.loads.bounded_load import BoundedLoad
 from edtk.model.loads.free_load import FreeLoad
 from edtk.model.workspace import Workspace
 
+pytestmark = pytest.mark.slow
+
 every = pytest.mark.parametrize("name", criteria.available())
 LARGEST = np.array([0.0, 0.0, -2500.0, 0.0, 0.0, 0.0])
 

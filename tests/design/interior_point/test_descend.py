@@ -19,6 +19,8 @@ from edtk.model.loads.free_load import FreeLoad
 from edtk.model.loads.listed_load import ListedLoad
 from edtk.model.workspace import Workspace
 
+pytestmark = pytest.mark.slow
+
 on_each = pytest.mark.parametrize("space", DESIGNS.values(), ids=DESIGNS)
 on_every_load = pytest.mark.parametrize("space", LOADED.values(), ids=LOADED)
 ACCURACY = 1e-9
