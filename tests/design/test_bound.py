@@ -23,9 +23,7 @@ def bound_of(name, kind=BoundKind.SEARCHED):
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("m", [1, 4, 12])
 def test_scaled(name, m):
-    """For m experiments the bound keeps its ratio to the cost of the scaled matrix, its kind and
-    its gap.
-    """
+    """For m experiments the bound keeps its ratio to the scaled cost, its kind and its gap."""
     bound = bound_of(name).scaled(m)
     cost = float(create(name).cost(m * MATRIX))
     assert bound.efficiency(cost) == pytest.approx(0.8, rel=1e-12)
@@ -53,9 +51,7 @@ def test_a_bound_that_says_nothing():
 
 @pytest.mark.parametrize("name", criteria.available())
 def test_printed_form(name):
-    """Costs come out as the values of the formula, and values as costs, one by one and
-    as arrays.
-    """
+    """Costs become the values of the formula, and values costs, one by one and as arrays."""
     criterion = criteria.get(name)
     costs = np.array([0.25, 2.0, 1e-9])
     values = printed_form(costs, criterion.sense)

@@ -12,8 +12,9 @@ on_each = pytest.mark.parametrize("space", DESIGNS.values(), ids=DESIGNS)
 
 
 def test_symmetric_poses_count_as_one():
-    """Full turns of q4 and q6, the flipped wrist, the mirrored arm and any q1 make no other pose;
-    the first stays.
+    """Of poses that symmetry maps onto each other the first stays.
+
+    Full turns of q4 and q6, the flipped wrist, the mirrored arm and any q1 change no information.
     """
     q = sample_feasible(KR270, 12, 3)
     every = np.concatenate([symmetric(x) for x in q])
@@ -46,7 +47,8 @@ def test_distinct_does_not_depend_on_units():
     """Parameters in other units, from 1e-7 to 1e4, change nothing."""
     S = np.diag([1e-7, 1e4, 1e-3, 1.0, 1e2])
     problem = KR270.problem(sample_feasible(KR270, 100, 5))
-    T, blocks = whitener(problem.mean), problem.blocks()
+    T = whitener(problem.mean)
+    blocks = problem.blocks()
     chosen = distinct(blocks, T, 0.5)
     assert 10 < len(chosen) < 90
     np.testing.assert_array_equal(distinct(S @ blocks @ S, np.linalg.inv(S) @ T, 0.5), chosen)

@@ -1,7 +1,7 @@
 """Optimal designs of the literature and of theory: any linear or linearised model, given as blocks.
 
-On the support of an optimum the relative loss of a design is at least the sum of the squared errors of its
-weights, for D, A and E alike, so that a gap g leaves weights within sqrt(g).
+On the support of an optimum the relative loss of a design is at least the sum of the squared errors
+of its weights, for D, A and E alike, so that a gap g leaves weights within sqrt(g).
 """
 
 from itertools import combinations, product
@@ -28,38 +28,39 @@ def rows(F):
 
 
 def candidates(support, low=-1.0, high=1.0, n=41):
-    """A grid that holds the support exactly: where it does not, the grid alone costs more than the gap."""
+    """A grid that holds the support exactly; without it the grid costs more than the gap."""
     grid = np.linspace(low, high, n)
     apart = np.abs(grid[:, None] - support).min(axis=1) > 1e-6
     return np.sort(np.concatenate([grid[apart], support]))
 
 
 def vander(x, degree):
+    """Rows of polynomial regression, the lowest power first."""
     return np.vander(x, degree + 1, increasing=True)
 
 
 def at(weights, x, support):
-    """The weights of the support, in its order, after a check that there is hardly any elsewhere."""
+    """The weights of the support, in its order, after a check that they are nearly all."""
     found = np.array([weights[np.abs(x - s) < 1e-9].sum() for s in support])
     assert found.sum() == pytest.approx(1, abs=np.sqrt(GAP))
     return found
 
 
 def check(name, x, F, support, weights, cost):
-    """The relaxation over the rows F of the points x has the optimum (support, weights) and its cost."""
+    """The relaxation over rows F of points x has the optimum (support, weights) and its cost."""
     r = relax(rows(F), criteria.create(name))
     assert r.gap <= GAP
     assert r.cost == pytest.approx(cost, rel=GAP)
-    assert r.proved_bound.cost <= cost * (
-        1 + 64 * F.shape[1] * EPS * np.linalg.cond(rows(F).information(r.weights))
-    )
+    rounding = 64 * F.shape[1] * EPS * np.linalg.cond(rows(F).information(r.weights))
+    assert r.proved_bound.cost <= cost * (1 + rounding)
     np.testing.assert_allclose(at(r.weights, x, support), weights, atol=np.sqrt(GAP))
 
 
 def a_optimum(support, degree):
-    """Weights w_i ~ b_i of the A-optimum on a saturated support, and its cost: the squared sum of the b_i.
+    """Weights w_i ~ b_i of the A-optimum on a saturated support, and its cost ``(sum b_i)^2``.
 
-    With V the rows of the support, trace (V' W V)^-1 = sum b_i^2 / w_i for b_i the norm of column i of V^-1.
+    With V the rows of the support, trace (V' W V)^-1 = sum b_i^2 / w_i for b_i the norm of column i
+    of V^-1.
     """
     b = np.linalg.norm(np.linalg.inv(vander(support, degree)), axis=0)
     return b / b.sum(), b.sum() ** 2
@@ -67,7 +68,7 @@ def a_optimum(support, degree):
 
 @DEGREES
 def test_polynomial_regression_d(degree):
-    """D-optimum: equal weights on the roots of (1 - x^2) P_d'(x), with det M from Vandermonde's product."""
+    """D-optimum: equal weights on the roots of (1 - x^2) P_d'(x); det M by Vandermonde."""
     support = np.sort(np.concatenate([[-1, 1], legendre.Legendre.basis(degree).deriv().roots()]))
     differences = [b - a for a, b in combinations(support, 2)]
     cost = (degree + 1) * np.prod(differences) ** (-2 / (degree + 1))
@@ -77,7 +78,7 @@ def test_polynomial_regression_d(degree):
 
 @DEGREES
 def test_polynomial_regression_a(degree):
-    """A-optimum: d + 1 points with ends -1 and 1, symmetric; the inner ones found by a direct search."""
+    """A-optimum: d + 1 symmetric points with ends -1 and 1, the inner ones by a direct search."""
 
     def points(inner):
         middle = [0.0] if degree % 2 == 0 else []
@@ -101,9 +102,10 @@ def test_polynomial_regression_a(degree):
 
 @DEGREES
 def test_polynomial_regression_e(degree):
-    """E-optimum: the extrema of Chebyshev's polynomial T, lambda_min the inverse of its squared coefficients c'c.
+    """E-optimum: the extrema of Chebyshev's polynomial, lambda_min = 1/c'c of its coefficients c.
 
-    From M c = lambda_min c, and T = s = +-1 on the support: the weights are s_i (V^-T c)_i / c'c.
+    From M c = lambda_min c, and values s = +-1 on the support, the weights are
+    s_i (V^-T c)_i / c'c.
     """
     support = -np.cos(np.pi * np.arange(degree + 1) / degree)
     c = chebyshev.Chebyshev.basis(degree).convert(kind=Polynomial).coef
@@ -127,9 +129,10 @@ def test_polynomial_regression_e(degree):
     ],
 )
 def test_polynomial_regression_in_print(name, degree, weights, value):
-    """The optima as they are printed: of degree two with weights at -1, 0 and 1, and least eigenvalues."""
+    """The optima as they are printed: weights of degree two at -1, 0 and 1, least eigenvalues."""
     support = -np.cos(np.pi * np.arange(degree + 1) / degree)
-    x, criterion = candidates(support), criteria.create(name)
+    x = candidates(support)
+    criterion = criteria.create(name)
     r = relax(rows(vander(x, degree)), criterion)
     printed = r.cost if criterion.sense == "min" else 1 / r.cost
     assert printed == pytest.approx(value, rel=GAP)
@@ -138,6 +141,7 @@ def test_polynomial_regression_in_print(name, degree, weights, value):
 
 
 def full_quadratic(x):
+    """Rows of the full quadratic model of points (n, q)."""
     q = x.shape[1]
     mixed = [x[:, i] * x[:, j] for i, j in combinations(range(q), 2)]
     return np.column_stack([np.ones(len(x)), x, x**2, *mixed])
@@ -147,9 +151,10 @@ def full_quadratic(x):
     ("factors", "levels", "value"), [(2, 9, 0.474594), (3, 5, 0.474478)], ids=["square", "cube"]
 )
 def test_full_quadratic(factors, levels, value):
-    """The full quadratic on square and cube: the printed det(M)^(1/p), and the optimum over symmetric 3^q designs."""
+    """The full quadratic on square and cube: the printed det(M)^(1/p), the symmetric optimum."""
     x = np.array(list(product((-1.0, 0.0, 1.0), repeat=factors)))
-    F, orbit = full_quadratic(x), np.abs(x).sum(axis=1).astype(int)
+    F = full_quadratic(x)
+    orbit = np.abs(x).sum(axis=1).astype(int)
     size = np.bincount(orbit)
 
     def cost(z):
@@ -166,14 +171,16 @@ def test_full_quadratic(factors, levels, value):
 
 
 def test_wynn_quadrilateral():
-    """The linear model on Wynn's quadrilateral (2, 2), (-1, 1), (1, -1), (-1, -1): det M = 81/32 = 2.53125.
+    """The linear model on the quadrilateral (2, 2), (-1, 1), (1, -1), (-1, -1): det M = 2.53125.
 
-    The variance is a convex function of the point, so that the optimum lies on the corners. A determinant is the
-    sum over triples of w_i w_j w_k times the squared double area of their triangle, which for weights u, v, v, s
-    is ``64 u v^2 + 72 u v s + 16 v^2 s``. Equal derivatives (of v: doubled) give u = 1/2 - 2v/3, s = 1/2 - 4v/3 and
-    64 v = 18: the weights are 5/16, 9/32, 9/32, 1/8.
+    The variance is a convex function of the point, so that the optimum lies on the corners. A
+    determinant is the sum over triples of w_i w_j w_k times the squared double area of their
+    triangle, which for weights u, v, v, s is ``64 u v^2 + 72 u v s + 16 v^2 s``. Equal derivatives
+    (of v: doubled) give u = 1/2 - 2v/3, s = 1/2 - 4v/3 and 64 v = 18: the weights are 5/16, 9/32,
+    9/32, 1/8, and det M = 81/32.
     """
-    corners, weights = np.array([[2, 2], [-1, 1], [1, -1], [-1, -1]]), np.array([10, 9, 9, 4]) / 32
+    corners = np.array([[2, 2], [-1, 1], [1, -1], [-1, -1]])
+    weights = np.array([10, 9, 9, 4]) / 32
     grid = np.array(
         [corner for corner in product(np.linspace(-1, 2, 31), repeat=2) if _inside(corner)]
     )
@@ -193,15 +200,18 @@ def _inside(x):
 
 
 def test_box_lucas():
-    """Box and Lucas: two consecutive reactions at theta = (0.7, 0.2) are measured at t = 1.2295 and 6.8577, half each.
+    """Box and Lucas: consecutive reactions, theta = (0.7, 0.2), are measured at t = 1.2295, 6.8577.
 
-    The model is linearised at theta; t = 0, which says nothing, is a candidate too. On two points of weights half
-    each det M is the squared determinant of their rows over four.
+    The model is linearised at theta; t = 0, which tells nothing, is a candidate too. On two points
+    of weights half each det M is the squared determinant of their rows over four.
     """
 
     def gradient(t):
-        a, b = 0.7, 0.2
-        d, u, v = a - b, np.exp(-b * t), np.exp(-a * t)
+        a = 0.7
+        b = 0.2
+        d = a - b
+        u = np.exp(-b * t)
+        v = np.exp(-a * t)
         return np.stack(
             [a * t * v / d - b * (u - v) / d**2, a * (u - v) / d**2 - a * t * u / d], axis=-1
         )
@@ -228,6 +238,7 @@ def test_box_lucas():
 
 
 def random_blocks(seed, n=60, size=2, p=4):
+    """Random regressors (n, size, p)."""
     return np.random.default_rng(seed).normal(size=(n, size, p))
 
 
@@ -242,25 +253,26 @@ def random_blocks(seed, n=60, size=2, p=4):
     ids=["cubic", "square", "blocks of two", "badly scaled"],
 )
 def test_kiefer_wolfowitz(problem):
-    """At a D-optimum no prediction has a variance, trace(cov M_i), above p, and the mean over the design is p.
+    """At a D-optimum no variance of a prediction, trace(cov M_i), is above p; their mean is p.
 
-    A step of length a towards the dearest candidate, of variance d in all, raises log det M by at least
-    ``a (d - p) - a^2 d^2``, of which the best is ``((d - p) / 2 d)^2``; a gap g leaves ``-p log(1 - g)`` to gain.
+    A step of length a towards the candidate of largest variance d raises log det M by at least
+    ``a (d - p) - a^2 d^2``, of which the best is ``((d - p) / 2 d)^2``; a gap g leaves
+    ``-p log(1 - g)`` to gain.
     """
     r = relax(problem, criteria.create("D"))
-    M, p = problem.information(r.weights), problem.p
+    M = problem.information(r.weights)
+    p = problem.p
     d = np.sqrt(np.diag(M))
     cov = np.linalg.inv(M / np.outer(d, d)) / np.outer(d, d)
     variance = np.einsum("ij,nji->n", cov, problem.blocks())
     rounding = 64 * p * EPS * np.linalg.cond(M / np.outer(d, d))
     assert r.gap <= GAP
     assert r.weights @ variance == pytest.approx(p, rel=rounding)
-    top = variance.max()
-    assert top >= p * (1 - rounding)
-    assert ((top - p) / (2 * top)) ** 2 <= -p * np.log1p(-max(r.gap, rounding))
-    assert (
-        r.weights * (p - variance) <= top - p + 2 * p * rounding
-    ).all()  # the mean of p - d_i is zero
+    largest = variance.max()
+    assert largest >= p * (1 - rounding)
+    assert ((largest - p) / (2 * largest)) ** 2 <= -p * np.log1p(-max(r.gap, rounding))
+    # The mean of p - d_i is zero.
+    assert (r.weights * (p - variance) <= largest - p + 2 * p * rounding).all()
 
 
 INSTRUMENTS = {
@@ -273,17 +285,17 @@ INSTRUMENTS = {
 @pytest.mark.parametrize("a", INSTRUMENTS.values(), ids=INSTRUMENTS)
 @pytest.mark.parametrize("name", NAMES)
 def test_one_instrument_a_parameter(name, a):
-    """Where instrument i measures k_i alone with information a_i, every criterion has its optimum in closed form.
+    """Where instrument i measures k_i alone with information a_i, optima have a closed form.
 
-    With M = diag(w_i a_i) and multipliers of Lagrange: A and rho0 (target diag c) have w_i ~ c_i a_i^(-1/2), D and
-    O1 equal weights, O5 ``w_i ~ a_i^(-1/3)``; E, G, O2, O3 and O4 have equal eigenvalues, ``w_i ~ 1/a_i``. For O4:
-    its cost is at least ``lambda_p^(-1/2)``, of which that is the least value. Each instrument has a twin of half the
-    information. Badly scaled, O4 needs weights of 1e-22 and O5 the cube roots of eigenvalues that are lost in
-    rounding: of these two cost and bound enclose the optimum, and the gap may be larger.
+    With M = diag(w_i a_i) and multipliers of Lagrange: A and rho0 (target diag c) have
+    w_i ~ c_i a_i^(-1/2), D and O1 equal weights, O5 ``w_i ~ a_i^(-1/3)``; E, G, O2, O3 and O4 have
+    equal eigenvalues, ``w_i ~ 1/a_i``. For O4: its cost is at least ``lambda_p^(-1/2)``, of which
+    that is the least value. Each instrument has a twin of half the information. Badly scaled, O4
+    needs weights of 1e-22 and O5 the cube roots of eigenvalues that are lost in rounding: of these
+    two cost and bound enclose the optimum, and the gap may be larger.
     """
-    c = np.array([0.5, 1.0, 2.0, 0.1]) * np.sqrt(
-        a
-    )  # in the units of a, so that all parameters matter
+    # In the units of a, so that all parameters matter.
+    c = np.array([0.5, 1.0, 2.0, 0.1]) * np.sqrt(a)
     least = np.sum(1 / a)
     cost = {
         "A": np.sum(a**-0.5) ** 2,
@@ -306,11 +318,12 @@ def test_one_instrument_a_parameter(name, a):
 
 
 def test_o2_of_a_straight_line():
-    """O2 of the straight line on [a, b]: the ends, with equal information, and cot((arctan b - arctan a)/2).
+    """O2 of the straight line on [a, b]: the ends, with equal information.
 
-    A matrix of trace one is ``I/2`` plus a vector of the plane, and its condition number grows with the vector's
-    length. The rows (1, x) are points on a circle of radius 1/2, at the angle 2 arctan x; of the arc's hull the
-    middle of the chord is the point nearest to the centre.
+    A matrix of trace one is ``I/2`` plus a vector of the plane, and its condition number grows with
+    the vector's length. The rows (1, x) are points on a circle of radius 1/2, at the angle
+    2 arctan x; of the arc's hull the middle of the chord is the point nearest to the centre. Hence
+    the cost is cot((arctan b - arctan a)/2).
     """
     for a, b in ((1, 3), (0.5, 2), (0.2, 6), (2, 30)):
         x = np.linspace(a, b, 41)
@@ -324,13 +337,14 @@ def test_o2_of_a_straight_line():
 
 @pytest.mark.parametrize("seed", range(3))
 def test_o2_by_a_direct_semidefinite_program(seed):
-    """O2 over all candidates at once, ``min kappa`` over ``I <= sum u_i M_i <= kappa I``, agrees with the relaxation.
+    """O2 over all candidates at once, ``min kappa`` over ``I <= sum u_i M_i <= kappa I``.
 
-    The candidates share a direction, so that the optimum is not 1.
+    The candidates have a direction in common, so that the optimum is not 1.
     """
     blocks = random_blocks(seed, n=30, size=1, p=4) + np.array([2.0, 1.0, 0.5, 0.0])
     problem = Problem(blocks)
-    u, kappa = cp.Variable(30, nonneg=True), cp.Variable()
+    u = cp.Variable(30, nonneg=True)
+    kappa = cp.Variable()
     M = sum(u[i] * N for i, N in enumerate(problem.blocks()))
     program = cp.Problem(cp.Minimize(kappa), [M >> np.eye(4), kappa * np.eye(4) >> M])
     program.solve(solver="CLARABEL")
@@ -341,70 +355,81 @@ def test_o2_by_a_direct_semidefinite_program(seed):
 
 
 def test_o2_by_bisection():
-    """O2 by bisection: kappa is within reach if the largest ``kappa lambda_p - lambda_1`` of all designs is >= 0."""
+    """O2 by bisection: kappa can be reached if ``kappa lambda_p - lambda_1 >= 0`` for a design."""
     x = np.linspace(-1, 1, 41)
     problem = rows(vander(x, 3))
     N = problem.with_unit_trace().blocks()
-    w, t, kappa = cp.Variable(41, nonneg=True), cp.Variable(2), cp.Parameter(nonneg=True)
+    w = cp.Variable(41, nonneg=True)
+    t = cp.Variable(2)
+    kappa = cp.Parameter(nonneg=True)
     M = sum(w[i] * block for i, block in enumerate(N))
     tight = [M >> t[0] * np.eye(4), t[1] * np.eye(4) >> M, cp.sum(w) == 1]
     program = cp.Problem(cp.Maximize(kappa * t[0] - t[1]), tight)
-    low, high = 1.0, 1e4
+    low = 1.0
+    high = 1e4
     while high - low > 1e-8 * low:
         kappa.value = np.sqrt(low * high)
         program.solve(solver="CLARABEL")
-        low, high = (low, kappa.value) if program.value >= 0 else (kappa.value, high)
+        if program.value >= 0:
+            high = kappa.value
+        else:
+            low = kappa.value
     r = relax(problem, criteria.create("O2"))
     assert r.cost == pytest.approx(np.sqrt(high), rel=GAP)
 
 
 def o4_of_moments(m, m2):
-    """``sqrt(lambda_1)/lambda_2`` of [[1, m], [m, m2]], the small eigenvalue as det/lambda_1; inf where singular."""
-    half, det = (1 + m2) / 2, m2 - m**2
+    """``sqrt(lambda_1)/lambda_2`` of [[1, m], [m, m2]], with det/lambda_1; inf if singular."""
+    half = (1 + m2) / 2
+    det = m2 - m**2
     largest = half + np.sqrt(np.maximum(half**2 - det, 0.0))
     return np.divide(largest**1.5, det, out=np.full(np.shape(det), np.inf), where=det > 0)
 
 
 @pytest.mark.parametrize(("a", "b"), [(1, 3), (0.5, 2), (0.1, 1), (0.2, 6), (2, 30)])
 def test_o4_of_a_straight_line_by_brute_force(a, b):
-    """O4 of the straight line on [a, b]: no pair of moments has a cost below the bound, and the best has r.cost.
+    """O4 of the straight line on [a, b]: no pair of moments beats the bound, the best has r.cost.
 
-    The information is [[1, m], [m, m2]] with m in [a, b] and m2 between m^2 and the chord m (a + b) - a b: all of it
-    is scanned, and the scan refined about its best point. Both E- and O2-optimum are worse than the O4-optimum.
+    The information is [[1, m], [m, m2]] with m in [a, b] and m2 between m^2 and the chord
+    m (a + b) - a b: all of it is scanned, and the scan is refined about its best point. Both E- and
+    O2-optimum are worse than the O4-optimum.
     """
     problem = rows(vander(np.linspace(a, b, 41), 1))
     r = relax(problem, criteria.create("O4"))
-    low, high, costs = np.array([a, 0.0]), np.array([b, 1.0]), []
+    low = np.array([a, 0.0])
+    high = np.array([b, 1.0])
+    costs = []
     for _ in range(25):
         m, share = np.meshgrid(np.linspace(low[0], high[0], 201), np.linspace(low[1], high[1], 201))
         cost = o4_of_moments(m, m**2 + share * (m - a) * (b - m))
         costs.append(cost.min())
         i = np.unravel_index(cost.argmin(), cost.shape)
-        best, width = np.array([m[i], share[i]]), (high - low) / 4
-        low, high = np.maximum(best - width, [a, 0.0]), np.minimum(best + width, [b, 1.0])
+        best = np.array([m[i], share[i]])
+        width = (high - low) / 4
+        low = np.maximum(best - width, [a, 0.0])
+        high = np.minimum(best + width, [b, 1.0])
     assert r.gap <= GAP
     assert r.proved_bound.cost <= min(costs) * (1 + 64 * EPS * r.cost**2)
     assert r.cost == pytest.approx(min(costs), rel=GAP)
     for other in ("E", "O2"):
         rival = relax(problem, criteria.create(other))
-        assert float(r.criterion.cost(problem.information(rival.weights))) > r.cost * (
-            1 + 1e3 * GAP
-        )
+        cost = float(r.criterion.cost(problem.information(rival.weights)))
+        assert cost > r.cost * (1 + 1e3 * GAP)
 
 
 def test_o4_by_the_family_of_condition_numbers():
-    """O4 as a one-dimensional family, scanned: no ``lambda_min`` at bounded condition number beats the bound.
+    """O4 as a one-dimensional family: no ``lambda_min`` at bounded condition beats the bound.
 
-    With kappa = lambda_1/lambda_p the cost is ``sqrt(kappa/lambda_p)``. For each kappa of a fine scan one semidefinite
-    program gives the largest lambda_p of designs no worse conditioned than kappa, hence the least cost of all
-    designs of that kappa. The least kappa of all is the square of O2.
+    With kappa = lambda_1/lambda_p the cost is ``sqrt(kappa/lambda_p)``. For each kappa of a fine
+    scan one semidefinite program gives the largest lambda_p of designs no worse conditioned than
+    kappa, hence the least cost of all designs of that kappa. The least kappa is the square of O2.
     """
     problem = Problem(random_blocks(3, n=25, size=1, p=3) + np.array([2.0, 1.0, 0.0]))
-    r, least = (
-        relax(problem, criteria.create("O4")),
-        relax(problem, criteria.create("O2")).cost ** 2,
-    )
-    w, t, kappa = cp.Variable(25, nonneg=True), cp.Variable(), cp.Parameter(nonneg=True)
+    r = relax(problem, criteria.create("O4"))
+    least = relax(problem, criteria.create("O2")).cost ** 2
+    w = cp.Variable(25, nonneg=True)
+    t = cp.Variable()
+    kappa = cp.Parameter(nonneg=True)
     M = sum(w[i] * N for i, N in enumerate(problem.blocks()))
     program = cp.Problem(
         cp.Maximize(t), [M >> t * np.eye(3), kappa * t * np.eye(3) >> M, cp.sum(w) == 1]
@@ -426,15 +451,16 @@ def test_o4_by_the_family_of_condition_numbers():
 
 @pytest.mark.parametrize("seed", range(3))
 def test_o5_by_a_general_minimiser(seed):
-    """O5 by a quasi-Newton method on the weights of all candidates, ``w = z^2 / z'z``, agrees with the relaxation.
+    """O5 by a quasi-Newton method on the weights of all candidates, ``w = z^2 / z'z``.
 
-    From a converged minimiser of a convex function the cost is right to the square of its gradient.
+    At a converged minimiser of a convex function the cost is right to the square of its gradient.
     """
     problem = Problem(random_blocks(seed, n=12, size=2, p=3))
     N = problem.blocks()
 
     def cost_and_gradient(z):
-        w, total = z**2 / (z @ z), z @ z
+        total = z @ z
+        w = z**2 / total
         m, V = np.linalg.eigh(np.tensordot(w, N, axes=1))
         slope = np.einsum("ij,nji->n", -0.5 * (V * m**-1.5) @ V.T, N)
         return np.sum(m**-0.5), 2 * z / total * (slope - slope @ w)
@@ -449,20 +475,20 @@ def test_o5_by_a_general_minimiser(seed):
     r = relax(problem, criteria.create("O5"))
     assert r.gap <= GAP
     assert r.cost == pytest.approx(found.fun, rel=GAP)
-    assert r.proved_bound.cost <= found.fun * (
-        1 + 64 * 3 * EPS * np.linalg.cond(problem.information(r.weights))
-    )
+    rounding = 64 * 3 * EPS * np.linalg.cond(problem.information(r.weights))
+    assert r.proved_bound.cost <= found.fun * (1 + rounding)
 
 
 @pytest.mark.parametrize(
     "target", [[0, 1, 0, 0], [1, 2, 4, 8], [1, 0, 0, 0], [0, 0, 0, 1]], ids=str
 )
 def test_single_quantity_of_the_cubic(target):
-    """One quantity c'k of the cubic: slope at 0, extrapolation to 2, value at 0 and leading coefficient.
+    """One quantity c'k of the cubic: slope at 0, value at 2 and 0, leading coefficient.
 
-    By Elfving, the deviation is the largest |c'k| over polynomials that stay within +-1 on [-1, 1]. Chebyshev's T
-    is extremal for the slope at 0 (3), the value at 2 (26) and the leading coefficient (4), the constant for the value
-    at 0 (1); the last of these optima is singular, and only approached.
+    By Elfving, the deviation is the largest |c'k| over polynomials that stay within +-1 on [-1, 1].
+    Chebyshev's T is extremal for the slope at 0 (3), the value at 2 (26) and the leading
+    coefficient (4), the constant for the value at 0 (1); the last of these optima is singular, and
+    only approached.
     """
     support = np.array([-1, -0.5, 0.5, 1])
     x = candidates(support)

@@ -27,7 +27,7 @@ def polynomial(x, degree=2):
 
 
 def pairs(active):
-    """Relative distances between the information of the poses of a support, in whitened parameters."""
+    """Relative distances between the whitened information of the poses of a support."""
     T = whitener(active.support.problem.information(active.weights))
     W = (T.T @ active.support.problem.blocks() @ T).reshape(len(active.weights), -1)
     away = np.linalg.norm(W[:, None] - W, axis=-1) / np.linalg.norm(W, axis=-1)
@@ -39,10 +39,11 @@ def pairs(active):
     [("D", [1 / 3, 1 / 3, 1 / 3]), ("A", [1 / 4, 1 / 2, 1 / 4]), ("E", [1 / 5, 3 / 5, 1 / 5])],
 )
 def test_points_that_are_all_but_the_same_become_one(name, weights):
-    """Quadratic regression with every point of the optimum there thrice: one of each stays, with all its weight.
+    """Of three copies of every point of quadratic regression one stays, with all their weight.
 
-    The points differ by 1e-5, and with them the least cost and the weights by about as much; besides, weights
-    are as accurate as the root of the gap, as the cost is quadratic about its optimum.
+    The points differ by 1e-5, and with them the least cost and the weights by about as much.
+    Besides, weights are as accurate as the root of the gap, as the cost is quadratic about its
+    optimum.
     """
     x = np.concatenate(
         [[-1, 0, 1, -0.5, 0.5], [-1 + 1e-5, 1e-5, 1 - 1e-5], [-1 + 2e-5, -1e-5, 1 - 2e-5]]
@@ -55,8 +56,8 @@ def test_points_that_are_all_but_the_same_become_one(name, weights):
     assert merged.relaxation.cost <= whole.relaxation.cost * (1 + 1e-3)
 
 
-def test_the_last_to_join_stays():
-    """Of equal points that share the weight the later one is kept, to where a search has come closest."""
+def test_the_point_that_joined_last_stays():
+    """Of equal points that share the weight the later one stays, which a search found last."""
     poses = polynomial([-1, 0, 1]) + polynomial([-1, 0, 1])
     r = relax(poses.problem, create("D"), GAP)
     shared = np.full(6, 1 / 6)
@@ -71,7 +72,7 @@ def test_the_last_to_join_stays():
 @pytest.mark.parametrize("name", ["A", "D", "E", "G", "rho0"])
 @pytest.mark.parametrize("loss", [1e-6, 1e-2])
 def test_merging_costs_no_more_than_the_loss(name, loss):
-    """On poses of the robot with all their symmetric copies: fewer poses, no two alike, at no more than the loss."""
+    """Of poses with all symmetric copies few remain, no two alike, at no more than the loss."""
     q = np.concatenate([symmetric(x) for x in sample_feasible(KR270, 25, 1)])
     criterion = create(name, np.random.default_rng(0).normal(size=(3, 5)))
     whole = active_over(Candidates(q, KR270.problem(q)), criterion)
@@ -85,9 +86,10 @@ def test_merging_costs_no_more_than_the_loss(name, loss):
 
 
 def test_like_points_stay_where_merging_costs_too_much():
-    """Cubic regression without its points +-1/sqrt(5) rests on those to either side; one of each costs 2e-4 more.
+    """Alike points merge only as far as the loss allows.
 
-    The pairs 0.43, 0.47 differ by less than a tenth in what they tell, and stay or merge as the loss allows.
+    Cubic regression without its points +-1/sqrt(5) rests on those to either side, and one of each
+    pair costs 2e-4 more. The information of a pair (0.43, 0.47) differs by less than a tenth.
     """
     whole = active_over(polynomial([-1, -0.47, -0.43, 0.43, 0.47, 1], degree=3), create("D"))
     assert len(whole.weights) == 6

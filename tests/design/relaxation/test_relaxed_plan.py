@@ -56,8 +56,8 @@ def test_certify_does_not_believe_what_it_is_told(name):
 
 
 @every
-def test_certify_judges_the_weights_that_are_there(name):
-    """Other weights have the cost of their information, above the bound that the multipliers prove."""
+def test_certify_takes_the_weights_of_the_plan(name):
+    """Other weights have the cost of their information, above the bound."""
     plan = plan_of(name)
     even = replace(plan, weights=np.full(len(plan.weights), 1 / len(plan.weights)))
     cost, bound = even.certify()
@@ -68,8 +68,9 @@ def test_certify_judges_the_weights_that_are_there(name):
 
 @pytest.mark.parametrize("name", ["A", "D", "E", "O1", "O3", "O5", "rho0"])
 def test_certify_is_never_fooled_by_a_multiplier(name):
-    """Any positive semidefinite multiplier proves something true: its bound is not above the optimal cost."""
-    plan, rng = plan_of(name), np.random.default_rng(0)
+    """The bound of any positive semidefinite multiplier is not above the optimal cost."""
+    plan = plan_of(name)
+    rng = np.random.default_rng(0)
     V = np.linalg.cholesky(plan.multipliers[0] + 1e-9 * np.trace(plan.multipliers[0]) * np.eye(5))
     for _ in range(5):
         B = V @ (np.eye(5) + 0.1 * rng.normal(size=(5, 5)))
@@ -77,8 +78,8 @@ def test_certify_is_never_fooled_by_a_multiplier(name):
         assert bound <= plan.cost * (1 + slip(plan))
 
 
-def test_certify_prices_the_poses_of_the_plan_too():
-    """A pose that is not among the candidates counts: the bound of a plan over all poses holds for that plan."""
+def test_certify_counts_the_poses_of_the_plan_too():
+    """The bound holds for the plan itself, whose poses may not be candidates."""
     plan = plan_of("D")
     alone = replace(plan, candidates=1, x=plan.x[:3], weights=np.full(3, 1 / 3))
     cost, bound = alone.certify()
@@ -93,7 +94,7 @@ def test_values_and_bounds_in_printed_form(name):
         float(plan.criterion.value(plan.information)), rel=slip(plan)
     )
     data = plan.to_dict()
-    value, bound, searched = data["value"], data["bound"], data["bound_searched"]
+    value, bound, searched = (data[key] for key in ("value", "bound", "bound_searched"))
     if plan.criterion.sense == "min":
         assert searched < bound <= value * (1 + slip(plan))
     else:
@@ -106,7 +107,7 @@ def test_values_and_bounds_in_printed_form(name):
 
 @either
 def test_best_bound(searched):
-    """The bound to judge plans by is that over all poses where there is one."""
+    """The best bound is that over all poses where one was searched."""
     plan = as_if_searched(plan_of("A")) if searched else plan_of("A")
     assert plan.best_bound == (plan.searched_bound if searched else plan.proved_bound)
 
@@ -114,7 +115,7 @@ def test_best_bound(searched):
 @either
 @every
 def test_json(name, searched):
-    """JSON has the promised keys with plain numbers, the heaviest pose first, and says no more than is known."""
+    """JSON has the promised keys with plain numbers, the heaviest pose first."""
     plan = as_if_searched(plan_of(name)) if searched else plan_of(name)
     data = json.loads(json.dumps(plan.to_dict(), allow_nan=False))
     promised = {"value", "bound", "gap", "support", "solver", "iterations", "seconds"}
@@ -149,7 +150,7 @@ def test_dictionary_gives_the_same_plan(searched):
 
 @pytest.mark.parametrize("space", DESIGNS)
 def test_csv(space, tmp_path):
-    """Columns are NAME_deg, NAME_mm for a prismatic joint, and weight; rows are the poses, the heaviest first."""
+    """Columns are joints in degrees or millimetres, and weight; the heaviest pose is first."""
     plan = plan_of("D", space)
     plan.to_csv(tmp_path / "new" / "plan.csv")
     table = pd.read_csv(tmp_path / "new" / "plan.csv")
@@ -177,7 +178,8 @@ def loaded(name):
 def test_plan_of_designed_loads(name):
     """Poses and wrenches, the heaviest first and once each, are worth what the weights say."""
     plan = loaded(name)
-    order, n = np.argsort(-plan.weights), len(plan.space.fixed)
+    order = np.argsort(-plan.weights)
+    n = len(plan.space.fixed)
     np.testing.assert_array_equal(plan.plan.q, plan.x[order, :n])
     np.testing.assert_array_equal(plan.plan.wrench, plan.space.load.wrench(plan.x[order, n:]))
     assert (plan.plan.repeats == 1).all()
@@ -191,7 +193,7 @@ def test_plan_of_designed_loads(name):
 
 @with_loads
 def test_tables_of_designed_loads(name, tmp_path):
-    """Where wrenches are designed, CSV, JSON and summary have them beside the poses; columns stand below each other."""
+    """Where wrenches are designed, CSV, JSON and summary have them beside the poses."""
     plan = loaded(name)
     plan.to_csv(tmp_path / "plan.csv")
     table = pd.read_csv(tmp_path / "plan.csv")
@@ -226,7 +228,7 @@ def test_csv_is_written_whole_or_not_at_all(tmp_path, monkeypatch):
 @either
 @every
 def test_summary(name, searched):
-    """A person reads the value, what is proved, what is only searched, and the poses; rho0 in millimetres."""
+    """A person reads value, proved and searched bound, and poses; rho0 in millimetres."""
     plan = as_if_searched(plan_of(name)) if searched else plan_of(name)
     head, *lines = plan.summary().splitlines()
     assert head.startswith(f"{name}, {plan.criterion.title}")

@@ -1,4 +1,4 @@
-"""The master: a convex program over a few candidates, its multiplier, its reuse, and how it fails."""
+"""The restricted master problem: its multiplier, its reuse, and how it fails."""
 
 import cvxpy as cp
 import numpy as np
@@ -37,7 +37,7 @@ def criterion_of(name):
 
 
 def blocks_of(name, seed=0, n=12):
-    """Information of rows with a direction in common; of unit trace where the amount of information is nothing."""
+    """Information of rows with a direction in common; of unit trace for O2."""
     rows = np.random.default_rng(seed).normal(size=(n, 2, 4)) + np.array([1.0, 0.5, 0.0, 0.0])
     problem = Problem(rows)
     return (problem.with_unit_trace() if name == "O2" else problem).blocks()
@@ -54,33 +54,35 @@ def bound(criterion, Z, blocks, M):
 @pytest.mark.parametrize("solver", CHAIN)
 @every
 def test_answer_proves_itself(name, solver):
-    """Weights are a design, and the multiplier proves that none of these candidates is better, to the gap of 1e-6."""
+    """Weights are a design, and the multiplier proves that none is better, to the gap of 1e-6."""
     if solver == POLISH and name not in SMOOTH:
         with pytest.raises(RelaxationError, match=r"SLSQP: .* is not smooth"):
             RestrictedMaster(criterion_of(name), np.eye(4), 12).solve(blocks_of(name), solver)
         return
-    criterion, blocks = criterion_of(name), blocks_of(name)
+    criterion = criterion_of(name)
+    blocks = blocks_of(name)
     weights, Z = RestrictedMaster(criterion, blocks.mean(axis=0), 12).solve(blocks, solver)
     assert weights.shape == (12,)
     assert (weights >= 0).all()
     assert weights.sum() == pytest.approx(1, abs=16 * EPS)
     np.testing.assert_allclose(Z, Z.T, atol=64 * EPS * np.abs(Z).max())
     M = space(weights, blocks)
-    cost, lower_bound = float(criterion.cost(M)), bound(criterion, Z, blocks, M)
-    assert (
-        (1 - GAP) * cost <= lower_bound <= (1 + GAP) * cost
-    )  # a multiplier is semidefinite to the solver's tolerance
+    cost = float(criterion.cost(M))
+    # A multiplier is semidefinite to the solver's tolerance only.
+    assert (1 - GAP) * cost <= bound(criterion, Z, blocks, M) <= (1 + GAP) * cost
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
 @pytest.mark.parametrize("name", SMOOTH)
 def test_multiplier_is_the_gradient(name, solver):
-    """The multiplier of a smooth criterion is minus its gradient times a number, to the root of the gap."""
-    criterion, blocks = criterion_of(name), blocks_of(name)
+    """A smooth criterion's multiplier is minus its gradient times a number, to the gap's root."""
+    criterion = criterion_of(name)
+    blocks = blocks_of(name)
     weights, Z = RestrictedMaster(criterion, blocks.mean(axis=0), 12).solve(blocks, solver)
     M = space(weights, blocks)
     S = np.linalg.inv(whitener(M))
-    Z, G = S @ Z @ S.T, -S @ criterion.gradient(M) @ S.T
+    Z = S @ Z @ S.T
+    G = -S @ criterion.gradient(M) @ S.T
     np.testing.assert_allclose(Z / np.linalg.norm(Z), G / np.linalg.norm(G), atol=np.sqrt(GAP))
 
 
@@ -88,7 +90,8 @@ def test_multiplier_is_the_gradient(name, solver):
 @every
 def test_whitening_matters_to_no_answer(name, solver):
     """Whatever design of the candidates the program is whitened by, the optimum is the same."""
-    criterion, blocks = criterion_of(name), blocks_of(name)
+    criterion = criterion_of(name)
+    blocks = blocks_of(name)
     weights, _ = RestrictedMaster(criterion, blocks.mean(axis=0), 12).solve(blocks, solver)
     best = float(criterion.cost(space(weights, blocks)))
     for around in np.random.default_rng(3).dirichlet(np.full(12, 0.5), size=3):
@@ -99,8 +102,9 @@ def test_whitening_matters_to_no_answer(name, solver):
 @pytest.mark.parametrize("name", ["D", "O1"])
 @pytest.mark.parametrize("solver", CHAIN)
 def test_units(name, solver):
-    """A criterion free of units has the same weights in units from 1e-7 to 1e4, to the root of the gap."""
-    criterion, blocks = criterion_of(name), blocks_of(name)
+    """A criterion free of units has the same weights in any units, to the root of the gap."""
+    criterion = criterion_of(name)
+    blocks = blocks_of(name)
     other = blocks * np.outer(UNITS, UNITS)
     plain, _ = RestrictedMaster(criterion, blocks.mean(axis=0), 12).solve(blocks, solver)
     scaled, _ = RestrictedMaster(criterion, other.mean(axis=0), 12).solve(other, solver)
@@ -109,13 +113,14 @@ def test_units(name, solver):
 
 @pytest.mark.parametrize("solver", SOLVERS)
 @every
-def test_master_is_used_again(name, solver):
-    """One master solved for one set after another, of fewer candidates too, is as good as a new one each time."""
-    criterion, first = criterion_of(name), blocks_of(name)
-    master = RestrictedMaster(criterion, first.mean(axis=0), 12)
+def test_program_is_used_again(name, solver):
+    """One program for one set after another, of fewer candidates too, is as good as new ones."""
+    criterion = criterion_of(name)
+    first = blocks_of(name)
+    program = RestrictedMaster(criterion, first.mean(axis=0), 12)
     for seed, n in ((0, 12), (1, 7), (2, 12), (0, 12)):
         blocks = blocks_of(name, seed, n)
-        weights, Z = master.solve(blocks, solver)
+        weights, Z = program.solve(blocks, solver)
         assert weights.shape == (n,)
         fresh, _ = RestrictedMaster(criterion, blocks.mean(axis=0), n).solve(blocks, solver)
         cost = float(criterion.cost(space(weights, blocks)))
@@ -126,23 +131,21 @@ def test_master_is_used_again(name, solver):
 
 
 def test_suits():
-    """A master suits no more candidates than it has places for, and no design far from white in shape or size."""
-    master = RestrictedMaster(criterion_of("A"), np.diag(UNITS**2), 12)
-    assert master.suits(np.diag(UNITS**2), 12)
-    assert master.suits(3 * np.diag([1.0, 2.0, 3.0, 4.0] * UNITS**2), 1)
-    assert not master.suits(np.diag(UNITS**2), 13)
-    assert not master.suits(np.eye(4), 1)
-    assert not master.suits(1e6 * np.diag(UNITS**2), 1)
-    assert not master.suits(1e-6 * np.diag(UNITS**2), 1)
+    """A program suits no more candidates than it has places for, and only nearly white designs."""
+    program = RestrictedMaster(criterion_of("A"), np.diag(UNITS**2), 12)
+    assert program.suits(np.diag(UNITS**2), 12)
+    assert program.suits(3 * np.diag([1.0, 2.0, 3.0, 4.0] * UNITS**2), 1)
+    assert not program.suits(np.diag(UNITS**2), 13)
+    assert not program.suits(np.eye(4), 1)
+    assert not program.suits(1e6 * np.diag(UNITS**2), 1)
+    assert not program.suits(1e-6 * np.diag(UNITS**2), 1)
 
 
 @every
 def test_weights_that_are_as_good_as_none_are_dropped(name):
-    """No weight is left below 1e-7 of the largest: a candidate of hardly any information has none at all."""
-    criterion, blocks = (
-        criterion_of(name),
-        np.concatenate([blocks_of(name), 1e-3 * blocks_of(name)]),
-    )
+    """No weight is below 1e-7 of the largest, and hardly any information gets no weight at all."""
+    criterion = criterion_of(name)
+    blocks = np.concatenate([blocks_of(name), 1e-3 * blocks_of(name)])
     weights, _ = RestrictedMaster(criterion, blocks.mean(axis=0), 24).solve(blocks, "CLARABEL")
     assert (weights[weights > 0] >= 0.99 * PRUNE * weights.max()).all()
     if name != "O2":  # to which the amount of information is nothing
@@ -152,7 +155,7 @@ def test_weights_that_are_as_good_as_none_are_dropped(name):
 
 @pytest.mark.parametrize("solver", CHAIN)
 def test_optimum_that_leaves_a_direction_open(solver):
-    """Where the best design would be singular, it is approached by a little weight on every candidate."""
+    """A singular best design is approached by a little weight on every candidate."""
     criterion = criteria.create("rho0", target=np.array([[1.0, 0.0]]))
     blocks = np.array([np.diag([1.0, 0.0]), np.diag([0.0, 1.0]), np.diag([0.5, 0.5])])
     weights, _ = RestrictedMaster(criterion, blocks.mean(axis=0), 3).solve(blocks, solver)
@@ -163,7 +166,7 @@ def test_optimum_that_leaves_a_direction_open(solver):
 @pytest.mark.parametrize("solver", CHAIN)
 @pytest.mark.parametrize("name", SMOOTH)
 def test_candidates_without_a_regular_design(name, solver):
-    """Candidates that leave a direction open have no design of finite cost: an error that names the solver."""
+    """Candidates that leave a direction open have no design: the error names the solver."""
     blocks = blocks_of(name)
     blocks[:, :, 2] = blocks[:, 2, :] = 0.0
     criterion = criteria.create(name, target=np.eye(4))
@@ -185,9 +188,10 @@ def test_failure_is_told_in_the_words_of_the_solver(monkeypatch, solver):
 
 @every
 def test_inaccurate_answer_is_an_answer(monkeypatch, name):
-    """A solver that runs out of iterations gives a design, of which the certificate must tell the worth."""
+    """A solver that runs out of iterations gives a design; its certificate tells its worth."""
     monkeypatch.setitem(SOLVERS, "CLARABEL", {"max_iter": 5})
-    criterion, blocks = criterion_of(name), blocks_of(name)
+    criterion = criterion_of(name)
+    blocks = blocks_of(name)
     weights, Z = RestrictedMaster(criterion, blocks.mean(axis=0), 12).solve(blocks, "CLARABEL")
     assert (weights >= 0).all()
     assert weights.sum() == pytest.approx(1, abs=16 * EPS)
