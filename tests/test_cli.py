@@ -533,13 +533,21 @@ def test_relax_to_a_place_that_cannot_be_written(study: Path, tmp_path: Path) ->
 @pytest.mark.parametrize(
     "line",
     [
-        "plan STUDY --size 3 --out STUDY", "plan STUDY --size 3 --keep PLAN --out PLAN",
-        "plan STUDY --size 3 --exclude PLAN --out PLAN", "relax STUDY --out STUDY", "template STUDY PLAN --out STUDY",
-        "template STUDY PLAN --out PLAN", "compensate STUDY K PLAN --out PLAN", "compensate STUDY K PLAN --out K",
-        "identify STUDY PLAN --out DIR --plan DIR/k.json", "identify STUDY PLAN --bayes --chain PLAN",
-        "bayes STUDY PLAN --chain PLAN", "bayes STUDY PLAN --export STUDY", "bayes STUDY PLAN --chain K --export K",
+        "plan STUDY --size 3 --out STUDY",
+        "plan STUDY --size 3 --keep PLAN --out PLAN",
+        "plan STUDY --size 3 --exclude PLAN --out PLAN",
+        "relax STUDY --out STUDY",
+        "template STUDY PLAN --out STUDY",
+        "template STUDY PLAN --out PLAN",
+        "compensate STUDY K PLAN --out PLAN",
+        "compensate STUDY K PLAN --out K",
+        "identify STUDY PLAN --out DIR --plan DIR/k.json",
+        "identify STUDY PLAN --bayes --chain PLAN",
+        "bayes STUDY PLAN --chain PLAN",
+        "bayes STUDY PLAN --export STUDY",
+        "bayes STUDY PLAN --chain K --export K",
     ],
-)  # fmt: skip
+)
 def test_no_command_overwrites_what_it_reads(study: Path, tmp_path: Path, line: str) -> None:
     """One line, before any work, and every file is as it was."""
     plan, k = tmp_path / "plan.csv", tmp_path / "k.json"
@@ -556,10 +564,12 @@ def test_no_command_overwrites_what_it_reads(study: Path, tmp_path: Path, line: 
 @pytest.mark.parametrize(
     "line",
     [
-        "plan STUDY --size 3 --out SHEET", "relax STUDY --out SHEET", "compensate STUDY K PLAN --out SHEET",
+        "plan STUDY --size 3 --out SHEET",
+        "relax STUDY --out SHEET",
+        "compensate STUDY K PLAN --out SHEET",
         "bayes STUDY PLAN --export SHEET",
     ],
-)  # fmt: skip
+)
 def test_measurements_are_never_overwritten(study: Path, tmp_path: Path, line: str) -> None:
     """A sheet that somebody has filled in is refused as an output, before any work, whatever the
     command.

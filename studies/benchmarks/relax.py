@@ -165,7 +165,8 @@ def _report(
             "## Against a direct cvxpy model\n",
             f"Medians of {REPEATS} calls for edtk, which keeps the small program that cvxpy has "
             "compiled for a criterion (the first call compiles it); one run for a direct model. "
-            "The ratio is of the fastest direct model that comes within 1e-3 of the proved optimum to "
+            "The ratio is of the fastest direct model that comes within 1e-3 of the proved optimum "
+            "to "
             "the median; edtk proves a gap of 1e-6.\n",
             _versus(mine, others, best),
             "## All ten criteria, at scale\n",

@@ -34,7 +34,7 @@ KEYS = [
     "starts",
     "found",
 ]
-KEYS += ["optima", "ended", "seconds", "constraint_violation", "plan", "certificate"]
+KEYS += ["optima", "ended", "seconds", "constraint_violation", "plan", "exact"]
 LOADS = {
     "bounded": "F_max_N = 2500\ndirection = [0, 0, -2]",
     "free": "F_max_N = 2500",

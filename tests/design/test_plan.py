@@ -134,12 +134,28 @@ GOOD = "-90,0,10,20,30"
         ('q2_deg,q3_deg\n"1,2\n', []),
     ],
     ids=[
-        "NaN", "empty cell", "short row", "inf", "text", "unknown column", "column twice",
-        "missing column", "repeats 0", "repeats 1.5", "repeats -1", "repeats empty", "wrench text",
-        "long row", "long first row", "repeats 1e300", "empty file", "comment only", "header only",
+        "NaN",
+        "empty cell",
+        "short row",
+        "inf",
+        "text",
+        "unknown column",
+        "column twice",
+        "missing column",
+        "repeats 0",
+        "repeats 1.5",
+        "repeats -1",
+        "repeats empty",
+        "wrench text",
+        "long row",
+        "long first row",
+        "repeats 1e300",
+        "empty file",
+        "comment only",
+        "header only",
         "open quote",
     ],
-)  # fmt: skip
+)
 def test_wrong_file(read, tmp_path, text, named):
     """A wrong file is rejected in a single line that names the file and the row or column."""
     with pytest.raises(PoseFileError) as caught:

@@ -175,7 +175,7 @@ def test_unusable_cases_are_computed_anew(small, copied):
     garbage.write_bytes(garbage.read_bytes()[:-100])
     content = json.loads(other.read_text())
     content["key"] = "0" * 16
-    content["answer"]["certificate"]["plan"]["q"][0][1] = 0.0
+    content["answer"]["exact"]["plan"]["q"][0][1] = 0.0
     other.write_text(json.dumps(content))
     kept = times([out / "cases/relaxation_D.json"])
     run(study, out, workers=1)
@@ -189,7 +189,7 @@ def test_finished_cases_are_taken_at_their_word(copied):
     before = run_study(study, out).to_frame().set_index("plan")
     path = out / "cases/optimised_D_m2.json"
     content = json.loads(path.read_text())
-    plan = content["answer"]["certificate"]["plan"]
+    plan = content["answer"]["exact"]["plan"]
     plan["q"] = plan["q"][::-1]
     plan["repeats"] = [2 * times for times in plan["repeats"][::-1]]
     path.write_text(json.dumps(content))

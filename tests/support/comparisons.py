@@ -55,7 +55,7 @@ def two_sizes(folder, relaxed, optimise, E=(np.nan, 5e14), rho0=(np.nan, 7e-6)):
 
 
 def other_criteria(folder, relaxed):
-    """A run of three and four experiments for rho0 and for E, with fewer distinct poses for rho0."""
+    """A run of three and four experiments for rho0 and E, with fewer distinct poses for rho0."""
     rows = [
         ("optimised", "rho0", 3, 3, 6.0e-6),
         ("optimised", "rho0", 4, 4, 5.0e-6),

@@ -105,10 +105,10 @@ class ExactPlan(Presented):
         return frame.drop(columns=list(WRENCH_COLUMNS)) if one_load_for_all else frame
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain numbers, for JSON: as people read them, and exactly under the key `certificate`.
+        """Plain numbers, for JSON: as people read them, and exactly under the key `exact`.
 
         The rows of `plan` have angles in degrees and lengths in millimetres, the kept experiments
-        first. The certificate has the cost, and the experiments in SI units.
+        first. The exact part has the cost, and the experiments in SI units.
         """
         # JSON has no infinity: a bound that says nothing is null.
         bound = self.bound
@@ -129,7 +129,7 @@ class ExactPlan(Presented):
             "constraint_violation": self.violation,
             "plan": ([] if self.kept is None else self._rows(self.kept, kept=True))
             + self._rows(self.plan, kept=False),
-            "certificate": {
+            "exact": {
                 "cost": self.cost,
                 "plan": self.plan.to_dict(),
                 "kept": None if self.kept is None else self.kept.to_dict(),
@@ -155,7 +155,7 @@ class ExactPlan(Presented):
         Raises:
             KeyError: An entry is missing.
         """
-        exact = data["certificate"]
+        exact = data["exact"]
         kept = exact["kept"]
         return cls(
             relaxed=relaxed,

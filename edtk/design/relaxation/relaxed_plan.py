@@ -144,9 +144,9 @@ class RelaxedPlan(Presented):
             self.to_frame().to_csv(temporary, index=False, float_format="%.10g")
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain numbers for JSON: as a person reads them, and exactly under the key `certificate`.
+        """Plain numbers for JSON: as a person reads them, and exactly under the key `exact`.
 
-        The support has the heaviest pose first, with its angles in degrees. The certificate has
+        The support has the heaviest pose first, with its angles in degrees. The exact part has
         costs, and design variables in the order of this plan.
         """
         searched = self.searched_bound
@@ -164,7 +164,7 @@ class RelaxedPlan(Presented):
             "solver": self.solver,
             "iterations": self.iterations,
             "seconds": self.seconds,
-            "certificate": self._certificate(),
+            "exact": self._exact(),
         }
 
     @classmethod
@@ -181,7 +181,7 @@ class RelaxedPlan(Presented):
         Raises:
             KeyError: Another entry is missing.
         """
-        exact = data["certificate"]
+        exact = data["exact"]
         cost = exact["cost"]
         proved = Bound.of(criterion, exact["bound"], cost, BoundKind.PROVED_ON_CANDIDATES)
         searched = None
@@ -216,7 +216,7 @@ class RelaxedPlan(Presented):
             for q, W, weight in zip(shown, plan.wrench, weights, strict=True)
         ]
 
-    def _certificate(self) -> dict[str, Any]:
+    def _exact(self) -> dict[str, Any]:
         """Costs, bounds and what they follow from, besides the multipliers."""
         bound = self.searched_bound
         sensitivities = self.searched_sensitivities

@@ -37,6 +37,8 @@ from edtk.design.problem import Problem, RankDeficientError
 from edtk.design.relaxation.relax import RelaxationInterrupted, relax
 from edtk.design.relaxation.solver_options import SolverOptions
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def kr270():

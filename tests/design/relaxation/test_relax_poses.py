@@ -24,6 +24,8 @@ from edtk.model.loads.free_load import FreeLoad
 from edtk.model.loads.listed_load import ListedLoad
 from edtk.model.workspace import Workspace
 
+pytestmark = pytest.mark.slow
+
 GAP = 1e-6
 TOLERANCE = 5e-5
 TWO = replace(KR270, model=ElastostaticModel(KR270.workspace.robot, (1, 2)))

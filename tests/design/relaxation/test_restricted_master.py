@@ -16,6 +16,8 @@ from edtk.design.relaxation.restricted_master import (
     RestrictedMaster,
 )
 
+pytestmark = pytest.mark.slow
+
 GAP = 1e-6
 EPS = np.finfo(float).eps
 TARGET = np.random.default_rng(9).normal(size=(3, 4))

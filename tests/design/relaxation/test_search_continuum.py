@@ -11,6 +11,8 @@ from edtk.design.relaxation.search_continuum import search_continuum
 from edtk.design.relaxation.sensitivity import sensitivity_and_slope
 from edtk.design.sample_feasible import sample_feasible
 
+pytestmark = pytest.mark.slow
+
 ACCURACY = 1e-6
 
 
