@@ -63,10 +63,9 @@ class LargestSensitivities:
         It climbs from the best candidates, from poses of its own, and from those of the proof. The
         poses of the design count too.
         """
-        own = list(candidates(self.setting, [OWN_SEED], "random", OWN_DRAWS))
-        starts = np.concatenate(
-            [self._over_candidates[1], *own, self.proof.points, self.proof.searched]
-        )
+        _, best = self._over_candidates
+        own = candidates(self.setting, [OWN_SEED], "random", OWN_DRAWS)
+        starts = np.concatenate([best, *own, self.proof.points, self.proof.searched])
         heights = self._at(starts)
         worst = 0.0
         for j, largest in enumerate(self.searched):
@@ -78,7 +77,26 @@ class LargestSensitivities:
 
     @cached_property
     def _over_candidates(self) -> tuple[Array, Array]:
-        """Maxima (r,) over all candidates, and the best of the candidates (s, v)."""
+        """Maxima (r,) over all candidates, and the best of the candidates (s, v).
+
+        Raises:
+            ValueError: They cannot be drawn.
+        """
+        found = self._drawn
+        if isinstance(found, ValueError):
+            raise found
+        return found
+
+    @cached_property
+    def _drawn(self) -> tuple[Array, Array] | ValueError:
+        """The same, or the error: several claims ask, and a failure takes as long as a success."""
+        try:
+            return self._draw()
+        except ValueError as error:
+            return error
+
+    def _draw(self) -> tuple[Array, Array]:
+        """Draw all candidates, chunk by chunk."""
         r = len(self.multipliers.Z)
         proof = self.proof
         largest = np.full(r, -np.inf)

@@ -8,11 +8,11 @@ from edtk.certificate.recompute.setting import Setting
 from edtk.system.typing import Array
 
 CHUNK = 16384
-BARREN = 100  # chunks without a feasible pose after which the drawing gives up
-# Samples that are drawn at most. They take about a minute on one core, and a certificate that asks
+BARREN = 30  # chunks without a feasible pose after which the drawing gives up
+# Samples that are drawn at most. They take about half a minute on one core: a certificate that asks
 # for more must not keep a machine busy for hours. A million candidates of the milling example, of
-# whose samples one in six is feasible, need 6e6.
-MOST_SAMPLES = 40_000_000
+# whose samples one in three is feasible, need 3e6.
+MOST_SAMPLES = 30_000_000
 COSTLY = 20  # excluded poses or multipliers that take as long as the sample itself
 
 

@@ -58,7 +58,7 @@ class Setting:
         if not unknown or not (sigma > 0).all():
             raise ValueError("setting: expected an unknown joint, and sigmas above zero")
         return cls(
-            name=str(content["robot"]["name"]),
+            name=_name(content["robot"]["name"]),
             chain=chain,
             unknown=unknown,
             sigma=sigma,
@@ -107,6 +107,17 @@ def _regressors(chain: Chain, unknown: list[int], q: Array, wrench: Array) -> Ar
     columns = chain.jacobian(q)[:, :, unknown]
     torque = np.einsum("krp,kr->kp", columns, wrench)
     return np.asarray(columns * torque[:, None])
+
+
+def _name(value: Any) -> str:
+    """The name of a robot.
+
+    Raises:
+        ValueError: It is no text.
+    """
+    if not isinstance(value, str):
+        raise ValueError("setting.robot.name: expected a text")
+    return value
 
 
 def _indices(value: Any, n: int, where: str) -> list[int]:

@@ -1,0 +1,196 @@
+"""Certificates that an enemy has changed: no traceback, no long wait, and never a false "valid"."""
+
+import copy
+import json
+import math
+import random
+import re
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from edtk.certificate.certificate import certificate
+from edtk.certificate.verification import Verification
+from edtk.model.robot_to_dict import robot_to_dict
+from edtk.study.plan_study import plan_study
+from edtk.study.relax_study import relax_study
+from edtk.study.study import Study, load_study
+from edtk.system.errors import UserError
+from edtk.verbs.verify import verify
+
+ROOT = Path(__file__).parents[2]
+PAPER = load_study(ROOT / "studies" / "kr270_milling.toml").replace(candidates=150)
+CASES = 300
+SEED = 3
+Content = dict[str, Any]
+Keys = tuple[str | int, ...]
+
+RAIL = {"name": "rail", "kind": "prismatic", "origin_m": [0, 0, 0], "axis": [0, 1, 0]}
+
+
+def on_a_rail() -> Study:
+    """The paper's robot on a rail, without the constraints that depend on where it stands."""
+    robot = robot_to_dict(PAPER.robot)
+    robot["joints"] = [RAIL | {"limits_m": [-1.0, 2.0]}, *robot["joints"]]
+    return PAPER.replace(
+        robot=robot,
+        test_pose=None,
+        published=None,
+        optimise=["A"],
+        criteria=["A"],
+        workspace={"tilt_max_deg": 30},
+    )
+
+
+STUDIES: dict[str, tuple[Callable[[], Study], str]] = {
+    "test pose": (lambda: PAPER, "rho0"),
+    "condition number": (lambda: PAPER, "O2"),
+    "family": (lambda: PAPER, "O4"),
+    "rotations": (
+        lambda: PAPER.replace(measurement={"rows": "pose", "sigma_mm": 0.03, "sigma_deg": 0.01}),
+        "G",
+    ),
+    "Sobol": (lambda: PAPER.replace(sampling="sobol"), "A"),
+    "bounded load": (
+        lambda: PAPER.replace(load={"F_max_N": 2500, "direction": [0, 0, -1]}),
+        "D",
+    ),
+    "free load": (lambda: PAPER.replace(load={"F_max_N": 2500}), "E"),
+    "listed load": (
+        lambda: PAPER.replace(load={"list_F_N": [[0, 0, -2500], [900, 0, -900]]}),
+        "O5",
+    ),
+    "prismatic joint": (on_a_rail, "A"),
+}
+
+
+@pytest.fixture(scope="module")
+def honest() -> dict[str, Content]:
+    """One certificate of each sort."""
+    found = {
+        name: certificate(study(), relax_study(study(), criterion, candidates=150))
+        for name, (study, criterion) in STUDIES.items()
+    }
+    searched = relax_study(PAPER, "rho0", candidates=150, continuous=True)
+    found["all poses"] = certificate(PAPER, searched)
+    kept = PAPER.load_plan(ROOT / "studies" / "plans" / "table_4_3.csv")
+    away = PAPER.excluding(kept)
+    found["kept"] = certificate(away, plan_study(away, 5, "A", kept=kept, budget=0.3))
+    return {name: json.loads(json.dumps(content)) for name, content in found.items()}
+
+
+def places(node: Any, path: Keys = ()) -> Iterator[Keys]:
+    """Paths of all entries of nested tables and lists."""
+    if isinstance(node, dict | list):
+        entries = node.items() if isinstance(node, dict) else enumerate(node)
+        for key, part in entries:
+            yield (*path, key)
+            yield from places(part, (*path, key))
+
+
+def changed(content: Content, path: Keys, change: str) -> Content:
+    """A copy of a certificate with one change; the same content where the change does not fit."""
+    copied = copy.deepcopy(content)
+    holder: Any = copied
+    for key in path[:-1]:
+        holder = holder[key]
+    last: Any = path[-1]
+    old = holder[last]
+    if change in FACTORS:
+        if isinstance(old, int | float):
+            holder[last] = old * FACTORS[change]
+    elif change in VALUES:
+        holder[last] = VALUES[change]
+    elif change == "text":
+        holder[last] = str(old)
+    elif change == "removed":
+        del holder[last]
+    elif change == "twice" and isinstance(holder, list):
+        holder.append(old)
+    elif change == "shorter" and isinstance(old, list):
+        holder[last] = old[:-1]
+    elif change == "further" and isinstance(old, dict):
+        old["more"] = 1
+    return copied
+
+
+FACTORS = {"slightly more": 1 + 1e-6, "double": 2, "negative": -1, "zero": 0}
+VALUES: dict[str, Any] = {
+    "nan": math.nan,
+    "infinite": math.inf,
+    "huge": 1e300,
+    "very huge": 10**400,
+    "billion": 10**9,
+    "one": 1,
+    "none": None,
+    "true": True,
+    "junk": [[[{"a": []}]]],
+    "table": {"x": 1},
+}
+CHANGES = (*FACTORS, *VALUES, "text", "removed", "twice", "shorter", "further")
+
+# Changes after which all claims may still be true, by the path of what is changed.
+HARMLESS = (
+    r"(title|edtk|study_sha256).*",  # decoration
+    r"setting\.robot\.joints\.\d+\.name",
+    r"setting\.robot\.joints\.\d+\.(axis|limits|kind).*",  # of a joint that is fixed, see below
+    r"setting\.robot\.name",
+    r"setting\.fixed\.\d+",  # of a joint that is designed
+    r"setting\.load\.T_Nm.*",  # zero, and so it is when left out
+    r"setting\.workspace.*",  # a constraint that excludes no candidate and no best pose
+    r"setting\.excluded.*",
+    r"proof\.(support|searched).*",  # the experiments themselves count, and the second search
+    r"claims\.gap",  # 1e-10, which may as well be -1e-10
+)
+
+
+def is_harmless(content: Content, path: Keys, change: str) -> bool:
+    """Whether a changed certificate may be valid."""
+    place = ".".join(map(str, path))
+    if any(re.fullmatch(pattern, place) for pattern in HARMLESS):
+        fixed = set(range(len(content["setting"]["fixed"]))) - set(content["setting"]["free"])
+        parts = re.fullmatch(HARMLESS[2], place)
+        return parts is None or path[3] in fixed
+    if place.startswith("setting.test_pose"):
+        return bool(content["criterion"] != "rho0")
+    if "bound_searched" in content["claims"] and re.match(r"proof\.(seed|candidates)", place):
+        return content["kind"] == "plan"  # its bound rests on the poses that the search has found
+    if place.startswith("proof.multipliers"):
+        return change in ("twice", "slightly more")
+    if place.startswith("proof.seed"):
+        return change == "twice"  # numpy ends seeds with zeros, so that another zero is the same
+    # Near the best design, the value hardly depends on a pose or a weight.
+    return place.startswith("experiments") and change == "slightly more"
+
+
+def checked(content: Content) -> Verification | str:
+    """The result of checking a certificate, or the message that rejects it."""
+    try:
+        return verify(content)
+    except UserError as error:
+        return str(error)
+
+
+def test_no_change_that_matters_stays_valid(honest: dict[str, Content]) -> None:
+    """Certificates are rejected, or read and not valid, or the change was harmless."""
+    for name, content in honest.items():
+        assert verify(content).valid, name
+    rng = random.Random(SEED)
+    for number in range(CASES):
+        name = rng.choice(list(honest))
+        content = honest[name]
+        part = rng.choice(list(content))  # else most changes would hit one of the many numbers
+        path = rng.choice([path for path in places(content) if path[0] == part])
+        change = rng.choice(CHANGES)
+        enemy = changed(content, path, change)
+        if enemy == content:
+            continue
+        found = checked(enemy)
+        if isinstance(found, str):
+            assert "\n" not in found
+            continue
+        json.dumps(found.to_dict(), allow_nan=False)
+        assert found.summary().splitlines()[-1].startswith("valid" if found.valid else "NOT")
+        assert not found.valid or is_harmless(content, path, change), (number, name, path, change)
