@@ -86,7 +86,7 @@ class Case:
             ValueError: The criterion is a plug-in, of which no second implementation exists.
         """
         if self.name not in values.DEGREE:
-            raise ValueError(f"criterion {self.name} is a plug-in; only built-in ones can be")
+            raise ValueError(f"the criterion {self.name} has no second implementation")
         return values.DEGREE[self.name]
 
     @property
@@ -144,6 +144,7 @@ class Case:
         found = self.largest
         t = found.searched if searched else found.proved
         rows = self.made.stacked(self.setting)
+        # Only G needs the matrix itself, to find good weights; bad ones would prove less, not more.
         M = rows.T @ rows / self.made.amount.sum() + self._prior
         cost = lower_bound(self.name, found.multipliers.Z, t, self.setting.target, M)
         if self.kind == "plan":
@@ -160,7 +161,7 @@ class Case:
         """Check that the criterion is known here, and that the amounts make sense."""
         _ = self.degree
         if not self.amounts_are_sound:
-            raise ValueError("weights or repetitions are not what they should be")
+            raise ValueError("the weights or repetitions are not sound")
 
 
 def _are_repeats(amount: Array) -> bool:

@@ -108,6 +108,7 @@ class LargestSensitivities:
             largest = np.maximum(largest, found.max(axis=1))
             pool = np.concatenate([best, x])
             heights = np.concatenate([heights, found], axis=1)
+            # Only the best are kept: a million candidates are never in memory together.
             order = np.unique(np.argsort(-heights, axis=1)[:, :STARTS])
             best = pool[order]
             heights = heights[:, order]

@@ -49,6 +49,8 @@ class Proof:
         for key in ("support", "searched"):
             rows(content[key], MOST_POINTS, f"proof.{key}")
             x = numbers(content[key], (None, size), f"proof.{key}")
+            # A pose that is not allowed could only lower the bound, to the harm of nobody but the
+            # one who reads it. It is no candidate.
             points[key] = x[setting.feasible(x)]
         return cls(
             candidates=whole(content["candidates"], 1, LARGEST, "proof.candidates"),

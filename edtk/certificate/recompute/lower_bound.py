@@ -31,6 +31,7 @@ def lower_bound(name: str, Z: Array, t: Array, target: Array | None, M: Array) -
         return _noise_amplification(Z, t)
     found = 0.0
     for z, top in zip(Z, t, strict=True):
+        # A multiplier without a positive sensitivity would exclude every design: nobody's proof.
         if top > 0:
             found = max(found, _polar(name, _factor(z), target, M) * top ** -DEGREE[name])
     return found
@@ -155,7 +156,7 @@ def _distinct_lines(lines: Array) -> tuple[Array, Array]:
     length = np.linalg.norm(lines, axis=1)
     for i in np.argsort(length):
         if not length[i] > 0:
-            continue
+            continue  # it excludes every point, which no true certificate does
         normal = lines[i] / length[i]
         if all(abs(normal[0] * one[1] - normal[1] * one[0]) > PARALLEL for one in normals):
             normals.append(normal)

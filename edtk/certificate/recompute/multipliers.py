@@ -47,6 +47,7 @@ class Multipliers:
         size = np.abs(Z).max(axis=(1, 2), keepdims=True)
         if not (np.abs(Z - transposed) <= SYMMETRIC * size).all():
             raise ValueError("a multiplier is not symmetric")
+        # Eigenvalues are taken from one triangle only, so that both have to be the same.
         found = cls((Z + transposed) / 2, name in INDEFINITE)
         if not found.indefinite and not (found._lowest >= -NEGATIVE * p).all():
             raise ValueError("a multiplier is not positive semidefinite")

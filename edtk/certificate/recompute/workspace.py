@@ -102,6 +102,7 @@ class Workspace:
     def _nearest(self, q: Array) -> Array:
         """Distance (k,) to the nearest excluded pose, over the revolute joints [rad]."""
         nearest = np.full(len(q), np.inf)
+        # One pose at a time: all differences at once would fill the memory.
         for pose in self.excluded:
             turn = np.abs(q - pose)[:, ~self.chain.prismatic] % (2 * np.pi)
             short_way = np.minimum(turn, 2 * np.pi - turn)

@@ -18,11 +18,20 @@ MEANING = {
     "weights": "the weights are shares of one",
     "repeats": "every pose is measured a whole number of times",
     "value": "of these experiments together",
-    "bound": "proved on {candidates} candidates: no design on them is better",
+    "bound": "proved on {candidates} candidates: no design on these poses is better",
     "bound_searched": "searched, not proved: no design over all poses is better",
     "search": "a second search finds no pose whose sensitivity is 0.1 % larger",
     "gap": "relative distance from the bound to the value",
     "efficiency": "share of the best possible cost, as the bound has it",
+}
+# By how much a check fails.
+EXCESS = {
+    "feasible": "by {:.3g} (m or rad)",
+    "kept": "by {:.3g} (m or rad)",
+    "loads": "by {:.3g} of the largest load",
+    "weights": "got a sum of {:.10g}",
+    "repeats": "got {:.10g} in all",
+    "search": "by {:.3g} of the largest one",
 }
 WITHOUT_NUMBER = ("study", "feasible", "loads", "kept", "weights", "repeats", "search")
 
@@ -49,6 +58,9 @@ def _line(found: Verification, claim: Claim) -> str:
         number = "" if claim.claim in WITHOUT_NUMBER else _shown(found, claim, claim.recomputed)
         meaning = MEANING[claim.claim].format(candidates=claim.candidates)
         return f"  holds  {claim.claim:14}  {number:18}  {meaning}"
+    if claim.claim in WITHOUT_NUMBER:
+        by = "" if not claim.recomputed else f", {_shown(found, claim, claim.recomputed)}"
+        return f"  FAILS  {claim.claim:14}  {claim.reason}{by}"
     numbers = [
         f"{word} {_shown(found, claim, number)}"
         for word, number in (("stated", claim.stated), ("recomputed", claim.recomputed))
@@ -64,8 +76,8 @@ def _shown(found: Verification, claim: Claim, number: float | None) -> str:
     if claim.claim in IN_UNITS and found.criterion in BUILTINS:
         factor, unit = criteria.get(found.criterion).shown
         return f"{factor * number:.{DIGITS}g} {unit}".rstrip()
-    if claim.claim in ("feasible", "kept"):
-        return f"{number:.3g} (m or rad)"
+    if claim.claim in EXCESS:
+        return EXCESS[claim.claim].format(number)
     return f"{number:.3g}" if claim.claim == "gap" else f"{number:.{DIGITS}g}"
 
 
