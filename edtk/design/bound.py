@@ -12,7 +12,7 @@ from criteria.criterion import Sense
 
 
 class BoundKind(Enum):
-    """What the claim of a bound rests on; the value is the words that a person reads."""
+    """The basis of a bound's claim; the value is its text for people."""
 
     PROVED_ON_CANDIDATES = "proved on candidates"  # no plan over a finite set of poses is better
     SEARCHED = "searched"  # no better plan over all poses was found, which proves nothing

@@ -21,7 +21,7 @@ class Candidates:
     problem: Problem
 
     def __getitem__(self, chosen: Indices) -> "Candidates":
-        """Some of the candidates."""
+        """The chosen candidates."""
         return Candidates(self.x[chosen], self.problem[chosen])
 
     def __add__(self, others: "Candidates") -> "Candidates":

@@ -32,7 +32,7 @@ class Experiments:
     frames: Frames
 
     def __getitem__(self, chosen: Indices) -> "Experiments":
-        """Some of experiments (n, v); nothing is computed anew."""
+        """The chosen experiments (n, v); nothing is computed anew."""
         return Experiments(self.space, self.x[chosen], self.frames[chosen])
 
     @property

@@ -1,4 +1,4 @@
-"""What a measurement shows without noise: the motion of a loaded robot that is at rest."""
+"""The measurement without noise: the motion of a loaded robot that is at rest."""
 
 import numpy as np
 from numpy.typing import ArrayLike

@@ -91,7 +91,7 @@ def fit_huber(X: Array, y: Array, start: Array, known: bool, least: float = -np.
 
 
 def _inflation(r: Array, p: int, corner: float) -> float:
-    """What (X'X)^-1 is multiplied with for the covariance, from residuals r (N,) of p parameters.
+    """The factor on (X'X)^-1 in the covariance, from residuals r (N,) of p parameters.
 
     Raises:
         SigmaTooSmallError: No residual is within the corner.

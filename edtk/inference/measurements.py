@@ -63,7 +63,7 @@ class Measurements(Presented):
         return len(self.q)
 
     def __getitem__(self, rows: Indices | slice) -> "Measurements":
-        """Some of the measurements."""
+        """The chosen measurements."""
         return Measurements(*(getattr(self, f.name)[rows] for f in fields(self)))
 
     @cached_property

@@ -1,4 +1,4 @@
-"""What is known of the compliances before the measurements."""
+"""Prior knowledge of the compliances, before the measurements."""
 
 from dataclasses import dataclass, field
 

@@ -1,4 +1,4 @@
-"""What a compensation leaves when its compliances are not the true ones."""
+"""The error that remains after a compensation with wrong compliances."""
 
 import numpy as np
 from numpy.typing import ArrayLike

@@ -1,4 +1,4 @@
-"""What the robot shall be accurate at: a pose, a tool and a load."""
+"""A task: the pose, the tool and the load in which the robot shall be accurate."""
 
 from dataclasses import dataclass
 from functools import cached_property

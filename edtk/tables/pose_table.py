@@ -219,7 +219,7 @@ def _not_readable(path: Path, why: str) -> PoseFileError:
 
 
 def _separator(path: Path) -> str | None:
-    """What separates the columns of the header, if not commas."""
+    """The separator of the header's columns, if it is not a comma."""
     if not path.is_file():  # a pipe can be read only once
         return None
     try:

@@ -1,4 +1,4 @@
-"""What a verb is given: a path, or the object that is read from it."""
+"""Inputs of a verb: a path, or the object that is read from it."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager

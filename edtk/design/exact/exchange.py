@@ -94,7 +94,7 @@ class _Plans:
         return _Plans(places, M, costs)
 
     def __getitem__(self, chosen: Indices) -> "_Plans":
-        """Some of the plans."""
+        """The chosen plans."""
         return _Plans(self.places[chosen], self.M[chosen], self.costs[chosen])
 
 

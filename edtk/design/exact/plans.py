@@ -21,7 +21,7 @@ class Plans:
     repeats: Array
 
     def __getitem__(self, chosen: Indices) -> "Plans":
-        """Some of the plans."""
+        """The chosen plans."""
         return Plans(self.x[chosen], self.repeats[chosen])
 
     def replaced(self, better: Mask, others: "Plans") -> "Plans":

@@ -1,4 +1,4 @@
-"""What a search for exact plans has found so far."""
+"""The plans that a search has found so far."""
 
 import numpy as np
 

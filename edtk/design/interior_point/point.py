@@ -61,7 +61,7 @@ class Point:
         )
 
     def __getitem__(self, chosen: Indices) -> "Point":
-        """Some of the starts."""
+        """The chosen starts."""
         return Point(*(getattr(self, field.name)[chosen] for field in fields(self)))
 
     @property

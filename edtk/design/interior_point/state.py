@@ -61,7 +61,7 @@ class State:
         return self._take(np.flatnonzero(~self.done))
 
     def _take(self, chosen: Indices) -> "State":
-        """Some of the starts; itself if all, which saves copies."""
+        """The chosen starts; the state itself if all are chosen, which saves copies."""
         if len(chosen) == len(self):
             return self
         return State(

@@ -12,7 +12,7 @@ from edtk.system.typing import Array
 
 
 class BestPlan:
-    """What a run leaves when it ends or is interrupted.
+    """The result of a run when it ends or is interrupted.
 
     Args:
         source: Where the candidates come from.

@@ -13,7 +13,7 @@ from edtk.system.typing import Array
 
 @dataclass(frozen=True, eq=False)
 class LargestSensitivities:
-    """What a bound follows from, together with the multipliers.
+    """The numbers from which a bound follows, together with the multipliers.
 
     Attributes:
         values: The largest sensitivity (r,) to each multiplier, of the normalised problem.
@@ -50,5 +50,5 @@ class LargestSensitivities:
 
     @classmethod
     def from_dict(cls, data: dict[str, Any]) -> "LargestSensitivities":
-        """What `to_dict` has written, bit by bit."""
+        """Restore an object that `to_dict` has written, bit by bit."""
         return cls(np.array(data["values"]), np.array(data["x"]))

@@ -232,5 +232,5 @@ class RelaxedPlan(Presented):
 
 
 def _finite(number: float) -> float | None:
-    """What JSON can hold: None for a bound that says nothing."""
+    """The number for JSON: None for a bound that says nothing."""
     return number if np.isfinite(number) else None

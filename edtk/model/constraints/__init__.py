@@ -1,1 +1,1 @@
-"""What a calibration pose must satisfy, one kind of constraint a file."""
+"""Constraints on calibration poses, one kind a file."""

@@ -20,5 +20,5 @@ class FixedLoad(Load):
         return np.zeros((2, 0))
 
     def wrench(self, u: Array) -> Array:
-        """That wrench, whatever u (..., 0)."""
+        """The wrench, for any u (..., 0)."""
         return np.broadcast_to(self.always, (*u.shape[:-1], 6))
