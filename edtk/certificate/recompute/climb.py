@@ -30,7 +30,7 @@ def climb(setting: Setting, x: Array, height: Callable[[Array], Array], rounds: 
     movable[n:] = setting.load.moves
     best = np.array(x)
     level = height(best)
-    # A tenth of each range: starts are far from a maximum. 120 rounds shrink it to 1e-6 of that.
+    # A tenth of each range: starts are far from a maximum. 120 failures shrink it 3e5-fold.
     step = np.full(len(x), 0.1)
     for _ in range(rounds):
         trial = best + step[:, None] * (upper - lower) * rng.standard_normal(best.shape)
