@@ -13,6 +13,7 @@ BARREN = 30  # chunks without a feasible pose after which the drawing gives up
 # for more must not keep a machine busy for hours. A million candidates of the milling example, of
 # whose samples one in three is feasible, need 3e6.
 MOST_SAMPLES = 30_000_000
+USUAL_JOINTS = 8  # the time that a sample takes grows with the joints beyond
 COSTLY = 20  # excluded poses or multipliers that take as long as the sample itself
 
 
@@ -34,7 +35,8 @@ def candidates(
     Raises:
         ValueError: No feasible pose turns up, or too many samples are needed.
     """
-    burden = 1 + (len(setting.workspace.excluded) + multipliers) / COSTLY
+    joints = max(1.0, len(setting.fixed) / USUAL_JOINTS)
+    burden = joints + (len(setting.workspace.excluded) + multipliers) / COSTLY
     most = int(MOST_SAMPLES / burden)
     if number > most:
         raise ValueError(f"{number:.3g} candidates are more than the {most:.3g} samples drawn here")

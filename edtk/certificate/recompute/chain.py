@@ -8,7 +8,7 @@ import numpy as np
 from edtk.certificate.recompute.plain_data import numbers, rows, table, text
 from edtk.system.typing import Array, Mask
 
-MOST_JOINTS = 64
+MOST_JOINTS = 32
 RIGID = 1e-9  # deviation of a rotation's columns from orthonormal ones, against rounding
 JOINT = ("name", "kind", "origin", "axis", "limits")
 

@@ -10,7 +10,7 @@ from edtk.certificate.recompute.plain_data import numbers, rows
 from edtk.system.typing import Array
 
 INDEFINITE = ("O2", "O4")  # criteria whose multipliers may have negative eigenvalues
-MOST_MULTIPLIERS = 200  # O4 has up to 60, every other criterion one
+MOST_MULTIPLIERS = 100  # O4 has up to 60, every other criterion one
 SYMMETRIC = 1e-9  # difference across the diagonal, beside the largest entry, that is rounding
 NEGATIVE = 1e-9  # size of a negative eigenvalue, at unit diagonal, that is rounding
 EPS = float(np.finfo(float).eps)
