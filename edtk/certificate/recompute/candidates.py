@@ -9,7 +9,7 @@ from edtk.system.typing import Array
 
 CHUNK = 16384
 BARREN = 30  # chunks without a feasible pose after which the drawing gives up
-# Samples that are drawn at most. They take about half a minute on one core: a certificate that asks
+# Samples that are drawn at most. They take up to a minute on one core: a certificate that asks
 # for more must not keep a machine busy for hours. A million candidates of the milling example, of
 # whose samples one in three is feasible, need 3e6.
 MOST_SAMPLES = 30_000_000
