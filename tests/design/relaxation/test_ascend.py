@@ -15,6 +15,8 @@ from edtk.design.relaxation.relax import relax
 from edtk.design.sample_feasible import sample_feasible
 from edtk.model.loads.free_load import FreeLoad
 
+pytestmark = pytest.mark.slow
+
 on_each = pytest.mark.parametrize("space", DESIGNS.values(), ids=DESIGNS)
 on_every_load = pytest.mark.parametrize("space", LOADED.values(), ids=LOADED)
 

@@ -27,6 +27,8 @@ from edtk.design.relaxation.relax import relax
 from edtk.design.relaxation.restricted_master import CHAIN, SOLVERS, RelaxationError
 from edtk.design.relaxation.solver_options import SolverOptions
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.mark.parametrize("batch", [1, 2, 8, 40])
 @pytest.mark.parametrize("n", [30, 1000])
@@ -61,8 +63,10 @@ def cost_of(name):
 
 @pytest.mark.parametrize(
     ("name", "batch"),
-    [(name, batch) for name in BASES for batch in (1, 10, 400) if batch < 400 or name in KINDS]
-    + [(name, 3) for name in KINDS],
+    [
+        *((name, batch) for name in BASES if name != "O4" for batch in (1, 10)),
+        *((name, batch) for name in KINDS for batch in (3, 400)),
+    ],
 )
 def test_batch(name, batch):
     """However many candidates enter at a time, the gap is reached, and the optimum is the same."""
@@ -85,8 +89,13 @@ def test_all_problems(name, case):
     assert r.gap <= GAP or (units_of(case) != 1).any()
 
 
-@pytest.mark.parametrize("solver", SOLVERS)
-@pytest.mark.parametrize("case", ["uneven", "parameters x 1e-7 .. 1e4", "all x 1e-9"])
+@pytest.mark.parametrize(
+    ("solver", "case"),
+    [
+        ("SCS", "uneven"),  # CLARABEL is the first of all solvers, and answers there
+        *((solver, case) for solver in SOLVERS for case in list(BADLY)[::2]),
+    ],
+)
 @every_base
 def test_one_solver(name, case, solver):
     """A single solver tells the truth about its design, or fails honestly, in any units."""
@@ -171,13 +180,15 @@ def noise(program):
 
 # An answer that cannot be used is dropped before the criterion matters; a wrong one that can be
 # used comes as far as the criterion's own bound.
-BREAKAGES = [
-    *((name, change) for name in KINDS for change in (fail, no_answer, not_a_number, nothing)),
-    *((name, change) for name in BASES for change in (silence, equal_weights, noise)),
-]
+DROPPED = (fail, no_answer, not_a_number, nothing)
+MISLEADING = (silence, equal_weights, noise)
+UNUSABLE = [("O4", fail), *((name, change) for name in ("A", "E", "O2") for change in DROPPED)]
+USABLE = [(name, change) for name in (*KINDS, "G", "rho0") for change in MISLEADING]
 
 
-@pytest.mark.parametrize(("name", "change"), BREAKAGES, ids=lambda x: getattr(x, "__name__", x))
+@pytest.mark.parametrize(
+    ("name", "change"), [*UNUSABLE, *USABLE], ids=lambda x: getattr(x, "__name__", x)
+)
 def test_broken_first_solver(monkeypatch, name, change):
     """Whatever the first solver answers, the gap is reached, and the result names who answered.
 

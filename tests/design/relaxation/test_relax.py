@@ -300,11 +300,11 @@ def test_limit_of_rounds(name):
     assert GAP < r.gap < 1
 
 
-@every
+@every_base
 def test_progress(name):
     """Progress is told after every step, counted from one, and the gap never grows."""
     calls = []
-    problem = Problem(off_centre(12, 2000))
+    problem = Problem(off_centre(12, 500))
     options = SolverOptions(batch=2)
     r = relax(
         problem, criterion_of(name), options=options, progress=lambda *call: calls.append(call)

@@ -11,8 +11,6 @@ from edtk.design.relaxation.sensitivity import sensitivity_and_slope
 from edtk.design.sample_feasible import sample_feasible
 from edtk.model.loads.fixed_load import FixedLoad
 
-pytestmark = pytest.mark.slow
-
 both = pytest.mark.parametrize("per_trace", [False, True], ids=["plain", "per trace"])
 BESIDE = {
     f"{name} {how}": d
