@@ -20,6 +20,8 @@ from edtk.study.study import Study, load_study
 from edtk.system.errors import UserError
 from edtk.verbs.verify import verify
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[2]
 PAPER = load_study(ROOT / "studies" / "kr270_milling.toml").replace(candidates=150)
 CASES = 300

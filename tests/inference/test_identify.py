@@ -11,6 +11,8 @@ from edtk.inference.identify import NothingLeft, NothingLeftError, identify
 from edtk.inference.least_squares import SingularPlanError, covariance, estimate
 from edtk.inference.simulate import simulate
 
+pytestmark = pytest.mark.slow
+
 TWELVE = np.full((12, 3), SIGMA)
 
 

@@ -20,6 +20,8 @@ from edtk.report.calibration_verdict import calibration_verdict
 from edtk.report.digits import digits
 from edtk.study.study import load_study
 
+pytestmark = pytest.mark.slow
+
 STUDY = load_study(Path(__file__).parents[2] / "studies" / "kr270_milling.toml")
 PLAN = STUDY.published_plans()["table_4_12"]
 A = np.repeat(STUDY.model.regressor(PLAN.q, PLAN.wrench), PLAN.repeats, axis=0)

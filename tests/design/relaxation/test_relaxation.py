@@ -8,6 +8,8 @@ from relaxations import CASES, bound_slip, every, slip, solved
 
 from edtk.design.problem import Problem
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.mark.parametrize("case", CASES)
 @every
