@@ -15,6 +15,8 @@ from edtk.cli import main
 from edtk.study.relax_study import relax_study
 from edtk.study.study import load_study
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[2]
 STUDY = ROOT / "studies" / "kr270_milling.toml"
 Content = dict[str, Any]

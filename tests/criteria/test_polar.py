@@ -7,6 +7,8 @@ from scipy.optimize import minimize
 
 import criteria
 
+pytestmark = pytest.mark.slow
+
 POLARS = ("A", "D", "E", "G", "O1", "O3", "O5", "rho0")
 GAP = 1e-6
 

@@ -8,6 +8,8 @@ from edtk.design.sample_feasible import sample_feasible
 from edtk.model.loads.free_load import FreeLoad
 from edtk.model.loads.listed_load import ListedLoad
 
+pytestmark = pytest.mark.slow
+
 on_every_load = pytest.mark.parametrize("space", LOADED.values(), ids=LOADED)
 moving = pytest.mark.parametrize(
     "space",

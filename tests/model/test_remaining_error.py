@@ -1,6 +1,7 @@
 """What is left after compensation with compliances that were identified."""
 
 import numpy as np
+import pytest
 from tasks import K0, SIGMA, TASK, TASK_WRENCH, TEST_POSE, model_of, plan
 
 from edtk.inference.bias import linearisation_bias
@@ -10,6 +11,8 @@ from edtk.inference.least_squares import estimate
 from edtk.inference.simulate import simulate
 from edtk.model.compensation_accuracy import compensation_accuracy
 from edtk.model.remaining_error import remaining_error
+
+pytestmark = pytest.mark.slow
 
 
 def test_calibrated_robot_is_as_accurate_as_promised():

@@ -12,6 +12,8 @@ from edtk.design.interior_point.neighbourhood import Neighbourhood
 from edtk.design.sample_feasible import sample_feasible
 from edtk.model.loads.free_load import FreeLoad
 
+pytestmark = pytest.mark.slow
+
 every = pytest.mark.parametrize("name", criteria.available())
 ANY = replace(KR270, load=FreeLoad(2500.0))
 ALL = replace(KR270, free=list(range(6)))

@@ -12,6 +12,8 @@ from edtk.design.relaxation.active_set import ActiveSet
 from edtk.design.relaxation.relax import relax
 from edtk.design.sample_feasible import sample_feasible
 
+pytestmark = pytest.mark.slow
+
 GAP = 1e-8
 
 

@@ -16,6 +16,8 @@ from edtk.design.relaxation.relax_poses import relax_poses
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
 from edtk.tables.pose_table import WRENCH_COLUMNS
 
+pytestmark = pytest.mark.slow
+
 NAMES = ["A", "D", "E", "G", "O1", "O2", "O3", "O5", "rho0"]
 every = pytest.mark.parametrize("name", NAMES)
 either = pytest.mark.parametrize("searched", [False, True], ids=["candidates", "all poses"])
