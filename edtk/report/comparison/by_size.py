@@ -1,6 +1,5 @@
 """The main criterion, size by size."""
 
-import criteria
 from edtk.report.comparison.cell import number, percent
 from edtk.report.markdown_table import markdown_table
 from edtk.report.plans_of import plans_of
@@ -12,14 +11,13 @@ def by_size(run: StudyRun) -> str:
     """A table of our plan, its efficiency, the bound, and plans that were not optimised."""
     main = run.study.main_criterion
     factor, unit = shown_unit(main)
-    power = 1.0 if criteria.get(main).sense == "min" else -1.0
+    bound = run.relaxations[main].best_bound
     rows = []
     for _, row in plans_of(run.table, "optimised", main).sort_values("experiments").iterrows():
-        efficiency = row[f"efficiency_{main}"]
         cells = [
             number(factor * row[main]),
-            percent(efficiency),
-            number(factor * row[main] * efficiency**power),
+            percent(row[f"efficiency_{main}"]),
+            number(factor * bound.scaled(row["experiments"]).value),
         ]
         for kind in ("published", "random"):
             other = plans_of(run.table, kind, size=row["experiments"])
