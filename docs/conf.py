@@ -18,9 +18,9 @@ extensions = [
     "sphinx.ext.autodoc",
     "sphinx.ext.autosummary",
     "sphinx.ext.napoleon",
-    "sphinx.ext.mathjax",
     "sphinx_click",
     "sphinx_gallery.gen_gallery",
+    "mathml",
     "study_keys",
 ]
 exclude_patterns = ["_build", "_ext"]
@@ -49,6 +49,7 @@ sphinx_gallery_conf = {
     "min_reported_time": 1e6,  # times depend on the machine
 }
 
+html_math_renderer = "mathml"
 html_theme = "pydata_sphinx_theme"
 html_title = f"edtk {version}"
 html_theme_options = {

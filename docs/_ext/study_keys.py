@@ -57,6 +57,8 @@ def _default(value: Any) -> str:
         return "none"
     if isinstance(value, BaseModel):
         return "see below"
+    if isinstance(value, str | tuple | dict) and not value:
+        return "empty"
     text = str(list(value) if isinstance(value, tuple) else value)
     return f"`{text}`"
 
