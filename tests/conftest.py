@@ -2,12 +2,14 @@
 
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+
+from edtk.system.workers import open_workers
 
 Array = NDArray[np.float64]
 
@@ -51,6 +53,20 @@ trace_M = "my_criterion:TraceM"
 [tool.hatch.build.targets.wheel]
 include = ["my_criterion.py"]
 """
+
+
+@pytest.fixture(scope="session", autouse=True)
+def one_process() -> Iterator[None]:
+    """Verbs that are told no number of workers do the work in this process: starting others takes
+    seconds, and the answers do not depend on their number, as tests that name a number show.
+    """
+
+    def here(workers: int | None, dask: str | None) -> object:
+        return open_workers(workers or 1, dask)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("edtk.verbs.workers_for.open_workers", here)
+        yield
 
 
 @pytest.fixture(scope="session")
