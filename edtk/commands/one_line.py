@@ -5,7 +5,7 @@ from typing import Any
 
 import click
 
-from edtk.system.errors import ArgumentError, UserError
+from edtk.system.errors import ArgumentError, UserError, shortened
 
 USER_ERROR = 2  # exit code
 INTERRUPTED = 130  # exit code after Ctrl-C, as shells have it
@@ -31,7 +31,7 @@ class OneLine(click.Command):
         try:
             sys.exit(super().main(*args, **kwargs) or 0)
         except click.ClickException as error:
-            message = error.format_message()
+            message = " ".join(error.format_message().split())  # click lists choices a line each
         except click.Abort:
             message = "interrupted"
             code = INTERRUPTED
@@ -48,6 +48,6 @@ class OneLine(click.Command):
                 raise
             message = str(error)
         except OSError as error:
-            message = f"{error.filename}: {error.strerror}" if error.filename else str(error)
-        click.echo(f"{self.program}: {' '.join(message.split())}", err=True)
+            message = str(UserError(error.strerror or str(error), where=error.filename))
+        click.echo(shortened(f"{self.program}: {message}"), err=True)
         sys.exit(code)

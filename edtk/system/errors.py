@@ -1,15 +1,76 @@
-"""Errors that carry what a person needs to mend the cause."""
+"""Errors that carry what a person needs to mend the cause, on one line of limited length."""
 
+import re
 from functools import partial
 from pathlib import Path
 from typing import Any
+
+LONGEST = 300  # characters of a line on standard error
+PROGRAM = 10  # of them for the program's name, which an error does not know
+WHERE = 90  # characters of a path, in a line that is too long
+KEY = 60  # characters of a key
+QUOTATION = 60  # characters of a quoted value
+MOST_SEARCHED = 4000  # a longer text is cut before the search for quotations, which takes time
+QUOTED = re.compile(r"""(?<!\w)(['"]).*?\1(?!\w)""")  # an apostrophe in a word is no quote
+
+
+def shortened(text: str, most: int = LONGEST) -> str:
+    """Make one line of limited length of a text that may repeat anything that a file holds.
+
+    Control characters and line breaks are shown escaped. A text that is too long loses the middle
+    of its quotations and, where that is not enough, its own middle: it begins with what is wrong,
+    and often ends with what was expected.
+
+    Args:
+        text: The text.
+        most: Characters that the line may have.
+    """
+    text = _without_middle(_escaped(_without_middle(text, MOST_SEARCHED)), MOST_SEARCHED)
+    if len(text) > most:
+        text = QUOTED.sub(lambda found: _without_middle(found[0], QUOTATION), text)
+    return _without_middle(text, most)
+
+
+def _without_middle(text: str, most: int) -> str:
+    if len(text) <= most:
+        return text
+    kept = most - len("...")
+    end = kept // 2
+    return f"{text[: kept - end]}...{text[-end:]}"
+
+
+def _without_beginning(text: str, most: int) -> str:
+    """A path that is too long differs from others at its end."""
+    return text if len(text) <= most else f"...{text[len('...') - most :]}"
+
+
+def _escaped(text: str) -> str:
+    """A text with escapes in place of control characters, line breaks and invisible signs."""
+    if text.isprintable():
+        return text
+    signs = (s if s.isprintable() else s.encode("unicode_escape").decode() for s in text)
+    return "".join(signs)
+
+
+def _line(where: object, key: object, message: str) -> str:
+    """Where, key and message, joined by colons on one line."""
+    most = LONGEST - PROGRAM
+    place = "" if not where else _escaped(str(where))
+    name = "" if not key else _escaped(_without_middle(str(key), MOST_SEARCHED))
+    whole = ": ".join(filter(None, (place, name, _escaped(message[: most + 1]))))
+    if len(whole) > most:
+        place = _without_beginning(place, WHERE)
+        name = _without_middle(name, KEY)
+    before = "".join(f"{part}: " for part in (place, name) if part)
+    return before + shortened(message, most - len(before))
 
 
 class UserError(ValueError):
     """A file or an argument that is not as it should be; the message is one line.
 
-    `str(error)` is where, which key, and what is wrong or was expected, joined by colons. Callers
-    that decide on an error use its attributes, never its text.
+    `str(error)` is where, which key, and what is wrong or was expected, joined by colons. It is
+    one line of at most 290 characters, whatever it repeats: this is the one place that shortens.
+    Callers that decide on an error use its attributes, never its text.
 
     Args:
         message: What is wrong or was expected.
@@ -26,8 +87,7 @@ class UserError(ValueError):
     def __init__(
         self, message: str, *, where: Path | str | None = None, key: str | None = None
     ) -> None:
-        parts = [str(part) for part in (where, key) if part]
-        super().__init__(": ".join([*parts, message]))
+        super().__init__(_line(where, key, message))
         self.message = message
         self.where = where
         self.key = key

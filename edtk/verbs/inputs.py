@@ -50,6 +50,7 @@ def errors_in(where: Path | str) -> Iterator[None]:
     try:
         yield
     except SingularPlanError as error:
-        raise UserError(f"{where}: {error}") from error
+        raise UserError(str(error), where=where) from error
     except OSError as error:
-        raise UserError(f"{error.filename or where}: {error.strerror or error}") from error
+        place = error.filename or where
+        raise UserError(error.strerror or str(error), where=place) from error

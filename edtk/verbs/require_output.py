@@ -23,10 +23,10 @@ def require_output(path: Path | str | None, *inputs: Path | str | None) -> None:
         return
     path = Path(path)
     if any(other is not None and path.resolve() == Path(other).resolve() for other in inputs):
-        raise UserError(f"{path}: is read by this command; expected another file to write")
+        raise UserError("is read by this command; expected another file to write", where=path)
     require_writable(path)
     if path.exists():
         from edtk.calibration.is_filled import is_filled
 
         if is_filled(path):
-            raise UserError(f"{path}: has measurements in it; expected another file to write")
+            raise UserError("has measurements in it; expected another file to write", where=path)

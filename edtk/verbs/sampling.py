@@ -74,6 +74,6 @@ class Sampling:
             options = SamplingOptions(demand, chain, self.progress)
             yield {"rng": np.random.default_rng(seed), "options": options}
         except (SingularPlanError, ImproperPosteriorError, UnconvergedError) as error:
-            raise UserError(f"{source}: {error}") from error
+            raise UserError(str(error), where=source) from error
         except ChainFileError as error:
             raise UserError(str(error)) from error

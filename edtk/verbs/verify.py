@@ -49,11 +49,11 @@ def verify(
         where = str(certificate)
         content = _read(Path(certificate))
     if not isinstance(content, dict) or "proof" not in content:
-        raise UserError(f"{where}: not a certificate; expected a file written by --certificate")
+        raise UserError("not a certificate; expected a file written by --certificate", where=where)
     try:
         found = verify_certificate(content)
     except ValueError as error:
-        raise UserError(f"{where}: not a certificate: {' '.join(str(error).split())}") from error
+        raise UserError(f"not a certificate: {error}", where=where) from error
     if study is None:
         return found
     return replace(found, claims=(_same_study(content, study), *found.claims))
@@ -80,17 +80,17 @@ def _read(path: Path) -> Any:
     """
     try:
         if path.stat().st_size > MOST_MB * 1e6:
-            raise UserError(f"{path}: not a certificate: larger than {MOST_MB} MB")
+            raise UserError(f"not a certificate: larger than {MOST_MB} MB", where=path)
         text = path.read_text(encoding="utf-8")
         return json.loads(text, object_pairs_hook=_unique, parse_constant=_reject)
     except FileNotFoundError:
-        raise UserError(f"{path}: no such file") from None
+        raise UserError("no such file", where=path) from None
     except OSError as error:
-        raise UserError(f"{path}: {error.strerror}") from error
+        raise UserError(str(error.strerror), where=path) from error
     except UserError:
         raise
     except (ValueError, RecursionError) as error:
-        raise UserError(f"{path}: not valid JSON: {error}") from error
+        raise UserError(f"not valid JSON: {error}", where=path) from error
 
 
 def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
