@@ -290,7 +290,7 @@ def test_missing_files_and_wrong_usage(study: Path) -> None:
     """A study or plan that is not there, an unknown option and an unknown command are one line
     each.
     """
-    assert_one_line(edtk("run", "nowhere.toml"), "nowhere.toml", "no such study file")
+    assert_one_line(edtk("run", "nowhere.toml"), "nowhere.toml", "no such file")
     assert_one_line(edtk("evaluate", study, "nowhere.csv"), "nowhere.csv", "no such file")
     assert_one_line(edtk("run", study, "--color"), "--color")
     assert_one_line(edtk("walk"), "walk")

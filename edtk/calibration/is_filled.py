@@ -1,8 +1,11 @@
 """Whether a sheet has measurements on it."""
 
 import csv
+from collections.abc import Iterable
 from pathlib import Path
+from typing import TextIO
 
+from edtk.system.read_text import BYTE_ORDER_MARKS
 from edtk.tables.sheet_columns import (
     DEFLECTION_COLUMNS,
     LOADED_COLUMNS,
@@ -23,17 +26,34 @@ def is_filled(path: Path) -> bool | None:
         path: Any file.
 
     Returns:
-        None for a file that is no sheet.
+        None for a file that is no sheet, as no device and no pipe is.
     """
-    with path.open(encoding="utf-8-sig", errors="replace", newline="") as file:
-        lines = (line for line in file if line.strip() and not line.startswith("#"))
-        header = next(lines, "")[:LONGEST_HEADER]
+    if not path.is_file():
+        return None
+    with path.open("rb") as raw:
+        encoding = BYTE_ORDER_MARKS.get(raw.read(2), "utf-8-sig")
+    with path.open(encoding=encoding, errors="replace", newline="") as file:
+        header = _header(file)
         separator = max(",;\t", key=header.count)
         columns = [name.strip() for name in next(csv.reader([header], delimiter=separator), [])]
         if not set(columns) & OF_A_SHEET:
             return None
         places = [i for i, name in enumerate(columns) if name in SHEET_COLUMNS]
-        for row in csv.reader(lines, delimiter=separator):
-            if any(row[i].strip() for i in places if i < len(row)):
-                return True
-    return False
+        lines = (line for line in file if not line.startswith("#"))
+        try:
+            return _has_content(csv.reader(lines, delimiter=separator), places)
+        except csv.Error:  # a cell of more than a hundred thousand characters: no empty sheet
+            return True
+
+
+def _header(file: TextIO) -> str:
+    """The first line with content, as far as a header may reach: the file may have no lines."""
+    while line := file.readline(LONGEST_HEADER):
+        if line.strip() and not line.startswith("#"):
+            return line
+    return ""
+
+
+def _has_content(rows: Iterable[list[str]], places: list[int]) -> bool:
+    """Whether a cell in one of these places is not blank."""
+    return any(row[i].strip() for row in rows for i in places if i < len(row))

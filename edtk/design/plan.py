@@ -145,7 +145,7 @@ class Plan(Presented):
                 if the file must say which forces are applied.
 
         Raises:
-            PoseFileError: The file is not that of a plan; names the file and the row or column.
+            UserError: The file is not that of a plan; names the file and the row or column.
         """
         return cls._of_table(PoseTable.read(path, "plan"), robot, fixed, wrench)
 

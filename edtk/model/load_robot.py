@@ -7,6 +7,8 @@ from pathlib import Path
 
 from edtk.model.robot import Robot
 from edtk.model.robot_from_dict import RobotFileError, robot_from_dict
+from edtk.system.errors import UserError
+from edtk.system.read_text import read_text
 
 
 def builtin_robots() -> tuple[str, ...]:
@@ -28,23 +30,27 @@ def load_robot(name: str, folder: Path | None = None) -> Robot:
         RobotFileError: No such robot, or its file is not valid; one line that says where.
     """
     if name.endswith(".toml"):
-        file: Traversable = (folder or Path()) / name
+        text = _text((folder or Path()) / name)
     elif name in builtin_robots():
-        file = _builtin_folder() / f"{name}.toml"
+        text = (_builtin_folder() / f"{name}.toml").read_text(encoding="utf-8")
     else:
         raise RobotFileError(
             f"unknown robot {name!r}; built in: {', '.join(builtin_robots())}; "
             "or give a path to a .toml file"
         )
     try:
-        content = tomllib.loads(file.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise RobotFileError(f"robot file {file} not found") from None
-    except OSError as error:
-        raise RobotFileError(f"robot file {file}: {error.strerror}") from error
-    except ValueError as error:  # neither TOML nor text
+        content = tomllib.loads(text)
+    except ValueError as error:
         raise RobotFileError(str(error), where=f"robot {name}") from error
     return robot_from_dict(content, where=f"robot {name}")
+
+
+def _text(path: Path) -> str:
+    """The text of a robot file."""
+    try:
+        return read_text(path)
+    except UserError as error:
+        raise RobotFileError(error.message, where=f"robot file {path}") from error
 
 
 def _builtin_folder() -> Traversable:

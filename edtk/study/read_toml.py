@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from edtk.system.errors import UserError
+from edtk.system.read_text import decode, read_bytes
 
 
 def read_toml(path: Path) -> tuple[dict[str, Any], bytes]:
@@ -16,12 +17,9 @@ def read_toml(path: Path) -> tuple[dict[str, Any], bytes]:
     Raises:
         UserError: The file does not exist, cannot be read, or is not valid TOML.
     """
+    raw = read_bytes(path)
+    text = decode(raw, path)
     try:
-        raw = path.read_bytes()
-        return tomllib.loads(raw.decode("utf-8")), raw
-    except FileNotFoundError:
-        raise UserError("no such study file", where=path) from None
-    except OSError as error:
-        raise UserError(str(error.strerror), where=path) from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        return tomllib.loads(text), raw
+    except tomllib.TOMLDecodeError as error:
         raise UserError(f"not valid TOML: {error}", where=path) from error

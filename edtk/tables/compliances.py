@@ -9,6 +9,7 @@ from typing import Any, TypeGuard
 import numpy as np
 
 from edtk.system.errors import UserError
+from edtk.system.read_text import read_text
 from edtk.system.typing import Array
 
 LARGEST = 1e300  # beyond it a number cannot be squared, and no compliance comes near
@@ -105,12 +106,9 @@ def load_compliances(
         UserError: One line: the file, the key and what was expected.
     """
     path = Path(path)
+    text = read_text(path)
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise UserError("no such file", where=path) from None
-    except OSError as error:
-        raise UserError(str(error.strerror), where=path) from error
+        content = json.loads(text)
     except (ValueError, RecursionError) as error:
         raise UserError(f"not valid JSON: {error}", where=path) from error
     if not isinstance(content, dict):

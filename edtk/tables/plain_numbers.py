@@ -1,7 +1,6 @@
 """Small files of plain numbers, read without the second that importing pandas can take."""
 
 import re
-from pathlib import Path
 
 import numpy as np
 
@@ -19,19 +18,19 @@ MOST_DIGITS = 15
 NEGATIVE_ZERO = re.compile(r"-0+")
 
 
-def plain_numbers(path: Path) -> dict[str, Array] | None:
-    """Read a CSV file if it is so plain that every reader reads the same from it.
+def plain_numbers(text: str) -> dict[str, Array] | None:
+    """Read the text of a CSV file if it is so plain that every reader reads the same from it.
 
     That is: small, a header of distinct names, as many cells in each row, and each cell an
     unquoted decimal number. Lines that begin with # and empty lines are skipped.
 
     Args:
-        path: The file.
+        text: The whole text.
 
     Returns:
         Columns by name, or None where a full reader of CSV is needed, if only for its messages.
     """
-    lines = _lines(path)
+    lines = _lines(text)
     if lines is None or len(lines) < 2:
         return None
     rows = [[cell.lstrip(" ") for cell in line.split(",")] for line in lines]
@@ -47,15 +46,11 @@ def plain_numbers(path: Path) -> dict[str, Array] | None:
     return {name: values[:, j].copy() for j, name in enumerate(header)}
 
 
-def _lines(path: Path) -> list[str] | None:
-    """Lines with content, or None where the file is no small regular file of plain text."""
-    try:
-        # A pipe can be read only once, and has to be left to the full reader.
-        if not path.is_file() or path.stat().st_size > MOST_BYTES:
-            return None
-        text = path.read_bytes().decode("ascii").replace("\r\n", "\n")
-    except (OSError, UnicodeDecodeError):
+def _lines(text: str) -> list[str] | None:
+    """Lines with content, or None where the text is long or not plain."""
+    if len(text) > MOST_BYTES:
         return None
+    text = text.replace("\r\n", "\n")
     if not TEXT.fullmatch(text):
         return None
     return [line for line in text.split("\n") if line and not line.startswith("#")]

@@ -1,5 +1,6 @@
 """A CSV file with a pose a row: what files of plans and of measurements have in common."""
 
+import io
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,12 +10,15 @@ import numpy as np
 
 from edtk.model.robot import Robot
 from edtk.system.errors import UserError
+from edtk.system.read_text import read_text
 from edtk.system.typing import Array
 from edtk.tables.plain_numbers import plain_numbers
 
 if TYPE_CHECKING:
     import pandas as pd
 
+MOST_MB = 1000.0  # of a file; a million rows have 200 MB
+HEAD = 100_000  # characters among which the header is looked for
 LARGEST = 1e12  # number in a file; no quantity here comes near it in its unit
 WRENCH_COLUMNS = ("Fx_N", "Fy_N", "Fz_N", "Tx_Nm", "Ty_Nm", "Tz_Nm")
 
@@ -56,19 +60,21 @@ class PoseTable:
             content: The name of its content in messages: "plan".
 
         Raises:
-            PoseFileError: The file is absent, empty or ragged.
+            PoseFileError: The file is empty or ragged.
+            UserError: The file is absent, or is no text.
         """
         path = Path(path)
-        columns = plain_numbers(path)
+        text = read_text(path, MOST_MB)
+        columns = plain_numbers(text)
         if columns is not None:
             return cls(path, columns)
-        sign = _separator(path)
+        sign = _separator(text)
         if sign is not None:
             raise PoseFileError(
                 f"the columns are separated by {sign}; expected commas, and points in numbers",
                 where=path,
             )
-        cells = _read_csv(path)
+        cells = _read_csv(text, path)
         if cells.empty:
             raise PoseFileError(f"the {content} has no rows", where=path)
         return cls(path, cells)
@@ -192,22 +198,22 @@ class PoseTable:
         return W
 
 
-def _read_csv(path: Path) -> "pd.DataFrame":
-    """Read any CSV file; every failure is one line."""
+def _read_csv(text: str, path: Path) -> "pd.DataFrame":
+    """Read any CSV text; every failure is one line that names the file."""
     import pandas as pd
 
     try:
         with warnings.catch_warnings():
             # Pandas only warns of a first row that is longer than the header.
             warnings.simplefilter("error", pd.errors.ParserWarning)
+            # Bytes, as pandas would hold four bytes a character of a text.
+            content = io.BytesIO(text.encode("utf-8"))
             return pd.read_csv(
-                path, skipinitialspace=True, comment="#", index_col=False, low_memory=False
+                content, skipinitialspace=True, comment="#", index_col=False, low_memory=False
             )
-    except FileNotFoundError:
-        raise PoseFileError("no such file", where=path) from None
     except pd.errors.ParserWarning as error:
         raise _not_readable(path, "a row has more cells than the header") from error
-    except (OSError, UnicodeDecodeError, pd.errors.ParserError, pd.errors.EmptyDataError) as error:
+    except (pd.errors.ParserError, pd.errors.EmptyDataError) as error:
         raise _not_readable(path, str(error).splitlines()[0].strip()) from error
 
 
@@ -218,15 +224,10 @@ def _not_readable(path: Path, why: str) -> PoseFileError:
     )
 
 
-def _separator(path: Path) -> str | None:
+def _separator(text: str) -> str | None:
     """The separator of the header's columns, if it is not a comma."""
-    if not path.is_file():  # a pipe can be read only once
-        return None
-    try:
-        with path.open(encoding="utf-8-sig") as file:
-            header = next((line for line in file if line.strip() and not line.startswith("#")), "")
-    except (OSError, UnicodeDecodeError):
-        return None  # the error is reported when the whole file is read
+    lines = io.StringIO(text[:HEAD])
+    header = next((line for line in lines if line.strip() and not line.startswith("#")), "")
     if "," in header:
         return None
     names = {";": "semicolons", "\t": "tabs"}

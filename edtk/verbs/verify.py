@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Any
 from edtk.certificate.verification import Claim, Verification
 from edtk.certificate.verify_certificate import verify_certificate
 from edtk.system.errors import UserError
+from edtk.system.read_text import read_text
 
 if TYPE_CHECKING:
     from edtk.verbs.inputs import StudyLike
 
 # A certificate has some hundred lines; one of 20,000 experiments has 20 MB. A larger file is
 # rejected before it fills the memory.
-MOST_MB = 50
+MOST_MB = 50.0
 
 
 def verify(
@@ -78,17 +79,9 @@ def _read(path: Path) -> Any:
     Raises:
         UserError: The file is missing, or is no JSON.
     """
+    text = read_text(path, MOST_MB)
     try:
-        if path.stat().st_size > MOST_MB * 1e6:
-            raise UserError(f"not a certificate: larger than {MOST_MB} MB", where=path)
-        text = path.read_text(encoding="utf-8")
         return json.loads(text, object_pairs_hook=_unique, parse_constant=_reject)
-    except FileNotFoundError:
-        raise UserError("no such file", where=path) from None
-    except OSError as error:
-        raise UserError(str(error.strerror), where=path) from error
-    except UserError:
-        raise
     except (ValueError, RecursionError) as error:
         raise UserError(f"not valid JSON: {error}", where=path) from error
 

@@ -11,6 +11,7 @@ from edtk.model.joint import Joint
 from edtk.model.load_robot import load_robot
 from edtk.model.robot import Robot
 from edtk.model.transform import transform
+from edtk.system.errors import UserError
 from edtk.tables.pose_table import PoseFileError
 
 KR270 = load_robot("kuka_kr270")
@@ -177,7 +178,7 @@ def test_no_file(tmp_path):
     """A file that does not exist, a folder and a file of bytes are rejected by name."""
     (tmp_path / "bytes.csv").write_bytes(b"q2_deg\n\xff\xfe\x00\n")
     for name in ("none.csv", "", "bytes.csv"):
-        with pytest.raises(PoseFileError) as caught:
+        with pytest.raises(UserError) as caught:
             Plan.from_csv(tmp_path / name, KR270, {}, WRENCH)
         assert str(caught.value).startswith(f"{tmp_path / name}: ")
         assert "\n" not in str(caught.value)

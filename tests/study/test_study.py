@@ -261,7 +261,7 @@ def test_files_beside_the_study_are_found_from_elsewhere(tmp_path, monkeypatch):
     monkeypatch.chdir(folder)
     here = Study(**study.to_dict())
     assert_same_numbers(here, study)
-    with pytest.raises(UserError, match=r"^Study: robot: robot file .*gantry.toml not found"):
+    with pytest.raises(UserError, match=r"^Study: robot: robot file .*gantry.toml: no such file"):
         here.replace(folder=tmp_path)
 
 

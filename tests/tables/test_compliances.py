@@ -92,8 +92,8 @@ def test_files_that_are_not_there_or_not_text(tmp_path):
     (tmp_path / "bytes").write_bytes(b"\xff\xfe\x00")
     for path, message in (
         ("none", "no such file"),
-        (".", "directory"),
-        ("bytes", "not valid JSON"),
+        (".", "is a folder"),
+        ("bytes", "no text in UTF-8"),
     ):
         with pytest.raises(UserError, match=message):
             load_compliances(tmp_path / path, NAMES, ())

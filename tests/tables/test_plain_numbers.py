@@ -35,7 +35,7 @@ def test_the_numbers_are_those_of_pandas(tmp_path):
             *(",".join(row) for row in zip(*columns, strict=True)),
         ]
         path.write_text(rng.choice(["\n", "\r\n"]).join(lines), newline="")
-        found = plain_numbers(path)
+        found = plain_numbers(path.read_bytes().decode())
         if found is None:
             continue
         read += 1
@@ -75,13 +75,6 @@ def test_the_numbers_are_those_of_pandas(tmp_path):
         "a,b\n" + MOST_BYTES // 4 * "1,2\n",
     ],
 )
-def test_what_is_not_plain_is_left_to_pandas(tmp_path, text):
+def test_what_is_not_plain_is_left_to_pandas(text):
     """Anything that readers might understand in two ways, or that needs a message, is not read."""
-    (tmp_path / "table.csv").write_text(text, encoding="utf-8", newline="")
-    assert plain_numbers(tmp_path / "table.csv") is None
-
-
-def test_no_file(tmp_path):
-    """A file that is absent, or a folder, is left to pandas too."""
-    assert plain_numbers(tmp_path / "absent.csv") is None
-    assert plain_numbers(tmp_path) is None
+    assert plain_numbers(text) is None
