@@ -21,7 +21,9 @@ from edtk.system.errors import UserError
 from edtk.system.presented import Presented
 from edtk.system.typing import Array
 from edtk.tables.compliances import Compliances
-from edtk.tables.pose_table import WRENCH_COLUMNS, pose_columns, pose_factors
+from edtk.tables.pose_columns import pose_columns
+from edtk.tables.pose_table import WRENCH_COLUMNS, pose_factors
+from edtk.tables.sheet_columns import BAND_COLUMNS, REMAINING_COLUMN, UNCOMPENSATED_COLUMN
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -78,10 +80,10 @@ class Compensation(Presented):
         degrees = self.command / pose_factors(self.robot)
         table = pd.DataFrame(degrees, columns=list(pose_columns(self.robot)))
         table[list(WRENCH_COLUMNS)] = self.wrench
-        table["uncompensated_mm"] = 1e3 * self.uncompensated
+        table[UNCOMPENSATED_COLUMN] = 1e3 * self.uncompensated
         if self.remaining is not None and self.band is not None:
-            table["remaining_rms_mm"] = 1e3 * self.remaining
-            table[["remaining_low_mm", "remaining_high_mm"]] = 1e3 * self.band
+            table[REMAINING_COLUMN] = 1e3 * self.remaining
+            table[list(BAND_COLUMNS)] = 1e3 * self.band
         return table
 
     def to_csv(self, path: Path | str) -> None:

@@ -11,7 +11,8 @@ from edtk.model.robot import Robot
 from edtk.system.atomic_file import atomic_path
 from edtk.system.presented import Presented
 from edtk.system.typing import Array, Indices
-from edtk.tables.pose_table import WRENCH_COLUMNS, PoseTable, pose_columns, pose_factors
+from edtk.tables.pose_columns import pose_columns
+from edtk.tables.pose_table import WRENCH_COLUMNS, PoseTable, pose_factors
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -153,7 +154,7 @@ class Plan(Presented):
     def _of_table(
         cls, table: PoseTable, robot: Robot, fixed: dict[int, float], wrench: Array | None
     ) -> "Plan":
-        table.require_known(robot, ("repeats",))
+        table = table.with_known(robot, ("repeats",))
         return cls(table.poses(robot, fixed), table.wrenches(wrench), _repeats(table))
 
 

@@ -123,8 +123,7 @@ class Measurements(Presented):
         Raises:
             PoseFileError: Names the file and the row or column.
         """
-        table = PoseTable.read(path, "measurement file")
-        table.require_known(robot, SHEET_COLUMNS)
+        table = PoseTable.read(path, "measurement file").with_known(robot, SHEET_COLUMNS)
         return cls(
             q=table.poses(robot, fixed),
             wrench=_wrenches(table, wrench),

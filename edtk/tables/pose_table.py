@@ -2,7 +2,7 @@
 
 import io
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Union
 
@@ -13,6 +13,7 @@ from edtk.system.errors import UserError
 from edtk.system.read_text import read_text
 from edtk.system.typing import Array
 from edtk.tables.plain_numbers import plain_numbers
+from edtk.tables.pose_columns import MARK, pose_columns, with_own_headers
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -25,12 +26,6 @@ WRENCH_COLUMNS = ("Fx_N", "Fy_N", "Fz_N", "Tx_Nm", "Ty_Nm", "Tz_Nm")
 
 class PoseFileError(UserError):
     """A file that cannot be read as a table of poses; names the file and the row or column."""
-
-
-def pose_columns(robot: Robot) -> tuple[str, ...]:
-    """Column headers of the joint variables: NAME_deg, or NAME_mm for a prismatic joint."""
-    units = {"revolute": "deg", "prismatic": "mm"}
-    return tuple(f"{joint.name}_{units[joint.kind]}" for joint in robot.joints)
 
 
 def pose_factors(robot: Robot) -> Array:
@@ -96,8 +91,10 @@ class PoseTable:
         """
         return PoseFileError(message, where=self.path, key=key)
 
-    def require_known(self, robot: Robot, optional: tuple[str, ...]) -> None:
-        """Check that each column is a joint's, a wrench's, or one of `optional`.
+    def with_known(self, robot: Robot, optional: tuple[str, ...]) -> "PoseTable":
+        """The same table, of which each column is a joint's, a wrench's, or one of `optional`.
+
+        Joints have the headers of `pose_columns`, whichever form the file has.
 
         Raises:
             PoseFileError: Names the first that is not, or what is wrong with the header.
@@ -113,12 +110,16 @@ class PoseTable:
                 raise self.error(f"column {index + 1} has no name; expected one in the header")
         columns = pose_columns(robot)
         known = (*columns, *WRENCH_COLUMNS, *optional)
-        unknown = [column for column in self.cells if column not in known]
+        header = list(with_own_headers(header, robot, optional))
+        unknown = [column for column in header if column not in known]
         if unknown:
             raise self.error(
                 f"unknown column {unknown[0]!r}; expected {', '.join(columns)}, "
                 f"and optionally {', '.join((*optional, *WRENCH_COLUMNS))}"
             )
+        if isinstance(self.cells, dict):
+            return replace(self, cells=dict(zip(header, self.cells.values(), strict=True)))
+        return replace(self, cells=self.cells.set_axis(header, axis="columns"))
 
     def numbers(self, column: str) -> Array:
         """One column as finite numbers.
@@ -164,8 +165,10 @@ class PoseTable:
         columns = pose_columns(robot)
         missing = [c for j, c in enumerate(columns) if c not in self and j not in fixed]
         if missing:
+            plain = missing[0].removeprefix(MARK)
+            taken = f"; {plain!r} is a measurement here" if plain in self else ""
             raise self.error(
-                f"column {missing[0]!r} is missing and the study does not fix that joint"
+                f"column {missing[0]!r} is missing and the study does not fix that joint{taken}"
             )
         default = np.array([fixed.get(j, 0.0) for j in range(robot.n)])
         q = default * np.ones((len(self), 1))

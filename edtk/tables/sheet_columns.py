@@ -1,4 +1,4 @@
-"""Headers of the columns of a measurement sheet, besides those of poses and wrenches."""
+"""Headers of columns besides those of poses and wrenches."""
 
 # Displacement of the marker under load, or its position without and with load, in the world frame.
 DEFLECTION_COLUMNS = ("dx_mm", "dy_mm", "dz_mm")
@@ -11,11 +11,20 @@ SIGMA_COLUMN = "sigma_mm"
 # Offset of the marker from the tool point, in the tool frame.
 MARKER_COLUMNS = ("marker_x_mm", "marker_y_mm", "marker_z_mm")
 
-SHEET_COLUMNS = (
-    *DEFLECTION_COLUMNS,
-    *UNLOADED_COLUMNS,
-    *LOADED_COLUMNS,
-    *ROTATION_COLUMNS,
-    SIGMA_COLUMN,
-    *MARKER_COLUMNS,
+# Columns of a measurement sheet that are there together or not at all.
+MEASURED_TOGETHER = (
+    DEFLECTION_COLUMNS,
+    (*UNLOADED_COLUMNS, *LOADED_COLUMNS),
+    ROTATION_COLUMNS,
+    (SIGMA_COLUMN,),
+    MARKER_COLUMNS,
 )
+SHEET_COLUMNS = tuple(column for group in MEASURED_TOGETHER for column in group)
+
+# Errors of a compensated task without compensation, and with it: root mean square and band.
+UNCOMPENSATED_COLUMN = "uncompensated_mm"
+REMAINING_COLUMN = "remaining_rms_mm"
+BAND_COLUMNS = ("remaining_low_mm", "remaining_high_mm")
+
+# Headers that no joint may have.
+RESERVED = (*SHEET_COLUMNS, UNCOMPENSATED_COLUMN, REMAINING_COLUMN, *BAND_COLUMNS)

@@ -6,11 +6,11 @@ import pytest
 from edtk.model.joint import Joint
 from edtk.model.robot import Robot
 from edtk.model.transform import transform
+from edtk.tables.pose_columns import pose_columns
 from edtk.tables.pose_table import (
     WRENCH_COLUMNS,
     PoseFileError,
     PoseTable,
-    pose_columns,
     pose_factors,
 )
 
@@ -56,11 +56,11 @@ def test_wrenches(read):
 def test_columns_that_nobody_knows(read):
     """A column that is no joint's, no wrench's and not optional is named, with those that are."""
     table = read("turn_deg,colour\n1,2\n")
-    table.require_known(MIXED, ("colour",))
+    table.with_known(MIXED, ("colour",))
     with pytest.raises(
         PoseFileError, match=f"unknown column 'colour'; expected turn_deg.*{WRENCH_COLUMNS[0]}"
     ):
-        table.require_known(MIXED, ())
+        table.with_known(MIXED, ())
 
 
 @pytest.mark.parametrize(

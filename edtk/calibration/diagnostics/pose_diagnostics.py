@@ -8,7 +8,8 @@ from edtk.calibration.diagnostics.diagnostic import Diagnostic, Severity
 from edtk.calibration.finding import Finding, Kind
 from edtk.calibration.fitted_data import FittedData
 from edtk.calibration.pose_resolution import pose_resolution
-from edtk.tables.pose_table import pose_columns, pose_factors
+from edtk.tables.pose_columns import pose_columns
+from edtk.tables.pose_table import pose_factors
 
 
 def pose_diagnostics(fitted: FittedData) -> Iterator[Diagnostic]:

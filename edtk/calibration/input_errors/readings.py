@@ -10,7 +10,8 @@ from edtk.calibration.finding import Finding, Kind
 from edtk.inference.measurements import Measurements
 from edtk.study.study import Study
 from edtk.system.typing import Array
-from edtk.tables.pose_table import WRENCH_COLUMNS, pose_columns
+from edtk.tables.pose_columns import pose_columns
+from edtk.tables.pose_table import WRENCH_COLUMNS
 from edtk.tables.sheet_columns import DEFLECTION_COLUMNS, MARKER_COLUMNS, ROTATION_COLUMNS
 
 Reading = tuple[Finding, Measurements]

@@ -1,7 +1,8 @@
 """Text of a compensation."""
 
 from edtk.calibration.compensate import Compensation
-from edtk.tables.pose_table import pose_columns, pose_factors
+from edtk.tables.pose_columns import pose_columns
+from edtk.tables.pose_table import pose_factors
 
 
 def compensation(found: Compensation) -> str:
