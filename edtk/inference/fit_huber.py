@@ -1,5 +1,6 @@
 """Huber's estimate: squares for small residuals, absolute values for large ones."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +17,14 @@ MAD_TO_STD = 1.4826
 # those still changed after 20, by 0.3 % at most.
 MOST_ROUNDS = 20
 SCALE_TOLERANCE = 1e-6
+
+# Steps of one fit: half a dozen is the rule, more where few residuals are within the corner.
+MOST_STEPS = 1000
+STEP_TOLERANCE = 1e-9  # of the corner, in orthonormal coordinates
+STEP_ROUNDING = 1e-14  # of the parameters, in orthonormal coordinates
+LOSS_ROUNDING = 1e-13  # of the loss, a sum over all rows
+SINGULAR = 1e-9  # least eigenvalue of a curvature up to which Newton's step is not taken
+BLOCK = 2**14  # rows at a time
 
 # Residuals below this share of the largest measurement are rounding, and no noise.
 ROUNDING = 1e-11
@@ -52,17 +61,21 @@ class HuberFit:
     inflation: float
 
 
-def fit_huber(X: Array, y: Array, start: Array, known: bool, least: float = -np.inf) -> HuberFit:
+def fit_huber(
+    Q: Array, R: Array, y: Array, start: Array, known: bool, least: float = -np.inf
+) -> HuberFit:
     """Fit parameters that a few gross errors do not spoil.
 
-    Minimises ``sum rho(y - X x)`` with ``rho(r) = r^2/2`` for ``|r| <= c`` and ``c |r| - c^2/2``
-    beyond. The covariance is that of an M-estimator of regression (Huber 1981, Section 7.6) with
-    ``psi = rho'``: ``K^2 [sum psi^2 / (N - p)] / mean(psi')^2 (X'X)^-1`` with
+    Minimises ``sum rho(y - X x)``, ``X = Q R``, with ``rho(r) = r^2/2`` for ``|r| <= c`` and
+    ``c |r| - c^2/2`` beyond. The covariance is that of an M-estimator of regression (Huber 1981,
+    Section 7.6) with ``psi = rho'``: ``K^2 [sum psi^2 / (N - p)] / mean(psi')^2 (X'X)^-1`` with
     ``K = 1 + p/N (1 - mean psi') / mean psi'``. It holds for independent errors of one symmetric
     distribution, whose tails are taken from the residuals.
 
     Args:
-        X: Columns (m, rows, p) of about unit length, in units of the noise.
+        Q: Orthonormal columns (m, rows, p).
+        R: Upper triangle (p, p), which makes the columns X of about unit length, in units of the
+            noise.
         y: Measured (m, rows), in units of the noise; N = m rows > p.
         start: Where to begin (p,), the least-squares estimate.
         known: Whether the noise of y is of size one; else its size is estimated along with x.
@@ -71,23 +84,146 @@ def fit_huber(X: Array, y: Array, start: Array, known: bool, least: float = -np.
     Raises:
         SigmaTooSmallError: The size of the noise is known, and no residual is below the corner.
     """
-    columns = X.reshape(-1, X.shape[-1])
-    measured = y.ravel()
-    p = columns.shape[1]
+    data = _Data(Q.reshape(-1, len(R)), R, y.ravel())
+    p = len(R)
     x = np.maximum(start, least)
-    scale = _scale(measured - columns @ x, p)
+    scale = _scale(data.residuals(x), p)
     for _ in range(1 if known else MOST_ROUNDS):
         size = 1.0 if known else scale
-        if size <= ROUNDING * np.abs(measured).max():
+        if size <= ROUNDING * np.abs(data.y).max():
             # Half of the residuals are rounding: the corner would be zero, and psi without a slope.
             return HuberFit(x, scale, 1.0 if known else scale**2)
         corner = CORNER * size
-        x = _minimise(columns, measured, x, corner, least)
+        x = _minimise(data, x, corner, least)
+        residuals = data.residuals(x)
         before = scale
-        scale = _scale(measured - columns @ x, p)
+        scale = _scale(residuals, p)
         if abs(scale - before) <= SCALE_TOLERANCE * before:
             break
-    return HuberFit(x, scale, _inflation(measured - columns @ x, p, corner))
+    return HuberFit(x, scale, _inflation(residuals, p, corner))
+
+
+@dataclass(frozen=True, eq=False)
+class _Data:
+    """Columns ``X = Q R`` and what is to be fitted with them.
+
+    Attributes:
+        Q: Orthonormal columns (N, p).
+        R: Upper triangle (p, p).
+        y: Measured (N,).
+    """
+
+    Q: Array
+    R: Array
+    y: Array
+
+    def residuals(self, x: Array) -> Array:
+        """Residuals ``y - X x`` (N,)."""
+        return self.y - self.Q @ (self.R @ x)
+
+    def blocks(self) -> Iterator[tuple[Array, Array]]:
+        """Q and y, so many rows at a time that their residuals stay in the cache."""
+        for first in range(0, len(self.y), BLOCK):
+            rows = slice(first, first + BLOCK)
+            yield self.Q[rows], self.y[rows]
+
+
+@dataclass(frozen=True, eq=False)
+class _Local:
+    """The loss about some parameters, in the orthonormal coordinates ``z = R x``.
+
+    Attributes:
+        loss: ``sum rho(r)``.
+        slope: ``Q' psi(r)`` (p,), the direction in which the loss falls.
+        curvature: ``sum psi'(r) Q Q'`` (p, p).
+    """
+
+    loss: float
+    slope: Array
+    curvature: Array
+
+
+def _minimise(data: _Data, start: Array, corner: float, least: float) -> Array:
+    """The parameters (p,) of the least loss; on the bound exactly where they are on it.
+
+    The loss is quadratic but for residuals that cross the corner, so that Newton's method ends
+    after a few steps, exactly. A step that does not lower the loss is replaced by one of
+    reweighted least squares, which always does: its quadratic lies above the loss.
+    """
+    x = start
+    here = _local(data, x, corner)
+    for _ in range(MOST_STEPS):
+        lower = _lowered(data, x, here, here.curvature, corner, least)
+        if lower is None:
+            majorant = _majorant(data, x, corner)
+            lower = _lowered(data, x, here, majorant, corner, least)
+        if lower is None:
+            return x
+        before = x
+        x, here = lower
+        if _settled(data.R, before, x, corner):
+            return x
+    return x
+
+
+def _lowered(
+    data: _Data, x: Array, here: _Local, curvature: Array, corner: float, least: float
+) -> tuple[Array, _Local] | None:
+    """The minimiser (p,) of a quadratic about x, and the loss there; None if that is not lower."""
+    moved = _stepped(data.R, x, here.slope, curvature, least)
+    if moved is None:
+        return None
+    there = _local(data, moved, corner)
+    # Near the minimum a step may lower the loss by less than the rounding of its sum.
+    return (moved, there) if there.loss <= here.loss * (1 + LOSS_ROUNDING) else None
+
+
+def _settled(R: Array, x: Array, moved: Array, corner: float) -> bool:
+    """Whether a step is rounding: in orthonormal coordinates noise has the size of the corner."""
+    step = np.abs(R @ (moved - x)).max()
+    return bool(step <= STEP_TOLERANCE * corner + STEP_ROUNDING * np.abs(R @ x).max())
+
+
+def _local(data: _Data, x: Array, corner: float) -> _Local:
+    """Loss, slope and curvature about some parameters, in one pass over the rows."""
+    z = data.R @ x
+    loss = 0.0
+    slope = np.zeros(len(z))
+    curvature = np.eye(len(z))
+    for Q, y in data.blocks():
+        r = y - Q @ z
+        psi = np.clip(r, -corner, corner)
+        loss += float(psi @ (r - 0.5 * psi))
+        slope += psi @ Q
+        # Few residuals are beyond the corner: their share is subtracted from Q'Q = I.
+        beyond = Q[np.abs(r) > corner]
+        curvature -= beyond.T @ beyond
+    return _Local(loss, slope, curvature)
+
+
+def _majorant(data: _Data, x: Array, corner: float) -> Array:
+    """``Q' diag(psi(r)/r) Q`` (p, p): the quadratic of reweighted least squares."""
+    z = data.R @ x
+    total = np.zeros((len(z), len(z)))
+    for Q, y in data.blocks():
+        weight = corner / np.maximum(np.abs(y - Q @ z), corner)
+        total += Q.T @ (Q * weight[:, None])
+    return total
+
+
+def _stepped(R: Array, x: Array, slope: Array, curvature: Array, least: float) -> Array | None:
+    """The minimiser (p,) above the bound of a quadratic about x; None where it has none."""
+    w, V = np.linalg.eigh(curvature)
+    if w[0] <= SINGULAR:
+        return None
+    if np.isneginf(least):
+        return x + np.linalg.solve(R, V @ ((slope @ V) / w))
+    from scipy.optimize import nnls
+
+    # |C R (x' - x) - C^-1 slope| with C = sqrt(w) V' is the quadratic, but for a constant.
+    root = np.sqrt(w)
+    C = root[:, None] * V.T @ R
+    return least + nnls(C, C @ (x - least) + (slope @ V) / root)[0]
 
 
 def _inflation(r: Array, p: int, corner: float) -> float:
@@ -103,37 +239,6 @@ def _inflation(r: Array, p: int, corner: float) -> float:
     correction = 1 + p / N * (1 - inside) / inside
     spread = float((np.clip(r, -corner, corner) ** 2).sum()) / (N - p)
     return correction**2 * spread / inside**2
-
-
-def _minimise(columns: Array, measured: Array, start: Array, corner: float, least: float) -> Array:
-    """The parameters (p,) of the least loss; on the bound exactly where they are on it."""
-    from scipy.optimize import least_squares
-
-    size = max(float(np.abs(start).max()), corner)
-    # SciPy's reflective trust region must begin inside the bounds, and ends inside them as well:
-    # a parameter this near to the bound belongs on it.
-    begin = start if np.isneginf(least) else np.maximum(start, least + 1e-6 * size)
-
-    def residuals(x: Array) -> Array:
-        return columns @ x - measured
-
-    def jacobian(x: Array) -> Array:
-        return columns
-
-    found = least_squares(
-        residuals,
-        begin,
-        jac=jacobian,
-        bounds=(least, np.inf),
-        loss="huber",
-        f_scale=corner,
-        x_scale=size,
-        xtol=1e-12,
-        ftol=1e-14,
-        gtol=1e-12,
-        max_nfev=1000,
-    )
-    return np.where(found.x - least <= 1e-8 * size, least, found.x)
 
 
 def _scale(r: Array, p: int) -> float:

@@ -88,7 +88,10 @@ def identify(
     fit = _least_squares(data, known)
     if not known and not _without_rounding(data.in_sigma(fit.residual), data.y).any():
         raise data.nothing_left(NothingLeft.EXACT_FIT)
-    return _robust(fit, data) if robust and data.dof else fit
+    if robust and data.dof:
+        return _robust(fit, data)
+    z = _without_rounding(data.in_sigma(fit.residual), data.y)
+    return replace(fit, outliers=find_outliers(data.whitened.Q, z, data.dof))
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,7 +130,7 @@ class _Data:
 
 
 def _least_squares(data: _Data, known: bool) -> Identification:
-    """The fit that Eq. (6) describes."""
+    """The fit that Eq. (6) describes, before outliers are looked for."""
     whitened = data.whitened
     k = whitened.solve(data.measured)
     residual = data.measured - data.A @ k
@@ -152,7 +155,7 @@ def _least_squares(data: _Data, known: bool) -> Identification:
         covariance_dof=np.inf if known else float(data.dof),
         known=known,
         robust=False,
-        outliers=find_outliers(whitened.Q, _without_rounding(z, data.y), data.dof),
+        outliers=np.zeros(0, dtype=int),
         parameters=data.parameters,
     )
 
@@ -172,15 +175,17 @@ def _bounded(k: Array, data: _Data) -> Array:
 def _robust(fit: Identification, data: _Data) -> Identification:
     """The fit with Huber's loss; it has no p-value, since it does not minimise chi-square."""
     whitened = data.whitened
-    columns = whitened.Q @ whitened.R  # of unit length, as the trust region of the fit wants them
-    found = fit_huber(columns, data.y, fit.unbounded * whitened.scale, fit.known)
-    if not fit.known and not found.scale > ROUNDING * np.abs(data.y).max():
+    y = data.y
+    start = fit.unbounded * whitened.scale
+    found = fit_huber(whitened.Q, whitened.R, y, start, fit.known)
+    if not fit.known and not found.scale > ROUNDING * np.abs(y).max():
         raise data.nothing_left(NothingLeft.HALF_EXACT)
     k = found.x / whitened.scale
     bounded = k
     if (k < 0).any():
         start = fit.k * whitened.scale
-        bounded = fit_huber(columns, data.y, start, fit.known, least=0.0).x / whitened.scale
+        above = fit_huber(whitened.Q, whitened.R, y, start, fit.known, least=0.0)
+        bounded = above.x / whitened.scale
     residual = data.measured - data.A @ k
     z = data.in_sigma(residual)
     trusted = 1.0 if fit.known else found.scale
@@ -198,7 +203,7 @@ def _robust(fit: Identification, data: _Data) -> Identification:
         scale=found.scale,
         robust=True,
         covariance_dof=HUBER_CERTAINTY * fit.dof,
-        outliers=find_outliers(whitened.Q, _without_rounding(z, data.y), scale_dof, trusted),
+        outliers=find_outliers(whitened.Q, _without_rounding(z, y), scale_dof, trusted),
     )
 
 
