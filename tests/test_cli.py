@@ -229,6 +229,17 @@ def test_bad_plan(
     assert_one_line(edtk(command, study, path), "plan.csv", *words)
 
 
+def test_a_note_beside_the_result(study: Path, tmp_path: Path) -> None:
+    """A plan with decimal commas has the result of one with points, and one line says so."""
+    path = tmp_path / "plan.csv"
+    path.write_text(PLAN_3.read_text().replace(",", ";").replace(".", ","))
+    answer = edtk("evaluate", study, path)
+    assert answer.returncode == 0
+    note = f"edtk: {path}: read with semicolons between columns, decimal commas\n"
+    assert answer.stderr == note
+    assert answer.stdout == edtk("evaluate", study, PLAN_3).stdout
+
+
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [

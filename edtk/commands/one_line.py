@@ -1,11 +1,15 @@
 """Commands that answer every error of a user with one line."""
 
 import sys
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import click
 
 from edtk.system.errors import ArgumentError, UserError, shortened
+from edtk.system.note import Note
 
 USER_ERROR = 2  # exit code
 INTERRUPTED = 130  # exit code after Ctrl-C, as shells have it
@@ -29,7 +33,9 @@ class OneLine(click.Command):
         kwargs["standalone_mode"] = False
         code = USER_ERROR
         try:
-            sys.exit(super().main(*args, **kwargs) or 0)
+            with _notes_at_the_end(self.program):
+                code = super().main(*args, **kwargs) or 0
+            sys.exit(code)
         except click.ClickException as error:
             message = " ".join(error.format_message().split())  # click lists choices a line each
         except click.Abort:
@@ -51,3 +57,24 @@ class OneLine(click.Command):
             message = str(UserError(error.strerror or str(error), where=error.filename))
         click.echo(shortened(f"{self.program}: {message}"), err=True)
         sys.exit(code)
+
+
+@contextmanager
+def _notes_at_the_end(program: str) -> Iterator[None]:
+    """Notes come on standard error, a line each, once the command has succeeded."""
+    notes: dict[str, None] = {}
+    with warnings.catch_warnings():
+        python = warnings.showwarning
+
+        def keep(message: Any, category: type[Warning], *args: Any, **kwargs: Any) -> None:
+            if issubclass(category, Note):
+                notes[str(message)] = None
+            else:
+                python(message, category, *args, **kwargs)
+
+        warnings.simplefilter("always", Note)
+        warnings.showwarning = keep
+        yield
+    # A failure has one line, that of the error.
+    for text in notes:
+        click.echo(shortened(f"{program}: {text}"), err=True)

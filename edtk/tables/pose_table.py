@@ -1,7 +1,5 @@
 """A CSV file with a pose a row: what files of plans and of measurements have in common."""
 
-import io
-import warnings
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Union
@@ -9,23 +7,18 @@ from typing import TYPE_CHECKING, Union
 import numpy as np
 
 from edtk.model.robot import Robot
-from edtk.system.errors import UserError
 from edtk.system.read_text import read_text
 from edtk.system.typing import Array
-from edtk.tables.plain_numbers import plain_numbers
 from edtk.tables.pose_columns import MARK, pose_columns, with_own_headers
+from edtk.tables.read_cells import PoseFileError, read_cells
 
 if TYPE_CHECKING:
     import pandas as pd
 
 MOST_MB = 1000.0  # of a file; a million rows have 200 MB
-HEAD = 100_000  # characters among which the header is looked for
+MOST_DIGITS = 300  # of a cell of a column that is not all numbers
 LARGEST = 1e12  # number in a file; no quantity here comes near it in its unit
 WRENCH_COLUMNS = ("Fx_N", "Fy_N", "Fz_N", "Tx_Nm", "Ty_Nm", "Tz_Nm")
-
-
-class PoseFileError(UserError):
-    """A file that cannot be read as a table of poses; names the file and the row or column."""
 
 
 def pose_factors(robot: Robot) -> Array:
@@ -59,20 +52,11 @@ class PoseTable:
             UserError: The file is absent, or is no text.
         """
         path = Path(path)
-        text = read_text(path, MOST_MB)
-        columns = plain_numbers(text)
-        if columns is not None:
-            return cls(path, columns)
-        sign = _separator(text)
-        if sign is not None:
-            raise PoseFileError(
-                f"the columns are separated by {sign}; expected commas, and points in numbers",
-                where=path,
-            )
-        cells = _read_csv(text, path)
-        if cells.empty:
-            raise PoseFileError(f"the {content} has no rows", where=path)
-        return cls(path, cells)
+        cells = read_cells(read_text(path, MOST_MB, utf_16=True), path)
+        table = cls(path, cells)
+        if not len(table):
+            raise table.error(f"the {content} has no rows")
+        return table
 
     def __contains__(self, column: str) -> bool:
         return column in self.cells
@@ -97,20 +81,15 @@ class PoseTable:
         Joints have the headers of `pose_columns`, whichever form the file has.
 
         Raises:
-            PoseFileError: Names the first that is not, or what is wrong with the header.
+            PoseFileError: Names the first that is not.
         """
         header = [str(column) for column in self.cells]
-        for column in header:
-            # Pandas calls the second of two columns NAME.1, and one without a name Unnamed: INDEX.
-            first, _, number = column.rpartition(".")
-            if first in header and number.isdigit():
-                raise self.error(f"column {first!r} is there twice; expected each once")
-            if column.startswith("Unnamed: "):
-                index = int(column.rpartition(" ")[2])
-                raise self.error(f"column {index + 1} has no name; expected one in the header")
         columns = pose_columns(robot)
         known = (*columns, *WRENCH_COLUMNS, *optional)
         header = list(with_own_headers(header, robot, optional))
+        twice = [column for i, column in enumerate(header) if column in header[:i]]
+        if twice:
+            raise self.error(f"column {twice[0]!r} is there twice; expected each once")
         unknown = [column for column in header if column not in known]
         if unknown:
             raise self.error(
@@ -142,7 +121,11 @@ class PoseTable:
 
         assert not isinstance(self.cells, dict)
         cells = self.cells[column]
-        values = pd.to_numeric(cells, errors="coerce").to_numpy(dtype=float)
+        digits = cells
+        if cells.dtype == object:
+            # Pandas ends in an OverflowError for whole numbers beyond the largest float.
+            digits = cells.mask(cells.astype(str).str.len() > MOST_DIGITS)
+        values = pd.to_numeric(digits, errors="coerce").to_numpy(dtype=float)
         # Pandas reads a column of nothing but "True" and "False" as 1 and 0.
         bad = np.flatnonzero(~np.isfinite(values) | (cells.dtype == bool))
         if len(bad):
@@ -199,39 +182,3 @@ class PoseTable:
             if column in self:
                 W[:, j] = self.numbers(column)
         return W
-
-
-def _read_csv(text: str, path: Path) -> "pd.DataFrame":
-    """Read any CSV text; every failure is one line that names the file."""
-    import pandas as pd
-
-    try:
-        with warnings.catch_warnings():
-            # Pandas only warns of a first row that is longer than the header.
-            warnings.simplefilter("error", pd.errors.ParserWarning)
-            # Bytes, as pandas would hold four bytes a character of a text.
-            content = io.BytesIO(text.encode("utf-8"))
-            return pd.read_csv(
-                content, skipinitialspace=True, comment="#", index_col=False, low_memory=False
-            )
-    except pd.errors.ParserWarning as error:
-        raise _not_readable(path, "a row has more cells than the header") from error
-    except (pd.errors.ParserError, pd.errors.EmptyDataError) as error:
-        raise _not_readable(path, str(error).splitlines()[0].strip()) from error
-
-
-def _not_readable(path: Path, why: str) -> PoseFileError:
-    """The error of a file that is no CSV."""
-    return PoseFileError(
-        f"not readable as CSV ({why}); expected commas between columns", where=path
-    )
-
-
-def _separator(text: str) -> str | None:
-    """The separator of the header's columns, if it is not a comma."""
-    lines = io.StringIO(text[:HEAD])
-    header = next((line for line in lines if line.strip() and not line.startswith("#")), "")
-    if "," in header:
-        return None
-    names = {";": "semicolons", "\t": "tabs"}
-    return next((name for sign, name in names.items() if sign in header), None)

@@ -133,7 +133,7 @@ def test_what_identify_writes_is_read(given, tmp_path):
     ("rows", "message"),
     [
         (POSES.replace("q3_deg", "q7_deg"), "unknown column 'q7_deg'"),
-        (POSES.replace("q3_deg,", ""), "not readable as CSV"),
+        (POSES.replace("q3_deg,", ""), "row 1: 6 cells; expected 5"),
         (POSES.replace("-80", "x"), "row 2, column q2_deg: 'x' is not a finite number"),
         (
             POSES.replace("-80", "80"),

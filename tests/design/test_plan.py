@@ -115,7 +115,7 @@ GOOD = "-90,0,10,20,30"
     [
         (f"{HEAD}\n{GOOD}\n-90,NaN,1,2,3\n", ["row 2", "q3_deg"]),
         (f"{HEAD}\n{GOOD}\n-90,,1,2,3\n", ["row 2", "q3_deg"]),
-        (f"{HEAD}\n-90,0,1,2\n", ["row 1", "q6_deg"]),
+        (f"{HEAD}\n-90,0,1,2\n", ["row 1", "4 cells; expected 5"]),
         (f"{HEAD}\n-90,0,1,2,inf\n", ["row 1", "q6_deg"]),
         (f"{HEAD}\n{GOOD}\n{GOOD}\n-90,0,many,2,3\n", ["row 3", "q4_deg", "many"]),
         (f"{HEAD},q7_deg\n{GOOD},1\n", ["unknown column", "q7_deg"]),

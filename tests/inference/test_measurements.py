@@ -11,6 +11,7 @@ from edtk.model.joint import Joint
 from edtk.model.load_robot import load_robot
 from edtk.model.robot import Robot
 from edtk.model.transform import transform
+from edtk.system.note import Note
 from edtk.tables.pose_table import PoseFileError
 
 KR270 = load_robot("kuka_kr270").with_tool(transform([0.6115, 0.0, -0.460]))
@@ -84,13 +85,13 @@ def test_positions_far_apart(read):
 
 
 def test_a_german_spreadsheet(read):
-    """Semicolons between columns are named, with commas in the numbers too."""
+    """Semicolons between columns and decimal commas are read, and a note says so."""
     head = f"{HEAD},{D}".replace(",", ";")
     good = "-90,5;0,1;10,2;20,3;30,4;1,5;2,5;3,5"
-    with pytest.raises(
-        PoseFileError, match="separated by semicolons; expected commas, and points in numbers"
-    ):
-        read(f"{head}\n{good}\n")
+    with pytest.warns(Note, match="semicolons between columns, decimal commas"):
+        data = read(f"{head}\n{good}\n")
+    np.testing.assert_allclose(data.deflection, [[1.5e-3, 2.5e-3, 3.5e-3]])
+    np.testing.assert_allclose(np.rad2deg(data.q[0, 1:]), [-90.5, 0.1, 10.2, 20.3, 30.4])
 
 
 def random_measurements(rows, marker, seed=0, m=20):
@@ -175,9 +176,9 @@ def test_marker_beside_a_prismatic_joint():
         (f"{HEAD},{D},sigma_mm\n{GOOD},1,2,3,1\n{GOOD},1,2,3,0\n", ["row 2", "sigma_mm: 0 is not"]),
         (f"{HEAD},{D},sigma_mm\n{GOOD},1,2,3,-1\n", ["row 1", "sigma_mm", "-1"]),
         (f"{HEAD},{D},marker_x_mm\n{GOOD},1,2,3,4\n", ["'marker_y_mm' is missing", "marker_z_mm"]),
-        (f"{HEAD},{D}\n{GOOD},1,2,3,4\n", ["not readable"]),
+        (f"{HEAD},{D}\n{GOOD},1,2,3,4\n", ["row 1", "9 cells; expected 8"]),
         (f"{HEAD},{D}\n", ["measurement file has no rows"]),
-        ("", ["not readable"]),
+        ("", ["no CSV table"]),
     ],
     ids=[
         "NaN", "empty", "text", "true", "inf", "missing", "no deflection", "only loaded", "both",
