@@ -1,6 +1,5 @@
 """What proves the numbers of a relaxation or of an exact plan, as plain data for a file."""
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +12,7 @@ from edtk.design.plan import Plan
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
 from edtk.study.study import Study
 from edtk.system.atomic_file import write_text
+from edtk.system.json_text import json_text
 from edtk.version import __version__
 
 
@@ -62,7 +62,7 @@ def write_certificate(path: Path | str, study: Study, found: RelaxedPlan | Exact
     Raises:
         OSError: The file cannot be written.
     """
-    write_text(path, json.dumps(certificate(study, found), indent=1) + "\n")
+    write_text(path, json_text(certificate(study, found), indent=1) + "\n")
 
 
 def _proof(relaxed: RelaxedPlan) -> dict[str, Any]:

@@ -1,10 +1,9 @@
 """`edtk criteria`: the criteria that can be used."""
 
-import json
-
 import click
 
 from edtk.commands.shared import json_option
+from edtk.system.json_text import json_text
 
 
 @click.command("criteria", short_help="List the criteria.")
@@ -15,4 +14,4 @@ def command(as_json: bool) -> None:
     from edtk.report.text.criteria_table import criteria_table
 
     rows = [criteria.get(name).describe() for name in criteria.available()]
-    click.echo(json.dumps(rows, indent=2) if as_json else criteria_table(rows))
+    click.echo(json_text(rows) if as_json else criteria_table(rows))

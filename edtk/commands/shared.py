@@ -1,6 +1,5 @@
 """Options and helpers that several commands share."""
 
-import json
 import math
 import sys
 from collections.abc import Iterator
@@ -11,6 +10,7 @@ from typing import Any, NoReturn
 import click
 
 from edtk.commands.one_line import INTERRUPTED
+from edtk.system.json_text import json_text
 
 FilePath = click.Path(path_type=Path, dir_okay=False)
 FolderPath = click.Path(path_type=Path, file_okay=False)
@@ -54,7 +54,7 @@ dask_option = click.option(
 
 def show(result: Any, as_json: bool) -> None:
     """Print a result on standard output: its text, or its JSON."""
-    click.echo(json.dumps(result.to_dict(), indent=2) if as_json else result.summary())
+    click.echo(json_text(result.to_dict()) if as_json else result.summary())
 
 
 def warn(message: str) -> None:

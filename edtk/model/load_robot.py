@@ -1,13 +1,14 @@
 """Robots by name: those that ship with edtk, and files of the same form."""
 
-import tomllib
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 from pathlib import Path
+from typing import Any
 
 from edtk.model.robot import Robot
 from edtk.model.robot_from_dict import RobotFileError, robot_from_dict
 from edtk.system.errors import UserError
+from edtk.system.parse_toml import MOST_MB, parse_toml
 from edtk.system.read_text import read_text
 
 
@@ -30,27 +31,26 @@ def load_robot(name: str, folder: Path | None = None) -> Robot:
         RobotFileError: No such robot, or its file is not valid; one line that says where.
     """
     if name.endswith(".toml"):
-        text = _text((folder or Path()) / name)
+        content = _content(name, folder or Path())
     elif name in builtin_robots():
-        text = (_builtin_folder() / f"{name}.toml").read_text(encoding="utf-8")
+        content = parse_toml((_builtin_folder() / f"{name}.toml").read_text(encoding="utf-8"))
     else:
         raise RobotFileError(
             f"unknown robot {name!r}; built in: {', '.join(builtin_robots())}; "
             "or give a path to a .toml file"
         )
-    try:
-        content = tomllib.loads(text)
-    except ValueError as error:
-        raise RobotFileError(str(error), where=f"robot {name}") from error
     return robot_from_dict(content, where=f"robot {name}")
 
 
-def _text(path: Path) -> str:
-    """The text of a robot file."""
+def _content(name: str, folder: Path) -> dict[str, Any]:
+    """The keys of a robot file."""
+    where = f"robot file {folder / name}"
     try:
-        return read_text(path)
+        text = read_text(folder / name, MOST_MB)
+        where = f"robot {name}"
+        return parse_toml(text)
     except UserError as error:
-        raise RobotFileError(error.message, where=f"robot file {path}") from error
+        raise RobotFileError(error.message, where=where, key=error.key) from error
 
 
 def _builtin_folder() -> Traversable:

@@ -1,11 +1,11 @@
 """The files of a calibration: numbers, residuals, and a page to read."""
 
-import json
 from pathlib import Path
 
 from edtk.calibration.calibrate import Calibration
 from edtk.report.calibration_report import calibration_report
 from edtk.system.atomic_file import atomic_path, require_writable, write_text
+from edtk.system.json_text import json_text
 
 WRITTEN = ("k.json", "residuals.csv", "report.html")
 
@@ -24,5 +24,5 @@ def write_calibration(calibration: Calibration, folder: Path) -> None:
         require_writable(folder / name)
     with atomic_path(folder / "residuals.csv") as temporary:
         calibration.residuals().to_csv(temporary, index=False, float_format="%.10g")
-    write_text(folder / "k.json", json.dumps(calibration.to_dict(), indent=2) + "\n")
+    write_text(folder / "k.json", json_text(calibration.to_dict()) + "\n")
     write_text(folder / "report.html", calibration_report(calibration))

@@ -1,10 +1,9 @@
 """The content of a TOML file, with messages about what is wrong with it."""
 
-import tomllib
 from pathlib import Path
 from typing import Any
 
-from edtk.system.errors import UserError
+from edtk.system.parse_toml import MOST_MB, parse_toml
 from edtk.system.read_text import decode, read_bytes
 
 
@@ -17,9 +16,5 @@ def read_toml(path: Path) -> tuple[dict[str, Any], bytes]:
     Raises:
         UserError: The file does not exist, cannot be read, or is not valid TOML.
     """
-    raw = read_bytes(path)
-    text = decode(raw, path)
-    try:
-        return tomllib.loads(text), raw
-    except tomllib.TOMLDecodeError as error:
-        raise UserError(f"not valid TOML: {error}", where=path) from error
+    raw = read_bytes(path, MOST_MB)
+    return parse_toml(decode(raw, path), path), raw

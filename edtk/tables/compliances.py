@@ -9,6 +9,7 @@ from typing import Any, TypeGuard
 import numpy as np
 
 from edtk.system.errors import UserError
+from edtk.system.parse_json import parse_json
 from edtk.system.read_text import read_text
 from edtk.system.typing import Array
 
@@ -106,11 +107,7 @@ def load_compliances(
         UserError: One line: the file, the key and what was expected.
     """
     path = Path(path)
-    text = read_text(path)
-    try:
-        content = json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise UserError(f"not valid JSON: {error}", where=path) from error
+    content = parse_json(read_text(path), path)
     if not isinstance(content, dict):
         raise UserError(
             f'expected {{"k": {{joint: value, ...}}}}, not {type(content).__name__}', where=path

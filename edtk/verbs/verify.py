@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from edtk.certificate.verification import Claim, Verification
 from edtk.certificate.verify_certificate import verify_certificate
 from edtk.system.errors import UserError
+from edtk.system.parse_json import parse_json
 from edtk.system.read_text import read_text
 
 if TYPE_CHECKING:
@@ -48,7 +49,7 @@ def verify(
         content: Any = certificate
     else:
         where = str(certificate)
-        content = _read(Path(certificate))
+        content = parse_json(read_text(certificate, MOST_MB), where)
     if not isinstance(content, dict) or "proof" not in content:
         raise UserError("not a certificate; expected a file written by --certificate", where=where)
     try:
@@ -71,37 +72,3 @@ def _same_study(content: dict[str, Any], study: "StudyLike") -> Claim:
     other = [key for key in expected if content["setting"][key] != expected[key]]
     reason = f"the study has another {', '.join(other)}" if other else ""
     return Claim("study", not other, None, None, reason)
-
-
-def _read(path: Path) -> Any:
-    """The content of a JSON file, in which no key occurs twice and every number is finite.
-
-    Raises:
-        UserError: The file is missing, or is no JSON.
-    """
-    text = read_text(path, MOST_MB)
-    try:
-        return json.loads(text, object_pairs_hook=_unique, parse_constant=_reject)
-    except (ValueError, RecursionError) as error:
-        raise UserError(f"not valid JSON: {error}", where=path) from error
-
-
-def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """A table; a key that occurs twice would be read as one number by one reader, another by us.
-
-    Raises:
-        ValueError: A key occurs twice.
-    """
-    found = dict(pairs)
-    if len(found) < len(pairs):
-        raise ValueError("a key occurs twice in one table")
-    return found
-
-
-def _reject(constant: str) -> Any:
-    """Reject NaN and Infinity, which JSON does not have although Python reads them.
-
-    Raises:
-        ValueError: Always.
-    """
-    raise ValueError(f"{constant} is no number")

@@ -57,7 +57,7 @@ def test_standard_deviations_and_correlation(tmp_path):
         ),
         (
             {"k": {**K, "q2": float("nan")}},
-            "k.q2: expected a finite number that is not negative, got NaN",
+            "k.q2: expected a finite number, got NaN",
         ),
         ({"k": {**K, "q2": float("inf")}}, "k.q2: expected a finite number"),
         ({"k": {**K, "q2": 10**400}}, "k.q2: expected a finite number"),
@@ -65,7 +65,7 @@ def test_standard_deviations_and_correlation(tmp_path):
         ({"k": {**K, "q2": True}}, "k.q2: expected a finite number"),
         ({"k": K, "covariance": [[1, 0]]}, "covariance: expected 2 rows of 2"),
         ({"k": K, "covariance": [[1, 0], [0, None]]}, "covariance: expected 2 rows of 2"),
-        ({"k": K, "covariance": [[1, 0], [0, 10**400]]}, "covariance: expected 2 rows of 2"),
+        ({"k": K, "covariance": [[1, 0], [0, 10**400]]}, "covariance.1.1: expected a finite"),
         ({"k": K, "covariance": [[1, 0], [0.5, 1]]}, "covariance: row 1, column 2: differs"),
         ({"k": K, "covariance": [[1, 2], [2, 1]]}, "covariance: expected a covariance"),
         ({"k": K, "covariance": [[-1, 0], [0, 1]]}, "covariance: expected a covariance"),
