@@ -69,6 +69,33 @@ def one_process() -> Iterator[None]:
         yield
 
 
+@pytest.fixture(scope="session", autouse=True)
+def small_searches() -> Iterator[pytest.MonkeyPatch]:
+    """Searches over all poses look at fewer poses from fewer starts, and searches for a plan end
+    after one batch of starts. What is found is judged as anything else; tests of the searches
+    themselves choose their own numbers.
+    """
+    with pytest.MonkeyPatch.context() as patch:
+        _make_searches_small(patch)
+        yield patch
+
+
+def _make_searches_small(patch: pytest.MonkeyPatch) -> None:
+    patch.setattr("edtk.design.relaxation.search_continuum.SCREEN", 2000)
+    patch.setattr("edtk.design.relaxation.search_continuum.STARTS", 12)
+    patch.setattr("edtk.study.plan_study.STARTS", 16)
+
+
+@pytest.fixture(scope="module")
+def whole_searches(small_searches: pytest.MonkeyPatch) -> Iterator[None]:
+    """The searches that users have, for a module whose answers are compared with those of other
+    processes.
+    """
+    small_searches.undo()
+    yield
+    _make_searches_small(small_searches)
+
+
 @pytest.fixture(scope="session")
 def plugin_site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A directory for PYTHONPATH into which a third party's criterion `trace_M` was installed by

@@ -65,7 +65,6 @@ def test_every_snippet_runs(
     """The Python and the commands of a page run from the top down, where the studies are."""
     copy_small_studies(tmp_path)
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("edtk.study.plan_study.STARTS", 16)
     exec(compile(script(page), str(page), "exec"), {"__name__": page.stem, "command": command})
     if page.stem == "linear_model":
         assert capsys.readouterr().out.count("weight 0.3333  4 of 12") == 3

@@ -42,12 +42,6 @@ LOADS = {
 }
 
 
-@pytest.fixture(autouse=True)
-def few_starts(monkeypatch):
-    """One batch of starts, where nothing else ends the search."""
-    monkeypatch.setattr("edtk.study.plan_study.STARTS", 16)
-
-
 def write(folder, load="F_N = [0, 0, -2500]", workspace=""):
     """A study of few candidates in a folder, which allows for no rounding of plans."""
     text = PATH.read_text(encoding="utf-8")
@@ -91,14 +85,14 @@ def distances(q, others):
 
 @pytest.fixture(scope="module")
 def found(tmp_path_factory):
-    """The study, answers by one worker for two criteria, with three batches of starts, and the
+    """The study, answers by one worker for two criteria, with two batches of starts, and the
     files of these plans.
     """
     folder = tmp_path_factory.mktemp("plan")
     study = write(folder)
     answers, outs = {}, {}
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("edtk.study.plan_study.STARTS", 48)
+        patch.setattr("edtk.study.plan_study.STARTS", 32)
         for name in ("rho0", "D"):
             outs[name] = folder / name / "plan.csv"
             options = ["--size", 3, "--criterion", name, "--workers", 1, "--out", outs[name]]
@@ -115,7 +109,7 @@ def test_json_is_what_the_plan_is_worth(found, name):
     answer = answers[name]
     assert list(answer) == KEYS
     assert (answer["criterion"], answer["experiments"], answer["bound_searched"]) == (name, 3, True)
-    assert (answer["starts"], answer["ended"], answer["constraint_violation"]) == (48, "starts", 0)
+    assert (answer["starts"], answer["ended"], answer["constraint_violation"]) == (32, "starts", 0)
     assert answer["found"] >= 1
     assert answer["optima"] >= 1
     assert answer["seconds"] > 0
@@ -175,7 +169,7 @@ def test_seed_and_workers(found, tmp_path, monkeypatch):
     another plan.
     """
     study, answers, outs = found
-    monkeypatch.setattr("edtk.study.plan_study.STARTS", 48)
+    monkeypatch.setattr("edtk.study.plan_study.STARTS", 32)
     out = tmp_path / "plan.csv"
     named = plan(
         study, "--size", 3, "--criterion", "D", "--workers", 2, "--seed", 2026, "--out", out
@@ -310,7 +304,7 @@ def test_text_says_what_json_says(found, monkeypatch):
     study's default.
     """
     study, answers, _ = found
-    monkeypatch.setattr("edtk.study.plan_study.STARTS", 48)
+    monkeypatch.setattr("edtk.study.plan_study.STARTS", 32)
     answer = answers["rho0"]
     lines = edtk("plan", study, "--size", 3, "--workers", 1).stdout.splitlines()
     assert lines[0].startswith("rho0, Test-pose accuracy; 3 experiments in ")

@@ -21,12 +21,6 @@ PAPERS = STUDY.published_plans()
 SOON = 0.5  # seconds after which a search may end
 
 
-@pytest.fixture(autouse=True)
-def few_starts(monkeypatch):
-    """One batch of starts, where nothing else ends the search."""
-    monkeypatch.setattr("edtk.study.plan_study.STARTS", 16)
-
-
 def part(plan, rows):
     """Some rows of a plan."""
     return Plan(plan.q[rows], plan.wrench[rows], plan.repeats[rows])

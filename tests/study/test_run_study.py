@@ -57,7 +57,7 @@ def write(folder, *changes, published=True):
 
 
 @pytest.fixture(scope="module")
-def done(tmp_path_factory):
+def done(tmp_path_factory, whole_searches):
     """The study, its table, its folder, and the labels of its progress."""
     folder = tmp_path_factory.mktemp("study")
     labels = []

@@ -64,7 +64,7 @@ def wait_for(process, there):
         time.sleep(0.02)
 
 
-def test_killed_run_goes_on(tmp_path):
+def test_killed_run_goes_on(tmp_path, whole_searches):
     """Killed in the middle and started again, a run keeps what it had and ends as any other."""
     study = load_study_of(arm(sizes=[3, 4]), tmp_path)
     run(study, tmp_path / "first", workers=1)

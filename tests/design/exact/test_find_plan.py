@@ -45,7 +45,6 @@ def relaxed(name="rho0", space=KR270, continuous=False):
     source = CandidateSource(space, 0, "sobol", workers=1)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("edtk.design.relaxation.search_continuum.STARTS", 6)
-        patch.setattr("edtk.design.relaxation.search_continuum.SCREEN", 2000)
         return relax_poses(source, 200, criterion, continuous, RelaxOptions(tolerance=GAP))
 
 
@@ -289,7 +288,7 @@ def test_what_is_there_counts():
     )
 
 
-def test_bound_beside_very_many_kept_experiments():
+def test_bound_beside_very_many_kept_experiments(monkeypatch):
     """Beside four thousand kept experiments two new ones gain what the bound allows, and not more.
 
     When each pose counted with its share of the kept ones, all poses looked alike, ascents started
@@ -298,6 +297,8 @@ def test_bound_beside_very_many_kept_experiments():
     many = STUDY.published_plans()["table_4_4"].repeated(1000)
     K = KR270.information(many)
     source = CandidateSource(KR270.with_kept(K, 2), 0, "sobol", workers=1)
+    monkeypatch.setattr("edtk.design.relaxation.search_continuum.SCREEN", 20_000)
+    monkeypatch.setattr("edtk.design.relaxation.search_continuum.STARTS", 96)
     bounded = relax_poses(source, 200, create("E"), True, RelaxOptions(tolerance=1e-6))
     plan = search(bounded, 2, kept=many, starts=BATCH)
     before = float(create("E").cost(K))

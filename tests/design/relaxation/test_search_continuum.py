@@ -16,11 +16,6 @@ pytestmark = pytest.mark.slow
 ACCURACY = 1e-6
 
 
-def _spare(patch):
-    patch.setattr("edtk.design.relaxation.search_continuum.SCREEN", 2000)
-    patch.setattr("edtk.design.relaxation.search_continuum.STARTS", 12)
-
-
 @pytest.fixture(scope="module", params=["D", "O2"])
 def case(request):
     """A criterion, candidates, and the multipliers of their optimum; two for D."""
@@ -36,9 +31,7 @@ def case(request):
 def answer(case):
     """What the search finds, with fewer fresh poses and starts than a plan takes."""
     criterion, known, Z = case
-    with pytest.MonkeyPatch.context() as patch:
-        _spare(patch)
-        return search_continuum(KR270, criterion, Z, known, ACCURACY, (0, 1))
+    return search_continuum(KR270, criterion, Z, known, ACCURACY, (0, 1))
 
 
 def sensitivities(criterion, Z, x):
@@ -77,9 +70,8 @@ def test_no_random_pose_is_more_sensitive(case, answer):
     assert (random.max(axis=1) <= answer[0].values).all()
 
 
-def test_seeded(case, answer, monkeypatch):
+def test_seeded(case, answer):
     """The seed decides what is found."""
-    _spare(monkeypatch)
     criterion, known, Z = case
     again, other = (
         search_continuum(KR270, criterion, Z, known, ACCURACY, (0, turn)) for turn in (1, 2)
