@@ -24,6 +24,7 @@ from edtk.inference.measurements import Measurements
 from edtk.inference.noise import Noise
 from edtk.inference.prior import Flat
 from edtk.inference.sample_posterior import SamplingOptions
+from edtk.model.expected_error import ExpectedError, expected_error
 from edtk.model.loads.fixed_load import FixedLoad
 from edtk.study.study import Study
 from edtk.system.errors import UserError
@@ -96,6 +97,12 @@ class Calibration(Presented):
         return VERDICTS[max(worst, default=Severity.NOTE)]
 
     @property
+    def expected(self) -> ExpectedError | None:
+        """Errors to expect in the test pose and around it; None without a test pose."""
+        task = self.study.task
+        return None if task is None else expected_error(task, self.fit.covariance)
+
+    @property
     def sigma_hat(self) -> float:
         """Estimated noise of a position coordinate [m].
 
@@ -123,6 +130,7 @@ class Calibration(Presented):
             "outliers": (fit.outliers + 1).tolist(),
             "rho0": rho0,
             "rho0_bias": self.rho0_bias,
+            "expected_error": None if self.expected is None else self.expected.to_dict(),
             "verdict": self.verdict,
             "doubts": [diagnostic.text for diagnostic in self.diagnostics],
             "diagnostics": [diagnostic.to_dict() for diagnostic in self.diagnostics],

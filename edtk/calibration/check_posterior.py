@@ -55,7 +55,7 @@ def check_posterior(
         A, measured, sigma, fit, rng, prior=prior, noise=assumed, options=options
     )
     table = _table(study, identified, posterior)
-    pose = None if study.target is None else pose_error(study.target, identified, posterior)
+    pose = None if study.task is None else pose_error(study.task, identified, posterior)
     return PosteriorCheck(table, "identified", posterior, A, measured, sigma, assumed, pose)
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from edtk.inference.convergence import autocorrelation_time
 from edtk.inference.least_squares import Estimate
 from edtk.inference.posterior import Posterior
+from edtk.model.task import Task
 from edtk.system.presented import Presented
 from edtk.system.typing import Array
 
@@ -16,13 +17,17 @@ from edtk.system.typing import Array
 class PoseError(Presented):
     """The error after compensation with the least-squares estimate, by the posterior [m].
 
+    A0 is the target of rho0: the test pose's regressor, unless a neighbourhood or rotations count
+    too.
+
     Attributes:
         rho0: ``sqrt(E |A0 (k - k_hat)|^2)``.
         rho0_error: Its Monte-Carlo standard error.
         rho0_fit: ``sqrt(trace(A0 cov A0'))``, Eq. (20), with the covariance of the fit.
         error_95: Length that ``|A0 (k - k_hat)|`` does not exceed with a probability of 95 %.
-        displacement: Mean of the displacement ``A0 k`` under the task's load (3,).
+        displacement: Mean of the displacement of the tool point under the task's load (3,).
         displacement_95: Ends of its 95 % intervals, by coordinate (2, 3).
+        place: Where rho0 is the error, in words.
     """
 
     rho0: float
@@ -31,10 +36,11 @@ class PoseError(Presented):
     error_95: float
     displacement: Array
     displacement_95: Array
+    place: str = "in the test pose"
 
     def headline(self) -> str:
         """The error after compensation."""
-        return f"rho0 = {1e3 * self.rho0:.4g} mm in the test pose"
+        return f"rho0 = {1e3 * self.rho0:.4g} mm {self.place}"
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data [m]."""
@@ -44,24 +50,27 @@ class PoseError(Presented):
         }
 
 
-def pose_error(A0: Array, fit: Estimate, posterior: Posterior) -> PoseError:
-    """Find errors and displacements in a pose.
+def pose_error(task: Task, fit: Estimate, posterior: Posterior) -> PoseError:
+    """Find errors and displacements in a test pose.
 
     Args:
-        A0: Regressor (3, p) of the pose [m/(rad/(N m))].
+        task: The test pose. Its target says what counts as the error, its regressor how the tool
+            point is displaced.
         fit: The estimate with which commands are compensated.
         posterior: The compliances that the robot may have.
     """
-    squares = (((posterior.samples - fit.k) @ A0.T) ** 2).sum(axis=-1)
+    target = task.target
+    squares = (((posterior.samples - fit.k) @ target.T) ** 2).sum(axis=-1)
     rho0 = float(np.sqrt(squares.mean()))
     effective = squares.size / autocorrelation_time(squares[..., None])[0]
-    moved = posterior.samples @ A0.T
+    moved = posterior.samples @ task.regressor.T
     return PoseError(
         rho0=rho0,
         # The error of a mean of squares; of its root it is half that, relative to the root.
         rho0_error=float(squares.std() / np.sqrt(effective) / (2 * rho0)),
-        rho0_fit=float(np.sqrt(np.trace(A0 @ fit.covariance @ A0.T))),
+        rho0_fit=float(np.sqrt(np.trace(target @ fit.covariance @ target.T))),
         error_95=float(np.sqrt(np.quantile(squares, 0.95))),
         displacement=moved.mean(axis=(0, 1)),
         displacement_95=np.quantile(moved, [0.025, 0.975], axis=(0, 1)),
+        place=task.place,
     )

@@ -58,8 +58,17 @@ def _robot(robot: Robot) -> dict[str, Any]:
 
 
 def _test_pose(study: Study) -> dict[str, Any] | None:
-    """Pose [rad or m], tool [m] and wrench [N, N m] of the task; None without one."""
+    """Pose [rad or m], tool [m] and wrench [N, N m] of the task; None without one.
+
+    Where a neighbourhood [rad] or rotations [m] count, their size follows.
+    """
     task = study.task
     if task is None:
         return None
-    return {"q": task.q.tolist(), "tool": task.tool.tolist(), "wrench": task.wrench.tolist()}
+    sizes = {"within": task.within, "lever": task.lever}
+    return {
+        "q": task.q.tolist(),
+        "tool": task.tool.tolist(),
+        "wrench": task.wrench.tolist(),
+        **{name: size for name, size in sizes.items() if size},
+    }

@@ -36,6 +36,8 @@ def command(
             bar.update(share - bar.n)
 
         found = run(study, out, workers=workers, dask=dask, fresh=fresh, progress=progress)
+    if found.expected is not None:
+        click.echo(str(found.expected), err=True)
     folder = found.folder
     click.echo(
         f"wrote {folder / 'report.md'}, {folder / 'results.csv'} and {folder / 'plans'}", err=True

@@ -6,6 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from edtk.model.elastostatic_model import ElastostaticModel
+from edtk.model.neighbourhood import neighbourhood
 from edtk.model.rigid_joints import RigidJoint, rigid_joints
 from edtk.model.robot import Robot
 from edtk.system.typing import Array
@@ -16,7 +17,7 @@ class Task:
     """One pose in which the robot works, or several, with the task's own tool and load.
 
     It is here that errors of compliances do harm: an error dk moves the tool point by ``A0 dk``,
-    with the target A0 of the pose (Eq. 17, 20).
+    with the regressor A0 of the pose (Eq. 17, 20).
 
     Args:
         q: Joint variables (..., n) under load [rad or m].
@@ -24,6 +25,10 @@ class Task:
         wrench: Task load (..., 6) or (6,) at the tool point in the world frame [N, N m].
         robot: The chain, with any tool.
         unknown: Indices (p,) of the joints whose compliances are to be found, or are known.
+        within: The robot shall be accurate in all poses whose joints are within this of q, see
+            `neighbourhood`; zero for q alone [rad].
+        lever: A rotation of the tool counts as the displacement at this distance from the tool
+            point; zero if rotations do no harm [m].
     """
 
     q: Array
@@ -31,6 +36,8 @@ class Task:
     wrench: Array
     robot: Robot
     unknown: tuple[int, ...]
+    within: float = 0.0
+    lever: float = 0.0
 
     @cached_property
     def model(self) -> ElastostaticModel:
@@ -38,9 +45,44 @@ class Task:
         return ElastostaticModel(self.robot.with_tool(self.tool), self.unknown)
 
     @cached_property
-    def target(self) -> Array:
+    def regressor(self) -> Array:
         """A0 (..., 3, p): the regressor, Eq. (4), with the task's tool and load [m/(rad/(N m))]."""
         return self.model.regressor(self.q, self.wrench)
+
+    @property
+    def place(self) -> str:
+        """Where rho0 is the error, in words."""
+        around = f"within {np.rad2deg(self.within):.3g} deg of the test pose"
+        return around if self.within else "in the test pose"
+
+    @cached_property
+    def target(self) -> Array:
+        """The target (r, p) of rho0: ``|target dk|^2`` is the harm of dk [m/(rad/(N m))].
+
+        For a pose alone it is its regressor A0. Over a neighbourhood of N poses it is a triangle R
+        of at most p rows with ``R'R = sum_i A_i' A_i / N``, so that the harm is the mean square of
+        the errors there.
+        """
+        if not self.within:
+            return self.harm(self.q)
+        A = self.harm(neighbourhood(self.robot, self.q, self.within))
+        # From the stacked rows: their squares would lose half of the digits.
+        return np.asarray(np.linalg.qr(A.reshape(-1, A.shape[-1]) / np.sqrt(len(A)), mode="r"))
+
+    def harm(self, q: Array) -> Array:
+        """Rows (..., 3 or 6, p) whose squares, times dk, add up to the squared error in poses q.
+
+        Rotation rows count with the lever: a small rotation phi moves a point at that distance from
+        the tool point by up to ``lever |phi|``.
+
+        Args:
+            q: Joint variables (..., n) [rad or m].
+        """
+        if not self.lever:
+            return self.model.regressor(q, self.wrench)
+        A = ElastostaticModel(self.model.robot, self.unknown, "pose").regressor(q, self.wrench)
+        A[..., 3:, :] *= self.lever
+        return A
 
     @cached_property
     def rigid_joints(self) -> tuple[RigidJoint, ...]:

@@ -25,6 +25,8 @@ def calibration_verdict(found: Calibration) -> str:
         lines.append(
             f"Nothing is wrong: {noise}, there are no outliers, all compliances are positive."
         )
+    if found.expected is not None and usable:
+        lines.append(f"{_sentence(found, str(found.expected))}.")
     lines += [f"{_sentence(found, diagnostic.text)}." for diagnostic in found.diagnostics]
     if found.study.rigid and usable:
         lines.append(f"{_sentence(found, found.study.rigid)}.")
@@ -41,14 +43,16 @@ def _sentence(found: Calibration, text: str) -> str:
 def _expected(found: Calibration) -> str:
     """The accuracy to expect, in one or two sentences."""
     fit = found.fit
-    if found.study.target is None:
+    task = found.study.task
+    if task is None:
         k = np.maximum(np.abs(fit.k), LEAST)
         worst = int(np.argmax(fit.std / k))
         share = f"{100 * fit.std[worst] / k[worst]:.2g} %"
         return f"The least certain compliance is {found.study.model.parameters[worst]}, to {share}."
-    value, (low, high) = fit.accuracy(found.study.target)
+    value, (low, high) = fit.accuracy(task.target)
+    place = task.place
     rho0 = f"{1e3 * value:.2g}"
-    text = f"Expect an error of {rho0} mm (root mean square) in the test pose after compensation"
+    text = f"Expect an error of {rho0} mm (root mean square) {place} after compensation"
     text += "." if low == high else f", between {1e3 * low:.2g} and {1e3 * high:.2g} mm (95 %)."
     if found.rho0_bias is None:
         return text

@@ -4,6 +4,7 @@ from collections.abc import Iterable
 
 from edtk.design.exact.batch import BATCH_SIZE
 from edtk.report.comparison.all_values import all_values
+from edtk.report.comparison.around_the_task import around_the_task
 from edtk.report.comparison.by_size import by_size
 from edtk.report.comparison.efficiencies import Efficiencies, efficiencies
 from edtk.report.comparison.fewer_poses import fewer_poses
@@ -12,6 +13,7 @@ from edtk.report.comparison.relaxation_table import relaxation_table
 from edtk.report.comparison.verdict import verdict
 from edtk.study.study_run import StudyRun
 
+AROUND = "What accuracy to expect in the test pose, and around it"
 EFFICIENCY = (
     "Efficiency against the bound over all feasible poses (searched, not proved): the bound "
     "divided by the plan's cost. Rows are plans, columns criteria.\n"
@@ -36,7 +38,8 @@ def comparison_report(run: StudyRun, sizes: Iterable[Efficiencies]) -> str:
         sizes: Efficiencies of the plans of each size, whose heat maps lie beside the report.
     """
     main = run.study.main_criterion
-    question = "in the test pose" if main == "rho0" else f"for {main}"
+    task = run.study.task
+    question = task.place if task is not None and main == "rho0" else f"for {main}"
     parts = [
         f"# {run.study.specification.title}\n",
         _setting(run),
@@ -44,6 +47,7 @@ def comparison_report(run: StudyRun, sizes: Iterable[Efficiencies]) -> str:
         verdict(run),
         f"![{main} against the number of experiments](comparison.png)\n",
         by_size(run),
+        *([] if run.study.task is None else [f"## {AROUND}\n", around_the_task(run)]),
         f"## What plans for other criteria cost in {main}\n",
         loss_of_others(run),
         "## Fewer distinct poses\n",

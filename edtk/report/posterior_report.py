@@ -65,8 +65,9 @@ def _test_pose(pose: PoseError) -> str:
     """Error and displacement in the test pose [mm]."""
     low, high = 1e3 * pose.displacement_95
     axes = ", ".join(f"{n} {a:.4f} to {b:.4f}" for n, a, b in zip("xyz", low, high, strict=True))
+    place = f"{pose.place[:1].upper()}{pose.place[1:]}"
     return (
-        f"In the test pose the error after compensation is {1e3 * pose.rho0:.3g} mm (root mean "
+        f"{place} the error after compensation is {1e3 * pose.rho0:.3g} mm (root mean "
         f"square; {1e3 * pose.rho0_fit:.3g} mm by the fit, Eq. (20)), and with 95 % probability "
         f"below {1e3 * pose.error_95:.3g} mm. Displacement under the task's load, 95 % intervals "
         f"in mm: {axes}."

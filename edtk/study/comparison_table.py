@@ -7,11 +7,14 @@ import numpy as np
 
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
 from edtk.study.case import Case
+from edtk.study.plan_accuracy import plan_accuracy
 from edtk.study.study import Study
 from edtk.version import __version__
 
 if TYPE_CHECKING:
     import pandas as pd
+
+ERRORS = ("error_test_pose", "error_mean", "error_largest")
 
 
 def comparison_table(
@@ -26,8 +29,8 @@ def comparison_table(
 
     Returns:
         One row a plan: what it is; the value of each criterion [SI units]; its efficiency under
-        each criterion with a relaxation, which is the best bound divided by its cost; seed, digest
-        of the study and version.
+        each criterion with a relaxation, which is the best bound divided by its cost; with a test
+        pose, the errors to expect there and around it [m]; seed, digest of the study and version.
     """
     import pandas as pd
 
@@ -50,8 +53,18 @@ def _row(study: Study, case: Case, relaxations: Mapping[str, RelaxedPlan]) -> di
     for name, relaxation in relaxations.items():
         cost = np.inf if M is None else float(study.criterion(name).cost(M))
         row[f"efficiency_{name}"] = relaxation.best_bound.scaled(case.size).efficiency(cost)
+    if study.task is not None:
+        row |= _errors(study, case)
     return row | {
         "seed": study.specification.seed,
         "study_sha256": study.digest,
         "edtk": __version__,
     }
+
+
+def _errors(study: Study, case: Case) -> dict[str, float]:
+    """The errors that a plan promises in the test pose and around it [m]; NaN where it has none."""
+    found = None if case.plan is None else plan_accuracy(study, case.plan)
+    if found is None:
+        return dict.fromkeys(ERRORS, np.nan)
+    return dict(zip(ERRORS, (found.test_pose, found.mean, found.largest), strict=True))

@@ -8,6 +8,7 @@ import numpy as np
 import criteria
 from edtk.design.plan import Plan
 from edtk.inference.least_squares import covariance
+from edtk.model.expected_error import ExpectedError, expected_error
 from edtk.study.study import Study
 from edtk.system.presented import Presented
 from edtk.system.typing import Array
@@ -31,6 +32,7 @@ class Evaluation(Presented):
         joints: Names (p,) of their joints.
         units: Units (p,) of the parameters.
         experiments: Number of measurements.
+        expected: Errors to expect in the test pose and around it; None without a test pose.
     """
 
     criteria: dict[str, float]
@@ -41,6 +43,7 @@ class Evaluation(Presented):
     joints: tuple[str, ...]
     units: tuple[str, ...]
     experiments: int
+    expected: ExpectedError | None = None
 
     def headline(self) -> str:
         """Number of experiments, of criteria and of parameters."""
@@ -73,6 +76,7 @@ class Evaluation(Presented):
             "covariance": self.covariance.tolist(),
             "parameters": list(self.parameters),
             "experiments": self.experiments,
+            "expected_error": None if self.expected is None else self.expected.to_dict(),
         }
 
 
@@ -102,6 +106,7 @@ def evaluate(study: Study, plan: Plan) -> Evaluation:
         joints=study.specification.joints.unknown,
         units=study.model.units,
         experiments=plan.experiments,
+        expected=None if study.task is None else expected_error(study.task, cov),
     )
 
 

@@ -12,6 +12,7 @@ from edtk.design.exact.require_enough import TooFewExperimentsError, require_eno
 from edtk.design.plan import Plan
 from edtk.design.relaxation.relax_options import RelaxOptions
 from edtk.design.relaxation.relax_poses import relax_poses
+from edtk.study.plan_accuracy import plan_accuracy
 from edtk.study.relax_study import source_of
 from edtk.study.run_options import DEFAULTS, RunOptions
 from edtk.study.study import Study
@@ -66,7 +67,8 @@ def plan_study(
         )
         left = since + seconds - monotonic()
         found = find_plan(relaxed, new, distinct, kept, _search_options(study, options, left))
-    return replace(found, seconds=monotonic() - since)
+    expected = plan_accuracy(study, found.whole)
+    return replace(found, expected=expected, seconds=monotonic() - since)
 
 
 def _relax_options(options: RunOptions, end: float) -> RelaxOptions:

@@ -135,6 +135,17 @@ class TestPose(Table):
     )
     tool: Tool = Field(description="Tool of the task")
     load: Load = Field(description="Load of the task")
+    robust_deg: Annotated[Finite, Field(ge=0, le=180)] = Field(
+        0.0,
+        description="Design for all poses whose joints are within this of the test pose: rho0 is "
+        "the root mean square over them; a prismatic joint moves by the share robust_deg / 360 of "
+        "its range [deg]",
+    )
+    lever_mm: Annotated[Finite, Field(ge=0, le=1e6)] = Field(
+        0.0,
+        description="A rotation of the tool counts as the displacement at this distance from the "
+        "tool point; 0 if rotations do no harm [mm]",
+    )
 
 
 class Simulation(Table):

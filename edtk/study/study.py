@@ -230,11 +230,16 @@ class Study(Presented):
             wrench=pose.load.build(),
             robot=self.robot,
             unknown=self._unknown,
+            within=float(np.deg2rad(pose.robust_deg)),
+            lever=pose.lever_mm / 1e3,
         )
 
     @property
     def target(self) -> Array | None:
-        """Target A0 (3, p) [m/(rad/(N m))] of the test pose, Eq. (4); None without a test pose."""
+        """Target (r, p) of rho0 [m/(rad/(N m))], see `Task.target`; None without a test pose.
+
+        It is A0 (3, p) of the test pose, Eq. (4), unless a neighbourhood or rotations count too.
+        """
         return None if self.task is None else self.task.target
 
     @property

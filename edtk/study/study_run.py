@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 from edtk.design.plan import Plan
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
+from edtk.model.expected_error import ExpectedError
 from edtk.study.case import Case
+from edtk.study.plan_accuracy import plan_accuracy
 from edtk.study.study import Study
 from edtk.system.presented import Presented
 
@@ -42,6 +44,15 @@ class StudyRun(Presented):
             return text
         best = max(searched, key=lambda found: found.whole.experiments)
         return f"{text}; {best.headline()}"
+
+    @property
+    def expected(self) -> ExpectedError | None:
+        """Errors to expect of the largest plan for the main criterion; None without a test pose."""
+        of_main = (case for case in self.cases if case.optimised == self.study.main_criterion)
+        plans = [case.plan for case in of_main if case.kind == "optimised" and case.plan]
+        if not plans:
+            return None
+        return plan_accuracy(self.study, max(plans, key=lambda plan: plan.experiments))
 
     @property
     def plans(self) -> dict[str, Plan]:

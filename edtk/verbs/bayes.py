@@ -51,7 +51,8 @@ def bayes(
     with sampling.arguments(where, question.specification.seed) as arguments:
         check = check_plan_posterior(question, measured, noise=noise, **arguments)
     if sampling.export is not None:
-        export_inference_data(check, sampling.export, question.target)
+        A0 = None if question.task is None else question.task.regressor
+        export_inference_data(check, sampling.export, A0)
     if figures is not None:
         from edtk.report.write_posterior_figures import write_posterior_figures
 

@@ -50,7 +50,8 @@ def identify(
         with sampling.arguments(Path(measurements), question.specification.seed) as arguments:
             found = found.sampled(**arguments)
     if found.check is not None and sampling.export is not None:
-        export_inference_data(found.check, sampling.export, question.target)
+        A0 = None if question.task is None else question.task.regressor
+        export_inference_data(found.check, sampling.export, A0)
     if out is not None:
         write_calibration(found, Path(out))
     return found

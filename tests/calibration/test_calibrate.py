@@ -100,6 +100,7 @@ KEYS = {
     "covariance_dof",
     "k_unbounded",
     "rho0_bias",
+    "expected_error",
     "posterior",
     "verdict",
     "doubts",

@@ -82,6 +82,23 @@ def test_a_true_certificate_is_valid(name: str, relaxed: Callable[[str], Content
         assert claim.recomputed == pytest.approx(claim.stated, rel=1e-8, abs=1e-8)
 
 
+@pytest.mark.parametrize(
+    "sizes", [{"robust_deg": 30}, {"lever_mm": 400}, {"robust_deg": 70, "lever_mm": 100}]
+)
+def test_a_neighbourhood_and_rotations_are_recomputed(sizes: dict[str, float]) -> None:
+    """Value and bound of rho0 come out again from the size of the neighbourhood and the lever."""
+    pose = STUDY.to_dict()["test_pose"]
+    study = STUDY.replace(test_pose=pose | sizes)
+    content = json.loads(json.dumps(certificate(study, relax_study(study, candidates=400))))
+    assert failed(content) == set()
+    name = "within" if "robust_deg" in sizes else "lever"
+    content["setting"]["test_pose"][name] *= 1.01
+    assert "value" in failed(content)
+    content["setting"]["test_pose"][name] = -1.0
+    with pytest.raises(ValueError, match="expected an angle within half a turn"):
+        verify_certificate(content)
+
+
 def test_searched_bounds_and_exact_plans_are_valid(searched: Content, planned: Content) -> None:
     """The bound over all poses is confirmed at the poses found; another search finds no better."""
     for content in (searched, planned):

@@ -34,7 +34,8 @@ KEYS = [
     "starts",
     "found",
 ]
-KEYS += ["optima", "ended", "seconds", "constraint_violation", "plan", "exact"]
+KEYS += ["optima", "ended", "seconds", "constraint_violation"]
+KEYS += ["expected_error", "plan", "exact"]
 LOADS = {
     "bounded": "F_max_N = 2500\ndirection = [0, 0, -2]",
     "free": "F_max_N = 2500",

@@ -1,10 +1,13 @@
 """Tasks: the target A0, and joints that count as rigid."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from chains import mixed_chain
 
 from edtk.model.elastostatic_model import ElastostaticModel
+from edtk.model.neighbourhood import neighbourhood
 from edtk.model.task import Task
 from edtk.model.transform import transform
 
@@ -34,6 +37,30 @@ def test_one_load_for_all_poses_or_one_each():
     each = task(q, np.tile(WRENCH, (3, 1)))
     np.testing.assert_array_equal(task(q).target, each.target)
     assert task(q).rigid_joints == each.rigid_joints
+
+
+@pytest.mark.parametrize("lever", [0.0, 0.4])
+def test_the_target_of_a_neighbourhood_is_the_mean_square(lever):
+    """|target dk|^2 is the mean of |A_i dk|^2 over the poses, in at most p rows."""
+    rng = np.random.default_rng(4)
+    q = rng.uniform(-1, 1, size=ROBOT.n)
+    robust = replace(task(q), within=0.5, lever=lever)
+    dk = rng.normal(size=2)
+    poses = neighbourhood(ROBOT, q, 0.5)
+    squares = np.square(robust.harm(poses) @ dk).sum(axis=-1)
+    assert robust.target.shape == (2, 2)
+    assert np.square(robust.target @ dk).sum() == pytest.approx(squares.mean(), rel=1e-12)
+    np.testing.assert_array_equal(robust.regressor, task(q).target)
+
+
+def test_a_rotation_counts_as_the_displacement_at_the_lever():
+    """The squared error is |dp|^2 + lever^2 |phi|^2, of the six rows of the pose."""
+    rng = np.random.default_rng(5)
+    q = rng.uniform(-1, 1, size=ROBOT.n)
+    dk = rng.normal(size=2)
+    moved = ElastostaticModel(ROBOT.with_tool(TOOL), (0, 2), "pose").regressor(q, WRENCH) @ dk
+    expected = np.hypot(np.linalg.norm(moved[:3]), 0.7 * np.linalg.norm(moved[3:]))
+    assert np.linalg.norm(replace(task(q), lever=0.7).target @ dk) == pytest.approx(expected)
 
 
 def test_rigid_joints_are_revolute_and_not_known():

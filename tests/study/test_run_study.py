@@ -84,7 +84,9 @@ def test_columns(done):
         "reason",
     ]
     expected += study.specification.criteria
-    expected += ["efficiency_rho0", "efficiency_D", "seed", "study_sha256", "edtk"]
+    expected += ["efficiency_rho0", "efficiency_D"]
+    expected += ["error_test_pose", "error_mean", "error_largest"]
+    expected += ["seed", "study_sha256", "edtk"]
     assert list(read) == list(table) == expected
     assert read["plan"].tolist() == [
         "optimised_rho0_m1", "optimised_D_m1", "optimised_rho0_m3", "optimised_D_m3",

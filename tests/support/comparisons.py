@@ -47,6 +47,9 @@ def two_sizes(folder, relaxed, optimise, E=(np.nan, 5e14), rho0=(np.nan, 7e-6)):
             "reason": ["too few" if np.isnan(value) else "" for value in worse_E],
             "efficiency_E": 0.8,
             "efficiency_rho0": 0.9,
+            "error_test_pose": 6e-6,
+            "error_mean": 8e-6,
+            "error_largest": 9e-6,
             "edtk": "1.2",
         }
     )
@@ -72,6 +75,9 @@ def other_criteria(folder, relaxed):
         plan=[f"plan_{i}" for i in range(len(rows))],
         E=5e14,
         reason="",
+        error_test_pose=table["rho0"],
+        error_mean=8e-6,
+        error_largest=9e-6,
         edtk="1.2",
         poses=table["distinct_at_most"],
         efficiency_E=0.5,

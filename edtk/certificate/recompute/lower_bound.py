@@ -22,7 +22,7 @@ def lower_bound(name: str, Z: Array, t: Array, target: Array | None, M: Array) -
         name: One of the ten criteria.
         Z: Multipliers (r, p, p), symmetric; but for O2 and O4 positive semidefinite up to rounding.
         t: Their largest sensitivities (r,), rounded up; those of O2 are per trace.
-        target: A0 (3, p), for rho0.
+        target: The target (r, p), for rho0.
         M: The information matrix (p, p) of the design, near which the bound of G is tight.
     """
     if name == "O2":

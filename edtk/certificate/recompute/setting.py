@@ -7,7 +7,8 @@ import numpy as np
 
 from edtk.certificate.recompute.chain import Chain
 from edtk.certificate.recompute.load import Load
-from edtk.certificate.recompute.plain_data import numbers, rows, table, text, whole
+from edtk.certificate.recompute.neighbourhood import neighbourhood
+from edtk.certificate.recompute.plain_data import number, numbers, rows, table, text, whole
 from edtk.certificate.recompute.workspace import Workspace
 from edtk.system.typing import Array, Mask
 
@@ -29,7 +30,7 @@ class Setting:
         load: Loads that may be applied.
         free: Indices of the joints that are designed.
         fixed: Joint variables (n,) whose entries outside `free` are kept [rad or m].
-        target: Regressor A0 (3, p) of the test pose; None without a test pose.
+        target: Target (r, p) of rho0, from the test pose; None without one.
     """
 
     name: str
@@ -91,15 +92,27 @@ class Setting:
 
 
 def _target(content: dict[str, Any], unknown: list[int]) -> Array | None:
-    """Regressor A0 (3, p) of the test pose, with the tool of the task."""
+    """Target (r, p) of rho0 with the tool of the task: the squares of its rows are the harm.
+
+    For a test pose alone it is the regressor A0. Over a neighbourhood it has the rows of all its
+    poses, divided by the root of their number. Rotation rows count with the lever, if there is one.
+    """
     if content["test_pose"] is None:
         return None
     where = "setting.test_pose"
-    task = table(content["test_pose"], ("q", "tool", "wrench"), where)
+    task = table(content["test_pose"], ("q", "tool", "wrench"), where, ("within", "lever"))
     chain = Chain.from_dict(content["robot"] | {"tool": task["tool"]})
     q = numbers(task["q"], (len(chain.axes),), f"{where}.q")
     wrench = numbers(task["wrench"], (6,), f"{where}.wrench")
-    return _regressors(chain, unknown, q[None], wrench[None])[0, :3]
+    within = number(task.get("within", 0.0), f"{where}.within")
+    lever = number(task.get("lever", 0.0), f"{where}.lever")
+    if not 0 <= within <= np.pi or lever < 0:
+        raise ValueError(f"{where}: expected an angle within half a turn, and no negative lever")
+    poses = neighbourhood(chain, q, within) if within else q[None]
+    A = _regressors(chain, unknown, poses, np.tile(wrench, (len(poses), 1)))
+    scale = np.array([1.0, 1.0, 1.0, lever, lever, lever])
+    rows_of_all = (A * scale[:, None])[:, : 6 if lever else 3]
+    return np.concatenate(rows_of_all) / np.sqrt(len(poses))
 
 
 def _regressors(chain: Chain, unknown: list[int], q: Array, wrench: Array) -> Array:

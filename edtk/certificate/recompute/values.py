@@ -25,7 +25,7 @@ def value(name: str, stacked: Array, target: Array | None) -> float:
     Args:
         name: One of the ten criteria.
         stacked: Rows of ``A_i / sigma``, each times the root of its weight or of its repetitions.
-        target: A0 (3, p), which rho0 needs.
+        target: The target (r, p), which rho0 needs.
 
     Raises:
         ValueError: The name is unknown, or rho0 has no target.

@@ -9,6 +9,7 @@ import numpy as np
 from edtk.design.bound import Bound, BoundKind, printed_form
 from edtk.design.plan import Plan
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
+from edtk.model.expected_error import ExpectedError
 from edtk.system.presented import Presented
 from edtk.tables.pose_table import WRENCH_COLUMNS, pose_factors
 
@@ -30,6 +31,8 @@ class ExactPlan(Presented):
         optima: How many different plans they came out as.
         seconds: Duration of the search [s].
         ended: Why the search ended: "stagnation", "starts", "budget" or "interrupted".
+        expected: Errors to expect in the test pose and around it; None without a test pose, or
+            where nobody asked.
     """
 
     relaxed: RelaxedPlan
@@ -41,6 +44,7 @@ class ExactPlan(Presented):
     optima: int
     seconds: float
     ended: str
+    expected: ExpectedError | None = None
 
     def headline(self) -> str:
         """Criterion, value, size and efficiency."""
@@ -127,6 +131,7 @@ class ExactPlan(Presented):
             "ended": self.ended,
             "seconds": self.seconds,
             "constraint_violation": self.violation,
+            "expected_error": None if self.expected is None else self.expected.to_dict(),
             "plan": ([] if self.kept is None else self._rows(self.kept, kept=True))
             + self._rows(self.plan, kept=False),
             "exact": {

@@ -16,6 +16,8 @@ def evaluation(found: Evaluation) -> str:
         [name, f"{std:.4g}", unit]
         for name, std, unit in zip(found.parameters, found.std, found.units, strict=True)
     ]
-    first = notebook_table(found.headline(), ["criterion", "value", "sense", "formula"], values)
+    notes = [] if found.expected is None else [str(found.expected)]
+    header = ["criterion", "value", "sense", "formula"]
+    first = notebook_table(found.headline(), header, values, notes)
     second = notebook_table("standard deviations", ["parameter", "std", "unit"], deviations)
     return f"{first}\n{second}"

@@ -15,4 +15,6 @@ def exact_plan(found: ExactPlan) -> str:
     ]
     kind = found.lower_bound.kind.value
     notes = [f"bound {found.bound:.6g} ({kind}), value {found.value:.6g}, in SI units"]
+    if found.expected is not None:
+        notes.append(str(found.expected))
     return notebook_table(found.headline(), ["pose", "", *table.columns], rows, notes)

@@ -54,6 +54,7 @@ def _accuracy(found: Calibration) -> list[str]:
         value, (low, high) = found.fit.accuracy(found.study.target)
         interval = f", with 95 % between {1e3 * low:.5g} and {1e3 * high:.5g} mm"
         lines.append(f"rho0 {1e3 * value:.5g} mm{'' if low == high else interval}")
+        lines.append(str(found.expected))
     if found.rho0_bias is not None:
         bias = f"{1e3 * found.rho0_bias:.3g} mm"
         lines.append(f"beside it the linear model leaves an error of {bias}")

@@ -12,6 +12,8 @@ def evaluation(found: Evaluation) -> str:
         factor, unit = criterion.shown
         shown = f"{factor * value:.6g} {unit}"
         lines.append(f"  {name:6}{criterion.sense:5}{shown:18}{criterion.formula}")
+    if found.expected is not None:
+        lines.append(str(found.expected))
     lines.append("standard deviations")
     for name, std, unit in zip(found.parameters, found.std, found.units, strict=True):
         lines.append(f"  {name:6}{std:.4g} {unit}")

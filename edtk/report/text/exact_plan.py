@@ -19,6 +19,7 @@ def exact_plan(found: ExactPlan) -> str:
         f"  value       {factor * found.value:.6g}{unit}",
         f"  bound       {factor * found.bound:.6g}{unit}  ({_reach(found)})",
         f"  efficiency  {100 * found.efficiency:.2f} %",
+        *([] if found.expected is None else [str(found.expected)]),
         f"{found.starts} starts in {found.seconds:.1f} s; {found.found} of the plans refined "
         f"to the end are this one, among {found.optima} different",
     ]

@@ -29,10 +29,19 @@ def study_rows(asked: Study) -> list[tuple[str, str]]:
         ("experiment", specification.load.describe()),
         ("measured", f"{measurement.rows}, {noise}"),
         ("workspace", "; ".join(labels)),
-        ("task", "" if asked.task is None else "the test pose"),
+        ("task", _task(asked)),
         ("optimised for", ", ".join(specification.optimise)),
         ("compared under", ", ".join(specification.criteria)),
         ("experiments", ", ".join(map(str, specification.sizes))),
         ("seed", str(specification.seed)),
     ]
     return [(name, value) for name, value in rows if value]
+
+
+def _task(asked: Study) -> str:
+    """Where the robot shall be accurate; empty without a test pose."""
+    task = asked.task
+    if task is None:
+        return ""
+    lever = f", rotations count as at {1e3 * task.lever:g} mm" if task.lever else ""
+    return f"{task.place.removeprefix('in ')}{lever}"

@@ -8,7 +8,8 @@ from edtk.study.study_run import StudyRun
 
 def study_run(run: StudyRun) -> str:
     """A line for each plan."""
-    return f"{run.headline()}\n{text_table(*study_run_rows(run))}"
+    lines = [run.headline(), text_table(*study_run_rows(run))]
+    return "\n".join(lines if run.expected is None else [lines[0], str(run.expected), lines[1]])
 
 
 def study_run_rows(run: StudyRun) -> tuple[list[str], list[list[str]]]:

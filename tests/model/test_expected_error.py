@@ -1,0 +1,47 @@
+"""What accuracy to expect in a test pose, and around it."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from chains import mixed_chain
+
+from edtk.model.compensation_accuracy import compensation_accuracy
+from edtk.model.expected_error import expected_error
+from edtk.model.task import Task
+from edtk.model.transform import transform
+
+ROBOT = mixed_chain(5)
+TASK = Task(
+    q=np.full(ROBOT.n, 0.1),
+    tool=transform([0.1, 0.2, -0.3]),
+    wrench=np.array([300.0, -200.0, 500.0, 0.0, 0.0, 0.0]),
+    robot=ROBOT,
+    unknown=(0, 2),
+)
+COV = np.array([[2.0, 0.5], [0.5, 1.0]]) * 1e-14
+
+
+@pytest.mark.parametrize("lever", [0.0, 0.3])
+def test_the_mean_over_the_neighbourhood_is_its_rho0(lever):
+    """With a neighbourhood of its own, rho0 of the task is the mean; without, the test pose's."""
+    alone = replace(TASK, lever=lever)
+    robust = replace(alone, within=np.deg2rad(30))
+    found = expected_error(robust, COV)
+    assert found.mean == pytest.approx(compensation_accuracy(robust.target, COV), rel=1e-12)
+    assert found.test_pose == pytest.approx(compensation_accuracy(alone.target, COV), rel=1e-12)
+    assert found.test_pose < found.largest > found.mean
+    assert expected_error(alone, COV) == found, "without one, thirty degrees are shown"
+
+
+def test_the_line_and_the_numbers():
+    """One line in millimetres; plain numbers in metres."""
+    found = expected_error(replace(TASK, lever=0.3, within=np.deg2rad(12.5)), COV)
+    line = str(found)
+    assert line.startswith(f"expected error: {1e3 * found.test_pose:.2g} mm in the test pose; ")
+    assert f"within 12.5 deg of it {1e3 * found.mean:.2g} mm on average" in line
+    assert line.endswith("mm at most; a rotation counts as at 300 mm")
+    data = json.loads(json.dumps(found.to_dict()))
+    assert data["largest"] == found.largest
+    assert data["within_deg"] == pytest.approx(12.5)
