@@ -10,16 +10,14 @@ This package knows no robot, no plan and no algorithm, and imports nothing from 
 
 from criteria.convex_criterion import ConvexCriterion
 from criteria.criterion import Criterion, Sense
-from criteria.power_criterion import PowerCriterion
-from criteria.registry import (
+from criteria.criterion_error import (
     CriterionError,
     DuplicateCriterionError,
+    MissingTargetError,
     UnknownCriterionError,
-    available,
-    create,
-    get,
-    register,
 )
+from criteria.power_criterion import PowerCriterion
+from criteria.registry import available, create, get, load_all, register
 from criteria.relaxable import Relaxable
 
 __all__ = [
@@ -27,6 +25,7 @@ __all__ = [
     "Criterion",
     "CriterionError",
     "DuplicateCriterionError",
+    "MissingTargetError",
     "PowerCriterion",
     "Relaxable",
     "Sense",
@@ -34,5 +33,6 @@ __all__ = [
     "available",
     "create",
     "get",
+    "load_all",
     "register",
 ]

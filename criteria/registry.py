@@ -4,12 +4,20 @@ import importlib
 import inspect
 import pkgutil
 import sys
+from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, TypeVar
 
 from numpy.typing import ArrayLike
 
 from criteria.criterion import Criterion
+from criteria.criterion_error import (
+    CriterionError,
+    DuplicateCriterionError,
+    MissingTargetError,
+    UnknownCriterionError,
+)
+from criteria.load_plugin import HOOKS, guard_plugin, load_plugin
 from criteria.relaxable import Relaxable
 
 if TYPE_CHECKING:
@@ -17,21 +25,21 @@ if TYPE_CHECKING:
 
 GROUP = "edtk.criteria"
 BUILTINS = ("A", "D", "E", "G", "O1", "O2", "O3", "O4", "O5", "rho0")  # the order of Table 1
-RELAXATION_HOOKS = ("expression", "polar", "formulation", "lower_bound", "subproblem")
 _registered: dict[str, type[Criterion]] = {}
 C = TypeVar("C", bound=type[Criterion])
 
 
-class CriterionError(LookupError):
-    """A criterion's name, registration or construction is wrong."""
+@dataclass(frozen=True)
+class Loaded:
+    """The criteria that can be used, and the plug-ins that cannot.
 
+    Attributes:
+        classes: Criteria by name, in the order of `available()`.
+        problems: What is wrong with the others, a line each, by the name that they claim.
+    """
 
-class UnknownCriterionError(CriterionError):
-    """No criterion has that name."""
-
-
-class DuplicateCriterionError(CriterionError):
-    """Two criteria claim one name."""
+    classes: dict[str, type[Criterion]]
+    problems: dict[str, str]
 
 
 def register(cls: C) -> C:
@@ -52,27 +60,54 @@ def register(cls: C) -> C:
 
 def available() -> tuple[str, ...]:
     """Names of all criteria: built-ins in the order of the paper's Table 1, then plug-ins."""
-    plugins = _plugins()  # loads the built-ins too, so it comes before `_registered` is read
-    known = {*_registered, *plugins}
+    _load_builtins()
+    known = {*_registered, *_plugins()}
     return (*(name for name in BUILTINS if name in known), *sorted(known - set(BUILTINS)))
 
 
 def get(name: str) -> type[Criterion]:
-    """The criterion class of that name.
+    """The criterion class of that name; no plug-in of another name is imported.
 
     Raises:
         UnknownCriterionError: No criterion has that name; the message lists the names.
-        DuplicateCriterionError: A plug-in claims a name that is taken.
+        DuplicateCriterionError: Two plug-ins claim the name.
         CriterionError: A plug-in does not load, or is no complete Criterion.
     """
-    plugins = _plugins()  # first, so that a plug-in that claims a built-in's name is found out
+    _load_builtins()
     if name in _registered:
         return _registered[name]
-    if name not in plugins:
+    claims = _plugins().get(name, ())
+    if not claims:
         raise UnknownCriterionError(
             f"unknown criterion {name!r}; available: {', '.join(available())}"
         )
-    return register(_load(plugins[name]))
+    if len(claims) > 1:
+        values = " and ".join(repr(point.value) for point in claims)
+        raise DuplicateCriterionError(f"criterion name {name!r} is claimed by {values}")
+    cls = load_plugin(claims[0])
+    _require_complete(cls)
+    guard_plugin(cls)
+    return register(cls)
+
+
+def load_all() -> Loaded:
+    """Load all criteria; a plug-in that fails is left out, and does no harm to the others."""
+    classes: dict[str, type[Criterion]] = {}
+    problems: dict[str, str] = {}
+    for name in available():
+        try:
+            classes[name] = get(name)
+        except CriterionError as error:
+            problems[name] = str(error)
+    for name, claims in _plugins().items():
+        holder = classes.get(name)
+        others = [point.value for point in claims if holder and _path(holder, ":") != point.value]
+        if holder is not None and others:
+            problems[name] = (
+                f"criterion name {name!r} of entry point {others[0]!r} is already taken by "
+                f"{_path(holder)}"
+            )
+    return Loaded(classes, problems)
 
 
 def create(name: str, target: ArrayLike | None = None) -> Criterion:
@@ -83,13 +118,14 @@ def create(name: str, target: ArrayLike | None = None) -> Criterion:
         target: The test pose's regressor A0 (rows, p) [m/(rad/(N m))], for criteria that need it.
 
     Raises:
-        CriterionError: The name is unknown, or the criterion needs a target and `target` is None.
+        MissingTargetError: The criterion needs a target and `target` is None.
+        CriterionError: The name is unknown, or the class of a plug-in fails.
     """
     cls = get(name)
     if not cls.needs_target:
         return cls()
     if target is None:
-        raise CriterionError(
+        raise MissingTargetError(
             f"criterion {name!r} needs a target: the regressor A0 of the test pose"
         )
     return cls(target)  # type: ignore[call-arg]
@@ -112,37 +148,14 @@ def _entry_points(path: tuple[str, ...]) -> "EntryPoints":
     return entry_points(group=GROUP)
 
 
-def _plugins() -> "dict[str, EntryPoint]":
-    """Entry points of the group `edtk.criteria` by name, each of which names a Criterion class."""
-    _load_builtins()
-    found: dict[str, EntryPoint] = {}
+def _plugins() -> "dict[str, tuple[EntryPoint, ...]]":
+    """Entry points of the group `edtk.criteria` by name, without those that repeat another."""
+    found: dict[str, dict[str, EntryPoint]] = {}
     # Reading the metadata of all distributions takes 7 ms, which every look-up would pay. The path
     # is the key, so that a folder that joins it later is noticed.
     for point in _entry_points(tuple(sys.path)):
-        holder = _registered.get(point.name)
-        # A plug-in that is loaded already holds its own name.
-        is_taken = holder is not None and _path(holder, ":") != point.value
-        if is_taken or found.setdefault(point.name, point).value != point.value:
-            raise DuplicateCriterionError(
-                f"criterion name {point.name!r} of entry point {point.value!r} is already taken"
-            )
-    return found
-
-
-def _load(plugin: "EntryPoint") -> type[Criterion]:
-    """The class that an entry point names."""
-    try:
-        cls = plugin.load()
-    except Exception as error:  # a third party's module may raise anything
-        why = " ".join(str(error).split())
-        raise CriterionError(f"criterion plug-in {plugin.value!r} does not load: {why}") from error
-    is_criterion = isinstance(cls, type) and issubclass(cls, Criterion)
-    if not is_criterion or getattr(cls, "name", None) != plugin.name:
-        raise CriterionError(
-            f"criterion plug-in {plugin.value!r} must be a Criterion class "
-            f"whose name is {plugin.name!r}"
-        )
-    return cls
+        found.setdefault(point.name, {}).setdefault(point.value, point)
+    return {name: tuple(claims.values()) for name, claims in found.items()}
 
 
 def _require_complete(cls: type[Criterion]) -> None:
@@ -153,7 +166,7 @@ def _require_complete(cls: type[Criterion]) -> None:
             f"criterion {cls.name!r}: {_path(cls)} does not define {' and '.join(missing)}"
         )
     # Such a class would work, but no relaxation would find it: an error tells its author why.
-    hooks = [hook for hook in RELAXATION_HOOKS if inspect.isfunction(getattr(cls, hook, None))]
+    hooks = [hook for hook in HOOKS if inspect.isfunction(getattr(cls, hook, None))]
     if hooks and not issubclass(cls, Relaxable):
         raise CriterionError(
             f"criterion {cls.name!r}: {_path(cls)} defines {hooks[0]}, so it must derive from "

@@ -2,7 +2,7 @@
 
 import click
 
-from edtk.commands.shared import json_option
+from edtk.commands.shared import json_option, warn
 from edtk.system.json_text import json_text
 
 
@@ -13,5 +13,8 @@ def command(as_json: bool) -> None:
     import criteria
     from edtk.report.text.criteria_table import criteria_table
 
-    rows = [criteria.get(name).describe() for name in criteria.available()]
+    loaded = criteria.load_all()
+    rows = [criterion.describe() for criterion in loaded.classes.values()]
     click.echo(json_text(rows) if as_json else criteria_table(rows))
+    for problem in loaded.problems.values():
+        warn(f"left out: {problem}")

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-from edtk.commands.shared import FilePath, json_option, show
+from edtk.commands.shared import FilePath, json_option, show, warn
 
 
 @click.command("evaluate", short_help="Score a plan under every criterion.")
@@ -15,4 +15,7 @@ def command(study: Path, plan: Path, as_json: bool) -> None:
     """Score PLAN (CSV) under every criterion of STUDY (TOML)."""
     from edtk.verbs.evaluate import evaluate
 
-    show(evaluate(study, plan), as_json)
+    found = evaluate(study, plan)
+    show(found, as_json)
+    for problem in found.skipped.values():
+        warn(f"left out: {problem}")

@@ -10,8 +10,10 @@ from typing import Any, NoReturn
 import click
 
 from edtk.commands.one_line import INTERRUPTED
+from edtk.system.errors import shortened
 from edtk.system.json_text import json_text
 
+MOST_OF_A_WARNING = 600  # characters
 FilePath = click.Path(path_type=Path, dir_okay=False)
 FolderPath = click.Path(path_type=Path, file_okay=False)
 
@@ -58,8 +60,8 @@ def show(result: Any, as_json: bool) -> None:
 
 
 def warn(message: str) -> None:
-    """Print one line on standard error."""
-    click.echo(f"edtk: {message}", err=True)
+    """Print one line on standard error; it may list more than an error does."""
+    click.echo(shortened(f"edtk: {message}", MOST_OF_A_WARNING), err=True)
 
 
 def end_interrupted() -> NoReturn:

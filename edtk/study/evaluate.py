@@ -1,6 +1,6 @@
 """The worth of a plan: all criteria, standard deviations and covariance."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,6 +10,7 @@ from edtk.design.plan import Plan
 from edtk.inference.least_squares import covariance
 from edtk.model.expected_error import ExpectedError, expected_error
 from edtk.study.study import Study
+from edtk.system.errors import UserError
 from edtk.system.presented import Presented
 from edtk.system.typing import Array
 
@@ -33,6 +34,7 @@ class Evaluation(Presented):
         units: Units (p,) of the parameters.
         experiments: Number of measurements.
         expected: Errors to expect in the test pose and around it; None without a test pose.
+        skipped: Why criteria of plug-ins have no value, by name: they do not load, or fail.
     """
 
     criteria: dict[str, float]
@@ -44,6 +46,7 @@ class Evaluation(Presented):
     units: tuple[str, ...]
     experiments: int
     expected: ExpectedError | None = None
+    skipped: dict[str, str] = field(default_factory=dict)
 
     def headline(self) -> str:
         """Number of experiments, of criteria and of parameters."""
@@ -77,6 +80,7 @@ class Evaluation(Presented):
             "parameters": list(self.parameters),
             "experiments": self.experiments,
             "expected_error": None if self.expected is None else self.expected.to_dict(),
+            "skipped": self.skipped,
         }
 
 
@@ -89,16 +93,13 @@ def evaluate(study: Study, plan: Plan) -> Evaluation:
 
     Raises:
         SingularPlanError: The plan cannot identify all parameters; names them.
+        UserError: A plug-in's criterion that the study names fails.
     """
     M = study.space.information(plan)
     cov = covariance(M, study.model.parameters)
-    names = [
-        name
-        for name in criteria.available()
-        if study.target is not None or not criteria.get(name).needs_target
-    ]
+    values, skipped = _values(study, M)
     return Evaluation(
-        criteria={name: float(study.criterion(name).value(M)) for name in names},
+        criteria=values,
         observability_unscaled=_unscaled(study, plan),
         std=np.sqrt(np.diag(cov)),
         covariance=cov,
@@ -107,7 +108,29 @@ def evaluate(study: Study, plan: Plan) -> Evaluation:
         units=study.model.units,
         experiments=plan.experiments,
         expected=None if study.task is None else expected_error(study.task, cov),
+        skipped=skipped,
     )
+
+
+def _values(study: Study, M: Array) -> tuple[dict[str, float], dict[str, str]]:
+    """Values of all criteria that apply, and why those of other plug-ins have none.
+
+    Raises:
+        UserError: A criterion that the study names fails.
+    """
+    loaded = criteria.load_all()
+    values = {}
+    skipped = dict(loaded.problems)
+    for name, criterion in loaded.classes.items():
+        if study.target is None and criterion.needs_target:
+            continue
+        try:
+            values[name] = float(criteria.create(name, study.target).value(M))
+        except criteria.CriterionError as error:
+            if name in study.names:
+                raise UserError(str(error), where=study.where) from error
+            skipped[name] = str(error)
+    return values, skipped
 
 
 def _unscaled(study: Study, plan: Plan) -> dict[str, float]:

@@ -268,8 +268,8 @@ class Study(Presented):
         try:
             return criteria.create(name, self.target)
         except criteria.CriterionError as error:
-            known = name in criteria.available() and criteria.get(name).needs_target
-            why = ", and the study has no [test_pose]" if known and self.target is None else ""
+            missing = isinstance(error, criteria.MissingTargetError)
+            why = ", and the study has no [test_pose]" if missing else ""
             raise UserError(f"{error}{why}", where=self.where) from error
 
     @cached_property

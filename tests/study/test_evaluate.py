@@ -70,6 +70,7 @@ def test_json(plan):
         "parameters",
         "experiments",
         "expected_error",
+        "skipped",
     ]
     assert list(data["std"]) == ["q2", "q3", "q4", "q5", "q6"]
     assert data["parameters"] == ["k2", "k3", "k4", "k5", "k6"]
