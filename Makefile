@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 STUDY ?= studies/kr270_milling.toml
 
 .DEFAULT_GOAL := study
-.PHONY: study test quick check docs figures benchmark lock clean
+.PHONY: study test quick check fuzz docs figures benchmark lock clean
 
 study: $(VENV)/.installed
 	$(BIN)/edtk run $(STUDY)
@@ -24,6 +24,10 @@ check: $(VENV)/.installed
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+
+# Wrong inputs of all kinds, on all cores; findings are reproduced one by one with --case NUMBER.
+fuzz: $(VENV)/.installed
+	$(BIN)/python -m tests.fuzz --cases 100000 --record tests/fuzz/RECORD.md
 
 figures: $(VENV)/.installed
 	$(BIN)/python -m paper_figures

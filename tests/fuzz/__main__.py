@@ -1,0 +1,78 @@
+"""`python -m tests.fuzz`: run cases, and say which promises were not kept."""
+
+import argparse
+import os
+import shutil
+import sys
+import tempfile
+from pathlib import Path
+
+from threadpoolctl import threadpool_limits
+
+from tests.fuzz.campaign import run_cases, run_number
+from tests.fuzz.case import make_case
+from tests.fuzz.findings import Tally, findings_table, record
+from tests.fuzz.run_case import run_case
+from tests.fuzz.sandbox import Sandbox
+from tests.fuzz.worlds import WRITTEN, Files, world
+
+
+def main() -> int:
+    """Run one case, or many; exit code 1 if there are findings."""
+    parser = argparse.ArgumentParser(prog="python -m tests.fuzz", description=__doc__)
+    parser.add_argument("--case", type=int, help="run this one alone, and show everything")
+    parser.add_argument("--first", type=int, default=0, help="number of the first case")
+    parser.add_argument("--cases", type=int, default=2000, help="number of cases")
+    parser.add_argument("--workers", type=int, default=os.cpu_count(), help="processes")
+    parser.add_argument("--record", type=Path, help="write the table of what was run (Markdown)")
+    parser.add_argument("--times", type=int, default=0, help="show so many of the slowest kinds")
+    given = parser.parse_args()
+    worlds = {name: world(name) for name in WRITTEN}
+    if given.case is not None:
+        return _show(given.case, worlds)
+    tally = Tally()
+    numbers = range(given.first, given.first + given.cases)
+    for outcome in run_cases(numbers, worlds, given.workers):
+        tally.add(outcome)
+        if sys.stderr.isatty() or tally.cases % 1000 == 0:
+            progress = f"{tally.cases} of {given.cases} cases, {tally.findings} findings"
+            print(f"\r{progress}", end="", file=sys.stderr, flush=True)
+    print(file=sys.stderr)
+    print(findings_table(tally) if tally.groups else "no findings")
+    print(f"{tally.cases} cases, {tally.cpu:.0f} s, slowest {tally.slowest}")
+    for (kind, verb), seconds in tally.times.most_common(given.times):
+        print(f"{seconds:8.2f} s  {kind}: {verb}")
+    if given.record is not None:
+        given.record.write_text(record(tally, numbers[0], numbers[-1]), encoding="utf-8")
+    return int(bool(tally.groups))
+
+
+def _show(number: int, worlds: dict[str, Files]) -> int:
+    """Run one case in a folder that stays, and print all about it."""
+    case = make_case(number, worlds)
+    root = Path(tempfile.mkdtemp(prefix="edtk-fuzz-case-"))
+    outcome = run_number(number, worlds, {}, root)
+    sandbox = Sandbox(root / case.world, worlds[case.world])
+    shutil.rmtree(root)
+    sandbox.build()
+    sandbox.change(case.changed)
+    answer = run_case(case.words, sandbox.folder)
+    os.chdir("/")
+    sandbox.build()
+    sandbox.change(case.changed)
+    print(f"cd {str(sandbox.folder)!r}\nedtk {' '.join(map(repr, case.words))}")
+    for name, content in case.changed.items():
+        print(f"--- {name}\n{content[:3000]!r}")
+    print(f"--- stdout\n{answer.stdout[-2000:].decode('utf-8', 'replace')}")
+    print(f"--- stderr\n{answer.stderr[-3000:].decode('utf-8', 'replace')!r}")
+    print(f"--- exit {answer.code}, {answer.cpu:.3f} s, {answer.growth:.0f} MB, {answer.error}")
+    for signature, detail in outcome["findings"]:
+        print(f"finding: {signature}: {detail[:300]!r}")
+    return int(bool(outcome["findings"]))
+
+
+if __name__ == "__main__":
+    # The cases are small, and the processes are many.
+    with threadpool_limits(1):
+        code = main()
+    sys.exit(code)

@@ -1,0 +1,142 @@
+"""One case by its number: a command line, and the files on which it is run."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from random import Random
+
+from tests.fuzz import command_lines as lines
+from tests.fuzz.command_lines import mutate_options, mutate_path, with_extras
+from tests.fuzz.mutate_chain import mutate_chain
+from tests.fuzz.mutate_table import mutate_table
+from tests.fuzz.mutate_text import OF_BYTES, OF_TEXT
+from tests.fuzz.mutate_tree import mutate_json, mutate_toml
+from tests.fuzz.worlds import FIRST, WRITTEN, Files
+
+Mutate = Callable[[bytes, Random], bytes]
+
+SHORT = 2000  # numbers below this are those of `make test`, and leave out whatever takes long
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of input, and the commands that read it.
+
+    Attributes:
+        files: Names of the files, or the beginnings of their names.
+        readers: Command lines that read them; those that come often stand here more than once.
+        mutate: How files of this kind are mutated besides their bytes and words; None for files
+            that are no text.
+        worlds: Where there are such files.
+        share: Cases of this kind, relative to those of others.
+        slow: Whether its commands take so long that `make test` has few of these cases.
+    """
+
+    files: tuple[str, ...]
+    readers: tuple[str, ...]
+    mutate: Mutate | None = None
+    worlds: tuple[str, ...] = tuple(WRITTEN)
+    share: int = 4
+    slow: bool = False
+
+
+CHEAP = (lines.EVALUATE, lines.TEMPLATE, lines.BIAS, lines.COMPENSATE, lines.IDENTIFY)
+READ_STUDY = (*CHEAP * 4, *(lines.RELAX, lines.BAYES) * 2, lines.PLAN, lines.RUN)
+READ_PLAN = (*(lines.EVALUATE, lines.TEMPLATE, lines.BIAS) * 3, f"{lines.IDENTIFY} --plan plan.csv")
+SLOW = (lines.PLAN, lines.RUN)
+CHAIN = f"{lines.BAYES} --chain chain.h5"
+KINDS = {
+    "study": Kind(("study.toml",), READ_STUDY, mutate_toml, share=16),
+    "robot": Kind(("robot.toml",), READ_STUDY, mutate_toml, share=10),
+    "plan": Kind(("plan.csv",), (*READ_PLAN, lines.BAYES), mutate_table, share=10),
+    "sheet": Kind(("sheet.csv",), (lines.IDENTIFY,), mutate_table, share=14),
+    "k": Kind(("k.json",), (lines.COMPENSATE,), mutate_json, share=8),
+    "task": Kind(("task.csv",), (lines.COMPENSATE,), mutate_table, share=8),
+    "certificate": Kind(("certificate.json",), (lines.VERIFY,), mutate_json, share=8),
+    "certificate of a plan": Kind(
+        ("planned.json",), ("verify planned.json",), mutate_json, (FIRST,), share=4
+    ),
+    "checkpoint": Kind(
+        ("run/cases/",), ("run study.toml --workers 1 --out run",), mutate_json, (FIRST,), 2, True
+    ),
+    "chain": Kind(("chain.h5",), (CHAIN,), mutate_chain, (FIRST,), share=4),
+    "published plan": Kind(("pub.csv",), (lines.RUN,), mutate_table, ("arm", "pose"), 3, True),
+    "kept plan": Kind(("keep.csv",), (f"{lines.PLAN} --keep keep.csv",), mutate_table, slow=True),
+    "excluded plan": Kind(
+        ("exclude.csv",), (f"{lines.PLAN} --exclude exclude.csv",), mutate_table, slow=True
+    ),
+    "excluded plan of a study": Kind(
+        ("exclude.csv",), (*CHEAP, lines.RELAX), mutate_table, ("pose",), share=2
+    ),
+    "prior": Kind(("earlier.json",), (lines.BAYES,), mutate_json, ("pose",), slow=True),
+    "options": Kind(
+        (), (*CHEAP * 3, lines.VERIFY, lines.RELAX, lines.BAYES, lines.CRITERIA), share=14
+    ),
+    "options of searches": Kind((), (lines.PLAN, lines.RUN, lines.RELAX, CHAIN), slow=True),
+    "paths": Kind((), (*CHEAP * 3, lines.VERIFY, lines.RELAX, lines.BAYES, lines.RUN), share=6),
+}
+
+
+@dataclass(frozen=True)
+class Case:
+    """A command line, and the files that are not as they were.
+
+    Attributes:
+        number: From which everything else follows.
+        kind: Name of the kind of input that is mutated.
+        world: Name of the folder of valid files.
+        words: The command line.
+        changed: New contents of files, by name; None for a file that is missing.
+    """
+
+    number: int
+    kind: str
+    world: str
+    words: tuple[str, ...]
+    changed: dict[str, bytes | None]
+
+    @property
+    def verb(self) -> str:
+        """The command, or "edtk" where it is misspelt."""
+        return self.words[0] if self.words and self.words[0] in lines.VERBS else "edtk"
+
+
+def make_case(number: int, worlds: dict[str, Files]) -> Case:
+    """The case of a number; the same on every machine, as long as the worlds are the same.
+
+    Args:
+        number: Any whole number that is not negative.
+        worlds: The valid files of each world.
+    """
+    rng = Random(number)
+    long = number >= SHORT
+    shares = [kind.share * (1.0 if long or not kind.slow else 0.2) for kind in KINDS.values()]
+    name = rng.choices(list(KINDS), shares)[0]
+    kind = KINDS[name]
+    world = rng.choice(kind.worlds)
+    line = rng.choice(kind.readers)
+    if not long and not kind.slow and line in SLOW and rng.random() < 0.8:
+        line = lines.EVALUATE
+    words = with_extras(line, rng, long)
+    changed: dict[str, bytes | None] = {}
+    if name.startswith("options"):
+        for _ in range(rng.choice((1, 1, 2))):
+            words = mutate_options(words, rng, long)
+    elif name == "paths":
+        words = mutate_path(words, rng)
+    else:
+        valid = worlds[world]
+        file = rng.choice([path for path in valid if path.startswith(kind.files)])
+        changed[file] = _mutated(valid[file], kind, rng)
+    return Case(number, name, world, tuple(words), changed)
+
+
+def _mutated(content: bytes, kind: Kind, rng: Random) -> bytes | None:
+    """A file that is missing, or of which entries, words or bytes are others."""
+    way = rng.random()
+    if way < 0.01:
+        return None
+    if kind.mutate is mutate_chain or (kind.mutate is not None and way < 0.5):
+        return kind.mutate(content, rng)
+    for _ in range(rng.choice((1, 1, 1, 2, 5))):
+        content = rng.choice(OF_TEXT if way < 0.85 else OF_BYTES)(content, rng)
+    return content
