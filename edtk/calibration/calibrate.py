@@ -238,6 +238,7 @@ def calibrate(
     robust: bool = False,
     known: bool = True,
     plan: Plan | None = None,
+    as_is: bool = False,
 ) -> Calibration:
     """Identify the study's unknown compliances from a measurement file.
 
@@ -248,6 +249,7 @@ def calibrate(
         known: Whether the given sigma is believed, or estimated from the residuals.
         plan: The plan that was to be carried out. Poses that are not in it are an input error;
             planned experiments that were not made are among the diagnostics.
+        as_is: Whether an input error is only a diagnostic, an alarm, beside the result.
 
     Returns:
         Compliances by joint, the fit, and the diagnostics.
@@ -265,7 +267,7 @@ def calibrate(
         fitted = FittedData.of(study, data, plan, robust, known)
     except (SingularPlanError, NothingLeftError, SigmaTooSmallError) as error:
         raise UserError(str(error), where=path) from error
-    wrong = find_input_error(fitted)
+    wrong = None if as_is else find_input_error(fitted)
     if wrong is not None:
         raise InputError(path, wrong)
     rho0_bias = bias_in_test_pose(study, data, fitted.A, fitted.fit.k)

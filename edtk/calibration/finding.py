@@ -36,10 +36,15 @@ class Kind(Enum):
     # Input errors, with which no result is given.
     OTHER_POSE = auto()
     COPIED_ROWS = auto()
+    # Readings of the columns: input errors where one explains measurements that do not fit.
+    AS_GIVEN = auto()
     WRONG_SIGN = auto()
     SWAPPED_COLUMNS = auto()
+    JOINT_SIGN = auto()
+    JOINT_OFFSET = auto()
     MARKER_UNIT = auto()
     OTHER_AXES = auto()
+    SEVERAL_READINGS = auto()
 
 
 @dataclass(frozen=True)

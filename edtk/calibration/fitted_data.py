@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from edtk.calibration.equal_rows import EqualRows, equal_rows
+from edtk.calibration.input_errors.explanation import Explanation, explanation
 from edtk.calibration.match_plan import PlanMatch, match_plan
 from edtk.design.plan import Plan
 from edtk.inference.identification import Identification
@@ -63,6 +64,11 @@ class FittedData:
     def match(self) -> PlanMatch | None:
         """Which experiment of the plan each measurement is one of; None without a plan."""
         return None if self.plan is None else match_plan(self.study, self.data, self.plan)
+
+    @cached_property
+    def explanation(self) -> Explanation | None:
+        """Other readings of the columns that explain a misfit; None where nothing is to explain."""
+        return explanation(self.study, self.data, self.fit)
 
     @cached_property
     def equal_rows(self) -> EqualRows | None:

@@ -5,6 +5,8 @@ from collections.abc import Callable
 from edtk.calibration.finding import Finding, Kind
 from edtk.calibration.row_names import row_names
 
+NAMED = 150  # characters of the readings that are named; of more, the number is said
+
 
 def wording(finding: Finding) -> str:
     """One line that says what is wrong, where, and what was expected."""
@@ -52,8 +54,8 @@ def _angle_unit(found: Finding) -> str:
 def _all_negative(found: Finding) -> str:
     """No positive compliance."""
     return (
-        "every compliance comes out negative, and was set to zero: are the loaded and the unloaded "
-        "positions swapped, or has the load the wrong sign?"
+        "every compliance comes out negative, and was set to zero: signs of the displacements, the "
+        "load or the axes are wrong, or poses are"
     )
 
 
@@ -83,8 +85,15 @@ def _noise_above_sigma(found: Finding) -> str:
     """Residuals larger than sigma allows."""
     p = found.data["p"]
     likely = f"p = {p:.1g}" if p > 0 else "p < 1e-300"
+    scale = f"{found.data['scale']:.3g}"
+    if found.data["unexplained"]:
+        return (
+            f"the residuals are {scale} times what the stated noise allows ({likely}): there are "
+            "outliers, the model does not fit, or sigma is far too small; no other sign, order or "
+            "zero of a column alone explains it"
+        )
     return (
-        f"the residuals are {found.data['scale']:.3g} times what the stated noise allows "
+        f"the residuals are {scale} times what the stated noise allows "
         f"({likely}): sigma is too small, there are outliers, or the model does not fit"
     )
 
@@ -183,45 +192,79 @@ def _copied_rows(found: Finding) -> str:
     return f"{_twins(found)}; expected measurements anew"
 
 
+def _as_given(found: Finding) -> str:
+    """Columns that are not read otherwise."""
+    return "the columns are as they are headed"
+
+
 def _wrong_sign(found: Finding) -> str:
     """Displacements of the wrong sign."""
-    return (
-        "the columns of loaded and unloaded positions look swapped, or the load has the wrong "
-        "sign: every compliance comes out negative; expected positive ones"
-    )
-
-
-def _better_by(found: Finding) -> str:
-    """How much better another reading of the columns fits."""
-    after = f"{found.data['after']:.3g}"
-    before = f"{found.data['before']:.3g}"
-    return f", which makes the residuals {after} times sigma instead of {before}"
+    return "loaded and unloaded positions look swapped, or the load has the wrong sign"
 
 
 def _swapped_columns(found: Finding) -> str:
     """Two columns that were exchanged."""
-    columns = " and ".join(found.columns)
     axes = found.data["positions"]
-    if axes:
-        columns += f" (or the positions in {axes[0]} and {axes[1]})"
-    look = f"columns {columns} look swapped; expected them the other way round"
-    return look + _better_by(found)
+    or_else = f" (or the positions in {axes[0]} and {axes[1]})" if axes else ""
+    return f"columns {' and '.join(found.columns)}{or_else} look swapped"
+
+
+def _joint_sign(found: Finding) -> str:
+    """Joints that were counted the other way round."""
+    if len(found.columns) == 1:
+        return f"column {found.columns[0]} looks measured with the opposite sign"
+    return f"columns {' and '.join(found.columns)} look measured with the opposite sign"
+
+
+def _joint_offset(found: Finding) -> str:
+    """A joint that was counted from another zero."""
+    degrees = found.data["degrees"]
+    size = "small" if degrees > 0 else "large"
+    return f"column {found.columns[0]} looks {abs(degrees)} degrees too {size}"
 
 
 def _marker_unit(found: Finding) -> str:
     """Marker offsets in metres."""
     columns = ", ".join(found.columns)
-    look = f"columns {columns} look as if they were in metres; expected millimetres"
-    return look + _better_by(found)
+    return f"columns {columns} look as if they were in metres; expected millimetres"
 
 
 def _other_axes(found: Finding) -> str:
     """Displacements along other axes."""
-    look = (
-        f"columns {', '.join(found.columns)} look as if they were of a frame with other axes than "
-        f"the robot's; expected them to be {', '.join(found.data['expected'])}"
-    )
-    return look + _better_by(found)
+    expected = ", ".join(found.data["expected"])
+    return f"the measuring frame looks {found.data['turn']}: expected ({expected})"
+
+
+def _several_readings(found: Finding) -> str:
+    """Readings that explain the measurements equally well."""
+    clauses = [_SENTENCES[reading.kind](reading) for reading in found.data["readings"]]
+    short = [clause.replace(" measured with the opposite sign", " reversed") for clause in clauses]
+    named = short[:1]
+    for clause in short[1:]:
+        if len("; or ".join([*named, clause])) <= NAMED:
+            named.append(clause)
+    left = len(short) - len(named)
+    more = f"; or {left} other reading{'s' * (left > 1)}" if left else ""
+    return "; or ".join(named) + more
+
+
+def _reading(clause: Callable[[Finding], str]) -> Callable[[Finding], str]:
+    """The sentence of a reading: how much of the misfit it explains, where that is known."""
+
+    def sentence(found: Finding) -> str:
+        if "explained" not in found.data:
+            return clause(found)
+        which = "each explains" if found.kind is Kind.SEVERAL_READINGS else "this explains"
+        # Of many measurements a reading explains all but noise: 100 % would say too much.
+        share = f"{min(100 * found.data['explained'], 99.99):.4g}"
+        after = f"{found.data['after']:.3g}"
+        before = f"{found.data['before']:.3g}"
+        return (
+            f"{clause(found)}; {which} {share} % of the misfit "
+            f"(leaves {after} sigma instead of {before})"
+        )
+
+    return sentence
 
 
 _SENTENCES: dict[Kind, Callable[[Finding], str]] = {
@@ -247,8 +290,12 @@ _SENTENCES: dict[Kind, Callable[[Finding], str]] = {
     Kind.NOT_MEASURED: _not_measured,
     Kind.OTHER_POSE: _other_pose,
     Kind.COPIED_ROWS: _copied_rows,
-    Kind.WRONG_SIGN: _wrong_sign,
-    Kind.SWAPPED_COLUMNS: _swapped_columns,
-    Kind.MARKER_UNIT: _marker_unit,
-    Kind.OTHER_AXES: _other_axes,
+    Kind.AS_GIVEN: _as_given,
+    Kind.WRONG_SIGN: _reading(_wrong_sign),
+    Kind.SWAPPED_COLUMNS: _reading(_swapped_columns),
+    Kind.JOINT_SIGN: _reading(_joint_sign),
+    Kind.JOINT_OFFSET: _reading(_joint_offset),
+    Kind.MARKER_UNIT: _reading(_marker_unit),
+    Kind.OTHER_AXES: _reading(_other_axes),
+    Kind.SEVERAL_READINGS: _reading(_several_readings),
 }

@@ -11,7 +11,7 @@ from edtk.commands.shared import FilePath, FolderPath, json_option, show, warn
 from edtk.system.errors import UserError
 
 if TYPE_CHECKING:
-    from edtk.calibration.finding import Kind
+    from edtk.calibration.finding import Finding
 
 
 @click.command("identify", short_help="Find compliances from measurements.")
@@ -27,6 +27,9 @@ if TYPE_CHECKING:
     "--plan", type=FilePath, help="The plan (CSV) that was measured, to compare poses with."
 )
 @click.option(
+    "--as-is", is_flag=True, help="Take the sheet as it is, even if columns look misread."
+)
+@click.option(
     "--bayes", is_flag=True, help="Sample the posterior too; the options that follow are for that."
 )
 @sampling_options
@@ -38,6 +41,7 @@ def command(
     robust: bool,
     sigma_unknown: bool,
     plan: Path | None,
+    as_is: bool,
     bayes: bool,
     sampling: SamplingOptions,
     as_json: bool,
@@ -67,20 +71,27 @@ def command(
             robust=robust,
             sigma_unknown=sigma_unknown,
             plan=plan,
+            as_is=as_is,
             bayes=posterior,
             out=out,
         )
     show(found, as_json)
     for diagnostic in found.diagnostics:
         if diagnostic.severity > Severity.NOTE:
-            hint = _hint(diagnostic.kind, robust)
+            hint = _hint(diagnostic.finding, robust)
             warn(f"{measurements}: {diagnostic.text}{hint}")
 
 
-def _hint(kind: "Kind", robust: bool) -> str:
+def _hint(finding: "Finding", robust: bool) -> str:
     """The options that help against a diagnostic, where there are any."""
     from edtk.calibration.finding import Kind
 
-    if kind is Kind.NOISE_ABOVE_SIGMA:
-        return "; see --sigma-unknown" if robust else "; see --sigma-unknown and --robust"
-    return " (--robust)" if kind is Kind.OUTLIERS and not robust else ""
+    if finding.kind is Kind.OUTLIERS:
+        return "" if robust else " (--robust)"
+    if finding.kind is not Kind.NOISE_ABOVE_SIGMA:
+        return ""
+    # Residuals far beyond sigma are no matter of its size: estimating it would hide the fault.
+    options = ["--robust"] * (not robust)
+    if not finding.data["unexplained"]:
+        options.insert(0, "--sigma-unknown")
+    return f"; see {' and '.join(options)}" if options else ""

@@ -18,6 +18,7 @@ INTERRUPTED = 130  # exit code after Ctrl-C, as shells have it
 FLAGS = {"memory_mb": "--memory"}  # of arguments whose flags have other names
 # Options that help where the library raises an error of this class: only commands know a flag.
 HINTS = {
+    "InputError": "; --as-is takes it as it is",
     "UnconvergedError": " with --most, or expect less with --accuracy",
     "SigmaTooSmallError": ", or --sigma-unknown",
 }
@@ -45,7 +46,8 @@ class OneLine(click.Command):
             flag = FLAGS.get(error.argument, f"--{error.argument}")
             message = str(error.naming(flag))
         except UserError as error:
-            message = f"{error}{HINTS.get(type(error.__cause__).__name__, '')}"
+            kinds = (type(error).__name__, type(error.__cause__).__name__)
+            message = str(error) + "".join(HINTS.get(kind, "") for kind in kinds)
         except LookupError as error:
             # Imported late: the criteria bring scipy, which no error in a path should wait for.
             from criteria import CriterionError

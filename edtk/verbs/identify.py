@@ -17,6 +17,7 @@ def identify(
     robust: bool = False,
     sigma_unknown: bool = False,
     plan: PlanLike | None = None,
+    as_is: bool = False,
     bayes: Sampling | bool = False,
     out: Path | str | None = None,
 ) -> Calibration:
@@ -28,6 +29,8 @@ def identify(
         robust: Whether Huber's loss takes the place of squares, so that outliers count less.
         sigma_unknown: Whether the size of the noise is estimated from the residuals.
         plan: The plan that was measured, or its CSV file, to compare the poses with.
+        as_is: Whether the sheet is taken as it is, where columns look misread or rows copied: the
+            result then comes with an alarm, instead of none.
         bayes: Whether the posterior is sampled too; a `Sampling` says how.
         out: Folder for `k.json`, `residuals.csv` and `report.html`.
 
@@ -45,7 +48,7 @@ def identify(
     for name in WRITTEN if out is not None else ():
         require_output(Path(out or "") / name, *inputs, sampling.chain, sampling.export)
     planned = None if plan is None else as_plan(question, plan)
-    found = calibrate(question, measurements, robust, not sigma_unknown, planned)
+    found = calibrate(question, measurements, robust, not sigma_unknown, planned, as_is)
     if bayes:
         with sampling.arguments(Path(measurements), question.specification.seed) as arguments:
             found = found.sampled(**arguments)

@@ -225,8 +225,12 @@ def test_swapped_columns(measured: Path, tmp_path: Path) -> None:
     table.iloc[4:, -3:] += 0.01
     table.rename(columns={"dx_mm": "dz_mm", "dz_mm": "dx_mm"}).to_csv(measured, index=False)
     answer = edtk("identify", PAPER, measured, "--out", tmp_path / "out")
-    assert_one_line(answer, "columns dx_mm and dz_mm", "look swapped")
+    assert_one_line(answer, "columns dx_mm and dz_mm", "look swapped", "--as-is takes it as it is")
     assert not (tmp_path / "out").exists()
+    answer = edtk("identify", PAPER, measured, "--as-is")
+    assert answer.exit_code == 0
+    assert "columns dx_mm and dz_mm" in answer.stderr
+    assert answer.stdout.endswith("verdict: bad\n")
 
 
 def test_poses_that_are_not_in_the_plan(measured: Path) -> None:

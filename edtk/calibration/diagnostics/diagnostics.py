@@ -1,6 +1,7 @@
 """Everything that looks wrong in measurements."""
 
 from edtk.calibration.diagnostics.diagnostic import Diagnostic, Severity
+from edtk.calibration.diagnostics.input_diagnostics import input_diagnostics
 from edtk.calibration.diagnostics.noise_diagnostics import noise_diagnostics
 from edtk.calibration.diagnostics.outlier_diagnostics import outlier_diagnostics
 from edtk.calibration.diagnostics.pose_diagnostics import pose_diagnostics
@@ -19,11 +20,14 @@ def diagnostics(fitted: FittedData, rho0_bias: float | None = None) -> tuple[Dia
         rho0_bias: Error that the linear model leaves in the test pose [m]; None if it is unknown.
     """
     found = list(unit_diagnostics(fitted))
-    # A wrong unit spoils the fit: its other faults are consequences, and would only distract.
-    if all(diagnostic.severity < Severity.ALARM for diagnostic in found):
+    misread = fitted.explanation is not None and fitted.explanation.refits
+    # A wrong unit or a misread column spoils the fit: its other faults are consequences, and would
+    # only distract.
+    if not misread and all(diagnostic.severity < Severity.ALARM for diagnostic in found):
         found += sign_diagnostics(fitted)
-        found += noise_diagnostics(fitted.fit)
+        found += noise_diagnostics(fitted)
         found += outlier_diagnostics(fitted.fit)
         found += structure_diagnostics(fitted, rho0_bias)
     found += pose_diagnostics(fitted)
+    found = [*input_diagnostics(fitted), *found]
     return tuple(sorted(found, key=lambda diagnostic: -diagnostic.severity))

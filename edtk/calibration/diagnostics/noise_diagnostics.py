@@ -4,14 +4,14 @@ from collections.abc import Iterator
 
 from edtk.calibration.diagnostics.diagnostic import Diagnostic, Severity
 from edtk.calibration.finding import Finding, Kind
-from edtk.inference.identification import Identification
+from edtk.calibration.fitted_data import FittedData
 
 UNLIKELY = 0.01  # p-value of the residuals that is worth a warning
 IMPOSSIBLE = 0.001  # and an alarm
 TINY = 0.2  # estimated noise over the stated one that looks like another unit
 
 
-def noise_diagnostics(fit: Identification) -> Iterator[Diagnostic]:
+def noise_diagnostics(fitted: FittedData) -> Iterator[Diagnostic]:
     """Compare the residuals with the stated noise.
 
     The sum of squares has the chi-square distribution with dof degrees of freedom; with Huber's
@@ -19,12 +19,15 @@ def noise_diagnostics(fit: Identification) -> Iterator[Diagnostic]:
     """
     from scipy.stats import chi2
 
+    fit = fitted.fit
     if not fit.dof:
         yield Diagnostic(Severity.WARNING, Finding(Kind.NO_RESIDUALS))
         return
     n = fit.scale_dof
     p = float(chi2.sf(fit.scale**2 * n, n))
-    data = {"scale": fit.scale, "p": p, "robust": fit.robust}
+    explanation = fitted.explanation
+    unexplained = explanation is not None and not explanation.refits
+    data = {"scale": fit.scale, "p": p, "unexplained": unexplained}
     large = p < UNLIKELY if fit.known else p < IMPOSSIBLE
     small = p > 1 - IMPOSSIBLE
     if large and fit.known:

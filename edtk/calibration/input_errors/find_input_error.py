@@ -3,8 +3,8 @@
 from edtk.calibration.finding import Finding
 from edtk.calibration.fitted_data import FittedData
 from edtk.calibration.input_errors.copied_rows import copied_rows
+from edtk.calibration.input_errors.misread_columns import misread_columns
 from edtk.calibration.input_errors.other_pose import other_pose
-from edtk.calibration.input_errors.swapped_columns import swapped_columns
 
 
 def find_input_error(fitted: FittedData) -> Finding | None:
@@ -16,4 +16,4 @@ def find_input_error(fitted: FittedData) -> Finding | None:
     Returns:
         The error, with its rows and columns; None if the measurements have none.
     """
-    return other_pose(fitted) or copied_rows(fitted) or swapped_columns(fitted)
+    return other_pose(fitted) or copied_rows(fitted) or misread_columns(fitted)

@@ -2,11 +2,12 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from itertools import combinations, permutations, product
+from itertools import chain, combinations, permutations, product
 
 import numpy as np
 
 from edtk.calibration.finding import Finding, Kind
+from edtk.calibration.input_errors.reading import Reading
 from edtk.inference.measurements import Measurements
 from edtk.study.study import Study
 from edtk.system.typing import Array
@@ -14,43 +15,68 @@ from edtk.tables.pose_columns import pose_columns
 from edtk.tables.pose_table import WRENCH_COLUMNS
 from edtk.tables.sheet_columns import DEFLECTION_COLUMNS, MARKER_COLUMNS, ROTATION_COLUMNS
 
-Reading = tuple[Finding, Measurements]
 AXES = "xyz"
+OFFSETS_DEG = (90, -90, 180)  # by which zeros of joints differ between conventions
 
 
-def readings(study: Study, data: Measurements) -> Iterator[Reading]:
+def readings(study: Study, data: Measurements, only_signs: bool = False) -> Iterator[Reading]:
     """Read the columns in other ways, the likeliest first.
 
     Args:
         study: Says which joints the file must have.
         data: The measurements as the columns are headed.
-
-    Yields:
-        The error of the columns that such a reading assumes, and the measurements read so.
+        only_signs: Whether only signs and axes of the displacements are read in other ways.
     """
-    yield from _displacements(data)
-    yield from _joints(study, data)
-    yield from _wrenches(data)
-    yield from _rotations(data)
-    yield from _markers(data)
+    yield Reading(Finding(Kind.WRONG_SIGN), replace(data, deflection=-data.deflection))
+    if not only_signs:
+        yield from _displacements(data)
+        yield from _joint_signs(study, data)
+        yield from _joints(study, data)
+        yield from _wrenches(data)
+        yield from _rotations(data)
+        yield from _markers(data)
     yield from _other_axes(data)
+    if not only_signs:
+        yield from _joint_offsets(study, data)
 
 
 def _displacements(data: Measurements) -> Iterator[Reading]:
     """Two displacements are exchanged, or the positions that they come from."""
     for i, j in combinations(range(3), 2):
         other = replace(data, deflection=_exchanged(data.deflection, i, j))
-        yield _swapped(DEFLECTION_COLUMNS, i, j, positions=AXES[i] + AXES[j]), other
+        yield Reading(_swapped(DEFLECTION_COLUMNS, i, j, positions=AXES[i] + AXES[j]), other)
+
+
+def _joint_signs(study: Study, data: Measurements) -> Iterator[Reading]:
+    """One or two joints are counted the other way round."""
+    columns = pose_columns(study.robot)
+    free = [j for j in _free(study) if data.q[:, j].any()]
+    for turned in chain(combinations(free, 1), combinations(free, 2)):
+        q = data.q.copy()
+        q[:, turned] *= -1
+        finding = Finding(Kind.JOINT_SIGN, columns=tuple(columns[j] for j in turned))
+        yield Reading(finding, replace(data, q=q))
 
 
 def _joints(study: Study, data: Measurements) -> Iterator[Reading]:
     """Two joints of one kind are exchanged."""
     kinds = [joint.kind for joint in study.robot.joints]
-    free = [j for j in range(study.robot.n) if j not in study.fixed]
-    for i, j in combinations(free, 2):
+    for i, j in combinations(_free(study), 2):
         if kinds[i] == kinds[j]:
             other = replace(data, q=_exchanged(data.q, i, j))
-            yield _swapped(pose_columns(study.robot), i, j), other
+            yield Reading(_swapped(pose_columns(study.robot), i, j), other)
+
+
+def _joint_offsets(study: Study, data: Measurements) -> Iterator[Reading]:
+    """One joint is counted from another zero."""
+    columns = pose_columns(study.robot)
+    revolute = [j for j in _free(study) if study.robot.joints[j].kind == "revolute"]
+    for j, degrees in product(revolute, OFFSETS_DEG):
+        q = data.q.copy()
+        q[:, j] += np.deg2rad(degrees)
+        offset = {"degrees": degrees}
+        finding = Finding(Kind.JOINT_OFFSET, columns=(columns[j],), data=offset)
+        yield Reading(finding, replace(data, q=q))
 
 
 def _wrenches(data: Measurements) -> Iterator[Reading]:
@@ -58,14 +84,14 @@ def _wrenches(data: Measurements) -> Iterator[Reading]:
     for i, j in [*combinations(range(3), 2), *combinations(range(3, 6), 2)]:
         if data.wrench[:, [i, j]].any():
             other = replace(data, wrench=_exchanged(data.wrench, i, j))
-            yield _swapped(WRENCH_COLUMNS, i, j), other
+            yield Reading(_swapped(WRENCH_COLUMNS, i, j), other)
 
 
 def _rotations(data: Measurements) -> Iterator[Reading]:
     """Two rotations are exchanged."""
     for i, j in combinations(range(3, data.deflection.shape[1]), 2):
         other = replace(data, deflection=_exchanged(data.deflection, i, j))
-        yield _swapped(ROTATION_COLUMNS, i - 3, j - 3), other
+        yield Reading(_swapped(ROTATION_COLUMNS, i - 3, j - 3), other)
 
 
 def _markers(data: Measurements) -> Iterator[Reading]:
@@ -74,24 +100,61 @@ def _markers(data: Measurements) -> Iterator[Reading]:
         return
     for i, j in combinations(range(3), 2):
         other = replace(data, marker=_exchanged(data.marker, i, j))
-        yield _swapped(MARKER_COLUMNS, i, j), other
+        yield Reading(_swapped(MARKER_COLUMNS, i, j), other)
     in_metres = replace(data, marker=1e3 * data.marker)
-    yield Finding(Kind.MARKER_UNIT, columns=MARKER_COLUMNS), in_metres
+    yield Reading(Finding(Kind.MARKER_UNIT, columns=MARKER_COLUMNS), in_metres)
 
 
 def _other_axes(data: Measurements) -> Iterator[Reading]:
-    """Displacements and rotations are those of a frame with the axes permuted or reversed."""
+    """Displacements and rotations are those of a frame with the axes permuted or reversed.
+
+    First come the 23 frames that are turned, then the mirrored ones, as of a left-handed tracker.
+    """
     moved = data.deflection
-    for order, signs in product(permutations(range(3)), product((1, -1), repeat=3)):
-        axes = zip(order, signs, strict=True)
-        expected = tuple(f"{'-' * (sign < 0)}{DEFLECTION_COLUMNS[i]}" for i, sign in axes)
-        parts = [moved[:, :3][:, order] * signs]
-        if moved.shape[1] == 6:
+    rotations = moved.shape[1] == 6
+    for T in _frames():
+        handed = round(float(np.linalg.det(T)))
+        # Without rotations these are readings from above: the wrong sign, and exchanged columns.
+        if not rotations and handed < 0 and (np.trace(T) == -3 or (T >= 0).all()):
+            continue
+        parts = [moved[:, :3] @ T.T]
+        if rotations:
             # Rotation vectors are axial: a left-handed frame reverses them.
-            handed = np.linalg.det(np.eye(3)[list(order)]) * np.prod(signs)
-            parts.append(handed * moved[:, 3:][:, order] * signs)
-        finding = Finding(Kind.OTHER_AXES, columns=DEFLECTION_COLUMNS, data={"expected": expected})
-        yield finding, replace(data, deflection=np.hstack(parts))
+            parts.append(handed * moved[:, 3:] @ T.T)
+        expected = tuple(
+            f"{'-' * bool(row.sum() < 0)}{DEFLECTION_COLUMNS[int(np.abs(row).argmax())]}"
+            for row in T
+        )
+        named = {"expected": expected, "turn": _turn(T)}
+        finding = Finding(Kind.OTHER_AXES, columns=DEFLECTION_COLUMNS, data=named)
+        yield Reading(finding, replace(data, deflection=np.hstack(parts)))
+
+
+def _frames() -> list[Array]:
+    """Permutations of the axes with signs (3, 3), the rotations first, without the identity."""
+    frames = [
+        np.eye(3)[list(order)] * np.array(signs)[:, None]
+        for order, signs in product(permutations(range(3)), product((1, -1), repeat=3))
+    ]
+    return sorted(frames[1:], key=lambda T: -np.linalg.det(T))
+
+
+def _turn(T: Array) -> str:
+    """A rotation or reflection (3, 3) of the axes, in words."""
+    if np.linalg.det(T) < 0:
+        return "left-handed"
+    angle = round(float(np.rad2deg(np.arccos(np.clip((np.trace(T) - 1) / 2, -1.0, 1.0)))))
+    # Of a rotation by 180 degrees about a, T + I is 2 a a'; of others T + T' + ... is along a too.
+    fixed = T + T.T + (1 - np.trace(T)) * np.eye(3)
+    row = fixed[int(np.abs(np.diag(fixed)).argmax())]
+    along = [f"{'-' * bool(a < 0)}{axis}" for a, axis in zip(row, AXES, strict=True) if a]
+    about = along[0] if len(along) == 1 else "a diagonal"
+    return f"turned by {angle} degrees about {about}"
+
+
+def _free(study: Study) -> list[int]:
+    """The joints that the file must have."""
+    return [j for j in range(study.robot.n) if j not in study.fixed]
 
 
 def _swapped(columns: Sequence[str], i: int, j: int, positions: str = "") -> Finding:
