@@ -1,5 +1,6 @@
 """Fig. 7 as a drawing."""
 
+import io
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from edtk.system.atomic_file import atomic_path
+from edtk.system.atomic_file import Content, write_files
 from paper_figures.simulated import Errors
 
 DOTS = 30  # a plan
@@ -98,8 +99,11 @@ def save(errors: Sequence[Errors], out: Path) -> tuple[Path, ...]:
     paths = (out / "figure_7.png", out / "figure_7.svg")
     with matplotlib.rc_context(STYLE):
         figure = draw(errors)
+        files: dict[Path, Content] = {}
         for path in paths:
             metadata = {"Date": None} if path.suffix == ".svg" else {}
-            with atomic_path(path) as temporary:
-                figure.savefig(temporary, dpi=150, metadata=metadata)
+            buffer = io.BytesIO()
+            figure.savefig(buffer, format=path.suffix[1:], dpi=150, metadata=metadata)
+            files[path] = buffer.getvalue()
+    write_files(files)
     return paths

@@ -16,11 +16,12 @@ from edtk.model.equilibrium import NoEquilibriumError, equilibrium
 from edtk.model.rigid_joints import rigid_joints, rigid_joints_in_words
 from edtk.model.robot import Robot
 from edtk.study.study import Study
-from edtk.system.atomic_file import atomic_path
+from edtk.system.atomic_file import write_text
 from edtk.system.errors import UserError
 from edtk.system.presented import Presented
 from edtk.system.typing import Array
 from edtk.tables.compliances import Compliances
+from edtk.tables.csv_text import csv_text
 from edtk.tables.pose_columns import pose_columns
 from edtk.tables.pose_table import WRENCH_COLUMNS, pose_factors
 from edtk.tables.sheet_columns import BAND_COLUMNS, REMAINING_COLUMN, UNCOMPENSATED_COLUMN
@@ -87,9 +88,8 @@ class Compensation(Presented):
         return table
 
     def to_csv(self, path: Path | str) -> None:
-        """Write the table atomically."""
-        with atomic_path(path) as temporary:
-            self.to_frame().to_csv(temporary, index=False, float_format="%.10g")
+        """Write the table to a file, whole or not at all, or to standard output (`-`)."""
+        write_text(path, csv_text(self.to_frame()))
 
     def to_dict(self) -> list[dict[str, Any]]:
         """One object per task pose, in SI units, but `q_deg` in degrees and millimetres.

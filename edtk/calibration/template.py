@@ -8,7 +8,8 @@ import numpy as np
 from edtk.calibration.visiting_order import visiting_order
 from edtk.design.plan import Plan
 from edtk.study.study import Study
-from edtk.system.atomic_file import atomic_path
+from edtk.system.atomic_file import write_text
+from edtk.tables.csv_text import csv_text
 from edtk.tables.sheet_columns import (
     DEFLECTION_COLUMNS,
     LOADED_COLUMNS,
@@ -55,6 +56,5 @@ def _empty_columns(study: Study, positions: bool, markers: int) -> tuple[str, ..
 
 
 def write_template(table: "pd.DataFrame", path: Path | str) -> None:
-    """Write a sheet (CSV) atomically."""
-    with atomic_path(path) as temporary:
-        table.to_csv(temporary, index=False, float_format="%.10g")
+    """Write a sheet (CSV) to a file, whole or not at all, or to standard output (`-`)."""
+    write_text(path, csv_text(table))

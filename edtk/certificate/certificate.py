@@ -1,6 +1,5 @@
 """What proves the numbers of a relaxation or of an exact plan, as plain data for a file."""
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,7 +10,6 @@ from edtk.design.exact.exact_plan import ExactPlan
 from edtk.design.plan import Plan
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
 from edtk.study.study import Study
-from edtk.system.atomic_file import write_text
 from edtk.system.json_text import json_text
 from edtk.version import __version__
 
@@ -56,13 +54,9 @@ def certificate(study: Study, found: RelaxedPlan | ExactPlan) -> dict[str, Any]:
     }
 
 
-def write_certificate(path: Path | str, study: Study, found: RelaxedPlan | ExactPlan) -> None:
-    """Write the certificate of a result, atomically.
-
-    Raises:
-        OSError: The file cannot be written.
-    """
-    write_text(path, json_text(certificate(study, found), indent=1) + "\n")
+def certificate_text(study: Study, found: RelaxedPlan | ExactPlan) -> str:
+    """The text of the certificate file of a result, see `certificate`."""
+    return json_text(certificate(study, found), indent=1) + "\n"
 
 
 def _proof(relaxed: RelaxedPlan) -> dict[str, Any]:

@@ -76,4 +76,4 @@ def command(
         found = bayes(
             study, plan, sigma_factor=sigma_factor, nu=nu, sampling=options, figures=figures
         )
-    show(found, as_json)
+    show(found, as_json, sampling.export)

@@ -12,7 +12,7 @@ from edtk.commands.shared import FilePath, json_option, show, warn
 @click.argument("k", type=FilePath, metavar="K.json")
 @click.argument("task", type=FilePath)
 @json_option
-@click.option("--out", type=FilePath, help="Write commands and errors (CSV).")
+@click.option("--out", type=FilePath, help="Write commands and errors (CSV, - to print).")
 def command(study: Path, k: Path, task: Path, as_json: bool, out: Path | None) -> None:
     """Compute joint angles to command, so that the loaded robot is where TASK (CSV) wants it.
 
@@ -27,4 +27,4 @@ def command(study: Path, k: Path, task: Path, as_json: bool, out: Path | None) -
             f"{k}: the calibration says not to use these compliances; "
             "its error band is not to be trusted"
         )
-    show(found, as_json)
+    show(found, as_json, out)

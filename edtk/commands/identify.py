@@ -75,7 +75,7 @@ def command(
             bayes=posterior,
             out=out,
         )
-    show(found, as_json)
+    show(found, as_json, sampling.export)
     for diagnostic in found.diagnostics:
         if diagnostic.severity > Severity.NOTE:
             hint = _hint(diagnostic.finding, robust)

@@ -43,7 +43,7 @@ from edtk.commands.shared import (
 @dask_option
 @seed_option
 @json_option
-@click.option("--out", type=FilePath, help="Write all experiments (CSV).")
+@click.option("--out", type=FilePath, help="Write all experiments (CSV, - to print).")
 @certificate_option
 def command(
     study: Path,
@@ -83,7 +83,7 @@ def command(
             certificate=certificate,
             progress=lambda label, number: bar.set_description_str(label),
         )
-    show(found, as_json)
+    show(found, as_json, out, certificate)
     if found.ended == "budget":
         warn("the budget ended the search; this is the best plan so far")
     if found.ended == "interrupted":

@@ -36,7 +36,7 @@ from edtk.commands.shared import (
     help="Limit on memory [MB].",
 )
 @json_option
-@click.option("--out", type=FilePath, help="Write poses and weights (CSV).")
+@click.option("--out", type=FilePath, help="Write poses and weights (CSV, - to print).")
 @certificate_option
 def command(
     study: Path,
@@ -78,7 +78,7 @@ def command(
         except PlanInterrupted as interrupt:
             found = interrupt.best
             interrupted = True
-    show(found, as_json)
+    show(found, as_json, out, certificate)
     if interrupted:
         warn("interrupted; this is the best certified plan so far")
         end_interrupted()

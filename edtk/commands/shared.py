@@ -10,6 +10,7 @@ from typing import Any, NoReturn
 import click
 
 from edtk.commands.one_line import INTERRUPTED
+from edtk.system.atomic_file import is_standard_output
 from edtk.system.errors import shortened
 from edtk.system.json_text import json_text
 
@@ -54,9 +55,14 @@ dask_option = click.option(
 )
 
 
-def show(result: Any, as_json: bool) -> None:
-    """Print a result on standard output: its text, or its JSON."""
-    click.echo(json_text(result.to_dict()) if as_json else result.summary())
+def show(result: Any, as_json: bool, *outputs: Path | None) -> None:
+    """Print a result on standard output: its text, or its JSON.
+
+    Where a file was written to standard output, the result goes to standard error: a program that
+    reads the one should not meet the other.
+    """
+    text = json_text(result.to_dict()) if as_json else result.summary()
+    click.echo(text, err=any(map(is_standard_output, outputs)))
 
 
 def warn(message: str) -> None:

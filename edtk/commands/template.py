@@ -28,8 +28,9 @@ def command(
     reads it. Markers away from the tool point have their offsets from it, in the tool frame, in
     columns of their own.
     """
+    from edtk.tables.csv_text import csv_text
     from edtk.verbs.template import template
 
     table = template(study, plan, positions=positions, markers=markers, out=out)
     if out is None:
-        click.echo(table.to_csv(index=False, float_format="%.10g"), nl=False)
+        click.echo(csv_text(table), nl=False)

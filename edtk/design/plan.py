@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from edtk.model.robot import Robot
-from edtk.system.atomic_file import atomic_path
+from edtk.system.atomic_file import write_text
 from edtk.system.presented import Presented
 from edtk.system.typing import Array, Indices
+from edtk.tables.csv_text import csv_text
 from edtk.tables.pose_columns import pose_columns
 from edtk.tables.pose_table import WRENCH_COLUMNS, PoseTable, pose_factors
 
@@ -128,9 +129,8 @@ class Plan(Presented):
         return cls._of_table(table, robot, dict(fixed or {}), wrench)
 
     def to_csv(self, path: Path | str, robot: Robot) -> None:
-        """Write the plan to a file, whole or not at all; see `to_frame`."""
-        with atomic_path(path) as temporary:
-            self.to_frame(robot).to_csv(temporary, index=False, float_format="%.10g")
+        """Write the plan to a file, whole or not at all, or to standard output (`-`)."""
+        write_text(path, csv_text(self.to_frame(robot)))
 
     @classmethod
     def from_csv(

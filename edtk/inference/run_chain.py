@@ -121,7 +121,7 @@ def run_chain(
         ChainFileError: The file cannot be resumed from.
         OSError: The file cannot be written.
     """
-    stored = None if file is None else file.load(demand.accuracy)
+    stored = None if file is None else file.load(demand.accuracy, (start.shape[0], start.shape[1]))
     sampler, state = _begin(density, start, seed, stored)
     goal = max(0 if stored is None else stored.goal, sampler.iteration, BLOCK)
     run = _Run(sampler, file, demand.accuracy, progress)

@@ -1,11 +1,12 @@
 """One HTML file without outside links: a verdict, sections, tables and pictures."""
 
 import base64
-import io
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from html import escape
 from typing import TYPE_CHECKING
+
+from edtk.report.png import png
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -90,12 +91,7 @@ def _cells(row: Sequence[object]) -> str:
 
 def picture(figure: "Figure", caption: str) -> str:
     """A figure inside the page; its caption is also for those who do not see it."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-
-    FigureCanvasAgg(figure)
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=DPI, metadata={"Software": None})
-    data = base64.b64encode(buffer.getvalue()).decode("ascii")
+    data = base64.b64encode(png(figure, DPI)).decode("ascii")
     text = escape(caption)
     return (
         f'<figure><img alt="{text}" src="data:image/png;base64,{data}">'

@@ -25,8 +25,6 @@ from edtk.study.run_options import DEFAULTS, Progress, RunOptions
 from edtk.study.study import Study
 from edtk.study.study_errors import study_errors
 from edtk.study.study_run import StudyRun
-from edtk.study.write_plans import write_plans
-from edtk.system.atomic_file import atomic_path
 from edtk.system.errors import UserError
 from edtk.system.workers import WorkersLostError
 
@@ -42,15 +40,14 @@ MOST_DISTINCT = 8
 def run_study(
     study: Study, folder: Path | str, *, fresh: bool = False, options: RunOptions = DEFAULTS
 ) -> StudyRun:
-    """Find and compare the plans of a study; write `results.csv` and the plans.
+    """Find and compare the plans of a study.
 
-    The same study gives the same files, on any number of processes. Every case is kept in the
+    The same study gives the same answer, on any number of processes. Every case is kept in the
     folder's `cases` as soon as it is finished, so that a run that was killed goes on from there.
 
     Args:
         study: The study.
-        folder: Folder for the results, which is made if need be; its files are replaced one by
-            one, each whole.
+        folder: Folder of the run, which is made if need be.
         fresh: Whether to begin anew, whatever is finished.
         options: Seed, processes and progress; progress is reported `steps(study)` times.
 
@@ -84,16 +81,8 @@ def run_study(
     cases += [Case("published", "", plan.experiments, plan=plan) for plan in published.values()]
     table = comparison_table(study, cases, relaxations)
     run = StudyRun(study, table, relaxations, tuple(cases), folder)
-    _write(run)
     report("results")
     return run
-
-
-def _write(run: StudyRun) -> None:
-    """Write the plans and the table, each file whole."""
-    write_plans(run.cases, run.study.robot, run.folder / "plans")
-    with atomic_path(run.folder / "results.csv") as temporary:
-        run.table.to_csv(temporary, index=False, float_format="%.10g")
 
 
 def steps(study: Study) -> int:

@@ -3,11 +3,12 @@
 from pathlib import Path
 
 from edtk.calibration.check_plan_posterior import check_plan_posterior
-from edtk.calibration.export_inference_data import export_inference_data
+from edtk.calibration.inference_data import inference_data
 from edtk.calibration.posterior_check import PosteriorCheck
 from edtk.inference.noise import NU_IN_WORDS, Noise
-from edtk.system.atomic_file import require_writable
+from edtk.system.atomic_file import Content, require_writable, write_files
 from edtk.verbs.inputs import PlanLike, StudyLike, as_plan, as_study, name_of
+from edtk.verbs.require_output import require_folder
 from edtk.verbs.sampling import Sampling
 
 
@@ -44,19 +45,22 @@ def bayes(
     sampling = sampling or Sampling()
     sampling.require_writable(*question.reads, plan if isinstance(plan, str | Path) else None)
     measured = as_plan(question, plan)
+    require_folder(figures)
     if figures is not None:
         require_writable(Path(figures) / "corner.png")
     noise = _noise(question.specification.prior.noise(), sigma_factor, nu)
     where = name_of(plan, "plan")
     with sampling.arguments(where, question.specification.seed) as arguments:
         check = check_plan_posterior(question, measured, noise=noise, **arguments)
+    files: dict[Path, Content] = {}
     if sampling.export is not None:
         A0 = None if question.task is None else question.task.regressor
-        export_inference_data(check, sampling.export, A0)
+        files[Path(sampling.export)] = inference_data(check, A0)
     if figures is not None:
-        from edtk.report.write_posterior_figures import write_posterior_figures
+        from edtk.report.posterior_pictures import posterior_pictures
 
-        write_posterior_figures(check, Path(figures))
+        files |= posterior_pictures(check, Path(figures))
+    write_files(files)
     return check
 
 

@@ -29,7 +29,7 @@ def compensate(
             where the task names none.
         compliances: A calibration, or the path of a k.json file.
         task: The desired poses and wrenches, or the path of their CSV file.
-        out: File to write commands and errors to (CSV).
+        out: File to write commands and errors to (CSV); "-" is standard output.
 
     Returns:
         Commands, the error without compensation, and the error that remains, with a 95 % band.

@@ -3,10 +3,11 @@
 from pathlib import Path
 
 from edtk.calibration.calibrate import Calibration, calibrate
-from edtk.calibration.export_inference_data import export_inference_data
-from edtk.report.write_calibration import WRITTEN, write_calibration
+from edtk.calibration.inference_data import inference_data
+from edtk.report.calibration_files import NAMES, calibration_files
+from edtk.system.atomic_file import Content, write_files
 from edtk.verbs.inputs import PlanLike, StudyLike, as_plan, as_study
-from edtk.verbs.require_output import require_output
+from edtk.verbs.require_output import require_folder, require_output
 from edtk.verbs.sampling import Sampling
 
 
@@ -45,16 +46,19 @@ def identify(
     sampling = bayes if isinstance(bayes, Sampling) else Sampling()
     inputs = (*question.reads, measurements, plan if isinstance(plan, str | Path) else None)
     sampling.require_writable(*inputs)
-    for name in WRITTEN if out is not None else ():
+    require_folder(out)
+    for name in NAMES if out is not None else ():
         require_output(Path(out or "") / name, *inputs, sampling.chain, sampling.export)
     planned = None if plan is None else as_plan(question, plan)
     found = calibrate(question, measurements, robust, not sigma_unknown, planned, as_is)
     if bayes:
         with sampling.arguments(Path(measurements), question.specification.seed) as arguments:
             found = found.sampled(**arguments)
+    files: dict[Path, Content] = {}
     if found.check is not None and sampling.export is not None:
         A0 = None if question.task is None else question.task.regressor
-        export_inference_data(found.check, sampling.export, A0)
+        files[Path(sampling.export)] = inference_data(found.check, A0)
     if out is not None:
-        write_calibration(found, Path(out))
+        files |= calibration_files(found, Path(out))
+    write_files(files)
     return found

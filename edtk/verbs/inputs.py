@@ -52,5 +52,5 @@ def errors_in(where: Path | str) -> Iterator[None]:
     except SingularPlanError as error:
         raise UserError(str(error), where=where) from error
     except OSError as error:
-        place = error.filename or where
-        raise UserError(error.strerror or str(error), where=place) from error
+        # Without a name it is none of the files that were asked for: memory of workers, say.
+        raise UserError(error.strerror or str(error), where=error.filename) from error

@@ -5,8 +5,10 @@ from pathlib import Path
 from edtk.design.exact.exact_plan import ExactPlan
 from edtk.study.plan_study import plan_study
 from edtk.study.run_options import Progress, RunOptions, no_progress
+from edtk.system.atomic_file import Content, write_files
+from edtk.tables.csv_text import csv_text
 from edtk.verbs.inputs import PlanLike, StudyLike, as_plan, as_study, errors_in
-from edtk.verbs.require_output import require_output
+from edtk.verbs.require_output import require_different, require_output
 from edtk.verbs.workers_for import workers_for
 
 
@@ -42,8 +44,8 @@ def plan(
         budget: Seconds after which the search ends [s]; defaults to no limit.
         workers: Processes on this machine; defaults to one a core.
         dask: Address of a Dask scheduler (tcp://HOST:PORT) whose workers do the work instead.
-        out: File to write all experiments to (CSV).
-        certificate: File to write what proves the numbers to (JSON), for `edtk.verify`.
+        out: File to write all experiments to (CSV); "-" is standard output.
+        certificate: File to write what proves the numbers to (JSON), for `edtk.verify`; likewise.
         progress: Called with a line about the current step, and its gap or its best cost.
 
     Returns:
@@ -59,6 +61,7 @@ def plan(
     """
     question = as_study(study) if exclude is None else as_study(study).excluding(exclude)
     kept = None if keep is None else as_plan(question, keep)
+    require_different(out=out, certificate=certificate)
     for path in (out, certificate):
         require_output(path, *question.reads, keep if isinstance(keep, str | Path) else None)
     with workers_for(workers, dask) as pool, errors_in(question.where):
@@ -71,10 +74,12 @@ def plan(
             budget=budget,
             options=RunOptions(seed=seed, workers=pool, progress=progress),
         )
+    files: dict[Path, Content] = {}
     if out is not None:
-        found.whole.to_csv(out, question.robot)
+        files[Path(out)] = csv_text(found.whole.to_frame(question.robot))
     if certificate is not None:
-        from edtk.certificate.certificate import write_certificate
+        from edtk.certificate.certificate import certificate_text
 
-        write_certificate(certificate, question, found)
+        files[Path(certificate)] = certificate_text(question, found)
+    write_files(files)
     return found

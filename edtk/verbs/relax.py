@@ -58,8 +58,8 @@ def relax(
         continuous: Whether to search all feasible poses, beyond the candidates.
         seed: Seed of the candidates; defaults to the study's.
         memory_mb: Limit on memory [MB].
-        out: File to write poses and weights to (CSV).
-        certificate: File to write what proves the numbers to (JSON), for `edtk.verify`.
+        out: File to write poses and weights to (CSV); "-" is standard output.
+        certificate: File to write what proves the numbers to (JSON), for `edtk.verify`; likewise.
         progress: Called with the stage and its relative gap.
 
     Returns:
@@ -85,9 +85,10 @@ def relax(
     from edtk.study.relax_study import relax_study
     from edtk.study.run_options import RunOptions
     from edtk.verbs.inputs import as_study, errors_in
-    from edtk.verbs.require_output import require_output
+    from edtk.verbs.require_output import require_different, require_output
 
     study = as_study(question)
+    require_different(out=out, certificate=certificate)
     for path in (out, certificate):
         require_output(path, *study.reads)
     name = criterion if criterion is None or isinstance(criterion, str) else criterion.name
@@ -115,12 +116,17 @@ def _write(
     certificate: Path | str | None,
 ) -> None:
     """Write the files that were asked for."""
-    if out is not None:
-        found.to_csv(out)
-    if certificate is not None:
-        from edtk.certificate.certificate import write_certificate
+    from edtk.system.atomic_file import Content, write_files
+    from edtk.tables.csv_text import csv_text
 
-        write_certificate(certificate, study, found)
+    files: dict[Path, Content] = {}
+    if out is not None:
+        files[Path(out)] = csv_text(found.to_frame())
+    if certificate is not None:
+        from edtk.certificate.certificate import certificate_text
+
+        files[Path(certificate)] = certificate_text(study, found)
+    write_files(files)
 
 
 def _relax_problem(problem: "Problem", criterion: "Criterion | str") -> "Relaxation":

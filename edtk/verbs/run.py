@@ -1,18 +1,28 @@
 """`edtk.run`: a whole study, from its bounds to its report."""
 
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
-from edtk.certificate.certificate import write_certificate
+from edtk.certificate.certificate import certificate_text
 from edtk.design.exact.exact_plan import ExactPlan
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
-from edtk.report.write_comparison import write_comparison
+from edtk.report.comparison_files import comparison_files
+from edtk.study.run_files import KINDS, run_files
 from edtk.study.run_options import Progress, RunOptions, no_progress
 from edtk.study.run_study import run_study
 from edtk.study.study import Study
 from edtk.study.study_run import StudyRun
+from edtk.system.atomic_file import Content, made_folder, sweep, write_files
+from edtk.system.errors import UserError
+from edtk.system.folder_lock import FolderLock
 from edtk.verbs.inputs import StudyLike, as_study, errors_in
-from edtk.verbs.require_output import require_output
+from edtk.verbs.require_output import require_folder, require_output
 from edtk.verbs.workers_for import workers_for
+
+# Name of a plan's file that a run has written; others in the folder are left alone.
+PLAN = re.compile(rf"({'|'.join(KINDS)})_(.+_)?m\d+(_k\d+)?")
 
 
 def run(
@@ -45,13 +55,39 @@ def run(
     """
     question = as_study(study)
     folder = _folder(question) if out is None else Path(out)
+    require_folder(out)
     require_output(folder / "report.md")
-    with workers_for(workers, dask) as pool, errors_in(question.where):
+    with workers_for(workers, dask) as pool, errors_in(question.where), _alone_in(folder):
         options = RunOptions(workers=pool, progress=progress)
         found = run_study(question, folder, fresh=fresh, options=options)
-        _write_certificates(found)
-        write_comparison(found)
+        files = run_files(found) | _certificates(found) | comparison_files(found)
+        write_files(files)
+        for path in _of_earlier_runs(folder):
+            if path not in files:
+                path.unlink()
     return found
+
+
+@contextmanager
+def _alone_in(folder: Path) -> Iterator[None]:
+    """Keep other runs out of a folder, and sweep what killed ones have left there.
+
+    Raises:
+        UserError: Another run is at work there.
+    """
+    with made_folder(folder):
+        lock = FolderLock.try_on(folder)
+        try:
+            if lock.held is False:
+                raise UserError(
+                    "another run is writing there; expected another folder, or its end",
+                    where=folder,
+                )
+            for place in (folder, *(path for path in folder.iterdir() if path.is_dir())):
+                sweep(place)
+            yield
+        finally:
+            lock.close()
 
 
 def _folder(study: Study) -> Path:
@@ -59,15 +95,22 @@ def _folder(study: Study) -> Path:
     return Path("results") / (study.path.stem if study.path is not None else "study")
 
 
-def _write_certificates(found: StudyRun) -> None:
-    """Write what proves each relaxation and each plan that was searched, and remove older files."""
-    folder = found.folder / "certificates"
+def _certificates(found: StudyRun) -> dict[Path, Content]:
+    """What proves each relaxation and each plan that was searched, by path."""
     results: dict[str, RelaxedPlan | ExactPlan] = {
         f"relaxation_{name}": relaxed for name, relaxed in found.relaxations.items()
     }
     results |= {case.name: case.found for case in found.cases if case.found is not None}
-    for name, result in results.items():
-        write_certificate(folder / f"{name}.json", found.study, result)
-    for path in folder.glob("*.json"):
-        if path.stem not in results:
-            path.unlink()
+    folder = found.folder / "certificates"
+    return {
+        folder / f"{name}.json": certificate_text(found.study, result)
+        for name, result in results.items()
+    }
+
+
+def _of_earlier_runs(folder: Path) -> Iterator[Path]:
+    """The plans, certificates and heat maps in a folder, by the names that runs give them."""
+    plans = (folder / "plans").glob("*.csv")
+    yield from (path for path in plans if PLAN.fullmatch(path.stem))
+    yield from (folder / "certificates").glob("*.json")
+    yield from folder.glob("efficiency_m*.png")

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from edtk.system.errors import UserError
-from edtk.verbs.require_output import require_output
+from edtk.verbs.require_output import require_file, require_output
 
 
 @dataclass(frozen=True)
@@ -21,7 +21,7 @@ class Sampling:
             0.01.
         most: Limit on the steps of the chain; None for 60000.
         chain: File that keeps the chain (HDF5), and from which sampling goes on; None for none.
-        export: File for ArviZ InferenceData (NetCDF); None for none.
+        export: File for ArviZ InferenceData (NetCDF), "-" for standard output; None for none.
         seed: Seed; None for the study's.
         progress: Called with the number of steps so far.
     """
@@ -40,8 +40,9 @@ class Sampling:
             UserError: A file is an input, or ArviZ is missing.
             OSError: A file cannot be written.
         """
-        from edtk.calibration.export_inference_data import require_arviz
+        from edtk.calibration.inference_data import require_arviz
 
+        require_file(self.chain)
         if self.export is not None:
             require_arviz(self.export)
         for path in (self.chain, self.export):

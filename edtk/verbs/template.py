@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 from edtk.calibration.require_empty import require_empty
 from edtk.calibration.template import template as empty_sheet
 from edtk.calibration.template import write_template
+from edtk.system.atomic_file import is_standard_output
 from edtk.system.errors import UserError
 from edtk.verbs.inputs import PlanLike, StudyLike, as_plan, as_study, name_of
 from edtk.verbs.require_output import require_output
@@ -34,7 +35,8 @@ def template(
         positions: Whether unloaded and loaded positions are measured, instead of displacements.
         markers: Number of markers on the tool, each with rows of its own; defaults to one marker
             at the tool point.
-        out: File to write the sheet to (CSV); an empty sheet is replaced, anything else is not.
+        out: File to write the sheet to (CSV), "-" for standard output; an empty sheet is replaced,
+            anything else is not.
 
     Returns:
         A row for each repetition; headers name the units, cells to fill in are empty.
@@ -44,7 +46,7 @@ def template(
     """
     question = as_study(study)
     measured = as_plan(question, plan)
-    if out is not None:
+    if out is not None and not is_standard_output(out):
         require_output(out, *question.reads, plan if isinstance(plan, str | Path) else None)
         require_empty(Path(out))
     if measured.experiments > MOST_ROWS:

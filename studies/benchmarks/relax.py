@@ -26,7 +26,8 @@ from edtk import Problem, Study, criteria, load_study, relax
 from edtk.design.candidate_source import CandidateSource
 from edtk.design.relaxation.relax_poses import relax_poses
 from edtk.report.markdown_table import markdown_table
-from edtk.system.atomic_file import atomic_path, write_text
+from edtk.report.png import png
+from edtk.system.atomic_file import write_files
 
 HERE = Path(__file__).parent
 STUDY = HERE.parent / "kr270_milling.toml"
@@ -124,9 +125,8 @@ def main(out: Path) -> None:
         for name in COMPARED
         for n in DIRECT_SIZES
     }
-    write_text(out / "relax.md", _report(mine, others, large, best))
-    with atomic_path(out / "relax.png") as temporary:
-        _picture(mine, best, large).savefig(temporary, dpi=130, metadata={"Software": None})
+    picture = png(_picture(mine, best, large), dpi=130)
+    write_files({out / "relax.md": _report(mine, others, large, best), out / "relax.png": picture})
 
 
 def _accurate(measured: Measured, cost: float) -> bool:

@@ -13,9 +13,10 @@ from edtk.calibration.template import template
 from edtk.inference.run_chain import Demand
 from edtk.inference.sample_posterior import SamplingOptions
 from edtk.inference.simulate import simulate
-from edtk.report.write_calibration import write_calibration
+from edtk.report.calibration_files import calibration_files
 from edtk.study.evaluate import evaluate
 from edtk.study.study import load_study
+from edtk.system.atomic_file import write_files
 from edtk.system.errors import UserError
 from edtk.tables.compliances import load_compliances
 
@@ -126,7 +127,7 @@ def test_json_and_files(save, tmp_path):
     )
     low, high = content["rho0"]["interval95"]
     assert low < content["rho0"]["value"] < high
-    write_calibration(found, tmp_path / "out")
+    write_files(calibration_files(found, tmp_path / "out"))
     assert sorted(p.name for p in (tmp_path / "out").iterdir()) == [
         "k.json",
         "report.html",

@@ -159,7 +159,7 @@ def test_places_that_cannot_be_written(measured: Path, tmp_path: Path) -> None:
     )
     (tmp_path / "out" / "k.json").mkdir(parents=True)
     assert_one_line(
-        edtk("identify", PAPER, measured, "--out", tmp_path / "out"), "k.json", "not a regular file"
+        edtk("identify", PAPER, measured, "--out", tmp_path / "out"), "k.json", "is a folder"
     )
     assert [p.name for p in (tmp_path / "out").iterdir()] == ["k.json"]
 

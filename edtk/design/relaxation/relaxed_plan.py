@@ -14,9 +14,10 @@ from edtk.design.design_space import DesignSpace
 from edtk.design.plan import Plan
 from edtk.design.relaxation.largest_sensitivities import LargestSensitivities
 from edtk.design.relaxation.normalised import normalised
-from edtk.system.atomic_file import atomic_path
+from edtk.system.atomic_file import write_text
 from edtk.system.presented import Presented
 from edtk.system.typing import Array, Indices
+from edtk.tables.csv_text import csv_text
 from edtk.tables.pose_table import WRENCH_COLUMNS, pose_factors
 
 if TYPE_CHECKING:
@@ -140,8 +141,7 @@ class RelaxedPlan(Presented):
 
     def to_csv(self, path: Path | str) -> None:
         """Write `to_frame` to a file, whole or not at all."""
-        with atomic_path(path) as temporary:
-            self.to_frame().to_csv(temporary, index=False, float_format="%.10g")
+        write_text(path, csv_text(self.to_frame()))
 
     def to_dict(self) -> dict[str, Any]:
         """Plain numbers for JSON: as a person reads them, and exactly under the key `exact`.

@@ -8,33 +8,26 @@ from edtk.report.comparison_report import comparison_report
 from edtk.report.draw.criterion_by_size import criterion_by_size
 from edtk.report.draw.heat_map import heat_map
 from edtk.report.new_figure import new_figure
-from edtk.report.save_figure import save_figure
+from edtk.report.png import png
 from edtk.study.study_run import StudyRun
-from edtk.system.atomic_file import write_text
+from edtk.system.atomic_file import Content
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def write_comparison(run: StudyRun, folder: Path | None = None) -> None:
-    """Write `report.md` and its figures; figures of sizes that are gone are removed.
+def comparison_files(run: StudyRun) -> dict[Path, Content]:
+    """The contents of `report.md` and of its figures, by path.
 
     Args:
         run: The result of the study.
-        folder: Where to write; defaults to the folder of the run.
     """
-    folder = run.folder if folder is None else folder
-    save_figure(_comparison(run), folder / "comparison.png")
     sizes = [Efficiencies.of(run, size) for size in sorted(run.study.specification.sizes)]
-    pictures = set()
+    files: dict[Path, Content] = {run.folder / "comparison.png": png(_comparison(run))}
     for found in sizes:
         if found.plans:
-            save_figure(_heat_map(found), folder / found.picture)
-            pictures.add(found.picture)
-    for path in folder.glob("efficiency_m*.png"):
-        if path.name not in pictures:
-            path.unlink()
-    write_text(folder / "report.md", comparison_report(run, sizes))
+            files[run.folder / found.picture] = png(_heat_map(found))
+    return files | {run.folder / "report.md": comparison_report(run, sizes)}
 
 
 def _comparison(run: StudyRun) -> "Figure":

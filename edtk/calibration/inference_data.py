@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from edtk.calibration.posterior_check import PosteriorCheck
-from edtk.system.atomic_file import atomic_path
 from edtk.system.errors import UserError
 from edtk.system.typing import Array
 
@@ -46,24 +45,19 @@ def require_arviz(path: Path | str) -> None:
         raise UserError(message, where=path) from None
 
 
-def export_inference_data(
-    check: PosteriorCheck, path: Path | str, target: Array | None = None
-) -> None:
-    """Write posterior and measurements; walkers are ArviZ's chains.
+def inference_data(check: PosteriorCheck, target: Array | None = None) -> bytes:
+    """The content of a NetCDF file of posterior and measurements; walkers are ArviZ's chains.
+
+    It is made in memory: where a disk is full, HDF5 ends the whole process.
 
     Args:
         check: The posterior.
-        path: Where to write.
         target: A0 (3, p) of the test pose, for the posterior of the displacement under the task's
             load [m]; or None.
-
-    Raises:
-        UserError: ArviZ is not installed.
-        OSError: The file cannot be written.
     """
-    require_arviz(path)
     with _without_warnings():
         import arviz
+        import xarray
 
         data = arviz.from_dict(
             posterior=_variables(check, target),
@@ -77,9 +71,13 @@ def export_inference_data(
             data.posterior[name].attrs["units"] = unit
         if target is not None:
             data.posterior["displacement"].attrs["units"] = "m"
-        with atomic_path(path) as temporary:
-            temporary.unlink()  # an empty file is no NetCDF file that could be added to
-            data.to_netcdf(str(temporary))
+        groups = {f"/{name}": data[name] for name in data.groups()}
+        packed = {
+            name: {variable: {"zlib": True} for variable in group.data_vars}
+            for name, group in groups.items()
+        }
+        tree = xarray.DataTree.from_dict(groups)
+        return bytes(tree.to_netcdf(engine="h5netcdf", encoding=packed))
 
 
 def _variables(check: PosteriorCheck, target: Array | None) -> dict[str, Any]:
