@@ -33,7 +33,8 @@ def main() -> int:
     tally = Tally()
     numbers = range(given.first, given.first + given.cases)
     for outcome in run_cases(numbers, worlds, given.workers):
-        tally.add(outcome)
+        for signature in tally.add(outcome):
+            print(f"\rcase {outcome['number']}: {signature}", file=sys.stderr)
         if sys.stderr.isatty() or tally.cases % 1000 == 0:
             progress = f"{tally.cases} of {given.cases} cases, {tally.findings} findings"
             print(f"\r{progress}", end="", file=sys.stderr, flush=True)

@@ -19,6 +19,7 @@ from typing import Any
 from tests.fuzz.case import make_case
 from tests.fuzz.judge import MOST_S, judge
 from tests.fuzz.run_case import run_case
+from tests.fuzz.same_again import same_again
 from tests.fuzz.sandbox import Sandbox
 from tests.fuzz.worlds import Files
 
@@ -155,8 +156,9 @@ def run_number(
     answer = run_case(case.words, sandbox.folder)
     after = sandbox.snapshot()
     findings = judge(case, answer, sandbox, before, after)
+    findings += same_again(case, answer, sandbox, before, after)
     os.chdir(root)
-    if before == after:
+    if before == sandbox.snapshot():
         sandbox.restore(case.changed)
     else:
         sandbox.build()

@@ -109,7 +109,7 @@ def make_case(number: int, worlds: dict[str, Files]) -> Case:
     """
     rng = Random(number)
     long = number >= SHORT
-    shares = [kind.share * (1.0 if long or not kind.slow else 0.2) for kind in KINDS.values()]
+    shares = [kind.share * (1.0 if long or not kind.slow else 0.1) for kind in KINDS.values()]
     name = rng.choices(list(KINDS), shares)[0]
     kind = KINDS[name]
     world = rng.choice(kind.worlds)

@@ -27,14 +27,16 @@ class Tally:
         self.times: Counter[tuple[str, str]] = Counter()
         self.slowest = (0.0, -1)
 
-    def add(self, outcome: dict) -> None:
-        """Count one outcome."""
+    def add(self, outcome: dict) -> list[str]:
+        """Count one outcome; the signatures that it is the first to have."""
+        new = [signature for signature, _ in outcome["findings"] if signature not in self.groups]
         self.cells[outcome["kind"], outcome["verb"], outcome["code"]] += 1
         self.cpu += outcome["cpu"]
         self.times[outcome["kind"], outcome["verb"]] += outcome["cpu"]
         self.slowest = max(self.slowest, (outcome["cpu"], outcome["number"]))
         for signature, detail in outcome["findings"]:
             self.groups[signature].append((outcome["number"], detail))
+        return new
 
     @property
     def cases(self) -> int:

@@ -86,7 +86,7 @@ def _streams(case: Case, lines: list[str]) -> list[Finding]:
     """Every line on standard error is ours, short and printable."""
     found = []
     for line in lines:
-        if case.verb == "run" and line.startswith("wrote "):
+        if case.verb == "run" and line.startswith(("wrote ", "expected error: ")):
             continue
         if not line.startswith("edtk: "):
             found.append(Finding(f"a line that is not ours: {_pattern(line)}", line[:300]))

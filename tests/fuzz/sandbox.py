@@ -69,6 +69,10 @@ class Sandbox:
         """A path of a snapshot as the command sees it."""
         return os.path.relpath(path, self.folder)
 
+    def read(self, path: str) -> bytes:
+        """The content of a file of a snapshot."""
+        return Path(path).read_bytes()
+
     def _write(self, name: str, content: bytes) -> None:
         path = self.folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
