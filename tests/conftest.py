@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from criteria import registry
 from edtk.system.workers import open_workers
 
 Array = NDArray[np.float64]
@@ -117,6 +118,14 @@ def plugin_site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     return site
+
+
+@pytest.fixture
+def plug_in(monkeypatch: pytest.MonkeyPatch) -> Callable[[Path], None]:
+    """A function that installs a directory of third parties' criteria, for one test."""
+    registry.available()  # loads the built-ins, once for all tests
+    monkeypatch.setattr("criteria.registry._registered", registry._registered.copy())
+    return lambda site: monkeypatch.syspath_prepend(str(site))
 
 
 @pytest.fixture(scope="session")

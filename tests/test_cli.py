@@ -6,6 +6,8 @@ import re
 import signal
 import subprocess
 import sys
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +18,7 @@ from click.testing import CliRunner
 import criteria
 from edtk.cli import main
 from edtk.study.study import load_study
+from edtk.system.workers import open_workers
 
 pytestmark = pytest.mark.slow
 
@@ -37,12 +40,10 @@ def edtk(*args: object) -> Answer:
     return subprocess.CompletedProcess(args, result.exit_code, result.stdout, result.stderr)
 
 
-def process(*args: object, env: dict[str, str] | None = None) -> Answer:
+def process(*args: object) -> Answer:
     """The command in a process of its own, as a user starts it."""
     command = [sys.executable, "-m", "edtk", *map(str, args)]
-    return subprocess.run(
-        command, cwd=ROOT, capture_output=True, text=True, env={**os.environ, **(env or {})}
-    )
+    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
 
 
 def interrupted(after: bytes, *args: object) -> Answer:
@@ -170,35 +171,37 @@ def test_run_writes_results_plans_and_report(study: Path, tmp_path: Path) -> Non
 
 
 def test_a_plug_in_criterion_is_found_by_name_in_a_study(
-    study: Path, plugin_site: Path, tmp_path: Path
+    study: Path, plugin_site: Path, plug_in: Callable[[Path], None], tmp_path: Path
 ) -> None:
     """A criterion of another distribution has values in the results, and efficiencies if it has a
     convex form.
     """
-    env = {"PYTHONPATH": str(plugin_site)}
-    name = next(r["name"] for r in json.loads(process("criteria", "--json", env=env).stdout)[10:])
     edit(study, '["rho0", "E"]', '["E"]')
-    edit(study, '["E", "rho0"]', f'["E", "{name}"]')
-    answer = process("run", study, "--out", tmp_path / "out", env=env)
+    edit(study, '["E", "rho0"]', '["E", "trace_M"]')
+    assert_one_line(edtk("run", study), "trace_M", "available: A, D")
+    plug_in(plugin_site)
+    assert [row["name"] for row in json.loads(edtk("criteria", "--json").stdout)[10:]] == [
+        "trace_M"
+    ]
+    answer = edtk("run", study, "--out", tmp_path / "out")
     assert answer.returncode == 0, answer.stderr
     columns = list(pd.read_csv(tmp_path / "out/results.csv"))
-    assert columns[7:11] == ["E", name, "efficiency_E", "seed"]
-    assert_one_line(edtk("run", study), name, "available: A, D")
+    assert columns[7:10] == ["E", "trace_M", "efficiency_E"]
+    assert "efficiency_trace_M" not in columns
 
 
 def test_a_plug_in_criterion_without_convex_form_is_not_relaxed(
-    study: Path, plugin_site: Path, tmp_path: Path
+    study: Path, plugin_site: Path, plug_in: Callable[[Path], None], tmp_path: Path
 ) -> None:
     """`relax` refuses it in one line and writes nothing; so does a study that wants it
     optimised.
     """
-    env, out = {"PYTHONPATH": str(plugin_site)}, tmp_path / "plan.csv"
-    answer = process("relax", study, "--criterion", "trace_M", "--json", "--out", out, env=env)
+    out = tmp_path / "plan.csv"
+    plug_in(plugin_site)
+    answer = edtk("relax", study, "--criterion", "trace_M", "--json", "--out", out)
     assert_one_line(answer, "study.toml", "trace_M", "no convex form")
     edit(study, '["rho0", "E"]', '["trace_M"]')
-    assert_one_line(
-        process("run", study, "--out", out, env=env), "study.toml", "optimise", "no convex form"
-    )
+    assert_one_line(edtk("run", study, "--out", out), "study.toml", "optimise", "no convex form")
     assert list(tmp_path.iterdir()) == [study]
 
 
@@ -495,22 +498,29 @@ def test_plan_without_forces_where_the_load_is_open(study: Path, command: str) -
     )
 
 
-@pytest.mark.parametrize(
-    ("command", "address"),
-    [
-        ("run", "tcp://127.0.0.1:9"),
-        ("plan", "nobody at all"),
-        ("plan", "tcp://127.0.0.1"),
-        ("plan", "carrier://a:1"),
-    ],
-)
-def test_cluster_that_is_not_there(study: Path, tmp_path: Path, command: str, address: str) -> None:
-    """An address at which no scheduler answers, or that is none, is one line without a log; nothing
-    is written.
+def test_cluster_that_is_not_there(study: Path, tmp_path: Path) -> None:
+    """An address at which no scheduler answers is one line without a log; nothing is written."""
+    answer = process("run", study, "--dask", "tcp://127.0.0.1", "--out", tmp_path / "out")
+    assert_one_line(answer, "--dask", "no Dask scheduler answers", "tcp://127.0.0.1")
+    assert list(tmp_path.iterdir()) == [study]
+
+
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "nobody at all", "carrier://a:1"])
+def test_address_of_no_cluster(
+    study: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+    address: str,
+) -> None:
+    """An address where nobody answers, or that is none, is one line; nothing is written, and
+    nothing is said by others.
     """
-    options = ["--size", "3"] if command == "plan" else []
-    answer = process(command, study, *options, "--dask", address, "--out", tmp_path / "out")
-    assert_one_line(answer, "--dask", "no Dask scheduler answers", address)
+    soon = partial(open_workers, greeting_s=0.3)
+    monkeypatch.setattr("edtk.verbs.workers_for.open_workers", soon)
+    options = ["--size", 3, "--dask", address, "--out", tmp_path / "out"]
+    assert_one_line(edtk("plan", study, *options), "no Dask scheduler answers", address)
+    assert capfd.readouterr() == ("", "")
     assert list(tmp_path.iterdir()) == [study]
 
 

@@ -95,7 +95,7 @@ def test_files(tmp_path):
     shapes.
     """
     chain, nc, figures = tmp_path / "a.h5", tmp_path / "a.nc", tmp_path / "figures"
-    options = ["--sigma-factor", "inf", "--nu", "sampled", "--accuracy", 0.1]
+    options = ["--sigma-factor", "inf", "--nu", "sampled", "--accuracy", 0.3]
     answer = edtk(STUDY, PLAN, "--chain", chain, "--export", nc, "--figures", figures, *options)
     assert answer.exit_code == 0, answer.stderr
     assert {p.name for p in figures.iterdir()} == {"corner.png", "trace.png", "residuals.png"}

@@ -175,7 +175,7 @@ def test_bayes(measured: Path, tmp_path: Path) -> None:
         measured,
         "--bayes",
         "--accuracy",
-        0.05,
+        0.2,
         "--json",
         "--out",
         tmp_path / "out",
@@ -192,7 +192,7 @@ def test_bayes(measured: Path, tmp_path: Path) -> None:
     assert page.count("<img") == 7
     assert (tmp_path / "chain.h5").exists()
     assert (tmp_path / "posterior.nc").exists()
-    again = edtk("identify", PAPER, measured, "--bayes", "--accuracy", 0.05, "--json")
+    again = edtk("identify", PAPER, measured, "--bayes", "--accuracy", 0.2, "--json")
     assert json.loads(again.stdout)["posterior"] == found["posterior"]
 
 

@@ -26,23 +26,23 @@ def run(check, case, runs):
 
 
 def test_ranks(check):
-    """Twenty runs where the prior matters pass Kolmogorov's test, and cover the truth."""
-    found = run(check, 3, 20)
-    assert found.ranks.shape == (20, 5)
+    """Ten runs where the prior matters pass Kolmogorov's test, and cover the truth."""
+    found = run(check, 3, 10)
+    assert found.ranks.shape == (10, 5)
     for column in found.ranks.T:
         assert stats.kstest((column + 0.5) / (check.DRAWS + 1), "uniform").pvalue > 1e-3
     assert found.covered.mean() > 0.88
 
 
 def test_wrong_noise_is_found(check, monkeypatch):
-    """With noise twice as large as assumed, the intervals of ten runs do not cover."""
+    """With noise twice as large as assumed, the intervals of five runs do not cover."""
     right = check.simulate
 
     def noisier(A, k, sigma, rng):
         return right(A, k, 2 * sigma, rng)
 
     monkeypatch.setattr(check, "simulate", noisier)
-    assert run(check, 3, 10).covered.mean() < 0.88
+    assert run(check, 3, 5).covered.mean() < 0.88
 
 
 def test_every_case_can_be_run(check):
