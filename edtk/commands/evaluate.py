@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-from edtk.commands.shared import FilePath, json_option, show, warn
+from edtk.commands.shared import FilePath, json_option, show, warn, warn_about
 
 
 @click.command("evaluate", short_help="Score a plan under every criterion.")
@@ -19,3 +19,4 @@ def command(study: Path, plan: Path, as_json: bool) -> None:
     show(found, as_json)
     for problem in found.skipped.values():
         warn(f"left out: {problem}")
+    warn_about(study, found.warnings)

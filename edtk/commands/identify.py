@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from edtk.commands.sampling_options import SamplingOptions, sampling_options
-from edtk.commands.shared import FilePath, FolderPath, json_option, show, warn
+from edtk.commands.shared import FilePath, FolderPath, json_option, show, warn, warn_about
 from edtk.system.errors import UserError
 
 if TYPE_CHECKING:
@@ -76,6 +76,7 @@ def command(
             out=out,
         )
     show(found, as_json, sampling.export)
+    warn_about(study, found.study.warnings)
     for diagnostic in found.diagnostics:
         if diagnostic.severity > Severity.NOTE:
             hint = _hint(diagnostic.finding, robust)

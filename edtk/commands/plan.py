@@ -16,6 +16,7 @@ from edtk.commands.shared import (
     seed_option,
     show,
     warn,
+    warn_about,
     workers_option,
 )
 
@@ -84,6 +85,7 @@ def command(
             progress=lambda label, number: bar.set_description_str(label),
         )
     show(found, as_json, out, certificate)
+    warn_about(study, found.warnings)
     if found.ended == "budget":
         warn("the budget ended the search; this is the best plan so far")
     if found.ended == "interrupted":

@@ -15,6 +15,7 @@ from edtk.commands.shared import (
     seed_option,
     show,
     warn,
+    warn_about,
 )
 
 
@@ -54,8 +55,10 @@ def command(
     Ctrl-C ends a long run with the best certified plan so far.
     """
     from edtk.design.relaxation.relax_poses import PlanInterrupted
+    from edtk.verbs.load_study import load_study
     from edtk.verbs.relax import relax
 
+    question = load_study(study)
     with progress_line("candidates") as bar:
 
         def progress(stage: str, gap: float) -> None:
@@ -64,7 +67,7 @@ def command(
 
         try:
             found = relax(
-                study,
+                question,
                 criterion,
                 candidates,
                 continuous=continuous,
@@ -79,6 +82,7 @@ def command(
             found = interrupt.best
             interrupted = True
     show(found, as_json, out, certificate)
+    warn_about(study, question.warnings)
     if interrupted:
         warn("interrupted; this is the best certified plan so far")
         end_interrupted()

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import click
 
-from edtk.commands.shared import FilePath, FolderPath, dask_option, workers_option
+from edtk.commands.shared import FilePath, FolderPath, dask_option, warn_about, workers_option
 
 BAR = "{percentage:3.0f} %|{bar}| [{elapsed}<{remaining}]{postfix}"
 
@@ -36,6 +36,7 @@ def command(
             bar.update(share - bar.n)
 
         found = run(study, out, workers=workers, dask=dask, fresh=fresh, progress=progress)
+    warn_about(study, found.warnings)
     if found.expected is not None:
         click.echo(str(found.expected), err=True)
     folder = found.folder

@@ -70,6 +70,12 @@ def warn(message: str) -> None:
     click.echo(shortened(f"edtk: {message}", MOST_OF_A_WARNING), err=True)
 
 
+def warn_about(where: Path, warnings: tuple[str, ...]) -> None:
+    """Print one line on standard error for each finding about a file."""
+    for line in warnings:
+        warn(f"{where}: {line}")
+
+
 def end_interrupted() -> NoReturn:
     """End with the exit code of an interrupted program."""
     sys.exit(INTERRUPTED)

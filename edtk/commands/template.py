@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-from edtk.commands.shared import FilePath
+from edtk.commands.shared import FilePath, warn_about
 
 
 @click.command("template", short_help="Make a sheet to fill in in the lab.")
@@ -29,8 +29,11 @@ def command(
     columns of their own.
     """
     from edtk.tables.csv_text import csv_text
+    from edtk.verbs.load_study import load_study
     from edtk.verbs.template import template
 
-    table = template(study, plan, positions=positions, markers=markers, out=out)
+    question = load_study(study)
+    table = template(question, plan, positions=positions, markers=markers, out=out)
     if out is None:
         click.echo(csv_text(table), nl=False)
+    warn_about(study, question.warnings)

@@ -43,6 +43,7 @@ def comparison_report(run: StudyRun, sizes: Iterable[Efficiencies]) -> str:
     parts = [
         f"# {run.study.specification.title}\n",
         _setting(run),
+        *_warnings(run),
         f"## Which plan is best {question}?\n",
         verdict(run),
         f"![{main} against the number of experiments](comparison.png)\n",
@@ -80,6 +81,12 @@ def _setting(run: StudyRun) -> str:
         f"{specification.candidates} candidate poses; at most {least} descents per plan, "
         f"{most} for {main}.\n"
     )
+
+
+def _warnings(run: StudyRun) -> list[str]:
+    """What is hard to believe in the question or in its answer; nothing if there is nothing."""
+    lines = "\n".join(f"- {line}" for line in run.warnings)
+    return [f"## Warnings\n\n{lines}\n"] if lines else []
 
 
 def _origin(run: StudyRun) -> str:

@@ -9,6 +9,7 @@ import criteria
 from edtk.design.plan import Plan
 from edtk.inference.least_squares import covariance
 from edtk.model.expected_error import ExpectedError, expected_error
+from edtk.study.plausibility import plan_plausibility
 from edtk.study.study import Study
 from edtk.system.errors import UserError
 from edtk.system.presented import Presented
@@ -35,6 +36,7 @@ class Evaluation(Presented):
         experiments: Number of measurements.
         expected: Errors to expect in the test pose and around it; None without a test pose.
         skipped: Why criteria of plug-ins have no value, by name: they do not load, or fail.
+        warnings: What is hard to believe in the study or in this plan, a line each.
     """
 
     criteria: dict[str, float]
@@ -47,6 +49,7 @@ class Evaluation(Presented):
     experiments: int
     expected: ExpectedError | None = None
     skipped: dict[str, str] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
 
     def headline(self) -> str:
         """Number of experiments, of criteria and of parameters."""
@@ -81,6 +84,7 @@ class Evaluation(Presented):
             "experiments": self.experiments,
             "expected_error": None if self.expected is None else self.expected.to_dict(),
             "skipped": self.skipped,
+            "warnings": list(self.warnings),
         }
 
 
@@ -109,6 +113,7 @@ def evaluate(study: Study, plan: Plan) -> Evaluation:
         experiments=plan.experiments,
         expected=None if study.task is None else expected_error(study.task, cov),
         skipped=skipped,
+        warnings=study.warnings + plan_plausibility(study, plan),
     )
 
 

@@ -13,6 +13,7 @@ from edtk.design.plan import Plan
 from edtk.design.relaxation.relax_options import RelaxOptions
 from edtk.design.relaxation.relax_poses import relax_poses
 from edtk.study.plan_accuracy import plan_accuracy
+from edtk.study.plausibility import plan_plausibility
 from edtk.study.relax_study import source_of
 from edtk.study.run_options import DEFAULTS, RunOptions
 from edtk.study.study import Study
@@ -67,8 +68,12 @@ def plan_study(
         )
         left = since + seconds - monotonic()
         found = find_plan(relaxed, new, distinct, kept, _search_options(study, options, left))
-    expected = plan_accuracy(study, found.whole)
-    return replace(found, expected=expected, seconds=monotonic() - since)
+    return replace(
+        found,
+        expected=plan_accuracy(study, found.whole),
+        warnings=study.warnings + plan_plausibility(study, found.whole),
+        seconds=monotonic() - since,
+    )
 
 
 def _relax_options(options: RunOptions, end: float) -> RelaxOptions:

@@ -22,6 +22,7 @@ from edtk.model.task import Task
 from edtk.study.check_study import check_study
 from edtk.study.load_plan import load_plan
 from edtk.study.plain_keys import plain_keys
+from edtk.study.plausibility import plausibility
 from edtk.study.read_toml import read_toml
 from edtk.study.schema import Specification, read_specification
 from edtk.study.study_keys import StudyKeys, keys_signature
@@ -249,6 +250,11 @@ class Study(Presented):
         Empty if there are no such joints, or no test pose.
         """
         return "" if self.task is None else rigid_joints_in_words(self.task.rigid_joints)
+
+    @cached_property
+    def warnings(self) -> tuple[str, ...]:
+        """What the study says that is physically hard to believe, a line each."""
+        return plausibility(self)
 
     @property
     def names(self) -> tuple[str, ...]:

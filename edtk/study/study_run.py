@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,6 +11,7 @@ from edtk.design.relaxation.relaxed_plan import RelaxedPlan
 from edtk.model.expected_error import ExpectedError
 from edtk.study.case import Case
 from edtk.study.plan_accuracy import plan_accuracy
+from edtk.study.plausibility import plan_plausibility
 from edtk.study.study import Study
 from edtk.system.presented import Presented
 
@@ -48,11 +50,20 @@ class StudyRun(Presented):
     @property
     def expected(self) -> ExpectedError | None:
         """Errors to expect of the largest plan for the main criterion; None without a test pose."""
+        return None if self._best is None else plan_accuracy(self.study, self._best)
+
+    @cached_property
+    def warnings(self) -> tuple[str, ...]:
+        """What is hard to believe in the study or in that plan, a line each."""
+        of_plan = () if self._best is None else plan_plausibility(self.study, self._best)
+        return self.study.warnings + of_plan
+
+    @property
+    def _best(self) -> Plan | None:
+        """The largest plan for the main criterion."""
         of_main = (case for case in self.cases if case.optimised == self.study.main_criterion)
         plans = [case.plan for case in of_main if case.kind == "optimised" and case.plan]
-        if not plans:
-            return None
-        return plan_accuracy(self.study, max(plans, key=lambda plan: plan.experiments))
+        return max(plans, key=lambda plan: plan.experiments, default=None)
 
     @property
     def plans(self) -> dict[str, Plan]:

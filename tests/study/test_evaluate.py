@@ -71,6 +71,7 @@ def test_json(plan):
         "experiments",
         "expected_error",
         "skipped",
+        "warnings",
     ]
     assert list(data["std"]) == ["q2", "q3", "q4", "q5", "q6"]
     assert data["parameters"] == ["k2", "k3", "k4", "k5", "k6"]

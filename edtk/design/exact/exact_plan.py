@@ -33,6 +33,7 @@ class ExactPlan(Presented):
         ended: Why the search ended: "stagnation", "starts", "budget" or "interrupted".
         expected: Errors to expect in the test pose and around it; None without a test pose, or
             where nobody asked.
+        warnings: What is hard to believe in the study or in this plan, a line each.
     """
 
     relaxed: RelaxedPlan
@@ -45,6 +46,7 @@ class ExactPlan(Presented):
     seconds: float
     ended: str
     expected: ExpectedError | None = None
+    warnings: tuple[str, ...] = ()
 
     def headline(self) -> str:
         """Criterion, value, size and efficiency."""
@@ -132,6 +134,7 @@ class ExactPlan(Presented):
             "seconds": self.seconds,
             "constraint_violation": self.violation,
             "expected_error": None if self.expected is None else self.expected.to_dict(),
+            "warnings": list(self.warnings),
             "plan": ([] if self.kept is None else self._rows(self.kept, kept=True))
             + self._rows(self.plan, kept=False),
             "exact": {

@@ -1,0 +1,277 @@
+"""What in a study, or in the promise of a plan, cannot well be meant: a unit, most of the time."""
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from edtk.design.candidate_source import CandidateSource, EmptyFeasibleSetError
+from edtk.design.plan import Plan
+from edtk.inference.least_squares import SingularPlanError, covariance
+from edtk.model.compensation_accuracy import compensation_accuracy
+from edtk.model.expected_error import WITHIN
+from edtk.model.neighbourhood import neighbourhood
+from edtk.system.typing import Array, Indices
+from edtk.tables.pose_table import pose_factors
+
+if TYPE_CHECKING:
+    from edtk.study.study import Study
+
+# The longest serial arms reach 5 m, painting and erection robots 15 m; in millimetres already a
+# desk-top arm would have links of 200.
+LONGEST_LINKS = 50.0  # [m]
+# The smallest reflector of a laser tracker has a radius of 6.35 mm: nearer no marker gets. In
+# metres a tool of up to 3 m would be given by so small a number.
+SHORTEST_TOOL = 3e-3  # [m]
+SMALL_ARM = 0.3  # total length of links up to which a tool may be so small [m]
+LONGEST_TOOL = 3.0  # length of a tool beside that of all links
+# Radians of a test pose are within one turn, and have digits that nobody types in degrees.
+ONE_TURN = 2 * np.pi
+TYPED = 0.05  # step of angles that people type [deg]
+LEAST_ANGLE = 0.5  # the largest angle of a pose in radians that is not a pose at rest
+# Gears are chosen so that full load turns them by minutes of arc: 1e-3 rad a joint, and the tool by
+# up to three such turns times the reach.
+SAG = 3e-3  # deflection beside the reach
+SOFTEST = 1e-4  # no gear of a robot is softer, wrists of small collaborative robots included
+INTERFEROMETER = 1e-7  # no device measures displacements of a robot better, in air [m]
+ON_AXIS = 5e-3  # least lever of a joint, below the radius of the smallest reflector [m]
+SAMPLE = 255  # poses within the joint limits in which loads are judged
+# A plan that suits all parameters gives each a standard deviation of two to ten times the best that
+# it could have alone; thirty times is that of a thousandth of the experiments.
+HARDLY_EXCITED = 30.0
+UNCERTAIN = 0.5  # standard deviation beside the parameter itself, where that is known
+CANDIDATES = 300  # among which the best experiment for each parameter is looked for
+MOST_NAMED = 4
+
+
+def plausibility(study: "Study") -> tuple[str, ...]:
+    """Find what a study says that is physically hard to believe.
+
+    Args:
+        study: The study.
+
+    Returns:
+        One line for each finding, which names the key.
+    """
+    if _links(study) > LONGEST_LINKS:
+        # Nothing else can be judged by such an arm.
+        return (
+            f"robot: its links add up to {_links(study):.4g} m; lengths in a robot's file are in "
+            "metres, are these in millimetres?",
+        )
+    checks = (_tools, _pose_unit, _pose_limits, _noise, _axes)
+    return tuple(line for check in checks for line in check(study))
+
+
+def plan_plausibility(study: "Study", plan: Plan) -> tuple[str, ...]:
+    """Find what is hard to believe, or a pity, in what a plan promises.
+
+    Args:
+        study: The study.
+        plan: All experiments.
+
+    Returns:
+        One line for each finding.
+    """
+    try:
+        cov = covariance(study.space.information(plan), study.model.parameters)
+    except SingularPlanError:
+        return ()
+    if _links(study) > LONGEST_LINKS:
+        return ()
+    return (*_useless(study, cov), *_hardly_excited(study, cov, plan.experiments))
+
+
+def _links(study: "Study") -> float:
+    """Total length of the links between the joints [m]."""
+    origins = (joint.origin[:3, 3] for joint in study.robot.joints)
+    return float(sum(np.linalg.norm(origin) for origin in origins))
+
+
+def _tools(study: "Study") -> Iterator[str]:
+    """Tools in metres, and tools that are longer than the robot."""
+    task = study.task
+    tools = {"tool": study.robot.tool} | ({} if task is None else {"test_pose.tool": task.tool})
+    links = _links(study)
+    for key, tool in tools.items():
+        length = float(np.linalg.norm(tool[:3, 3]))
+        where = f"{key}.position_mm: the tool point is {1e3 * length:.3g} mm from the last joint"
+        if 0 < length < SHORTEST_TOOL and links > SMALL_ARM:
+            yield f"{where}; is it given in metres?"
+        elif length > LONGEST_TOOL * links > 0:
+            yield f"{where}, and all links together are {1e3 * links:.3g} mm long"
+
+
+def _pose_unit(study: "Study") -> Iterator[str]:
+    """A test pose whose angles look like radians."""
+    pose = study.specification.test_pose
+    if pose is None:
+        return
+    turns = [joint.kind == "revolute" for joint in study.robot.joints]
+    angles = np.array(pose.q_deg)[turns]
+    moved = angles[angles != 0]
+    odd = np.abs(moved / TYPED - np.round(moved / TYPED)) > 1e-6
+    small = bool((np.abs(angles) <= ONE_TURN).all())
+    # Three joints at least: with fewer, small odd angles may well be degrees.
+    if small and odd.sum() >= max(3, len(moved) / 2) and np.abs(moved).max() >= LEAST_ANGLE:
+        yield (
+            f"test_pose.q_deg: all angles are within {np.abs(angles).max():.3g} deg of zero; are "
+            "they in radians?"
+        )
+
+
+def _pose_limits(study: "Study") -> Iterator[str]:
+    """A test pose that the robot cannot take."""
+    if study.task is None:
+        return
+    lower, upper = study.robot.limits
+    q = study.task.q
+    factors = pose_factors(study.robot)
+    outside = np.flatnonzero((q < lower - 1e-9) | (q > upper + 1e-9))
+    if len(outside):
+        j = outside[0]
+        low, value, high = np.array([lower[j], q[j], upper[j]]) / factors[j]
+        others = f", and {len(outside) - 1} more" if len(outside) > 1 else ""
+        yield (
+            f"test_pose.q_deg: joint {study.robot.joint_names[j]} is at {value:.6g}, beyond its "
+            f"limits {low:.6g} .. {high:.6g}{others}"
+        )
+
+
+def _noise(study: "Study") -> Iterator[str]:
+    """Noise beside the deflection under load, which is what is measured."""
+    sigma = float(study.sigma[0])
+    key = f"measurement.sigma_mm: {1e3 * sigma:.3g} mm"
+    if sigma < INTERFEROMETER:
+        yield f"{key} is finer than any instrument; is it given in metres?"
+    A, _ = _sampled(study)
+    k = _own_scale(study)
+    if np.isfinite(k).all():
+        bent = float(np.linalg.norm(A @ k, axis=1).max())
+        by = "in [simulation] or [prior]"
+    else:
+        soft = float((SOFTEST * np.linalg.norm(A, axis=1)).sum(axis=-1).max())
+        bent = min(SAG * _links(study), soft)
+        by = "of usual size"
+    if 0 < bent <= sigma:
+        yield (
+            f"{key} is more than the load bends the robot: {1e3 * bent:.2g} mm at most with "
+            f"compliances {by}; check sigma_mm and load"
+        )
+
+
+def _axes(study: "Study") -> Iterator[str]:
+    """Joints whose axis runs through the tool point, or that no load turns."""
+    if any(_tools(study)):
+        return  # the cause is named already
+    A, size = _sampled(study)
+    # A column is torque times lever, of order force times lever squared.
+    lever = np.sqrt(np.linalg.norm(A, axis=1).max(axis=0) / size)
+    names = np.array(study.specification.joints.unknown)[lever < ON_AXIS]
+    if len(names):
+        yield (
+            f"tool.position_mm, load: in no pose does the load move the tool point by way of "
+            f"{_listed(names)}; the tool point lies on the axis, or the load passes through it"
+        )
+
+
+def _sampled(study: "Study") -> tuple[Array, float]:
+    """Position rows (s, 3, p) of experiments anywhere within limits, and the largest load [N]."""
+    space = study.space
+    x = space.draw(np.random.default_rng(0).random((SAMPLE, len(space.drawn))))
+    plan = space.plan(x, np.ones(SAMPLE, dtype=int))
+    force = np.linalg.norm(plan.wrench[:, :3], axis=1)
+    torque = np.linalg.norm(plan.wrench[:, 3:], axis=1)
+    load = float((force + torque / study.robot.reach).max())
+    # Without any load nothing is excited, which the design itself reports.
+    return study.model.regressor(plan.q, plan.wrench)[:, :3], load or 1.0
+
+
+def _own_scale(study: "Study") -> Array:
+    """Compliances (p,) as far as a study knows them: simulated, or from before; else NaN."""
+    given = study.specification
+    simulated = given.simulation.compliance_rad_per_Nm if given.simulation is not None else {}
+    earlier = given.prior.earlier.mean_rad_per_Nm if given.prior.earlier is not None else {}
+    medians = {name: one.median_rad_per_Nm for name, one in given.prior.joints.items()}
+    known = {name: k for name, k in medians.items() if k is not None} | dict(earlier) | simulated
+    return np.array([abs(known.get(name, np.nan)) for name in given.joints.unknown])
+
+
+def _useless(study: "Study", cov: Array) -> Iterator[str]:
+    """An error after compensation that is larger than the one before."""
+    task = study.task
+    if task is None:
+        return
+    after = float(compensation_accuracy(task.regressor, cov))
+    k = _own_scale(study)
+    known = bool(np.isfinite(k).all())
+    before = float(np.linalg.norm(task.regressor @ k)) if known else SAG * _links(study)
+    if 0 < before < after:
+        usual = "" if known else ", as robots go"
+        yield (
+            f"the expected error in the test pose, {1e3 * after:.3g} mm, is larger than what the "
+            f"load bends the robot there, {1e3 * before:.2g} mm{usual}; check tools, loads and "
+            "sigma_mm, or measure more"
+        )
+
+
+def _hardly_excited(study: "Study", cov: Array, experiments: int) -> Iterator[str]:
+    """Parameters about which a plan says much less than it could."""
+    std = np.sqrt(np.diag(cov))
+    share = std / _own_scale(study)
+    ratio = std / _best_alone(study, experiments)
+    # Beside its own size a parameter is judged by that, and else by what plans could do.
+    bad = np.flatnonzero(np.where(np.isfinite(share), share > UNCERTAIN, ratio > HARDLY_EXCITED))
+    if not len(bad):
+        return
+    names = [study.model.parameters[i] for i in bad]
+    how = [
+        f"+-{_round(100 * share[i])} % of itself"
+        if np.isfinite(share[i])
+        else f"{_round(ratio[i])} times the best"
+        for i in bad[:MOST_NAMED]
+    ]
+    yield (
+        f"hardly excited: {_listed(names)}, with a standard deviation of {', '.join(how)}; "
+        f"{_cure(study, bad)}"
+    )
+
+
+def _cure(study: "Study", bad: Indices) -> str:
+    """What helps against parameters (indices) that are hardly excited."""
+    task = study.task
+    if task is not None and study.main_criterion == "rho0" and not task.within:
+        A = task.harm(neighbourhood(task.robot, task.q, WITHIN))
+        # A plan for the neighbourhood asks for a parameter only if it does harm there.
+        if A[..., bad].any(axis=(0, 1)).all():
+            return "set robust_deg in [test_pose], or optimise another criterion such as D"
+    return "plan more experiments, or optimise another criterion such as D"
+
+
+def _round(number: float) -> str:
+    """Two digits, without an exponent where people would not write one."""
+    return f"{float(f'{number:.2g}'):,.0f}" if number < 1e6 else f"{number:.1e}"
+
+
+def _best_alone(study: "Study", experiments: int) -> Array:
+    """Standard deviations (p,) that no plan of candidates can beat, each for itself.
+
+    ``(M^-1)_jj >= 1 / M_jj``, and M_jj is at most m times the largest that a candidate has. Inf
+    where there are no candidates to compare with.
+    """
+    given = study.specification
+    source = CandidateSource(study.space, (given.seed, 0), given.sampling)
+    try:
+        x = source.take(min(CANDIDATES, given.candidates)).x
+    except EmptyFeasibleSetError:
+        return np.full(study.model.p, np.inf)
+    blocks = study.space.problem(x).blocks()
+    largest = np.diagonal(blocks, axis1=1, axis2=2).max(axis=0)
+    with np.errstate(divide="ignore"):
+        return np.asarray(1 / np.sqrt(experiments * largest))
+
+
+def _listed(names: "list[str] | Array") -> str:
+    """The first names, and how many more there are."""
+    more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
+    return f"{', '.join(names[:MOST_NAMED])}{more}"

@@ -1,0 +1,107 @@
+"""What cannot well be meant in a study, or in the promise of a plan."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from edtk.design.plan import Plan
+from edtk.model.robot_to_dict import robot_to_dict
+from edtk.study.evaluate import evaluate
+from edtk.study.plausibility import plan_plausibility
+from edtk.study.random_case import random_case
+from edtk.study.study import load_study
+
+STUDIES = Path(__file__).parents[2] / "studies"
+STUDY = load_study(STUDIES / "kr270_milling.toml")
+KEYS = STUDY.to_dict()
+POSE = KEYS["test_pose"]
+UNKNOWN_SIZE = {"simulation": None}
+
+
+@pytest.mark.parametrize("path", sorted(STUDIES.glob("*.toml")), ids=lambda path: path.stem)
+@pytest.mark.parametrize("changes", [{}, UNKNOWN_SIZE], ids=["sizes known", "sizes unknown"])
+def test_nothing_is_said_of_sound_studies_and_plans(path, changes):
+    """The studies of this repository, their published plans and a random one earn no warning."""
+    study = load_study(path).replace(**changes)
+    assert study.warnings == ()
+    plans = [*load_study(path).published_plans().values(), random_case(study, 6, 0).plan]
+    assert [plan_plausibility(study, plan) for plan in plans] == [()] * len(plans)
+
+
+def in_radians():
+    """The test pose in radians, to four digits."""
+    return {"test_pose": POSE | {"q_deg": np.deg2rad(POSE["q_deg"]).round(4).tolist()}}
+
+
+def joints_in_millimetres():
+    """The robot with all lengths of its joints thousand times as large."""
+    robot = robot_to_dict(STUDY.robot)
+    for joint in robot["joints"]:
+        joint["origin_m"] = [1e3 * x for x in joint["origin_m"]]
+    return {"robot": robot}
+
+
+NONSENSE = {
+    "tool in metres": ({"tool": {"position_mm": [0.6115, 0, -0.46]}}, "tool.position_mm: .*metres"),
+    "tool of the task": (
+        {"test_pose": POSE | {"tool": {"position_mm": [0.986, 0, 0]}}},
+        "test_pose.tool.position_mm: .* 0.986 mm .* metres",
+    ),
+    "tool too long": ({"tool": {"position_mm": [61150, 0, 0]}}, "tool.position_mm: .*together"),
+    "robot in millimetres": (joints_in_millimetres(), "robot: .* 3505 m; .* millimetres"),
+    "pose in radians": (in_radians(), "test_pose.q_deg: .* radians"),
+    "pose beyond a limit": (
+        {"test_pose": POSE | {"q_deg": [0, 30, 89, 45, 126, 57]}},
+        "joint q2 is at 30, beyond its limits -146 .. 0, and 1 more",
+    ),
+    "noise": ({"measurement": {"sigma_mm": 50}}, "sigma_mm: 50 mm is more than the load bends"),
+    "known sizes": (
+        {"measurement": {"sigma_mm": 15}, "simulation": KEYS["simulation"]},
+        "sigma_mm: 15 mm .* in .simulation.",
+    ),
+    "fine noise": ({"measurement": {"sigma_mm": 3e-5}}, "sigma_mm: 3e-05 mm is finer"),
+    "load in kilonewtons": ({"load": {"F_N": [0, 0, -0.0025]}}, "more than the load bends"),
+    "tool on an axis": ({"tool": {"position_mm": [611.5, 0, 0]}}, "by way of q6; the tool point"),
+    "an axis that no load turns": (
+        {"joints": {"unknown": ["q1", "q2", "q3"]}},
+        "by way of q1; the tool point",
+    ),
+}
+
+
+@pytest.mark.parametrize(("changes", "expected"), NONSENSE.values(), ids=NONSENSE)
+def test_nonsense_earns_one_line(changes, expected):
+    """Each mistake is named once, by its key, in a line that fits a terminal."""
+    study = STUDY.replace(**(UNKNOWN_SIZE | changes))
+    assert len(study.warnings) == 1
+    assert re.search(expected, study.warnings[0])
+    assert len(study.warnings[0]) < 200
+
+
+def test_a_parameter_that_is_hardly_excited_is_named_with_its_cure():
+    """Its standard deviation is far above what as many experiments could give it."""
+    joints = KEYS["joints"] | {"unknown": ["q2", "q3", "q4", "q5"]}
+    study = STUDY.replace(joints=joints, **UNKNOWN_SIZE)
+    poses = random_case(study, 2, 0).plan
+    # Two poses that are nearly one leave a direction open, about which all parameters are in doubt.
+    q = poses.q[[0, 0]] + np.array([[0.0], [1e-4]])
+    plan = Plan(q, poses.wrench, np.array([1, 1]))
+    line = plan_plausibility(study, plan)[-1]
+    assert line.startswith("hardly excited: k")
+    assert line.endswith("set robust_deg in [test_pose], or optimise another criterion such as D")
+    robust = study.replace(test_pose=POSE | {"robust_deg": 30})
+    assert "plan more experiments" in plan_plausibility(robust, plan)[-1]
+    known = STUDY.replace(joints=joints)
+    assert "% of itself" in plan_plausibility(known, plan)[-1]
+
+
+def test_an_error_above_the_deflection_is_useless():
+    """A plan that leaves more error than the load makes says so; evaluations carry the lines."""
+    study = STUDY.replace(measurement={"sigma_mm": 5})
+    plan = random_case(STUDY, 2, 0).plan
+    found = evaluate(study, plan)
+    assert any("larger than what the load bends the robot there" in line for line in found.warnings)
+    assert found.to_dict()["warnings"] == list(found.warnings)
+    assert found.warnings == study.warnings + plan_plausibility(study, plan)
