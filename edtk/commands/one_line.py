@@ -1,6 +1,8 @@
 """Commands that answer every error of a user with one line."""
 
+import signal
 import sys
+import threading
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -30,11 +32,14 @@ class OneLine(click.Command):
     program = "edtk"
 
     def main(self, *args: Any, **kwargs: Any) -> Any:
-        """Run the command and exit: with code 2 after an error of the user, 130 after Ctrl-C."""
+        """Run the command and exit: with code 2 after an error of the user, 130 after Ctrl-C.
+
+        SIGTERM, by which schedulers and containers end a program, is taken like Ctrl-C.
+        """
         kwargs["standalone_mode"] = False
         code = USER_ERROR
         try:
-            with _notes_at_the_end(self.program):
+            with _sigterm_like_ctrl_c(), _notes_at_the_end(self.program):
                 code = super().main(*args, **kwargs) or 0
             sys.exit(code)
         except click.ClickException as error:
@@ -59,6 +64,21 @@ class OneLine(click.Command):
             message = str(UserError(error.strerror or str(error), where=error.filename))
         click.echo(shortened(f"{self.program}: {message}"), err=True)
         sys.exit(code)
+
+
+@contextmanager
+def _sigterm_like_ctrl_c() -> Iterator[None]:
+    """Let SIGTERM interrupt the command, which then leaves its best result so far."""
+    main_thread = threading.current_thread() is threading.main_thread()
+    # One who starts a program may have it ignore the signal.
+    if not main_thread or signal.getsignal(signal.SIGTERM) is not signal.SIG_DFL:
+        yield
+        return
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 
 @contextmanager

@@ -2,8 +2,9 @@
 
 import os
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Generator, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import closing
 from dataclasses import dataclass
 from typing import Literal, get_args
 
@@ -99,8 +100,14 @@ class CandidateSource:
         require_some(n)
         # A few candidates do not wait for a full chunk; 2 n samples often hold n feasible ones.
         size = min(CHUNK, 1 << (2 * n).bit_length())
-        parallel = size == CHUNK
-        results = self._parallel(size) if parallel else map(self._evaluate, self._cubes(size))
+        evaluate = self._parallel if size == CHUNK else self._in_turn
+        # Closed here, not when it is dropped: Python swallows a Ctrl-C that comes in a generator's
+        # last wait for its threads, where nobody has called that generator.
+        with closing(evaluate(size)) as results:
+            yield from self._first(n, size, results)
+
+    def _first(self, n: int, size: int, results: Iterable["_Chunk"]) -> Iterator[Candidates]:
+        """The first n candidates of evaluated chunks of `size` samples."""
         left = n
         samples = 0
         excluded = np.zeros(len(self.space.labels))
@@ -135,7 +142,11 @@ class CandidateSource:
         while True:
             yield sobol.random(size)
 
-    def _parallel(self, size: int) -> Iterator["_Chunk"]:
+    def _in_turn(self, size: int) -> Generator["_Chunk", None, None]:
+        """Evaluate all chunks in order, none ahead of the consumer."""
+        yield from map(self._evaluate, self._cubes(size))
+
+    def _parallel(self, size: int) -> Generator["_Chunk", None, None]:
         """Evaluate all chunks in order, a few chunks ahead of the consumer."""
         workers = self.workers or os.cpu_count() or 1
         waiting: deque[Future[_Chunk]] = deque()

@@ -16,8 +16,11 @@ def workers_for(workers: int | None, dask: str | None) -> Iterator[Workers]:
         dask: Address of a Dask scheduler; None for this machine.
 
     Raises:
-        ArgumentError: No scheduler answers at that address, or its workers are lost.
+        ArgumentError: Both are given, no scheduler answers there, or its workers are lost.
     """
+    if workers is not None and dask is not None:
+        message = "a cluster's own workers do the work; expected one of both options"
+        raise ArgumentError(message, argument="workers", given=workers)
     try:
         with open_workers(workers, dask) as found:
             yield found

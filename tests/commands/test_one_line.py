@@ -1,6 +1,8 @@
 """Every error of a user is one short line on standard error, and exit code 2."""
 
 import errno
+import os
+import signal
 
 import click
 import pytest
@@ -61,3 +63,18 @@ def test_a_wrong_option_is_one_short_line(arguments, expected):
     assert line.isprintable()
     assert len(line) <= 300
     assert expected in line
+
+
+def test_sigterm_is_like_ctrl_c():
+    """A program that is asked to end says so, with the exit code of Ctrl-C."""
+
+    @click.command(cls=OneLine)
+    def waiting():
+        os.kill(os.getpid(), signal.SIGTERM)
+        signal.pause()
+
+    before = signal.getsignal(signal.SIGTERM)
+    answer = CliRunner().invoke(waiting, [])
+    assert answer.exit_code == 130
+    assert answer.stderr.strip() == "edtk: interrupted"
+    assert signal.getsignal(signal.SIGTERM) is before

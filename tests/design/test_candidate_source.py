@@ -1,6 +1,7 @@
 """Candidates of a source: feasible, repeatable on any number of cores, and even."""
 
 import pickle
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -201,3 +202,16 @@ def test_no_candidates_are_rejected(n, ask):
     }
     with pytest.raises(ValueError, match="at least one"):
         calls[ask]()
+
+
+def test_ctrl_c_while_threads_end(monkeypatch):
+    """An interruption in the last wait for the threads reaches the caller; it was swallowed."""
+
+    class Interrupted(ThreadPoolExecutor):
+        def shutdown(self, *args, **options):
+            super().shutdown(*args, **options)
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr("edtk.design.candidate_source.ThreadPoolExecutor", Interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        CandidateSource(KR270, 0).take(1000)
