@@ -1,5 +1,6 @@
 """The sheet on which a plan's measurements are written down."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,6 +11,7 @@ from edtk.design.plan import Plan
 from edtk.study.study import Study
 from edtk.system.atomic_file import write_text
 from edtk.tables.csv_text import csv_text
+from edtk.tables.in_file_units import rounded
 from edtk.tables.sheet_columns import (
     DEFLECTION_COLUMNS,
     LOADED_COLUMNS,
@@ -25,7 +27,7 @@ if TYPE_CHECKING:
 def template(study: Study, plan: Plan, positions: bool = False, markers: int = 0) -> "pd.DataFrame":
     """Make the empty sheet of a plan: a row per repetition, in an order of little joint travel.
 
-    Repetitions of a pose come one after another.
+    Repetitions of a pose come one after another. Angles have the digits that a controller takes.
 
     Args:
         study: Says which rows are measured.
@@ -40,6 +42,7 @@ def template(study: Study, plan: Plan, positions: bool = False, markers: int = 0
         file to be.
     """
     lower, upper = study.robot.limits
+    plan = replace(plan, q=rounded(study.robot, plan.q))
     table = plan.to_frame(study.robot).iloc[visiting_order(plan.q, upper - lower)]
     times = table.pop("repeats") * max(markers, 1)
     table = table.loc[table.index.repeat(times)].reset_index(drop=True)

@@ -12,8 +12,9 @@ from edtk.system.atomic_file import write_text
 from edtk.system.presented import Presented
 from edtk.system.typing import Array, Indices
 from edtk.tables.csv_text import csv_text
+from edtk.tables.in_file_units import in_file_units
 from edtk.tables.pose_columns import pose_columns
-from edtk.tables.pose_table import WRENCH_COLUMNS, PoseTable, pose_factors
+from edtk.tables.pose_table import WRENCH_COLUMNS, PoseTable
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -99,7 +100,7 @@ class Plan(Presented):
         """
         import pandas as pd
 
-        frame = pd.DataFrame(self.q / pose_factors(robot), columns=list(pose_columns(robot)))
+        frame = pd.DataFrame(in_file_units(robot, self.q), columns=list(pose_columns(robot)))
         frame["repeats"] = self.repeats
         frame[list(WRENCH_COLUMNS)] = self.wrench
         return frame

@@ -11,7 +11,8 @@ from edtk.design.plan import Plan
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
 from edtk.model.expected_error import ExpectedError
 from edtk.system.presented import Presented
-from edtk.tables.pose_table import WRENCH_COLUMNS, pose_factors
+from edtk.tables.in_file_units import in_file_units
+from edtk.tables.pose_table import WRENCH_COLUMNS
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -146,7 +147,7 @@ class ExactPlan(Presented):
 
     def _rows(self, plan: Plan, kept: bool) -> list[dict[str, Any]]:
         """The poses of a plan, one dictionary each."""
-        q = plan.q / pose_factors(self.relaxed.space.workspace.robot)
+        q = in_file_units(self.relaxed.space.workspace.robot, plan.q)
         return [
             {"q_deg": pose.tolist(), "repeats": int(r), "wrench": W.tolist(), "kept": kept}
             for pose, r, W in zip(q, plan.repeats, plan.wrench, strict=True)

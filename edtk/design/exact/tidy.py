@@ -8,6 +8,7 @@ from edtk.design.design_space import DesignSpace
 from edtk.design.distinct import distinct
 from edtk.design.exact.plans import Plans
 from edtk.design.exact.refine import refine
+from edtk.design.exact.round_poses import round_poses
 from edtk.design.problem import Problem
 from edtk.system.typing import Array, Indices
 
@@ -21,7 +22,9 @@ DIGITS = 9  # by which poses are sorted: rounding must not decide about their or
 
 
 def tidy(space: DesignSpace, criterion: Criterion, best: Plans, cost: float) -> tuple[Array, Array]:
-    """Merge alike poses of a plan where that costs next to nothing, and refine it once more.
+    """Merge alike poses of a plan where that costs next to nothing, refine it, and round it.
+
+    The poses are those that a controller takes, see `round_poses`.
 
     Args:
         space: Model and feasible set.
@@ -48,6 +51,7 @@ def tidy(space: DesignSpace, criterion: Criterion, best: Plans, cost: float) -> 
             repeats = fewer
             break
     x = refine(space, criterion, x[None], repeats[None], FINEST, SHARPEST)[0][0]
+    x, repeats = round_poses(space, criterion, x, repeats)
     order = np.lexsort((*np.round(x.T[::-1], DIGITS), -repeats))
     return x[order], repeats[order]
 
