@@ -2,10 +2,11 @@
 
 import numpy as np
 
+from edtk.calibration.shortest_legs import shortest_legs
 from edtk.system.typing import Array, Indices, Mask
 
 BEST_UP_TO = 11  # poses; dynamic programming takes time and memory in proportion to k^2 2^k
-EXCHANGES_UP_TO = 1000  # poses; exchanges take memory in proportion to k^2
+EXCHANGES_UP_TO = 300  # poses; exchanges take time in proportion to k^3
 LEAST_GAIN = 1e-12  # relative: below that an exchange of legs is rounding, and might go on for ever
 
 
@@ -16,7 +17,7 @@ def visiting_order(
 
     The length of a leg is the root of the sum of squares of the joints' travel, each divided by its
     range. Many poses are put in order by nearest neighbour, and legs are exchanged while that
-    shortens the path (2-opt).
+    shortens the path (2-opt). Very many are joined from the shortest legs on.
 
     Args:
         q: Joint variables (k, n) [rad or m].
@@ -29,7 +30,7 @@ def visiting_order(
     """
     x = q / span
     if len(x) > exchanges_up_to:
-        order = _nearest(x)
+        order = shortest_legs(x)
     else:
         distance = np.sqrt(((x[:, None] - x[None]) ** 2).sum(axis=-1))
         few = len(x) <= best_up_to

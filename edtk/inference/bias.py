@@ -76,7 +76,8 @@ def linearisation_bias(
         model: The robot with its calibration tool.
         q: Poses (m, n), one a measurement [rad or m].
         wrench: Forces and torques (m, 6) or (6,) [N, N m].
-        sigma: Noise, one number or one a row (rows,) [m, rad].
+        sigma: Noise, one number, one a row (rows,), or one a row of each measurement (m, rows)
+            [m, rad].
         k: True compliances (n,) of all joints [rad/(N m)]. A joint that is not among the unknown
             ones bends too, and its part of the measurements is ascribed to the others.
 

@@ -7,9 +7,12 @@ from edtk.calibration.inference_data import inference_data
 from edtk.calibration.posterior_check import PosteriorCheck
 from edtk.inference.noise import NU_IN_WORDS, Noise
 from edtk.system.atomic_file import Content, require_writable, write_files
+from edtk.system.errors import UserError
 from edtk.verbs.inputs import PlanLike, StudyLike, as_plan, as_study, name_of
 from edtk.verbs.require_output import require_folder
 from edtk.verbs.sampling import Sampling
+
+MOST_MEASUREMENTS = 100_000  # the density of the posterior is a sum over them, at every step
 
 
 def bayes(
@@ -46,6 +49,12 @@ def bayes(
     sampling.require_writable(*question.reads, plan if isinstance(plan, str | Path) else None)
     measured = as_plan(question, plan)
     require_folder(figures)
+    if measured.experiments > MOST_MEASUREMENTS:
+        raise UserError(
+            f"{measured.experiments} experiments, each of which is simulated; "
+            f"expected {MOST_MEASUREMENTS} at most",
+            where=name_of(plan, "plan"),
+        )
     if figures is not None:
         require_writable(Path(figures) / "corner.png")
     noise = _noise(question.specification.prior.noise(), sigma_factor, nu)

@@ -49,10 +49,12 @@ def template(
     if out is not None and not is_standard_output(out):
         require_output(out, *question.reads, plan if isinstance(plan, str | Path) else None)
         require_empty(Path(out))
-    if measured.experiments > MOST_ROWS:
+    rows = measured.experiments * (markers or 1)
+    if rows > MOST_ROWS:
         raise UserError(
-            f"{name_of(plan, 'plan')}: {measured.experiments} experiments; "
-            f"expected {MOST_ROWS} at most for a sheet"
+            f"a sheet of {rows} rows, one for each repetition and marker; "
+            f"expected {MOST_ROWS} at most",
+            where=name_of(plan, "plan"),
         )
     table = empty_sheet(question, measured, positions, markers or 0)
     if out is not None:

@@ -7,9 +7,14 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from edtk.calibration.plan_bias import plan_bias
 from edtk.cli import main
+from edtk.design.plan import Plan
 from edtk.inference.bias import linearisation_bias
 from edtk.study.study import load_study
+from edtk.system.errors import UserError
+from edtk.verbs.bayes import bayes
+from edtk.verbs.template import template
 
 ROOT = Path(__file__).parents[2]
 PATH = ROOT / "studies" / "kr270_milling.toml"
@@ -114,3 +119,30 @@ def test_mistakes(tmp_path):
         PATH, tmp_path / "one.csv"
     )
     assert "no such file" in refused(PATH, tmp_path / "none.csv")
+
+
+def test_repetitions_are_counted_and_not_expanded():
+    """A billion repetitions of each pose: the bias of one, and 1/sqrt(1e9) of its noise."""
+    study = load_study(PATH)
+    plan = study.load_plan(PLAN)
+    once = plan_bias(study, plan, PLAN).bias
+    often = plan_bias(study, plan.repeated(10**9), PLAN).bias
+    np.testing.assert_allclose(often.expected, once.expected, rtol=1e-9)
+    np.testing.assert_allclose(often.std, once.std / 10**4.5, rtol=1e-9)
+    some = Plan(plan.q, plan.wrench, np.array([1, 2, 3]))
+    each = np.repeat(np.arange(3), some.repeats)
+    rows = Plan(plan.q[each], plan.wrench[each], np.ones(6, dtype=int))
+    found, expected = (plan_bias(study, given, PLAN).bias for given in (some, rows))
+    np.testing.assert_allclose(found.expected, expected.expected, rtol=1e-9)
+    np.testing.assert_allclose(found.covariance, expected.covariance, rtol=1e-9)
+
+
+def test_what_needs_a_row_each_has_a_limit(tmp_path):
+    """A sheet and simulated measurements have a row each: too many are refused in one line."""
+    plan = load_study(PATH).load_plan(PLAN).repeated(10**9)
+    with pytest.raises(UserError, match=r"^plan: a sheet of 3000000000 rows.*1000000 at most$"):
+        template(PATH, plan)
+    with pytest.raises(UserError, match="rows, one for each repetition and marker"):
+        template(PATH, PLAN, markers=400_000)
+    with pytest.raises(UserError, match=r"^plan: 3000000000 experiments.*100000 at most$"):
+        bayes(PATH, plan)
