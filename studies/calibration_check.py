@@ -3,7 +3,8 @@
     python studies/calibration_check.py
 
 writes calibration_check.md beside this file: whether ranks of simulated truths are uniform, see
-simulation_based_calibration.py, and whether least squares scatters as Eq. (13) says.
+simulation_based_calibration.py, whether least squares scatters as Eq. (13) says, and whether the
+band of a compensation covers the error of a robot at rest under its load.
 """
 
 import sys
@@ -14,6 +15,7 @@ from time import perf_counter
 
 import click
 import numpy as np
+from compensation_coverage import REPEATS, Coverage, compensation_coverage
 from scipy import stats
 from simulation_based_calibration import (
     BINS,
@@ -37,6 +39,7 @@ from edtk.system.typing import Array
 
 HERE = Path(__file__).parent
 RUNS_OF_LEAST_SQUARES = 20_000
+RUNS_OF_COMPENSATION = 500
 
 # What holds: p-values of everything together above 1 %, coverage of intervals 93 to 97 % on
 # average, and of each parameter within so many standard errors of 95 %.
@@ -126,7 +129,9 @@ def main(runs: int, workers: int | None) -> None:
             good = good and verdict.holds
     fits = _fits_of_all_plans(study)
     good = good and min(p for _, _, p in fits) * len(fits) > LEAST_P
-    write_text(HERE / "calibration_check.md", _page(runs, verdicts, rows, fits))
+    bands = _bands(study)
+    good = good and all(found.covered.min() >= COVERAGE[0] for _, found in bands)
+    write_text(HERE / "calibration_check.md", _page(runs, verdicts, rows, fits, bands))
     sys.exit(0 if good else 1)
 
 
@@ -141,11 +146,22 @@ def _fits_of_all_plans(study: Study) -> list[tuple[str, float, float]]:
     return found
 
 
+def _bands(study: Study) -> list[tuple[str, Coverage]]:
+    """Coverage of the band of a compensation, by plan."""
+    rng = np.random.default_rng(SEED)
+    runs = RUNS_OF_COMPENSATION
+    return [
+        (title, compensation_coverage(study, repeats, runs, rng))
+        for title, repeats in REPEATS.items()
+    ]
+
+
 def _page(
     runs: int,
     verdicts: Sequence[Sequence[str]],
     rows: Sequence[Sequence[str]],
     fits: Sequence[tuple[str, float, float]],
+    bands: Sequence[tuple[str, Coverage]],
 ) -> str:
     """The report, as Markdown."""
     head = (
@@ -177,8 +193,41 @@ def _page(
         f"Empirical covariance of {RUNS_OF_LEAST_SQUARES} simulated calibrations against Eq. (13), "
         "in whitened parameters: the entry that deviates most, in its standard errors, and the "
         "chi-square test of all 15 entries together.\n\n"
-        f"{markdown_table(('plan', 'greatest deviation', 'p-value'), deviations)}"
+        f"{markdown_table(('plan', 'greatest deviation', 'p-value'), deviations)}\n"
+        f"{_page_of_bands(bands)}"
     )
+
+
+def _page_of_bands(bands: Sequence[tuple[str, Coverage]]) -> str:
+    """The section on compensation, as Markdown."""
+    head = (
+        "plan",
+        "error of the linear model over that of noise",
+        "coverage",
+        "coverage without the bias",
+    )
+    rows = [
+        (title, _range(found.ratio), _percent(found.covered), _percent(found.without))
+        for title, found in bands
+    ]
+    return (
+        "## Compensation\n\n"
+        f"{RUNS_OF_COMPENSATION} simulated calibrations per plan of a robot that rests under "
+        "2500 N, identified with the linear model. Coverage of the 95 % band of `edtk compensate`, "
+        "in the test pose and in five poses of the plan under its load: the least and the largest; "
+        "and the same of a band that leaves out the bias of the linear model.\n\n"
+        f"{markdown_table(head, rows)}"
+    )
+
+
+def _range(values: Array) -> str:
+    """The least and the largest of some values."""
+    return f"{values.min():.2f} to {values.max():.2f}"
+
+
+def _percent(shares: Array) -> str:
+    """The least and the largest of some shares, in per cent."""
+    return f"{100 * shares.min():.1f} to {100 * shares.max():.1f} %"
 
 
 if __name__ == "__main__":

@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from edtk.calibration.bias_in_test_pose import bias_in_test_pose
 from edtk.calibration.check_posterior import check_posterior
 from edtk.calibration.diagnostics.diagnostic import Diagnostic, Severity
 from edtk.calibration.diagnostics.diagnostics import diagnostics
 from edtk.calibration.fitted_data import FittedData
 from edtk.calibration.input_errors.find_input_error import find_input_error
 from edtk.calibration.input_errors.input_error import InputError
+from edtk.calibration.linear_model_bias import linear_model_bias
 from edtk.calibration.posterior_check import PosteriorCheck
 from edtk.calibration.study_prior import study_prior
 from edtk.design.plan import Plan
@@ -29,6 +29,7 @@ from edtk.model.loads.fixed_load import FixedLoad
 from edtk.study.study import Study
 from edtk.system.errors import UserError
 from edtk.system.presented import Presented
+from edtk.system.typing import Array
 from edtk.tables.sheet_columns import DEFLECTION_COLUMNS, ROTATION_COLUMNS
 
 if TYPE_CHECKING:
@@ -46,15 +47,15 @@ class Calibration(Presented):
         fitted: The study, its measurements, and the fit.
         diagnostics: Everything that looks wrong, the worst first.
         path: Where the measurements are.
-        rho0_bias: Length of the mean error in the test pose that the linear model leaves [m]; None
-            if it is unknown.
+        bias: By how far the linear model makes the compliances (p,) too large, to the first order
+            [rad/(N m)]; None if it is unknown.
         check: The posterior; None where it was not sampled.
     """
 
     fitted: FittedData
     diagnostics: tuple[Diagnostic, ...]
     path: Path
-    rho0_bias: float | None = None
+    bias: Array | None = None
     check: PosteriorCheck | None = None
 
     def headline(self) -> str:
@@ -103,6 +104,14 @@ class Calibration(Presented):
         return None if task is None else expected_error(task, self.fit.covariance)
 
     @property
+    def rho0_bias(self) -> float | None:
+        """Length of the mean error in the test pose that the linear model leaves [m].
+
+        None without a test pose, or if the bias is unknown.
+        """
+        return _length(self.study, self.bias)
+
+    @property
     def sigma_hat(self) -> float:
         """Estimated noise of a position coordinate [m].
 
@@ -136,6 +145,7 @@ class Calibration(Presented):
             "diagnostics": [diagnostic.to_dict() for diagnostic in self.diagnostics],
             "negative": [joints[i] for i in np.flatnonzero(fit.negative)],
             "k_unbounded": self._by_joint(fit.unbounded),
+            "k_bias": None if self.bias is None else self._by_joint(self.bias),
             "posterior": None if self.check is None else self.check.to_dict(),
         }
 
@@ -270,5 +280,14 @@ def calibrate(
     wrong = None if as_is else find_input_error(fitted)
     if wrong is not None:
         raise InputError(path, wrong)
-    rho0_bias = bias_in_test_pose(study, data, fitted.A, fitted.fit.k)
-    return Calibration(fitted, diagnostics(fitted, rho0_bias), path, rho0_bias)
+    bias = None
+    if study.target is not None:
+        bias = linear_model_bias(study, data, fitted.A, fitted.fit.k)
+    return Calibration(fitted, diagnostics(fitted, _length(study, bias)), path, bias)
+
+
+def _length(study: Study, bias: Array | None) -> float | None:
+    """Length of the error that a bias (p,) makes in the test pose [m]; None if it is unknown."""
+    if bias is None or study.target is None:
+        return None
+    return float(np.linalg.norm(study.target @ bias))

@@ -8,11 +8,13 @@ import numpy as np
 
 from edtk.design.plan import Plan
 from edtk.inference.error_quantiles import error_quantiles
+from edtk.inference.offset_error_quantiles import offset_error_quantiles
 from edtk.model.all_compliances import all_compliances
 from edtk.model.compensated_joints import compensated_joints
 from edtk.model.compensation_accuracy import compensation_accuracy
 from edtk.model.elastostatic_model import ElastostaticModel
 from edtk.model.equilibrium import NoEquilibriumError, equilibrium
+from edtk.model.remaining_error import remaining_error
 from edtk.model.rigid_joints import rigid_joints, rigid_joints_in_words
 from edtk.model.robot import Robot
 from edtk.study.study import Study
@@ -45,11 +47,12 @@ class Compensation(Presented):
         command: Joint variables (t, n) to command [rad or m].
         uncompensated: Distance (t,) of the loaded tool point from the desired one, were `desired`
             commanded [m].
-        remaining: Root mean square (t,) of the error that wrong compliances leave, Eq. (17) [m];
-            None if it is not known.
+        remaining: Root mean square (t,) of the error that wrong compliances leave, Eq. (17), with
+            that of the linear model where it is known [m]; None if it is not known.
         band: Its 2.5 % and 97.5 % quantiles (t, 2) [m]; None if they are not known.
-        rho0_bias: Error that the linear model of the identification leaves besides in the test
-            pose [m]; None if it is not known.
+        linear: Length (t,) of the mean error by which identifying with the linear model is off
+            [m]; None if it is not known, and then not part of the others.
+        rho0_bias: The same in the test pose [m]; None if it is not known.
         rigid: Which joints count as rigid although the load turns them, in words.
         verdict: "good", "warn" or "bad", as the identification rated the compliances; None if it
             is not known.
@@ -62,6 +65,7 @@ class Compensation(Presented):
     uncompensated: Array
     remaining: Array | None
     band: Array | None
+    linear: Array | None = None
     rho0_bias: float | None = None
     rigid: str = ""
     verdict: str | None = None
@@ -100,6 +104,7 @@ class Compensation(Presented):
         unknown = [None] * len(self.command)
         remaining = unknown if self.remaining is None else self.remaining.tolist()
         band = unknown if self.band is None else self.band.tolist()
+        linear = unknown if self.linear is None else self.linear.tolist()
         return [
             {
                 "q": self.command[i].tolist(),
@@ -109,6 +114,7 @@ class Compensation(Presented):
                 "uncompensated": float(self.uncompensated[i]),
                 "remaining_rms": remaining[i],
                 "remaining_band": band[i],
+                "linear_model": linear[i],
             }
             for i in range(len(self.command))
         ]
@@ -141,7 +147,8 @@ def compensate(study: Study, found: Compliances, task: Plan, path: Path | str) -
     k = all_compliances(model, found.k)
     uncompensated = _uncompensated(robot, task, k, path)
     _require_settled(robot, task, q, k, path)
-    remaining, band = _errors_after(model, task, found)
+    offset = _offset(model, task, found, path)
+    remaining, band = _errors_after(model, task, found, offset)
     return Compensation(
         robot=robot,
         desired=task.q,
@@ -150,6 +157,7 @@ def compensate(study: Study, found: Compliances, task: Plan, path: Path | str) -
         uncompensated=uncompensated,
         remaining=remaining,
         band=band,
+        linear=None if offset is None else np.linalg.norm(offset, axis=-1),
         rho0_bias=found.rho0_bias,
         verdict=found.verdict,
         rigid=rigid_joints_in_words(rigid_joints(robot, task.q, task.wrench, found.joints)),
@@ -163,15 +171,38 @@ def _uncompensated(robot: Robot, task: Plan, k: Array, path: Path | str) -> Arra
     return np.linalg.norm(moved, axis=-1)
 
 
+def _offset(
+    model: ElastostaticModel, task: Plan, found: Compliances, path: Path | str
+) -> Array | None:
+    """Mean error (t, 3) that the bias of the linear model leaves, at rest [m].
+
+    The robot whose compliances are those identified, less the bias, is commanded by the identified
+    ones. None where the file does not know the bias, or has no covariance to go with it.
+
+    Raises:
+        UserError: A pose buckles; names its row.
+    """
+    if found.bias is None or found.covariance is None:
+        return None
+    likely = np.maximum(found.k - found.bias, 0.0)
+    try:
+        return remaining_error(model, task.q, task.wrench, found.k, likely)
+    except NoEquilibriumError as error:
+        raise _buckles(path, error.pose) from error
+
+
 def _errors_after(
-    model: ElastostaticModel, task: Plan, found: Compliances
+    model: ElastostaticModel, task: Plan, found: Compliances, offset: Array | None
 ) -> tuple[Array | None, Array | None]:
     """Root mean square (t,) and band (t, 2) of the errors that wrong compliances leave [m]."""
     if found.covariance is None:
         return None, None
     A = model.regressor(task.q, task.wrench)
-    band = error_quantiles(A, found.covariance, BAND, found.covariance_dof)
-    return compensation_accuracy(A, found.covariance), band
+    noise = compensation_accuracy(A, found.covariance)
+    if offset is None:
+        return noise, error_quantiles(A, found.covariance, BAND, found.covariance_dof)
+    band = offset_error_quantiles(A, found.covariance, offset, BAND, found.covariance_dof)
+    return np.hypot(noise, np.linalg.norm(offset, axis=-1)), band
 
 
 def _require_settled(robot: Robot, task: Plan, q: Array, k: Array, path: Path | str) -> None:

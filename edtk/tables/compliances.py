@@ -34,6 +34,8 @@ class Compliances:
         covariance_dof: Its degrees of freedom; inf where sigma was known.
         rho0_bias: Error that the linear model left in the test pose [m]; None where the file does
             not say.
+        bias: By how far the linear model made them too large (p,); None where the file does not
+            say.
         verdict: "good", "warn" or "bad", as the identification called itself; None where the file
             does not say.
     """
@@ -45,6 +47,7 @@ class Compliances:
     covariance_dof: float = np.inf
     rho0_bias: float | None = None
     verdict: str | None = None
+    bias: Array | None = None
 
     @classmethod
     def from_dict(
@@ -76,14 +79,16 @@ class Compliances:
         _check_joints(table, names, needed, prefix, where)
         joints = tuple(table)
         k = np.array([_not_negative(table[joint], f"{prefix}{joint}", where) for joint in joints])
+        unbounded = _by_joint(rest, "k_unbounded", joints, where)
         return cls(
             joints=joints,
             k=k,
-            unbounded=_unbounded(rest.get("k_unbounded"), k, joints, where),
+            unbounded=k if unbounded is None else unbounded,
             covariance=_covariance(rest, joints, where),
             covariance_dof=_degrees_of_freedom(rest.get("covariance_dof"), where),
             rho0_bias=_optional(rest.get("rho0_bias"), "rho0_bias", where),
             verdict=rest.get("verdict"),
+            bias=_by_joint(rest, "k_bias", joints, where),
         )
 
 
@@ -96,7 +101,8 @@ def load_compliances(
     ``"correlation"``, or with neither. Matrices and lists follow the order of the joints in "k";
     "std" may also be given by joint, and without "correlation" the errors count as independent. A
     file that is just ``{joint: value}`` is read too. Where sigma was estimated, "covariance_dof"
-    are its degrees of freedom. Other keys are ignored.
+    are its degrees of freedom; "k_bias" is by how far the linear model made k too large, by joint.
+    Other keys are ignored.
 
     Args:
         path: The file, in SI units.
@@ -139,14 +145,17 @@ def _check_joints(
             )
 
 
-def _unbounded(value: Any, k: Array, joints: tuple[str, ...], where: Path | str | None) -> Array:
-    """Finite numbers (p,) by joint, which default to k."""
+def _by_joint(
+    content: Mapping[str, Any], key: str, joints: tuple[str, ...], where: Path | str | None
+) -> Array | None:
+    """Finite numbers (p,) by joint, of any sign; None where the file does not give them."""
+    value = content.get(key)
     if value is None:
-        return k
+        return None
     numbers = [value.get(joint) if isinstance(value, Mapping) else None for joint in joints]
     for joint, number in zip(joints, numbers, strict=True):
         if not _is_number(number) or not abs(number) <= LARGEST:
-            raise UserError("expected a finite number", where=where, key=f"k_unbounded.{joint}")
+            raise UserError("expected a finite number", where=where, key=f"{key}.{joint}")
     return np.array(numbers, dtype=float)
 
 

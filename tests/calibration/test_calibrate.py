@@ -101,6 +101,7 @@ KEYS = {
     "covariance_dof",
     "k_unbounded",
     "rho0_bias",
+    "k_bias",
     "expected_error",
     "posterior",
     "verdict",

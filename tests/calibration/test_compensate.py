@@ -1,6 +1,7 @@
 """`edtk compensate`: commands for task poses, what they leave of the error, and mistakes."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,14 +9,20 @@ import pandas as pd
 import pytest
 from click.testing import CliRunner
 
-from edtk.calibration.compensate import BAND
+from edtk.calibration.calibrate import calibrate
+from edtk.calibration.compensate import BAND, compensate
 from edtk.cli import main
+from edtk.design.plan import Plan
+from edtk.inference.equilibrium_deflection import equilibrium_deflection
 from edtk.inference.error_quantiles import error_quantiles
 from edtk.inference.identify import identify
 from edtk.inference.simulate import simulate
+from edtk.model.elastostatic_model import ElastostaticModel
 from edtk.model.equilibrium import equilibrium
+from edtk.model.remaining_error import remaining_error
 from edtk.study.evaluate import evaluate
 from edtk.study.study import load_study
+from edtk.tables.compliances import Compliances
 
 pytestmark = pytest.mark.slow
 
@@ -111,7 +118,7 @@ def test_wrench_columns_override_the_test_poses_load(given):
 
 
 def test_what_identify_writes_is_read(given, tmp_path):
-    """The k.json of `edtk identify` compensates the test pose with an error of rho0."""
+    """With the k.json of `edtk identify` the error in the test pose is rho0 and the bias."""
     _, task, result = given
     plan = STUDY.published_plans()["table_4_3"]
     table = plan.to_frame(STUDY.robot).drop(columns="repeats")
@@ -123,7 +130,9 @@ def test_what_identify_writes_is_read(given, tmp_path):
     done = CliRunner().invoke(main, list(map(str, args)), catch_exceptions=False)
     assert done.exit_code == 0, done.stderr
     row = json.loads(edtk(PATH, tmp_path / "k.json", task, "--json").stdout)[0]
-    assert row["remaining_rms"] == pytest.approx(result.criteria["rho0"], rel=1e-6)
+    bias = json.loads((tmp_path / "k.json").read_text())["rho0_bias"]
+    assert row["linear_model"] == pytest.approx(bias, rel=1e-3)
+    assert row["remaining_rms"] == pytest.approx(np.hypot(result.criteria["rho0"], bias), rel=1e-4)
     assert row["uncompensated"] == pytest.approx(
         np.linalg.norm(STUDY.target @ [*K.values()]), rel=0.01
     )
@@ -184,6 +193,32 @@ def test_the_band_holds_where_sigma_was_estimated():
         low, high = error_quantiles(A0[None], fit.covariance, BAND, fit.covariance_dof)[0]
         inside += low <= np.linalg.norm(A0 @ (fit.unbounded - STUDY.compliances)) <= high
     assert abs(inside - 0.95 * runs) < 4 * np.sqrt(0.95 * 0.05 * runs)
+
+
+def test_the_band_contains_the_error_of_the_linear_model(tmp_path):
+    """Measured at rest without noise, the linear model's error is what the band expects of it."""
+    plan = STUDY.published_plans()["table_4_12"]
+    table = pd.DataFrame(np.rad2deg(plan.q), columns=HEADER.split(","))
+    k = np.array([0.0, *K.values()])
+    table[["dx_mm", "dy_mm", "dz_mm"]] = 1e3 * equilibrium_deflection(
+        STUDY.model, plan.q, plan.wrench, k
+    )
+    table["sigma_mm"] = 0.003
+    sheet = tmp_path / "sheet.csv"
+    table.to_csv(sheet, index=False)
+    fit = calibrate(STUDY, sheet)
+    names = STUDY.robot.joint_names
+    known = Compliances.from_dict(fit.to_dict(), names, tuple(K))
+    task = Plan(plan.q, plan.wrench, plan.repeats)
+    found = compensate(STUDY, known, task, "task")
+    model = ElastostaticModel(ROBOT, STUDY.model.joints)
+    errors = remaining_error(model, plan.q, plan.wrench, fit.fit.k, k[1:])
+    size = np.linalg.norm(errors, axis=-1)
+    np.testing.assert_allclose(found.linear, size, rtol=0.03)
+    assert ((found.band[:, 0] < size) & (size < found.band[:, 1])).all()
+    without = compensate(STUDY, replace(known, bias=None), task, "task")
+    assert (size > without.band[:, 1]).sum() > 6
+    np.testing.assert_allclose(np.hypot(without.remaining, found.linear), found.remaining)
 
 
 def test_degrees_of_freedom_and_bias_of_the_file_count(given):
