@@ -8,6 +8,10 @@ import numpy as np
 from edtk.system.typing import Array
 
 Kind = Literal["revolute", "prismatic"]
+SHORTEST = 1e-6  # axis; one that is shorter, or longer than its reciprocal, is a slip of the pen
+LONGEST_NAME = 64  # characters
+# Signs that begin a comment in a table, or let a spreadsheet take it for one with semicolons.
+REFUSED = ("#", ";")
 UNIT_LENGTH = 8 * np.finfo(float).eps  # rounding of the length of a vector that was normalised
 
 
@@ -23,7 +27,8 @@ class Joint:
         kind: "revolute" or "prismatic".
 
     Raises:
-        ValueError: The axis is zero, the limits are not in order, or the kind is unknown.
+        ValueError: The name cannot head a column, the axis is zero, the limits are not in order, or
+            the kind is unknown.
     """
 
     name: str
@@ -33,10 +38,16 @@ class Joint:
     kind: Kind = "revolute"
 
     def __post_init__(self) -> None:
+        _require_name(self.name)
         axis = np.asarray(self.axis, dtype=float)
         if axis.shape != (3,) or not np.isfinite(axis).all() or not axis.any():
             raise ValueError(
                 f"joint {self.name}: the axis must be a non-zero vector of three numbers"
+            )
+        length = float(np.linalg.norm(axis))
+        if not SHORTEST <= length <= 1 / SHORTEST:  # the square of a smaller one underflows
+            raise ValueError(
+                f"joint {self.name}: the axis has the length {length:g}; expected about 1"
             )
         lower, upper = self.limits
         if not lower < upper:
@@ -45,9 +56,24 @@ class Joint:
             raise ValueError(
                 f"joint {self.name}: kind must be 'revolute' or 'prismatic', not {self.kind!r}"
             )
-        length = np.linalg.norm(axis)
         # A second division could move the last digit: a joint that is written and read again
         # has to be the same one.
         if abs(length - 1.0) > UNIT_LENGTH:
             axis = axis / length
         object.__setattr__(self, "axis", axis)
+
+
+def _require_name(name: str) -> None:
+    """Check that a name can head a column of a table.
+
+    Raises:
+        ValueError: It cannot; the message says what a name may be.
+    """
+    is_plain = name.isprintable() and not any(sign in name for sign in REFUSED)
+    # A table's reader calls a column without a header so.
+    is_own = name == name.strip() and not name.startswith("Unnamed:")
+    if not (is_plain and is_own and 0 < len(name) <= LONGEST_NAME):
+        raise ValueError(
+            f"joint name {name!r}: expected 1 to {LONGEST_NAME} letters, digits, blanks and signs "
+            f"but {' and '.join(REFUSED)}, without blanks at either end or 'Unnamed:'"
+        )

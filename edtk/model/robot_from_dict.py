@@ -5,16 +5,18 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic_core import PydanticCustomError
 
 from edtk.model.joint import Joint
 from edtk.model.robot import Robot
 from edtk.model.transform import transform
 from edtk.system.errors import UserError
+from edtk.system.finite import ZERO, Finite, Vector3
+from edtk.system.first_error import first_error
+from edtk.system.line import Line
 from edtk.system.typing import Array
 
-Finite = Annotated[float, Field(allow_inf_nan=False)]
-Vector3 = tuple[Finite, Finite, Finite]
-ZERO: Vector3 = (0.0, 0.0, 0.0)
+ROUNDED = 1e-3  # deviation of a rotation whose entries were typed to three decimals
 
 
 class RobotFileError(UserError):
@@ -25,16 +27,31 @@ class _Table(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
+def _is_rotation(R: Array) -> bool:
+    """Whether a matrix (3, 3) is a rotation, to the digits that a person writes."""
+    return bool(np.abs(R @ R.T - np.eye(3)).max() < ROUNDED and np.linalg.det(R) > 0)
+
+
 class _Placed(_Table):
     """A frame, turned by `rpy_deg`, or by the matrix `rotation` where angles are not exact."""
 
-    rpy_deg: Vector3 = ZERO
-    rotation: tuple[Vector3, Vector3, Vector3] | None = None
+    rpy_deg: Vector3 = Field(
+        ZERO,
+        description="Roll, pitch and yaw about the fixed axes x, y and z of the frame before, in "
+        "this order [deg]",
+    )
+    rotation: tuple[Vector3, Vector3, Vector3] | None = Field(
+        None, description="The same as a rotation matrix, by rows; instead of rpy_deg [-]"
+    )
 
     @model_validator(mode="after")
     def _one_rotation(self) -> "_Placed":
         if self.rotation is not None and "rpy_deg" in self.model_fields_set:
-            raise ValueError("expected one of rpy_deg and rotation")
+            raise PydanticCustomError("rotation", "expected one of rpy_deg and rotation")
+        if self.rotation is not None and not _is_rotation(np.array(self.rotation)):
+            raise PydanticCustomError(
+                "rotation", "rotation: expected orthonormal rows of a right-handed frame"
+            )
         return self
 
     def place(self, position: Vector3) -> Array:
@@ -47,20 +64,32 @@ class _Placed(_Table):
 
 
 class _Frame(_Placed):
-    position_m: Vector3
+    position_m: Vector3 = Field(description="Origin of the frame in the frame before [m]")
 
     def build(self) -> Array:
         return self.place(self.position_m)
 
 
 class _Joint(_Placed):
-    name: str
-    kind: Literal["revolute", "prismatic"] = "revolute"
-    origin_m: Vector3
-    axis: Vector3
-    limits_deg: tuple[Finite, Finite] | None = None
-    limits_rad: tuple[Finite, Finite] | None = None
-    limits_m: tuple[Finite, Finite] | None = None
+    name: str = Field(description="Name of the joint, as in studies and in headers of tables")
+    kind: Literal["revolute", "prismatic"] = Field(
+        "revolute", description="Whether the joint turns (revolute) or slides (prismatic)"
+    )
+    origin_m: Vector3 = Field(
+        description="Origin of the joint's frame in the frame of the joint before, at zero [m]"
+    )
+    axis: Vector3 = Field(
+        description="Direction of positive motion in the joint's own frame, of length 1 or near [-]"
+    )
+    limits_deg: tuple[Finite, Finite] | None = Field(
+        None, description="Lower and upper limit of a revolute joint [deg]"
+    )
+    limits_rad: tuple[Finite, Finite] | None = Field(
+        None, description="The same in radians, instead of limits_deg [rad]"
+    )
+    limits_m: tuple[Finite, Finite] | None = Field(
+        None, description="Lower and upper limit of a prismatic joint [m]"
+    )
 
     @model_validator(mode="after")
     def _limits_fit_the_kind(self) -> "_Joint":
@@ -68,7 +97,9 @@ class _Joint(_Placed):
         every = ("limits_deg", "limits_rad", "limits_m")
         given = [key for key in every if getattr(self, key) is not None]
         if len(given) != 1 or given[0] not in allowed:
-            raise ValueError(f"a {self.kind} joint takes {allowed[0]}, and no other limits")
+            raise PydanticCustomError(
+                "limits", f"a {self.kind} joint takes {allowed[0]}, and no other limits"
+            )
         return self
 
     def build(self) -> Joint:
@@ -81,20 +112,34 @@ class _Joint(_Placed):
 
 
 class _Robot(_Table):
-    name: str
-    source: str
-    joints: Annotated[tuple[_Joint, ...], Field(min_length=1)]
-    base: _Frame = _Frame(position_m=ZERO)
-    tool: _Frame = _Frame(position_m=ZERO)
+    name: Line = Field(description="Name of the robot, for people")
+    source: str = Field(description="Where the numbers come from")
+    joints: Annotated[tuple[_Joint, ...], Field(min_length=1)] = Field(
+        description="The joints from base to tip, a table each"
+    )
+    base: _Frame = Field(
+        _Frame(position_m=ZERO), description="Frame of the chain's root in the world"
+    )
+    tool: _Frame = Field(
+        _Frame(position_m=ZERO), description="Frame of the tool in the last joint's frame"
+    )
 
-    def build(self) -> Robot:
+    def build(self, where: str | None) -> Robot:
         return Robot(
             self.name,
-            tuple(joint.build() for joint in self.joints),
+            tuple(_joint(joint, i, where) for i, joint in enumerate(self.joints)),
             base=self.base.build(),
             tool=self.tool.build(),
             source=self.source.strip(),
         )
+
+
+def _joint(joint: _Joint, index: int, where: str | None) -> Joint:
+    """A joint; what is wrong with it is told with its key."""
+    try:
+        return joint.build()
+    except ValueError as error:
+        raise RobotFileError(str(error), where=where, key=f"joints.{index}") from error
 
 
 def robot_from_dict(content: Mapping[str, Any], where: str | None = None) -> Robot:
@@ -114,10 +159,11 @@ def robot_from_dict(content: Mapping[str, Any], where: str | None = None) -> Rob
         RobotFileError: One line that says which key, and what was expected.
     """
     try:
-        return _Robot.model_validate(content).build()
+        return _Robot.model_validate(content).build(where)
     except ValidationError as error:
-        first = error.errors()[0]
-        key = ".".join(map(str, first["loc"]))
-        raise RobotFileError(first["msg"], where=where, key=key) from error
+        key, message = first_error(error, _Robot)
+        raise RobotFileError(message, where=where, key=key) from error
+    except RobotFileError:
+        raise
     except ValueError as error:
         raise RobotFileError(str(error), where=where) from error

@@ -2,6 +2,8 @@
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 import criteria
 from edtk.model.robot import Robot
 from edtk.study.schema import Specification
@@ -9,6 +11,8 @@ from edtk.study.schema import Specification
 if TYPE_CHECKING:
     from edtk.study.study import Study
 
+# Displacement of the tool by 1 rad/(N m) below which a load turns no joint: what rounding leaves.
+LEAST_HARM = 1e-9  # [m]
 KEY_OF_KIND = {"revolute": "fixed_deg", "prismatic": "fixed_mm"}
 
 
@@ -63,10 +67,23 @@ def _check_measurement(study: "Study", specification: Specification) -> None:
 
 def _check_test_pose(study: "Study", specification: Specification) -> None:
     pose = specification.test_pose
-    if pose is not None and len(pose.q_deg) != study.robot.n:
+    if pose is None:
+        return
+    if len(pose.q_deg) != study.robot.n:
         raise study.error(
             "test_pose.q_deg",
             f"has {len(pose.q_deg)} entries, expected {study.robot.n}, one per joint",
+        )
+    # rho0 has no meaning where errors of compliances do no harm.
+    if not any((*pose.load.F_N, *pose.load.T_Nm)):
+        raise study.error(
+            "test_pose.load", "a test pose without load has nothing to compensate; expected a load"
+        )
+    if study.target is not None and np.abs(study.target).max() < LEAST_HARM:
+        raise study.error(
+            "test_pose.load",
+            "the load turns no joint of joints.unknown in the test pose, so that there is nothing "
+            "to compensate; expected another load, tool or pose",
         )
 
 

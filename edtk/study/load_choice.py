@@ -11,7 +11,8 @@ from edtk.model.loads.fixed_load import FixedLoad
 from edtk.model.loads.free_load import FreeLoad
 from edtk.model.loads.listed_load import ListedLoad
 from edtk.model.loads.load import Load
-from edtk.study.table import ZERO, Positive, Table, Vector3
+from edtk.study.table import Positive, Table
+from edtk.system.finite import ZERO, Vector3
 
 
 class LoadChoice(Table):

@@ -6,12 +6,14 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from pydantic import Field, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
-from edtk.study.table import Compliance, Finite, Table
+from edtk.study.table import Compliance, Table
+from edtk.system.finite import LARGEST, Finite
 
 if TYPE_CHECKING:
     from edtk.inference.noise import Noise
     from edtk.inference.prior import Marginal as MarginalDensity
 
+LEAST_NU = 0.1  # below it nearly all errors would be outliers
 # Numbers that each kind of marginal takes.
 NUMBERS_OF_KIND = {
     "flat": frozenset[str](),
@@ -81,7 +83,7 @@ class PriorTable(Table):
     earlier_file: str | None = Field(
         None, description="The same as a JSON file of `edtk identify`; instead of `earlier`"
     )
-    sigma_factor: Annotated[float, Field(ge=1)] = Field(
+    sigma_factor: float = Field(
         1.0,
         description="Factor within which sigma is known: 1 exactly, inf not at all, else one "
         "standard deviation of its logarithm [-]",
@@ -89,8 +91,15 @@ class PriorTable(Table):
     nu: float | str = Field(
         "normal",
         description="Degrees of freedom of Student's t for the errors: 'normal' for infinitely "
-        "many, 'sampled' to infer them, or a number greater than 0 [-]",
+        "many, 'sampled' to infer them, or a number from 0.1 to 1e6 [-]",
     )
+
+    @field_validator("sigma_factor")
+    @classmethod
+    def _known_factor(cls, factor: float) -> float:
+        if not (1 <= factor <= LARGEST or factor == math.inf):
+            raise PydanticCustomError("factor", "expected a number from 1 to 1e6, or inf")
+        return factor
 
     @model_validator(mode="after")
     def _one_calibration(self) -> "PriorTable":
@@ -105,9 +114,9 @@ class PriorTable(Table):
 
         if isinstance(nu, str) and nu in NU_IN_WORDS:
             return str(nu)
-        if isinstance(nu, int | float) and not isinstance(nu, bool) and 0 < nu < math.inf:
+        if isinstance(nu, int | float) and not isinstance(nu, bool) and LEAST_NU <= nu <= LARGEST:
             return float(nu)
-        raise PydanticCustomError("nu", "expected a number greater than 0, 'normal' or 'sampled'")
+        raise PydanticCustomError("nu", "expected a number from 0.1 to 1e6, 'normal' or 'sampled'")
 
     def noise(self) -> "Noise":
         """The noise: sigma known to a factor, errors normal or of Student's t distribution."""

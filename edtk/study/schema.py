@@ -14,14 +14,18 @@ from edtk.model.constraints.tilt import Tilt
 from edtk.model.transform import transform
 from edtk.study.load_choice import LoadChoice
 from edtk.study.prior_table import PriorTable
-from edtk.study.table import ZERO, Finite, Positive, Sigma, Table, Vector3
+from edtk.study.table import Compliance, Count, Positive, Sigma, Table
 from edtk.system.errors import UserError
+from edtk.system.finite import ZERO, Finite, Vector3
+from edtk.system.first_error import first_error
+from edtk.system.line import Line
 from edtk.system.typing import Array
 
 # The criterion that a study is about gets more descents: its plans are those that people carry out.
 MORE_DESCENTS = 4
 ACCURACY = "rho0"  # the accuracy in the test pose, for which a calibration is usually made
 WITHOUT_A_TEST_POSE = "D"
+MOST_CANDIDATES = 10**9  # beyond them no machine would end
 ROBOT_FILE = ".toml"  # ending of a robot's file; names of built-in robots have none
 
 
@@ -151,7 +155,7 @@ class TestPose(Table):
 class Simulation(Table):
     """The truth that simulated measurements assume."""
 
-    compliance_rad_per_Nm: dict[str, Positive] = Field(
+    compliance_rad_per_Nm: dict[str, Compliance] = Field(
         description="Compliance of each unknown joint, by name [rad/(N m)]"
     )
 
@@ -159,7 +163,7 @@ class Simulation(Table):
 class Specification(Table):
     """All keys of a study, as they are written in its file."""
 
-    title: str = Field("", description="Title of reports; defaults to one that names the robot")
+    title: Line = Field("", description="Title of reports; defaults to one that names the robot")
     robot: Annotated[str | dict[str, Any], BeforeValidator(_name_or_table)] = Field(
         description="Name of a built-in robot, path of a robot file beside the study, or a table "
         "with the keys of a robot file [m, deg or rad]"
@@ -182,16 +186,16 @@ class Specification(Table):
         description="Criteria for which plans are searched; default to rho0 with a test pose, "
         "else to D",
     )
-    sizes: Annotated[tuple[Annotated[int, Field(ge=1)], ...], Field(min_length=1)] = Field(
+    sizes: Annotated[tuple[Count, ...], Field(min_length=1)] = Field(
         (4,), description="Numbers of experiments for which plans are searched"
     )
-    candidates: Annotated[int, Field(ge=1)] = Field(
+    candidates: Annotated[int, Field(ge=1, le=MOST_CANDIDATES)] = Field(
         2000, description="Number of feasible poses that a relaxation begins with"
     )
     sampling: Literal["random", "sobol"] = Field(
         "random", description="How candidate poses are drawn"
     )
-    starts: Annotated[int, Field(ge=1)] = Field(
+    starts: Count = Field(
         64,
         description="Descents of `edtk run` per plan, at most; four times as many for the "
         "criterion that the study is about",
@@ -254,9 +258,5 @@ def read_specification(content: Mapping[str, Any], where: str) -> Specification:
     try:
         return Specification.model_validate(content)
     except ValidationError as error:
-        first = error.errors()[0]
-        key = ".".join(map(str, first["loc"]))
-        expected = {"extra_forbidden": "unknown key", "missing": "this key is required"}
-        message = expected.get(first["type"], first["msg"])
-        given = "" if isinstance(first["input"], dict) else f" (got {first['input']!r})"
-        raise UserError(f"{message}{given}", where=where, key=key) from error
+        key, message = first_error(error, Specification)
+        raise UserError(message, where=where, key=key) from error

@@ -4,16 +4,19 @@ from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field
 
-Finite = Annotated[float, Field(allow_inf_nan=False)]
-Positive = Annotated[Finite, Field(gt=0)]
-Vector3 = tuple[Finite, Finite, Finite]
-ZERO: Vector3 = (0.0, 0.0, 0.0)
+from edtk.system.finite import LARGEST, Finite
+
+# Squares of smaller numbers underflow.
+Positive = Annotated[Finite, Field(ge=1e-12)]
 
 # No instrument measures better than a picometre, and squares of smaller numbers underflow.
 Sigma = Annotated[Finite, Field(ge=1e-9)]
 
-# Compliances beyond these bounds [rad/(N m)] are slips of the pen, and their squares overflow.
-Compliance = Annotated[Finite, Field(ge=1e-30, le=1e30)]
+# Compliances beyond these bounds [rad/(N m)] are slips of the pen.
+Compliance = Annotated[Finite, Field(ge=1e-15, le=1e3)]
+
+# Each one takes memory, and some of them time.
+Count = Annotated[int, Field(ge=1, le=int(LARGEST))]
 
 
 class Table(BaseModel):

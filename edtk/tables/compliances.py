@@ -13,7 +13,11 @@ from edtk.system.parse_json import parse_json
 from edtk.system.read_text import read_text
 from edtk.system.typing import Array
 
-LARGEST = 1e300  # beyond it a number cannot be squared, and no compliance comes near
+LARGEST = 1e3  # compliance, standard deviation or error; no robot comes near it in SI units
+LARGEST_SQUARE = LARGEST**2  # entry of a covariance
+# Degrees of freedom: a robust fit may leave less than one; beyond the most, sigma is known.
+LEAST_DOF = 0.5
+MOST_DOF = 1e9
 # Differences and negative eigenvalues up to these count as the rounding of a matrix in a file,
 # relative to its largest entry and to unit diagonal.
 SYMMETRY = 1e-9
@@ -155,31 +159,32 @@ def _by_joint(
     numbers = [value.get(joint) if isinstance(value, Mapping) else None for joint in joints]
     for joint, number in zip(joints, numbers, strict=True):
         if not _is_number(number) or not abs(number) <= LARGEST:
-            raise UserError("expected a finite number", where=where, key=f"{key}.{joint}")
+            message = f"expected a number from {-LARGEST:g} to {LARGEST:g}"
+            raise UserError(message, where=where, key=f"{key}.{joint}")
     return np.array(numbers, dtype=float)
 
 
 def _degrees_of_freedom(value: Any, where: Path | str | None) -> float:
-    """A number greater than zero, which defaults to inf."""
+    """A number of a sensible size; without it sigma was known, which is inf."""
     if value is None:
         return np.inf
-    dof = _not_negative(value, "covariance_dof", where)
-    if dof == 0:
-        raise UserError("expected a number greater than 0", where=where, key="covariance_dof")
-    return dof
+    if not _is_number(value) or not LEAST_DOF <= value <= MOST_DOF:
+        message = f"expected a number from {LEAST_DOF:g} to {MOST_DOF:g}, or null for known sigma"
+        raise UserError(message, where=where, key="covariance_dof")
+    return float(value)
 
 
 def _optional(value: Any, key: str, where: Path | str | None) -> float | None:
-    """A finite number that is not negative, or None."""
+    """Such a number, or None."""
     return None if value is None else _not_negative(value, key, where)
 
 
 def _not_negative(value: Any, key: str, where: Path | str | None) -> float:
-    """A finite number that is not negative."""
+    """A number of a sensible size that is not negative."""
     if not _is_number(value) or not 0 <= value <= LARGEST:
         given = f"{json.dumps(value, default=str):.40}"
         raise UserError(
-            f"expected a finite number that is not negative, got {given}", where=where, key=key
+            f"expected a number from 0 to {LARGEST:g}, got {given}", where=where, key=key
         )
     return float(value)
 
@@ -240,13 +245,13 @@ def _of_deviations(
 
 
 def _matrix(value: Any, p: int, key: str, where: Path | str | None) -> Array:
-    """A finite symmetric matrix (p, p)."""
-    expected = f"expected {p} rows of {p} finite numbers, in the order of k"
+    """A symmetric matrix (p, p)."""
+    expected = f"expected {p} rows of {p} numbers up to {LARGEST_SQUARE:g}, in the order of k"
     try:
         matrix = np.array(value, dtype=float)
     except (TypeError, ValueError, OverflowError) as error:
         raise UserError(expected, where=where, key=key) from error
-    if matrix.shape != (p, p) or not np.isfinite(matrix).all():
+    if matrix.shape != (p, p) or not (np.abs(matrix) <= LARGEST_SQUARE).all():
         raise UserError(expected, where=where, key=key)
     unequal = np.abs(matrix - matrix.T) > SYMMETRY * np.abs(matrix).max(initial=0.0)
     if unequal.any():

@@ -47,9 +47,9 @@ def write(folder, prior):
             ("prior.all.factor", "than 1"),
         ),
         ('prior.joints.q1 = { kind = "flat" }', ("prior.joints", "'q1'", "q2, q3, q4, q5, q6")),
-        ("prior.sigma_factor = 0.5", ("prior.sigma_factor", "greater than or equal to 1")),
-        ("prior.nu = -1", ("prior.nu", "greater than 0")),
-        ("prior.nu = [1]", ("prior.nu", "greater than 0")),
+        ("prior.sigma_factor = 0.5", ("prior.sigma_factor", "from 1 to 1e6")),
+        ("prior.nu = -1", ("prior.nu", "from 0.1 to 1e6")),
+        ("prior.nu = [1]", ("prior.nu", "from 0.1 to 1e6")),
         (
             "prior.earlier = { mean_rad_per_Nm = { q2 = 1 }, covariance = [[1]] }",
             ("prior.earlier.mean", "q2, q3"),

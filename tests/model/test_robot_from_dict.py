@@ -34,12 +34,31 @@ def test_base_tool_and_rotations_by_matrix():
 @pytest.mark.parametrize(
     ("changes", "key", "expected"),
     [
-        ({"axis": None}, "joints.0.axis", "Field required"),
-        ({"colour": 1}, "joints.0.colour", "Extra inputs are not permitted"),
+        ({"axis": None}, "joints.0.axis", "this key is required: Direction of positive motion"),
+        ({"colour": 1}, "joints.0.colour", "unknown key; known are rpy_deg, rotation, name"),
         ({"limits_rad": [0, 1]}, "joints.0", "a revolute joint takes limits_deg, and no other"),
         ({"kind": "prismatic"}, "joints.0", "a prismatic joint takes limits_m"),
         ({"rotation": TURNED, "rpy_deg": [0, 0, 1]}, "joints.0", "one of rpy_deg and rotation"),
-        ({"axis": [0, 0, 0]}, None, "joint q1: the axis must be a non-zero vector"),
+        (
+            {"kind": "spherical"},
+            "joints.0.kind",
+            "(got 'spherical'); it is: Whether the",
+        ),
+        ({"origin_m": [0, 1e200, 0]}, "joints.0.origin_m.1", "expected at most 1e+06 (got 1e+200)"),
+        ({"limits_deg": [0, 1e7]}, "joints.0.limits_deg.1", "(got 10000000.0); it is: Lower and"),
+        ({"rotation": [[2, 0, 0], [0, 1, 0], [0, 0, 1]]}, "joints.0", "expected orthonormal rows"),
+        ({"rotation": [[-1, 0, 0], [0, 1, 0], [0, 0, 1]]}, "joints.0", "right-handed"),
+        ({"axis": [0, 1e-300, 0]}, "joints.0", "joint q1: the axis has the length 0; expected"),
+        ({"axis": [0, 1e-7, 0]}, "joints.0", "joint q1: the axis has the length 1e-07; expected"),
+        ({"name": "#1"}, "joints.0", "joint name '#1': expected 1 to 64 letters, digits, blanks"),
+        ({"name": ""}, "joints.0", "joint name '': expected 1 to 64"),
+        ({"name": " q1"}, "joints.0", "without blanks at either end or 'Unnamed:'"),
+        ({"name": "q1\n"}, "joints.0", "joint name 'q1\\n': expected 1 to 64"),
+        ({"name": "a;b"}, "joints.0", "signs but # and ;"),
+        ({"name": "a\u2028b"}, "joints.0", "joint name 'a\\u2028b': expected 1 to 64"),
+        ({"name": "Unnamed: 3"}, "joints.0", "or 'Unnamed:'"),
+        ({"name": "x" * 65}, "joints.0", "expected 1 to 64 letters"),
+        ({"axis": [0, 0, 0]}, "joints.0", "joint q1: the axis must be a non-zero vector"),
     ],
 )
 def test_errors_carry_the_key(changes, key, expected):
@@ -50,3 +69,16 @@ def test_errors_carry_the_key(changes, key, expected):
     assert (error.where, error.key) == (None, key)
     assert expected in error.message
     assert str(error) == (error.message if key is None else f"{key}: {error.message}")
+
+
+@pytest.mark.parametrize("name", ["Größe 1", "関節", "joint_a1", "shoulder/pan.joint-1", "$x^2$"])
+def test_names_of_all_languages_are_allowed(name):
+    """Letters of any script, blanks inside and most signs may stand in a joint's name."""
+    assert robot(name=name).joint_names == (name,)
+
+
+def test_the_name_of_the_robot_is_one_line():
+    """A title cannot be built from several lines."""
+    content = {"name": "one\ntwo", "source": "", "joints": [JOINT]}
+    with pytest.raises(RobotFileError, match="name: expected one line, without control characters"):
+        robot_from_dict(content)

@@ -197,7 +197,7 @@ MORE = [
     {"workspace": {"height_min_mm": 800, "radius_min_mm": 600, "tilt_max_deg": 30}},
     {"measurement": {"rows": "pose", "sigma_mm": 0.05, "sigma_deg": 0.01}},
     {"test_pose": TEST_POSE, "optimise": ["A", "rho0"], "criteria": ["E", "O2"]},
-    {"title": 'a "title"\nin two lines', "candidates": 7, "starts": 3, "seed": 12, "sizes": [2, 9]},
+    {"title": 'a "title"\\ in <b>', "candidates": 7, "starts": 3, "seed": 12, "sizes": [2, 9]},
     {"sampling": "sobol", "simulation": {"compliance_rad_per_Nm": {"q2": 1e-7 / 3}}},
 ]
 
@@ -309,7 +309,7 @@ def test_a_study_does_not_change():
         "Other",
     )
     assert other.replace(seed=3, title=None).digest == study.digest != other.digest
-    with pytest.raises(UserError, match=r"^Study: load: this key is required$"):
+    with pytest.raises(UserError, match=r"^Study: load: this key is required: Loads that"):
         study.replace(load=None)
 
 
@@ -446,5 +446,7 @@ def test_a_wrong_robot_table_is_rejected():
     """A table that is no robot is rejected with the key inside it."""
     table = tomllib.loads(GANTRY)
     del table["joints"][1]["axis"]
-    with pytest.raises(UserError, match=r"^Study: robot: joints.1.axis: Field required"):
+    with pytest.raises(
+        UserError, match=r"^Study: robot: joints.1.axis: this key is required: Direction"
+    ):
         Study(**(REQUIRED | {"robot": table}))

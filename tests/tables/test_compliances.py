@@ -53,7 +53,7 @@ def test_standard_deviations_and_correlation(tmp_path):
         ({"k": {**K, "q7": 1e-6}}, "k.q7: no such joint; this robot has q1, q2, q3"),
         (
             {"k": {**K, "q2": -1e-6}},
-            "k.q2: expected a finite number that is not negative, got -1e-06",
+            "k.q2: expected a number from 0 to 1000, got -1e-06",
         ),
         (
             {"k": {**K, "q2": float("nan")}},
@@ -61,8 +61,8 @@ def test_standard_deviations_and_correlation(tmp_path):
         ),
         ({"k": {**K, "q2": float("inf")}}, "k.q2: expected a finite number"),
         ({"k": {**K, "q2": 10**400}}, "k.q2: expected a finite number"),
-        ({"k": {**K, "q2": "1e-6"}}, "k.q2: expected a finite number"),
-        ({"k": {**K, "q2": True}}, "k.q2: expected a finite number"),
+        ({"k": {**K, "q2": "1e-6"}}, "k.q2: expected a number from 0 to 1000"),
+        ({"k": {**K, "q2": True}}, "k.q2: expected a number from 0 to 1000"),
         ({"k": K, "covariance": [[1, 0]]}, "covariance: expected 2 rows of 2"),
         ({"k": K, "covariance": [[1, 0], [0, None]]}, "covariance: expected 2 rows of 2"),
         ({"k": K, "covariance": [[1, 0], [0, 10**400]]}, "covariance.1.1: expected a finite"),
@@ -71,7 +71,7 @@ def test_standard_deviations_and_correlation(tmp_path):
         ({"k": K, "covariance": [[-1, 0], [0, 1]]}, "covariance: expected a covariance"),
         ({"k": K, "std": [1]}, "std: expected 2 standard deviations"),
         ({"k": K, "std": {"q2": 1}}, "std.q3: expected a standard deviation"),
-        ({"k": K, "std": [1, -1]}, "std.q2: expected a finite number"),
+        ({"k": K, "std": [1, -1]}, "std.q2: expected a number from 0"),
         ({"k": K, "std": [1, 1], "correlation": [[2, 0], [0, 1]]}, "correlation: expected ones"),
         (
             {"k": K, "std": [1, 1], "correlation": [[1, 1.5], [1.5, 1]]},
@@ -97,3 +97,25 @@ def test_files_that_are_not_there_or_not_text(tmp_path):
     ):
         with pytest.raises(UserError, match=message):
             load_compliances(tmp_path / path, NAMES, ())
+
+
+@pytest.mark.parametrize("dof", [0, 0.01, -1, 1e10, 1e300, "4", True])
+def test_degrees_of_freedom_have_a_sensible_size(tmp_path, dof):
+    """Bands have no finite quantile with next to none, and are those of a known sigma with many."""
+    with pytest.raises(UserError, match=r"covariance_dof: expected a number from 0\.5 to 1e\+09"):
+        read(tmp_path, {"k": K, "covariance_dof": dof})
+
+
+@pytest.mark.parametrize("value", [1e4, 1e154, 1e300])
+def test_numbers_that_cannot_be_squared_are_refused(tmp_path, value):
+    """No compliance comes near them, and their squares would be infinite."""
+    contents = [
+        {"k": {**K, "q2": value}},
+        {"k": K, "std": [value, 1]},
+        {"k": K, "rho0_bias": value},
+        {"k": K, "k_unbounded": {**K, "q3": -value}},
+        {"k": K, "covariance": [[1e3 * value, 0], [0, 1]]},
+    ]
+    for content in contents:
+        with pytest.raises(UserError, match=r": expected .* (up )?to 1"):
+            read(tmp_path, content)

@@ -1,0 +1,68 @@
+"""What pydantic found wrong with the keys of a file, as a person mends it."""
+
+import reprlib
+from typing import Any, get_args
+
+from pydantic import BaseModel, ValidationError
+
+BOUNDS = (
+    ("greater_than_equal", "ge", "at least"),
+    ("less_than_equal", "le", "at most"),
+)
+GENERAL = "Input should"  # beginning of pydantic's own sentences
+
+
+def first_error(error: ValidationError, model: type[BaseModel]) -> tuple[str, str]:
+    """The key of the first error, and what was expected there.
+
+    Args:
+        error: Of the validation of a model.
+        model: The model, whose fields are described.
+
+    Returns:
+        The key, as `joints.0.axis`, and one sentence: the rule, the value that breaks it, and what
+        the key means.
+    """
+    first = error.errors()[0]
+    location = first["loc"]
+    key = ".".join(map(str, location))
+    meaning, table = _described(model, location)
+    if first["type"] == "extra_forbidden":
+        return key, f"unknown key; known are {', '.join(table.model_fields)}"
+    if first["type"] == "missing":
+        return key, f"this key is required{meaning and f': {meaning}'}"
+    is_table = isinstance(first["input"], dict | BaseModel)
+    given = "" if is_table else f" (got {_shown(first['input'])})"
+    rule = first["msg"]
+    if not rule.startswith(GENERAL):  # a rule of the model's own says all
+        return key, f"{rule}{given}"
+    for kind, sign, words in BOUNDS:
+        if first["type"] == kind:
+            rule = f"expected {words} {first['ctx'][sign]:g}"  # pydantic writes 0.000000000001
+    return key, f"{rule}{given}{meaning and f'; it is: {meaning}'}"
+
+
+def _described(
+    model: type[BaseModel], location: tuple[int | str, ...]
+) -> tuple[str, type[BaseModel]]:
+    """The description of the field at a location, and the innermost table there."""
+    meaning = ""
+    for part in location:
+        field = model.model_fields.get(str(part))
+        if field is None:  # an entry of a list, or a name that the user chose
+            continue
+        meaning = field.description or ""
+        model = _table_in(field.annotation) or model
+    return meaning, model
+
+
+def _table_in(annotation: Any) -> type[BaseModel] | None:
+    """The table that a field holds, by itself or in a list."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    return next(filter(None, map(_table_in, get_args(annotation))), None)
+
+
+def _shown(value: object) -> str:
+    """A value as it was given; one of millions of entries or digits only in part."""
+    return reprlib.repr(value) if isinstance(value, list | tuple | int) else repr(value)
