@@ -26,7 +26,12 @@ from edtk.tables.compliances import Compliances
 from edtk.tables.csv_text import csv_text
 from edtk.tables.pose_columns import pose_columns
 from edtk.tables.pose_table import WRENCH_COLUMNS, pose_factors
-from edtk.tables.sheet_columns import BAND_COLUMNS, REMAINING_COLUMN, UNCOMPENSATED_COLUMN
+from edtk.tables.sheet_columns import (
+    BAND_COLUMNS,
+    REMAINING_COLUMN,
+    REMAINING_ROTATION_COLUMN,
+    UNCOMPENSATED_COLUMN,
+)
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -56,6 +61,8 @@ class Compensation(Presented):
         rigid: Which joints count as rigid although the load turns them, in words.
         verdict: "good", "warn" or "bad", as the identification rated the compliances; None if it
             is not known.
+        rotation: Root mean square (t,) of the rotation that wrong compliances leave [rad]; None
+            unless the test pose has a lever at which rotations count, or if it is not known.
     """
 
     robot: Robot
@@ -69,6 +76,7 @@ class Compensation(Presented):
     rho0_bias: float | None = None
     rigid: str = ""
     verdict: str | None = None
+    rotation: Array | None = None
 
     def headline(self) -> str:
         """Number of poses, and the largest error before and after."""
@@ -89,6 +97,8 @@ class Compensation(Presented):
         if self.remaining is not None and self.band is not None:
             table[REMAINING_COLUMN] = 1e3 * self.remaining
             table[list(BAND_COLUMNS)] = 1e3 * self.band
+        if self.rotation is not None:
+            table[REMAINING_ROTATION_COLUMN] = np.rad2deg(self.rotation)
         return table
 
     def to_csv(self, path: Path | str) -> None:
@@ -105,6 +115,7 @@ class Compensation(Presented):
         remaining = unknown if self.remaining is None else self.remaining.tolist()
         band = unknown if self.band is None else self.band.tolist()
         linear = unknown if self.linear is None else self.linear.tolist()
+        rotation = [] if self.rotation is None else self.rotation.tolist()
         return [
             {
                 "q": self.command[i].tolist(),
@@ -115,6 +126,7 @@ class Compensation(Presented):
                 "remaining_rms": remaining[i],
                 "remaining_band": band[i],
                 "linear_model": linear[i],
+                **({"remaining_rotation_rms": rotation[i]} if rotation else {}),
             }
             for i in range(len(self.command))
         ]
@@ -161,6 +173,7 @@ def compensate(study: Study, found: Compliances, task: Plan, path: Path | str) -
         rho0_bias=found.rho0_bias,
         verdict=found.verdict,
         rigid=rigid_joints_in_words(rigid_joints(robot, task.q, task.wrench, found.joints)),
+        rotation=_rotation_after(model, task, found) if study.task.lever else None,
     )
 
 
@@ -203,6 +216,14 @@ def _errors_after(
         return noise, error_quantiles(A, found.covariance, BAND, found.covariance_dof)
     band = offset_error_quantiles(A, found.covariance, offset, BAND, found.covariance_dof)
     return np.hypot(noise, np.linalg.norm(offset, axis=-1)), band
+
+
+def _rotation_after(model: ElastostaticModel, task: Plan, found: Compliances) -> Array | None:
+    """Root mean square (t,) of the rotations that wrong compliances leave [rad]."""
+    if found.covariance is None:
+        return None
+    A = ElastostaticModel(model.robot, model.unknown, "pose").regressor(task.q, task.wrench)
+    return compensation_accuracy(A[:, 3:], found.covariance)
 
 
 def _require_settled(robot: Robot, task: Plan, q: Array, k: Array, path: Path | str) -> None:

@@ -24,6 +24,7 @@ class ExpectedError:
         largest: The largest in any pose of the neighbourhood that was looked at [m].
         within: Size of the neighbourhood, see `neighbourhood` [rad].
         lever: Distance at which rotations of the tool count in all three; zero for none [m].
+        rotation: Root mean square rotation of the tool in the test pose [rad]; None without lever.
     """
 
     test_pose: float
@@ -31,9 +32,13 @@ class ExpectedError:
     largest: float
     within: float
     lever: float
+    rotation: float | None = None
 
     def __str__(self) -> str:
-        lever = f"; a rotation counts as at {1e3 * self.lever:g} mm" if self.lever else ""
+        lever = ""
+        if self.rotation is not None:
+            angle = f"{np.rad2deg(self.rotation):.2g} deg in the test pose"
+            lever = f"; a rotation, {angle}, counts as at {1e3 * self.lever:g} mm"
         return (
             f"expected error: {1e3 * self.test_pose:.2g} mm in the test pose; within "
             f"{np.rad2deg(self.within):.3g} deg of it {1e3 * self.mean:.2g} mm on average, "
@@ -41,12 +46,14 @@ class ExpectedError:
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain numbers for JSON: errors in metres, the size of the neighbourhood in degrees."""
+        """Plain numbers for JSON, SI, but the size of the neighbourhood in degrees."""
         return {
             "test_pose": self.test_pose,
             "mean": self.mean,
             "largest": self.largest,
             "within_deg": float(np.rad2deg(self.within)),
+            "lever": self.lever,
+            "rotation": self.rotation,
         }
 
 
@@ -58,11 +65,16 @@ def expected_error(task: Task, cov: Array) -> ExpectedError:
         cov: Covariance (p, p) of the compliances.
     """
     within = task.within or WITHIN
-    errors = compensation_accuracy(task.harm(neighbourhood(task.robot, task.q, within)), cov)
+    A = task.harm(neighbourhood(task.robot, task.q, within))
+    errors = compensation_accuracy(A, cov)
+    rotation = None
+    if task.lever:
+        rotation = float(compensation_accuracy(A[0, 3:], cov) / task.lever)
     return ExpectedError(
         test_pose=float(errors[0]),
         mean=float(np.sqrt(np.mean(errors**2))),
         largest=float(errors.max()),
         within=within,
         lever=task.lever,
+        rotation=rotation,
     )

@@ -25,6 +25,13 @@ SHEET_COLUMNS = tuple(column for group in MEASURED_TOGETHER for column in group)
 UNCOMPENSATED_COLUMN = "uncompensated_mm"
 REMAINING_COLUMN = "remaining_rms_mm"
 BAND_COLUMNS = ("remaining_low_mm", "remaining_high_mm")
+REMAINING_ROTATION_COLUMN = "remaining_rotation_rms_deg"
 
 # Headers that no joint may have.
-RESERVED = (*SHEET_COLUMNS, UNCOMPENSATED_COLUMN, REMAINING_COLUMN, *BAND_COLUMNS)
+RESERVED = (
+    *SHEET_COLUMNS,
+    UNCOMPENSATED_COLUMN,
+    REMAINING_COLUMN,
+    *BAND_COLUMNS,
+    REMAINING_ROTATION_COLUMN,
+)

@@ -78,6 +78,25 @@ def test_what_remains_in_the_test_pose_is_rho0(given):
     assert 0 < row["remaining_band"][0] < row["remaining_rms"] < row["remaining_band"][1]
 
 
+def test_the_rotation_that_remains_is_told_where_a_task_has_a_lever(given, tmp_path):
+    """With a lever, rho0 is that of position and rotation together; the band is the position's."""
+    k, task, result = given
+    study = tmp_path / "lever.toml"
+    content = STUDY.to_dict()
+    content["test_pose"]["lever_mm"] = 500.0
+    STUDY.replace(test_pose=content["test_pose"], published=None).to_toml(study)
+    row = json.loads(edtk(study, k, task, "--json").stdout)[0]
+    assert row["remaining_rms"] == pytest.approx(result.criteria["rho0"], rel=1e-9)
+    rotation = row["remaining_rotation_rms"]
+    target = load_study(study).target
+    rho0 = np.sqrt(np.trace(target @ result.covariance @ target.T))
+    assert np.hypot(row["remaining_rms"], 0.5 * rotation) == pytest.approx(rho0, rel=1e-9)
+    out = tmp_path / "out.csv"
+    assert "rotation rms [deg]" in edtk(study, k, task, "--out", out).stdout
+    written = pd.read_csv(out)["remaining_rotation_rms_deg"]
+    assert written[0] == pytest.approx(np.rad2deg(rotation), rel=1e-9)
+
+
 def test_file_has_what_is_printed(given, tmp_path):
     """The CSV holds degrees and millimetres; the file of compliances may have other joints."""
     k, task, _ = given

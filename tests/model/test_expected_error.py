@@ -41,7 +41,9 @@ def test_the_line_and_the_numbers():
     line = str(found)
     assert line.startswith(f"expected error: {1e3 * found.test_pose:.2g} mm in the test pose; ")
     assert f"within 12.5 deg of it {1e3 * found.mean:.2g} mm on average" in line
-    assert line.endswith("mm at most; a rotation counts as at 300 mm")
+    angle = f"{np.rad2deg(found.rotation):.2g} deg in the test pose"
+    assert line.endswith(f"mm at most; a rotation, {angle}, counts as at 300 mm")
     data = json.loads(json.dumps(found.to_dict()))
     assert data["largest"] == found.largest
+    assert data["rotation"] == found.rotation
     assert data["within_deg"] == pytest.approx(12.5)

@@ -1,5 +1,7 @@
 """Text of a compensation."""
 
+import numpy as np
+
 from edtk.calibration.compensate import Compensation
 from edtk.tables.pose_columns import pose_columns
 from edtk.tables.pose_table import pose_factors
@@ -9,6 +11,8 @@ def compensation(found: Compensation) -> str:
     """A line for each task pose: the command, and the errors before and after."""
     columns = "".join(f"{column:>12}" for column in pose_columns(found.robot))
     band = "" if found.remaining is None else "   remaining rms (95 % band) [mm]"
+    if found.rotation is not None:
+        band += "   rotation rms [deg]"
     lines = [f"{'pose':>4}  {columns}   error [mm]{band}"]
     for i, row in enumerate(found.command / pose_factors(found.robot)):
         command = "".join(f"{value:12.5f}" for value in row)
@@ -16,6 +20,8 @@ def compensation(found: Compensation) -> str:
         if found.remaining is not None and found.band is not None:
             low, high = 1e3 * found.band[i]
             line += f"   {1e3 * found.remaining[i]:.4g} ({low:.4g} .. {high:.4g})"
+        if found.rotation is not None:
+            line += f"   {np.rad2deg(found.rotation[i]):.4g}"
         lines.append(line)
     if found.remaining is None:
         lines.append(
