@@ -219,11 +219,12 @@ def _errors_after(
 
 
 def _rotation_after(model: ElastostaticModel, task: Plan, found: Compliances) -> Array | None:
-    """Root mean square (t,) of the rotations that wrong compliances leave [rad]."""
+    """Root mean square (t,) of the rotations that wrong compliances leave, to first order [rad]."""
     if found.covariance is None:
         return None
-    A = ElastostaticModel(model.robot, model.unknown, "pose").regressor(task.q, task.wrench)
-    return compensation_accuracy(A[:, 3:], found.covariance)
+    A = ElastostaticModel(model.robot, model.unknown, "pose").regressor(task.q, task.wrench)[:, 3:]
+    noise = compensation_accuracy(A, found.covariance)
+    return noise if found.bias is None else np.hypot(noise, np.linalg.norm(A @ found.bias, axis=-1))
 
 
 def _require_settled(robot: Robot, task: Plan, q: Array, k: Array, path: Path | str) -> None:
