@@ -24,26 +24,29 @@ class PlanMatch:
         experiment: Of the planned experiments in that pose, the one (m,) whose load is the most
             similar.
         missing: Planned experiments (k,) that no measurement is one of.
+        within: How far apart two poses are the same [deg, mm].
     """
 
     pose: Indices
     distance: Array
     experiment: Indices
     missing: Indices
+    within: float
 
 
 def match_plan(study: Study, data: Measurements, plan: Plan) -> PlanMatch:
     """Find each measurement's experiment by its pose, and among several in one pose by its load.
 
     Args:
-        study: Says how far apart two poses are the same, see `pose_resolution`.
+        study: Says, with the digits of the sheet, how far apart two poses are the same; see
+            `pose_resolution`.
         data: The measurements.
         plan: The plan that was to be carried out.
     """
     from scipy.spatial import cKDTree
 
     factors = pose_factors(study.robot)
-    within = pose_resolution(study)
+    within = pose_resolution(study, data)
     tree = cKDTree(plan.q / factors)
     measured = data.q / factors
     distance, pose = tree.query(measured, p=np.inf)
@@ -57,7 +60,8 @@ def match_plan(study: Study, data: Measurements, plan: Plan) -> PlanMatch:
         experiment[row] = candidates[nearest]
     number = row_numbers(plan.q, plan.wrench)
     made = number[experiment[distance <= within]]
-    return PlanMatch(pose, distance, experiment, np.flatnonzero(~np.isin(number, made)))
+    missing = np.flatnonzero(~np.isin(number, made))
+    return PlanMatch(pose, distance, experiment, missing, within)
 
 
 def _most_similar(planned: Array, applied: Array) -> int:

@@ -183,7 +183,8 @@ def _other_pose(found: Finding) -> str:
     return (
         f"row {found.rows[0] + 1}, column {found.columns[0]}: the pose is not in the plan; the "
         f"nearest planned one, row {data['nearest'] + 1}, is {data['distance']:.3g} "
-        f"{data['unit']} away{more}"
+        f"{data['unit']} away; expected {data['within']:.3g} at most (plan_resolution_deg in the "
+        f"study's [workspace] allows more){more}"
     )
 
 

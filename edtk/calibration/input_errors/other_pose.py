@@ -4,7 +4,6 @@ import numpy as np
 
 from edtk.calibration.finding import Finding, Kind
 from edtk.calibration.fitted_data import FittedData
-from edtk.calibration.pose_resolution import pose_resolution
 from edtk.tables.pose_columns import pose_columns
 from edtk.tables.pose_table import pose_factors
 
@@ -14,7 +13,7 @@ def other_pose(fitted: FittedData) -> Finding | None:
     match = fitted.match
     if fitted.plan is None or match is None:
         return None
-    rows = np.flatnonzero(match.distance > pose_resolution(fitted.study))
+    rows = np.flatnonzero(match.distance > match.within)
     if not len(rows):
         return None
     robot = fitted.study.robot
@@ -25,6 +24,7 @@ def other_pose(fitted: FittedData) -> Finding | None:
     data = {
         "nearest": nearest,
         "distance": float(match.distance[row]),
+        "within": match.within,
         "unit": "mm" if robot.joints[joint].kind == "prismatic" else "deg",
         "others": len(rows) - 1,
     }

@@ -258,5 +258,6 @@ def test_poses_that_are_not_planned():
     other[[2, 5]] += np.deg2rad([0, 0.3, 0, -1, 0, 0])
     line = found(data, Plan(other, data.wrench, np.ones(12, dtype=int)))
     assert line.startswith("row 3, column q4_deg: the pose is not in the plan; the nearest ")
+    assert "away; expected 0.1 at most (plan_resolution_deg" in line
     assert "planned one, row 3, is 1 deg" in line
-    assert line.endswith("away; 1 more rows are not either")
+    assert line.endswith("; 1 more rows are not either")
