@@ -10,12 +10,16 @@ STUDY ?= studies/kr270_milling.toml
 study: $(VENV)/.installed
 	$(BIN)/edtk run $(STUDY)
 
+# A file's tests run in one process, which share what they compute; compiled modules are kept for the
+# processes that tests start, whatever the shell says.
+PYTEST := PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -n 2 --dist loadfile
+
 test: $(VENV)/.installed
-	$(BIN)/python -m pytest -n 2
+	$(PYTEST)
 
 # The fast part of the tests: laws, textbook optima and messages, without searches and subprocesses.
 quick: $(VENV)/.installed
-	$(BIN)/python -m pytest -n 2 -m "not slow"
+	$(PYTEST) -m "not slow"
 
 docs: $(VENV)/.installed
 	$(BIN)/sphinx-build -W -n -q -b html docs results/docs

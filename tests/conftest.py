@@ -103,7 +103,8 @@ def plugin_site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     pip.
     """
     folder = tmp_path_factory.mktemp("plugin")
-    source, site = folder / "dist", folder / "site"
+    source = folder / "dist"
+    site = folder / "site"
     source.mkdir()
     (source / "my_criterion.py").write_text(PLUGIN_MODULE)
     (source / "pyproject.toml").write_text(PLUGIN_PROJECT)
@@ -140,7 +141,8 @@ def derivative() -> Callable[..., Array]:
     def along(f: Callable[[Array], Array], x: Array, h: float = 1e-3) -> Array:
         columns = []
         for e in h * np.eye(len(x)):
-            inner, outer = f(x + e) - f(x - e), f(x + 2 * e) - f(x - 2 * e)
+            inner = f(x + e) - f(x - e)
+            outer = f(x + 2 * e) - f(x - 2 * e)
             columns.append((8 * inner - outer) / (12 * h))
         return np.stack(columns, axis=-1)
 

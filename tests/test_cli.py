@@ -170,6 +170,18 @@ def test_run_writes_results_plans_and_report(study: Path, tmp_path: Path) -> Non
     )  # written to ten digits
 
 
+def test_run_of_a_size_that_is_too_small(study: Path, tmp_path: Path) -> None:
+    """Where a criterion is maximised, too, a size that cannot be planned is a row with a reason."""
+    edit(edit(study, '["rho0", "E"]', '["D"]'), '["E", "rho0"]', '["D"]')
+    edit(edit(study, "sizes = [3]", "sizes = [1]"), "candidates = 300", "candidates = 100")
+    answer = edtk("run", study, "--out", tmp_path / "out")
+    assert answer.returncode == 0, answer.stderr
+    table = pd.read_csv(tmp_path / "out/results.csv").set_index("plan")
+    assert table.loc["optimised_D_m1", "efficiency_D"] == 0
+    assert "1 experiment cannot identify" in table.loc["optimised_D_m1", "reason"]
+    assert "cannot identify" in (tmp_path / "out/report.md").read_text(encoding="utf-8")
+
+
 def test_a_plug_in_criterion_is_found_by_name_in_a_study(
     study: Path, plugin_site: Path, plug_in: Callable[[Path], None], tmp_path: Path
 ) -> None:
@@ -314,7 +326,8 @@ def test_ctrl_c_leaves_the_best_certified_plan(tmp_path: Path) -> None:
     """A long run that is interrupted prints and writes its best plan, proved to 1e-6, says so, and
     exits with 130.
     """
-    out, study = tmp_path / "plan.csv", load_study(PAPER)
+    out = tmp_path / "plan.csv"
+    study = load_study(PAPER)
     options = ["--criterion", "O4", "--candidates", 500, "--continuous", "--json", "--out", out]
     answer = interrupted(b"continuum: gap", "relax", PAPER, *options)
     assert answer.returncode == 130, answer.stderr
@@ -482,7 +495,8 @@ def test_kept_pose_that_is_infeasible_is_named_by_its_row(study: Path, tmp_path:
     """A kept plan is checked as any other: the file, the row, the constraint; and nothing is
     written.
     """
-    kept, out = tmp_path / "kept.csv", tmp_path / "plan.csv"
+    kept = tmp_path / "kept.csv"
+    out = tmp_path / "plan.csv"
     kept.write_text(f"{HEADER}\n{POSE}\n-93.5,185.0,-118.7,-62.4,-168.9\n")
     answer = edtk("plan", study, "--size", 3, "--keep", kept, "--out", out)
     assert_one_line(answer, "kept.csv", "row 2", "joint limit q3")
@@ -529,7 +543,8 @@ def test_relax_for_a_test_pose_that_is_not_there(study: Path) -> None:
     relaxed.
     """
     text = study.read_text().replace('["rho0", "E"]', '["E"]').replace('["E", "rho0"]', '["E"]')
-    start, end = text.index("[test_pose]"), text.index("[simulation]")
+    start = text.index("[test_pose]")
+    end = text.index("[simulation]")
     study.write_text(text[:start] + text[end:])
     assert_one_line(
         edtk("relax", study, "--criterion", "rho0", "--json"), "study.toml", "rho0", "test pose"
@@ -571,7 +586,8 @@ def test_relax_to_a_place_that_cannot_be_written(study: Path, tmp_path: Path) ->
 )
 def test_no_command_overwrites_what_it_reads(study: Path, tmp_path: Path, line: str) -> None:
     """One line, before any work, and every file is as it was."""
-    plan, k = tmp_path / "plan.csv", tmp_path / "k.json"
+    plan = tmp_path / "plan.csv"
+    k = tmp_path / "k.json"
     plan.write_text(PLAN_3.read_text())
     k.write_text('{"q2": 3e-7, "q3": 4e-7, "q4": 2.8e-6, "q5": 2.8e-6, "q6": 2.1e-6}')
     before = {path: path.read_bytes() for path in (study, plan, k)}
@@ -595,7 +611,8 @@ def test_measurements_are_never_overwritten(study: Path, tmp_path: Path, line: s
     """A sheet that somebody has filled in is refused as an output, before any work, whatever the
     command.
     """
-    sheet, k = tmp_path / "day1.csv", tmp_path / "k.json"
+    sheet = tmp_path / "day1.csv"
+    k = tmp_path / "k.json"
     k.write_text('{"q2": 3e-7, "q3": 4e-7, "q4": 2.8e-6, "q5": 2.8e-6, "q6": 2.1e-6}')
     assert edtk("template", study, PLAN_3, "--out", sheet).returncode == 0
     empty = sheet.read_text()
@@ -611,7 +628,8 @@ def test_measurements_are_never_overwritten(study: Path, tmp_path: Path, line: s
 
 def test_what_the_study_names_is_not_overwritten(study: Path, tmp_path: Path) -> None:
     """Plans and earlier calibrations that a study names are inputs too."""
-    plan, k = tmp_path / "plan.csv", tmp_path / "k.json"
+    plan = tmp_path / "plan.csv"
+    k = tmp_path / "k.json"
     plan.write_text(PLAN_3.read_text())
     k.write_text("{}")
     text = study.read_text()

@@ -108,7 +108,8 @@ def test_evaluate_is_the_command() -> None:
 
 def test_relax_is_the_command(tmp_path: Path) -> None:
     """Weights, value, bound and gap are those of the command; files are written by the call too."""
-    out, proof = tmp_path / "weights.csv", tmp_path / "proof.json"
+    out = tmp_path / "weights.csv"
+    proof = tmp_path / "proof.json"
     found = edtk.relax(PATH, "D", candidates=300, out=out, certificate=proof)
     shown = printed("relax", PATH, "--criterion", "D", "--candidates", 300)
     assert found.value == shown["value"]
@@ -137,7 +138,8 @@ def test_plan_is_the_command(tmp_path: Path) -> None:
     text = PATH.read_text(encoding="utf-8").replace("candidates = 2000", "candidates = 200")
     study = tmp_path / "study.toml"
     study.write_text(text.split("published = [")[0] + text.split("]\n\n", 1)[1], encoding="utf-8")
-    out, proof = tmp_path / "plan.csv", tmp_path / "plan.json"
+    out = tmp_path / "plan.csv"
+    proof = tmp_path / "plan.json"
     found = edtk.plan(study, size=3, criterion="D", seed=1, workers=1, out=out, certificate=proof)
     shown = printed("plan", study, "--size", 3, "--criterion", "D", "--seed", 1, "--workers", 1)
     assert found.value == shown["value"]

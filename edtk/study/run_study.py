@@ -49,7 +49,8 @@ def run_study(
         study: The study.
         folder: Folder of the run, which is made if need be.
         fresh: Whether to begin anew, whatever is finished.
-        options: Seed, processes and progress; progress is reported `steps(study)` times.
+        options: Seed, processes and progress; progress is reported for the questions, for
+            each relaxation, search and random plan, and at the end.
 
     Raises:
         UserError: No feasible poses, the candidates cannot identify all parameters, or the workers
@@ -83,12 +84,6 @@ def run_study(
     run = StudyRun(study, table, relaxations, tuple(cases), folder)
     report("results")
     return run
-
-
-def steps(study: Study) -> int:
-    """Number of times that `run_study` reports progress."""
-    with study_errors(study):
-        return _count(study, _questions(study))
 
 
 def _count(study: Study, questions: list[Case]) -> int:

@@ -77,7 +77,7 @@ def test_bounds_say_on_how_many_candidates_they_are_proved(honest: dict[str, Con
     content["proof"]["candidates"] = 1
     found = verify_certificate(consistent(content))
     assert [claim.candidates for claim in found.claims if claim.claim == "bound"] == [1]
-    assert "proved on 1 candidates" in found.summary()
+    assert "proved on 1 candidate:" in found.summary()
 
 
 @pytest.mark.parametrize("name", ["O2", "O4"])

@@ -94,7 +94,9 @@ def test_files(tmp_path):
     """Chain, export and pictures are written whole; ArviZ reads the export with its names and
     shapes.
     """
-    chain, nc, figures = tmp_path / "a.h5", tmp_path / "a.nc", tmp_path / "figures"
+    chain = tmp_path / "a.h5"
+    nc = tmp_path / "a.nc"
+    figures = tmp_path / "figures"
     options = ["--sigma-factor", "inf", "--nu", "sampled", "--accuracy", 0.3]
     answer = edtk(STUDY, PLAN, "--chain", chain, "--export", nc, "--figures", figures, *options)
     assert answer.exit_code == 0, answer.stderr

@@ -91,7 +91,8 @@ def found(tmp_path_factory):
     """
     folder = tmp_path_factory.mktemp("plan")
     study = write(folder)
-    answers, outs = {}, {}
+    answers = {}
+    outs = {}
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("edtk.study.plan_study.STARTS", 32)
         for name in ("rho0", "D"):
@@ -193,7 +194,9 @@ def test_keep(tmp_path):
     """Kept experiments come first, as they were, repetitions and loads included, and count in size
     and value.
     """
-    study, out, kept = write(tmp_path), tmp_path / "plan.csv", tmp_path / "kept.csv"
+    study = write(tmp_path)
+    out = tmp_path / "plan.csv"
+    kept = tmp_path / "kept.csv"
     rows = PAPERS.read_text().split()
     kept.write_text(f"{rows[0]},repeats,Fz_N\n{rows[1]},2,-1000\n{rows[2]},1,-2500\n")
     study.write_text(
@@ -204,7 +207,8 @@ def test_keep(tmp_path):
     assert [row["kept"] for row in answer["plan"]][:3] == [True, True, False]
     assert not any(row["kept"] for row in answer["plan"][2:])
     assert sum(row["repeats"] for row in answer["plan"][2:]) == 2
-    given, table = pd.read_csv(kept), pd.read_csv(out)
+    given = pd.read_csv(kept)
+    table = pd.read_csv(out)
     shared = [column for column in POSES if column in given]
     np.testing.assert_allclose(table[shared][:2], given[shared], rtol=1e-9)
     assert table["repeats"][:2].tolist() == [2, 1]
@@ -219,7 +223,8 @@ def test_one_more_experiment_where_one_alone_would_not_do(tmp_path):
     """One pose identifies nothing, but beside one that is kept it does; the plan has
     one new pose.
     """
-    study, kept = write(tmp_path), tmp_path / "kept.csv"
+    study = write(tmp_path)
+    kept = tmp_path / "kept.csv"
     study.write_text(
         study.read_text().replace("plan_resolution_deg = 0.0 ", "plan_resolution_deg = 0.1 ")
     )
@@ -261,7 +266,8 @@ def test_budget(tmp_path):
     """When the budget ends the search, there is a feasible plan of the size that was asked for, and
     a line says so.
     """
-    study, out = write(tmp_path), tmp_path / "plan.csv"
+    study = write(tmp_path)
+    out = tmp_path / "plan.csv"
     options = ["--size", 3, "--budget", 0.01, "--workers", 1, "--json", "--out", out]
     result = edtk("plan", study, *options)
     answer = json.loads(result.stdout)
@@ -278,7 +284,8 @@ def test_ctrl_c_leaves_the_best_plan(tmp_path):
     """Ctrl-C during the search prints and writes the best plan so far, says so, and
     exits with 130.
     """
-    study, out = write(tmp_path), tmp_path / "plan.csv"
+    study = write(tmp_path)
+    out = tmp_path / "plan.csv"
     options = ["--size", 6, "--criterion", "A", "--workers", 1, "--json", "--out", out]
     command = [sys.executable, "-m", "edtk", "plan", str(study), *map(str, options)]
     env = {**os.environ, "PYTHONPATH": str(ROOT)}
@@ -339,11 +346,9 @@ def test_loads_are_designed_from_study_to_file(tmp_path, kind):
     """`plan` and `relax` write the load of every pose, from the family in the study, and `evaluate`
     reads it back.
     """
-    study, out, weights = (
-        write(tmp_path, LOADS[kind]),
-        tmp_path / "plan.csv",
-        tmp_path / "weights.csv",
-    )
+    study = write(tmp_path, LOADS[kind])
+    out = tmp_path / "plan.csv"
+    weights = tmp_path / "weights.csv"
     answer = plan(
         study, "--size", 3, "--criterion", "D", "--budget", 2, "--workers", 1, "--out", out
     )
@@ -369,7 +374,8 @@ def test_loads_are_designed_from_study_to_file(tmp_path, kind):
         table[WRENCH], [row["wrench"] for row in relaxed["support"]], rtol=1e-9, atol=1e-9
     )
     loaded = load_study(study)
-    q, W = np.deg2rad(table[POSES].to_numpy()), table[WRENCH].to_numpy()
+    q = np.deg2rad(table[POSES].to_numpy())
+    W = table[WRENCH].to_numpy()
     A = loaded.model.regressor(q, W) / loaded.sigma[:, None]
     M = np.einsum("k,kri,krj->ij", table["weight"], A, A)
     assert relaxed["value"] == pytest.approx(np.linalg.det(M) ** 0.2, rel=1e-8)

@@ -104,7 +104,8 @@ def test_json(name):
     assert (np.diff(weights) <= 0).all()
     assert weights.sum() == pytest.approx(1, abs=1e-14)  # eps times the number of summands
     sense, definition = DEFINITIONS[name]
-    value, bound = answer["value"], answer["bound"]
+    value = answer["value"]
+    bound = answer["bound"]
     assert value == pytest.approx(definition(*spectrum(answer)), rel=ROUNDING)
     better, worse = (bound, value) if sense == "min" else (value, bound)
     assert better <= worse * (1 + ROUNDING)
@@ -130,15 +131,14 @@ def test_bound_can_be_rechecked(name):
     theorem's bound.
     """
     answer = relaxed(name=name)
-    A, cov = (
-        blocks(CandidateSource(STUDY.space, (STUDY.specification.seed, 0)).take(500).x),
-        spectrum(answer)[1],
-    )
+    A = blocks(CandidateSource(STUDY.space, (STUDY.specification.seed, 0)).take(500).x)
+    cov = spectrum(answer)[1]
     W = {"A": np.eye(5), "D": np.linalg.inv(cov), "rho0": STUDY.target.T @ STUDY.target}[name]
     dearest = np.einsum("kri,ij,krj->k", A, cov @ W @ cov, A).max() / np.trace(W @ cov)
     degree = {"A": 1.0, "D": 1.0, "rho0": 0.5}[name]
     sign = 1 if DEFINITIONS[name][0] == "min" else -1
-    cost, bound = answer["value"] ** sign, answer["bound"] ** sign
+    cost = answer["value"] ** sign
+    bound = answer["bound"] ** sign
     proved = cost * dearest**-degree
     assert proved <= bound * (1 + ROUNDING) <= cost * (1 + 2 * ROUNDING)
     assert 1 - proved / cost <= 1e-3
@@ -164,9 +164,11 @@ def test_same_seed_same_answer():
     """Twice the same, but for the seconds; the study's seed is the default; another seed has other
     poses.
     """
-    first, other = relaxed(), relaxed("--seed", 3)
+    first = relaxed()
+    other = relaxed("--seed", 3)
     relax.cache_clear()
-    again, named = relaxed(), relaxed("--seed", STUDY.specification.seed)
+    again = relaxed()
+    named = relaxed("--seed", STUDY.specification.seed)
     assert untimed(first) == untimed(again) == untimed(named)
     assert other["support"] != first["support"]
 
@@ -206,7 +208,8 @@ def test_json_is_alone_on_standard_output(tmp_path):
 
 def test_text_says_what_json_says():
     """Without --json a person reads value and bound in millimetres, and one line per pose."""
-    answer, lines = relaxed(), relax().splitlines()
+    answer = relaxed()
+    lines = relax().splitlines()
     assert (
         lines[0] == "rho0, Test-pose accuracy, for a single experiment's worth of weight; minimised"
     )
@@ -240,7 +243,8 @@ def test_continuous_finds_the_best_of_all_poses(seed):
     obey the bound.
     """
     answer = relaxed("--continuous", "--seed", seed)
-    value, searched = answer["value"], answer["bound_searched"]
+    value = answer["value"]
+    searched = answer["bound_searched"]
     assert value == pytest.approx(9.645e-6, rel=1e-4)
     assert value == pytest.approx(DEFINITIONS["rho0"][1](*spectrum(answer)), rel=ROUNDING)
     assert searched <= answer["bound"] <= value

@@ -44,7 +44,8 @@ def same(a: Candidates, b: Candidates) -> None:
 @on_every_load
 def test_all_feasible(space, sampling):
     """A source gives as many experiments as asked for; each is feasible, and fixed joints stay."""
-    x, n = CandidateSource(space, 0, sampling).take(1000).x, space.workspace.robot.n
+    x = CandidateSource(space, 0, sampling).take(1000).x
+    n = space.workspace.robot.n
     assert x.shape == (1000, space.size)
     assert space.at(x).feasible.all()
     assert space.workspace.contains(x[:, :n]).all()
@@ -61,8 +62,10 @@ def test_all_feasible(space, sampling):
 @on_every_load
 def test_information_is_that_of_the_regressor(space, sampling):
     """Each candidate's information is A'A/sigma^2 with the model's regressor, to rounding."""
-    candidates, n = CandidateSource(space, 1, sampling).take(300), space.workspace.robot.n
-    q, wrench = candidates.x[:, :n], space.load.wrench(candidates.x[:, n:])
+    candidates = CandidateSource(space, 1, sampling).take(300)
+    n = space.workspace.robot.n
+    q = candidates.x[:, :n]
+    wrench = space.load.wrench(candidates.x[:, n:])
     A = space.model.regressor(q, wrench) / space.sigma[:, None]
     expected = np.swapaxes(A, 1, 2) @ A
     scale = np.abs(expected).max(axis=(1, 2), keepdims=True)
@@ -103,7 +106,8 @@ def test_the_number_of_workers_does_not_matter(space, sampling, workers):
 @on_each
 def test_chunks_are_the_candidates(space):
     """All chunks together are the candidates that `take` returns, and no chunk is empty."""
-    source, n = CandidateSource(space, 7), 1000
+    source = CandidateSource(space, 7)
+    n = 1000
     chunks = list(source.chunks(n))
     assert len(chunks) > 2
     assert all(len(chunk.x) == chunk.problem.n > 0 for chunk in chunks)

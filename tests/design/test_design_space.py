@@ -35,7 +35,8 @@ def plans(space, b=2, k=5, seed=0):
 @on_every_load
 def test_a_plan_has_the_wrenches_of_its_variables(space):
     """Poses and wrenches of a plan are those of the design variables, and tell what these tell."""
-    x, n = sample_feasible(space, 8, 4), len(space.fixed)
+    x = sample_feasible(space, 8, 4)
+    n = len(space.fixed)
     plan = space.plan(x, np.arange(1, 9))
     np.testing.assert_array_equal(plan.q, x[:, :n])
     np.testing.assert_array_equal(plan.wrench, space.load.wrench(x[:, n:]))
@@ -74,7 +75,8 @@ def test_wrenches_of_any_plan_are_its_own():
 @on_every_load
 def test_bounds_and_what_moves(space):
     """Fixed joints are neither drawn nor moved; the index of a listed load is not moved."""
-    n, d = len(space.fixed), len(space.load.limits.T)
+    n = len(space.fixed)
+    d = len(space.load.limits.T)
     np.testing.assert_array_equal(space.limits[:, :n], space.workspace.robot.limits)
     np.testing.assert_array_equal(space.limits[:, n:], space.load.limits)
     assert space.drawn == [*space.free, *range(n, n + d)]
@@ -134,12 +136,14 @@ def test_no_plan_beside_kept_experiments_beats_the_bound(name):
     Exchanged plans come within a fifth of the bound, so that a bound 20 % too low would be noticed
     as well.
     """
-    m, criterion = 4, STUDY.criterion(name)
+    m = 4
+    criterion = STUDY.criterion(name)
     kept, beside = kept_and_beside(DESIGN, m)
     source = CandidateSource(beside, 0)
     relaxed = relax_poses(source, 400, criterion)
     bound = relaxed.proved_bound.scaled(m).cost
-    pool, rng = source.take(400), np.random.default_rng(0)
+    pool = source.take(400)
+    rng = np.random.default_rng(0)
     costs = []
     for _ in range(4):
         places, reached = exchange(pool.problem, criterion, rng.integers(0, 400, m))
@@ -153,7 +157,8 @@ def test_no_plan_beside_kept_experiments_beats_the_bound(name):
 
 def test_no_refined_plan_beside_kept_experiments_beats_the_searched_bound():
     """Refined plans over all poses stay above the searched bound, and within a fifth of it."""
-    m, criterion = 4, STUDY.criterion("rho0")
+    m = 4
+    criterion = STUDY.criterion("rho0")
     kept, beside = kept_and_beside(DESIGN, m)
     relaxed = relax_poses(
         CandidateSource(beside, 0), 400, criterion, True, RelaxOptions(tolerance=1e-3)

@@ -79,8 +79,10 @@ def test_experiments_of_any_shape(space):
 @on_every_load
 def test_some_experiments(space):
     """What is chosen from experiments is, bit by bit, what they are when computed anew."""
-    x, chosen = sample_feasible(space, 9, 4), np.array([7, 0, 0, 3])
-    some, anew = space.at(x)[chosen], space.at(x[chosen])
+    x = sample_feasible(space, 9, 4)
+    chosen = np.array([7, 0, 0, 3])
+    some = space.at(x)[chosen]
+    anew = space.at(x[chosen])
     for name in ("x", "regressor", "packed", "slack", "slack_gradient", "feasible"):
         np.testing.assert_array_equal(getattr(some, name), getattr(anew, name))
     B = np.random.default_rng(0).normal(size=anew.regressor.shape)

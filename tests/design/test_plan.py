@@ -194,7 +194,8 @@ def test_repeated():
 
 def test_sum():
     """These experiments come first, with their wrenches and repetitions, then the others."""
-    a, b = plan_of(KR270, k=2), plan_of(KR270, k=3, seed=1)
+    a = plan_of(KR270, k=2)
+    b = plan_of(KR270, k=3, seed=1)
     both = a + b
     for name in ("q", "wrench", "repeats"):
         np.testing.assert_array_equal(getattr(both, name)[:2], getattr(a, name))
@@ -204,7 +205,8 @@ def test_sum():
 
 def test_a_load_that_the_study_leaves_open_must_be_in_the_file(tmp_path):
     """Without a default wrench each force must have a column; missing torques are zero."""
-    path, columns = tmp_path / "plan.csv", ("Fx_N", "Fy_N", "Fz_N")
+    path = tmp_path / "plan.csv"
+    columns = ("Fx_N", "Fy_N", "Fz_N")
     for n in range(3):
         path.write_text(f"{HEAD}{''.join(f',{c}' for c in columns[:n])}\n{GOOD}{',1' * n}\n")
         with pytest.raises(

@@ -136,7 +136,8 @@ def prior():
 
 def test_prior_counts_with_the_sum_of_the_weights(blocks, prior):
     """M = sum(w) M0 + sum w_i M_i, of few weights and of all, and of equal ones in the mean."""
-    alone, beside = Problem(blocks), Problem(blocks, prior=prior)
+    alone = Problem(blocks)
+    beside = Problem(blocks, prior=prior)
     for w in (np.arange(7.0), np.eye(7)[2], np.full(7, 1 / 7)):
         expected = alone.information(w) + w.sum() * prior
         np.testing.assert_allclose(beside.information(w), expected, rtol=1e-13)
@@ -156,7 +157,8 @@ def test_prior_counts_in_every_sensitivity(blocks, prior):
 
 def test_prior_is_no_part_of_a_candidate(blocks, prior):
     """Packed information, blocks and factors are those of the candidates alone, to the last bit."""
-    alone, beside = Problem(blocks), Problem(blocks, prior=prior)
+    alone = Problem(blocks)
+    beside = Problem(blocks, prior=prior)
     np.testing.assert_array_equal(beside.packed, alone.packed)
     np.testing.assert_array_equal(beside.blocks(), alone.blocks())
     np.testing.assert_array_equal(beside.factors(), alone.factors())

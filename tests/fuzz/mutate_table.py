@@ -27,7 +27,8 @@ def copy_column(rows: Rows, rng: Random) -> Rows:
 
 def swap_columns(rows: Rows, rng: Random) -> Rows:
     """Two columns have each other's header."""
-    first, second = _column(rows, rng), _column(rows, rng)
+    first = _column(rows, rng)
+    second = _column(rows, rng)
     header = rows[0][:]
     header[first], header[second] = header[second], header[first]
     return [header, *rows[1:]]

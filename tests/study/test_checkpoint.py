@@ -157,7 +157,8 @@ def test_key_does_not_depend_on_the_place(folder, tmp_path_factory):
 )
 def test_key_depends_on_the_study_its_robot_and_its_exclusions(folder, name, old, new):
     """A changed file gives another key, and the same file again the same key."""
-    before, text = key(folder), (folder / name).read_text()
+    before = key(folder)
+    text = (folder / name).read_text()
     assert text.count(old) == 1
     (folder / name).write_text(text.replace(old, new))
     assert key(folder) != before
@@ -175,7 +176,8 @@ def test_key_depends_on_poses_excluded_besides(folder, tmp_path):
 @pytest.mark.parametrize("library", ["numpy", "scipy", "cvxpy", "clarabel", "scs"])
 def test_key_depends_on_the_numerical_libraries(folder, monkeypatch, library):
     """Another version of a library that computes the answers is another key."""
-    before, true = key(folder), importlib.metadata.version
+    before = key(folder)
+    true = importlib.metadata.version
     monkeypatch.setattr(
         importlib.metadata, "version", lambda name: "0.0.1" if name == library else true(name)
     )

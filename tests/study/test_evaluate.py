@@ -90,7 +90,8 @@ def test_table(plan):
 
 def test_repetition(plan):
     """Four times the experiments halve every standard deviation and rho0."""
-    once, four = evaluate(STUDY, plan), evaluate(STUDY, plan.repeated(4))
+    once = evaluate(STUDY, plan)
+    four = evaluate(STUDY, plan.repeated(4))
     np.testing.assert_allclose(four.std, once.std / 2, rtol=1e-12)
     assert four.criteria["rho0"] == pytest.approx(once.criteria["rho0"] / 2, rel=1e-12)
 

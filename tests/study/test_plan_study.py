@@ -30,7 +30,8 @@ def part(plan, rows):
 def test_kept_experiments_count_and_the_bound_holds_beside_them(name):
     """New poses complete the kept ones, and no completion is better than the bound."""
     papers = PAPERS["table_4_4"]
-    kept, rest = part(papers, slice(0, 2)), part(papers, slice(2, None))
+    kept = part(papers, slice(0, 2))
+    rest = part(papers, slice(2, None))
     found = plan_study(STUDY, 4, name, kept=kept)
     assert found.whole.experiments == 4
     np.testing.assert_array_equal(found.whole.q[:2], kept.q)

@@ -17,7 +17,7 @@ from edtk.design.exact.find_plan import SearchOptions, find_plan
 from edtk.study import run_study as runner
 from edtk.study.evaluate import evaluate
 from edtk.study.relax_study import relax_study
-from edtk.study.run_study import run_study, steps
+from edtk.study.run_study import run_study
 from edtk.study.study import load_study
 from edtk.system.errors import UserError
 from edtk.verbs.run import run as run_and_report
@@ -187,7 +187,8 @@ def contents(folder):
 
 def assert_same(one, other):
     """Two folders have the same files, byte by byte."""
-    one, other = contents(one), contents(other)
+    one = contents(one)
+    other = contents(other)
     assert list(one) == list(other)
     assert [name for name in one if one[name] != other[name]] == []
 
@@ -232,10 +233,9 @@ def test_size_too_small_is_a_row_with_its_reason(done):
 
 
 def test_progress(done):
-    """Progress is reported as often as `steps` promises, up to the whole, the results last."""
-    study, _, _, progress = done
+    """Progress is reported in equal steps, as many as were announced, the results last."""
+    _, _, _, progress = done
     labels = [label for label, _ in progress]
-    assert len(labels) == steps(study)
     assert labels[:3] == ["questions", "relaxation_rho0", "relaxation_D"]
     assert labels[-1] == "results"
     np.testing.assert_allclose(

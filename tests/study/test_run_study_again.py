@@ -39,7 +39,8 @@ def files(folder):
 
 def assert_same(one, other):
     """Two folders have the same files, byte by byte."""
-    one, other = files(one), files(other)
+    one = files(one)
+    other = files(other)
     assert list(one) == list(other)
     assert [name for name in one if one[name] != other[name]] == []
 

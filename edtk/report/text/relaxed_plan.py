@@ -8,7 +8,8 @@ def relaxed_plan(plan: RelaxedPlan) -> str:
     criterion = plan.criterion
     factor = criterion.shown[0]
     unit = f" {criterion.shown[1]}".rstrip()
-    proved = f"bound, proved on {plan.candidates:,} candidates"
+    plural = "" if plan.candidates == 1 else "s"
+    proved = f"bound, proved on {plan.candidates:,} candidate{plural}"
     bounds = [(proved, plan.proved_bound, "")]
     if plan.searched_bound is not None:
         bounds.append(("bound, searched over all poses", plan.searched_bound, "; not proved"))

@@ -18,7 +18,7 @@ MEANING = {
     "weights": "the weights are shares of one",
     "repeats": "every pose is measured a whole number of times",
     "value": "of these experiments together",
-    "bound": "proved on {candidates} candidates: no design on these poses is better",
+    "bound": "proved on {candidates}: no design on these poses is better",
     "bound_searched": "searched, not proved: no design over all poses is better",
     "search": "a second search finds no pose whose sensitivity is 0.1 % larger",
     "gap": "relative distance from the bound to the value",
@@ -38,7 +38,8 @@ WITHOUT_NUMBER = ("study", "feasible", "loads", "kept", "weights", "repeats", "s
 
 def verification(found: Verification) -> str:
     """What the certificate is about, a line for each claim, then the verdict."""
-    kept = "" if not found.kept else f", beside {found.kept} kept experiments, taken as carried out"
+    some = f"{found.kept} kept experiment{'' if found.kept == 1 else 's'}"
+    kept = f", beside {some}, taken as carried out" if found.kept else ""
     plural = "" if found.poses == 1 else "s"
     lines = [f"{found.criterion}, {found.kind} of {found.poses} pose{plural}{kept}"]
     if all(claim.claim != "study" for claim in found.claims):
@@ -56,7 +57,9 @@ def _line(found: Verification, claim: Claim) -> str:
     """Whether a claim holds, its number, and what it says or why it fails."""
     if claim.holds:
         number = "" if claim.claim in WITHOUT_NUMBER else _shown(found, claim, claim.recomputed)
-        meaning = MEANING[claim.claim].format(candidates=claim.candidates)
+        plural = "" if claim.candidates == 1 else "s"
+        candidates = f"{claim.candidates} candidate{plural}"
+        meaning = MEANING[claim.claim].format(candidates=candidates)
         return f"  holds  {claim.claim:14}  {number:18}  {meaning}"
     if claim.claim in WITHOUT_NUMBER:
         by = "" if not claim.recomputed else f", {_shown(found, claim, claim.recomputed)}"

@@ -36,7 +36,8 @@ def test_no_single_move_helps(name):
     """
     for seed in range(10):
         rng, blocks, A0 = case(seed)
-        criterion, k = criteria.create(name, A0), len(blocks)
+        criterion = criteria.create(name, A0)
+        k = len(blocks)
         start = rng.multinomial(9, np.ones(k) / k)
         found = best_repeats(criterion, blocks, start)
         assert found.sum() == 9
@@ -62,7 +63,8 @@ def test_against_enumeration(name):
     off = []
     for seed in range(10):
         _, blocks, A0 = case(seed)
-        criterion, k = criteria.create(name, A0), len(blocks)
+        criterion = criteria.create(name, A0)
+        k = len(blocks)
         best = cost(criterion, blocks, every(8, k)).min()
         start = np.diff(np.round(np.linspace(0, 8, k + 1)))
         off.append(cost(criterion, blocks, best_repeats(criterion, blocks, start)) / best - 1)
@@ -72,7 +74,8 @@ def test_against_enumeration(name):
 
 def test_known_answer():
     """The variances 9/r_1 + 1/r_2 of eight measurements are least with six in the first pose."""
-    criterion, blocks = criteria.create("A"), np.stack([np.diag([1 / 9, 0.0]), np.diag([0.0, 1.0])])
+    criterion = criteria.create("A")
+    blocks = np.stack([np.diag([1 / 9, 0.0]), np.diag([0.0, 1.0])])
     for start in ([1, 7], [7, 1], [4, 4], [0, 8]):
         assert best_repeats(criterion, blocks, np.array(start)).tolist() == [6, 2]
 
@@ -109,7 +112,8 @@ def test_the_start_is_not_changed():
 def test_very_many_measurements(name):
     """A hundred thousand measurements are distributed as a thousand are, and no move helps."""
     _, blocks, A0 = case(3)
-    criterion, k = criteria.create(name, A0), len(blocks)
+    criterion = criteria.create(name, A0)
+    k = len(blocks)
     few, many = (best_repeats(criterion, blocks, np.bincount([0], [m], k)) for m in (1000, 100_000))
     assert many.sum() == 100_000
     np.testing.assert_allclose(many / 100, few, atol=3)

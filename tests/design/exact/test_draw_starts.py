@@ -56,7 +56,8 @@ def test_the_first_is_the_apportionment(m, k):
     heaviest = np.argsort(-plan.weights, kind="stable")[:k]
     expected = apportion(plan.weights[heaviest], m)
     for seed in (0, 1):
-        x, repeats = made(m, k, seed).x[0], made(m, k, seed).repeats[0]
+        x = made(m, k, seed).x[0]
+        repeats = made(m, k, seed).repeats[0]
         assert repeats[: len(heaviest)].tolist() == expected.tolist()
         assert not repeats[len(heaviest) :].any()
         np.testing.assert_array_equal(x[: len(heaviest)], plan.x[heaviest])
@@ -70,11 +71,14 @@ def test_the_support_is_smaller_than_the_places():
 @pytest.mark.parametrize(("m", "k"), [(4, 4), (7, 3)])
 def test_exchanged_ones_are_best_in_their_pool(m, k):
     """Neither places nor repetitions of every second start can be improved from the pool."""
-    plan, some = relaxed(), made(m, k)
+    plan = relaxed()
+    some = made(m, k)
     pool = Candidates(plan.x, KR270.problem(plan.x)) + CandidateSource(KR270, 9, workers=1).take(30)
-    blocks, found = pool.problem.blocks(), costs(some)
+    blocks = pool.problem.blocks()
+    found = costs(some)
     for i in range(1, SIZE, 2):
-        own, r = KR270.problem(some.x[i]).blocks(), some.repeats[i]
+        own = KR270.problem(some.x[i]).blocks()
+        r = some.repeats[i]
         M = np.tensordot(r, own, 1)
         for j in np.flatnonzero(r):
             assert RHO0.cost(M + r[j] * (blocks - own[j])).min() >= found[i] * (1 - 1e-9)

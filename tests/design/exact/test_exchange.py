@@ -25,7 +25,10 @@ FAMILIES = {  # and the number of starts that each is given
 def case(seed):
     """A small problem, the number of experiments, and a target."""
     rng = np.random.default_rng(seed)
-    n, rows, p, m = rng.integers(6, 10), rng.integers(1, 3), rng.integers(2, 4), rng.integers(3, 6)
+    n = rng.integers(6, 10)
+    rows = rng.integers(1, 3)
+    p = rng.integers(2, 4)
+    m = rng.integers(3, 6)
     return rng, Problem(rng.normal(size=(n, rows, p))), int(m), rng.normal(size=(2, p))
 
 
@@ -104,7 +107,8 @@ def test_no_single_exchange_helps(name):
 def test_without_repetitions_each_place_counts_once():
     """Leaving the repetitions out means one each."""
     rng, problem, m, _ = case(0)
-    start, criterion = rng.integers(0, problem.n, m), criteria.create("D")
+    start = rng.integers(0, problem.n, m)
+    criterion = criteria.create("D")
     plan, cost = exchange(problem, criterion, start)
     again, same = exchange(problem, criterion, start, np.ones(m))
     assert (plan.tolist(), cost) == (again.tolist(), same)
@@ -114,7 +118,8 @@ def test_without_repetitions_each_place_counts_once():
 def test_places_keep_their_order():
     """A plan that is best already comes back place by place, in the order in which it was given."""
     e = np.eye(3)[:, None]
-    problem, criterion = Problem(np.concatenate([e, 0.1 * e])), criteria.create("D")
+    problem = Problem(np.concatenate([e, 0.1 * e]))
+    criterion = criteria.create("D")
     for start in ([2, 0, 1], [1, 2, 0]):
         plan, _ = exchange(problem, criterion, np.array(start), np.array([3.0, 1.0, 2.0]))
         assert plan.tolist() == start
@@ -127,7 +132,8 @@ def test_repetitions_stay_with_their_place(start):
     With information 1 in the first direction and 3 in the second ``9 k_1 + k_2`` has variance 9 +
     1/3; the other way round 9/3 + 1 = 4.
     """
-    problem, criterion = Problem(np.eye(2)[:, None]), criteria.create("rho0", np.diag([3.0, 1.0]))
+    problem = Problem(np.eye(2)[:, None])
+    criterion = criteria.create("rho0", np.diag([3.0, 1.0]))
     plan, cost = exchange(problem, criterion, np.array(start), np.array([1.0, 3.0]))
     assert plan.tolist() == [1, 0]
     assert cost == pytest.approx(2.0, rel=slip(np.diag([3.0, 1.0])))
@@ -161,7 +167,8 @@ def test_what_is_there_already_counts(name):
 def test_a_singular_start_is_left():
     """A singular start that measures one candidate only ends in a regular plan of the best cost."""
     rng = np.random.default_rng(1)
-    problem, criterion = Problem(rng.normal(size=(12, 2, 3))), criteria.create("D")
+    problem = Problem(rng.normal(size=(12, 2, 3)))
+    criterion = criteria.create("D")
     for repeats in (np.ones(3), np.array([2.0, 1.0, 4.0])):
         plan, cost = exchange(problem, criterion, np.zeros(3, dtype=int), repeats)
         assert np.isinf(criterion.cost(repeats.sum() * problem.blocks([0])[0]))
@@ -174,7 +181,8 @@ def test_a_singular_start_is_left():
 def test_many_candidates(repeats, shortlists):
     """Short lists, even of one candidate, end in a plan that none of 3000 candidates improves."""
     rng = np.random.default_rng(0)
-    problem, criterion = Problem(rng.normal(size=(3000, 2, 4))), criteria.create("D")
+    problem = Problem(rng.normal(size=(3000, 2, 4)))
+    criterion = criteria.create("D")
     plan, cost = exchange(problem, criterion, rng.integers(0, 3000, 6), repeats, shortlists)
     assert_no_exchange_helps(problem, criterion, plan, repeats, cost)
 
@@ -182,7 +190,8 @@ def test_many_candidates(repeats, shortlists):
 def test_chunks(monkeypatch):
     """Candidates in chunks changes nothing."""
     rng, problem, m, _ = case(9)
-    start, criterion = rng.integers(0, problem.n, m), criteria.create("A")
+    start = rng.integers(0, problem.n, m)
+    criterion = criteria.create("A")
     whole = exchange(problem, criterion, start)
     monkeypatch.setattr(import_module("edtk.design.exact.exchange"), "EXCHANGES_AT_ONCE", 2)
     parts = exchange(problem, criterion, start)
@@ -194,12 +203,12 @@ def test_chunks(monkeypatch):
 def test_plans_of_a_batch_do_not_see_each_other(name, thorough):
     """Plans that are exchanged together end as each does alone, singular ones included."""
     rng = np.random.default_rng(2)
-    problem, criterion = (
-        Problem(rng.normal(size=(300, 2, 3))),
-        criteria.create(name, rng.normal(size=(2, 3))),
-    )
-    start, repeats = rng.integers(0, 300, (2, 3, 4)), rng.integers(0, 4, (2, 3, 4)).astype(float)
-    start[0, 1], repeats[..., 0] = 7, 1.0
+    problem = Problem(rng.normal(size=(300, 2, 3)))
+    criterion = criteria.create(name, rng.normal(size=(2, 3)))
+    start = rng.integers(0, 300, (2, 3, 4))
+    repeats = rng.integers(0, 4, (2, 3, 4)).astype(float)
+    start[0, 1] = 7
+    repeats[..., 0] = 1.0
     together, costs = exchange(problem, criterion, start, repeats, thorough=thorough)
     assert together.shape == start.shape
     assert costs.shape == (2, 3)

@@ -28,11 +28,14 @@ def test_updates_equal_direct_costs(name, rows):
     unit = 10 ** rng.uniform(-3, 3, size=p) if criteria.get(name).unit_free else np.ones(p)
     criterion = criteria.create(name, rng.normal(size=(2, p)) * unit)
     for _ in range(10):
-        B, U = rng.normal(size=(6, p)), rng.normal(size=(50, rows, p))
-        R, J = B.T @ B, np.swapaxes(U, 1, 2) @ U
+        B = rng.normal(size=(6, p))
+        U = rng.normal(size=(50, rows, p))
+        R = B.T @ B
+        J = np.swapaxes(U, 1, 2) @ U
         lost = np.linalg.eigvals(np.linalg.solve(R, R + J)).real.max()
         scaled = R / np.sqrt(np.outer(np.diag(R), np.diag(R)))
-        rest, joined = R * np.outer(unit, unit), J * np.outer(unit, unit)
+        rest = R * np.outer(unit, unit)
+        joined = J * np.outer(unit, unit)
         direct = criterion.cost(rest + joined)
         both = np.stack([joined, joined]), np.stack([U, U]) * unit
         once, twice = exchange_costs(criterion, np.array([rest, rest]), *both, np.array([1.0, 2.0]))
@@ -52,11 +55,13 @@ def test_near_singular_rest(name, left):
     """
     rng = np.random.default_rng(7)
     p = 3
-    B, U = rng.normal(size=(2, p)), rng.normal(size=(20, 2, p))
+    B = rng.normal(size=(2, p))
+    U = rng.normal(size=(20, 2, p))
     across = np.cross(*B)
     B = np.vstack([B, left * across / np.linalg.norm(across)])
     criterion = criteria.create(name, rng.normal(size=(2, p)))
-    rest, joined = B.T @ B, np.swapaxes(U, 1, 2) @ U
+    rest = B.T @ B
+    joined = np.swapaxes(U, 1, 2) @ U
     direct = criterion.cost(rest + joined)
     assert np.isfinite(direct).all()
     regular = np.eye(p)

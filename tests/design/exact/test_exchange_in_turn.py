@@ -16,14 +16,10 @@ def test_exchange_in_turn(name):
     """The exchange in turn keeps the sum, and is no worse than an exchange of places alone."""
     for seed in range(2):
         rng = np.random.default_rng(seed)
-        problem, criterion = (
-            Problem(rng.normal(size=(15, 2, 3))),
-            create(name, rng.normal(size=(2, 3))),
-        )
-        start, even = (
-            rng.integers(0, 15, (4, 3)),
-            np.tile(apportion(np.ones(3), 8).astype(float), (4, 1)),
-        )
+        problem = Problem(rng.normal(size=(15, 2, 3)))
+        criterion = create(name, rng.normal(size=(2, 3)))
+        start = rng.integers(0, 15, (4, 3))
+        even = np.tile(apportion(np.ones(3), 8).astype(float), (4, 1))
         places, repeats = exchange_in_turn(problem, criterion, start, even)
         reached = criterion.cost(np.einsum("bk,bkij->bij", repeats, problem.blocks(places)))
         assert (repeats.sum(axis=1) == 8).all()

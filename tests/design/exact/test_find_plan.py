@@ -74,7 +74,8 @@ def slip(M):
 
 def assert_sound(exact, m, k=None):
     """The plan has m experiments in feasible poses, and its own cost; fixed joints stay."""
-    space, plan = exact.relaxed.space, exact.plan
+    space = exact.relaxed.space
+    plan = exact.plan
     M = space.information(plan)
     assert plan.experiments == m
     assert k is None or len(plan.q) <= k
@@ -256,7 +257,8 @@ def test_loads(kind):
     space = LOADED[f"kr270 {kind}"]
     exact = search(relaxed("D", space), 3, starts=2 * BATCH)
     assert_sound(exact, 3)
-    wrench, size = exact.plan.wrench, np.linalg.norm(KR270.load.always)
+    wrench = exact.plan.wrench
+    size = np.linalg.norm(KR270.load.always)
     if kind == "listed":
         assert (wrench[:, None] == space.load.wrenches).all(axis=-1).any(axis=-1).all()
     else:
@@ -280,7 +282,8 @@ def test_experiments_that_are_there_already():
 
 def test_what_is_there_counts():
     """New experiments that know of the kept ones are better beside them than those that do not."""
-    criterion, m = STUDY.criterion("rho0"), 3
+    criterion = STUDY.criterion("rho0")
+    m = 3
     beside = KR270.with_kept(KR270.information(kept()), m)
     plan = search(relaxed("rho0", beside), m, kept=kept(), starts=BATCH)
     assert plan.cost < criterion.cost(KR270.information(kept() + found("rho0", m).plan)) * (
@@ -377,7 +380,8 @@ def test_smallest_size(case):
 )
 def test_too_few(case):
     """One experiment or pose less than the smallest number is rejected, and that number works."""
-    space, least = SIZES[case][0](), SIZES[case][1]
+    space = SIZES[case][0]()
+    least = SIZES[case][1]
     plan = relaxed("D", KR270 if space is KR270 else _cached(case))
     for m, k, what in ((least - 1, None, "experiment"), (12, least - 1, "distinct pose")):
         said = (

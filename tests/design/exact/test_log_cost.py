@@ -52,7 +52,8 @@ def test_slope(space, name, derivative):
     Poses of a random plan have eigenvalues well apart; wrenches, where they are free, and
     repetitions differ.
     """
-    criterion, (x, repeats) = STUDY.criterion(name), plans(space, 1)
+    criterion = STUDY.criterion(name)
+    (x, repeats) = plans(space, 1)
     value, slopes = log_cost_slope(space, criterion, x, repeats)
     for plan, r, own, slope in zip(x, repeats, value, slopes, strict=True):
         M = space.information(space.plan(plan, r.astype(int)))
@@ -97,9 +98,11 @@ def test_curvature(space, name):
 @every
 def test_value_is_that_of_the_local_model(name):
     """The value alone is the one that comes with its derivatives, for the right repetitions."""
-    criterion, (x, repeats) = STUDY.criterion(name), plans(KR270, 3)
+    criterion = STUDY.criterion(name)
+    (x, repeats) = plans(KR270, 3)
     repeats = repeats * np.array([[1.0], [2.0], [3.0]])
-    cost, some = LogCost(criterion, repeats), np.array([2, 0])
+    cost = LogCost(criterion, repeats)
+    some = np.array([2, 0])
     alone = cost.value(KR270.at(x[some]), some)
     np.testing.assert_allclose(
         alone, cost.local(Neighbourhood(KR270, x[some]), some)[0], rtol=1e-12
@@ -132,11 +135,9 @@ def test_singular_plan():
 def test_slope_beside_kept_experiments(space, derivative):
     """Beside kept experiments, too, the slope of the log cost is its finite difference."""
     beside = space.with_kept(space.problem(sample_feasible(space, 3, 9)).mean, 3)
-    x, repeats, criterion = (
-        sample_feasible(space, 3, 6)[None],
-        np.ones((1, 3)),
-        criteria.create("D"),
-    )
+    x = sample_feasible(space, 3, 6)[None]
+    repeats = np.ones((1, 3))
+    criterion = criteria.create("D")
     slope = log_cost_slope(beside, criterion, x, repeats)[1][0]
     assert (
         np.abs(slope - log_cost_slope(space, criterion, x, repeats)[1][0]).max()

@@ -37,7 +37,8 @@ def cost(criterion, x, repeats, space=DESIGN):
 @pytest.mark.parametrize("iterations", [1, 25])
 def test_never_worse_and_feasible(name, iterations):
     """Plans from feasible starts are feasible and no worse; fixed joints are kept."""
-    criterion, (start, repeats) = STUDY.criterion(name), start_of(4, 3, 0)
+    criterion = STUDY.criterion(name)
+    (start, repeats) = start_of(4, 3, 0)
     before = start.copy()
     x, costs = refine(DESIGN, criterion, start, repeats, iterations=iterations)
     np.testing.assert_array_equal(start, before)
@@ -95,14 +96,13 @@ def test_smooth_optimum_is_stationary():
     The descent ends where a step gains less than 1e-7, which leaves a slope of sqrt(2 * 1e-7 *
     curvature), the latter below 50 per squared radian.
     """
-    criterion, (start, repeats) = STUDY.criterion("D"), start_of(4, 3, 1)
+    criterion = STUDY.criterion("D")
+    (start, repeats) = start_of(4, 3, 1)
     x, _ = refine(DESIGN, criterion, start, repeats, iterations=300)
     here = DESIGN.at(x)
-    slope, slack, G = (
-        log_cost_slope(DESIGN, criterion, x, repeats)[1],
-        here.slack,
-        here.slack_gradient,
-    )
+    slope = log_cost_slope(DESIGN, criterion, x, repeats)[1]
+    slack = here.slack
+    G = here.slack_gradient
     lower, upper = DESIGN.limits
     walls = np.concatenate([np.eye(DESIGN.size), -np.eye(DESIGN.size)])
     for g, pose, s, rows in zip(
@@ -126,7 +126,8 @@ def test_published_plan_of_four_is_improved():
 
 def slsqp(space, criterion, x, repeats):
     """The cost of the best feasible iterate of scipy's SLSQP from the same start."""
-    move, shape = np.ix_(range(len(x)), space.movable), (len(x), len(space.movable))
+    move = np.ix_(range(len(x)), space.movable)
+    shape = (len(x), len(space.movable))
     best = [np.inf]
 
     def full(y):
@@ -173,7 +174,8 @@ def test_against_slsqp(name):
 
     Two descents may come down in different valleys, so that single starts may differ either way.
     """
-    criterion, (start, repeats) = STUDY.criterion(name), start_of(8, 3, 5)
+    criterion = STUDY.criterion(name)
+    (start, repeats) = start_of(8, 3, 5)
     costs = refine(DESIGN, criterion, start, repeats)[1]
     theirs = np.array([slsqp(DESIGN, criterion, x, r) for x, r in zip(start, repeats, strict=True)])
     assert (theirs < cost(criterion, start, repeats)).all()
@@ -189,7 +191,8 @@ def test_the_whole_of_a_bounded_load_is_used(name):
     away by mu/1e-5 with mu below 1e-9.
     """
     space = replace(DESIGN, load=BoundedLoad(LARGEST))
-    criterion, (start, repeats) = STUDY.criterion(name), start_of(2, 3, 2, space)
+    criterion = STUDY.criterion(name)
+    (start, repeats) = start_of(2, 3, 2, space)
     x, _ = refine(space, criterion, start, repeats)
     assert start[..., -1].max() < 1
     assert (x[..., -1] > 1 - 1e-4).all()
@@ -224,7 +227,8 @@ def test_a_free_force_is_as_large_as_it_may_be(name, robot):
 def test_a_listed_load_is_not_moved():
     """Poses move, each under the wrench that it began with."""
     space = LOADED["kr270 listed"]
-    criterion, (start, repeats) = STUDY.criterion("rho0"), start_of(6, 3, 4, space)
+    criterion = STUDY.criterion("rho0")
+    (start, repeats) = start_of(6, 3, 4, space)
     assert len(np.unique(start[..., -1])) == 3
     x, costs = refine(space, criterion, start, repeats, iterations=40)
     np.testing.assert_array_equal(x[..., -1], start[..., -1])
@@ -233,7 +237,8 @@ def test_a_listed_load_is_not_moved():
 
 def test_free_forces_are_worth_more_than_one():
     """The best plan over any direction of the force is cheaper than over a single direction."""
-    criterion, repeats = STUDY.criterion("rho0"), np.ones((8, 3))
+    criterion = STUDY.criterion("rho0")
+    repeats = np.ones((8, 3))
     vertical = refine(DESIGN, criterion, start_of(8, 3, 6)[0], repeats)
     best = vertical[0][vertical[1].argmin()]
     any_force = replace(DESIGN, load=FreeLoad(2500.0))
@@ -245,7 +250,8 @@ def test_free_forces_are_worth_more_than_one():
 
 def test_kinks():
     """Sharper soft maxima after blunter ones never make a plan worse, and may make it better."""
-    criterion, (start, repeats) = STUDY.criterion("E"), start_of(4, 3, 7)
+    criterion = STUDY.criterion("E")
+    (start, repeats) = start_of(4, 3, 7)
     blunt, sharp = (
         refine(DESIGN, criterion, start, repeats, sharpness=s)[1]
         for s in ((10.0,), (10.0, 50.0, 250.0))

@@ -104,7 +104,8 @@ def test_like_points_stay_where_merging_costs_too_much():
 def test_a_pose_of_little_weight_that_is_needed_stays():
     """Where a weight of 1e-4 is all that identifies a parameter, it is not dropped."""
     blocks = np.zeros((2, 1, 2))
-    blocks[0, 0, 0], blocks[1, 0, 1] = 1.0, 1e4
+    blocks[0, 0, 0] = 1.0
+    blocks[1, 0, 1] = 1e4
     poses = Candidates(np.arange(2.0)[:, None], Problem(blocks))
     merged = active_over(poses, create("A")).merged(0.1, GAP)
     light = 1e-4 / (1 + 1e-4)  # A's weights are as the standard deviations
