@@ -148,11 +148,20 @@ def _alike_parameters(found: Finding) -> str:
 
 
 def _one_pose(found: Finding) -> str:
-    """Parameters that a single pose tells of."""
-    verb = "rests" if len(found.parameters) == 1 else "rest"
+    """Parameters that would be unknown, or hardly known, without a pose."""
+    data = found.data
+    one = len(found.parameters) == 1
+    names = ", ".join(found.parameters)
+    rest = f"{names} {'rests' if one else 'rest'}"
+    known = "unknown" if data["unknown"] else f"{data['times']:.2g} times as uncertain or more"
+    would = f"{'it' if one else 'they'} would be {known}"
+    unseen = f"goes into {'it' if one else 'them'}, and hardly shows in the residuals"
+    rows = row_names(found.rows)
+    if data["poses"] == 1:
+        return f"{rest} on one pose ({rows}): without it {would}; an error of that pose {unseen}"
     return (
-        f"{', '.join(found.parameters)} {verb} on one pose alone, {row_names(found.rows)}: "
-        "the residuals hardly show an error there"
+        f"{rest} on {data['poses']} poses ({rows}) and on each of them: without one {would}; an "
+        f"error of one {unseen}"
     )
 
 

@@ -22,8 +22,9 @@ def calibration_verdict(found: Calibration) -> str:
         noise = "the noise was estimated and is not larger than stated"
         if found.fit.known:
             noise = "the residuals fit the noise"
+        facts = f"{noise}, there are no outliers, all compliances are positive."
         lines.append(
-            f"Nothing is wrong: {noise}, there are no outliers, all compliances are positive."
+            f"{facts[0].upper()}{facts[1:]}" if found.diagnostics else f"Nothing is wrong: {facts}"
         )
     if found.expected is not None and usable:
         lines.append(f"{_sentence(found, str(found.expected))}.")

@@ -8,11 +8,12 @@ from edtk.calibration.diagnostics.diagnostic import Diagnostic, Severity
 from edtk.calibration.finding import Finding, Kind
 from edtk.calibration.fitted_data import FittedData
 from edtk.inference.least_squares import Whitened
+from edtk.system.typing import Array
 
 ALIKE = 0.99  # correlation above which two parameters are hardly told apart
-ALONE = 0.05  # share of an error in one pose that the residuals show, below which it is named
-UNSEEN = 0.005  # the same, below which it is worth a warning
-MUCH_WIDER = 4.0  # growth of a variance without a pose by which a parameter rests on that pose
+MUCH_WIDER = 5.0  # growth of a standard deviation by which a parameter rests on a pose
+UNKNOWN = 1e3  # growth of a standard deviation beyond which a parameter is as good as unknown
+ROUNDING = 1e-12  # of eigenvalues that are one at most
 
 
 def structure_diagnostics(
@@ -52,34 +53,47 @@ def _alike(fitted: FittedData) -> Iterator[Diagnostic]:
 
 
 def _alone(fitted: FittedData) -> Iterator[Diagnostic]:
-    """Parameters that rest on one pose.
+    """Parameters that would be unknown, or hardly known, without one of the poses.
 
-    With G = Q'Q of a pose's rows, the least eigenvalue of I - G is the share of an error in that
-    pose that residuals show; without the pose the covariance is ``T (I - G)^-1 T'`` where it is
-    ``T T'`` with the pose.
+    Few poses leave no other choice, and are what a plan of few poses asks for: it is a note. With
+    ``G = Q'Q`` of a pose's rows the covariance is ``T T'``, and ``T (I - G)^-1 T'`` without the
+    pose. Parameters that rest on the same poses are named together.
     """
+    growth = _growth_without(fitted)
+    resting: dict[tuple[int, ...], list[int]] = {}
+    for i, of_parameter in enumerate(growth.T):
+        poses = tuple(np.flatnonzero(of_parameter >= MUCH_WIDER**2).tolist())
+        if poses:
+            resting.setdefault(poses, []).append(i)
+    names = fitted.study.model.parameters
+    for poses, members in resting.items():
+        rows = np.flatnonzero(np.isin(fitted.data.pose, poses))
+        times = float(np.sqrt(growth[np.ix_(poses, members)].min()))
+        data = {"poses": len(poses), "times": times, "unknown": times > UNKNOWN}
+        named = tuple(names[i] for i in members)
+        finding = Finding(Kind.ONE_POSE, tuple(rows.tolist()), parameters=named, data=data)
+        yield Diagnostic(Severity.NOTE, finding)
+
+
+def _growth_without(fitted: FittedData) -> Array:
+    """Growth (poses, p) of each parameter's variance where one pose is left out; inf if unknown."""
     data = fitted.data
     parameters = fitted.study.model.parameters
-    # The least eigenvalue of I - G is at least one minus the trace of G, the pose's leverage.
+    # The least eigenvalue of I - G is at least one minus the trace of G, the pose's leverage: of
+    # most poses that shows that no variance grows by much.
     share = np.bincount(data.pose, fitted.fit.leverage.sum(axis=1))
-    suspects = np.flatnonzero(share > 1 - ALONE)
+    growth = np.ones((len(share), len(parameters)))
+    suspects = np.flatnonzero(share > 1 - 1 / MUCH_WIDER**2)
     if not len(suspects):
-        return
+        return growth
     whitened = Whitened.of(fitted.A, data.sigma, parameters)
     T = np.linalg.inv(whitened.R)
     for pose in suspects:
-        rows = np.flatnonzero(data.pose == pose)
-        Q = whitened.Q[rows].reshape(-1, T.shape[1])
+        Q = whitened.Q[data.pose == pose].reshape(-1, T.shape[1])
         left, V = np.linalg.eigh(np.eye(T.shape[1]) - Q.T @ Q)
-        if left[0] < ALONE:
-            # An eigenvalue that is zero but for rounding stands for an infinite variance.
-            without = ((T @ V) ** 2 / np.maximum(left, 1e-12)).sum(axis=1)
-            growth = without / (T**2).sum(axis=1)
-            resting = growth >= min(MUCH_WIDER, growth.max())
-            names = tuple(np.array(parameters)[resting].tolist())
-            severity = Severity.WARNING if left[0] < UNSEEN else Severity.NOTE
-            finding = Finding(Kind.ONE_POSE, tuple(rows.tolist()), parameters=names)
-            yield Diagnostic(severity, finding)
+        # An eigenvalue that is zero but for rounding stands for an infinite variance.
+        growth[pose] = ((T @ V) ** 2 / np.maximum(left, ROUNDING)).sum(axis=1) / (T**2).sum(axis=1)
+    return growth
 
 
 def _linear_model(fitted: FittedData, rho0_bias: float | None) -> Iterator[Diagnostic]:

@@ -9,9 +9,10 @@ from readings import PLAN, STUDY, measured, readings_of
 
 from edtk.calibration.diagnostics.diagnostic import Severity
 from edtk.calibration.diagnostics.diagnostics import diagnostics
+from edtk.calibration.finding import Kind
 from edtk.calibration.fitted_data import FittedData
 from edtk.design.plan import Plan
-from edtk.inference.identify import identify
+from edtk.inference.least_squares import estimate
 from edtk.inference.measurements import Measurements
 from edtk.inference.simulate import simulate
 from edtk.model.elastostatic_model import ElastostaticModel
@@ -247,19 +248,41 @@ def test_too_many_outliers():
     assert any("outliers" in d.text and d.severity == ALARM for d in doubted)
 
 
+def _alone(plan):
+    """The notes on parameters that rest on single poses, of a plan measured once."""
+    data = readings_of(plan.q, plan.wrench)
+    notes = [d for d in found(data) if d.kind is Kind.ONE_POSE]
+    assert {d.severity for d in notes} <= {NOTE}
+    return data, notes
+
+
 def test_a_parameter_that_rests_on_one_pose():
-    """A pose that alone tells of a parameter, as in a plan of few poses, is named."""
-    plan = STUDY.load_plan(ROOT / "paper_figures/own_plans/true_m3.csv")
-    A = STUDY.model.regressor(plan.q, plan.wrench)
-    moved = simulate(A, STUDY.compliances, STUDY.sigma, np.random.default_rng(0))[0]
-    data = Measurements(plan.q, plan.wrench, moved, np.tile(STUDY.sigma, (3, 1)), np.zeros((3, 3)))
-    (diagnostic,) = [d for d in found(data) if "on one pose alone" in d.text]
-    row = int(diagnostic.text.split("row ")[1].split(":")[0]) - 1
-    before = identify(A, moved, data.sigma, STUDY.model.parameters).k
-    moved[row] += 1e-4 * A[row] @ np.ones(5) / np.linalg.norm(A[row] @ np.ones(5))
-    assert np.abs(identify(A, moved, data.sigma, STUDY.model.parameters).k - before).max() > 0
-    assert diagnostic.severity == WARNING
-    assert not any("alone" in line for line in lines(measured()))
+    """Of a plan of few poses it is noted which pose a parameter hangs on, and by how much.
+
+    Left out, that pose makes those parameters five times as uncertain or more, and no others so.
+    """
+    data, (note,) = _alone(STUDY.load_plan(ROOT / "paper_figures/own_plans/true_m3.csv"))
+    A = data.regressor(STUDY.model)
+    names = STUDY.model.parameters
+    std = estimate(A, data.deflection, data.sigma, names).std
+    (pose,) = note.finding.rows
+    rest = np.delete(np.arange(3), pose)
+    without = estimate(A[rest], data.deflection[rest], data.sigma[rest], names).std
+    hanging = {name for name, ratio in zip(names, without / std, strict=True) if ratio >= 5}
+    assert set(note.finding.parameters) == hanging
+    assert note.finding.data["times"] == pytest.approx((without / std)[without / std >= 5].min())
+    assert f"rest on one pose (row {pose + 1}): without it they would be" in note.text
+
+
+def test_parameters_that_rest_on_each_of_two_poses():
+    """Of two poses it is noted once that both are needed, which lowers no verdict."""
+    _, (note,) = _alone(STUDY.published_plans()["table_4_2"])
+    assert note.finding.parameters == STUDY.model.parameters
+    assert "rest on 2 poses (rows 1, 2) and on each of them: without one they would be unkn" in (
+        note.text
+    )
+    assert _alone(STUDY.published_plans()["table_4_3"])[1] == []
+    assert _alone(PLAN)[1] == []
 
 
 def test_nothing_left_to_judge_by():
