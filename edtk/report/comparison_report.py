@@ -41,7 +41,7 @@ def comparison_report(run: StudyRun, sizes: Iterable[Efficiencies]) -> str:
     task = run.study.task
     question = task.place if task is not None and main == "rho0" else f"for {main}"
     parts = [
-        f"# {run.study.specification.title}\n",
+        f"# {_plain(run.study.specification.title)}\n",
         _setting(run),
         *_warnings(run),
         f"## Which plan is best {question}?\n",
@@ -63,7 +63,13 @@ def comparison_report(run: StudyRun, sizes: Iterable[Efficiencies]) -> str:
         relaxation_table(run),
         _origin(run),
     ]
-    return "\n".join(parts)
+    # No text of ours has a tag, and a user's title or a plug-in's name shall bring none.
+    return "\n".join(parts).replace("<", "&lt;")
+
+
+def _plain(text: str) -> str:
+    """A user's words, in which no link or picture begins."""
+    return text.replace("[", "\\[").replace("`", "\\`")
 
 
 def _setting(run: StudyRun) -> str:
@@ -75,7 +81,7 @@ def _setting(run: StudyRun) -> str:
     least = BATCH_SIZE * -(-specification.starts // BATCH_SIZE)
     most = BATCH_SIZE * -(-specification.descents(main) // BATCH_SIZE)
     return (
-        f"Robot {run.study.robot.name}; unknown compliances {unknown}; "
+        f"Robot {_plain(run.study.robot.name)}; unknown compliances {unknown}; "
         f"{specification.load.describe()}; "
         f"sigma = {specification.measurement.sigma_mm:g} mm per coordinate; "
         f"{specification.candidates} candidate poses; at most {least} descents per plan, "

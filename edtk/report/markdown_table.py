@@ -10,7 +10,8 @@ def markdown_table(header: Sequence[str], rows: Iterable[Sequence[object]]) -> s
 
     Columns of numbers are aligned to the right, others to the left.
     """
-    cells = [[str(cell).replace("|", "\\|") for cell in row] for row in rows]
+    header = [_cell(name) for name in header]
+    cells = [[_cell(cell) for cell in row] for row in rows]
     columns = list(zip(*cells, strict=True)) or [()] * len(header)
     widths = [
         max(LEAST_WIDTH, len(name), *map(len, column))
@@ -30,6 +31,11 @@ def markdown_table(header: Sequence[str], rows: Iterable[Sequence[object]]) -> s
         for width, to_right in zip(widths, right, strict=True)
     )
     return "\n".join([line(header), f"|{'|'.join(rules)}|", *map(line, cells)]) + "\n"
+
+
+def _cell(value: object) -> str:
+    """A cell in which no other begins."""
+    return str(value).replace("|", "\\|")
 
 
 def _is_numeric(cell: str) -> bool:

@@ -1,5 +1,7 @@
 """What the report says, from tables and relaxations made up for it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from comparisons import PATH, other_criteria, two_sizes
@@ -104,3 +106,12 @@ def test_efficiencies(tmp_path, relaxed):
     rows = rows_of(section)
     assert rows["optimised for rho0"] == ["50.0 %", "96.0 %"]
     assert rows["published"] == ["50.0 %", "80.0 %"]
+
+
+def test_a_title_brings_no_html(tmp_path, relaxed):
+    """Tags, links and pictures in a title are shown as they were written, and not followed."""
+    run = two_sizes(tmp_path, relaxed, "rho0")
+    odd = "<script>alert(1)</script> ![x](http://a.b) `c`"
+    text = text_of(replace(run, study=run.study.replace(title=odd)))
+    assert "<" not in text
+    assert text.startswith("# &lt;script>alert(1)&lt;/script> !\\[x](http://a.b) \\`c\\`\n")

@@ -5,7 +5,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from arm import ROBOT, arm
 from matplotlib import pyplot
+from matplotlib.cbook import is_math_text
+from matplotlib.text import Text
 
 import criteria
 from edtk.calibration.calibrate import Calibration
@@ -20,6 +23,9 @@ from edtk.inference.measurements import Measurements
 from edtk.inference.run_chain import Demand
 from edtk.inference.sample_posterior import SamplingOptions
 from edtk.inference.simulate import simulate
+from edtk.report.draw.correlation import correlation
+from edtk.report.draw.heat_map import heat_map
+from edtk.report.draw.joint_variables import joint_variables
 from edtk.study.evaluate import evaluate
 from edtk.study.relax_study import relax_study
 from edtk.study.study import load_study
@@ -152,3 +158,31 @@ def test_a_robot_in_a_pose(results):
     expected = STUDY.robot.forward(q)[:3, 3]
     (marker,) = [line for line in ax.get_lines() if line.get_marker() == "^"]
     np.testing.assert_allclose(np.ravel(marker.get_data_3d()), expected, atol=1e-12)
+
+
+def test_no_name_is_taken_for_a_formula():
+    """Dollars, carets and backslashes in names of joints and robots are drawn as they are."""
+    odd = r"$\frac{^_x$"
+    names = {name: f"{odd}{name}" for name in ("q1", "q2")}
+    joints = [joint | {"name": names[joint["name"]]} for joint in ROBOT["joints"]]
+    study = arm(
+        title=odd,
+        robot=ROBOT | {"name": odd, "joints": joints},
+        joints={"unknown": list(names.values())},
+    )
+    q = np.array([[0.1, 0.5], [0.9, -0.6]])
+    wrench = np.tile([0, 0, -100.0, 0, 0, 0], (2, 1))
+    plan = Plan(q, wrench, np.array([1, 2]))
+    figure, axes = pyplot.subplots(5, 1)
+    evaluate(study, plan).plot(ax=axes[0])
+    joint_variables(plan, study.robot, axes[1])
+    correlation(np.eye(2), study.model.parameters, axes[2])
+    heat_map(np.eye(2), [odd, odd], [odd, "A"], axes[3])
+    axes[4].remove()
+    three = study.robot.plot()
+    for drawn in (figure, three.figure):
+        texts = [text.get_text() for text in drawn.findobj(Text)]
+        assert any("frac" in text for text in texts)
+        assert not any(is_math_text(text) for text in texts if "frac" in text)
+    three.figure.draw_without_rendering()
+    pyplot.close("all")

@@ -4,6 +4,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from edtk.report.plain import plain
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
@@ -19,6 +21,6 @@ def correlation(matrix: np.ndarray, parameters: tuple[str, ...], ax: "Axes") -> 
             colour = "white" if abs(matrix[i, j]) > DARK else "black"
             number = f"{matrix[i, j]:.2f}"
             ax.text(j, i, number, ha="center", va="center", fontsize=8, color=colour)
-    ax.set_xticks(range(p), parameters)
-    ax.set_yticks(range(p), parameters)
+    ax.set_xticks(range(p), [plain(name) for name in parameters])
+    ax.set_yticks(range(p), [plain(name) for name in parameters])
     ax.figure.colorbar(image, ax=ax)

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from edtk.report.palette import COLOURS, MARKERS
+from edtk.report.plain import plain
 from edtk.report.plans_of import plans_of
 from edtk.report.shown_unit import shown_unit
 from edtk.study.study_run import StudyRun
@@ -26,7 +27,7 @@ def criterion_by_size(run: StudyRun, ax: "Axes") -> None:
             ax.plot(
                 plans["experiments"],
                 factor * plans[main],
-                label=f"optimised for {name}" if name else kind,
+                label=plain(f"optimised for {name}" if name else kind),
                 linewidth=2.0 if i == 0 else 1.0,
                 linestyle=":" if kind == "random" else "-",
                 color=COLOURS[i % len(COLOURS)],
@@ -34,7 +35,7 @@ def criterion_by_size(run: StudyRun, ax: "Axes") -> None:
                 markersize=5,
             )
     _bound(run, factor, ax)
-    _scales(run, f"{main} [{unit}]", ax)
+    _scales(run, f"{plain(main)} [{unit}]", ax)
 
 
 def _bound(run: StudyRun, factor: float, ax: "Axes") -> None:
@@ -63,5 +64,5 @@ def _scales(run: StudyRun, label: str, ax: "Axes") -> None:
     for axis in (ax.xaxis, ax.yaxis):
         axis.set_major_formatter(ScalarFormatter())
         axis.set_minor_formatter(ScalarFormatter())
-    ax.set_title(run.study.specification.title, fontsize=11)
+    ax.set_title(plain(run.study.specification.title), fontsize=11)
     ax.grid(visible=True, which="both", alpha=0.25)

@@ -7,6 +7,7 @@ import numpy as np
 from edtk.design.plan import Plan
 from edtk.model.robot import Robot
 from edtk.report.palette import COLOURS, MARKERS
+from edtk.report.plain import plain
 from edtk.tables.pose_table import pose_factors
 
 if TYPE_CHECKING:
@@ -35,7 +36,7 @@ def joint_variables(plan: Plan, robot: Robot | None, ax: "Axes") -> None:
         sizes = AREA * plan.repeats
         ax.scatter(range(1, k + 1), values, s=sizes, color=colour, marker=marker, alpha=0.8)
         # An entry of the legend of its own: that of the scatter is as large as its first marker.
-        ax.scatter([], [], s=AREA, color=colour, marker=marker, label=name)
+        ax.scatter([], [], s=AREA, color=colour, marker=marker, label=plain(name))
     if k <= MOST_TICKS:
         ax.set_xticks(range(1, k + 1))
     repeated = "" if (plan.repeats == 1).all() else " (area of a marker: repetitions)"

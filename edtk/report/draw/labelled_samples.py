@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from edtk.calibration.posterior_check import PosteriorCheck
+from edtk.report.plain import plain
 from edtk.system.typing import Array
 
 NOISE_LABELS = {"sigma_ratio": "sigma ratio", "nu": "log10 nu"}
@@ -30,7 +31,7 @@ class LabelledSamples:
         posterior = check.posterior
         power = 3 * np.floor(np.log10(posterior.mean) / 3 + 1e-9)
         labels = [
-            f"{name}\n[$10^{{{int(exponent)}}}$ {unit}]"
+            f"{plain(name)}\n[$10^{{{int(exponent)}}}$ {unit}]"
             for name, exponent, unit in zip(
                 check.table["parameter"], power, check.table["unit"], strict=True
             )

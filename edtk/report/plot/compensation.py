@@ -7,6 +7,7 @@ import numpy as np
 from edtk.calibration.compensate import Compensation
 from edtk.report.palette import BLUE, ORANGE
 from edtk.report.panels import panels
+from edtk.report.plain import plain
 
 SHIFT = 0.2  # of the two bars of a pose, which are twice as wide
 
@@ -33,7 +34,7 @@ def compensation(found: Compensation, ax: Any = None) -> Any:
     ax.set_xticks(pose)
     ax.set_xlabel("task pose")
     ax.set_ylabel("error of the tool point [mm]")
-    ax.set_title(found.headline(), fontsize=10)
+    ax.set_title(plain(found.headline()), fontsize=10)
     ax.grid(axis="y", alpha=0.3)
     ax.set_axisbelow(True)
     ax.legend(fontsize=8, frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5))

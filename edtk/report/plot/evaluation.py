@@ -4,6 +4,7 @@ from typing import Any
 
 from edtk.report.palette import BLUE
 from edtk.report.panels import panels
+from edtk.report.plain import plain
 from edtk.study.evaluate import Evaluation
 
 
@@ -15,7 +16,7 @@ def evaluation(found: Evaluation, ax: Any = None) -> Any:
     """
     ax = panels(ax, 1, 1, (6.4, 3.6))[0, 0]
     units = dict.fromkeys(found.units)
-    names = found.parameters
+    names = tuple(map(plain, found.parameters))
     if len(units) > 1:
         names = tuple(f"{name}\n[{unit}]" for name, unit in zip(names, found.units, strict=True))
     ax.bar(range(len(names)), found.std, color=BLUE)

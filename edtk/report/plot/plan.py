@@ -6,6 +6,7 @@ from edtk.design.plan import Plan
 from edtk.model.robot import Robot
 from edtk.report.draw.joint_variables import joint_variables
 from edtk.report.panels import panels
+from edtk.report.plain import plain
 
 
 def plan(result: Plan, ax: Any = None, robot: Robot | None = None) -> Any:
@@ -21,5 +22,5 @@ def plan(result: Plan, ax: Any = None, robot: Robot | None = None) -> Any:
     """
     ax = panels(ax, 1, 1, (8.0, 4.2))[0, 0]
     joint_variables(result, robot, ax)
-    ax.set_title(result.headline(), fontsize=10)
+    ax.set_title(plain(result.headline()), fontsize=10)
     return ax

@@ -5,6 +5,7 @@ from typing import Any
 from edtk.design.relaxation.relaxation import Relaxation
 from edtk.report.draw.weight_bars import weight_bars
 from edtk.report.panels import panels
+from edtk.report.plain import plain
 
 
 def relaxation(found: Relaxation, ax: Any = None) -> Any:
@@ -17,7 +18,7 @@ def relaxation(found: Relaxation, ax: Any = None) -> Any:
     names = [str(i) for i in found.support]
     weight_bars(found.weights[found.support], names, "candidate", ax)
     ax.set_title(
-        f"{found.criterion.name} = {found.value:.5g}, bound {found.bound:.5g} "
+        f"{plain(found.criterion.name)} = {found.value:.5g}, bound {found.bound:.5g} "
         f"({found.proved_bound.kind.value})",
         fontsize=10,
     )

@@ -5,6 +5,7 @@ from typing import Any
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
 from edtk.report.draw.weight_bars import weight_bars
 from edtk.report.panels import panels
+from edtk.report.plain import plain
 from edtk.report.shown_value import shown_value
 
 
@@ -20,7 +21,7 @@ def relaxed_plan(plan: RelaxedPlan, ax: Any = None) -> Any:
     name = plan.criterion.name
     bound = plan.best_bound
     ax.set_title(
-        f"{name} = {shown_value(name, plan.value, 5)} per experiment, "
+        f"{plain(name)} = {shown_value(name, plan.value, 5)} per experiment, "
         f"bound {shown_value(name, bound.value, 5)} ({bound.kind.value})",
         fontsize=10,
     )

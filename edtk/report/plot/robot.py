@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 from edtk.model.frames import Frames
 from edtk.model.robot import Robot
 from edtk.report.palette import BLUE, GREEN, ORANGE
+from edtk.report.plain import plain
 from edtk.system.typing import Array
 
 AXIS = 0.12  # length of a joint's axis, over the size of the picture
@@ -39,7 +40,7 @@ def robot(result: Robot, ax: Any = None, q: ArrayLike | None = None) -> Any:
     ax.plot(*frames.position[:, None], marker="^", color=ORANGE, linestyle="", label="tool point")
     _cube(chain, size, ax)
     ax.set(xlabel="x [m]", ylabel="y [m]", zlabel="z [m]")
-    ax.set_title(result.name, fontsize=10)
+    ax.set_title(plain(result.name), fontsize=10)
     _legend(ax)
     return ax
 
@@ -52,7 +53,7 @@ def _joints(result: Robot, frames: Frames, length: float, ax: Any) -> None:
         ax.plot(*line.T, color=colour, linewidth=1.2)
         marker = MARKERS[joint.kind]
         ax.plot(*origin[:, None], marker=marker, color=colour, linestyle="", label=joint.kind)
-        ax.text(*(origin + length * axis), joint.name, fontsize=8)
+        ax.text(*(origin + length * axis), plain(joint.name), fontsize=8)
 
 
 def _cube(chain: Array, size: float, ax: Any) -> None:
