@@ -2,7 +2,7 @@
 
 import click
 
-from edtk.commands.shared import json_option, warn
+from edtk.commands.shared import json_option, print_out, warn
 from edtk.system.json_text import json_text
 
 
@@ -15,6 +15,6 @@ def command(as_json: bool) -> None:
 
     loaded = criteria.load_all()
     rows = [criterion.describe() for criterion in loaded.classes.values()]
-    click.echo(json_text(rows) if as_json else criteria_table(rows))
+    print_out(json_text(rows) if as_json else criteria_table(rows))
     for problem in loaded.problems.values():
         warn(f"left out: {problem}")

@@ -10,7 +10,7 @@ from typing import Any, NoReturn
 import click
 
 from edtk.commands.one_line import INTERRUPTED
-from edtk.system.atomic_file import is_standard_output
+from edtk.system.atomic_file import STANDARD_OUTPUT, is_standard_output, write_files
 from edtk.system.errors import shortened
 from edtk.system.json_text import json_text
 
@@ -62,7 +62,19 @@ def show(result: Any, as_json: bool, *outputs: Path | None) -> None:
     reads the one should not meet the other.
     """
     text = json_text(result.to_dict()) if as_json else result.summary()
-    click.echo(text, err=any(map(is_standard_output, outputs)))
+    if any(map(is_standard_output, outputs)):
+        click.echo(text, err=True)
+    else:
+        print_out(text)
+
+
+def print_out(text: str) -> None:
+    """Print on standard output.
+
+    Raises:
+        OSError: Standard output cannot be written; the error names it.
+    """
+    write_files({STANDARD_OUTPUT: text if text.endswith("\n") else f"{text}\n"})
 
 
 def warn(message: str) -> None:

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-from edtk.commands.shared import FilePath, warn_about
+from edtk.commands.shared import FilePath, print_out, warn_about
 
 
 @click.command("template", short_help="Make a sheet to fill in in the lab.")
@@ -35,5 +35,5 @@ def command(
     question = load_study(study)
     table = template(question, plan, positions=positions, markers=markers, out=out)
     if out is None:
-        click.echo(csv_text(table), nl=False)
+        print_out(csv_text(table))
     warn_about(study, question.warnings)

@@ -200,5 +200,8 @@ def _backend(group: Any, shape: tuple[int, int], size: int) -> "emcee.backends.B
     backend.accepted = arrays["accepted"]
     backend.iteration = steps
     backend.random_state = [group.attrs[f"random_state_{i}"] for i in range(5)]
-    np.random.RandomState().set_state(tuple(backend.random_state))  # refuses any other state
+    np.random.RandomState().set_state(tuple(backend.random_state))  # refuses other arrays
+    _, array, position, _, normal = backend.random_state
+    if not (0 <= position <= len(array) and np.isfinite(normal)):
+        raise ValueError("expected the state of a random generator")
     return backend

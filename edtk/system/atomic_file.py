@@ -155,6 +155,8 @@ def _is_open_as(path: Path, descriptors: tuple[int, ...]) -> bool:
 def _write_stream(path: Path, content: bytes) -> None:
     """Write to standard output, a device or a pipe."""
     if is_standard_output(path):
+        if sys.stdout is None:  # closed by who started the program
+            raise OSError(errno.EBADF, "is closed")
         sys.stdout.flush()
         binary = getattr(sys.stdout, "buffer", None)
         if binary is None:  # a notebook's output takes text only
