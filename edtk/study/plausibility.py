@@ -240,10 +240,12 @@ def _hardly_excited(study: "Study", cov: Array, experiments: int) -> Iterator[st
 def _cure(study: "Study", bad: Indices) -> str:
     """What helps against parameters (indices) that are hardly excited."""
     task = study.task
-    if task is not None and study.main_criterion == "rho0" and not task.within:
-        A = task.harm(neighbourhood(task.robot, task.q, WITHIN))
-        # A plan for the neighbourhood asks for a parameter only if it does harm there.
-        if A[..., bad].any(axis=(0, 1)).all():
+    if task is not None and study.main_criterion == "rho0":
+        A = task.harm(neighbourhood(task.robot, task.q, task.within or WITHIN))
+        # rho0 asks for a parameter only if it does harm in the task.
+        if not A[..., bad].any():
+            return "the task does not load it; for other tasks optimise another criterion such as D"
+        if not task.within:
             return "set robust_deg in [test_pose], or optimise another criterion such as D"
     return "plan more experiments, or optimise another criterion such as D"
 

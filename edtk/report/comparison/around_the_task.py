@@ -23,7 +23,7 @@ def around_the_task(run: StudyRun) -> str:
     if not rows:
         return "No plan identifies all parameters.\n"
     header = ["experiments", "plan", "in the test pose", "root mean square around it", "largest"]
-    of_best = "" if run.expected is None else f"Of the largest plan, {run.expected}. "
+    of_best = "" if run.expected is None else f"Largest plan, {run.expected}. "
     text = (
         f"{of_best}The neighbourhood is sampled at 255 poses, the test pose among them; "
         "root mean square errors after compensation [1e-3 mm]:"

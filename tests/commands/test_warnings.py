@@ -1,0 +1,33 @@
+"""Commands that read a study say on standard error what is hard to believe in it."""
+
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from edtk.cli import main
+from edtk.study.study import load_study
+
+ROOT = Path(__file__).parents[2]
+PLAN = ROOT / "studies" / "plans" / "table_4_3.csv"
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory):
+    """The paper's study with a tool of the task in metres."""
+    given = load_study(ROOT / "studies" / "kr270_milling.toml")
+    pose = given.to_dict()["test_pose"] | {"tool": {"position_mm": [0.986, 0, 0]}}
+    path = tmp_path_factory.mktemp("study") / "study.toml"
+    given.replace(test_pose=pose, published=None).to_toml(path)
+    return path
+
+
+@pytest.mark.parametrize("command", ["evaluate", "template"])
+def test_a_finding_is_one_line_on_standard_error(study, command):
+    """The answer is given, and the key is named beside it."""
+    result = CliRunner().invoke(main, [command, str(study), str(PLAN)])
+    assert result.exit_code == 0, result.stderr
+    assert "metres" not in result.stdout
+    lines = [line for line in result.stderr.splitlines() if "is it given in metres?" in line]
+    assert len(lines) == 1
+    assert lines[0].startswith(f"edtk: {study}: test_pose.tool.position_mm: ")
