@@ -40,7 +40,7 @@ class Kind(Enum):
     AS_GIVEN = auto()
     WRONG_SIGN = auto()
     SWAPPED_COLUMNS = auto()
-    JOINT_SIGN = auto()
+    OPPOSITE_SIGN = auto()
     JOINT_OFFSET = auto()
     MARKER_UNIT = auto()
     OTHER_AXES = auto()

@@ -219,11 +219,11 @@ def _swapped_columns(found: Finding) -> str:
     return f"columns {' and '.join(found.columns)}{or_else} look swapped"
 
 
-def _joint_sign(found: Finding) -> str:
-    """Joints that were counted the other way round."""
+def _opposite_sign(found: Finding) -> str:
+    """Joints, loads or rotations that were counted the other way round."""
     if len(found.columns) == 1:
         return f"column {found.columns[0]} looks measured with the opposite sign"
-    return f"columns {' and '.join(found.columns)} look measured with the opposite sign"
+    return f"columns {', '.join(found.columns)} look measured with the opposite sign"
 
 
 def _joint_offset(found: Finding) -> str:
@@ -303,7 +303,7 @@ _SENTENCES: dict[Kind, Callable[[Finding], str]] = {
     Kind.AS_GIVEN: _as_given,
     Kind.WRONG_SIGN: _reading(_wrong_sign),
     Kind.SWAPPED_COLUMNS: _reading(_swapped_columns),
-    Kind.JOINT_SIGN: _reading(_joint_sign),
+    Kind.OPPOSITE_SIGN: _reading(_opposite_sign),
     Kind.JOINT_OFFSET: _reading(_joint_offset),
     Kind.MARKER_UNIT: _reading(_marker_unit),
     Kind.OTHER_AXES: _reading(_other_axes),

@@ -33,6 +33,7 @@ def readings(study: Study, data: Measurements, only_signs: bool = False) -> Iter
         yield from _joint_signs(study, data)
         yield from _joints(study, data)
         yield from _wrenches(data)
+        yield from _wrench_signs(data)
         yield from _rotations(data)
         yield from _markers(data)
     yield from _other_axes(data)
@@ -54,7 +55,7 @@ def _joint_signs(study: Study, data: Measurements) -> Iterator[Reading]:
     for turned in chain(combinations(free, 1), combinations(free, 2)):
         q = data.q.copy()
         q[:, turned] *= -1
-        finding = Finding(Kind.JOINT_SIGN, columns=tuple(columns[j] for j in turned))
+        finding = Finding(Kind.OPPOSITE_SIGN, columns=tuple(columns[j] for j in turned))
         yield Reading(finding, replace(data, q=q))
 
 
@@ -87,8 +88,22 @@ def _wrenches(data: Measurements) -> Iterator[Reading]:
             yield Reading(_swapped(WRENCH_COLUMNS, i, j), other)
 
 
+def _wrench_signs(data: Measurements) -> Iterator[Reading]:
+    """A force or torque beside others has the opposite sign."""
+    acting = np.flatnonzero(data.wrench.any(axis=0))
+    for i in acting if len(acting) > 1 else ():
+        wrench = data.wrench.copy()
+        wrench[:, i] *= -1
+        finding = Finding(Kind.OPPOSITE_SIGN, columns=(WRENCH_COLUMNS[i],))
+        yield Reading(finding, replace(data, wrench=wrench))
+
+
 def _rotations(data: Measurements) -> Iterator[Reading]:
-    """Two rotations are exchanged."""
+    """Two rotations are exchanged, or all of them have the opposite sign."""
+    if data.deflection.shape[1] == 6:
+        turned = data.deflection * np.repeat([1, -1], 3)
+        finding = Finding(Kind.OPPOSITE_SIGN, columns=ROTATION_COLUMNS)
+        yield Reading(finding, replace(data, deflection=turned))
     for i, j in combinations(range(3, data.deflection.shape[1]), 2):
         other = replace(data, deflection=_exchanged(data.deflection, i, j))
         yield Reading(_swapped(ROTATION_COLUMNS, i - 3, j - 3), other)

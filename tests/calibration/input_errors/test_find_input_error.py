@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from readings import PLAN, STUDY, measured
+from readings import PLAN, STUDY, measured, readings_of
 
 from edtk.calibration.diagnostics.diagnostic import Severity
 from edtk.calibration.diagnostics.diagnostics import diagnostics
@@ -43,8 +43,8 @@ def test_nothing_wrong():
     for seed in range(12):
         data = measured(seed)
         assert found(data, PLAN) is None
-        clean = data.regressor(STUDY.model) @ STUDY.compliances
-        assert found(replace(data, deflection=clean + 10 * (data.deflection - clean)), PLAN) is None
+    clean = data.regressor(STUDY.model) @ STUDY.compliances
+    assert found(replace(data, deflection=clean + 10 * (data.deflection - clean)), PLAN) is None
 
 
 @pytest.mark.parametrize("options", [{}, {"known": False}, {"robust": True}])
@@ -77,6 +77,15 @@ def test_a_joint_of_the_opposite_sign(joint):
     assert "(leaves 0.94 sigma instead of " in line
 
 
+def test_a_force_of_the_opposite_sign():
+    """One force of several that has the opposite sign is named."""
+    wrench = np.tile([500.0, 800, -2500, 0, 0, 0], (12, 1))
+    data = readings_of(PLAN.q, wrench)
+    assert found(data) is None
+    line = found(replace(data, wrench=wrench * [1, -1, 1, 1, 1, 1]))
+    assert line.startswith("column Fy_N looks measured with the opposite sign; ")
+
+
 def test_a_joint_with_another_zero():
     """A joint that is counted from another zero is named, with the angle that it lacks."""
     data = measured()
@@ -104,7 +113,7 @@ def test_readings_that_are_equally_good_are_all_named():
     """A mirrored arm moves as in a mirrored frame: no measurement tells which it is."""
     data = measured()
     line = found(replace(data, deflection=data.deflection * [1, -1, 1]))
-    assert line.startswith("columns q4_deg and q6_deg look reversed; or the measuring frame looks")
+    assert line.startswith("columns q4_deg, q6_deg look reversed; or the measuring frame looks")
     assert "frame looks left-handed: expected (dx_mm, -dy_mm, dz_mm)" in line
     assert "each explains 99.9" in line
 
@@ -184,6 +193,13 @@ def test_swapped_rotations(i, j):
     assert _judged(model, data) is None
     line = _judged(model, replace(data, deflection=exchanged(data.deflection, 3 + i, 3 + j)))
     assert line.startswith(f"columns dr{'xyz'[i]}_deg and dr{'xyz'[j]}_deg look swapped")
+
+
+def test_rotations_of_the_opposite_sign():
+    """Rotations that were measured the other way round are named."""
+    model, data = _poses()
+    line = _judged(model, replace(data, deflection=data.deflection * np.repeat([1, -1], 3)))
+    assert line.startswith("columns drx_deg, dry_deg, drz_deg look measured with the opp")
 
 
 def test_turned_frame_of_rotations():
