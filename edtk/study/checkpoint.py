@@ -13,11 +13,13 @@ import numpy as np
 import criteria
 from edtk.study.study import Study
 from edtk.system.atomic_file import write_text
+from edtk.system.read_text import read_text
 from edtk.system.typing import Array
 from edtk.system.workers import Workers
 
 LIBRARIES = ("numpy", "scipy", "cvxpy", "clarabel", "scs")  # that compute the answers
-DIGITS = 16  # of the SHA-256 that is a checkpoint's key
+DIGITS = 16  # of the SHA-256 that is a checkpoint's key, or the seal of an answer
+MOST_MB = 1000.0  # of a file
 
 
 class Checkpoint:
@@ -36,20 +38,26 @@ class Checkpoint:
         self.key = key
 
     def find(self, case: str) -> dict[str, Any] | None:
-        """The answer of a case; None if there is no file of it, or one with another key."""
+        """The answer of a case; None if there is no file of it, or not one that `keep` has written.
+
+        A file that was changed since is computed anew: its numbers would be taken for results.
+        """
         try:
-            content = json.loads((self.folder / f"{case}.json").read_text(encoding="utf-8"))
-        except (OSError, ValueError):
+            content = json.loads(read_text(self.folder / f"{case}.json", MOST_MB))
+        except (ValueError, RecursionError):  # it cannot be read, or is no JSON
             return None
-        if not isinstance(content, dict) or content.get("key") != self.key:
-            return None
-        answer = content.get("answer")
-        return answer if isinstance(answer, dict) else None
+        answer = content.get("answer") if isinstance(content, dict) else None
+        return answer if isinstance(answer, dict) and content == self._sealed(answer) else None
 
     def keep(self, case: str, answer: Mapping[str, Any]) -> None:
         """Write the answer of a case."""
-        text = json.dumps({"key": self.key, "answer": answer}, indent=1)
+        text = json.dumps(self._sealed(answer), indent=1)
         write_text(self.folder / f"{case}.json", f"{text}\n")
+
+    def _sealed(self, answer: Mapping[str, Any]) -> dict[str, Any]:
+        """The content of a file: the answer, with its digest."""
+        seal = hashlib.sha256(json.dumps(answer).encode()).hexdigest()
+        return {"key": self.key, "seal": seal[:DIGITS], "answer": answer}
 
     def complete(
         self,
@@ -86,7 +94,7 @@ class Checkpoint:
         """Remove the files of all cases but these."""
         names = {f"{case}.json" for case in cases}
         for path in self.folder.glob("*.json"):
-            if path.name not in names:
+            if path.name not in names and path.is_file():
                 path.unlink()
 
 

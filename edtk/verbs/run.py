@@ -63,7 +63,7 @@ def run(
         files = run_files(found) | _certificates(found) | comparison_files(found)
         write_files(files)
         for path in _of_earlier_runs(folder):
-            if path not in files:
+            if path not in files and path.is_file():
                 path.unlink()
     return found
 

@@ -87,6 +87,10 @@ def test_a_bound_that_says_nothing_comes_back(checkpoint):
         b'{"key": "bbbbbbbbbbbbbbbb", "answer": {"q": 1}}',
         b'{"key": "aaaaaaaaaaaaaaaa", "answer": [1]}',
         b'{"key": "aaaaaaaaaaaaaaaa"}',
+        b'{"key": "aaaaaaaaaaaaaaaa", "answer": {"q": 1}}',
+        b'{"key": "aaaaaaaaaaaaaaaa", "seal": "0123456789abcdef", "answer": {"q": 1}}',
+        b'{"key": "aaaaaaaaaaaaaaaa", "answer": {"q": 1' + 5000 * b"0" + b"}}",
+        b"[" * 100_000,
     ],
 )
 def test_what_is_no_answer_is_not_there(checkpoint, content):
@@ -213,7 +217,18 @@ def test_key_depends_on_the_code(tmp_path):
 def test_file_is_readable(checkpoint):
     """A case file is JSON with its key and its answer."""
     checkpoint.keep("some", {"q": [1.5]})
-    assert json.loads((checkpoint.folder / "some.json").read_text()) == {
-        "key": "a" * 16,
-        "answer": {"q": [1.5]},
-    }
+    content = json.loads((checkpoint.folder / "some.json").read_text())
+    assert list(content) == ["key", "seal", "answer"]
+    assert content["key"] == "a" * 16
+    assert content["answer"] == {"q": [1.5]}
+
+
+@pytest.mark.parametrize(("old", "new"), [("1.5", "1.6"), ("1.5", '"1.5"'), ('"q"', '"p"')])
+def test_a_changed_answer_is_not_there(checkpoint, old, new):
+    """Another number, another type or a missing entry: the case is computed anew."""
+    checkpoint.keep("some", {"q": [1.5], "r": [2.5]})
+    path = checkpoint.folder / "some.json"
+    path.write_text(path.read_text().replace(old, new))
+    assert checkpoint.find("some") is None
+    path.write_text(path.read_text().replace(new, old).replace("\n", " "))
+    assert checkpoint.find("some") == {"q": [1.5], "r": [2.5]}

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from arm import arm
 
-from edtk.study.checkpoint import checkpoint_of
+from edtk.study.checkpoint import Checkpoint, checkpoint_of
 from edtk.study.run_files import run_files
 from edtk.study.run_options import RunOptions
 from edtk.study.run_study import run_study
@@ -196,7 +196,7 @@ def test_finished_cases_are_taken_at_their_word(copied):
     plan = content["answer"]["exact"]["plan"]
     plan["q"] = plan["q"][::-1]
     plan["repeats"] = [2 * times for times in plan["repeats"][::-1]]
-    path.write_text(json.dumps(content))
+    Checkpoint(path.parent, content["key"]).keep(path.stem, content["answer"])
     after = run_study(study, out).to_frame().set_index("plan")
     name = "optimised_D_m2"
     assert after.loc[name, "D"] == pytest.approx(2 * before.loc[name, "D"], rel=1e-12)
