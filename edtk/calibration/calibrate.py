@@ -215,7 +215,7 @@ class Calibration(Presented):
         check = check_posterior(
             self.study,
             self.fitted.A,
-            self.data.deflection,
+            self.fitted.unexplained,
             self.data.sigma,
             Estimate(self.fit.k, self.fit.covariance),
             rng,

@@ -135,7 +135,8 @@ class Compensation(Presented):
 def compensate(study: Study, found: Compliances, task: Plan, path: Path | str) -> Compensation:
     """Compute commands for task poses with the test pose's tool, and the errors before and after.
 
-    Joints without a compliance count as rigid. The error before is that of the loaded equilibrium;
+    Joints that have a compliance neither here nor among the known ones of the study count as rigid.
+    The error before is that of the loaded equilibrium;
     the error after, Eq. (17), is the one that errors of the compliances leave, to first order.
 
     Args:
@@ -151,6 +152,7 @@ def compensate(study: Study, found: Compliances, task: Plan, path: Path | str) -
     if study.task is None:
         message = "expected a table with the tool of the task; the study has none"
         raise study.error("test_pose", message)
+    found = found.including(study.specification.joints.known_rad_per_Nm)
     robot = study.task.model.robot
     model = ElastostaticModel(robot, tuple(map(robot.joint_names.index, found.joints)))
     q = compensated_joints(model, task.q, task.wrench, found.k)

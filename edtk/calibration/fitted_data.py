@@ -5,6 +5,7 @@ from functools import cached_property
 
 from edtk.calibration.equal_rows import EqualRows, equal_rows
 from edtk.calibration.input_errors.explanation import Explanation, explanation
+from edtk.calibration.known_part import known_part
 from edtk.calibration.match_plan import PlanMatch, match_plan
 from edtk.design.plan import Plan
 from edtk.inference.identification import Identification
@@ -57,8 +58,14 @@ class FittedData:
         """
         A = data.regressor(study.model)
         names = study.model.parameters
-        fit = identify(A, data.deflection, data.sigma, names, robust, known)
+        unexplained = data.deflection - known_part(study, data)
+        fit = identify(A, unexplained, data.sigma, names, robust, known)
         return cls(study, data, A, fit, plan)
+
+    @cached_property
+    def unexplained(self) -> Array:
+        """Displacements (m, rows) that are left to the unknown compliances [m, rad]."""
+        return self.data.deflection - known_part(self.study, self.data)
 
     @cached_property
     def match(self) -> PlanMatch | None:

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from edtk.calibration.known_part import known_part
 from edtk.inference.equilibrium_deflection import marker_motion
 from edtk.inference.measurements import Measurements
 from edtk.model.all_compliances import all_compliances
@@ -12,6 +13,8 @@ from edtk.system.typing import Array
 
 def nonlinear_part(study: Study, data: Measurements, k: Array, A: Array | None = None) -> Array:
     """Compute the displacement at rest less that of the linear model, Eq. (2).
+
+    Joints of known compliance bend in both.
 
     Args:
         study: The model.
@@ -29,6 +32,7 @@ def nonlinear_part(study: Study, data: Measurements, k: Array, A: Array | None =
         A = data.regressor(study.model)
     one = data[np.unique(data.pose, return_index=True)[1]]
     # Rows of one pose, such as those of several markers, share its equilibrium.
-    at_rest = equilibrium(study.robot, one.q, one.wrench, all_compliances(study.model, k))
+    every_k = all_compliances(study.model, k, study.known)
+    at_rest = equilibrium(study.robot, one.q, one.wrench, every_k)
     moved = marker_motion(study.model, data.q, at_rest.displacement[data.pose], data.marker)
-    return moved - A @ k
+    return moved - A @ k - known_part(study, data)

@@ -109,7 +109,7 @@ def plan_bias(study: Study, plan: Plan, path: Path | str) -> PlanBias:
     # The mean of r repetitions has r times the information of one: counts need no rows.
     sigma = study.sigma / np.sqrt(plan.repeats)[:, None]
     try:
-        found = linearisation_bias(study.model, plan.q, plan.wrench, sigma, k)
+        found = linearisation_bias(study.model, plan.q, plan.wrench, sigma, k, study.known)
     except NoEquilibriumError as error:
         row = f"row {error.pose + 1}"
         message = "no stable equilibrium under its load"
@@ -127,7 +127,9 @@ def plan_bias(study: Study, plan: Plan, path: Path | str) -> PlanBias:
 
 
 def _assumed_compliances(study: Study) -> Array:
-    """Compliances (n,) of all joints from [simulation], zero where it names none [rad/(N m)].
+    """Compliances (n,) of all joints [rad/(N m)].
+
+    They are from [simulation]; where it does not name a joint, known ones from [joints], else zero.
 
     Raises:
         UserError: The study has no [simulation], or it lacks a joint or names an unknown one.
@@ -142,5 +144,7 @@ def _assumed_compliances(study: Study) -> Array:
             message = f"no joint {name!r}; this robot has {', '.join(names)}"
             raise study.error("simulation.compliance_rad_per_Nm", message)
     k = np.array([simulation.compliance_rad_per_Nm.get(name, 0.0) for name in names])
+    for j, compliance in study.known.items():
+        k[j] = simulation.compliance_rad_per_Nm.get(names[j], compliance)
     k[study.model.joints] = study.compliances
     return k

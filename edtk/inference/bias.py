@@ -1,5 +1,6 @@
 """The bias of compliances that a linear model identifies from a robot at rest under load."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -65,7 +66,12 @@ class Bias(Presented):
 
 
 def linearisation_bias(
-    model: ElastostaticModel, q: Array, wrench: ArrayLike, sigma: ArrayLike, k: ArrayLike
+    model: ElastostaticModel,
+    q: Array,
+    wrench: ArrayLike,
+    sigma: ArrayLike,
+    k: ArrayLike,
+    known: Mapping[int, float] | None = None,
 ) -> Bias:
     """Fit the linear model, Eq. (9), to noise-free measurements of the loaded equilibrium.
 
@@ -79,7 +85,10 @@ def linearisation_bias(
         sigma: Noise, one number, one a row (rows,), or one a row of each measurement (m, rows)
             [m, rad].
         k: True compliances (n,) of all joints [rad/(N m)]. A joint that is not among the unknown
-            ones bends too, and its part of the measurements is ascribed to the others.
+            ones bends too, and its part of the measurements is ascribed to the others, less what
+            is known.
+        known: Compliances of other joints that the fit takes as known, by their indices; none by
+            default [rad/(N m)].
 
     Raises:
         SingularPlanError: The measurements do not identify all parameters.
@@ -88,5 +97,8 @@ def linearisation_bias(
     k = np.asarray(k, dtype=float)
     # All joints bend in the measurements, those that the linear model takes as rigid too.
     measured = equilibrium_deflection(model, q, wrench, k)
+    if known:
+        others = ElastostaticModel(model.robot, tuple(known), model.rows)
+        measured = measured - others.regressor(q, wrench) @ np.array(list(known.values()))
     fit = estimate(model.regressor(q, wrench), measured, sigma, model.parameters)
     return Bias(k[model.joints], fit.k, fit.covariance)

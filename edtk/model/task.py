@@ -25,6 +25,7 @@ class Task:
         wrench: Task load (..., 6) or (6,) at the tool point in the world frame [N, N m].
         robot: The chain, with any tool.
         unknown: Indices (p,) of the joints whose compliances are to be found, or are known.
+        known: Indices of further joints whose compliances are known from elsewhere.
         within: The robot shall be accurate in all poses whose joints are within this of q, see
             `neighbourhood`; zero for q alone [rad].
         lever: A rotation of the tool counts as the displacement at this distance from the tool
@@ -36,6 +37,7 @@ class Task:
     wrench: Array
     robot: Robot
     unknown: tuple[int, ...]
+    known: tuple[int, ...] = ()
     within: float = 0.0
     lever: float = 0.0
 
@@ -89,5 +91,5 @@ class Task:
         """Joints that count as rigid here although the load turns them."""
         q = self.q.reshape(-1, self.robot.n)
         wrench = np.broadcast_to(self.wrench, (*self.q.shape[:-1], 6)).reshape(-1, 6)
-        known = tuple(self.robot.joint_names[j] for j in self.unknown)
+        known = tuple(self.robot.joint_names[j] for j in (*self.unknown, *self.known))
         return rigid_joints(self.model.robot, q, wrench, known)

@@ -31,11 +31,17 @@ def check_study(study: "Study") -> None:
 
 
 def _check_joint_names(study: "Study", specification: Specification, robot: Robot) -> None:
-    for key in ("unknown", "fixed_deg", "fixed_mm"):
+    for key in ("unknown", "known_rad_per_Nm", "fixed_deg", "fixed_mm"):
         for name in getattr(specification.joints, key):
             if name not in robot.joint_names:
                 names = ", ".join(robot.joint_names)
                 raise study.error(f"joints.{key}", f"no joint {name!r}; this robot has {names}")
+    for name in specification.joints.known_rad_per_Nm:
+        if name in specification.joints.unknown:
+            raise study.error(
+                f"joints.known_rad_per_Nm.{name}",
+                "the joint is among joints.unknown too; expected it in one of them",
+            )
 
 
 def _check_fixed_joints(study: "Study", specification: Specification, robot: Robot) -> None:

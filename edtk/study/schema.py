@@ -78,10 +78,15 @@ class Measurement(Table):
 
 
 class Joints(Table):
-    """Joints whose compliances are unknown, and joints that do not move."""
+    """Joints whose compliances are unknown or known, and joints that do not move."""
 
     unknown: Annotated[tuple[str, ...], Field(min_length=1)] = Field(
         description="Names of the joints whose compliances are identified"
+    )
+    known_rad_per_Nm: dict[str, Compliance] = Field(
+        {},
+        description="Compliances that are known, by joint; none of them is among `unknown` "
+        "[rad/(N m)]",
     )
     fixed_deg: dict[str, Finite] = Field(
         {}, description="Angles of revolute joints that stay where they are, by joint [deg]"
@@ -171,7 +176,7 @@ class Specification(Table):
     tool: Tool = Field(description="Calibration tool: where the load acts and the marker is")
     load: LoadChoice = Field(description="Loads that a calibration experiment may apply")
     measurement: Measurement = Field(description="Measured quantities and their noise")
-    joints: Joints = Field(description="Unknown compliances, and joints that do not move")
+    joints: Joints = Field(description="Unknown and known compliances, and joints that do not move")
     workspace: WorkspaceTable = Field(
         WorkspaceTable(), description="Constraints on the calibration poses"
     )

@@ -198,6 +198,13 @@ class Study(Presented):
         return tuple(map(self.robot.joint_names.index, self.specification.joints.unknown))
 
     @property
+    def known(self) -> dict[int, float]:
+        """Compliances [rad/(N m)] that are known, by the index of the joint, from base to tip."""
+        given = self.specification.joints.known_rad_per_Nm
+        names = self.robot.joint_names
+        return {j: given[name] for j, name in enumerate(names) if name in given}
+
+    @property
     def fixed(self) -> dict[int, float]:
         """Values [rad or m] of the fixed joints by index."""
         given = self.specification.joints.fixed_deg | self.specification.joints.fixed_mm
@@ -231,6 +238,7 @@ class Study(Presented):
             wrench=pose.load.build(),
             robot=self.robot,
             unknown=self._unknown,
+            known=tuple(self.known),
             within=float(np.deg2rad(pose.robust_deg)),
             lever=pose.lever_mm / 1e3,
         )

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeGuard
 
@@ -52,6 +52,27 @@ class Compliances:
     rho0_bias: float | None = None
     verdict: str | None = None
     bias: Array | None = None
+
+    def including(self, known: Mapping[str, float]) -> "Compliances":
+        """The same with compliances that are exactly known, of joints that have none here.
+
+        Args:
+            known: Compliances by joint [rad/(N m)].
+        """
+        more = {joint: value for joint, value in known.items() if joint not in self.joints}
+        if not more:
+            return self
+        added = np.array(list(more.values()))
+        wider = (0, len(added))
+        covariance = self.covariance
+        return replace(
+            self,
+            joints=(*self.joints, *more),
+            k=np.append(self.k, added),
+            unbounded=np.append(self.unbounded, added),
+            covariance=None if covariance is None else np.pad(covariance, wider),
+            bias=None if self.bias is None else np.pad(self.bias, wider),
+        )
 
     @classmethod
     def from_dict(

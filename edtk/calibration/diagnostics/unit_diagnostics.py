@@ -79,7 +79,7 @@ def _ratio(fitted: FittedData, columns: slice) -> float | None:
     if any(name not in given for name in specification.joints.unknown):
         return None
     predicted = np.linalg.norm((fitted.A @ fitted.study.compliances)[:, columns])
-    measured = np.linalg.norm(fitted.data.deflection[:, columns])
+    measured = np.linalg.norm(fitted.unexplained[:, columns])
     return float(measured / predicted) if predicted > 0 else None
 
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from edtk.calibration.input_errors.reading import Reading
+from edtk.calibration.known_part import known_part
 from edtk.calibration.nonlinear_part import nonlinear_part
 from edtk.inference.distributions import chi_square_tail
 from edtk.inference.least_squares import SingularPlanError, Whitened
@@ -47,7 +48,7 @@ class Refit:
             whitened = Whitened.of(A, data.sigma, study.model.parameters)
         except SingularPlanError:
             return cls(reading, np.zeros(A.shape[-1]), np.inf, dof)
-        linear = data.deflection - less
+        linear = data.deflection - known_part(study, data) - less
         k = nnls(whitened.R, whitened.project(linear))[0] / whitened.scale
         z = (linear - A @ k) * whitened.weight
         return cls(reading, k, float((z**2).sum()), dof)
