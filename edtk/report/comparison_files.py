@@ -5,15 +5,18 @@ from typing import TYPE_CHECKING
 
 from edtk.report.comparison.efficiencies import Efficiencies
 from edtk.report.comparison_report import comparison_report
-from edtk.report.draw.criterion_by_size import criterion_by_size
+from edtk.report.draw.criterion_by_size import LONGEST_LABEL, criterion_by_size
 from edtk.report.draw.heat_map import heat_map
 from edtk.report.new_figure import new_figure
 from edtk.report.png import png
 from edtk.study.study_run import StudyRun
 from edtk.system.atomic_file import Content
+from edtk.system.errors import shortened
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+USUAL_LABEL = 20  # which have their place
 
 
 def comparison_files(run: StudyRun) -> dict[Path, Content]:
@@ -40,8 +43,11 @@ def _comparison(run: StudyRun) -> "Figure":
 
 def _heat_map(found: Efficiencies) -> "Figure":
     """Efficiencies of the plans of one size."""
-    figure = new_figure(1.8 + 0.62 * len(found.names), 1.1 + 0.36 * len(found.plans))
+    plans = [shortened(name, LONGEST_LABEL) for name in found.plans]
+    longer = max(0, *(len(name) - USUAL_LABEL for name in plans))
+    width = 1.8 + 0.62 * len(found.names) + 0.09 * longer
+    figure = new_figure(width, 1.1 + 0.36 * len(found.plans))
     ax = figure.add_subplot()
-    heat_map(100 * found.values, found.plans, found.names, ax)
+    heat_map(100 * found.values, plans, found.names, ax)
     ax.set_title(f"Efficiency of plans of {found.size} experiments, by criterion", fontsize=10)
     return figure

@@ -18,6 +18,7 @@ class Case:
         plan: The plan; None before it is found, or if there is no such plan.
         found: How it was found, with its bound; None for plans that were not searched for.
         reason: Why there is no such plan, or "".
+        label: What tells it from other plans of its kind and size: the file of a published plan.
     """
 
     kind: str
@@ -27,9 +28,11 @@ class Case:
     plan: Plan | None = None
     found: ExactPlan | None = None
     reason: str = ""
+    label: str = ""
 
     @property
     def name(self) -> str:
         """Name in tables, and of the plan's file."""
         distinct = f"k{self.distinct}" if self.distinct else ""
-        return "_".join(filter(None, (self.kind, self.optimised, f"m{self.size}", distinct)))
+        parts = (self.kind, self.optimised, f"m{self.size}", distinct, self.label)
+        return "_".join(filter(None, parts))

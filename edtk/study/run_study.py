@@ -11,6 +11,7 @@ from edtk.design.exact.exact_plan import ExactPlan
 from edtk.design.exact.find_plan import SearchOptions, find_plan
 from edtk.design.exact.require_enough import TooFewExperimentsError
 from edtk.design.exact.smallest_size import smallest_size
+from edtk.design.plan import Plan
 from edtk.design.relaxation.relax import require_relaxable
 from edtk.design.relaxation.relax_options import RelaxOptions
 from edtk.design.relaxation.relax_poses import relax_poses
@@ -79,7 +80,7 @@ def run_study(
     for index, size in enumerate(study.specification.sizes):
         cases.append(random_case(study, size, index))
         report(cases[-1].name)
-    cases += [Case("published", "", plan.experiments, plan=plan) for plan in published.values()]
+    cases += _published_cases(published)
     table = comparison_table(study, cases, relaxations)
     run = StudyRun(study, table, relaxations, tuple(cases), folder)
     report("results")
@@ -107,6 +108,15 @@ class _Steps:
     def __call__(self, label: str) -> None:
         self.done += 1
         self.progress(label, self.done / self.total)
+
+
+def _published_cases(plans: Mapping[str, Plan]) -> list[Case]:
+    """The published plans, by name; among several of one size each has its file's name."""
+    sizes = [plan.experiments for plan in plans.values()]
+    return [
+        Case("published", "", size, plan=plan, label=name if sizes.count(size) > 1 else "")
+        for size, (name, plan) in zip(sizes, plans.items(), strict=True)
+    ]
 
 
 def _relaxed_names(study: Study) -> list[str]:

@@ -323,11 +323,21 @@ class Study(Presented):
         return load_plan(self, path)
 
     def published_plans(self) -> dict[str, Plan]:
-        """The published plans that the study names, by their file's stem."""
-        return {
-            Path(name).stem: self.load_plan(self.folder / name)
-            for name in self.specification.published
-        }
+        """The published plans that the study names, by their file's stem.
+
+        Files of the same stem are named by their whole paths, as the study gives them.
+
+        Raises:
+            UserError: A file is named twice, or is not that of a plan.
+        """
+        names = self.specification.published
+        stems = [Path(name).stem for name in names]
+        keys = [s if stems.count(s) == 1 else n for s, n in zip(stems, names, strict=True)]
+        for key in keys:
+            if keys.count(key) > 1:
+                raise self.error("published", f"{key!r} is named twice; expected each plan once")
+        plans = (self.load_plan(self.folder / name) for name in names)
+        return dict(zip(keys, plans, strict=True))
 
 
 # Notebooks and `help` shall list the keys, in place of a bare `**keys`.

@@ -18,6 +18,7 @@ from edtk.study.run_files import run_files
 from edtk.study.run_options import RunOptions
 from edtk.study.run_study import run_study
 from edtk.study.study import load_study
+from edtk.system.errors import UserError
 from edtk.verbs.run import run
 
 pytestmark = pytest.mark.slow
@@ -257,3 +258,21 @@ def test_a_run_may_have_another_seed(tmp_path):
     found = run_study(arm(), tmp_path, options=RunOptions(seed=5))
     assert (found.table["seed"] == 5).all()
     assert (found.table["study_sha256"] == arm(seed=5).digest).all()
+
+
+def test_published_plans_of_one_name(tmp_path):
+    """Two files of the same stem and size are two plans, in the table, in tables of the report."""
+    for name, angle in (("pub.csv", 40), ("sub/pub.csv", 90)):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(f"q1_deg,q2_deg\n10,{angle}\n-30,{angle}\n")
+    study = arm(published=["pub.csv", "sub/pub.csv"]).replace(folder=tmp_path)
+    found = run(study, tmp_path / "out", workers=1)
+    names = ["published_m2_pub.csv", "published_m2_sub/pub.csv"]
+    table = found.to_frame().set_index("plan")
+    assert table.loc[names, "D"].nunique() == 2
+    assert set(names) <= set(found.plans)
+    report = (tmp_path / "out/report.md").read_text()
+    for name in ("published (pub.csv)", "published (sub/pub.csv)"):
+        assert report.count(name) >= 3
+    with pytest.raises(UserError, match=r"published: 'pub.csv' is named twice"):
+        study.replace(published=["pub.csv", "pub.csv"]).published_plans()

@@ -2,6 +2,7 @@
 
 from edtk.report.comparison.cell import number
 from edtk.report.markdown_table import markdown_table
+from edtk.report.other_plans import other_plans
 from edtk.report.plans_of import plans_of
 from edtk.study.comparison_table import ERRORS
 from edtk.study.study_run import StudyRun
@@ -12,8 +13,7 @@ def around_the_task(run: StudyRun) -> str:
     main = run.study.main_criterion
     kinds = {
         f"optimised for {main}": plans_of(run.table, "optimised", main),
-        "published": plans_of(run.table, "published"),
-        "random": plans_of(run.table, "random"),
+        **other_plans(run.table),
     }
     rows = [
         [row["experiments"], kind, *(number(1e6 * row[name]) for name in ERRORS)]

@@ -2,6 +2,7 @@
 
 from edtk.report.comparison.cell import number, percent
 from edtk.report.markdown_table import markdown_table
+from edtk.report.other_plans import other_plans
 from edtk.report.plans_of import plans_of
 from edtk.report.shown_unit import shown_unit
 from edtk.study.study_run import StudyRun
@@ -12,6 +13,7 @@ def by_size(run: StudyRun) -> str:
     main = run.study.main_criterion
     factor, unit = shown_unit(main)
     bound = run.relaxations[main].best_bound
+    others = other_plans(run.table)
     rows = []
     for _, row in plans_of(run.table, "optimised", main).sort_values("experiments").iterrows():
         cells = [
@@ -19,10 +21,10 @@ def by_size(run: StudyRun) -> str:
             percent(row[f"efficiency_{main}"]),
             number(factor * bound.scaled(row["experiments"]).value),
         ]
-        for kind in ("published", "random"):
-            other = plans_of(run.table, kind, size=row["experiments"])
+        for plans in others.values():
+            other = plans[plans["experiments"] == row["experiments"]]
             cells.append(number(factor * other[main].iloc[0]) if len(other) else "-")
         rows.append([row["experiments"], *cells])
-    header = ["experiments", f"optimised for {main}", "efficiency", "bound", "published", "random"]
+    header = ["experiments", f"optimised for {main}", "efficiency", "bound", *others]
     text = f"{main} ({unit}), and the bound over all feasible poses:"
     return f"{text}\n\n{markdown_table(header, rows)}"

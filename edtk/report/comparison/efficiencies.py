@@ -6,6 +6,7 @@ import numpy as np
 
 from edtk.report.comparison.cell import percent
 from edtk.report.markdown_table import markdown_table
+from edtk.report.other_plans import other_plans
 from edtk.report.plans_of import plans_of
 from edtk.study.study_run import StudyRun
 from edtk.system.typing import Array
@@ -34,13 +35,14 @@ class Efficiencies:
         """The efficiencies of a run's plans of one size."""
         specification = run.study.specification
         names = [name for name in specification.criteria if f"efficiency_{name}" in run.table]
-        groups = [("optimised", name) for name in specification.optimise]
+        optimised = specification.optimise
+        ours = {f"optimised for {n}": plans_of(run.table, "optimised", n) for n in optimised}
         plans = []
         values = []
-        for kind, name in [*groups, ("published", ""), ("random", "")]:
-            for _, row in plans_of(run.table, kind, name, size).iterrows():
+        for label, group in (ours | other_plans(run.table)).items():
+            for _, row in group[group["experiments"] == size].iterrows():
                 if not row["reason"]:
-                    plans.append(f"optimised for {name}" if name else kind)
+                    plans.append(label)
                     values.append([float(row[f"efficiency_{name}"]) for name in names])
         reason = ""
         if not plans:

@@ -1,11 +1,16 @@
 """The loss of plans for other criteria in the main one."""
 
 import math
+from typing import TYPE_CHECKING
 
 from edtk.report.comparison.relative_loss import relative_loss
 from edtk.report.markdown_table import markdown_table
+from edtk.report.other_plans import other_plans
 from edtk.report.plans_of import plans_of
 from edtk.study.study_run import StudyRun
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 def loss_of_others(run: StudyRun) -> str:
@@ -13,14 +18,15 @@ def loss_of_others(run: StudyRun) -> str:
     main = run.study.main_criterion
     sizes = sorted(run.study.specification.sizes)
     others = [name for name in run.study.specification.optimise if name != main]
-    groups = [("optimised", name) for name in others] + [("published", ""), ("random", "")]
+    ours = {f"optimised for {name}": plans_of(run.table, "optimised", name) for name in others}
+    classical_name = dict(zip(ours, others, strict=True))
     rows = []
     classical = []
-    for kind, name in groups:
-        if all(plans_of(run.table, kind, name, size).empty for size in sizes):
+    for label, plans in (ours | other_plans(run.table)).items():
+        if not plans["experiments"].isin(sizes).any():
             continue
-        losses = [_loss(run, kind, name, size) for size in sizes]
-        label = f"optimised for {name}" if name else kind
+        losses = [_loss(run, plans, size) for size in sizes]
+        name = classical_name.get(label)
         rows.append([label, *("-" if math.isnan(x) else f"{100 * x:+.1f} %" for x in losses)])
         if name:
             known = zip(losses, sizes, strict=True)
@@ -42,10 +48,10 @@ def loss_of_others(run: StudyRun) -> str:
     return f"{text}\n\n{markdown_table(['plan', *(f'm = {m}' for m in sizes)], rows)}"
 
 
-def _loss(run: StudyRun, kind: str, name: str, size: int) -> float:
+def _loss(run: StudyRun, plans: "pd.DataFrame", size: int) -> float:
     """The loss of a plan in the main criterion; NaN without a plan that identifies everything."""
     main = run.study.main_criterion
-    found = plans_of(run.table, kind, name, size)
+    found = plans[plans["experiments"] == size]
     if found.empty:
         return math.nan
     best = plans_of(run.table, "optimised", main, size)[main].iloc[0]

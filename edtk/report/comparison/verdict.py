@@ -1,6 +1,7 @@
 """The main result of a comparison."""
 
 import criteria
+from edtk.report.other_plans import other_plans
 from edtk.report.plans_of import plans_of
 from edtk.report.shown_unit import shown_unit
 from edtk.study.study_run import StudyRun
@@ -22,8 +23,8 @@ def verdict(run: StudyRun) -> str:
         "(searched, not proved)."
     )
     better = "" if criteria.get(main).sense == "min" else " (larger is better)"
-    for kind in ("published", "random"):
-        others = plans_of(run.table, kind, size=size)
+    for kind, plans in other_plans(run.table).items():
+        others = plans[plans["experiments"] == size]
         if len(others):
             ratio = float(others[main].iloc[0] / row[main])
             text += f" For the {kind} plan {main} is {ratio:.3f} times that value{better}."

@@ -4,14 +4,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from edtk.report.other_plans import other_plans
 from edtk.report.palette import COLOURS, MARKERS
 from edtk.report.plain import plain
 from edtk.report.plans_of import plans_of
 from edtk.report.shown_unit import shown_unit
 from edtk.study.study_run import StudyRun
+from edtk.system.errors import shortened
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+LONGEST_LABEL = 40  # characters of a plan's name in a picture
 
 
 def criterion_by_size(run: StudyRun, ax: "Axes") -> None:
@@ -19,17 +23,18 @@ def criterion_by_size(run: StudyRun, ax: "Axes") -> None:
     main = run.study.main_criterion
     factor, unit = shown_unit(main)
     others = [name for name in run.study.specification.optimise if name != main]
-    groups = [("optimised", main), ("published", ""), ("random", "")]
-    groups += [("optimised", name) for name in others]
-    for i, (kind, name) in enumerate(groups):
-        plans = plans_of(run.table, kind, name).sort_values("experiments")
+    ours = {f"optimised for {name}": plans_of(run.table, "optimised", name) for name in others}
+    groups = {f"optimised for {main}": plans_of(run.table, "optimised", main)}
+    groups |= other_plans(run.table) | ours
+    for i, (label, group) in enumerate(groups.items()):
+        plans = group.sort_values("experiments")
         if len(plans):
             ax.plot(
                 plans["experiments"],
                 factor * plans[main],
-                label=plain(f"optimised for {name}" if name else kind),
+                label=plain(shortened(label, LONGEST_LABEL)),
                 linewidth=2.0 if i == 0 else 1.0,
-                linestyle=":" if kind == "random" else "-",
+                linestyle=":" if label == "random" else "-",
                 color=COLOURS[i % len(COLOURS)],
                 marker=MARKERS[i % len(MARKERS)],
                 markersize=5,
