@@ -92,8 +92,16 @@ def _equally_good(study: Study, tried: list[Refit], most: float) -> tuple[Refit,
     corrected = [refit.corrected(study) for refit in better if refit.chi2 <= enough]
     best = min(refit.chi2 for refit in corrected)
     # The likelihood of a reading is exp(-chi2/2).
-    equal = [refit for refit in corrected if refit.chi2 <= best + 2 * np.log(LIKELY)]
-    return tuple(refit for refit in equal if refit.size <= SUSPECT)
+    least = min(best + 2 * np.log(LIKELY), SUSPECT**2 * tried[0].dof)
+    equal = [refit for refit in corrected if refit.chi2 <= least]
+    return tuple(refit for refit in equal if not any(_is_simpler(other, refit) for other in equal))
+
+
+def _is_simpler(other: Refit, refit: Refit) -> bool:
+    """Whether another reading changes only some of the columns that a reading changes."""
+    fewer = other.reading.finding
+    more = refit.reading.finding
+    return fewer.kind is more.kind and set(fewer.columns) < set(more.columns)
 
 
 def _some_rows(data: Measurements) -> Measurements:

@@ -10,6 +10,7 @@ from readings import PLAN, STUDY, measured, readings_of
 
 from edtk.calibration.diagnostics.diagnostic import Severity
 from edtk.calibration.diagnostics.diagnostics import diagnostics
+from edtk.calibration.finding import Kind
 from edtk.calibration.fitted_data import FittedData
 from edtk.calibration.input_errors.find_input_error import find_input_error
 from edtk.calibration.wording import wording
@@ -116,6 +117,19 @@ def test_readings_that_are_equally_good_are_all_named():
     assert line.startswith("columns q4_deg, q6_deg look reversed; or the measuring frame looks")
     assert "frame looks left-handed: expected (dx_mm, -dy_mm, dz_mm)" in line
     assert "each explains 99.9" in line
+
+
+def test_of_readings_that_are_equally_good_the_simpler_is_named():
+    """Where one joint's sign explains the residuals, that of another joint besides is no answer."""
+    rows = [0, 3, 6, 9]
+    data = readings_of(PLAN.q[rows], PLAN.wrench[rows])
+    fitted = FittedData.of(STUDY, replace(data, q=data.q * [1, 1, 1, 1, -1, 1]))
+    signs = [
+        refit.reading.finding.columns
+        for refit in fitted.explanation.refits
+        if refit.reading.finding.kind is Kind.OPPOSITE_SIGN
+    ]
+    assert signs == [("q5_deg",)]
 
 
 def test_no_reading_that_does_not_fit():
