@@ -196,7 +196,7 @@ def _poses():
 
 
 def _judged(model, data):
-    study = SimpleNamespace(model=model, robot=model.robot, fixed=STUDY.fixed)
+    study = SimpleNamespace(model=model, robot=model.robot, fixed=STUDY.fixed, known={})
     return in_words(find_input_error(FittedData.of(study, data)))
 
 
