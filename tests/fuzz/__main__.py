@@ -2,7 +2,6 @@
 
 import argparse
 import os
-import shutil
 import sys
 import tempfile
 from pathlib import Path
@@ -51,19 +50,19 @@ def main() -> int:
 def _show(number: int, worlds: dict[str, Files]) -> int:
     """Run one case in a folder that stays, and print all about it."""
     case = make_case(number, worlds)
-    root = Path(tempfile.mkdtemp(prefix="edtk-fuzz-case-"))
-    outcome = run_number(number, worlds, {}, root)
-    sandbox = Sandbox(root / case.world, worlds[case.world])
-    shutil.rmtree(root)
-    sandbox.build()
-    sandbox.change(case.changed)
-    answer = run_case(case.words, sandbox.folder)
-    os.chdir("/")
-    sandbox.build()
-    sandbox.change(case.changed)
-    print(f"cd {str(sandbox.folder)!r}\nedtk {' '.join(map(repr, case.words))}")
+    kept = Sandbox(Path(tempfile.mkdtemp(prefix="edtk-fuzz-case-")), worlds[case.world])
+    kept.build()
+    kept.change(case.changed)
+    print(f"cd {str(kept.folder)!r}\nedtk {' '.join(map(repr, case.words))}")
     for name, content in case.changed.items():
-        print(f"--- {name}\n{content[:3000]!r}")
+        print(f"--- {name}\n{content[:3000] if content is not None else 'missing'!r}", flush=True)
+    with tempfile.TemporaryDirectory() as folder:
+        sandbox = Sandbox(Path(folder), worlds[case.world])
+        sandbox.build()
+        sandbox.change(case.changed)
+        answer = run_case(case.words, sandbox.folder)
+        os.chdir("/")
+        outcome = run_number(number, worlds, {}, Path(folder))
     print(f"--- stdout\n{answer.stdout[-2000:].decode('utf-8', 'replace')}")
     print(f"--- stderr\n{answer.stderr[-3000:].decode('utf-8', 'replace')!r}")
     print(f"--- exit {answer.code}, {answer.cpu:.3f} s, {answer.growth:.0f} MB, {answer.error}")
