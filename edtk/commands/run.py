@@ -40,6 +40,5 @@ def command(
     if found.expected is not None:
         click.echo(str(found.expected), err=True)
     folder = found.folder
-    click.echo(
-        f"wrote {folder / 'report.md'}, {folder / 'results.csv'} and {folder / 'plans'}", err=True
-    )
+    wrote = f"wrote {folder / 'report.md'}, {folder / 'results.csv'} and {folder / 'plans'}"
+    click.echo(shortened(wrote), err=True)

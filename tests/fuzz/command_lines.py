@@ -42,6 +42,8 @@ LONG_EXTRAS = {
     "plan": ("--criterion A", "--certificate new.json", "--budget 0.1"),
     "bayes": ("--chain new.h5", "--nu sampled", "--sigma-factor inf", "--figures out"),
 }
+# Options that import what takes a second to import.
+LONG = ("--dask", "--figures", "--export")
 # Options whose values start processes or look for other machines.
 CAREFUL = ("--workers", "--dask")
 HARMLESS = {
@@ -100,7 +102,7 @@ def _set_option(words: Words, rng: Random, long: bool) -> Words:
     """One of the command's options with a nasty value, in place of its own or at the end."""
     verb = words[0] if words[0] in VERBS else rng.choice(VERBS)
     every = [p for p in main.commands[verb].params if isinstance(p, click.Option)]
-    usable = [option for option in every if long or option.opts[0] not in ("--dask", "--figures")]
+    usable = [option for option in every if long or option.opts[0] not in LONG]
     option = rng.choice(usable)
     name = option.opts[0]
     found = words[:]

@@ -8,9 +8,9 @@ from tests.fuzz.run_case import Answer, run_case
 from tests.fuzz.sandbox import Sandbox, Snapshot
 
 EVERY = 20  # cases of which one is run again
-# Times, which differ, and options that let them decide.
+# Times, which differ, and options that let them decide or write them to a file.
 TIME = re.compile(rb'"seconds": [-+.e\d]+|\b\d+(\.\d+)? s\b|\[\d\d:\d\d.*?\]|[^\n]*\r')
-BY_TIME = ("--budget",)
+BY_TIME = ("--budget", "--export")
 
 Outputs = dict[str, bytes]
 
