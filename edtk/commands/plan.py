@@ -20,18 +20,20 @@ from edtk.commands.shared import (
     workers_option,
 )
 
+MOST_EXPERIMENTS = 10**12  # as in a study: beyond them numbers of repetitions are not exact
+
 
 @click.command("plan", short_help="Find the best plan of m experiments.")
 @click.argument("study", type=FilePath)
 @click.option(
     "--size",
-    type=click.IntRange(min=1),
+    type=click.IntRange(min=1, max=MOST_EXPERIMENTS),
     required=True,
     help="Number of experiments m, kept ones counted.",
 )
 @click.option(
     "--distinct",
-    type=click.IntRange(min=1),
+    type=click.IntRange(min=1, max=MOST_EXPERIMENTS),
     help="Distinct new poses at most [default: p(p+1)/2 + 1 of p parameters].",
 )
 @criterion_option

@@ -18,12 +18,16 @@ from edtk.commands.shared import (
     warn_about,
 )
 
+MOST_CANDIDATES = 10**9  # as in a study: no machine would end with more
+
 
 @click.command("relax", short_help="Find the best weights, with a bound.")
 @click.argument("study", type=FilePath)
 @criterion_option
 @click.option(
-    "--candidates", type=click.IntRange(min=1), help="Candidate poses [default: the study's]."
+    "--candidates",
+    type=click.IntRange(min=1, max=MOST_CANDIDATES),
+    help="Candidate poses [default: the study's].",
 )
 @click.option(
     "--continuous", is_flag=True, help="Search all feasible poses, beyond the candidates."

@@ -6,6 +6,7 @@ from pathlib import Path
 import click
 
 from edtk.commands.shared import FilePath, FolderPath, dask_option, warn_about, workers_option
+from edtk.system.errors import shortened
 
 BAR = "{percentage:3.0f} %|{bar}| [{elapsed}<{remaining}]{postfix}"
 

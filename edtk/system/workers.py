@@ -57,9 +57,11 @@ class Workers:
         import joblib
 
         work = (joblib.delayed(_numbered)(i, piece) for i, piece in enumerate(pieces))
+        # More processes than pieces would be started all the same, and a million of them.
+        jobs = self.size if self.remote else min(self.size, max(1, len(pieces)))
         gone = f"the workers of {self.name} have gone away"
         try:
-            yield from joblib.Parallel(n_jobs=self.size, return_as="generator_unordered")(work)
+            yield from joblib.Parallel(n_jobs=jobs, return_as="generator_unordered")(work)
         except (CancelledError, asyncio.CancelledError, BrokenExecutor) as error:
             raise WorkersLostError(gone) from error
         except (OSError, TimeoutError) as error:

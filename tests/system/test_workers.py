@@ -156,6 +156,22 @@ def test_a_mistake_stays_what_it_is(size):
         list(Workers(size).run([FAULTY, FAULTY]))
 
 
+def test_no_more_processes_than_pieces(monkeypatch):
+    """A million workers for one piece are one: each would be a process, whatever it has to do."""
+    asked = []
+
+    class Parallel:
+        def __init__(self, n_jobs, **others):
+            asked.append(n_jobs)
+
+        def __call__(self, work):
+            return (call(*given, **named) for call, given, named in work)
+
+    monkeypatch.setattr("joblib.Parallel", Parallel)
+    assert list(Workers(10**6).run([int])) == [(0, 0)]
+    assert asked == [1]
+
+
 def test_this_machine():
     """A team of this machine has as many processes as one asks for, or one a core."""
     with open_workers(3) as three, open_workers() as every:
