@@ -117,28 +117,42 @@ def snake_case(name: str) -> str:
     return re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", "_", name).lower()
 
 
-@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(ROOT)))
-def test_imports_run_only_downwards(path: Path) -> None:
-    """No module imports from a floor above, from a sibling room, or from the scripts."""
-    module = module_of(path)
-    for name in imported(ast.parse(path.read_text())):
-        assert may_import(module, name), f"{module} imports {name}"
-        assert name.split(".")[0] not in ("paper_figures", "studies"), f"{module} imports {name}"
-        from_edtk = module.startswith("criteria") and name.split(".")[0] == "edtk"
-        assert not from_edtk, f"{module} imports {name}: criteria know nothing of edtk"
+@pytest.fixture(scope="module")
+def trees() -> dict[Path, ast.Module]:
+    """Every module, parsed once."""
+    return {path: ast.parse(path.read_text(encoding="utf-8")) for path in FILES}
 
 
-@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(ROOT)))
-def test_a_module_is_named_after_its_public_thing(path: Path) -> None:
+def test_imports_run_only_downwards(trees: dict[Path, ast.Module]) -> None:
+    """No module imports from a floor above, from a sibling room, or from the scripts; criteria know
+    nothing of edtk.
+    """
+    wrong = []
+    for path, tree in trees.items():
+        module = module_of(path)
+        foreign = {"paper_figures", "studies"}
+        if module.startswith("criteria"):
+            foreign.add("edtk")
+        for name in imported(tree):
+            if not may_import(module, name) or name.split(".")[0] in foreign:
+                wrong.append(f"{module} imports {name}")
+    assert wrong == []
+
+
+def test_a_module_is_named_after_its_public_thing(trees: dict[Path, ast.Module]) -> None:
     """Every module but a kit defines a public name whose snake_case is the name of the file."""
-    if path.stem.startswith("__"):
-        return
-    names = public_names(ast.parse(path.read_text()))
-    # The click command of a module of commands is called `command`.
-    command = path.parent.name == "commands" and "command" in names
-    named = command or path.stem in {snake_case(public) for public in names}
-    kit = str(path.relative_to(ROOT).with_suffix("")) in KITS
-    assert named != kit, f"{path} defines {sorted(names)}; name it after one, or list it as a kit"
+    wrong = []
+    for path, tree in trees.items():
+        if path.stem.startswith("__"):
+            continue
+        names = public_names(tree)
+        # The click command of a module of commands is called `command`.
+        command = path.parent.name == "commands" and "command" in names
+        named = command or path.stem in {snake_case(public) for public in names}
+        place = str(path.relative_to(ROOT).with_suffix(""))
+        if named == (place in KITS):
+            wrong.append(f"{place} defines {sorted(names)}; name it after one, or list it as a kit")
+    assert wrong == []
 
 
 def test_every_kit_exists() -> None:

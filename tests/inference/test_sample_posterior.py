@@ -24,7 +24,7 @@ SIGMA = np.array([0.1, 0.2, 0.05])
 A = np.random.default_rng(0).normal(size=(4, 3, 2))
 MEASURED = simulate(A, [1.0, 2.0], SIGMA, np.random.default_rng(1))[0]
 FIT = estimate(A, MEASURED, SIGMA, ("a", "b"))
-ROUGH = Demand(accuracy=0.02)
+ROUGH = Demand(accuracy=0.03)
 
 
 def sample(seed, demand=ROUGH, prior=None, **kept):

@@ -53,7 +53,7 @@ def test_slope(space, name, derivative):
     repetitions differ.
     """
     criterion = STUDY.criterion(name)
-    (x, repeats) = plans(space, 1)
+    x, repeats = plans(space, 1)
     value, slopes = log_cost_slope(space, criterion, x, repeats)
     for plan, r, own, slope in zip(x, repeats, value, slopes, strict=True):
         M = space.information(space.plan(plan, r.astype(int)))
@@ -99,7 +99,7 @@ def test_curvature(space, name):
 def test_value_is_that_of_the_local_model(name):
     """The value alone is the one that comes with its derivatives, for the right repetitions."""
     criterion = STUDY.criterion(name)
-    (x, repeats) = plans(KR270, 3)
+    x, repeats = plans(KR270, 3)
     repeats = repeats * np.array([[1.0], [2.0], [3.0]])
     cost = LogCost(criterion, repeats)
     some = np.array([2, 0])

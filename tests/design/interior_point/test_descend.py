@@ -41,7 +41,7 @@ class Given(Objective):
         """Value and gradient of the function, and the differences of its gradient as what couples
         all variables.
         """
-        (b, k) = near.x.shape[:2]
+        b, k = near.x.shape[:2]
         d = len(near.span)
         h = 1e-6
         f, g = self.function(near.space.at(near.x), start)
