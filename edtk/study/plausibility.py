@@ -177,14 +177,18 @@ def _axes(study: "Study") -> Iterator[str]:
 
 def _sampled(study: "Study") -> tuple[Array, float]:
     """Position rows (s, 3, p) of experiments anywhere within limits, and the largest load [N]."""
-    space = study.space
-    x = space.draw(np.random.default_rng(0).random((SAMPLE, len(space.drawn))))
-    plan = space.plan(x, np.ones(SAMPLE, dtype=int))
+    plan = study.space.plan(_anywhere(study), np.ones(SAMPLE, dtype=int))
     force = np.linalg.norm(plan.wrench[:, :3], axis=1)
     torque = np.linalg.norm(plan.wrench[:, 3:], axis=1)
     load = float((force + torque / study.robot.reach).max())
     # Without any load nothing is excited, which the design itself reports.
     return study.model.regressor(plan.q, plan.wrench)[:, :3], load or 1.0
+
+
+def _anywhere(study: "Study") -> Array:
+    """Experiments (s, v) anywhere within the limits, feasible or not."""
+    space = study.space
+    return space.draw(np.random.default_rng(0).random((SAMPLE, len(space.drawn))))
 
 
 def _own_scale(study: "Study") -> Array:
@@ -219,7 +223,11 @@ def _hardly_excited(study: "Study", cov: Array, experiments: int) -> Iterator[st
     """Parameters about which a plan says much less than it could."""
     std = np.sqrt(np.diag(cov))
     share = std / _own_scale(study)
-    ratio = std / _best_alone(study, experiments)
+    ratio = std / _best_alone(study, _anywhere(study), experiments)
+    # Feasible poses tell less than any poses do; they are drawn, which may take seconds, only where
+    # they could make a difference.
+    if (ratio[np.isnan(share)] > HARDLY_EXCITED).any():
+        ratio = std / _best_alone(study, _candidates(study), experiments)
     # Beside its own size a parameter is judged by that, and else by what plans could do.
     bad = np.flatnonzero(np.where(np.isfinite(share), share > UNCERTAIN, ratio > HARDLY_EXCITED))
     if not len(bad):
@@ -255,17 +263,23 @@ def _round(number: float) -> str:
     return f"{float(f'{number:.2g}'):,.0f}" if number < 1e6 else f"{number:.1e}"
 
 
-def _best_alone(study: "Study", experiments: int) -> Array:
-    """Standard deviations (p,) that no plan of candidates can beat, each for itself.
-
-    ``(M^-1)_jj >= 1 / M_jj``, and M_jj is at most m times the largest that a candidate has. Inf
-    where there are no candidates to compare with.
-    """
+def _candidates(study: "Study") -> Array:
+    """Feasible experiments (k, v); none where none turn up."""
     given = study.specification
     source = CandidateSource(study.space, (given.seed, 0), given.sampling)
     try:
-        x = source.take(min(CANDIDATES, given.candidates)).x
+        return source.take(min(CANDIDATES, given.candidates)).x
     except EmptyFeasibleSetError:
+        return np.empty((0, study.space.size))
+
+
+def _best_alone(study: "Study", x: Array, experiments: int) -> Array:
+    """Standard deviations (p,) that no plan of the experiments x can beat, each for itself.
+
+    ``(M^-1)_jj >= 1 / M_jj``, and M_jj is at most m times the largest that an experiment has. Inf
+    where there are none to compare with.
+    """
+    if not len(x):
         return np.full(study.model.p, np.inf)
     blocks = study.space.problem(x).blocks()
     largest = np.diagonal(blocks, axis1=1, axis2=2).max(axis=0)

@@ -14,6 +14,7 @@ from edtk.system.typing import Array, Mask
 
 TINY = 1e-9  # violation of a constraint that is rounding [m or rad]
 MEASURED = {"position": 3, "pose": 6}  # rows that an experiment measures
+LONGEST_LEVER = 1e3  # of rotations that count as displacements [m]
 KEYS = ("robot", "unknown", "rows", "sigma", "load", "workspace", "excluded", "free", "fixed")
 
 
@@ -106,8 +107,8 @@ def _target(content: dict[str, Any], unknown: list[int]) -> Array | None:
     wrench = numbers(task["wrench"], (6,), f"{where}.wrench")
     within = number(task.get("within", 0.0), f"{where}.within")
     lever = number(task.get("lever", 0.0), f"{where}.lever")
-    if not 0 <= within <= np.pi or lever < 0:
-        raise ValueError(f"{where}: expected an angle within half a turn, and no negative lever")
+    if not 0 <= within <= np.pi or not 0 <= lever <= LONGEST_LEVER:
+        raise ValueError(f"{where}: expected an angle within half a turn, and a lever in metres")
     poses = neighbourhood(chain, q, within) if within else q[None]
     A = _regressors(chain, unknown, poses, np.tile(wrench, (len(poses), 1)))
     scale = np.array([1.0, 1.0, 1.0, lever, lever, lever])
