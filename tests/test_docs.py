@@ -5,15 +5,24 @@ import shlex
 import shutil
 import tomllib
 from pathlib import Path
+from typing import get_args
 
+import numpy as np
 import pytest
+from arm import arm
 from click.testing import CliRunner
+from pydantic import BaseModel
 
 import criteria
+from edtk.calibration.calibrate import Calibration
+from edtk.calibration.fitted_data import FittedData
 from edtk.cli import main
-from edtk.model.robot_from_dict import robot_from_dict
+from edtk.inference.measurements import Measurements
+from edtk.model.robot_from_dict import RobotFile, robot_from_dict
+from edtk.study.schema import Specification
 
 ROOT = Path(__file__).parents[1]
+LOAD = {"F_N": [0, 0, -50]}
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
 PAGES = [page for page in PAGES if "examples" not in page.parts]
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```", flags=re.DOTALL | re.MULTILINE)
@@ -106,4 +115,39 @@ def test_commands_that_are_named_exist() -> None:
 def test_robot_files_in_the_pages_are_robots() -> None:
     """A TOML block that describes a robot can be loaded."""
     texts = [text for page in PAGES for _, text in blocks(page, "toml") if "[[joints]]" in text]
-    assert [robot_from_dict(tomllib.loads(text)).n for text in texts] == [3]
+    assert [robot_from_dict(tomllib.loads(text)).n for text in texts] == [3, 3]
+
+
+def test_every_key_of_a_result_is_documented() -> None:
+    """The table of k.json has the keys that a calibration writes, in their order."""
+    study = arm(test_pose={"q_deg": [9, 40], "tool": {"position_mm": [400, 0, 0]}, "load": LOAD})
+    q = np.array([[0.1, 0.5], [0.9, -0.6], [-1.2, 1.0]])
+    wrench = np.tile([0, 0, -100.0, 0, 0, 0], (3, 1))
+    moved = study.model.regressor(q, wrench) @ np.array([3e-6, 5e-6]) + 1e-5 * np.eye(3)
+    data = Measurements(q, wrench, moved, np.full((3, 3), 1e-4), np.zeros((3, 3)))
+    found = Calibration(FittedData.of(study, data), (), Path("day.csv"), None)
+    text = (ROOT / "docs/reference/files.md").read_text(encoding="utf-8")
+    section = text.partition("## Compliances")[2].partition("## Certificates")[0]
+    rows = re.findall(r"^\| `(\w+)` \| ([^|]*) \| (.*) \|$", section, flags=re.MULTILINE)
+    assert [key for key, _, _ in rows] == list(found.to_dict())
+
+
+def test_every_key_of_study_and_robot_is_explained() -> None:
+    """Each key has a sentence, with its unit where its name has one."""
+    missing = []
+    for table in (Specification, RobotFile):
+        tables = [table]
+        for part in tables:
+            for key, field in part.model_fields.items():
+                tables += tables_of(field.annotation)
+                unit = re.search(r"_(mm|m|deg|rad|N|Nm)$", key)
+                if not field.description or (unit and "[" not in field.description):
+                    missing.append(f"{part.__name__}.{key}")
+    assert missing == []
+
+
+def tables_of(annotation: object) -> list[type[BaseModel]]:
+    """Tables among the types that a key may have."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    return [table for part in get_args(annotation) for table in tables_of(part)]

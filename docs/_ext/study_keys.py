@@ -1,4 +1,4 @@
-"""The directive `study-keys`: a table of all keys of a study file, read off the schema."""
+"""The directive `study-keys`: tables of all keys of a study or robot file, read off the schema."""
 
 from typing import Any
 
@@ -12,17 +12,24 @@ from sphinx.util.nodes import nested_parse_with_titles
 
 
 class StudyKeys(SphinxDirective):
-    """Write one section for each table of the schema, with its keys, defaults and meanings."""
+    """Write one section for each table of the schema, with its keys, defaults and meanings.
+
+    Its argument "robot" stands for the keys of a robot file.
+    """
+
+    optional_arguments = 1
 
     def run(self) -> list[nodes.Node]:
         """Parse the generated text in the place of the directive."""
+        from edtk.model.robot_from_dict import RobotFile
         from edtk.study.schema import Specification
 
+        table = RobotFile if self.arguments == ["robot"] else Specification
         lines: list[str] = []
-        _describe(Specification, "", lines)
+        _describe(table, "", lines)
         section = nodes.section()
         section.document = self.state.document
-        content = StringList(lines, source="edtk.study.schema")
+        content = StringList(lines, source=table.__module__)
         nested_parse_with_titles(self.state, content, section)
         return list(section.children)
 

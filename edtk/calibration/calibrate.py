@@ -144,6 +144,7 @@ class Calibration(Presented):
             "doubts": [diagnostic.text for diagnostic in self.diagnostics],
             "diagnostics": [diagnostic.to_dict() for diagnostic in self.diagnostics],
             "negative": [joints[i] for i in np.flatnonzero(fit.negative)],
+            "known": dict(self.study.specification.joints.known_rad_per_Nm),
             "k_unbounded": self._by_joint(fit.unbounded),
             "k_bias": None if self.bias is None else self._by_joint(self.bias),
             "posterior": None if self.check is None else self.check.to_dict(),

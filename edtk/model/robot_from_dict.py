@@ -64,6 +64,8 @@ class _Placed(_Table):
 
 
 class _Frame(_Placed):
+    """A frame, placed in another one: shifted by `position_m`, and turned."""
+
     position_m: Vector3 = Field(description="Origin of the frame in the frame before [m]")
 
     def build(self) -> Array:
@@ -71,6 +73,8 @@ class _Frame(_Placed):
 
 
 class _Joint(_Placed):
+    """One joint: where it is in the frame of the joint before, and how it moves."""
+
     name: str = Field(description="Name of the joint, as in studies and in headers of tables")
     kind: Literal["revolute", "prismatic"] = Field(
         "revolute", description="Whether the joint turns (revolute) or slides (prismatic)"
@@ -111,7 +115,9 @@ class _Joint(_Placed):
         )
 
 
-class _Robot(_Table):
+class RobotFile(_Table):
+    """All keys of a robot file; the end of a key's name is its unit."""
+
     name: Line = Field(description="Name of the robot, for people")
     source: str = Field(description="Where the numbers come from")
     joints: Annotated[tuple[_Joint, ...], Field(min_length=1)] = Field(
@@ -125,6 +131,7 @@ class _Robot(_Table):
     )
 
     def build(self, where: str | None) -> Robot:
+        """The robot; messages about a joint begin with `where`."""
         return Robot(
             self.name,
             tuple(_joint(joint, i, where) for i, joint in enumerate(self.joints)),
@@ -159,9 +166,9 @@ def robot_from_dict(content: Mapping[str, Any], where: str | None = None) -> Rob
         RobotFileError: One line that says which key, and what was expected.
     """
     try:
-        return _Robot.model_validate(content).build(where)
+        return RobotFile.model_validate(content).build(where)
     except ValidationError as error:
-        key, message = first_error(error, _Robot)
+        key, message = first_error(error, RobotFile)
         raise RobotFileError(message, where=where, key=key) from error
     except RobotFileError:
         raise

@@ -100,6 +100,7 @@ KEYS = {
     "negative",
     "covariance_dof",
     "k_unbounded",
+    "known",
     "rho0_bias",
     "k_bias",
     "expected_error",
