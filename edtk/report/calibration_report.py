@@ -8,6 +8,7 @@ from edtk.report.calibration_verdict import calibration_verdict
 from edtk.report.digits import digits
 from edtk.report.draw.correlation import correlation
 from edtk.report.draw.intervals import intervals
+from edtk.report.draw.name_ticks import room_for
 from edtk.report.draw.quantiles import quantiles
 from edtk.report.draw.residuals import residuals
 from edtk.report.new_figure import new_figure
@@ -133,6 +134,8 @@ def _quantiles(fit: Identification) -> str:
 def _correlation(found: Calibration) -> str:
     """The picture of the correlations."""
     p = len(found.fit.k)
-    figure = new_figure(1.6 + 0.65 * p, 1.0 + 0.5 * p)
-    correlation(found.fit.correlation, found.study.model.parameters, figure.add_subplot())
+    names = found.study.model.parameters
+    more = room_for(names)
+    figure = new_figure(1.6 + 0.65 * p + more, 1.0 + 0.5 * p + more)
+    correlation(found.fit.correlation, names, figure.add_subplot())
     return picture(figure, "Correlation of the estimates.")

@@ -7,6 +7,7 @@ from edtk.report.comparison.efficiencies import Efficiencies
 from edtk.report.comparison_report import comparison_report
 from edtk.report.draw.criterion_by_size import LONGEST_LABEL, criterion_by_size
 from edtk.report.draw.heat_map import heat_map
+from edtk.report.draw.name_ticks import room_for
 from edtk.report.new_figure import new_figure
 from edtk.report.png import png
 from edtk.study.study_run import StudyRun
@@ -46,7 +47,8 @@ def _heat_map(found: Efficiencies) -> "Figure":
     plans = [shortened(name, LONGEST_LABEL) for name in found.plans]
     longer = max(0, *(len(name) - USUAL_LABEL for name in plans))
     width = 1.8 + 0.62 * len(found.names) + 0.09 * longer
-    figure = new_figure(width, 1.1 + 0.36 * len(found.plans))
+    height = 1.1 + 0.36 * len(plans) + room_for(found.names)
+    figure = new_figure(width, height)
     ax = figure.add_subplot()
     heat_map(100 * found.values, plans, found.names, ax)
     ax.set_title(f"Efficiency of plans of {found.size} experiments, by criterion", fontsize=10)

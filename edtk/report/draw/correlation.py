@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from edtk.report.plain import plain
+from edtk.report.draw.name_ticks import name_ticks
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -21,6 +21,5 @@ def correlation(matrix: np.ndarray, parameters: tuple[str, ...], ax: "Axes") -> 
             colour = "white" if abs(matrix[i, j]) > DARK else "black"
             number = f"{matrix[i, j]:.2f}"
             ax.text(j, i, number, ha="center", va="center", fontsize=8, color=colour)
-    ax.set_xticks(range(p), [plain(name) for name in parameters])
-    ax.set_yticks(range(p), [plain(name) for name in parameters])
+    name_ticks(ax, parameters, parameters)
     ax.figure.colorbar(image, ax=ax)

@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from edtk.report.draw.name_ticks import name_ticks
 from edtk.report.plain import plain
 from edtk.system.typing import Array
 
@@ -20,9 +21,8 @@ def heat_map(percent: Array, plans: list[str], names: list[str], ax: "Axes") -> 
         for j, value in enumerate(row):
             colour = "black" if value > BRIGHT else "white"
             ax.text(j, i, _cell(value), ha="center", va="center", fontsize=8, color=colour)
-    ax.set_xticks(range(len(names)), [plain(name) for name in names])
+    name_ticks(ax, names, top=True)
     ax.set_yticks(range(len(plans)), [plain(name) for name in plans])
-    ax.xaxis.tick_top()
     ax.figure.colorbar(image, ax=ax, label="% of the bound over all poses")
 
 

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from edtk.inference.identification import Identification
+from edtk.report.draw.name_ticks import name_ticks
 from edtk.report.palette import BLUE
-from edtk.report.plain import plain
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -19,7 +19,7 @@ def intervals(fit: Identification, parameters: tuple[str, ...], ax: "Axes") -> N
     half = 100 * fit.half_interval / scale
     at = np.arange(len(fit.k))
     ax.errorbar(np.zeros(len(at)), at, xerr=half, fmt="o", color=BLUE, capsize=4)
-    ax.set_yticks(at, [plain(name) for name in parameters])
+    name_ticks(ax, y=parameters)
     ax.set_ylim(len(at) - 0.5, -0.5)
     ax.set_xlabel("deviation from the estimate [%]")
     ax.grid(axis="x", alpha=0.3)

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from edtk.calibration.posterior_check import PosteriorCheck
+from edtk.report.draw.short_names import short_names
 from edtk.report.plain import plain
 from edtk.system.typing import Array
 
@@ -30,11 +31,10 @@ class LabelledSamples:
         """The samples of a posterior, compliances in powers of a thousand of their unit."""
         posterior = check.posterior
         power = 3 * np.floor(np.log10(posterior.mean) / 3 + 1e-9)
+        names = short_names(list(check.table["parameter"]))
         labels = [
             f"{plain(name)}\n[$10^{{{int(exponent)}}}$ {unit}]"
-            for name, exponent, unit in zip(
-                check.table["parameter"], power, check.table["unit"], strict=True
-            )
+            for name, exponent, unit in zip(names, power, check.table["unit"], strict=True)
         ]
         reference = check.table["reference"].to_numpy(dtype=float) / 10.0**power
         columns = [posterior.samples / 10.0**power]

@@ -2,9 +2,9 @@
 
 from typing import Any
 
+from edtk.report.draw.name_ticks import name_ticks
 from edtk.report.palette import BLUE
 from edtk.report.panels import panels
-from edtk.report.plain import plain
 from edtk.study.evaluate import Evaluation
 
 
@@ -16,11 +16,11 @@ def evaluation(found: Evaluation, ax: Any = None) -> Any:
     """
     ax = panels(ax, 1, 1, (6.4, 3.6))[0, 0]
     units = dict.fromkeys(found.units)
-    names = tuple(map(plain, found.parameters))
+    names = found.parameters
     if len(units) > 1:
         names = tuple(f"{name}\n[{unit}]" for name, unit in zip(names, found.units, strict=True))
     ax.bar(range(len(names)), found.std, color=BLUE)
-    ax.set_xticks(range(len(names)), names)
+    name_ticks(ax, names)
     ax.set_xlabel("parameter")
     ax.set_ylabel(f"standard deviation [{' or '.join(units)}]")
     ax.set_title(f"Compliances from {found.experiments} experiments, Eq. (13)", fontsize=10)

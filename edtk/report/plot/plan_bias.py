@@ -3,9 +3,9 @@
 from typing import Any
 
 from edtk.calibration.plan_bias import PlanBias
+from edtk.report.draw.name_ticks import name_ticks
 from edtk.report.palette import BLUE
 from edtk.report.panels import panels
-from edtk.report.plain import plain
 
 
 def plan_bias(found: PlanBias, ax: Any = None) -> Any:
@@ -19,7 +19,7 @@ def plan_bias(found: PlanBias, ax: Any = None) -> Any:
     ax.axhspan(-1, 1, color="grey", alpha=0.15, linewidth=0)
     ax.axhline(0, color="black", linewidth=0.8)
     ax.bar(range(p), found.bias.in_std, color=BLUE)
-    ax.set_xticks(range(p), [plain(name) for name in found.parameters])
+    name_ticks(ax, found.parameters)
     ax.set_xlabel("parameter")
     ax.set_ylabel("bias [standard deviations]")
     ax.set_title(f"Bias of the linear model, {found.experiments} experiments", fontsize=10)

@@ -6,6 +6,7 @@ from edtk.calibration.calibrate import COORDINATES, Calibration
 from edtk.calibration.diagnostics.diagnostic import Severity
 from edtk.calibration.row_names import row_names
 from edtk.report.digits import digits
+from edtk.report.text_table import name_width
 
 
 def calibration(found: Calibration) -> str:
@@ -27,13 +28,14 @@ def _compliances(found: Calibration) -> list[str]:
     names = found.study.model.parameters
     m, rows = fit.residual.shape
     poses = found.data.pose.max() + 1
+    width = name_width(names, 6)
     loss = ", Huber's loss" if fit.robust else ""
     lines = [f"{m} measurements of {poses} poses, {m * rows} coordinates{loss}"]
     for name, k, std, unit in zip(names, fit.k, fit.std, found.study.model.units, strict=True):
-        lines.append(f"  {name:6}{digits(k, std):>12} +- {std:.1e} {unit}")
+        lines.append(f"  {name:{width}}{digits(k, std):>12} +- {std:.1e} {unit}")
     lines.append("correlation")
     for name, row in zip(names, fit.correlation, strict=True):
-        lines.append(f"  {name:6}" + "".join(f"{c:8.3f}" for c in row))
+        lines.append(f"  {name:{width}}" + "".join(f"{c:8.3f}" for c in row))
     return lines
 
 

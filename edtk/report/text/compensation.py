@@ -3,19 +3,20 @@
 import numpy as np
 
 from edtk.calibration.compensate import Compensation
+from edtk.report.text_table import number_columns
 from edtk.tables.pose_columns import pose_columns
 from edtk.tables.pose_table import pose_factors
 
 
 def compensation(found: Compensation) -> str:
     """A line for each task pose: the command, and the errors before and after."""
-    columns = "".join(f"{column:>12}" for column in pose_columns(found.robot))
+    numbers = [[f"{x:.5f}" for x in row] for row in found.command / pose_factors(found.robot)]
+    columns, *commands = number_columns(pose_columns(found.robot), numbers, 12)
     band = "" if found.remaining is None else "   remaining rms (95 % band) [mm]"
     if found.rotation is not None:
         band += "   rotation rms [deg]"
     lines = [f"{'pose':>4}  {columns}   error [mm]{band}"]
-    for i, row in enumerate(found.command / pose_factors(found.robot)):
-        command = "".join(f"{value:12.5f}" for value in row)
+    for i, command in enumerate(commands):
         line = f"{i + 1:4}  {command}{1e3 * found.uncompensated[i]:13.4f}"
         if found.remaining is not None and found.band is not None:
             low, high = 1e3 * found.band[i]

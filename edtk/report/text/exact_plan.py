@@ -2,6 +2,7 @@
 
 from edtk.design.bound import BoundKind
 from edtk.design.exact.exact_plan import ExactPlan
+from edtk.report.text_table import number_columns
 
 CUT_OFF = 1e-3  # relative gap of a bound beyond which a person is told
 
@@ -43,8 +44,10 @@ def _experiments(found: ExactPlan) -> list[str]:
     if found.kept is not None:
         table = table.drop(columns="kept")
     kept_poses = 0 if found.kept is None else len(found.kept.q)
-    lines = ["repeats  " + " ".join(f"{column:>9}" for column in table.columns)]
-    for i, (times, row) in enumerate(zip(repeats, table.to_numpy(), strict=True)):
+    numbers = [[f"{x:.3f}" for x in row] for row in table.to_numpy()]
+    header, *rows = number_columns(list(table.columns), numbers, 10)
+    lines = [f"repeats {header}"]
+    for i, (times, row) in enumerate(zip(repeats, rows, strict=True)):
         kept = "  kept" if i < kept_poses else ""
-        lines.append(f"{times:7}  " + " ".join(f"{x:9.3f}" for x in row) + kept)
+        lines.append(f"{times:7} {row}{kept}")
     return lines

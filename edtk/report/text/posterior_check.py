@@ -1,19 +1,21 @@
 """Text of a posterior check."""
 
 from edtk.calibration.posterior_check import PosteriorCheck
+from edtk.report.text_table import name_width
 
 
 def posterior_check(check: PosteriorCheck) -> str:
     """Standard deviations beside those of the fit, intervals, noise, and the test pose."""
     column, label = check.compared
+    width = name_width(check.table["parameter"], 8)
     lines = [
-        f"{'param':8}{'std posterior':>14}{label:>17}{'ratio':>9}{'+- (MC)':>9}"
+        f"{'param':{width}}{'std posterior':>14}{label:>17}{'ratio':>9}{'+- (MC)':>9}"
         f"{'95 % interval':>26}{'effective samples':>19}"
     ]
     for row in check.table.itertuples():
         interval = f"{row.low_95:.4e} to {row.high_95:.4e}"
         lines.append(
-            f"{row.parameter:8}{row.std_posterior:14.5g}{getattr(row, column):17.5g}"
+            f"{row.parameter:{width}}{row.std_posterior:14.5g}{getattr(row, column):17.5g}"
             f"{row.ratio:9.4f}{row.ratio_error:9.4f}"
             f"{interval:>26}{row.effective_samples:19.0f}"
         )

@@ -1,6 +1,7 @@
 """Text of a relaxed plan."""
 
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
+from edtk.report.text_table import number_columns
 
 
 def relaxed_plan(plan: RelaxedPlan) -> str:
@@ -29,7 +30,8 @@ def relaxed_plan(plan: RelaxedPlan) -> str:
 def _poses(plan: RelaxedPlan) -> list[str]:
     """A header, and a line for each pose, the heaviest first."""
     table = plan.to_frame()
-    lines = ["weight   " + " ".join(f"{column:>9}" for column in table.columns[:-1])]
-    for *entries, weight in table.itertuples(index=False):
-        lines.append(f"{weight:.5f}  " + " ".join(f"{x:9.3f}" for x in entries))
-    return lines
+    weights = table.pop(table.columns[-1])
+    numbers = [[f"{x:.3f}" for x in row] for row in table.to_numpy()]
+    header, *rows = number_columns(list(table.columns), numbers, 10)
+    lines = (f"{weight:.5f} {row}" for weight, row in zip(weights, rows, strict=True))
+    return [f"weight  {header}", *lines]
