@@ -155,6 +155,12 @@ def test_a_module_is_named_after_its_public_thing(trees: dict[Path, ast.Module])
     assert wrong == []
 
 
+def test_no_two_files_of_tests_have_one_name() -> None:
+    """Pytest imports them without packages, and stops at the second one of a name."""
+    names = [path.name for path in (ROOT / "tests").rglob("test_*.py")]
+    assert sorted(names) == sorted(set(names))
+
+
 def test_every_kit_exists() -> None:
     """A kit that was removed or renamed leaves the list."""
     assert [kit for kit in sorted(KITS) if not (ROOT / f"{kit}.py").is_file()] == []
