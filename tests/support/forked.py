@@ -25,7 +25,7 @@ def forked(action: Callable[[], object]) -> int:
         action()
         os._exit(0)
     except BaseException:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (resource.RLIM_INFINITY,) * 2)
+        free_disk()
         traceback.print_exc()
     finally:
         os._exit(1)
@@ -48,3 +48,8 @@ def kill_at(moment: int) -> None:
 def fill_disk(left: int) -> None:
     """Let no file of this process become larger than some bytes, as on a disk that is full."""
     resource.setrlimit(resource.RLIMIT_FSIZE, (left, resource.RLIM_INFINITY))
+
+
+def free_disk() -> None:
+    """End the limit of `fill_disk`."""
+    resource.setrlimit(resource.RLIMIT_FSIZE, (resource.RLIM_INFINITY,) * 2)
