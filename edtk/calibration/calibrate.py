@@ -1,14 +1,18 @@
 """From a filled-in sheet to compliances, with everything that a person wants to know about them."""
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from edtk.calibration.calibration_budget import calibration_budget
+from edtk.calibration.causes.cause import Cause
 from edtk.calibration.check_posterior import check_posterior
 from edtk.calibration.diagnostics.diagnostic import Diagnostic, Severity
 from edtk.calibration.diagnostics.diagnostics import diagnostics
+from edtk.calibration.error_budget import ErrorBudget
 from edtk.calibration.fitted_data import FittedData
 from edtk.calibration.input_errors.find_input_error import find_input_error
 from edtk.calibration.input_errors.input_error import InputError
@@ -19,6 +23,7 @@ from edtk.design.plan import Plan
 from edtk.inference.fit_huber import SigmaTooSmallError
 from edtk.inference.identification import Identification
 from edtk.inference.identify import NothingLeftError
+from edtk.inference.lack_of_fit import LackOfFit
 from edtk.inference.least_squares import Estimate, SingularPlanError
 from edtk.inference.measurements import Measurements
 from edtk.inference.noise import Noise
@@ -36,7 +41,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 COORDINATES = (*DEFLECTION_COLUMNS, *ROTATION_COLUMNS)
-VERDICTS = {Severity.NOTE: "good", Severity.WARNING: "warn", Severity.ALARM: "bad"}
+VERDICTS = {Severity.NOTE: "good", Severity.WARNING: "usable", Severity.ALARM: "bad"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +53,7 @@ class Calibration(Presented):
         diagnostics: Everything that looks wrong, the worst first.
         path: Where the measurements are.
         bias: By how far the linear model makes the compliances (p,) too large, to the first order
-            [rad/(N m)]; None if it is unknown.
+            [rad/(N m)]; zero where the loaded equilibrium was fitted, None if it is unknown.
         check: The posterior; None where it was not sampled.
     """
 
@@ -81,6 +86,21 @@ class Calibration(Presented):
         """Estimates and statistics, as arrays in the order of the study's unknown joints."""
         return self.fitted.fit
 
+    @cached_property
+    def budget(self) -> ErrorBudget | None:
+        """The error to expect in the task, in parts; None without a test pose."""
+        return calibration_budget(self.fitted, self.rho0_bias)
+
+    @property
+    def causes(self) -> tuple[Cause, ...]:
+        """Faults that explain the residuals, the likeliest first; empty where noise does."""
+        return self.fitted.causes
+
+    @property
+    def lack_of_fit(self) -> LackOfFit | None:
+        """Whether repetitions agree better than the model; None without repetitions."""
+        return self.fitted.lack_of_fit
+
     @property
     def k(self) -> dict[str, float]:
         """Compliances by joint [rad/(N m), or m/N of a prismatic joint], not negative."""
@@ -93,7 +113,7 @@ class Calibration(Presented):
 
     @property
     def verdict(self) -> str:
-        """Whether to use the result: "good", "warn" or "bad"."""
+        """Whether to use the result: "good", "usable" or "bad"."""
         worst = (diagnostic.severity for diagnostic in self.diagnostics)
         return VERDICTS[max(worst, default=Severity.NOTE)]
 
@@ -139,6 +159,10 @@ class Calibration(Presented):
             "outliers": (fit.outliers + 1).tolist(),
             "rho0": rho0,
             "rho0_bias": self.rho0_bias,
+            "model": "nonlinear" if self.fitted.nonlinear else "linear",
+            "budget_mm": None if self.budget is None else self.budget.to_dict(),
+            "lack_of_fit": None if self.lack_of_fit is None else self.lack_of_fit.to_dict(),
+            "causes": [cause.to_dict() for cause in self.causes],
             "expected_error": None if self.expected is None else self.expected.to_dict(),
             "verdict": self.verdict,
             "doubts": [diagnostic.text for diagnostic in self.diagnostics],
@@ -216,7 +240,7 @@ class Calibration(Presented):
         check = check_posterior(
             self.study,
             self.fitted.A,
-            self.fitted.unexplained,
+            self.fitted.measured,
             self.data.sigma,
             Estimate(self.fit.k, self.fit.covariance),
             rng,
@@ -250,6 +274,7 @@ def calibrate(
     known: bool = True,
     plan: Plan | None = None,
     as_is: bool = False,
+    linear: bool = False,
 ) -> Calibration:
     """Identify the study's unknown compliances from a measurement file.
 
@@ -261,6 +286,8 @@ def calibrate(
         plan: The plan that was to be carried out. Poses that are not in it are an input error;
             planned experiments that were not made are among the diagnostics.
         as_is: Whether an input error is only a diagnostic, an alarm, beside the result.
+        linear: Whether the linear model is fitted where that of the loaded equilibrium would be,
+            as it differs by more than a tenth of a standard deviation.
 
     Returns:
         Compliances by joint, the fit, and the diagnostics.
@@ -275,16 +302,20 @@ def calibrate(
     wrench = load.always if isinstance(load, FixedLoad) else None
     data = Measurements.from_csv(path, study.robot, study.fixed, wrench, study.sigma)
     try:
-        fitted = FittedData.of(study, data, plan, robust, known)
+        fitted = FittedData.of(study, data, plan, robust, known, linear)
     except (SingularPlanError, NothingLeftError, SigmaTooSmallError) as error:
         raise UserError(str(error), where=path) from error
     wrong = None if as_is else find_input_error(fitted)
     if wrong is not None:
         raise InputError(path, wrong)
     bias = None
-    if study.target is not None:
+    if fitted.nonlinear:
+        bias = np.zeros(len(fitted.fit.k))
+    elif study.target is not None:
         bias = linear_model_bias(study, data, fitted.A, fitted.fit.k)
-    return Calibration(fitted, diagnostics(fitted, _length(study, bias)), path, bias)
+    length = _length(study, bias)
+    budget = calibration_budget(fitted, length)
+    return Calibration(fitted, diagnostics(fitted, length, budget), path, bias)
 
 
 def _length(study: Study, bias: Array | None) -> float | None:

@@ -59,7 +59,7 @@ class Compensation(Presented):
             [m]; None if it is not known, and then not part of the others.
         rho0_bias: The same in the test pose [m]; None if it is not known.
         rigid: Which joints count as rigid although the load turns them, in words.
-        verdict: "good", "warn" or "bad", as the identification rated the compliances; None if it
+        verdict: "good", "usable" or "bad", as the identification rated the compliances; None if it
             is not known.
         rotation: Root mean square (t,) of the rotation that wrong compliances leave [rad]; None
             unless the test pose has a lever at which rotations count, or if it is not known.

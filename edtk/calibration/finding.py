@@ -31,6 +31,9 @@ class Kind(Enum):
     ALIKE_PARAMETERS = auto()
     ONE_POSE = auto()
     LINEAR_MODEL = auto()
+    LACK_OF_FIT = auto()
+    CAUSE = auto()
+    DO_NOT_COMPENSATE = auto()
     BEYOND_LIMITS = auto()
     NOT_MEASURED = auto()
     # Input errors, with which no result is given.

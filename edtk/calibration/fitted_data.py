@@ -1,18 +1,34 @@
 """Measurements with everything that is computed from them once: regressors, fit and plan match."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
+import numpy as np
+
+from edtk.calibration.causes.cause import NOISE, Cause
+from edtk.calibration.causes.find_causes import find_causes
 from edtk.calibration.equal_rows import EqualRows, equal_rows
 from edtk.calibration.input_errors.explanation import Explanation, explanation
 from edtk.calibration.known_part import known_part
 from edtk.calibration.match_plan import PlanMatch, match_plan
 from edtk.design.plan import Plan
+from edtk.inference.fit_common_noise import fit_common_noise
+from edtk.inference.fit_equilibrium import LinearisedData, NoFitError, fit_equilibrium
 from edtk.inference.identification import Identification
 from edtk.inference.identify import identify
-from edtk.inference.measurements import Measurements
+from edtk.inference.lack_of_fit import LackOfFit, lack_of_fit
+from edtk.inference.least_squares import SingularPlanError, Whitened
+from edtk.inference.linearise import linearise
+from edtk.inference.measurements import Measurements, row_numbers
+from edtk.model.all_compliances import all_compliances
+from edtk.model.equilibrium import NoEquilibriumError
 from edtk.study.study import Study
-from edtk.system.typing import Array
+from edtk.system.typing import Array, Indices
+
+BIAS = 0.1  # of the linear model, in standard deviations, from which the equilibrium is fitted
+UNLIKELY = 0.01  # p-value of the lack of fit from which common noise is taken into account
+MOST_ROWS = 1000  # measurements in which causes are looked for
+MOST_POSES = 2000  # of more, every second, third, ... is enough to tell
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,15 +38,24 @@ class FittedData:
     Attributes:
         study: The question.
         data: The measurements.
-        A: Their regressors (m, rows, p).
+        A: Their regressors (m, rows, p): of the linear model, Eq. (4), or of the loaded equilibrium
+            about the estimate.
+        measured: Deflections (m, rows) of which A is the model; those of the sheet, or for the
+            equilibrium less what is not linear about the estimate [m, rad].
         fit: Estimates and statistics.
+        nonlinear: Whether the loaded equilibrium was fitted.
+        common_noise: Whether noise that repetitions of a pose share was estimated and taken into
+            account. A and measured are then of rows whose errors are independent.
         plan: The plan that was to be carried out; None if it is not known.
     """
 
     study: Study
     data: Measurements
     A: Array
+    measured: Array
     fit: Identification
+    nonlinear: bool = False
+    common_noise: bool = False
     plan: Plan | None = None
 
     @classmethod
@@ -41,8 +66,12 @@ class FittedData:
         plan: Plan | None = None,
         robust: bool = False,
         known: bool = True,
+        linear: bool = False,
     ) -> "FittedData":
         """Fit a study's compliances to measurements.
+
+        The linear model is the first order of the loaded equilibrium. Where fitting the equilibrium
+        instead moves an estimate by more than a tenth of its standard deviation, it is fitted.
 
         Args:
             study: The question.
@@ -50,6 +79,7 @@ class FittedData:
             plan: The plan that was to be carried out.
             robust: Huber's loss instead of squares.
             known: Whether the given sigma is believed, or estimated from the residuals.
+            linear: Whether the linear model is fitted in any case.
 
         Raises:
             SingularPlanError: The measurements do not identify all parameters.
@@ -60,7 +90,97 @@ class FittedData:
         names = study.model.parameters
         unexplained = data.deflection - known_part(study, data)
         fit = identify(A, unexplained, data.sigma, names, robust, known)
-        return cls(study, data, A, fit, plan)
+        found = cls(study, data, A, unexplained, fit, plan=plan)
+        if not linear and found._bends_much():
+            found = found._of_equilibrium()
+        return found._with_common_noise()
+
+    def _of_equilibrium(self) -> "FittedData":
+        """The same measurements with the loaded equilibrium fitted."""
+        fit = self.fit
+        try:
+            seen, again = fit_equilibrium(
+                self.study.model, self.data, self._complete, fit.robust, fit.known
+            )
+        except (NoEquilibriumError, NoFitError):
+            # Such compliances are wrong in any case: the residuals of the linear fit tell why.
+            return self
+        return replace(self, A=seen.A, measured=seen.measured, fit=again, nonlinear=True)
+
+    def _with_common_noise(self) -> "FittedData":
+        """The same with the noise that repetitions share, where no fault explains it."""
+        test = self.lack_of_fit
+        if test is None or test.p >= UNLIKELY or self.fit.robust or self.structural_causes:
+            return self
+        seen, fit = fit_common_noise(
+            LinearisedData(self.A, self.measured),
+            self.data.sigma,
+            self._repetitions,
+            test,
+            self.fit,
+        )
+        return replace(self, A=seen.A, measured=seen.measured, fit=fit, common_noise=True)
+
+    @property
+    def _complete(self) -> Array:
+        """Compliances (n,) of all joints, zero for those that count as rigid [rad/(N m)]."""
+        return all_compliances(self.study.model, self.fit.unbounded, self.study.known)
+
+    def _bends_much(self) -> bool:
+        """Whether the linear fit is biased by more than a tenth of a standard deviation.
+
+        The bias is the first step of the fit of the equilibrium, over some of very many poses.
+        """
+        every = -(-(1 + int(self.data.pose.max())) // MOST_POSES)
+        rows = np.flatnonzero(self.data.pose % every == 0)
+        some = self.data[rows]
+        try:
+            linear = linearise(self.study.model, some, self._complete)
+            whitened = Whitened.of(linear.A, some.sigma, self.study.model.parameters)
+        except (NoEquilibriumError, SingularPlanError):
+            return False
+        linear_part = self.A[rows] @ self.fit.unbounded + known_part(self.study, some)
+        curved = linear.constant + linear.A @ self.fit.unbounded - linear_part
+        bias = np.abs(whitened.solve(curved)) / self.fit.std
+        return bool(bias.max() > BIAS)
+
+    @cached_property
+    def causes(self) -> tuple[Cause, ...]:
+        """Faults that explain the residuals, the likeliest first; empty where noise does."""
+        if self.fit.robust:
+            return ()  # a robust fit sets aside what a fault makes
+        rows = _some_rows(self.data)
+        typed = tuple(
+            j
+            for j, joint in enumerate(self.study.robot.joints)
+            if joint.kind == "revolute" and j not in self.study.fixed
+        )
+        measured = self._as_linear[rows]
+        return find_causes(self.study.model, self.data[rows], measured, self.fit.k, typed)
+
+    @property
+    def structural_causes(self) -> tuple[Cause, ...]:
+        """The causes without that of a noise of another size."""
+        return tuple(cause for cause in self.causes if cause.cause != NOISE)
+
+    @property
+    def _as_linear(self) -> Array:
+        """Deflections (m, rows) less what the loaded equilibrium adds to the linear model [m, rad].
+
+        They have the residuals of the fit, under the linear model's regressors.
+        """
+        return self.fit.residual + self.data.regressor(self.study.model) @ self.fit.unbounded
+
+    @cached_property
+    def lack_of_fit(self) -> LackOfFit | None:
+        """Whether repetitions agree better with each other than with the model."""
+        z = self.fit.residual / self.data.sigma
+        return lack_of_fit(z, self._repetitions, len(self.fit.k))
+
+    @property
+    def _repetitions(self) -> Indices:
+        """Number (m,) of each row's pose, load and marker."""
+        return row_numbers(self.data.q, self.data.wrench, self.data.marker)
 
     @cached_property
     def unexplained(self) -> Array:
@@ -81,3 +201,11 @@ class FittedData:
     def equal_rows(self) -> EqualRows | None:
         """Rows that are the same to the last digit; None where all are different."""
         return equal_rows(self.data)
+
+
+def _some_rows(data: Measurements) -> Indices:
+    """Rows of at most so many measurements."""
+    if len(data) <= MOST_ROWS:
+        return np.arange(len(data))
+    # By chance, as every second row may be of the same pose.
+    return np.sort(np.random.default_rng(0).choice(len(data), MOST_ROWS, replace=False))

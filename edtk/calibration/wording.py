@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 
+from edtk.calibration.causes.cause import Cause
 from edtk.calibration.finding import Finding, Kind
 from edtk.calibration.row_names import row_names
 
@@ -171,6 +172,78 @@ def _linear_model(found: Finding) -> str:
     return f"the linear model leaves {error} in the test pose, more than noise: use lighter loads"
 
 
+def _lack_of_fit(found: Finding) -> str:
+    """Repetitions that agree among themselves better than with the model."""
+    data = found.data
+    test = f"F = {data['F']:.3g}, p = {data['p']:.1g}"
+    agree = f"repetitions of a pose agree with each other better than with the model ({test})"
+    if not data["used"]:
+        return f"{agree}: the model does not fit"
+    common = f"{1e3 * data['common']:.2g} mm of noise"
+    return f"{agree}: {common} that they share is taken into account"
+
+
+def _cause(found: Finding) -> str:
+    """A fault that explains the residuals."""
+    cause = found.data["cause"]
+    share = f"{100 * cause.explained:.3g} % of the misfit"
+    return f"{CAUSES[cause.cause](cause)}: that explains {share} (p = {cause.p:.1g})"
+
+
+def _size(cause: Cause) -> str:
+    """A fault's size with its standard deviation and unit."""
+    if cause.std is None:
+        return f"{cause.size:.3g} {cause.unit}"
+    return f"{cause.size:.3g} +- {cause.std:.1g} {cause.unit}"
+
+
+def _wrong_pose(cause: Cause) -> str:
+    """A pose that is not the one written down."""
+    rows = row_names(cause.rows)
+    if not cause.joint:
+        return f"{rows} are off together by {_size(cause)}: is the pose the one written down?"
+    return f"{rows}: joint {cause.joint} looks {_size(cause)} away from the written value"
+
+
+def _misread(cause: Cause) -> str:
+    """Columns that are to be read otherwise."""
+    return f"the columns look misread ({cause.cause.replace('_', ' ')})"
+
+
+CAUSES: dict[str, Callable[[Cause], str]] = {
+    "load_size": lambda cause: f"the load looks {_size(cause)} larger than stated",
+    "load_direction": lambda cause: f"the load looks tilted by {_size(cause)}",
+    **{
+        f"tool_{axis}": lambda cause: (
+            f"the tool point looks {_size(cause)} further along the tool's {cause.cause[-1]} axis"
+        )
+        for axis in "xyz"
+    },
+    "frame_rotation": lambda cause: f"the measuring frame looks turned by {_size(cause)}",
+    "frame_axes": _misread,
+    "columns": _misread,
+    "unit": lambda cause: f"the displacements look {_size(cause)} too large: another unit?",
+    "drift": lambda cause: f"loaded readings look shifted by {_size(cause)} against unloaded ones",
+    "sigma": lambda cause: f"the noise is {_size(cause)}",
+    "pose": _wrong_pose,
+    "torque_sign": lambda cause: (
+        f"the compliance of joint {cause.joint} depends on the sign of its torque, by "
+        f"+-{_size(cause)}"
+    ),
+    "backlash": lambda cause: f"joint {cause.joint} looks loose by +-{_size(cause)}",
+}
+
+
+def _do_not_compensate(found: Finding) -> str:
+    """A compensation that does harm."""
+    total = f"{1e3 * found.data['total']:.2g} mm"
+    without = f"{1e3 * found.data['uncompensated']:.2g} mm"
+    return (
+        f"do not compensate with this: the expected error is {total}, and {without} without any "
+        "compensation"
+    )
+
+
 def _beyond_limits(found: Finding) -> str:
     """A pose beyond a joint's limits."""
     data = found.data
@@ -296,6 +369,9 @@ _SENTENCES: dict[Kind, Callable[[Finding], str]] = {
     Kind.ALIKE_PARAMETERS: _alike_parameters,
     Kind.ONE_POSE: _one_pose,
     Kind.LINEAR_MODEL: _linear_model,
+    Kind.LACK_OF_FIT: _lack_of_fit,
+    Kind.CAUSE: _cause,
+    Kind.DO_NOT_COMPENSATE: _do_not_compensate,
     Kind.BEYOND_LIMITS: _beyond_limits,
     Kind.NOT_MEASURED: _not_measured,
     Kind.OTHER_POSE: _other_pose,

@@ -30,6 +30,9 @@ if TYPE_CHECKING:
     "--as-is", is_flag=True, help="Take the sheet as it is, even if columns look misread."
 )
 @click.option(
+    "--linear", is_flag=True, help="Fit the linear model, even where the robot bends too much."
+)
+@click.option(
     "--bayes", is_flag=True, help="Sample the posterior too; the options that follow are for that."
 )
 @sampling_options
@@ -42,6 +45,7 @@ def command(
     sigma_unknown: bool,
     plan: Path | None,
     as_is: bool,
+    linear: bool,
     bayes: bool,
     sampling: SamplingOptions,
     as_json: bool,
@@ -72,6 +76,7 @@ def command(
             sigma_unknown=sigma_unknown,
             plan=plan,
             as_is=as_is,
+            linear=linear,
             bayes=posterior,
             out=out,
         )

@@ -57,7 +57,9 @@ class Equilibrium:
     displacement: Array
 
 
-def equilibrium(robot: Robot, q: ArrayLike, wrench: ArrayLike, k: ArrayLike) -> Equilibrium:
+def equilibrium(
+    robot: Robot, q: ArrayLike, wrench: ArrayLike, k: ArrayLike, signed: bool = False
+) -> Equilibrium:
     """Solve ``theta = k * tau(q + theta)`` with ``tau = J(q + theta)' W``.
 
     The motors hold q, each joint is a spring, and W keeps its direction in the world while its
@@ -78,12 +80,14 @@ def equilibrium(robot: Robot, q: ArrayLike, wrench: ArrayLike, k: ArrayLike) -> 
         wrench: Forces and torques (..., 6) or (6,) at the tool point in the world frame [N, N m].
         k: Compliances (..., n) or (n,) of all joints, zero for rigid ones [rad/(N m)], or [m/N] if
             prismatic.
+        signed: Allow negative compliances. No joint has one, but an estimate of a small compliance
+            may, and the equation has a solution there too.
 
     Raises:
         NoEquilibriumError: Names the first pose that has none.
         ValueError: Shapes do not fit, or a compliance is negative or not finite.
     """
-    batch, flat = _checked(robot, q, wrench, k)
+    batch, flat = _checked(robot, q, wrench, k, signed)
     theta, found = _follow(robot, 1, *flat)
     hard = np.flatnonzero(~found | (np.abs(theta) > FAR).any(axis=-1))
     if len(hard):
@@ -114,14 +118,16 @@ def torque_and_derivative(robot: Robot, q: Array, wrench: Array) -> tuple[Array,
     F = wrench[:, :3].T
     T = wrench[:, 3:].T
     tau = np.einsum("jcN,cN->Nj", v, F) + np.einsum("jcN,cN->Nj", w, T)
-    j, m = (index.ravel() for index in np.indices((robot.n, robot.n)))
-    H = np.einsum("icN,cN->Ni", cross(w[np.minimum(j, m)], v[np.maximum(j, m)]), F)
-    H += np.where(m <= j, np.einsum("icN,cN->Ni", cross(w[m], w[j]), T), 0.0)
-    return tau, H.reshape(-1, robot.n, robot.n)
+    # (w_l x v_j).F = w_l.(v_j x F): n cross products, and a dot product for each pair.
+    forced = np.einsum("lcN,jcN->Njl", w, cross(v, F[None]), optimize=True)
+    twisted = np.einsum("lcN,jcN->Njl", w, cross(w, T[None]), optimize=True)
+    H = np.tril(forced + twisted)
+    H += np.swapaxes(np.tril(forced, -1), -1, -2)
+    return tau, H
 
 
 def _checked(
-    robot: Robot, q: ArrayLike, wrench: ArrayLike, k: ArrayLike
+    robot: Robot, q: ArrayLike, wrench: ArrayLike, k: ArrayLike, signed: bool
 ) -> tuple[tuple[int, ...], list[Array]]:
     """The shape of the batch, and q (N, n), wrench (N, 6) and k (N, n) of all its N poses."""
     q = np.asarray(q, dtype=float)
@@ -129,7 +135,7 @@ def _checked(
     k = np.asarray(k, dtype=float)
     if q.shape[-1:] != (robot.n,) or k.shape[-1:] != (robot.n,) or W.shape[-1:] != (6,):
         raise ValueError(f"expected q (..., {robot.n}), wrench (..., 6) and k (..., {robot.n})")
-    if not np.all((k >= 0) & np.isfinite(k)):
+    if not np.all(((k >= 0) | signed) & np.isfinite(k)):
         raise ValueError("compliances must be finite and not negative")
     batch = np.broadcast_shapes(q.shape[:-1], W.shape[:-1], k.shape[:-1])
     flat = [np.broadcast_to(x, (*batch, x.shape[-1])).reshape(-1, x.shape[-1]) for x in (q, W, k)]
@@ -189,6 +195,17 @@ def _newton(robot: Robot, q: Array, W: Array, k: Array, theta: Array) -> tuple[A
         theta[moving] += step
         size = np.abs(theta[moving]).max(axis=-1, initial=0.0, keepdims=True)
         done = (np.abs(step) <= CONVERGED * size).all(axis=-1)
-        good[moving[done]] = np.linalg.eigvals(slope[done]).real.min(axis=-1, initial=np.inf) > 0
+        good[moving[done]] = _stable(slope[done])
         moving = moving[~done]
     return theta, good
+
+
+def _stable(slope: Array) -> Mask:
+    """Whether all eigenvalues of each matrix (N, n, n) have a positive real part (N,)."""
+    off = np.abs(slope - np.eye(slope.shape[-1])).sum(axis=-1).max(axis=-1, initial=0.0)
+    # By Gershgorin's theorem a matrix within a row sum of one of the identity has; eigenvalues of
+    # many matrices take longer than all the rest.
+    good = off < 1
+    hard = np.flatnonzero(~good)
+    good[hard] = np.linalg.eigvals(slope[hard]).real.min(axis=-1, initial=np.inf) > 0
+    return good

@@ -7,8 +7,18 @@ from edtk.report.page import verdict
 
 QUALITY = {
     "good": "Good calibration.",
-    "warn": "Usable calibration, with a warning.",
+    "usable": "Usable calibration, with a warning.",
     "bad": "Do not use this calibration yet.",
+}
+# Words for the parts of an error budget.
+PARTS = {
+    "noise": "the noise of the measurements",
+    "model": "the linear model",
+    "load": "an uncertain load",
+    "tool": "an uncertain tool point",
+    "rigid_joints": "joints that count as rigid",
+    "drift": "drift between unloaded and loaded readings",
+    "repeatability": "the robot's repeatability",
 }
 LEAST = 1e-300  # keeps a compliance that is zero from being divided by
 
@@ -18,7 +28,7 @@ def calibration_verdict(found: Calibration) -> str:
     quality = QUALITY[found.verdict]
     usable = found.verdict != "bad"
     lines = [f"{quality} {_expected(found)}" if usable else quality]
-    if found.verdict == "good":
+    if not found.diagnostics:
         noise = "the noise was estimated and is not larger than stated"
         if found.fit.known:
             noise = "the residuals fit the noise"
@@ -50,14 +60,16 @@ def _expected(found: Calibration) -> str:
         worst = int(np.argmax(fit.std / k))
         share = f"{100 * fit.std[worst] / k[worst]:.2g} %"
         return f"The least certain compliance is {found.study.model.parameters[worst]}, to {share}."
-    value, (low, high) = fit.accuracy(task.target)
-    place = task.place
-    rho0 = f"{1e3 * value:.2g}"
-    text = f"Expect an error of {rho0} mm (root mean square) {place} after compensation"
-    text += "." if low == high else f", between {1e3 * low:.2g} and {1e3 * high:.2g} mm (95 %)."
-    if found.rho0_bias is None:
-        return text
-    both = f"{1e3 * np.hypot(value, found.rho0_bias):.2g}"
-    if both == rho0:
-        return text
-    return f"{text} With the error of the linear model it is {both} mm."
+    if found.budget is None:
+        return ""
+    total = f"{1e3 * found.budget.total:.2g} mm"
+    largest = found.budget.largest
+    without = f"{1e3 * found.budget.uncompensated:.2g} mm"
+    low, high = fit.accuracy(task.target)[1]
+    interval = "" if low == high else f", between {1e3 * low:.2g} and {1e3 * high:.2g} mm (95 %)"
+    return (
+        f"Expect a total error of {total} (root mean square) {task.place} after compensation, and "
+        f"{without} without. The largest part is {PARTS[largest]}: "
+        f"{1e3 * found.budget.parts[largest]:.2g} mm; the noise alone makes "
+        f"{1e3 * found.budget.noise:.2g} mm{interval}."
+    )

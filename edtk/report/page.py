@@ -20,7 +20,7 @@ h1 { font-size: 1.5rem; line-height: 1.25; } h2 { font-size: 1.2rem; margin-top:
 .verdict p { margin: .3rem 0; }
 .verdict p:first-child { font-size: 1.15rem; font-weight: 600; }
 .good { border-color: var(--good); }
-.warn { border-color: var(--warn); }
+.usable { border-color: var(--warn); }
 .bad { border-color: var(--bad); }
 .wide { overflow-x: auto; }
 table { border-collapse: collapse; font-variant-numeric: tabular-nums; }
@@ -59,7 +59,7 @@ class Page:
 
 
 def verdict(level: str, lines: Sequence[str]) -> str:
-    """A box with the verdict: "good", "warn" or "bad", the first line the most important."""
+    """A box with the verdict: "good", "usable" or "bad", the first line the most important."""
     text = "".join(f"<p>{escape(line)}</p>" for line in lines)
     return f'<div class="verdict {level}" id="verdict" data-level="{level}">{text}</div>'
 

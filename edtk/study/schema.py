@@ -15,6 +15,7 @@ from edtk.model.transform import transform
 from edtk.study.load_choice import LoadChoice
 from edtk.study.prior_table import PriorTable
 from edtk.study.table import Compliance, Count, Positive, Sigma, Table
+from edtk.study.uncertainty_table import UncertaintyTable
 from edtk.system.errors import UserError
 from edtk.system.finite import ZERO, Finite, Vector3
 from edtk.system.first_error import first_error
@@ -213,6 +214,9 @@ class Specification(Table):
         None, description="The truth that simulated measurements assume"
     )
     prior: PriorTable = Field(PriorTable(), description="Knowledge before the measurements")
+    uncertainty: UncertaintyTable = Field(
+        UncertaintyTable(), description="How well the circumstances of a calibration are known"
+    )
 
     @model_validator(mode="before")
     @classmethod

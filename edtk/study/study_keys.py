@@ -30,6 +30,7 @@ class StudyKeys(TypedDict, total=False):
     published: list[str] | tuple[str, ...] | None
     simulation: Mapping[str, Any] | None
     prior: Mapping[str, Any] | None
+    uncertainty: Mapping[str, Any] | None
 
 
 def keys_signature() -> inspect.Signature:

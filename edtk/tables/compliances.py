@@ -40,7 +40,7 @@ class Compliances:
             not say.
         bias: By how far the linear model made them too large (p,); None where the file does not
             say.
-        verdict: "good", "warn" or "bad", as the identification called itself; None where the file
+        verdict: "good", "usable" or "bad", as the identification called itself; None where the file
             does not say.
     """
 

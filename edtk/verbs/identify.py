@@ -19,6 +19,7 @@ def identify(
     sigma_unknown: bool = False,
     plan: PlanLike | None = None,
     as_is: bool = False,
+    linear: bool = False,
     bayes: Sampling | bool = False,
     out: Path | str | None = None,
 ) -> Calibration:
@@ -32,6 +33,8 @@ def identify(
         plan: The plan that was measured, or its CSV file, to compare the poses with.
         as_is: Whether the sheet is taken as it is, where columns look misread or rows copied: the
             result then comes with an alarm, instead of none.
+        linear: Whether the linear model is fitted in any case. Otherwise the loaded equilibrium is,
+            where that moves a compliance by more than a tenth of its standard deviation.
         bayes: Whether the posterior is sampled too; a `Sampling` says how.
         out: Folder for `k.json`, `residuals.csv` and `report.html`.
 
@@ -50,7 +53,7 @@ def identify(
     for name in NAMES if out is not None else ():
         require_output(Path(out or "") / name, *inputs, sampling.chain, sampling.export)
     planned = None if plan is None else as_plan(question, plan)
-    found = calibrate(question, measurements, robust, not sigma_unknown, planned, as_is)
+    found = calibrate(question, measurements, robust, not sigma_unknown, planned, as_is, linear)
     if bayes:
         with sampling.arguments(Path(measurements), question.specification.seed) as arguments:
             found = found.sampled(**arguments)

@@ -59,7 +59,8 @@ def save(tmp_path):
 @pytest.mark.parametrize("positions", [False, True])
 def test_round_trip(save, positions):
     """From the sheet to the truth, within four standard deviations, without diagnostics."""
-    found = calibrate(STUDY, save(filled(plan=PLAN.repeated(2), positions=positions)), plan=PLAN)
+    path = save(filled(plan=PLAN.repeated(2), positions=positions))
+    found = calibrate(STUDY, path, plan=PLAN, linear=True)
     assert list(found.k.values()) == found.fit.k.tolist()
     assert list(found.std) == list(found.k) == ["q2", "q3", "q4", "q5", "q6"]
     expected = evaluate(STUDY, PLAN.repeated(2))
@@ -103,6 +104,10 @@ KEYS = {
     "known",
     "rho0_bias",
     "k_bias",
+    "model",
+    "budget_mm",
+    "lack_of_fit",
+    "causes",
     "expected_error",
     "posterior",
     "verdict",
@@ -115,7 +120,7 @@ def test_json_and_files(save, tmp_path):
     """The JSON has the promised keys, the files hold the same, and `edtk compensate` reads them."""
     table = filled()
     table.loc[4, "dz_mm"] += 1
-    found = calibrate(STUDY, save(table), known=False)
+    found = calibrate(STUDY, save(table), known=False, linear=True)
     content = found.to_dict()
     assert set(content) == KEYS
     assert content["doubts"] == [diagnostic["text"] for diagnostic in content["diagnostics"]]
@@ -226,14 +231,16 @@ def test_a_robust_posterior_is_not_spoiled(save):
 def test_what_the_linear_model_leaves_out(save):
     """The bias in the test pose is that of `edtk bias`, if the robot is the assumed one."""
     table = filled()
-    found = calibrate(STUDY, save(table))
+    found = calibrate(STUDY, save(table), linear=True)
     expected = plan_bias(STUDY, PLAN, Path("plan.csv")).rho0_bias
     assert found.rho0_bias == pytest.approx(expected, rel=0.05)
     assert found.to_dict()["rho0_bias"] == found.rho0_bias
     assert "the linear model leaves" in found.summary()
     for column in ("marker_x_mm", "marker_y_mm", "marker_z_mm"):
         table[column] = 1e-3
-    assert calibrate(STUDY, save(table)).rho0_bias == pytest.approx(found.rho0_bias, rel=1e-3)
+    assert calibrate(STUDY, save(table), linear=True).rho0_bias == pytest.approx(
+        found.rho0_bias, rel=1e-3
+    )
 
 
 def test_paths_may_be_strings(save):

@@ -145,7 +145,7 @@ def test_what_identify_writes_is_read(given, tmp_path):
         1e3 * STUDY.model.regressor(plan.q, plan.wrench) @ np.array([*K.values()])
     )
     table.to_csv(tmp_path / "measured.csv", index=False)
-    args = ["identify", PATH, tmp_path / "measured.csv", "--out", tmp_path]
+    args = ["identify", PATH, tmp_path / "measured.csv", "--linear", "--out", tmp_path]
     done = CliRunner().invoke(main, list(map(str, args)), catch_exceptions=False)
     assert done.exit_code == 0, done.stderr
     row = json.loads(edtk(PATH, tmp_path / "k.json", task, "--json").stdout)[0]
@@ -225,7 +225,7 @@ def test_the_band_contains_the_error_of_the_linear_model(tmp_path):
     table["sigma_mm"] = 0.003
     sheet = tmp_path / "sheet.csv"
     table.to_csv(sheet, index=False)
-    fit = calibrate(STUDY, sheet)
+    fit = calibrate(STUDY, sheet, linear=True)
     names = STUDY.robot.joint_names
     known = Compliances.from_dict(fit.to_dict(), names, tuple(K))
     task = Plan(plan.q, plan.wrench, plan.repeats)

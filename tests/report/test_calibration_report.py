@@ -60,8 +60,9 @@ def test_a_good_calibration(good):
     """Data as the study says give a good verdict with rho0, and every standard deviation."""
     found, text = good
     assert level_of(text) == "good"
+    assert f"Expect a total error of {1e3 * found.budget.total:.2g} mm" in text
     value = found.fit.accuracy(STUDY.target)[0]
-    assert f"Expect an error of {1e3 * value:.2g} mm" in text
+    assert f"the noise alone makes {1e3 * value:.2g} mm" in text
     assert "Nothing is wrong" in text
     for name, k, std in zip(STUDY.model.parameters, found.fit.k, found.fit.std, strict=True):
         assert f"<td>{name}</td><td>{digits(k, std)}</td><td>{std:.1e}</td>" in text

@@ -1,11 +1,12 @@
-"""Simulated readings of the published plan of twelve."""
+"""Simulated readings of the published plan of twelve, by a robot at rest under its load."""
 
 from pathlib import Path
 
 import numpy as np
 
+from edtk.inference.equilibrium_deflection import equilibrium_deflection
 from edtk.inference.measurements import Measurements
-from edtk.inference.simulate import simulate
+from edtk.model.all_compliances import all_compliances
 from edtk.study.study import load_study
 
 STUDY = load_study(Path(__file__).parents[2] / "studies" / "kr270_milling.toml")
@@ -14,8 +15,9 @@ PLAN = STUDY.published_plans()["table_4_12"]
 
 def readings_of(q, wrench, seed=0, digits=None):
     """Readings in some poses under some loads, to so many digits of a millimetre."""
-    A = STUDY.model.regressor(q, wrench)
-    moved = simulate(A, STUDY.compliances, STUDY.sigma, np.random.default_rng(seed))[0]
+    k = all_compliances(STUDY.model, STUDY.compliances)
+    moved = equilibrium_deflection(STUDY.model, q, wrench, k)
+    moved = moved + STUDY.sigma * np.random.default_rng(seed).standard_normal(moved.shape)
     if digits is not None:
         moved = moved.round(digits + 3)
     sigma = np.tile(STUDY.sigma, (len(q), 1))

@@ -1,5 +1,7 @@
 """Everything that looks wrong in measurements."""
 
+from edtk.calibration.diagnostics.budget_diagnostics import budget_diagnostics
+from edtk.calibration.diagnostics.cause_diagnostics import cause_diagnostics
 from edtk.calibration.diagnostics.diagnostic import Diagnostic, Severity
 from edtk.calibration.diagnostics.input_diagnostics import input_diagnostics
 from edtk.calibration.diagnostics.noise_diagnostics import noise_diagnostics
@@ -8,16 +10,20 @@ from edtk.calibration.diagnostics.pose_diagnostics import pose_diagnostics
 from edtk.calibration.diagnostics.sign_diagnostics import sign_diagnostics
 from edtk.calibration.diagnostics.structure_diagnostics import structure_diagnostics
 from edtk.calibration.diagnostics.unit_diagnostics import unit_diagnostics
+from edtk.calibration.error_budget import ErrorBudget
 from edtk.calibration.fitted_data import FittedData
 
 
-def diagnostics(fitted: FittedData, rho0_bias: float | None = None) -> tuple[Diagnostic, ...]:
+def diagnostics(
+    fitted: FittedData, rho0_bias: float | None = None, budget: ErrorBudget | None = None
+) -> tuple[Diagnostic, ...]:
     """List everything that looks wrong in measurements, the worst first.
 
     Args:
         fitted: The measurements and their fit. The study's load and its assumed true compliances,
             if it has any, say how large things are.
         rho0_bias: Error that the linear model leaves in the test pose [m]; None if it is unknown.
+        budget: Errors to expect in the test pose; None without one.
     """
     found = list(unit_diagnostics(fitted))
     misread = fitted.explanation is not None and fitted.explanation.refits
@@ -26,8 +32,10 @@ def diagnostics(fitted: FittedData, rho0_bias: float | None = None) -> tuple[Dia
     if not misread and all(diagnostic.severity < Severity.ALARM for diagnostic in found):
         found += sign_diagnostics(fitted)
         found += noise_diagnostics(fitted)
+        found += cause_diagnostics(fitted)
         found += outlier_diagnostics(fitted.fit)
         found += structure_diagnostics(fitted, rho0_bias)
+        found += budget_diagnostics(budget)
     found += pose_diagnostics(fitted)
     found = [*input_diagnostics(fitted), *found]
     return tuple(sorted(found, key=lambda diagnostic: -diagnostic.severity))

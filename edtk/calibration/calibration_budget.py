@@ -1,0 +1,56 @@
+"""The error budget of a calibration, by what its study says of the circumstances."""
+
+import numpy as np
+
+from edtk.calibration.error_budget import ErrorBudget, Uncertainty, error_budget
+from edtk.calibration.fitted_data import FittedData
+from edtk.study.study import Study
+from edtk.system.typing import Array
+
+
+def calibration_budget(fitted: FittedData, rho0_bias: float | None) -> ErrorBudget | None:
+    """Propagate what is uncertain to the study's task; None without a test pose.
+
+    Args:
+        fitted: The measurements and their fit.
+        rho0_bias: Error that the linear model leaves in the test pose [m]; None if it is unknown.
+    """
+    study = fitted.study
+    if study.task is None:
+        return None
+    return error_budget(
+        study.model,
+        fitted.data,
+        study.task,
+        fitted.fit.k,
+        fitted.fit.covariance,
+        uncertainty_of(study, fitted.fit.k),
+        rho0_bias or 0.0,
+    )
+
+
+def uncertainty_of(study: Study, k: Array) -> Uncertainty:
+    """The study's [uncertainty] in SI units.
+
+    Args:
+        study: The study.
+        k: Compliances (p,) of the unknown joints, whose median is the scale of those that count as
+            rigid [rad/(N m)].
+    """
+    given = study.specification.uncertainty
+    kinds = np.array([joint.kind for joint in study.robot.joints])
+    turning = kinds[study.model.joints] == "revolute"
+    scale = float(np.median(k[turning])) if turning.any() else 0.0
+    rigid = {
+        joint.name: given.rigid_rad_per_Nm.get(joint.name, scale)
+        for index, joint in enumerate(study.robot.joints)
+        if joint.kind == "revolute" and index not in (*study.model.joints, *study.known)
+    }
+    return Uncertainty(
+        load_size=given.load_percent / 100,
+        load_direction=float(np.deg2rad(given.load_direction_deg)),
+        tool=given.tool_mm / 1e3,
+        drift=given.drift_mm / 1e3,
+        repeatability=given.repeatability_mm / 1e3,
+        rigid=tuple(rigid.items()),
+    )

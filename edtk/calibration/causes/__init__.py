@@ -1,0 +1,1 @@
+"""Causes that explain residuals: alternatives to the model, each refitted and compared."""

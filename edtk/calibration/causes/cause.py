@@ -1,0 +1,45 @@
+"""A fault that explains the residuals, with its size."""
+
+from dataclasses import dataclass
+from typing import Any
+
+NOISE = "sigma"  # the cause that is no fault: a noise of another size
+
+
+@dataclass(frozen=True)
+class Cause:
+    """One fault that explains the residuals better than noise does.
+
+    Attributes:
+        cause: Name of the fault.
+        size: Its size, in `unit`; the length where it is a vector.
+        unit: Unit of the size.
+        std: Standard deviation of the size; None where it is one of a list of possibilities.
+        p: Probability that good data of the stated noise look so much like this fault, after
+            looking at all others as well.
+        explained: Share of the misfit (chi-square beyond its expectation) that the fault explains.
+        joint: The joint that it is in; empty if it is in none.
+        rows: Rows that it is in, counted from 0; empty for all.
+    """
+
+    cause: str
+    size: float
+    unit: str
+    std: float | None
+    p: float
+    explained: float = 1.0
+    joint: str = ""
+    rows: tuple[int, ...] = ()
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain numbers for JSON; rows are counted from 1."""
+        return {
+            "cause": self.cause,
+            "size": self.size,
+            "unit": self.unit,
+            "std": self.std,
+            "p": self.p,
+            "explained": self.explained,
+            "joint": self.joint or None,
+            "rows": [row + 1 for row in self.rows],
+        }

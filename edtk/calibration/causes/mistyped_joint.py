@@ -1,0 +1,107 @@
+"""Which joint value of a pose was mistyped, and by how much."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from edtk.inference.distributions import chi_square_tail
+from edtk.inference.measurements import Measurements
+from edtk.model.elastostatic_model import ElastostaticModel
+from edtk.system.typing import Array, Indices
+
+# Values tried over a turn; the deflection has at most two periods in it, so that this is fine.
+GRID = np.deg2rad(np.arange(-180.0, 180.0, 1.0))
+REFINEMENTS = 30  # golden-section steps, from a degree to the last digit that matters
+GOLDEN = (np.sqrt(5) - 1) / 2
+FITS = 0.01  # probability of residuals as large, from which a joint explains them
+CLEARLY = 9.0  # chi-square by which a joint must be better than every other one
+
+
+@dataclass(frozen=True)
+class MistypedJoint:
+    """A joint value that explains the measurements of a pose.
+
+    Attributes:
+        joint: Index of the joint.
+        change: The value that explains them less the written one [rad].
+    """
+
+    joint: int
+    change: float
+
+
+def mistyped_joint(
+    model: ElastostaticModel,
+    data: Measurements,
+    measured: Array,
+    k: Array,
+    rows: Indices,
+    joints: tuple[int, ...],
+) -> MistypedJoint | None:
+    """Find the one joint whose change explains the measurements of one pose.
+
+    Args:
+        model: The robot with its calibration tool.
+        data: The measurements.
+        measured: Deflections (m, rows) [m, rad].
+        k: Compliances (p,) from the other poses [rad/(N m)].
+        rows: Rows of the pose.
+        joints: Joints that were written by hand: revolute ones.
+
+    Returns:
+        The joint, or None if no joint, or more than one, explains them.
+    """
+    here = data[rows]
+    found = []
+    for joint in joints:
+
+        def misfit(change: Array, joint: int = joint) -> Array:
+            """Sum of squares (c,) over sigma for changes (c,) of the joint [rad]."""
+            return _misfit(model, here, measured[rows], k, joint, change)
+
+        on_grid = misfit(GRID)
+        best = float(GRID[int(on_grid.argmin())])
+        change = _minimum(misfit, best)
+        found.append((float(misfit(np.array([change]))[0]), joint, change))
+    found.sort()
+    if not found:
+        return None
+    least, joint, change = found[0]
+    explains = chi_square_tail(least, max(measured[rows].size - 1, 1)) > FITS
+    alone = len(found) == 1 or found[1][0] > least + CLEARLY
+    return MistypedJoint(joint, change) if explains and alone else None
+
+
+def _misfit(
+    model: ElastostaticModel,
+    here: Measurements,
+    measured: Array,
+    k: Array,
+    joint: int,
+    change: Array,
+) -> Array:
+    """Sums of squares (c,) of a pose's residuals, for changes (c,) of one joint."""
+    m = len(here)
+    which = np.tile(np.arange(m), len(change))
+    many = here[which]
+    q = many.q.copy()
+    q[:, joint] += np.repeat(change, m)
+    z = (measured[which] - replace(many, q=q).regressor(model) @ k) / many.sigma
+    return (z**2).reshape(len(change), -1).sum(axis=1)
+
+
+def _minimum(misfit: Callable[[Array], Array], centre: float) -> float:
+    """The minimum within a grid step of a value, by golden section."""
+    step = float(GRID[1] - GRID[0])
+    low = centre - step
+    high = centre + step
+    for _ in range(REFINEMENTS):
+        left = high - GOLDEN * (high - low)
+        right = low + GOLDEN * (high - low)
+        at_left, at_right = misfit(np.array([left, right]))
+        if at_left < at_right:
+            high = right
+        else:
+            low = left
+    return (low + high) / 2
