@@ -87,6 +87,8 @@ def _noise_above_sigma(found: Finding) -> str:
     p = found.data["p"]
     likely = f"p = {p:.1g}" if p > 0 else "p < 1e-300"
     scale = f"{found.data['scale']:.3g}"
+    if found.data["caused"]:
+        return f"the residuals are {scale} times what the stated noise allows ({likely})"
     if found.data["unexplained"]:
         return (
             f"the residuals are {scale} times what the stated noise allows ({likely}): there are "

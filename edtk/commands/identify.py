@@ -96,6 +96,8 @@ def _hint(finding: "Finding", robust: bool) -> str:
         return "" if robust else " (--robust)"
     if finding.kind is not Kind.NOISE_ABOVE_SIGMA:
         return ""
+    if finding.data["caused"]:
+        return ""  # options would hide the fault that is named
     # Residuals far beyond sigma are no matter of its size: estimating it would hide the fault.
     options = ["--robust"] * (not robust)
     if not finding.data["unexplained"]:

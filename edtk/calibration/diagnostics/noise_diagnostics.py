@@ -27,7 +27,8 @@ def noise_diagnostics(fitted: FittedData) -> Iterator[Diagnostic]:
     p = float(chi2.sf(fit.scale**2 * n, n))
     explanation = fitted.explanation
     unexplained = explanation is not None and not explanation.refits
-    data = {"scale": fit.scale, "p": p, "unexplained": unexplained}
+    caused = bool(fitted.structural_causes)
+    data = {"scale": fit.scale, "p": p, "unexplained": unexplained, "caused": caused}
     large = p < UNLIKELY if fit.known else p < IMPOSSIBLE
     small = p > 1 - IMPOSSIBLE
     if large and fit.known:

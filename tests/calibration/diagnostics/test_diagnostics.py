@@ -262,7 +262,7 @@ def test_a_parameter_that_rests_on_one_pose():
     Left out, that pose makes those parameters five times as uncertain or more, and no others so.
     """
     data, (note,) = _alone(STUDY.load_plan(ROOT / "paper_figures/own_plans/true_m3.csv"))
-    A = data.regressor(STUDY.model)
+    A = FittedData.of(STUDY, data).A  # of the loaded equilibrium
     names = STUDY.model.parameters
     std = estimate(A, data.deflection, data.sigma, names).std
     (pose,) = note.finding.rows
