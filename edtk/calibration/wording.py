@@ -344,9 +344,11 @@ def _reading(clause: Callable[[Finding], str]) -> Callable[[Finding], str]:
         share = f"{min(100 * found.data['explained'], 99.99):.4g}"
         after = f"{found.data['after']:.3g}"
         before = f"{found.data['before']:.3g}"
+        rows = found.data["left_out"]
+        without = f", without {rows} outlier{'s' * (rows > 1)}" if rows else ""
         return (
             f"{clause(found)}; {which} {share} % of the misfit "
-            f"(leaves {after} sigma instead of {before})"
+            f"(leaves {after} sigma instead of {before}{without})"
         )
 
     return sentence

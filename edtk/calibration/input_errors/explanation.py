@@ -50,6 +50,7 @@ class Explanation:
             "before": self.given.size,
             "after": self.refits[0].size,
             "explained": 1 - self.refits[0].chi2 / self.given.chi2,
+            "left_out": self.refits[0].left_out,
         }
         if len(self.refits) == 1:
             return Finding(first.kind, columns=first.columns, data={**first.data, **numbers})
@@ -90,10 +91,10 @@ def _equally_good(study: Study, tried: list[Refit], most: float) -> tuple[Refit,
         return ()
     enough = sorted(refit.chi2 for refit in better)[:MOST_CORRECTED][-1]
     corrected = [refit.corrected(study) for refit in better if refit.chi2 <= enough]
-    best = min(refit.chi2 for refit in corrected)
-    # The likelihood of a reading is exp(-chi2/2).
-    least = min(best + 2 * np.log(LIKELY), SUSPECT**2 * tried[0].dof)
-    equal = [refit for refit in corrected if refit.chi2 <= least]
+    found = [refit if refit.p > LEAST_P else refit.without_outliers(study) for refit in corrected]
+    best = min(refit.cost for refit in found)
+    equal = [refit for refit in found if refit.cost <= best + 2 * np.log(LIKELY)]
+    equal = [refit for refit in equal if refit.size <= SUSPECT]
     return tuple(refit for refit in equal if not any(_is_simpler(other, refit) for other in equal))
 
 

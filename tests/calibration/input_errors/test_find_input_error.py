@@ -144,6 +144,17 @@ def test_no_reading_that_does_not_fit():
         assert fitted.explanation.finding is None
 
 
+def test_outliers_hide_no_reading():
+    """A reading explains the measurements though a few gross errors are among them, and says so."""
+    data = measured()
+    moved = data.deflection.copy()
+    moved[[3, 17], 2] += [3e-3, -2e-3]
+    assert found(replace(data, deflection=moved)) is None
+    line = found(replace(data, deflection=moved, q=data.q * [1, -1, 1, 1, 1, 1]))
+    assert line.startswith("column q2_deg looks measured with the opposite sign; ")
+    assert line.endswith(", without 2 outliers)")
+
+
 def test_a_reading_that_leaves_more_than_noise():
     """Exchanged columns whose sigma is too small are named as an alarm, and not refused."""
     data = measured()
