@@ -26,7 +26,15 @@ MOST_MB = 4000.0
 SEAL = b"edtk:sha256:"
 SEAL_LENGTH = len(SEAL) + hashlib.sha256().digest_size
 # A file with a right seal and another content fails in as many ways as there are.
-REFUSED = (OSError, LookupError, ValueError, TypeError, ArithmeticError, RuntimeError)
+REFUSED = (
+    OSError,
+    LookupError,
+    AttributeError,
+    ValueError,
+    TypeError,
+    ArithmeticError,
+    RuntimeError,
+)
 BLOCK = 1 << 20  # bytes by which a file in memory grows
 
 
@@ -117,15 +125,7 @@ class ChainFile:
                 return StoredChain(_backend(group, shape, len(image)), goal)
         except ChainFileError:
             raise
-        except (
-            OSError,
-            LookupError,
-            ValueError,
-            TypeError,
-            ArithmeticError,
-            RuntimeError,
-        ) as error:
-            # HDF5 and emcee expect a file of their own, and fail in many ways on another one.
+        except REFUSED as error:
             raise ChainFileError(self.path, ChainFileFault.NO_CHAIN) from error
 
     def save(self, stored: StoredChain, accuracy: float) -> None:

@@ -153,6 +153,7 @@ FORGERIES = {
     "no group": lambda group: group.file.move("mcmc", "other"),
     "an array for a group": lambda group: resized(group.file, "mcmc", (3,)),
     "no chain": lambda group: group.pop("chain"),
+    "a group for a chain": lambda group: (group.pop("chain"), group.create_group("chain")),
     "no iteration": lambda group: group.attrs.pop("iteration"),
     "no problem": lambda group: group.attrs.pop("edtk_problem"),
     "no goal": lambda group: group.attrs.pop("edtk_goal"),
