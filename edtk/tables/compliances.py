@@ -93,7 +93,8 @@ class Compliances:
         Raises:
             UserError: One line: the file, the key and what was expected.
         """
-        nested = "k" in content and "k" not in names
+        # A joint may be called k: then its own compliance is a number.
+        nested = "k" in content and ("k" not in names or isinstance(content["k"], Mapping))
         table = content["k"] if nested else content
         rest = content if nested else {}
         if not isinstance(table, Mapping):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from edtk.system.errors import UserError
-from edtk.tables.compliances import load_compliances
+from edtk.tables.compliances import Compliances, load_compliances
 
 NAMES = ("q1", "q2", "q3")
 K = {"q3": 3e-6, "q2": 2e-6}
@@ -119,3 +119,10 @@ def test_numbers_that_cannot_be_squared_are_refused(tmp_path, value):
     for content in contents:
         with pytest.raises(UserError, match=r": expected .* (up )?to 1"):
             read(tmp_path, content)
+
+
+@pytest.mark.parametrize("content", [{"k": 1e-7, "q2": 2e-7}, {"k": {"k": 1e-7, "q2": 2e-7}}])
+def test_a_joint_called_k(content):
+    """Both forms are read for a robot that has a joint of the name of the table."""
+    found = Compliances.from_dict(content, ("k", "q2"), ("k",))
+    assert (found.joints, found.k.tolist()) == (("k", "q2"), [1e-7, 2e-7])
