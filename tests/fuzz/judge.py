@@ -52,7 +52,7 @@ def judge(
     if answer.code not in (0, 2, 130) and not (case.verb == "verify" and answer.code == NOT_VALID):
         return [*found, Finding(f"exit code {answer.code} of {case.verb}", _tail(answer.stderr))]
     changed = _changed(case, sandbox, before, after)
-    lines = _messages(answer.stderr)
+    lines = messages(answer.stderr)
     found += _streams(case, lines)
     if failed and answer.code != NOT_VALID:
         found += _failure(case, answer, lines)
@@ -76,7 +76,7 @@ def _limits(case: Case, answer: Answer) -> list[Finding]:
     return found
 
 
-def _messages(stderr: bytes) -> list[str]:
+def messages(stderr: bytes) -> list[str]:
     """Lines on standard error other than those of a progress bar."""
     lines = stderr.decode("utf-8", "replace").replace("\r", "\n").split("\n")
     return [line for line in lines if line.strip() and not PROGRESS.search(line)]
