@@ -31,19 +31,22 @@ def main() -> int:
         return _show(given.case, worlds)
     tally = Tally()
     numbers = range(given.first, given.first + given.cases)
-    for outcome in run_cases(numbers, worlds, given.workers):
-        for signature in tally.add(outcome):
-            print(f"\rcase {outcome['number']}: {signature}", file=sys.stderr)
-        if sys.stderr.isatty() or tally.cases % 1000 == 0:
-            progress = f"{tally.cases} of {given.cases} cases, {tally.findings} findings"
-            print(f"\r{progress}", end="", file=sys.stderr, flush=True)
+    try:
+        for outcome in run_cases(numbers, worlds, given.workers):
+            for signature in tally.add(outcome):
+                print(f"\rcase {outcome['number']}: {signature}", file=sys.stderr)
+            if sys.stderr.isatty() or tally.cases % 1000 == 0:
+                progress = f"{tally.cases} of {given.cases} cases, {tally.findings} findings"
+                print(f"\r{progress}", end="", file=sys.stderr, flush=True)
+    except KeyboardInterrupt:
+        print("\rinterrupted; this is what was run", file=sys.stderr)
     print(file=sys.stderr)
     print(findings_table(tally) if tally.groups else "no findings")
     print(f"{tally.cases} cases, {tally.cpu:.0f} s, slowest {tally.slowest}")
     for (kind, verb), seconds in tally.times.most_common(given.times):
         print(f"{seconds:8.2f} s  {kind}: {verb}")
     if given.record is not None:
-        given.record.write_text(record(tally, numbers[0], numbers[-1]), encoding="utf-8")
+        given.record.write_text(record(tally, numbers[0]), encoding="utf-8")
     return int(bool(tally.groups))
 
 

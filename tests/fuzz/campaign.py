@@ -5,8 +5,7 @@ import faulthandler
 import json
 import os
 import resource
-import selectors
-import shutil
+import select
 import signal
 import tempfile
 import time
@@ -28,14 +27,14 @@ Outcome = dict[str, Any]  # number, kind, verb, code, cpu, words and findings; o
 BATCH = 250  # cases of one process
 MOST_ADDRESSES = 6 * 1024**3  # bytes that a process may ask for
 MOST_ON_DISK = 200 * 1024**2  # bytes of one file
-PATIENCE_S = 60.0  # by the clock, after which a case is taken to hang
+PATIENCE_S = 120.0  # by the clock, after which a case is taken to hang
 GRACE_S = 2  # between the signal that prints where a slow case is, and the end
 
 
 class _Child:
     """A process that runs a batch of cases and tells of each."""
 
-    def __init__(self, numbers: Sequence[int], worlds: dict[str, Files]) -> None:
+    def __init__(self, numbers: Sequence[int], worlds: dict[str, Files], folder: Path) -> None:
         self.left = deque(numbers)
         self.said = b""
         self.last = time.monotonic()
@@ -46,12 +45,16 @@ class _Child:
         if self.pid == 0:
             os.close(self.pipe)
             try:
-                _serve(numbers, worlds, writing, self.black_box.fileno())
-            except BaseException:
+                _serve(numbers, worlds, folder / str(numbers[0]), writing, self.black_box.fileno())
+            except Exception:
                 traceback.print_exc()  # a fault of the fuzzer's own
             finally:
                 os._exit(0)
         os.close(writing)
+
+    def fileno(self) -> int:
+        """The pipe, for `select`."""
+        return self.pipe
 
     def read(self) -> tuple[list[Outcome], bool]:
         """Outcomes that have come, and whether the process has ended."""
@@ -85,27 +88,37 @@ def run_cases(numbers: Sequence[int], worlds: dict[str, Files], workers: int) ->
         workers: Processes at a time.
     """
     batches = deque(numbers[i : i + BATCH] for i in range(0, len(numbers), BATCH))
-    with selectors.DefaultSelector() as waiting:
-        while batches or waiting.get_map():
-            while batches and len(waiting.get_map()) < workers:
-                child = _Child(batches.popleft(), worlds)
-                waiting.register(child.pipe, selectors.EVENT_READ, child)
-            for key, _ in waiting.select(1.0):
-                child = key.data
-                outcomes, ended = child.read()
-                yield from outcomes
-                if ended:
-                    waiting.unregister(child.pipe)
-                    reason = child.end()
-                    if child.left:
-                        number = child.left.popleft()
-                        yield _dead(number, worlds, reason or "the process ended")
-                        batches.appendleft(list(child.left))
-                        if not batches[0]:
-                            batches.popleft()
-            for key in list(waiting.get_map().values()):
-                if time.monotonic() - key.data.last > PATIENCE_S:
-                    os.kill(key.data.pid, signal.SIGKILL)
+    children: list[_Child] = []
+    with tempfile.TemporaryDirectory(prefix="edtk-fuzz-") as folder:
+        try:
+            while batches or children:
+                while batches and len(children) < workers:
+                    children.append(_Child(batches.popleft(), worlds, Path(folder)))
+                yield from _news(children, batches, worlds)
+        finally:
+            for child in children:
+                os.kill(child.pid, signal.SIGKILL)
+                child.end()
+
+
+def _news(
+    children: list[_Child], batches: deque[Sequence[int]], worlds: dict[str, Files]
+) -> Iterator[Outcome]:
+    """Outcomes that come within a second; what a dead process left undone becomes a batch again."""
+    ready, _, _ = select.select(children, [], [], 1.0)
+    for child in ready:
+        outcomes, ended = child.read()
+        yield from outcomes
+        if ended:
+            children.remove(child)
+            reason = child.end() or "the process ended"
+            if child.left:
+                yield _dead(child.left.popleft(), worlds, reason)
+            if child.left:
+                batches.appendleft(list(child.left))
+    for child in children:
+        if time.monotonic() - child.last > PATIENCE_S:
+            os.kill(child.pid, signal.SIGKILL)
 
 
 def _dead(number: int, worlds: dict[str, Files], reason: str) -> Outcome:
@@ -122,23 +135,21 @@ def _dead(number: int, worlds: dict[str, Files], reason: str) -> Outcome:
     }
 
 
-def _serve(numbers: Sequence[int], worlds: dict[str, Files], pipe: int, black_box: int) -> None:
-    """Run the cases of a batch, and write the outcome of each as a line."""
+def _serve(
+    numbers: Sequence[int], worlds: dict[str, Files], root: Path, pipe: int, black_box: int
+) -> None:
+    """Run the cases of a batch in a folder, and write the outcome of each as a line."""
     resource.setrlimit(resource.RLIMIT_AS, (MOST_ADDRESSES, resource.RLIM_INFINITY))
     resource.setrlimit(resource.RLIMIT_FSIZE, (MOST_ON_DISK, resource.RLIM_INFINITY))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
     faulthandler.enable(black_box)
     faulthandler.register(signal.SIGXCPU, black_box, chain=True)
-    root = Path(tempfile.mkdtemp(prefix="edtk-fuzz-"))
     sandboxes: dict[str, Sandbox] = {}
-    try:
-        for number in numbers:
-            outcome = run_number(number, worlds, sandboxes, root)
-            os.write(pipe, json.dumps(outcome).encode() + b"\n")
-    finally:
-        os.chdir("/")
-        shutil.rmtree(root, ignore_errors=True)
+    root.mkdir()
+    for number in numbers:
+        outcome = run_number(number, worlds, sandboxes, root)
+        os.write(pipe, json.dumps(outcome).encode() + b"\n")
 
 
 def run_number(

@@ -59,7 +59,7 @@ def findings_table(tally: Tally) -> str:
     return "\n".join(lines)
 
 
-def record(tally: Tally, first: int, last: int) -> str:
+def record(tally: Tally, first: int) -> str:
     """What was run, as Markdown: kinds of input, commands, and how they ended."""
     today = datetime.date.today().isoformat()
     head = [
@@ -67,7 +67,7 @@ def record(tally: Tally, first: int, last: int) -> str:
         "",
         "Written by `python -m tests.fuzz --record`; each number is one of cases.",
         "",
-        f"edtk {__version__}, {today}: cases {first} to {last}, {tally.cases} in all, "
+        f"edtk {__version__}, {today}: {tally.cases} cases from number {first} on, "
         f"{tally.findings} findings, {tally.cpu:.0f} s of processor time, "
         f"the slowest case {tally.slowest[0]:.1f} s.",
         "",
