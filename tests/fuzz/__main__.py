@@ -4,6 +4,7 @@ import argparse
 import os
 import sys
 import tempfile
+import time
 from pathlib import Path
 
 from threadpoolctl import threadpool_limits
@@ -22,6 +23,7 @@ def main() -> int:
     parser.add_argument("--case", type=int, help="run this one alone, and show everything")
     parser.add_argument("--first", type=int, default=0, help="number of the first case")
     parser.add_argument("--cases", type=int, default=2000, help="number of cases")
+    parser.add_argument("--seconds", type=float, default=float("inf"), help="end after them")
     parser.add_argument("--workers", type=int, default=os.cpu_count(), help="processes")
     parser.add_argument("--record", type=Path, help="write the table of what was run (Markdown)")
     parser.add_argument("--times", type=int, default=0, help="show so many of the slowest kinds")
@@ -30,6 +32,7 @@ def main() -> int:
     if given.case is not None:
         return _show(given.case, worlds)
     tally = Tally()
+    end = time.monotonic() + given.seconds
     numbers = range(given.first, given.first + given.cases)
     try:
         for outcome in run_cases(numbers, worlds, given.workers):
@@ -38,6 +41,8 @@ def main() -> int:
             if sys.stderr.isatty() or tally.cases % 1000 == 0:
                 progress = f"{tally.cases} of {given.cases} cases, {tally.findings} findings"
                 print(f"\r{progress}", end="", file=sys.stderr, flush=True)
+            if time.monotonic() > end:
+                break
     except KeyboardInterrupt:
         print("\rinterrupted; this is what was run", file=sys.stderr)
     print(file=sys.stderr)
