@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from edtk.design.exact.round_poses import round_poses
 from edtk.design.sample_feasible import sample_feasible
 from edtk.study.case import Case
 from edtk.study.study import Study
@@ -19,7 +20,7 @@ def random_case(study: Study, size: int, index: int) -> Case:
         index: Number of the stream of random numbers, one for each size.
 
     Returns:
-        The median plan, or the reason why it has no cost.
+        The median plan, in poses that a controller takes, or the reason why it has no cost.
     """
     seed = (study.specification.seed, STREAM, index)
     x = sample_feasible(study.space, PLANS * size, seed).reshape(PLANS, size, -1)
@@ -27,4 +28,5 @@ def random_case(study: Study, size: int, index: int) -> Case:
     middle = int(np.argsort(costs, kind="stable")[PLANS // 2])
     if not np.isfinite(costs[middle]):
         return Case("random", "", size, reason="such a plan cannot identify all parameters")
-    return Case("random", "", size, plan=study.space.plan(x[middle], np.ones(size, dtype=int)))
+    poses, repeats = round_poses(study.space, study.criterion(), x[middle], np.ones(size))
+    return Case("random", "", size, plan=study.space.plan(poses, repeats.astype(int)))

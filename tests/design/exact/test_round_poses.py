@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
-from designs import KR270, LOADED
+from designs import KR270, LOADED, STUDY
 
 from criteria import create
 from edtk.design.exact.round_poses import round_poses
 from edtk.design.plan import Plan
 from edtk.design.sample_feasible import sample_feasible
+from edtk.study.random_case import random_case
 from edtk.tables.in_file_units import DIGITS, in_file_units
 from edtk.tables.pose_table import pose_factors
 
@@ -86,3 +87,10 @@ def test_a_rounding_that_conversion_leaves_is_not_printed():
     assert shown[0, [0, 4]].tolist() == [12.345, 179.999]
     assert not np.signbit(shown[0, [1, 5]]).any()
     np.testing.assert_allclose(shown[0, [2, 3]], [6.4e-8, 1 / 3], rtol=1e-12)
+
+
+def test_a_random_plan_too():
+    """The plan that others are compared with is printed, and judged, as a controller takes it."""
+    plan = random_case(STUDY, 3, 0).plan
+    values = np.rad2deg(plan.q)
+    np.testing.assert_allclose(values, np.round(values, DIGITS), atol=1e-9)
