@@ -29,8 +29,9 @@ def compensation(found: Compensation) -> str:
             "the compliances come without a covariance: what errors of theirs leave is not known"
         )
     elif found.linear is not None:
-        most = f"{1e3 * found.linear.max():.2g} mm"
-        lines.append(f"of that, identifying with the linear model left {most} at most")
+        if found.linear.any():
+            most = f"{1e3 * found.linear.max():.2g} mm"
+            lines.append(f"of that, identifying with the linear model left {most} at most")
     elif found.rho0_bias is not None:
         bias = f"{1e3 * found.rho0_bias:.2g} mm"
         lines.append(f"beside that, identifying with the linear model left {bias} in the test pose")
