@@ -7,6 +7,8 @@ from edtk.study.study import Study
 from edtk.tables.compliances import load_compliances
 
 ASYMMETRY = 1e-6  # relative: printed digits of a covariance may differ by that
+LEAST_STD = 1e-20  # [rad/(N m)]: a compliance that is known so well is no prior
+TOO_CERTAIN = f"expected standard deviations of at least {LEAST_STD:g} rad/(N m)"
 NO_VARIANCE = 2  # degrees of freedom up to which Student's t has no variance
 
 
@@ -51,6 +53,8 @@ def _from_table(study: Study) -> Normal:
     )
     if not np.allclose(covariance, covariance.T, rtol=ASYMMETRY, atol=0):
         raise not_positive
+    if 0 < np.diag(covariance).min() < LEAST_STD**2:
+        raise study.error("prior.earlier.covariance", TOO_CERTAIN)
     try:
         return Normal(np.array([mean[name] for name in unknown]), covariance)
     except np.linalg.LinAlgError:
@@ -75,6 +79,8 @@ def _from_file(study: Study, name: str) -> Normal:
         message = f"{name}: expected a covariance_dof above {NO_VARIANCE}, or no variance is finite"
         raise study.error(key, message)
     wider = dof / (dof - NO_VARIANCE) if np.isfinite(dof) else 1.0
+    if 0 < np.diag(found.covariance).min() < LEAST_STD**2:
+        raise study.error(key, f"{name}: {TOO_CERTAIN}")
     chosen = [found.joints.index(joint) for joint in unknown]
     try:
         return Normal(found.unbounded[chosen], wider * found.covariance[np.ix_(chosen, chosen)])

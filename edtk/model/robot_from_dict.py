@@ -132,6 +132,11 @@ class RobotFile(_Table):
 
     def build(self, where: str | None) -> Robot:
         """The robot; messages about a joint begin with `where`."""
+        names = [joint.name for joint in self.joints]
+        for i, name in enumerate(names):
+            if name in names[:i]:
+                message = f"a joint before has the name {name!r} too; expected one of its own"
+                raise RobotFileError(message, where=where, key=f"joints.{i}.name")
         return Robot(
             self.name,
             tuple(_joint(joint, i, where) for i, joint in enumerate(self.joints)),

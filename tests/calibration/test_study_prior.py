@@ -80,3 +80,23 @@ def test_mistakes(with_prior, line, words):
     """A file that is not there, has no covariance, or stands beside a table, is refused."""
     with pytest.raises(UserError, match=words):
         study_prior(with_prior[0](line))
+
+
+def test_an_impossible_certainty_is_refused(tmp_path):
+    """Squares of such standard deviations vanish, and their inverses overflow."""
+    names = ("q2", "q3", "q4", "q5", "q6")
+    earlier = {
+        "mean_rad_per_Nm": dict.fromkeys(names, 1e-6),
+        "covariance": (1e-200 * np.eye(5)).tolist(),
+    }
+    study = load_study(PAPER).replace(prior={"earlier": earlier})
+    with pytest.raises(
+        UserError, match=r"prior\.earlier\.covariance: expected standard dev.* 1e-20"
+    ):
+        study_prior(study)
+    (tmp_path / "k.json").write_text(
+        json.dumps({"k": dict.fromkeys(names, 1e-6), "std": dict.fromkeys(names, 1e-100)})
+    )
+    study = study.replace(prior={"earlier_file": str(tmp_path / "k.json")})
+    with pytest.raises(UserError, match=r"prior\.earlier_file: .*k\.json: expected standard dev"):
+        study_prior(study)

@@ -69,7 +69,7 @@ WRONG = {
         "joint q1: the lower limit must lie below the upper one",
     ),
     "unknown kind": ('"prismatic"', '"helical"', "joints.1.kind"),
-    "repeated name": ('"slide"', '"q1"', "each with a name of its own"),
+    "repeated name": ('"slide"', '"q1"', "a joint before has the name 'q1' too"),
 }
 
 

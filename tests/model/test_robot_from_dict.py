@@ -71,6 +71,13 @@ def test_errors_carry_the_key(changes, key, expected):
     assert str(error) == (error.message if key is None else f"{key}: {error.message}")
 
 
+def test_two_joints_of_one_name_are_refused():
+    """The line names the second one's key."""
+    content = {"name": "one", "source": "", "joints": [JOINT, JOINT]}
+    with pytest.raises(RobotFileError, match=r"^joints\.1\.name: a joint before has the name 'q1'"):
+        robot_from_dict(content)
+
+
 @pytest.mark.parametrize("name", ["Größe 1", "関節", "joint_a1", "shoulder/pan.joint-1", "$x^2$"])
 def test_names_of_all_languages_are_allowed(name):
     """Letters of any script, blanks inside and most signs may stand in a joint's name."""

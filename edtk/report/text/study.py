@@ -19,12 +19,14 @@ def study_rows(asked: Study) -> list[tuple[str, str]]:
     if measurement.rows == "pose":
         noise += f" and {measurement.sigma_deg:g} deg"
     joints = specification.joints
+    known = [f"{name} = {k:g} rad/(N m)" for name, k in joints.known_rad_per_Nm.items()]
     fixed = [f"{name} = {value:g} deg" for name, value in joints.fixed_deg.items()]
     fixed += [f"{name} = {value:g} mm" for name, value in joints.fixed_mm.items()]
     labels = [label for c in asked.space.workspace.constraints for label in c.labels(asked.robot)]
     rows = [
         ("robot", f"{asked.robot.name}, {asked.robot.n} joints"),
         ("unknown", ", ".join(joints.unknown)),
+        ("known", ", ".join(known)),
         ("fixed", ", ".join(fixed)),
         ("experiment", specification.load.describe()),
         ("measured", f"{measurement.rows}, {noise}"),
