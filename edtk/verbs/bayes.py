@@ -6,10 +6,10 @@ from edtk.calibration.check_plan_posterior import check_plan_posterior
 from edtk.calibration.inference_data import inference_data
 from edtk.calibration.posterior_check import PosteriorCheck
 from edtk.inference.noise import NU_IN_WORDS, Noise
-from edtk.system.atomic_file import Content, require_writable, write_files
+from edtk.system.atomic_file import Content, write_files
 from edtk.system.errors import UserError
 from edtk.verbs.inputs import PlanLike, StudyLike, as_plan, as_study, name_of
-from edtk.verbs.require_output import require_folder
+from edtk.verbs.require_output import require_folder, require_output
 from edtk.verbs.sampling import Sampling
 
 MOST_MEASUREMENTS = 100_000  # the density of the posterior is a sum over them, at every step
@@ -46,7 +46,8 @@ def bayes(
     """
     question = as_study(study)
     sampling = sampling or Sampling()
-    sampling.require_writable(*question.reads, plan if isinstance(plan, str | Path) else None)
+    inputs = (*question.reads, plan if isinstance(plan, str | Path) else None)
+    sampling.require_writable(*inputs)
     measured = as_plan(question, plan)
     require_folder(figures)
     if measured.experiments > MOST_MEASUREMENTS:
@@ -56,7 +57,10 @@ def bayes(
             where=name_of(plan, "plan"),
         )
     if figures is not None:
-        require_writable(Path(figures) / "corner.png")
+        from edtk.report.posterior_pictures import NAMES, posterior_pictures
+
+        for name in NAMES:
+            require_output(Path(figures) / name, *inputs, sampling.chain, sampling.export)
     noise = _noise(question.specification.prior.noise(), sigma_factor, nu)
     where = name_of(plan, "plan")
     with sampling.arguments(where, question.specification.seed) as arguments:
@@ -66,8 +70,6 @@ def bayes(
         A0 = None if question.task is None else question.task.regressor
         files[Path(sampling.export)] = inference_data(check, A0)
     if figures is not None:
-        from edtk.report.posterior_pictures import posterior_pictures
-
         files |= posterior_pictures(check, Path(figures))
     write_files(files)
     return check

@@ -1,5 +1,6 @@
 """`edtk.run`: a whole study, from its bounds to its report."""
 
+import os
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -21,8 +22,12 @@ from edtk.verbs.inputs import StudyLike, as_study, errors_in
 from edtk.verbs.require_output import require_folder, require_output
 from edtk.verbs.workers_for import workers_for
 
-# Name of a plan's file that a run has written; others in the folder are left alone.
-PLAN = re.compile(rf"({'|'.join(KINDS)})_(.+_)?m\d+(_k\d+)?")
+# Names of files that a run writes; others in the folder are left alone.
+PLAN = rf"({'|'.join(KINDS)})_(.+_)?m\d+(_k\d+)?"
+WRITTEN = re.compile(
+    r"report\.md|results\.csv|comparison\.png|efficiency_m\d+\.png"
+    rf"|plans/{PLAN}\.csv|(certificates|cases)/[^/]+\.json"
+)
 
 
 def run(
@@ -57,6 +62,7 @@ def run(
     folder = _folder(question) if out is None else Path(out)
     require_folder(out)
     require_output(folder / "report.md")
+    _require_apart(question, folder)
     with workers_for(workers, dask) as pool, errors_in(question.where), _alone_in(folder):
         options = RunOptions(workers=pool, progress=progress)
         found = run_study(question, folder, fresh=fresh, options=options)
@@ -109,8 +115,20 @@ def _certificates(found: StudyRun) -> dict[Path, Content]:
 
 
 def _of_earlier_runs(folder: Path) -> Iterator[Path]:
-    """The plans, certificates and heat maps in a folder, by the names that runs give them."""
-    plans = (folder / "plans").glob("*.csv")
-    yield from (path for path in plans if PLAN.fullmatch(path.stem))
-    yield from (folder / "certificates").glob("*.json")
-    yield from folder.glob("efficiency_m*.png")
+    """The files in a folder that have names as runs give them, but for finished cases."""
+    for place in (folder, folder / "plans", folder / "certificates"):
+        paths = place.glob("*")
+        yield from (p for p in paths if WRITTEN.fullmatch(p.relative_to(folder).as_posix()))
+
+
+def _require_apart(study: Study, folder: Path) -> None:
+    """Check that the study reads no file that a run may replace or remove.
+
+    Raises:
+        UserError: It does, such as a published plan that an earlier run has written there.
+    """
+    for path in study.reads:
+        name = Path(os.path.relpath(os.path.realpath(path), os.path.realpath(folder)))
+        if WRITTEN.fullmatch(name.as_posix()):
+            message = "is read by this command and may be replaced; expected another folder"
+            raise UserError(message, where=path)

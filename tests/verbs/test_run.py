@@ -30,3 +30,14 @@ def test_a_refused_run_leaves_nothing(tmp_path):
     with pytest.raises(UserError, match="no feasible pose"):
         run(nobody, tmp_path / "out", workers=1)
     assert not left.exists()
+
+
+def test_a_run_replaces_nothing_that_it_reads(tmp_path):
+    """A published plan that lies where the run writes is refused, before any work."""
+    plan = tmp_path / "plans" / "random_m9.csv"
+    plan.parent.mkdir()
+    plan.write_text("q1_deg,q2_deg\n10,40\n-30,40\n")
+    study = arm(published=["plans/random_m9.csv"]).replace(folder=tmp_path)
+    with pytest.raises(UserError, match=r"random_m9\.csv: is read by this command and may be"):
+        run(study, tmp_path, workers=1)
+    assert [path.name for path in tmp_path.rglob("*")] == ["plans", "random_m9.csv"]
