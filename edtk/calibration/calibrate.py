@@ -12,7 +12,6 @@ from edtk.calibration.causes.cause import Cause
 from edtk.calibration.check_posterior import check_posterior
 from edtk.calibration.diagnostics.diagnostic import Diagnostic, Severity
 from edtk.calibration.diagnostics.diagnostics import diagnostics
-from edtk.calibration.error_budget import ErrorBudget
 from edtk.calibration.fitted_data import FittedData
 from edtk.calibration.input_errors.find_input_error import find_input_error
 from edtk.calibration.input_errors.input_error import InputError
@@ -29,6 +28,7 @@ from edtk.inference.measurements import Measurements
 from edtk.inference.noise import Noise
 from edtk.inference.prior import Flat
 from edtk.inference.sample_posterior import SamplingOptions
+from edtk.model.error_budget import ErrorBudget
 from edtk.model.expected_error import ExpectedError, expected_error
 from edtk.model.loads.fixed_load import FixedLoad
 from edtk.study.study import Study

@@ -2,8 +2,9 @@
 
 import numpy as np
 
-from edtk.calibration.error_budget import ErrorBudget, Uncertainty, error_budget
+from edtk.calibration.error_budget import Uncertainty, error_budget
 from edtk.calibration.fitted_data import FittedData
+from edtk.model.error_budget import ErrorBudget
 from edtk.study.study import Study
 from edtk.system.typing import Array
 

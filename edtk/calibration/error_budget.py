@@ -1,7 +1,6 @@
-"""The error to expect in the task after a compensation, in parts that have names."""
+"""What is uncertain in a calibration, propagated to the error in the task."""
 
-from dataclasses import dataclass, fields, replace
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -9,9 +8,9 @@ from edtk.calibration.causes.families import families
 from edtk.inference.least_squares import Whitened
 from edtk.inference.measurements import Measurements
 from edtk.model.elastostatic_model import ElastostaticModel
+from edtk.model.error_budget import ErrorBudget
 from edtk.model.task import Task
-from edtk.system.presented import Presented
-from edtk.system.typing import Array
+from edtk.system.typing import Array, Indices
 
 TOOL = ("tool_x", "tool_y", "tool_z")
 
@@ -38,58 +37,6 @@ class Uncertainty:
     rigid: tuple[tuple[str, float], ...] = ()
 
 
-@dataclass(frozen=True)
-class ErrorBudget(Presented):
-    """Root mean square errors of the tool point after compensation in the task, by source [m].
-
-    Attributes:
-        noise: Of the measurements: rho0, Eq. (20).
-        model: What the linear model leaves.
-        load: A calibration load of another size or direction than stated.
-        tool: A calibration tool point elsewhere than stated.
-        rigid_joints: Joints that count as rigid, and bend.
-        drift: A shift between unloaded and loaded readings.
-        repeatability: The robot does not stay where it was between two readings.
-        uncompensated: The displacement of the task without any compensation, for comparison, with
-            the joints that count as rigid.
-    """
-
-    noise: float
-    model: float
-    load: float
-    tool: float
-    rigid_joints: float
-    drift: float
-    repeatability: float
-    uncompensated: float
-
-    @property
-    def parts(self) -> dict[str, float]:
-        """All parts by name [m]."""
-        names = [field.name for field in fields(self) if field.name != "uncompensated"]
-        return {name: getattr(self, name) for name in names}
-
-    @property
-    def total(self) -> float:
-        """The root of the sum of squares of all parts [m]."""
-        return float(np.sqrt(sum(part**2 for part in self.parts.values())))
-
-    @property
-    def largest(self) -> str:
-        """Name of the largest part."""
-        return max(self.parts, key=self.parts.__getitem__)
-
-    def headline(self) -> str:
-        """The total and its largest part."""
-        share = f"{1e3 * self.parts[self.largest]:.2g} mm by {self.largest.replace('_', ' ')}"
-        return f"{1e3 * self.total:.2g} mm expected in the task, {share}"
-
-    def to_dict(self) -> dict[str, Any]:
-        """The parts and the total, in millimetres."""
-        parts = {name: 1e3 * part for name, part in self.parts.items()}
-        return {**parts, "total": 1e3 * self.total}
-
-
 def error_budget(
     model: ElastostaticModel,
     data: Measurements,
@@ -98,6 +45,7 @@ def error_budget(
     covariance: Array,
     uncertainty: Uncertainty,
     model_error: float = 0.0,
+    repeats: Indices | None = None,
 ) -> ErrorBudget:
     """Propagate what is uncertain in a calibration to the error in the task, to first order.
 
@@ -114,6 +62,7 @@ def error_budget(
         covariance: Their covariance (p, p) by the noise.
         uncertainty: How well the circumstances are known.
         model_error: Error that the linear model leaves [m].
+        repeats: Repetitions (m,) that each row stands for; one by default.
 
     Raises:
         SingularPlanError: The poses do not identify all parameters.
@@ -145,7 +94,7 @@ def error_budget(
         tool=uncertainty.tool * float(np.linalg.norm(tool)),
         rigid_joints=rigid,
         drift=uncertainty.drift * float(np.linalg.norm(moved(shift))),
-        repeatability=_repeatability(data, A0, whitened, uncertainty.repeatability),
+        repeatability=_repeatability(A0, whitened, repeats, uncertainty.repeatability),
         uncompensated=float(np.hypot(displacement, bends)),
     )
 
@@ -172,11 +121,13 @@ def _rigid(
     return float(np.sqrt(after)), float(np.sqrt(without))
 
 
-def _repeatability(data: Measurements, A0: Array, whitened: Whitened, std: float) -> float:
+def _repeatability(A0: Array, whitened: Whitened, repeats: Indices | None, std: float) -> float:
     """Error by independent shifts of every measurement [m]."""
     # A row's shift u enters the whitened measurements as u/sigma, and the estimate by Q.
     rows = slice(0, 3)
     Q = whitened.Q[:, rows] * whitened.weight[:, rows, None]
+    if repeats is not None:
+        Q = Q / np.sqrt(repeats[:, None, None])
     gram = np.einsum("mrp,mrq->pq", Q, Q)
     T = A0 @ (np.linalg.inv(whitened.R) / whitened.scale[:, None])
     return std * float(np.sqrt(np.trace(T @ gram @ T.T)))

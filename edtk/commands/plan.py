@@ -19,6 +19,7 @@ from edtk.commands.shared import (
     warn_about,
     workers_option,
 )
+from edtk.system.errors import ArgumentError
 
 MOST_EXPERIMENTS = 10**12  # as in a study: beyond them numbers of repetitions are not exact
 
@@ -45,6 +46,11 @@ MOST_EXPERIMENTS = 10**12  # as in a study: beyond them numbers of repetitions a
 @workers_option
 @dask_option
 @seed_option
+@click.option(
+    "--detect",
+    metavar="FAULT=SIZE,...",
+    help="How likely faults would be noticed, like tool_z=5mm,load_direction=2deg.",
+)
 @json_option
 @click.option("--out", type=FilePath, help="Write all experiments (CSV, - to print).")
 @certificate_option
@@ -59,6 +65,7 @@ def command(
     workers: int | None,
     dask: str | None,
     seed: int | None,
+    detect: str | None,
     as_json: bool,
     out: Path | None,
     certificate: Path | None,
@@ -84,6 +91,7 @@ def command(
             dask=dask,
             out=out,
             certificate=certificate,
+            detect=_faults(detect),
             progress=lambda label, number: bar.set_description_str(label),
         )
     show(found, as_json, out, certificate)
@@ -93,3 +101,15 @@ def command(
     if found.ended == "interrupted":
         warn("interrupted; this is the best plan so far")
         end_interrupted()
+
+
+def _faults(given: str | None) -> dict[str, str]:
+    """Sizes of faults by name, from FAULT=SIZE pairs."""
+    faults = {}
+    for pair in filter(None, (given or "").split(",")):
+        name, equals, size = pair.partition("=")
+        if not equals:
+            message = "expected pairs like tool_z=5mm, separated by commas"
+            raise ArgumentError(message, argument="detect", given=given)
+        faults[name.strip()] = size.strip()
+    return faults

@@ -1,15 +1,22 @@
 """`edtk.plan`: the best plan of exactly m experiments."""
 
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from edtk.design.exact.exact_plan import ExactPlan
 from edtk.study.plan_study import plan_study
 from edtk.study.run_options import Progress, RunOptions, no_progress
+from edtk.study.study import Study
 from edtk.system.atomic_file import Content, write_files
 from edtk.tables.csv_text import csv_text
 from edtk.verbs.inputs import PlanLike, StudyLike, as_plan, as_study, errors_in
 from edtk.verbs.require_output import require_different, require_output
 from edtk.verbs.workers_for import workers_for
+
+if TYPE_CHECKING:
+    from edtk.calibration.detect import SizedFault
 
 
 def plan(
@@ -26,6 +33,7 @@ def plan(
     dask: str | None = None,
     out: Path | str | None = None,
     certificate: Path | str | None = None,
+    detect: Mapping[str, str] | None = None,
     progress: Progress = no_progress,
 ) -> ExactPlan:
     """Search for the best plan of `size` experiments, and bound how much better any plan can be.
@@ -46,6 +54,8 @@ def plan(
         dask: Address of a Dask scheduler (tcp://HOST:PORT) whose workers do the work instead.
         out: File to write all experiments to (CSV); "-" is standard output.
         certificate: File to write what proves the numbers to (JSON), for `edtk.verify`; likewise.
+        detect: Sizes of faults like {"tool_z": "5mm", "load_direction": "2deg"}: the plan tells how
+            likely each would be noticed, and the experiment that would help most.
         progress: Called with a line about the current step, and its gap or its best cost.
 
     Returns:
@@ -60,6 +70,7 @@ def plan(
         >>> found.plan.to_csv("plan.csv", found.robot)  # doctest: +SKIP
     """
     question = as_study(study) if exclude is None else as_study(study).excluding(exclude)
+    faults = _faults(question, detect or {})
     kept = None if keep is None else as_plan(question, keep)
     require_different(out=out, certificate=certificate)
     for path in (out, certificate):
@@ -74,6 +85,7 @@ def plan(
             budget=budget,
             options=RunOptions(seed=seed, workers=pool, progress=progress),
         )
+    found = _judged(question, found, faults)
     files: dict[Path, Content] = {}
     if out is not None:
         files[Path(out)] = csv_text(found.whole.to_frame(question.robot))
@@ -83,3 +95,21 @@ def plan(
         files[Path(certificate)] = certificate_text(question, found)
     write_files(files)
     return found
+
+
+def _faults(study: Study, given: Mapping[str, str]) -> tuple["SizedFault", ...]:
+    """The faults that were asked for: checked before a long search."""
+    if not given:
+        return ()
+    from edtk.calibration.detect import sized_faults
+
+    return sized_faults(study, given)
+
+
+def _judged(study: Study, found: ExactPlan, faults: tuple["SizedFault", ...]) -> ExactPlan:
+    """The plan with its error budget, and with the chances that faults would be noticed."""
+    from edtk.calibration.detect import detect
+    from edtk.calibration.plan_budget import plan_budget
+
+    detections = detect(study, found.whole, faults)
+    return replace(found, error_budget=plan_budget(study, found.whole), detections=detections)

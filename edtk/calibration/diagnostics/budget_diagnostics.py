@@ -3,8 +3,8 @@
 from collections.abc import Iterator
 
 from edtk.calibration.diagnostics.diagnostic import Diagnostic, Severity
-from edtk.calibration.error_budget import ErrorBudget
 from edtk.calibration.finding import Finding, Kind
+from edtk.model.error_budget import ErrorBudget
 
 
 def budget_diagnostics(budget: ErrorBudget | None) -> Iterator[Diagnostic]:

@@ -10,8 +10,8 @@ from edtk.calibration.diagnostics.pose_diagnostics import pose_diagnostics
 from edtk.calibration.diagnostics.sign_diagnostics import sign_diagnostics
 from edtk.calibration.diagnostics.structure_diagnostics import structure_diagnostics
 from edtk.calibration.diagnostics.unit_diagnostics import unit_diagnostics
-from edtk.calibration.error_budget import ErrorBudget
 from edtk.calibration.fitted_data import FittedData
+from edtk.model.error_budget import ErrorBudget
 
 
 def diagnostics(

@@ -7,9 +7,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from edtk.design.bound import Bound, BoundKind, printed_form
+from edtk.design.detection import Detection
 from edtk.design.plan import Plan
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
+from edtk.model.error_budget import ErrorBudget
 from edtk.model.expected_error import ExpectedError
+from edtk.model.robot import Robot
 from edtk.system.presented import Presented
 from edtk.tables.in_file_units import in_file_units
 from edtk.tables.pose_table import WRENCH_COLUMNS
@@ -35,6 +38,9 @@ class ExactPlan(Presented):
         expected: Errors to expect in the test pose and around it; None without a test pose, or
             where nobody asked.
         warnings: What is hard to believe in the study or in this plan, a line each.
+        error_budget: The error to expect in the task, in parts; None where nobody asked, or
+            where no compliances are assumed.
+        detections: The chances that faults would be noticed which somebody asked for.
     """
 
     relaxed: RelaxedPlan
@@ -48,6 +54,13 @@ class ExactPlan(Presented):
     ended: str
     expected: ExpectedError | None = None
     warnings: tuple[str, ...] = ()
+    error_budget: ErrorBudget | None = None
+    detections: tuple[Detection, ...] = ()
+
+    @property
+    def robot(self) -> Robot:
+        """The robot, with the calibration tool."""
+        return self.relaxed.space.workspace.robot
 
     def headline(self) -> str:
         """Criterion, value, size and efficiency."""
@@ -103,7 +116,7 @@ class ExactPlan(Presented):
         newtons and newton metres where they may differ, and, where experiments are kept, whether
         the pose is one of them (`kept`).
         """
-        frame = self.whole.to_frame(self.relaxed.space.workspace.robot)
+        frame = self.whole.to_frame(self.robot)
         frame.insert(0, "repeats", frame.pop("repeats"))
         # Kept experiments may have been made under other loads than the new ones.
         if self.kept is not None:
@@ -136,6 +149,8 @@ class ExactPlan(Presented):
             "constraint_violation": self.violation,
             "expected_error": None if self.expected is None else self.expected.to_dict(),
             "warnings": list(self.warnings),
+            "budget_mm": None if self.error_budget is None else self.error_budget.to_dict(),
+            "detect": [detection.to_dict() for detection in self.detections],
             "plan": ([] if self.kept is None else self._rows(self.kept, kept=True))
             + self._rows(self.plan, kept=False),
             "exact": {
@@ -147,7 +162,7 @@ class ExactPlan(Presented):
 
     def _rows(self, plan: Plan, kept: bool) -> list[dict[str, Any]]:
         """The poses of a plan, one dictionary each."""
-        q = in_file_units(self.relaxed.space.workspace.robot, plan.q)
+        q = in_file_units(self.robot, plan.q)
         return [
             {"q_deg": pose.tolist(), "repeats": int(r), "wrench": W.tolist(), "kept": kept}
             for pose, r, W in zip(q, plan.repeats, plan.wrench, strict=True)

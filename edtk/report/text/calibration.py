@@ -4,9 +4,9 @@ import numpy as np
 
 from edtk.calibration.calibrate import COORDINATES, Calibration
 from edtk.calibration.diagnostics.diagnostic import Severity
-from edtk.calibration.error_budget import ErrorBudget
 from edtk.calibration.row_names import row_names
 from edtk.report.digits import digits
+from edtk.report.text.error_budget import error_budget
 from edtk.report.text_table import name_width
 
 
@@ -60,23 +60,11 @@ def _accuracy(found: Calibration) -> list[str]:
         lines.append(f"rho0 {1e3 * value:.5g} mm{'' if low == high else interval}")
         lines.append(str(found.expected))
     if found.budget is not None:
-        lines += _budget(found.budget)
+        lines.append(error_budget(found.budget))
     if found.rho0_bias and not found.fitted.nonlinear:
         bias = f"{1e3 * found.rho0_bias:.3g} mm"
         lines.append(f"beside it the linear model leaves an error of {bias}")
     return lines
-
-
-def _budget(budget: ErrorBudget) -> list[str]:
-    """The expected error in the task, with its parts."""
-    parts = ", ".join(
-        f"{name.replace('_', ' ')} {1e3 * part:.2g}" for name, part in budget.parts.items()
-    )
-    return [
-        f"total expected error {1e3 * budget.total:.2g} mm (root mean square), "
-        f"{1e3 * budget.uncompensated:.2g} mm without compensation",
-        f"  of it [mm]: {parts}",
-    ]
 
 
 def _rows(found: Calibration) -> list[str]:

@@ -1,9 +1,14 @@
 """Text of an exact plan."""
 
 from edtk.design.bound import BoundKind
+from edtk.design.detection import Detection
 from edtk.design.exact.exact_plan import ExactPlan
+from edtk.model.robot import Robot
+from edtk.report.text.error_budget import error_budget
 from edtk.report.text_table import number_columns
+from edtk.tables.in_file_units import in_file_units
 
+LEVEL = 0.0101  # power of a test that notices nothing: its false alarms
 CUT_OFF = 1e-3  # relative gap of a bound beyond which a person is told
 
 
@@ -21,10 +26,25 @@ def exact_plan(found: ExactPlan) -> str:
         f"  bound       {factor * found.bound:.6g}{unit}  ({_reach(found)})",
         f"  efficiency  {100 * found.efficiency:.2f} %",
         *([] if found.expected is None else [str(found.expected)]),
+        *([] if found.error_budget is None else [error_budget(found.error_budget)]),
+        *(_detection(found.robot, detection) for detection in found.detections),
         f"{found.starts} starts in {found.seconds:.1f} s; {found.found} of the plans refined "
         f"to the end are this one, among {found.optima} different",
     ]
     return "\n".join([*lines, *_experiments(found)])
+
+
+def _detection(robot: Robot, found: Detection) -> str:
+    """The chance that a fault is noticed, with the experiment that would help."""
+    where = f" of {found.joint}" if found.joint else ""
+    what = f"{found.fault}{where} {found.size:g} {found.unit}"
+    if found.power_with <= found.power and found.power <= LEVEL:
+        return f"{what}: never noticed, compliances take it up"
+    chance = f"{what}: noticed with {100 * found.power:.0f} %"
+    if found.better is None:
+        return chance
+    pose = ", ".join(f"{x:.2f}" for x in in_file_units(robot, found.better[None])[0])
+    return f"{chance}, with one more experiment {100 * found.power_with:.0f} %, at {pose}"
 
 
 def _reach(found: ExactPlan) -> str:

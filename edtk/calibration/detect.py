@@ -1,0 +1,183 @@
+"""The power of a plan to notice a fault, and the experiment that would add most to it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from edtk.calibration.causes.families import families
+from edtk.calibration.causes.family import Family
+from edtk.calibration.planned_measurements import planned_measurements
+from edtk.design.detection import Detection
+from edtk.design.plan import Plan
+from edtk.design.sample_feasible import sample_feasible
+from edtk.inference.distributions import chi_square_quantile
+from edtk.inference.least_squares import Whitened
+from edtk.inference.measurements import Measurements
+from edtk.study.study import Study
+from edtk.system.errors import ArgumentError
+from edtk.system.typing import Array, Indices
+
+LEVEL = 0.01  # probability of a false alarm
+CANDIDATES = 300  # poses among which one more experiment is looked for
+UNITS = {"mm": 1e-3, "deg": np.pi / 180, "%": 1e-2}
+# Unit of the size of each fault; those of a joint mean the joint in which it is hardest to see.
+FAULTS = {
+    "load_size": "%",
+    "load_direction": "deg",
+    "tool_x": "mm",
+    "tool_y": "mm",
+    "tool_z": "mm",
+    "frame_rotation": "deg",
+    "drift": "mm",
+    "torque_sign": "%",
+    "backlash": "deg",
+}
+
+
+@dataclass(frozen=True)
+class SizedFault:
+    """A fault with its size.
+
+    Attributes:
+        name: Its name.
+        size: Its size, in its unit.
+    """
+
+    name: str
+    size: float
+
+    @property
+    def unit(self) -> str:
+        """Unit of the size."""
+        return FAULTS[self.name]
+
+
+def sized_faults(study: Study, given: Mapping[str, str]) -> tuple[SizedFault, ...]:
+    """Read sizes of faults.
+
+    Args:
+        study: The study, whose [simulation] faults are judged by.
+        given: Sizes with units, like "5mm", "2deg" or "3%", by the name of the fault; "load" is
+            short for "load_size".
+
+    Raises:
+        UserError: The study has no [simulation]; a fault or a unit is not known.
+    """
+    if given and study.specification.simulation is None:
+        message = "expected a table with compliances, by which faults are judged"
+        raise study.error("simulation", message)
+    return tuple(
+        _sized("load_size" if name == "load" else name, size) for name, size in given.items()
+    )
+
+
+def detect(study: Study, plan: Plan, faults: tuple[SizedFault, ...]) -> tuple[Detection, ...]:
+    """Find how likely faults of a calibration would be noticed in the measurements of a plan.
+
+    A fault of size c adds ``D c`` to the measurements. Of that the residuals show the part that the
+    compliances do not take up, ``(I - QQ') D c``; its squared length in units of sigma is the
+    noncentrality of the chi-square statistic that tests for the fault.
+
+    Args:
+        study: The study; its [simulation] says how compliant the joints are.
+        plan: All experiments.
+        faults: Faults with their sizes.
+
+    Returns:
+        The detections in the order of the faults.
+
+    Raises:
+        SingularPlanError: The plan leaves a compliance open.
+    """
+    if not faults:
+        return ()
+    data = planned_measurements(study, plan)
+    both = _joined(data, _candidates(study))
+    known = tuple(families(study.model, both, study.compliances))
+    return tuple(_detection(study, len(data), both, known, fault) for fault in faults)
+
+
+def _detection(
+    study: Study, m: int, both: Measurements, known: tuple[Family, ...], fault: SizedFault
+) -> Detection:
+    """The power of the first m rows, and with each of the rows behind them."""
+    named = [family for family in known if family.cause == fault.name]
+    if named and not named[0].joint:
+        named = named[:1]  # of the drifts the one that all readings share
+    if not named:
+        # Compliances take up a load of another size in full, in every plan; and a fault that
+        # depends on the sign of a torque is not there where no torque changes its sign.
+        return Detection(fault.name, fault.size, fault.unit, LEVEL, None, LEVEL)
+    A = both.regressor(study.model)
+    size = fault.size * UNITS[fault.unit]
+
+    def power(rows: Indices, family: Family, D: Array) -> float:
+        """Power of some rows against one fault."""
+        return _power(A[rows], D[rows], both.sigma[rows], study.model.parameters, family.dims)
+
+    changes = [
+        family.derivative_at_zero(study.compliances) @ np.full(family.dims, size / family.dims**0.5)
+        for family in named
+    ]
+    planned = np.arange(m)
+    powers = [power(planned, *pair) for pair in zip(named, changes, strict=True)]
+    hardest = int(np.argmin(powers))
+    with_one = [
+        power(np.append(planned, extra), named[hardest], changes[hardest])
+        for extra in range(m, len(both))
+    ]
+    best = int(np.argmax(with_one))
+    helps = with_one[best] > powers[hardest]
+    return Detection(
+        fault.name,
+        fault.size,
+        fault.unit,
+        powers[hardest],
+        both.q[m + best] if helps else None,
+        max(with_one[best], powers[hardest]),
+        named[hardest].joint,
+    )
+
+
+def _power(A: Array, D: Array, sigma: Array, parameters: tuple[str, ...], dims: int) -> float:
+    """Probability that a change D (m, rows) of the measurements is noticed."""
+    from scipy.special import chndtr
+
+    whitened = Whitened.of(A, sigma, parameters)
+    z = D * whitened.weight
+    seen = z - whitened.Q @ np.einsum("mrp,mr->p", whitened.Q, z)
+    noncentrality = float((seen**2).sum())
+    threshold = float(chi_square_quantile(1 - LEVEL, dims))
+    return float(1 - chndtr(threshold, dims, noncentrality))
+
+
+def _candidates(study: Study) -> Measurements:
+    """Feasible experiments, of which one more may be made."""
+    x = sample_feasible(study.space, CANDIDATES, study.specification.seed)
+    return planned_measurements(study, study.space.plan(x, np.ones(len(x), dtype=int)))
+
+
+def _joined(first: Measurements, second: Measurements) -> Measurements:
+    """The rows of both."""
+    names = ("q", "wrench", "deflection", "sigma", "marker")
+    return replace(
+        first,
+        **{name: np.concatenate([getattr(first, name), getattr(second, name)]) for name in names},
+    )
+
+
+def _sized(name: str, size: str) -> SizedFault:
+    """A fault with the number that is written before its unit."""
+    if name not in FAULTS:
+        message = f"no fault {name!r}; expected one of {', '.join(FAULTS)}"
+        raise ArgumentError(message, argument="detect")
+    number, unit, rest = size.partition(FAULTS[name])
+    try:
+        value = float(number)
+    except ValueError:
+        value = np.nan
+    if not unit or rest or not np.isfinite(value):
+        message = f"{name}={size}: expected a number with its unit, {FAULTS[name]}"
+        raise ArgumentError(message, argument="detect")
+    return SizedFault(name, value)

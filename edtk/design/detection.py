@@ -1,0 +1,43 @@
+"""Whether a plan would notice a fault of the calibration."""
+
+from dataclasses import dataclass
+from typing import Any
+
+from edtk.system.typing import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Detection:
+    """The chance that a fault of some size is noticed.
+
+    Attributes:
+        fault: Name of the fault.
+        size: Its size, in `unit`.
+        unit: Unit of the size.
+        power: Probability that the measurements of the plan show the fault, by a test that has one
+            false alarm in a hundred.
+        better: Joint variables (n,) of one more experiment that shows it best [rad or m]; None
+            where none helps.
+        power_with: The probability with that experiment.
+        joint: The joint that the fault is in; empty if it is in none.
+    """
+
+    fault: str
+    size: float
+    unit: str
+    power: float
+    better: Array | None
+    power_with: float
+    joint: str = ""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain numbers for JSON; joint variables in radians and metres."""
+        return {
+            "fault": self.fault,
+            "size": self.size,
+            "unit": self.unit,
+            "joint": self.joint or None,
+            "power": self.power,
+            "better_q": None if self.better is None else self.better.tolist(),
+            "power_with": self.power_with,
+        }

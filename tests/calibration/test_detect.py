@@ -1,0 +1,87 @@
+"""The chance that a plan shows a fault, before anything is measured."""
+
+import numpy as np
+import pytest
+from readings import PLAN, STUDY
+
+from edtk.calibration.causes.families import families
+from edtk.calibration.detect import detect, sized_faults
+from edtk.calibration.planned_measurements import planned_measurements
+from edtk.inference.distributions import chi_square_quantile
+from edtk.inference.least_squares import Whitened
+from edtk.system.errors import ArgumentError, UserError
+
+K = STUDY.compliances
+
+
+def found(**given):
+    """Detections for the published plan of twelve."""
+    return detect(STUDY, PLAN, sized_faults(STUDY, given))
+
+
+def test_power_is_the_share_of_simulations_that_show_it():
+    """Of 4000 simulated sheets with the drift, the test notices the share that is promised."""
+    (promised,) = found(drift="0.04mm")
+    data = planned_measurements(STUDY, PLAN)
+    fault = next(f for f in families(STUDY.model, data, K) if f.cause == "drift")
+    A = data.regressor(STUDY.model)
+    D = fault.derivative_at_zero(K)
+    rng = np.random.default_rng(0)
+    shifts = D @ np.full(3, 0.04e-3 / np.sqrt(3))
+    measured = A @ K + shifts + data.sigma * rng.standard_normal((4000, *data.sigma.shape))
+    names = STUDY.model.parameters
+    without = Whitened.of(A, data.sigma, names)
+    columns = np.concatenate([A, D], axis=-1)
+    with_it = Whitened.of(columns, data.sigma, (*names, "x", "y", "z"))
+    drop = (with_it.project(measured) ** 2).sum(axis=1) - (without.project(measured) ** 2).sum(
+        axis=1
+    )
+    noticed = (drop > chi_square_quantile(0.99, 3)).mean()
+    assert 0.1 < promised.power < 0.9
+    # Binomial: four standard errors of 4000 are 3 %.
+    assert noticed == pytest.approx(promised.power, abs=0.03)
+
+
+def test_one_more_experiment_helps():
+    """The named experiment raises the chance, and is within the joint limits."""
+    (promised,) = found(tool_z="10mm")
+    assert promised.power_with > promised.power
+    lower, upper = STUDY.robot.limits
+    assert ((lower <= promised.better) & (promised.better <= upper)).all()
+    assert promised.to_dict()["better_q"] == promised.better.tolist()
+
+
+def test_a_load_of_another_size_is_never_seen():
+    """Compliances take up the size of the load, whatever the plan."""
+    (promised,) = found(load="10%")
+    assert promised.fault == "load_size"
+    assert promised.power == promised.power_with == 0.01
+    assert promised.better is None
+
+
+def test_the_joint_in_which_it_is_hardest_to_see_is_named():
+    """Backlash is judged in the joint that shows it least."""
+    (promised,) = found(backlash="0.01deg")
+    assert promised.joint in STUDY.robot.joint_names
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"tool_z": "5deg"}, "tool_z=5deg: expected a number with its unit, mm"),
+        ({"tool_z": "mm"}, "expected a number with its unit, mm"),
+        ({"tool_z": "nanmm"}, "expected a number with its unit, mm"),
+        ({"wind": "5mm"}, "no fault 'wind'; expected one of load_size"),
+    ],
+)
+def test_what_cannot_be_meant(given, words):
+    """A fault or a unit that is not known is one line."""
+    with pytest.raises(ArgumentError) as error:
+        sized_faults(STUDY, given)
+    assert words in str(error.value)
+
+
+def test_without_assumed_compliances():
+    """Faults are judged by the compliances of [simulation]."""
+    with pytest.raises(UserError, match="simulation"):
+        sized_faults(STUDY.replace(simulation=None), {"drift": "1mm"})

@@ -1,0 +1,54 @@
+"""The error budget before the day."""
+
+import numpy as np
+import pytest
+from readings import PLAN, STUDY
+
+from edtk.calibration.plan_budget import plan_budget
+from edtk.study.evaluate import evaluate
+
+
+def test_noise_is_rho0_and_repetitions_count():
+    """The noise part is the plan's rho0; four times the repetitions halve it, and no other part."""
+    one = plan_budget(STUDY, PLAN)
+    four = plan_budget(STUDY, PLAN.repeated(4))
+    assert one.noise == pytest.approx(evaluate(STUDY, PLAN).criteria["rho0"], rel=1e-9)
+    assert four.noise == pytest.approx(one.noise / 2, rel=1e-9)
+    assert four.load == pytest.approx(one.load, rel=1e-9)
+    assert four.tool == pytest.approx(one.tool, rel=1e-9)
+
+
+def test_repeatability_averages_out():
+    """Motion between two readings averages out over repetitions; what all share does not."""
+    study = STUDY.replace(uncertainty={"repeatability_mm": 0.03, "drift_mm": 0.03})
+    one = plan_budget(study, PLAN)
+    four = plan_budget(study, PLAN.repeated(4))
+    # As large as sigma, it adds as much as the noise.
+    assert one.repeatability == pytest.approx(one.noise, rel=1e-9)
+    assert four.repeatability == pytest.approx(one.repeatability / 2, rel=1e-9)
+    assert four.drift == pytest.approx(one.drift, rel=1e-9)
+
+
+def test_the_studys_uncertainty_scales_the_parts():
+    """A load that is known ten times as well leaves a tenth; rigid joints are those stated."""
+    study = STUDY.replace(
+        uncertainty={
+            "load_percent": 0.1,
+            "load_direction_deg": 0.1,
+            "tool_mm": 0.1,
+            "rigid_rad_per_Nm": {"q1": 1e-8},
+        }
+    )
+    better = plan_budget(study, PLAN)
+    default = plan_budget(STUDY, PLAN)
+    assert better.load == pytest.approx(default.load / 10)
+    assert better.tool == pytest.approx(default.tool / 10)
+    expected = default.rigid_joints * 1e-8 / np.median(STUDY.compliances)
+    assert better.rigid_joints == pytest.approx(expected)
+
+
+def test_without_assumed_compliances_or_a_task_there_is_none():
+    """Parts are of the displacement of a task by compliances, which must be assumed."""
+    assert plan_budget(STUDY.replace(simulation=None), PLAN) is None
+    other = STUDY.replace(test_pose=None, optimise=["D"], criteria=["D"])
+    assert plan_budget(other, PLAN) is None
