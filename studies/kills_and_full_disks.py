@@ -6,7 +6,8 @@ Kills: a small study is run, killed at a moment, and started again; at the end e
 the bytes of a run that was never killed, and no other file may be there. Moments are spread evenly
 over the time of a whole run. Full disks: every command that writes is carried out where no file may
 become larger than some bytes (RLIMIT_FSIZE); it must end with code 2 and one line that names a file
-that it was asked to write, and leave the folder as it was. Both write to a temporary folder.
+that it was asked to write, and leave the folder as it was. The tables are in
+kills_and_full_disks.md.
 """
 
 import argparse
@@ -39,6 +40,17 @@ COMMANDS = (
     "bayes STUDY PLAN --accuracy 0.2 --export a.nc --figures b",
     "run STUDY --workers 1 --out a",
 )
+
+RECORD = """# Kills and full disks
+
+Written by `python studies/kills_and_full_disks.py`, which says how both are tried.
+
+## Full disks: no file may become larger than some bytes
+
+{disks}
+## Kills: `kill -9` at moments of a whole run, started again afterwards
+
+{kills}"""
 
 
 def study_in(folder: Path) -> Path:
@@ -128,14 +140,14 @@ def full_disks(folder: Path) -> str:
 
 
 def main() -> None:
-    """Do both, and print the tables."""
+    """Do both, and write the tables beside this file."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--kills", type=int, default=25)
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
-        sys.stdout.write(f"## Full disks\n\n{full_disks(Path(name))}\n")
-        sys.stdout.flush()
-        sys.stdout.write(f"## Kills\n\n{kills(Path(name), given.kills)}")
+        disks = full_disks(Path(name))
+        killed = kills(Path(name), given.kills)
+    write_text(HERE / f"{Path(__file__).stem}.md", RECORD.format(disks=disks, kills=killed))
 
 
 if __name__ == "__main__":
