@@ -224,8 +224,10 @@ def world(name: str) -> Files:
     The first world has a finished run in the folder `run`, and a chain.
     """
     written = dict(zip(NAMES, WRITTEN[name], strict=True))
-    texts = {**written, "pub.csv": written["plan.csv"], "keep.csv": written["plan.csv"]}
+    texts = {**written, "pub.csv": written["plan.csv"]}
     texts["earlier.json"] = EARLIER
+    # One experiment that was made, so that there is another one to plan.
+    texts["keep.csv"] = "\n".join(written["plan.csv"].splitlines()[:2]) + "\n"
     here = Path.cwd()
     with tempfile.TemporaryDirectory() as folder:
         os.chdir(folder)
