@@ -50,7 +50,8 @@ Written by `python studies/kills_and_full_disks.py`, which says how both are tri
 {disks}
 ## Kills: `kill -9` at moments of a whole run, started again afterwards
 
-Moments are parts of the time that the first, whole run took; a faster one ends before the last of them.
+Moments are parts of the time that the first, whole run took; a faster one ends before the last of
+them.
 
 {kills}"""
 
