@@ -12,11 +12,12 @@ from edtk.report.draw.name_ticks import room_for
 from edtk.report.draw.quantiles import quantiles
 from edtk.report.draw.residuals import residuals
 from edtk.report.new_figure import new_figure
-from edtk.report.page import Page, footer, heading, paragraph, picture, table
+from edtk.report.page import Page, footer, paragraph, picture, section, table
 from edtk.report.posterior_report import posterior_report
 from edtk.version import __version__
 
 SHOWN = 8  # rows of the table of residuals
+WIDTH = 4.4  # of a picture [inch]: letters can be read on a phone, and on a desk two have room
 AXES = ("x", "y", "z", "rotation x", "rotation y", "rotation z")
 
 
@@ -24,16 +25,16 @@ def calibration_report(found: Calibration) -> str:
     """The text of `report.html`."""
     parts = [
         calibration_verdict(found),
-        heading("Compliances"),
-        _compliances(found),
-        _intervals(found),
-        heading("Do the residuals fit the noise?"),
-        paragraph(_noise(found.fit)),
-        _residuals(found.fit),
-        _quantiles(found.fit),
-        _worst(found),
-        heading("Which parameters depend on each other?"),
-        _correlation(found),
+        section("Compliances", _compliances(found), _intervals(found)),
+        section(
+            "Do the residuals fit the noise?",
+            paragraph(_noise(found.fit)),
+            _residuals(found.fit),
+            _quantiles(found.fit),
+            paragraph("The measurements that fit least:"),
+            _worst(found),
+        ),
+        section("Which parameters depend on each other?", _correlation(found), _pairs(found)),
     ]
     if found.check is not None:
         parts.append(posterior_report(found.check))
@@ -53,16 +54,16 @@ def _origin(found: Calibration) -> str:
 def _compliances(found: Calibration) -> str:
     """A table with a row for each parameter."""
     fit = found.fit
-    half = fit.half_interval
+    low, high = fit.interval
+    model = found.study.model
     rows = []
-    for i, name in enumerate(found.study.model.parameters):
+    for i, name in enumerate(model.parameters):
         k = fit.k[i]
         std = fit.std[i]
-        low = digits(max(fit.unbounded[i] - half[i], 0.0), std)
-        high = digits(max(fit.unbounded[i] + half[i], 0.0), std)
-        relative = f"{100 * std / k:.2g} %" if k > 0 else "-"
-        rows.append([name, digits(k, std), f"{std:.1e}", relative, f"{low} .. {high}"])
-    header = ["parameter", found.study.model.unit, "std", "std, relative", "95 % interval"]
+        relative = f"{100 * std / k:.2g}" if k > 0 else "-"
+        ends = f"{digits(low[i], std)} to {digits(high[i], std)}"
+        rows.append([name, digits(k, std), f"{std:.1e}", relative, ends, model.units[i]])
+    header = ["parameter", "estimate", "std", "std [%]", "95 % interval", "unit"]
     return table(header, rows)
 
 
@@ -96,25 +97,29 @@ def _worst(found: Calibration) -> str:
         rotations = [f"{np.rad2deg(r):+.4f}" for r in fit.residual[i, 3:]]
         largest = f"{z[i, j]:.2f} ({AXES[j]})"
         leverage = f"{fit.leverage[i].max():.2f}"
-        flag = "outlier" if i in fit.outliers else ""
+        flag = "yes" if i in fit.outliers else "no"
         pose = found.data.pose[i] + 1
         rows.append([i + 1, pose, *positions, *rotations, largest, leverage, flag])
     units = [f"{axis} [{'mm' if j < 3 else 'deg'}]" for j, axis in enumerate(AXES[: z.shape[1]])]
-    return table(["row", "pose", *units, "largest, standardised", "leverage", ""], rows)
+    return table(["row", "pose", *units, "largest [sigma]", "leverage", "outlier"], rows, full=True)
 
 
 def _intervals(found: Calibration) -> str:
     """The picture of the compliances."""
-    figure = new_figure(6.4, 0.8 + 0.4 * len(found.fit.k))
-    intervals(found.fit, found.study.model.parameters, figure.add_subplot())
-    caption = "Identified compliances with 95 % intervals, relative to the estimate."
+    figure = new_figure(WIDTH, 0.8 + 0.4 * len(found.fit.k))
+    model = found.study.model
+    intervals(found.fit, model.parameters, model.units, figure.add_subplot())
+    caption = (
+        "95 % intervals of the compliances, relative to the estimate; one that reaches to zero is "
+        "written out."
+    )
     return picture(figure, caption)
 
 
 def _residuals(fit: Identification) -> str:
     """The picture of the residuals, those of rotations below those of positions."""
     parts = fit.residual.shape[1] // 3
-    figure = new_figure(6.4, 0.8 + 2.8 * parts)
+    figure = new_figure(WIDTH, 0.8 + 2.6 * parts)
     residuals(fit, figure.subplots(parts, 1, sharex=True, squeeze=False)[:, 0])
     caption = (
         "Measured minus predicted, by measurement; grey: twice the noise; circles: flagged as "
@@ -125,7 +130,7 @@ def _residuals(fit: Identification) -> str:
 
 def _quantiles(fit: Identification) -> str:
     """The quantile plot."""
-    figure = new_figure(4.2, 3.8)
+    figure = new_figure(WIDTH, 3.4)
     quantiles(fit, figure.add_subplot())
     caption = "Standardised residuals against the normal law: on the line where they follow it."
     return picture(figure, caption)
@@ -136,6 +141,16 @@ def _correlation(found: Calibration) -> str:
     p = len(found.fit.k)
     names = found.study.model.parameters
     more = room_for(names)
-    figure = new_figure(1.6 + 0.65 * p + more, 1.0 + 0.5 * p + more)
+    figure = new_figure(1.15 + 0.65 * p + more, 1.0 + 0.5 * p + more)
     correlation(found.fit.correlation, names, figure.add_subplot())
     return picture(figure, "Correlation of the estimates.")
+
+
+def _pairs(found: Calibration) -> str:
+    """A table of the pairs of parameters that depend on each other most."""
+    names = found.study.model.parameters
+    above = np.stack(np.triu_indices(len(names), 1), axis=1)
+    size = -np.abs(found.fit.correlation[above[:, 0], above[:, 1]])
+    chosen = above[np.argsort(size, kind="stable")[:SHOWN]]
+    rows = [[f"{names[i]}, {names[j]}", f"{found.fit.correlation[i, j]:+.3f}"] for i, j in chosen]
+    return table(["pair", "correlation"], rows) if rows else ""

@@ -1,41 +1,23 @@
 """One HTML file without outside links: a verdict, sections, tables and pictures."""
 
-import base64
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from html import escape
 from typing import TYPE_CHECKING
 
-from edtk.report.png import png
+from edtk.report.page_style import PAGE_STYLE
+from edtk.report.svg import svg
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-DPI = 120
-STYLE = """
-:root { color-scheme: light dark; --line: #8884; --good: #00795c; --warn: #b35900; --bad: #b3261e; }
-body { font: 16px/1.5 system-ui, sans-serif; max-width: 62rem; margin: 0 auto; padding: 1rem; }
-h1 { font-size: 1.5rem; line-height: 1.25; } h2 { font-size: 1.2rem; margin-top: 2rem; }
-.verdict { border-left: .4rem solid; border-radius: .3rem; padding: .6rem 1rem; background: #8881; }
-.verdict p { margin: .3rem 0; }
-.verdict p:first-child { font-size: 1.15rem; font-weight: 600; }
-.good { border-color: var(--good); }
-.usable { border-color: var(--warn); }
-.bad { border-color: var(--bad); }
-.wide { overflow-x: auto; }
-table { border-collapse: collapse; font-variant-numeric: tabular-nums; }
-th, td { padding: .25rem .7rem; border-bottom: 1px solid var(--line); }
-th, td { text-align: right; white-space: nowrap; }
-th:first-child, td:first-child { text-align: left; }
-figure { margin: 1rem 0; }
-img { max-width: 100%; height: auto; background: white; border-radius: .3rem; }
-figcaption, footer { font-size: .9rem; opacity: .8; }
-"""
+WIDE = 430.0  # px, beyond which a picture has a row of its own and scrolls on a phone
+MOST_ENLARGED = 1.25
 
 
 @dataclass(frozen=True)
 class Page:
-    """A page for a desk or a phone.
+    """A page for a desk, a phone or paper.
 
     Attributes:
         title: Heading, and the text on the browser's tab.
@@ -53,7 +35,7 @@ class Page:
             '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
             '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
             f'<title>{title}</title>\n<link rel="icon" href="data:,">\n'
-            f"<style>{STYLE}</style>\n</head>\n"
+            f"<style>{PAGE_STYLE}</style>\n</head>\n"
             f"<body>\n<h1>{title}</h1>\n{body}\n</body>\n</html>\n"
         )
 
@@ -64,37 +46,63 @@ def verdict(level: str, lines: Sequence[str]) -> str:
     return f'<div class="verdict {level}" id="verdict" data-level="{level}">{text}</div>'
 
 
-def heading(text: str) -> str:
-    """The heading of a section."""
-    return f"<h2>{escape(text)}</h2>"
+def section(title: str, *parts: str) -> str:
+    """A section of two columns where the screen has room for them."""
+    return "\n".join(["<section>", f"<h2>{escape(title)}</h2>", *parts, "</section>"])
 
 
 def paragraph(text: str) -> str:
-    """Plain text."""
+    """Plain text, across all columns."""
     return f"<p>{escape(text)}</p>"
 
 
-def table(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    """A table that scrolls sideways where the screen is narrow."""
-    head = "".join(f"<th>{escape(name)}</th>" for name in header)
-    body = "".join(f"<tr>{_cells(row)}</tr>" for row in rows)
+def table(
+    header: Sequence[str], rows: Iterable[Sequence[object]], words: int = 0, full: bool = False
+) -> str:
+    """A table that scrolls sideways in its own box where the screen is narrow.
+
+    Args:
+        header: Names of the columns, with units.
+        rows: Their cells.
+        words: Number of columns at the end that hold sentences, which may break.
+        full: Whether the table takes all columns of the section.
+    """
+    first = len(header) - words
+    head = "".join(_cell("th", name, i >= first) for i, name in enumerate(header))
+    lines = ("".join(_cell("td", c, i >= first) for i, c in enumerate(row)) for row in rows)
+    body = "".join(f"<tr>{line}</tr>" for line in lines)
+    # A box that scrolls can be reached and moved by keys.
+    columns = " full" if full else ""
     return (
-        f'<div class="wide"><table><thead><tr>{head}</tr></thead>'
+        f'<div class="box{columns}" tabindex="0"><table><thead><tr>{head}</tr></thead>'
         f"<tbody>{body}</tbody></table></div>"
     )
 
 
-def _cells(row: Sequence[object]) -> str:
-    """The cells of one row."""
-    return "".join(f"<td>{escape(str(cell))}</td>" for cell in row)
+def facts(title: str, rows: Iterable[tuple[str, str]]) -> str:
+    """Names with what there is to say of each, which breaks into lines."""
+    body = "".join(f"<dt>{escape(name)}</dt><dd>{escape(text)}</dd>" for name, text in rows)
+    return f"<div><h3>{escape(title)}</h3><dl>{body}</dl></div>"
+
+
+def _cell(kind: str, content: object, words: bool) -> str:
+    """One cell."""
+    style = ' class="words"' if words else ""
+    return f"<{kind}{style}>{escape(str(content))}</{kind}>"
 
 
 def picture(figure: "Figure", caption: str) -> str:
     """A figure inside the page; its caption is also for those who do not see it."""
-    data = base64.b64encode(png(figure, DPI)).decode("ascii")
+    drawing, width = svg(figure)
     text = escape(caption)
+    # A wide one would be too small to read on a phone: there it scrolls.
+    wide = width > WIDE
+    least = f"min-width:{width:.0f}px;" if wide else ""
+    style = f"{least}max-width:{MOST_ENLARGED * width:.0f}px"
+    columns = ' class="full"' if wide else ""
+    labelled = drawing.replace("<svg", f'<svg role="img" aria-label="{text}" style="{style}"', 1)
     return (
-        f'<figure><img alt="{text}" src="data:image/png;base64,{data}">'
+        f'<figure{columns}><div class="box" tabindex="0">{labelled}</div>'
         f"<figcaption>{text}</figcaption></figure>"
     )
 

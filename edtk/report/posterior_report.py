@@ -3,7 +3,7 @@
 from edtk.calibration.pose_error import PoseError
 from edtk.calibration.posterior_check import PosteriorCheck
 from edtk.report.digits import digits
-from edtk.report.page import heading, paragraph, picture, table
+from edtk.report.page import paragraph, picture, section, table
 from edtk.report.posterior_figures import posterior_figures
 
 NOISE = {"sigma_ratio": "Noise over the stated one", "nu": "Degrees of freedom of Student's t"}
@@ -11,7 +11,7 @@ NOISE = {"sigma_ratio": "Noise over the stated one", "nu": "Degrees of freedom o
 
 def posterior_report(check: PosteriorCheck) -> str:
     """A table, its meaning in the test pose, and the pictures."""
-    parts = [heading("What does the posterior say?"), paragraph(_chain(check)), _compliances(check)]
+    parts = [paragraph(_chain(check)), _compliances(check)]
     if check.ratio_to_expect != 1:
         ratio = f"{check.ratio_to_expect:.3f}"
         parts.append(paragraph(f"As sigma was estimated, a ratio of {ratio} is to be expected."))
@@ -27,7 +27,7 @@ def posterior_report(check: PosteriorCheck) -> str:
         (figures.trace, "The chain after burn-in: it should look like noise, without drift."),
     )
     parts += [picture(figure, caption) for figure, caption in pictures]
-    return "\n".join(parts)
+    return section("What does the posterior say?", *parts)
 
 
 def _chain(check: PosteriorCheck) -> str:
@@ -58,7 +58,9 @@ def _compliances(check: PosteriorCheck) -> str:
                 f"{digits(record['low_95'], std)} .. {digits(record['high_95'], std)}",
             ]
         )
-    return table(["parameter", "unit", "mean", "std", label, "ratio", "95 % interval"], rows)
+    return table(
+        ["parameter", "unit", "mean", "std", label, "ratio", "95 % interval"], rows, full=True
+    )
 
 
 def _test_pose(pose: PoseError) -> str:

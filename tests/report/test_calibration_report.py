@@ -3,11 +3,13 @@
 import re
 import shutil
 import subprocess
+from dataclasses import replace
 from html import escape
 from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from edtk.calibration.calibrate import Calibration
 from edtk.calibration.diagnostics.diagnostics import diagnostics
@@ -19,6 +21,7 @@ from edtk.inference.simulate import simulate
 from edtk.report.calibration_report import calibration_report
 from edtk.report.calibration_verdict import calibration_verdict
 from edtk.report.digits import digits
+from edtk.report.draw.intervals import intervals
 from edtk.study.study import load_study
 
 pytestmark = pytest.mark.slow
@@ -102,24 +105,53 @@ def test_negative_compliance():
 def test_nothing_from_outside(good):
     """The file names no other: no links, scripts or addresses; names are escaped."""
     text = good[1]
-    assert re.findall(r'(?:src|href)="(?!data:)', text) == []
+    assert re.findall(r'(?:src|href)="(?!data:|#)', text) == []
     assert "<script" not in text
-    assert "http" not in re.sub(r"base64,[A-Za-z0-9+/=]+", "", text)
+    assert "http" not in re.sub(r"base64,[A-Za-z0-9+/=\s]+", "", text)
     assert "day <1>" not in text
+    assert calibration_report(good[0]) == text
+
+
+def test_every_column_has_a_header(good):
+    """No table has a column without a name, and colours have a scale with a name."""
+    assert "<th></th>" not in good[1]
+    assert re.search("<text[^>]*>correlation</text>", good[1])
+
+
+@pytest.mark.parametrize("zero", [(), (3,), range(5)])
+def test_the_picture_has_the_intervals_of_the_table(good, zero):
+    """Drawn or written is the interval of the table; one to zero does not stretch others."""
+    k = good[0].fit.k.copy()
+    k[list(zero)] = 0.0
+    unbounded = np.where(k > 0, k, -good[0].fit.std)
+    fit = replace(good[0].fit, k=k, unbounded=unbounded)
+    ax = Figure().add_subplot()
+    intervals(fit, STUDY.model.parameters, STUDY.model.units, ax)
+    low, high = fit.interval
+    drawn = np.array([line[:, 0] for line in ax.collections[0].get_segments()]).reshape(-1, 2)
+    shown = k > 0
+    assert drawn == pytest.approx(100 * (np.stack([low, high], axis=1)[shown].T / k[shown] - 1).T)
+    assert [text.get_text() for text in ax.texts] == [
+        f"0 to {h:.2g} rad/(N m)" for h in high[~shown]
+    ]
+    assert np.abs(ax.get_xlim()).max() <= 100
 
 
 PROBE = """<script>addEventListener('load', () => {
-  const images = [...document.images];
-  const shown = images.filter(i => i.complete && i.naturalWidth > 0 && i.clientWidth > 100).length;
+  const drawings = [...document.querySelectorAll('figure svg')];
+  const shown = drawings.filter(drawing => drawing.getBoundingClientRect().width > 100).length;
+  const letters = drawings.flatMap(drawing => [...drawing.querySelectorAll('text')].map(
+    text => parseFloat(getComputedStyle(text).fontSize) * drawing.getScreenCTM().a));
   const seen = document.getElementById('verdict').getBoundingClientRect();
-  document.title = [shown, document.images.length, seen.height > 20 && seen.top < 400,
-    document.documentElement.scrollWidth <= innerWidth, innerWidth].join(' ');
+  document.title = [shown, drawings.length, seen.height > 20 && seen.top < 400,
+    document.documentElement.scrollWidth <= innerWidth, Math.min(...letters) >= 9,
+    innerWidth].join(' ');
 });</script></body>"""
 FRAMES = """<!doctype html><title></title><body>{}<script>addEventListener('load', () => {{
   document.title = [...document.querySelectorAll('iframe')]
     .map(frame => frame.contentDocument.title).join(', ');
 }});</script></body>"""
-WIDTHS = (1200, 390)
+WIDTHS = (1280, 390)
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason="there is no chromium on this machine")
@@ -127,7 +159,8 @@ def test_in_a_browser(tmp_path, good):
     """A headless browser shows verdict and pictures, at desk and phone width, without an error.
 
     All pages are frames of one, since a browser takes a second to start. A script that is added for
-    the test writes down what the browser made of each; nothing is wider than its screen.
+    the test writes down what the browser made of each; nothing is wider than its screen, and no
+    letter of a picture smaller than nine pixels.
     """
     options = SamplingOptions(Demand(0.3, length=10.0))
     sampled = calibration_report(good[0].sampled(np.random.default_rng(3), options))
@@ -153,5 +186,5 @@ def test_in_a_browser(tmp_path, good):
     answer = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
     assert "CONSOLE" not in answer.stderr
     seen = re.search("<title>(.*)</title>", answer.stdout)[1].split(", ")
-    assert seen == [f"{n} {n} true true {width}" for n in (4, 7) for width in WIDTHS]
+    assert seen == [f"{n} {n} true true true {width}" for n in (4, 7) for width in WIDTHS]
     assert all("Good calibration." in text for text in (good[1], sampled))

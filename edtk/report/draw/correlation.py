@@ -10,6 +10,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 DARK = 0.6  # correlation beyond which a cell is so dark that its number is white
+# Black takes the colour of a page's text, which is white in the dark; a bright cell stays bright.
+INK = "#111111"
 
 
 def correlation(matrix: np.ndarray, parameters: tuple[str, ...], ax: "Axes") -> None:
@@ -18,8 +20,8 @@ def correlation(matrix: np.ndarray, parameters: tuple[str, ...], ax: "Axes") -> 
     image = ax.imshow(matrix, cmap="RdBu_r", vmin=-1, vmax=1, aspect="auto")
     for i in range(p):
         for j in range(p):
-            colour = "white" if abs(matrix[i, j]) > DARK else "black"
+            colour = "white" if abs(matrix[i, j]) > DARK else INK
             number = f"{matrix[i, j]:.2f}"
-            ax.text(j, i, number, ha="center", va="center", fontsize=8, color=colour)
+            ax.text(j, i, number, ha="center", va="center", fontsize=9, color=colour)
     name_ticks(ax, parameters, parameters)
-    ax.figure.colorbar(image, ax=ax)
+    ax.figure.colorbar(image, ax=ax, label="correlation")

@@ -21,7 +21,7 @@ def trace(shown: LabelledSamples, last_step: int, axes: np.ndarray) -> None:
     steps = np.arange(count)[::every] + last_step - count
     for i, ax in enumerate(axes):
         walkers = shown.samples[::every, :, i]
-        ax.plot(steps, walkers, color=BLUE, linewidth=0.3, alpha=0.25)
+        ax.plot(steps, walkers, color=BLUE, linewidth=0.3, alpha=0.25, rasterized=True)
         ax.plot(steps, walkers.mean(axis=1), color="black", linewidth=0.8)
         ax.axhline(shown.reference[i], color=ORANGE, linewidth=1)
         ax.set_ylabel(shown.labels[i], fontsize=8)

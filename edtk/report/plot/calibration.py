@@ -17,7 +17,7 @@ def calibration(found: Calibration, ax: Any = None) -> Any:
     fit = found.fit
     parts = fit.residual.shape[1] // 3
     axes = panels(ax, 1 + parts, 1, (6.4, 2.6 + 2.8 * parts))[:, 0]
-    intervals(fit, found.study.model.parameters, axes[0])
+    intervals(fit, found.study.model.parameters, found.study.model.units, axes[0])
     residuals(fit, axes[1:])
     axes[0].set_title(_title(found), fontsize=10)
     return axes
