@@ -1,11 +1,13 @@
 """Mutations of a chain on disk: of what HDF5 stores under which name."""
 
+import hashlib
 import io
 from random import Random
 from typing import Any
 
 import numpy as np
 
+from edtk.inference.chain_file import SEAL, SEAL_LENGTH
 from tests.fuzz import mutate_text
 
 Array = Any
@@ -17,11 +19,13 @@ def mutate_chain(content: bytes, rng: Random) -> bytes:
 
     if rng.random() < 0.5:
         return rng.choice(mutate_text.OF_BYTES)(content, rng)
-    stored = io.BytesIO(content)
+    stored = io.BytesIO(content[:-SEAL_LENGTH])
     with h5py.File(stored, "r+") as file:
         for _ in range(rng.choice((1, 1, 2))):
             _change(file, rng)
-    return stored.getvalue()
+    image = stored.getvalue()
+    # With a right seal, so that what is behind it is tested too.
+    return image + SEAL + hashlib.sha256(image).digest()
 
 
 def _change(file: Any, rng: Random) -> None:
