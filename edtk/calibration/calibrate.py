@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from edtk.calibration.calibration_budget import calibration_budget
+from edtk.calibration.cause_of import cause_of
 from edtk.calibration.causes.cause import Cause
 from edtk.calibration.check_posterior import check_posterior
 from edtk.calibration.diagnostics.diagnostic import Diagnostic, Severity
@@ -93,8 +94,12 @@ class Calibration(Presented):
 
     @property
     def causes(self) -> tuple[Cause, ...]:
-        """Faults that explain the residuals, the likeliest first; empty where noise does."""
-        return self.fitted.causes
+        """Faults that explain the measurements, the likeliest first; empty where noise does.
+
+        Units and columns come first: with wrong ones, no refit of other faults means anything.
+        """
+        misread = (cause_of(diagnostic.finding) for diagnostic in self.diagnostics)
+        return tuple(filter(None, misread))[:1] or self.fitted.causes
 
     @property
     def lack_of_fit(self) -> LackOfFit | None:

@@ -199,6 +199,11 @@ def _size(cause: Cause) -> str:
     return f"{cause.size:.3g} +- {cause.std:.1g} {cause.unit}"
 
 
+def _joint(cause: Cause) -> str:
+    """The joint in which a fault is; every one where it is in none."""
+    return f"joint {cause.joint}" if cause.joint else "every joint"
+
+
 def _wrong_pose(cause: Cause) -> str:
     """A pose that is not the one written down."""
     rows = row_names(cause.rows)
@@ -229,10 +234,9 @@ CAUSES: dict[str, Callable[[Cause], str]] = {
     "sigma": lambda cause: f"the noise is {_size(cause)}",
     "pose": _wrong_pose,
     "torque_sign": lambda cause: (
-        f"the compliance of joint {cause.joint} depends on the sign of its torque, by "
-        f"+-{_size(cause)}"
+        f"the compliance of {_joint(cause)} depends on the sign of its torque, by +-{_size(cause)}"
     ),
-    "backlash": lambda cause: f"joint {cause.joint} looks loose by +-{_size(cause)}",
+    "backlash": lambda cause: f"{_joint(cause)} looks loose by +-{_size(cause)}",
 }
 
 

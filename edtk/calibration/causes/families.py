@@ -1,6 +1,6 @@
 """The faults that are tried where residuals are too large, each of any size."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -14,6 +14,13 @@ MM = 1e3
 DEGREES = 180 / np.pi
 PERCENT = 100.0
 AXES = "xyz"
+
+# Sizes that faults usually have, within a factor of a few.
+USUAL_TURN = np.deg2rad(2.0)  # of a load or a frame that was not aligned
+USUAL_TOOL = 10e-3  # error of a tool that was measured by hand [m]
+USUAL_DRIFT = 0.05e-3  # motion of a tracker or a foundation within a few minutes [m]
+USUAL_SHARE = 0.3  # difference of a compliance between the two signs of its torque
+USUAL_PLAY = {"revolute": np.deg2rad(0.01), "prismatic": 0.05e-3}  # of a gear [rad, m]
 
 
 def families(model: ElastostaticModel, data: Measurements, k: Array) -> Iterator[Family]:
@@ -44,7 +51,7 @@ def _load_direction(model: ElastostaticModel, data: Measurements) -> Family:
         wrench[:, 3:] = _turned(turn, wrench[:, 3:])
         return replace(data, wrench=wrench).regressor(model), np.zeros(data.deflection.shape)
 
-    return Family("load_direction", "deg", DEGREES, len(turns), predict)
+    return Family("load_direction", "deg", DEGREES, len(turns), USUAL_TURN, predict)
 
 
 def _tool(model: ElastostaticModel, data: Measurements) -> Iterator[Family]:
@@ -57,7 +64,7 @@ def _tool(model: ElastostaticModel, data: Measurements) -> Iterator[Family]:
             other = replace(model, robot=model.robot.with_tool(tool))
             return data.regressor(other), np.zeros(data.deflection.shape)
 
-        yield Family(f"tool_{AXES[i]}", "mm", MM, 1, predict)
+        yield Family(f"tool_{AXES[i]}", "mm", MM, 1, USUAL_TOOL, predict)
 
 
 def _frame(A: Array, k: Array) -> Family:
@@ -70,7 +77,7 @@ def _frame(A: Array, k: Array) -> Family:
             turned[:, first : first + 3] = np.moveaxis(_turned(c, np.moveaxis(part, 1, -1)), -1, 1)
         return turned, np.zeros(A.shape[:2])
 
-    return Family("frame_rotation", "deg", DEGREES, 3, predict)
+    return Family("frame_rotation", "deg", DEGREES, 3, USUAL_TURN, predict)
 
 
 def _drifts(A: Array) -> Iterator[Family]:
@@ -83,34 +90,43 @@ def _drifts(A: Array) -> Iterator[Family]:
         def predict(c: Array, moved: Array = moved) -> tuple[Array, Array]:
             return A, moved @ c
 
-        yield Family("drift", "mm", MM, 3, predict, tries=2)
+        yield Family("drift", "mm", MM, 3, USUAL_DRIFT, predict, tries=2)
 
 
 def _by_sign(model: ElastostaticModel, data: Measurements, A: Array) -> Iterator[Family]:
-    """A joint whose compliance, or position, depends on the sign of its load."""
+    """A joint, or every one, whose compliance or position depends on the sign of its load."""
     whole = ElastostaticModel(model.robot, model.unknown, "pose")
     J = np.swapaxes(model.robot.jacobian(data.q)[..., model.joints], 1, 2)
-    sign = np.sign((J @ data.wrench[..., None])[..., 0])
-    # The motion of the marker by a unit of each joint, from the motion by a unit of its torque.
     torque = (J @ data.wrench[..., None])[..., 0]
+    sign = np.sign(torque)[:, None]  # (m, 1, p)
+    # The motion of the marker by a unit of each joint, from the motion by a unit of its torque.
     unit = np.divide(A, torque[:, None], out=np.zeros_like(A), where=torque[:, None] != 0)
-    for j, index in enumerate(whole.joints):
-        name = model.robot.joint_names[index]
-        if not (sign[:, j] > 0).any() or not (sign[:, j] < 0).any():
-            continue
+    names = [model.robot.joint_names[index] for index in whole.joints]
+    kinds_of = [model.robot.joints[index].kind for index in whole.joints]
+    both = (torque > 0).any(axis=0) & (torque < 0).any(axis=0)
+    every = np.ones(model.p, dtype=bool)
+    # One joint that has torques of both signs, or all joints alike: arms are built of equal gears.
+    single = [(every & (np.arange(model.p) == j), names[j]) for j in np.flatnonzero(both)]
+    for chosen, name in [*single, (every, "")] if both.any() else single:
+        tries = model.p + 1
+        predict = _stiffer(A, sign * chosen)
+        yield Family("torque_sign", "%", PERCENT, 1, USUAL_SHARE, predict, tries, name)
+        kinds = {kind for kind, one in zip(kinds_of, chosen, strict=True) if one}
+        if len(kinds) == 1:  # the sizes of turning and of sliding joints are no one number
+            kind = kinds.pop()
+            scale = ("deg", DEGREES) if kind == "revolute" else ("mm", MM)
+            predict = _loose(A, (unit * sign * chosen).sum(axis=-1))
+            yield Family("backlash", *scale, 1, USUAL_PLAY[kind], predict, tries, name)
 
-        def stiffer(c: Array, j: int = j) -> tuple[Array, Array]:
-            other = A.copy()
-            other[..., j] *= 1 + c[0] * sign[:, j][:, None]
-            return other, np.zeros(A.shape[:2])
 
-        def loose(c: Array, j: int = j) -> tuple[Array, Array]:
-            return A, c[0] * unit[..., j] * sign[:, j][:, None]
+def _stiffer(A: Array, sign: Array) -> Callable[[Array], tuple[Array, Array]]:
+    """Compliances that are larger by a share where the sign (m, 1, p) is positive."""
+    return lambda c: (A * (1 + c[0] * sign), np.zeros(A.shape[:2]))
 
-        revolute = model.robot.joints[index].kind == "revolute"
-        size = ("deg", DEGREES) if revolute else ("mm", MM)
-        yield Family("torque_sign", "%", PERCENT, 1, stiffer, tries=model.p, joint=name)
-        yield Family("backlash", *size, 1, loose, tries=model.p, joint=name)
+
+def _loose(A: Array, moved: Array) -> Callable[[Array], tuple[Array, Array]]:
+    """Joints that give way by an angle, which moves markers by (m, rows) a unit."""
+    return lambda c: (A, c[0] * moved)
 
 
 def _turned(turn: Array, vectors: Array) -> Array:

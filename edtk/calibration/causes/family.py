@@ -1,5 +1,6 @@
 """A fault of one kind and any size, as a model of the measurements with parameters of its own."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -10,6 +11,8 @@ from edtk.system.typing import Array
 
 ITERATIONS = 8  # Gauss-Newton steps; two or three are the rule
 CONVERGED = 1e-2  # step of a fault's size, in standard deviations, that changes nothing
+# Fall of the sum of squares, after one step, that is too small for a fault to be named.
+UNREMARKABLE = 8.0
 STEP = 1e-6  # of numerical derivatives [rad, m or 1]; predictions are smooth over a thousand such
 
 
@@ -22,6 +25,8 @@ class Family:
         unit: Unit of its size for people.
         per_unit: Units per SI unit.
         dims: Number of its parameters.
+        usual: Size that such a fault usually has, in SI units; much larger and much smaller ones
+            are less likely beforehand.
         predict: Regressors A (m, rows, p) and constants b (m, rows) of a size c (dims,), in SI
             units; A(0) and b(0) = 0 are the model itself.
         tries: How many families of the same kind there are: one a joint, one a pose.
@@ -33,6 +38,7 @@ class Family:
     unit: str
     per_unit: float
     dims: int
+    usual: float
     predict: Callable[[Array], tuple[Array, Array]]
     tries: int = 1
     joint: str = ""
@@ -69,6 +75,22 @@ class FamilyFit:
     covariance: Array
     chi2: float
 
+    def rarity(self, usual: float) -> float:
+        """Twice the negative logarithm of the share of the likelihood that a fault's sizes have.
+
+        It is Laplace's approximation of the marginal likelihood, with Cauchy's distribution of the
+        usual width over the size: a fault that explains a small misfit, but is usually so large
+        that it would have made a large one, is less likely than one that is usually as small.
+
+        Args:
+            usual: Size that such a fault usually has, in SI units.
+        """
+        dims = len(self.c)
+        size = float(self.c @ self.c) / usual**2
+        # Normal at the peak, with Cauchy's tails.
+        width = dims * math.log(usual**2) - float(np.linalg.slogdet(self.covariance)[1])
+        return max(width, 0.0) + (dims + 1) * math.log1p(size)
+
 
 def fit_family(family: Family, measured: Array, sigma: Array, k: Array) -> FamilyFit | None:
     """Fit compliances and the size of a fault to measurements (m, rows).
@@ -89,8 +111,9 @@ def fit_family(family: Family, measured: Array, sigma: Array, k: Array) -> Famil
     c = np.zeros(family.dims)
     p = len(k)
     names = tuple(map(str, range(p + family.dims)))
+    A, b = family.predict(c)
+    without = float((((measured - b - A @ k) / sigma) ** 2).sum())
     for _ in range(ITERATIONS):
-        A, b = family.predict(c)
         columns = np.concatenate([A, family.derivative(c, k)], axis=-1)
         try:
             whitened = Whitened.of(columns, sigma, names)
@@ -104,6 +127,9 @@ def fit_family(family: Family, measured: Array, sigma: Array, k: Array) -> Famil
             return None
         if np.abs(solution[p:] / np.sqrt(np.diag(covariance))).max() < CONVERGED:
             break
-    A, b = family.predict(c)
+        left = float((((measured - b - columns @ solution) / sigma) ** 2).sum())
+        if without - left < UNREMARKABLE:
+            return FamilyFit(k, c, covariance, left)
+        A, b = family.predict(c)
     z = (measured - b - A @ k) / sigma
     return FamilyFit(k, c, covariance, float((z**2).sum()))

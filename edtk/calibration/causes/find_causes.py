@@ -2,14 +2,16 @@
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from edtk.calibration.causes.cause import Cause
 from edtk.calibration.causes.families import families
 from edtk.calibration.causes.family import fit_family
-from edtk.calibration.causes.mistyped_joint import mistyped_joint
+from edtk.calibration.causes.shifted import shifted
+from edtk.calibration.causes.tried import Tried
+from edtk.calibration.causes.wrong_pose import wrong_pose
 from edtk.inference.distributions import chi_square_tail
 from edtk.inference.lack_of_fit import lack_of_fit
 from edtk.inference.least_squares import SingularPlanError, Whitened
@@ -20,21 +22,12 @@ from edtk.system.typing import Array, Indices
 LEVEL = 0.01  # probability that any fault is named in good data
 MOST = 2  # causes that are named
 COMMON = "common_noise"
+OUTLIER = "outlier"
+POSE = "pose"
+NO_FAULTS = (COMMON, OUTLIER)  # of the day; they keep others from being blamed
+ALWAYS = ("sigma", COMMON)  # tested whatever is looked at beside them
 NEAR = 6.0  # score within which a second cause is as likely as the best, to a person
-
-
-@dataclass(frozen=True)
-class _Tried:
-    """A fault that was tried: its deviance, and what is to be said of it."""
-
-    cause: Cause
-    deviance: float
-    dims: int
-    tries: int
-
-    def score(self, coordinates: int) -> float:
-        """Bayes' information criterion, with the number of alternatives of the same kind."""
-        return self.deviance + self.dims * math.log(coordinates) + 2 * math.log(self.tries)
+WITHIN_REACH = 20.0  # score that a pose gains at most where a joint value explains it
 
 
 def find_causes(
@@ -75,31 +68,48 @@ def find_causes(
         return ()
     tried = [
         *_smooth(model, data, measured, k, chi2),
-        *_poses(data, whitened, measured, chi2),
+        *shifted(whitened, measured, chi2, data.pose, POSE),
+        *_outliers(data, whitened, measured, chi2),
         *_noise(chi2, dof),
         *_common_noise(z, row_numbers(data.q, data.wrench, data.marker), len(k)),
     ]
     looks = sum({one.cause.cause: one.tries for one in tried}.values())
     likely = []
     for one in tried:
-        # The sum of squares is tested whatever is looked at beside it.
-        p = min(1.0, one.cause.p * (1 if one.cause.cause == "sigma" else looks))
+        p = min(1.0, one.cause.p * (1 if one.cause.cause in ALWAYS else looks))
         if p < LEVEL:
-            misfit = max(chi2 - dof, 1e-9)
-            explained = min(1.0, max(0.0, chi2 - one.deviance) / misfit)
-            cause = replace(one.cause, p=p, explained=explained)
-            likely.append((one.score(coordinates), cause))
-    likely.sort(key=lambda entry: entry[0])
-    best = [cause for score, cause in likely if score <= likely[0][0] + NEAR]
-    if best and best[0].cause == COMMON:
-        return ()  # noise, and no fault: the test of lack of fit tells of it
-    named = (_with_joint(model, data, measured, cause, typed) for cause in best[:MOST])
-    return tuple(cause for cause in named if cause is not None and cause.cause != COMMON)
+            likely.append(replace(one, cause=replace(one.cause, p=p)))
+
+    def score(one: Tried) -> float:
+        """The less, the likelier is the fault."""
+        return one.score(coordinates)
+
+    likely.sort(key=score)
+    poses = [one for one in likely if one.cause.cause == POSE]
+    # A joint value has fewer parameters than a shift, so that such a pose comes further ahead.
+    for one in [one for one in poses if score(one) < score(likely[0]) + WITHIN_REACH][:MOST]:
+        explained = wrong_pose(model, data, measured, one, typed)
+        likely.remove(one)
+        likely += [] if explained is None else [explained]
+    likely.sort(key=score)
+    best = [one for one in likely if score(one) <= score(likely[0]) + NEAR][:MOST]
+    if best and best[0].cause.cause in NO_FAULTS:
+        return ()  # the tests of lack of fit and of outliers tell of it
+    return tuple(
+        replace(one.cause, explained=_explained(one, chi2, dof))
+        for one in best
+        if one.cause.cause not in NO_FAULTS
+    )
+
+
+def _explained(one: Tried, chi2: float, dof: int) -> float:
+    """Share of the misfit that a fault explains."""
+    return min(1.0, max(0.0, chi2 - one.deviance) / max(chi2 - dof, 1e-9))
 
 
 def _smooth(
     model: ElastostaticModel, data: Measurements, measured: Array, k: Array, chi2: float
-) -> Iterator[_Tried]:
+) -> Iterator[Tried]:
     """Faults of any size."""
     for family in families(model, data, k):
         fit = fit_family(family, measured, data.sigma, k)
@@ -118,37 +128,19 @@ def _smooth(
             joint=family.joint,
             rows=family.rows,
         )
-        yield _Tried(cause, fit.chi2, family.dims, family.tries)
+        rarity = fit.rarity(family.usual)
+        yield Tried(cause, fit.chi2, family.dims, family.tries, rarity)
 
 
-def _poses(
+def _outliers(
     data: Measurements, whitened: Whitened, measured: Array, chi2: float
-) -> Iterator[_Tried]:
-    """One pose, with all its repetitions, is off by a common shift."""
-    z = measured * whitened.weight
-    residual = z - whitened.Q @ np.einsum("mrp,mr->p", whitened.Q, z)
-    numbers = np.unique(data.pose)
-    rows = z.shape[1]
-    for number in numbers:
-        at = np.flatnonzero(data.pose == number)
-        # Columns of the shift, whitened: one a coordinate.
-        weight = whitened.weight[at]
-        shift = weight[:, :, None] * np.eye(rows)  # (repeats, rows, rows)
-        onto = np.einsum("mrp,mrs->ps", whitened.Q[at], shift)
-        gram = np.einsum("mrs,mrt->st", shift, shift) - onto.T @ onto
-        along = np.einsum("mrs,mr->s", shift, residual[at])
-        values, vectors = np.linalg.eigh(gram)
-        seen = values > 1e-9 * np.trace(gram)
-        parts = vectors.T @ along
-        drop = float((parts[seen] ** 2 / values[seen]).sum())
-        p = float(chi_square_tail(drop, max(int(seen.sum()), 1)))
-        c = vectors[:, seen] @ (parts[seen] / values[seen])
-        size = 1e3 * float(np.linalg.norm(c[:3]))
-        cause = Cause("pose", size, "mm", None, p, rows=tuple(at.tolist()))
-        yield _Tried(cause, chi2 - drop, int(seen.sum()), len(numbers))
+) -> Iterator[Tried]:
+    """One reading is off; where no pose is repeated it is that pose."""
+    if len(np.unique(data.pose)) < len(data):
+        yield from shifted(whitened, measured, chi2, np.arange(len(data)), OUTLIER)
 
 
-def _common_noise(z: Array, group: Indices, parameters: int) -> Iterator[_Tried]:
+def _common_noise(z: Array, group: Indices, parameters: int) -> Iterator[Tried]:
     """All repetitions of a pose share a part of the noise; see `lack_of_fit`."""
     found = lack_of_fit(z, group, parameters)
     if found is None or found.common == 0:
@@ -156,42 +148,14 @@ def _common_noise(z: Array, group: Indices, parameters: int) -> Iterator[_Tried]
     means_dof, pure_dof = found.dof
     pure = found.pure_error**2
     deviance = pure_dof * (1 + math.log(pure)) + means_dof * (1 + math.log(pure * found.F))
-    yield _Tried(Cause(COMMON, found.common, "times stated", None, found.p), deviance, 2, 1)
+    yield Tried(Cause(COMMON, found.common, "times stated", None, found.p), deviance, 2, 1)
 
 
-def _noise(chi2: float, dof: int) -> Iterator[_Tried]:
+def _noise(chi2: float, dof: int) -> Iterator[Tried]:
     """The noise is not as stated."""
     scale = chi2 / dof
     p = float(chi_square_tail(chi2, dof))
     p = 2 * min(p, 1 - p)
     deviance = dof * (math.log(max(scale, 1e-300)) + 1)
     std = math.sqrt(scale / (2 * dof))
-    yield _Tried(Cause("sigma", math.sqrt(scale), "times stated", std, p), deviance, 1, 1)
-
-
-def _with_joint(
-    model: ElastostaticModel,
-    data: Measurements,
-    measured: Array,
-    cause: Cause,
-    typed: tuple[int, ...],
-) -> Cause | None:
-    """A wrong pose with the joint that explains it, if one does.
-
-    A single measurement that no joint explains is an outlier, and no cause.
-    """
-    if cause.cause != "pose":
-        return cause
-    rows = np.array(cause.rows)
-    others = np.setdiff1d(np.arange(len(data)), rows)
-    try:
-        A = data[others].regressor(model)
-        rest = Whitened.of(A, data.sigma[others], model.parameters)
-    except SingularPlanError:
-        return cause
-    k = rest.solve(measured[others])
-    found = mistyped_joint(model, data, measured, k, rows, typed)
-    if found is not None:
-        name = model.robot.joint_names[found.joint]
-        return replace(cause, size=float(np.rad2deg(found.change)), unit="deg", joint=name)
-    return cause if len(rows) > 1 else None
+    yield Tried(Cause("sigma", math.sqrt(scale), "times stated", std, p), deviance, 1, 1)

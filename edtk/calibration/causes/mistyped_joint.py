@@ -25,10 +25,14 @@ class MistypedJoint:
     Attributes:
         joint: Index of the joint.
         change: The value that explains them less the written one [rad].
+        misfit: Sum of squares over sigma that it leaves.
+        alone: Whether it explains them much better than any other joint does.
     """
 
     joint: int
     change: float
+    misfit: float
+    alone: bool
 
 
 def mistyped_joint(
@@ -50,7 +54,7 @@ def mistyped_joint(
         joints: Joints that were written by hand: revolute ones.
 
     Returns:
-        The joint, or None if no joint, or more than one, explains them.
+        The joint that explains them best; None if none does.
     """
     here = data[rows]
     found = []
@@ -68,9 +72,10 @@ def mistyped_joint(
     if not found:
         return None
     least, joint, change = found[0]
-    explains = chi_square_tail(least, max(measured[rows].size - 1, 1)) > FITS
+    if chi_square_tail(least, max(measured[rows].size - 1, 1)) < FITS:
+        return None
     alone = len(found) == 1 or found[1][0] > least + CLEARLY
-    return MistypedJoint(joint, change) if explains and alone else None
+    return MistypedJoint(joint, change, least, alone)
 
 
 def _misfit(

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from edtk.calibration.diagnostics.diagnostic import Diagnostic, Severity
+from edtk.calibration.diagnostics.small_unit import small_unit
 from edtk.calibration.finding import Finding, Kind
 from edtk.calibration.fitted_data import FittedData
 from edtk.calibration.match_plan import OTHER_LOAD
@@ -78,13 +79,15 @@ def _ratio(fitted: FittedData, columns: slice) -> float | None:
     given = specification.simulation.compliance_rad_per_Nm
     if any(name not in given for name in specification.joints.unknown):
         return None
-    predicted = np.linalg.norm((fitted.A @ fitted.study.compliances)[:, columns])
+    # Not fitted.A, which is scaled where repetitions share noise.
+    A = fitted.data.regressor(fitted.study.model)
+    predicted = np.linalg.norm((A @ fitted.study.compliances)[:, columns])
     measured = np.linalg.norm(fitted.unexplained[:, columns])
     return float(measured / predicted) if predicted > 0 else None
 
 
 def _lengths(fitted: FittedData) -> Iterator[Diagnostic]:
-    """Displacements a thousand times too small or too large, within a factor of ten.
+    """Displacements a thousand times too small or too large, within a factor of ten; or less.
 
     They are compared with the prediction; without one, the residuals are compared with sigma.
     """
@@ -98,6 +101,13 @@ def _lengths(fitted: FittedData) -> Iterator[Diagnostic]:
         if factor / LENGTH_FACTOR < ratio < factor * LENGTH_FACTOR:
             data = {"ratio": ratio, "predicted": predicted, "unit": unit}
             yield Diagnostic(Severity.ALARM, Finding(Kind.LENGTH_UNIT, data=data))
+            return
+    small = small_unit(fitted, ratio if predicted else None)
+    if small is not None:
+        data = {"ratio": ratio, "predicted": predicted, "unit": small}
+        # Residuals alone may be as small because sigma is too large.
+        severity = Severity.ALARM if predicted else Severity.WARNING
+        yield Diagnostic(severity, Finding(Kind.LENGTH_UNIT, data=data))
 
 
 def _rotations(fitted: FittedData) -> Iterator[Diagnostic]:

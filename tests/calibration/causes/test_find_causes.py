@@ -93,6 +93,33 @@ def backlash(seed):
     return measured(seed, extra=np.deg2rad(0.01) * J * sign[:, None])
 
 
+def softer_everywhere(seed):
+    """All joints are softer by 30 % under positive torques than under negative ones."""
+    sign = np.sign(torque_and_derivative(MODEL.robot, Q, WRENCH)[0][:, 1:])
+    return measured(seed, MODEL.regressor(Q, WRENCH) * (1 + 0.15 * sign[:, None]))
+
+
+def test_a_fault_of_all_joints_is_in_none():
+    """What the gears of all joints have in common is named without a joint."""
+    found = [causes(softer_everywhere(seed))[0] for seed in range(3)]
+    assert [(one.cause, one.joint) for one in found] == [("torque_sign", "")] * 3
+    assert [one.size for one in found] == pytest.approx([15] * 3, abs=3)
+
+
+def test_an_outlier_is_no_cause():
+    """One reading that is off by 15 sigma is blamed on nothing that all readings share."""
+    for seed in range(3):
+        data = measured(seed)
+        data.deflection[seed, 1] += 15 * STUDY.sigma[1]
+        assert causes(data) == ()
+
+
+def test_small_faults_are_those_that_are_usually_small():
+    """A drift of 0.02 mm is not taken for a frame that is turned by a tenth of a degree."""
+    found = [causes(measured(seed, extra=np.array([2e-5, 1e-5, 0]))) for seed in range(8)]
+    assert sum(one[0].cause == "drift" for one in found if one) >= 0.8 * sum(map(bool, found))
+
+
 @pytest.mark.parametrize(
     ("fault", "size", "joint"),
     [

@@ -1,0 +1,57 @@
+"""A pose that is off, with the joint value that explains it."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from edtk.calibration.causes.mistyped_joint import mistyped_joint
+from edtk.calibration.causes.tried import Tried
+from edtk.inference.least_squares import SingularPlanError, Whitened
+from edtk.inference.measurements import Measurements
+from edtk.model.elastostatic_model import ElastostaticModel
+from edtk.system.typing import Array
+
+
+def wrong_pose(
+    model: ElastostaticModel,
+    data: Measurements,
+    measured: Array,
+    tried: Tried,
+    typed: tuple[int, ...],
+) -> Tried | None:
+    """Explain the shift of a pose by one of its joint values.
+
+    A joint value is one parameter, and a shift has three or six: where a joint explains the pose,
+    that counts for it.
+
+    Args:
+        model: The robot with its calibration tool, and the measured rows.
+        data: The measurements.
+        measured: Deflections (m, rows) [m, rad].
+        tried: The pose with any shift.
+        typed: Revolute joints whose values were written by hand.
+
+    Returns:
+        The pose, with the joint if a single one explains it. None for a pose that was measured
+        once and that no joint explains: that is an outlier, and no cause.
+    """
+    rows = np.array(tried.cause.rows)
+    others = np.setdiff1d(np.arange(len(data)), rows)
+    alone = tried if len(rows) > 1 else None
+    try:
+        A = data[others].regressor(model)
+        rest = Whitened.of(A, data.sigma[others], model.parameters)
+    except SingularPlanError:
+        return tried
+    k = rest.solve(measured[others])
+    found = mistyped_joint(model, data, measured, k, rows, typed)
+    if found is None:
+        return alone
+    z = (measured[others] - A @ k) / data.sigma[others]
+    deviance = float((z**2).sum()) + found.misfit
+    cause = tried.cause
+    if found.alone:
+        name = model.robot.joint_names[found.joint]
+        size = float(np.rad2deg(found.change))
+        cause = replace(cause, size=size, unit="deg", joint=name)
+    return Tried(cause, deviance, 1, tried.tries * len(typed))
