@@ -26,6 +26,7 @@ class Kind(Enum):
     NOISE_ESTIMATED_LARGE = auto()
     NOISE_ESTIMATED_SMALL = auto()
     OUTLIERS = auto()
+    TOO_FEW_FOR_ROBUST = auto()
     # Structure of the measured poses.
     EQUAL_ROWS = auto()
     ALIKE_PARAMETERS = auto()

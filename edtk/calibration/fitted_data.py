@@ -98,9 +98,10 @@ class FittedData:
     def _of_equilibrium(self) -> "FittedData":
         """The same measurements with the loaded equilibrium fitted."""
         fit = self.fit
+        robust = fit.robust or fit.too_few_for_robust
         try:
             seen, again = fit_equilibrium(
-                self.study.model, self.data, self._complete, fit.robust, fit.known
+                self.study.model, self.data, self._complete, robust, fit.known
             )
         except (NoEquilibriumError, NoFitError):
             # Such compliances are wrong in any case: the residuals of the linear fit tell why.

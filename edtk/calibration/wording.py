@@ -130,6 +130,16 @@ def _outliers(found: Finding) -> str:
     return f"{row_names(found.rows)}: outlier{plural}{'' if found.data['robust'] else hidden}"
 
 
+def _too_few_for_robust(found: Finding) -> str:
+    """A robust fit that was replaced by least squares."""
+    data = found.data
+    return (
+        f"{data['coordinates']} measured coordinates for {data['parameters']} parameters are too "
+        f"few for a robust fit that estimates sigma, which needs more than {data['needed']}: this "
+        "is the least-squares fit, in which outliers count fully"
+    )
+
+
 def _twins(found: Finding) -> str:
     """Rows that are the same."""
     later, earlier = found.rows
@@ -373,6 +383,7 @@ _SENTENCES: dict[Kind, Callable[[Finding], str]] = {
     Kind.NOISE_ESTIMATED_LARGE: _noise_estimated_large,
     Kind.NOISE_ESTIMATED_SMALL: _noise_estimated_small,
     Kind.OUTLIERS: _outliers,
+    Kind.TOO_FEW_FOR_ROBUST: _too_few_for_robust,
     Kind.EQUAL_ROWS: _equal_rows,
     Kind.ALIKE_PARAMETERS: _alike_parameters,
     Kind.ONE_POSE: _one_pose,

@@ -56,5 +56,6 @@ def fit_common_noise(
         scale=fit.scale,
         covariance_dof=float(found.dof[0]),
         known=fit.known,
+        too_few_for_robust=fit.too_few_for_robust,
     )
     return seen, refit

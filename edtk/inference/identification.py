@@ -49,6 +49,8 @@ class Identification(Presented):
         outliers: Rows (measurements) that do not belong to the others, counted from 0, see
             `edtk.inference.find_outliers`.
         parameters: Names (p,).
+        too_few_for_robust: Whether a robust fit was asked for, and this is that of least squares,
+            as a robust scale needs more measured coordinates.
     """
 
     k: Array
@@ -67,6 +69,7 @@ class Identification(Presented):
     robust: bool
     outliers: Indices
     parameters: tuple[str, ...]
+    too_few_for_robust: bool = False
 
     def headline(self) -> str:
         """How many compliances, how uncertain the worst of them is, and how well the model fits."""

@@ -16,6 +16,12 @@ from edtk.system.typing import Array
 # estimated; 0.71 to 0.82 were simulated.
 HUBER_CERTAINTY = 0.7
 
+# Measured coordinates up to this many times the parameters are too few for a robust scale: a fit
+# can run through p of N coordinates, and where these are half of them or more, the median absolute
+# residual is next to zero, whatever the noise is. Then the corner shrinks with the scale, and the
+# fit runs through them indeed.
+INTERPOLATED = 2
+
 # Residuals below this share of the largest measurement are rounding.
 ROUNDING = 1e-11
 
@@ -68,6 +74,16 @@ def identify(
 ) -> Identification:
     """Identify compliances by weighted least squares, Eq. (6) and (9), or with Huber's loss.
 
+    Where a robust fit is to estimate sigma from N <= 2p coordinates, which it cannot (see
+    `INTERPOLATED`), least squares take its place, and `too_few_for_robust` of the result is set.
+    Coverage of 95 % intervals, robust and with sigma estimated, in 1000 simulated calibrations of
+    the KR 270 each (random poses, loads of its two studies):
+
+    | p, m     | 2    | 3    | 4    | 5    | 6    | 8    | 10   | 12   |
+    |----------|------|------|------|------|------|------|------|------|
+    | 5        | 94.7 | 95.6 | 94.5 | 94.0 | 94.9 | 95.0 | 94.6 | 94.8 |
+    | 6        | none | 95.5 | 95.0 | 94.8 | 94.0 | 95.7 | 95.3 | 95.2 |
+
     Args:
         A: Regressors (m, rows, p) [m/(rad/(N m))].
         measured: Deflections (m, rows) [m, rad].
@@ -88,10 +104,12 @@ def identify(
     fit = _least_squares(data, known)
     if not known and not _without_rounding(data.in_sigma(fit.residual), data.y).any():
         raise data.nothing_left(NothingLeft.EXACT_FIT)
-    if robust and data.dof:
+    too_few = robust and not known and measured.size <= INTERPOLATED * len(parameters)
+    if robust and data.dof and not too_few:
         return _robust(fit, data)
     z = _without_rounding(data.in_sigma(fit.residual), data.y)
-    return replace(fit, outliers=find_outliers(data.whitened.Q, z, data.dof))
+    outliers = find_outliers(data.whitened.Q, z, data.dof)
+    return replace(fit, outliers=outliers, too_few_for_robust=too_few)
 
 
 @dataclass(frozen=True, eq=False)

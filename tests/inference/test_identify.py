@@ -44,6 +44,23 @@ def test_unbiased_with_the_covariance_of_eq_13(name, robust):
     assert np.abs(moments - np.diag(np.diag(moments))).max() < 5 / np.sqrt(N)
 
 
+@pytest.mark.parametrize(
+    ("name", "low", "high"), [("table_4_2", 0.9, 0.99), ("table_4_4", 0.9, 0.98)]
+)
+def test_robust_intervals_of_few_poses(name, low, high):
+    """Robust 95 % intervals with sigma estimated hold their level, with two poses and with four.
+
+    A robust fit of two poses runs through five of the six coordinates: its scale is nothing, and
+    intervals would cover none.
+    """
+    found = fits(name, 100, known=False, robust=True)
+    error = np.abs(np.array([fit.unbounded for fit in found]) - K0)
+    half = np.array([fit.half_interval for fit in found])
+    assert low < (error <= half).mean() < high
+    few = 3 * len(PLANS[name].q) <= 2 * len(NAMES)
+    assert all(fit.too_few_for_robust == few != fit.robust for fit in found)
+
+
 def test_same_as_the_estimate():
     """Least squares is the plain estimate, with noise per row and coordinate too, by Eq. (13)."""
     A = regressor()

@@ -313,3 +313,17 @@ def test_beyond_the_limits():
         "row 5, column q3_deg: 300 is beyond the joint's limits" in line
         for line in lines(replace(data, q=q))
     )
+
+
+def test_too_few_for_a_robust_scale():
+    """Of few coordinates a robust fit that estimates sigma is one of least squares, which is said.
+
+    That holds for the fit of the loaded equilibrium, too.
+    """
+    few = measured()[:3]
+    for linear in (False, True):
+        fitted = FittedData.of(STUDY, few, None, robust=True, known=False, linear=linear)
+        assert fitted.nonlinear != linear
+        (line,) = (d.text for d in diagnostics(fitted) if d.kind is Kind.TOO_FEW_FOR_ROBUST)
+        assert line.startswith("9 measured coordinates for 5 parameters are too few for a robust")
+    assert not any("too few" in line for line in lines(few, robust=True))
