@@ -4,6 +4,7 @@ import numpy as np
 
 from edtk.calibration.calibrate import Calibration
 from edtk.inference.identification import Identification
+from edtk.report.budget_section import budget_section
 from edtk.report.calibration_verdict import calibration_verdict
 from edtk.report.digits import digits
 from edtk.report.draw.correlation import correlation
@@ -14,10 +15,12 @@ from edtk.report.draw.residuals import residuals
 from edtk.report.new_figure import new_figure
 from edtk.report.page import Page, footer, paragraph, picture, section, table
 from edtk.report.posterior_report import posterior_report
+from edtk.report.residual_causes import residual_causes
 from edtk.version import __version__
 
 SHOWN = 8  # rows of the table of residuals
 WIDTH = 4.4  # of a picture [inch]: letters can be read on a phone, and on a desk two have room
+UNITLESS = ("parameter", "std [%]")  # columns that do not have the parameters' unit
 AXES = ("x", "y", "z", "rotation x", "rotation y", "rotation z")
 
 
@@ -25,10 +28,12 @@ def calibration_report(found: Calibration) -> str:
     """The text of `report.html`."""
     parts = [
         calibration_verdict(found),
+        *([] if found.budget is None else [budget_section(found, found.budget)]),
         section("Compliances", _compliances(found), _intervals(found)),
         section(
             "Do the residuals fit the noise?",
             paragraph(_noise(found.fit)),
+            *residual_causes(found),
             _residuals(found.fit),
             _quantiles(found.fit),
             paragraph("The measurements that fit least:"),
@@ -62,9 +67,14 @@ def _compliances(found: Calibration) -> str:
         std = fit.std[i]
         relative = f"{100 * std / k:.2g}" if k > 0 else "-"
         ends = f"{digits(low[i], std)} to {digits(high[i], std)}"
-        rows.append([name, digits(k, std), f"{std:.1e}", relative, ends, model.units[i]])
-    header = ["parameter", "estimate", "std", "std [%]", "95 % interval", "unit"]
-    return table(header, rows)
+        rows.append([name, digits(k, std), f"{std:.1e}", relative, ends])
+    header = ["parameter", "estimate", "std", "std [%]", "95 % interval"]
+    units = set(model.units)
+    if len(units) > 1:
+        rows = [[*row, unit] for row, unit in zip(rows, model.units, strict=True)]
+        return table([*header, "unit"], rows)
+    unit = f"[{units.pop()}]"
+    return table([name if name in UNITLESS else f"{name} {unit}" for name in header], rows)
 
 
 def _noise(fit: Identification) -> str:
@@ -76,14 +86,12 @@ def _noise(fit: Identification) -> str:
         )
     loss = ""
     if fit.robust:
-        loss = "identified with Huber's loss, by which outliers count less; "
-    text = (
-        f"{loss}chi-square = {fit.chi2:.4g} for {fit.dof} degrees of freedom; "
-        f"noise is {fit.scale:.3g} times the stated"
-    )
+        loss = " The fit has Huber's loss, by which outliers count less."
+    text = f"Chi-square is {fit.chi2:.4g} for {fit.dof} degrees of freedom"
     if fit.p_value is None:
-        return f"{text}, and was estimated."
-    return f"{text}, p = {fit.p_value:.2g}."
+        return f"{text}. The noise was estimated: it is {fit.scale:.3g} times the stated.{loss}"
+    p = f"{fit.p_value:.2g}"
+    return f"{text} (p = {p}): the residuals are {fit.scale:.3g} times the stated noise.{loss}"
 
 
 def _worst(found: Calibration) -> str:

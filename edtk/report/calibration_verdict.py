@@ -3,6 +3,8 @@
 import numpy as np
 
 from edtk.calibration.calibrate import Calibration
+from edtk.calibration.finding import Kind
+from edtk.model.rigid_joints import EXAMPLE
 from edtk.report.page import verdict
 
 QUALITY = {
@@ -25,51 +27,85 @@ LEAST = 1e-300  # keeps a compliance that is zero from being divided by
 
 def calibration_verdict(found: Calibration) -> str:
     """The box at the top of the report, the most important line first."""
-    quality = QUALITY[found.verdict]
-    usable = found.verdict != "bad"
-    lines = [f"{quality} {_expected(found)}" if usable else quality]
-    if not found.diagnostics:
-        noise = "the noise was estimated and is not larger than stated"
-        if found.fit.known:
-            noise = "the residuals fit the noise"
-        facts = f"{noise}, there are no outliers, all compliances are positive."
-        lines.append(
-            f"{facts[0].upper()}{facts[1:]}" if found.diagnostics else f"Nothing is wrong: {facts}"
-        )
-    if found.expected is not None and usable:
-        lines.append(f"{_sentence(found, str(found.expected))}.")
-    lines += [f"{_sentence(found, diagnostic.text)}." for diagnostic in found.diagnostics]
-    if found.study.rigid and usable:
-        lines.append(f"{_sentence(found, found.study.rigid)}.")
-    return verdict(found.verdict, lines)
+    harmful = [d for d in found.diagnostics if d.kind is Kind.DO_NOT_COMPENSATE]
+    others = [d for d in found.diagnostics if d.kind is not Kind.DO_NOT_COMPENSATE]
+    level = found.verdict
+    if level == "good" and found.study.warnings:
+        level = "usable"  # never greener than the worst line below
+    if harmful:
+        lines = [f"{_sentence(found, harmful[0].text)}."]
+    elif level == "bad":
+        lines = [QUALITY[level]]
+    else:
+        lines = [f"{QUALITY[level]} {_expected(found)}".strip(), *_parts(found), *_facts(found)]
+    lines += [f"{_sentence(found, diagnostic.text)}." for diagnostic in others]
+    lines += [f"The study: {warning}." for warning in found.study.warnings]
+    if level != "bad":
+        lines += _rigid(found)
+    return verdict(level, lines)
+
+
+def _rigid(found: Calibration) -> list[str]:
+    """Joints that count as rigid although the task turns them, a sentence each."""
+    joints = () if found.study.task is None else found.study.task.rigid_joints
+    return [
+        f"Joint {joint.name} counts as rigid, although the task's load turns it: each "
+        f"{EXAMPLE:g} rad/(N m) of compliance in it moves the tool by "
+        f"{1e3 * joint.displacement:.2g} mm."
+        for joint in joints
+    ]
 
 
 def _sentence(found: Calibration, text: str) -> str:
     """The text with a capital letter, unless it begins with the name of a parameter."""
+    text = text.replace("+-", "\N{PLUS-MINUS SIGN}")
     if text.startswith(found.study.model.parameters):
         return text
     return f"{text[:1].upper()}{text[1:]}"
 
 
 def _expected(found: Calibration) -> str:
-    """The accuracy to expect, in one or two sentences."""
+    """The accuracy to expect, in one sentence."""
     fit = found.fit
-    task = found.study.task
-    if task is None:
+    if found.budget is None:
         k = np.maximum(np.abs(fit.k), LEAST)
         worst = int(np.argmax(fit.std / k))
         share = f"{100 * fit.std[worst] / k[worst]:.2g} %"
         return f"The least certain compliance is {found.study.model.parameters[worst]}, to {share}."
-    if found.budget is None:
-        return ""
-    total = f"{1e3 * found.budget.total:.2g} mm"
-    largest = found.budget.largest
-    without = f"{1e3 * found.budget.uncompensated:.2g} mm"
-    low, high = fit.accuracy(task.target)[1]
-    interval = "" if low == high else f", between {1e3 * low:.2g} and {1e3 * high:.2g} mm (95 %)"
+    place = "" if found.study.task is None else f" {found.study.task.place}"
     return (
-        f"Expect a total error of {total} (root mean square) {task.place} after compensation, and "
-        f"{without} without. The largest part is {PARTS[largest]}: "
-        f"{1e3 * found.budget.parts[largest]:.2g} mm; the noise alone makes "
-        f"{1e3 * found.budget.noise:.2g} mm{interval}."
+        f"Expect a total error of {1e3 * found.budget.total:.2g} mm{place} after compensation, "
+        f"instead of {1e3 * found.budget.uncompensated:.2g} mm without."
     )
+
+
+def _parts(found: Calibration) -> list[str]:
+    """The largest part of the error, and what the noise makes of it."""
+    if found.budget is None or found.expected is None or found.study.target is None:
+        return []
+    largest = found.budget.largest
+    low, high = found.fit.accuracy(found.study.target)[1]
+    interval = "" if low == high else f" (95 %: {1e3 * low:.2g} to {1e3 * high:.2g} mm)"
+    noise = f"{1e3 * found.budget.noise:.2g} mm{interval}"
+    around = (
+        f"within {np.rad2deg(found.expected.within):.3g} deg of the test pose it makes "
+        f"{1e3 * found.expected.mean:.2g} mm on average, and {1e3 * found.expected.largest:.2g} mm "
+        "at most"
+    )
+    first = f"The largest part is {PARTS[largest]}, with {1e3 * found.budget.parts[largest]:.2g} mm"
+    if largest == "noise":
+        return [f"The largest part is {PARTS[largest]}, with {noise}; {around}."]
+    return [f"{first}. The noise alone makes {noise}; {around}."]
+
+
+def _facts(found: Calibration) -> list[str]:
+    """What is in order; nothing where a finding says otherwise."""
+    if found.diagnostics:
+        return []
+    noise = "the noise was estimated and is not larger than stated"
+    if found.fit.known:
+        noise = "the residuals fit the noise"
+    facts = f"{noise}, there are no outliers, and all compliances are positive."
+    if found.study.rigid or found.study.warnings:
+        return [f"{facts[0].upper()}{facts[1:]}"]
+    return [f"Nothing is wrong: {facts}"]

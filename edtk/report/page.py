@@ -1,5 +1,6 @@
 """One HTML file without outside links: a verdict, sections, tables and pictures."""
 
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from html import escape
@@ -68,7 +69,12 @@ def table(
         full: Whether the table takes all columns of the section.
     """
     first = len(header) - words
-    head = "".join(_cell("th", name, i >= first) for i, name in enumerate(header))
+    # The name of a column may break before its unit, not inside.
+    names = [
+        re.sub(r"\[.*\]", lambda unit: unit[0].replace(" ", "\N{NO-BREAK SPACE}"), n)
+        for n in header
+    ]
+    head = "".join(_cell("th", name, i >= first) for i, name in enumerate(names))
     lines = ("".join(_cell("td", c, i >= first) for i, c in enumerate(row)) for row in rows)
     body = "".join(f"<tr>{line}</tr>" for line in lines)
     # A box that scrolls can be reached and moved by keys.

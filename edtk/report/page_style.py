@@ -32,9 +32,9 @@ p { max-width: 56rem; }
 table { border-collapse: collapse; font-size: .9rem; font-variant-numeric: tabular-nums; }
 th, td { padding: .25rem .5rem; border-bottom: 1px solid var(--line); vertical-align: top; }
 th, td { text-align: right; white-space: nowrap; }
-th { vertical-align: bottom; }
+th { vertical-align: bottom; white-space: normal; }
 th:first-child, td:first-child, .words { text-align: left; }
-.words { white-space: normal; min-width: 13rem; }
+td.words { white-space: normal; min-width: 11rem; }
 dl { display: grid; grid-template-columns: minmax(6rem, auto) 1fr; gap: .25rem 1rem; margin: 0; }
 dt { opacity: .8; } dd { margin: 0; min-width: 0; overflow-wrap: anywhere; }
 figure { margin: 0; }

@@ -12,15 +12,18 @@ import pytest
 from matplotlib.figure import Figure
 
 from edtk.calibration.calibrate import Calibration
+from edtk.calibration.calibration_budget import calibration_budget
 from edtk.calibration.diagnostics.diagnostics import diagnostics
 from edtk.calibration.fitted_data import FittedData
 from edtk.inference.measurements import Measurements
 from edtk.inference.run_chain import Demand
 from edtk.inference.sample_posterior import SamplingOptions
 from edtk.inference.simulate import simulate
+from edtk.model.error_budget import ErrorBudget
 from edtk.report.calibration_report import calibration_report
 from edtk.report.calibration_verdict import calibration_verdict
 from edtk.report.digits import digits
+from edtk.report.draw.error_budget import error_budget
 from edtk.report.draw.intervals import intervals
 from edtk.study.study import load_study
 
@@ -34,7 +37,7 @@ CHROMIUM = (
 )
 
 
-def calibrated(spoil=lambda y: y, k=STUDY.compliances, known=True, seed=3):
+def calibrated(spoil=lambda y: y, k=STUDY.compliances, known=True, seed=3, study=STUDY):
     """A calibration from simulated measurements of the plan of twelve, which may be spoiled."""
     y = spoil(simulate(A, k, STUDY.sigma, np.random.default_rng(seed))[0])
     data = Measurements(
@@ -44,8 +47,9 @@ def calibrated(spoil=lambda y: y, k=STUDY.compliances, known=True, seed=3):
         np.tile(STUDY.sigma, (len(y), 1)),
         np.zeros((len(y), 3)),
     )
-    fitted = FittedData.of(STUDY, data, known=known)
-    return Calibration(fitted, diagnostics(fitted), Path("day <1>.csv"))
+    fitted = FittedData.of(study, data, known=known)
+    budget = calibration_budget(fitted, None)
+    return Calibration(fitted, diagnostics(fitted, budget=budget), Path("day <1>.csv"))
 
 
 @pytest.fixture(scope="module")
@@ -65,8 +69,9 @@ def test_a_good_calibration(good):
     assert level_of(text) == "good"
     assert f"Expect a total error of {1e3 * found.budget.total:.2g} mm" in text
     value = found.fit.accuracy(STUDY.target)[0]
-    assert f"the noise alone makes {1e3 * value:.2g} mm" in text
-    assert "Nothing is wrong" in text
+    assert f"The noise alone makes {1e3 * value:.2g} mm" in text
+    assert "The residuals fit the noise" in text
+    assert "Nothing is wrong" not in text  # a line below says that joint 1 counts as rigid
     for name, k, std in zip(STUDY.model.parameters, found.fit.k, found.fit.std, strict=True):
         assert f"<td>{name}</td><td>{digits(k, std)}</td><td>{std:.1e}</td>" in text
 
@@ -75,7 +80,7 @@ def test_an_interval_where_sigma_is_estimated():
     """Where sigma is estimated, the accuracy to expect comes with its interval."""
     found = calibrated(known=False)
     low, high = found.fit.accuracy(STUDY.target)[1]
-    interval = f"between {1e3 * low:.2g} and {1e3 * high:.2g} mm (95 %)"
+    interval = f"(95 %: {1e3 * low:.2g} to {1e3 * high:.2g} mm)"
     assert interval in calibration_verdict(found)
 
 
@@ -93,6 +98,47 @@ def test_one_bad_measurement():
     assert "Row 5: outlier" in text
     assert f"{found.fit.scale:.3g} times what the stated noise allows" in text
     assert "Expect an error" not in text
+
+
+def test_nothing_is_wrong_if_nothing_is_noted():
+    """Without a joint that counts as rigid nothing is noted, and only then nothing is wrong."""
+    joints = STUDY.specification.joints.model_dump()
+    study = STUDY.replace(joints=joints | {"known_rad_per_Nm": {"q1": 1e-7}})
+    box = calibration_verdict(calibrated(study=study))
+    assert "Nothing is wrong: the residuals fit the noise" in box
+    assert box.count("<p>") == 3
+
+
+def test_a_compensation_that_does_harm():
+    """Where doing nothing is better, the headline says so, and nothing promises accuracy."""
+    study = STUDY.replace(uncertainty={"load_percent": 150.0})
+    found = calibrated(study=study)
+    box = calibration_verdict(found)
+    assert level_of(box) == "bad"
+    assert "<p>Do not compensate with this: the expected error is" in box
+    assert box.count("<p>") == 1
+    assert "If nothing else was wrong" in calibration_report(found)
+
+
+def test_a_cause_is_shown():
+    """A shift of all loaded readings is named in the box, and its size is in a table."""
+    found = calibrated(lambda y: y + np.array([1e-4, 0, -1.2e-4]))
+    text = calibration_report(found)
+    assert "<p>Loaded readings look shifted by 0.232 \N{PLUS-MINUS SIGN} 0.04 mm" in text
+    assert "<td>drift</td><td>0.232</td><td>0.04</td><td>mm</td><td>-</td><td>all</td>" in text
+
+
+@pytest.mark.parametrize("largest", [0.0, 1e-3])
+def test_the_picture_of_a_budget(largest):
+    """Every part has its number, the largest first; a budget of nothing can be drawn too."""
+    budget = ErrorBudget(1e-6 * largest, 0, largest, largest / 10, 0, 0, 0, 2 * largest)
+    ax = Figure().add_subplot()
+    error_budget(budget, ax)
+    texts = [text.get_text() for text in ax.texts]
+    assert texts == [f"{1e3 * part:.2g}" for part in sorted(budget.parts.values(), reverse=True)]
+    widths = [bar.get_width() for bar in ax.patches]
+    assert [width > 0 for width in widths] == [largest > 0] * 2 + [False] * 5
+    assert all(low < high for low, high in (ax.get_xlim(),))
 
 
 def test_negative_compliance():
@@ -186,5 +232,5 @@ def test_in_a_browser(tmp_path, good):
     answer = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
     assert "CONSOLE" not in answer.stderr
     seen = re.search("<title>(.*)</title>", answer.stdout)[1].split(", ")
-    assert seen == [f"{n} {n} true true true {width}" for n in (4, 7) for width in WIDTHS]
+    assert seen == [f"{n} {n} true true true {width}" for n in (5, 8) for width in WIDTHS]
     assert all("Good calibration." in text for text in (good[1], sampled))

@@ -1,0 +1,101 @@
+"""The error budget in a calibration's report: a picture, and a table of what it rests on."""
+
+import numpy as np
+
+from edtk.calibration.calibrate import Calibration
+from edtk.calibration.calibration_budget import uncertainty_of
+from edtk.model.error_budget import ErrorBudget
+from edtk.report.draw.error_budget import error_budget
+from edtk.report.new_figure import new_figure
+from edtk.report.page import paragraph, picture, section, table
+from edtk.report.text.error_budget import ADVICE
+
+SIZE = (4.4, 3.4)  # of the picture [inch]
+CAPTION = (
+    "Parts of the expected error. Their squares add up to that of the total, so that the largest "
+    "part counts most."
+)
+
+
+def budget_section(found: Calibration, budget: ErrorBudget) -> str:
+    """What error to expect in the task, by source."""
+    figure = new_figure(*SIZE)
+    error_budget(budget, figure.add_subplot())
+    return section(
+        "What makes up the expected error?",
+        paragraph(_meaning(found, budget)),
+        picture(figure, CAPTION),
+        _parts(found, budget),
+    )
+
+
+def _meaning(found: Calibration, budget: ErrorBudget) -> str:
+    """The result in words."""
+    place = "" if found.study.task is None else f" {found.study.task.place}"
+    otherwise = "If nothing else was wrong, the" if found.verdict == "bad" else "The"
+    rest = np.sqrt(max(budget.total**2 - budget.parts[budget.largest] ** 2, 0.0))
+    return (
+        f"{otherwise} tool point is expected to be {1e3 * budget.total:.2g} mm off{place} after "
+        f"compensation, and {1e3 * budget.uncompensated:.2g} mm without. All errors are root mean "
+        f"squares. Without the largest part, {budget.largest.replace('_', ' ')}, "
+        f"{1e3 * rest:.2g} mm would remain. To improve first: {ADVICE[budget.largest]}."
+    )
+
+
+def _parts(found: Calibration, budget: ErrorBudget) -> str:
+    """A table with a row for each part, the largest first."""
+    assumed = _assumed(found)
+    order = sorted(budget.parts, key=lambda name: -budget.parts[name])
+    rows = [
+        [name.replace("_", " "), f"{1e3 * budget.parts[name]:.2g}", assumed[name], ADVICE[name]]
+        for name in order
+    ]
+    header = ["part", "error [mm]", "what it assumes", "what makes it smaller"]
+    return table(header, rows, words=2)
+
+
+def _assumed(found: Calibration) -> dict[str, str]:
+    """What each part rests on, with the keys of the study's [uncertainty]."""
+    given = found.study.specification.uncertainty
+    load = f"{given.load_percent:g} % of its size (load_percent)"
+    return {
+        "noise": _noise(found),
+        "model": _model(found),
+        "load": f"{load} and {given.load_direction_deg:g} deg of direction (load_direction_deg)",
+        "tool": f"{given.tool_mm:g} mm along each axis, marker included (tool_mm)",
+        "rigid_joints": _rigid(found),
+        "drift": _stated(given.drift_mm, "drift_mm"),
+        "repeatability": _stated(given.repeatability_mm, "repeatability_mm"),
+    }
+
+
+def _noise(found: Calibration) -> str:
+    """The noise that the standard deviations are of."""
+    stated = 1e3 * float(np.sqrt(np.mean(found.data.sigma[:, :3] ** 2)))
+    shared = ", and what repetitions share" if found.fitted.common_noise else ""
+    if found.fit.known:
+        return f"{stated:.3g} mm for each coordinate, as stated{shared}"
+    return f"{1e3 * found.sigma_hat:.3g} mm for each coordinate, as estimated{shared}"
+
+
+def _model(found: Calibration) -> str:
+    """The model, and how far it is trusted."""
+    if found.fitted.nonlinear:
+        return "the loaded equilibrium was fitted: nothing is left"
+    if found.rho0_bias is None:
+        return "what the linear model leaves is not known"
+    return "what the linear model leaves, to the first order"
+
+
+def _rigid(found: Calibration) -> str:
+    """Joints that count as rigid, with the compliances that they may have."""
+    joints = uncertainty_of(found.study, found.fit.k).rigid
+    if not joints:
+        return "no joint counts as rigid"
+    named = ", ".join(f"{compliance:.2g} rad/(N m) in {name}" for name, compliance in joints)
+    return f"a compliance of about {named} (rigid_rad_per_Nm)"
+
+
+def _stated(size_mm: float, key: str) -> str:
+    """A size that is zero unless somebody states it."""
+    return f"{size_mm:g} mm along each axis ({key})" if size_mm else f"none stated ({key} = 0)"

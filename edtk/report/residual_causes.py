@@ -1,0 +1,67 @@
+"""What explains the residuals of a calibration: repetitions, and faults that are known."""
+
+from edtk.calibration.calibrate import Calibration
+from edtk.calibration.causes.cause import Cause
+from edtk.calibration.row_names import row_names
+from edtk.inference.lack_of_fit import LackOfFit
+from edtk.report.page import paragraph, table
+
+UNLIKELY = 0.01  # p-value from which the model counts as not fitting
+
+
+def residual_causes(found: Calibration) -> list[str]:
+    """Sentences on lack of fit and causes, and a table of the causes, as pieces of HTML."""
+    test = found.lack_of_fit
+    parts = [] if test is None else [paragraph(_repetitions(found, test))]
+    if found.fit.robust:
+        parts.append(paragraph("Causes are not looked for, as the fit is robust."))
+    elif found.causes:
+        parts.append(table(HEADER, [_row(cause) for cause in found.causes], full=True))
+    elif found.fit.p_value is not None and found.fit.p_value < UNLIKELY:
+        text = "None of the faults that are known explains the residuals: load, tool, measuring "
+        more = (
+            "frame, drift, units, columns, a wrong pose, backlash or stiffness by sign of torque."
+        )
+        parts.append(paragraph(text + more))
+    return parts
+
+
+def _repetitions(found: Calibration, test: LackOfFit) -> str:
+    """Whether repetitions agree among themselves better than with the model."""
+    numbers = f"F = {test.F:.3g} for {test.dof[0]} and {test.dof[1]} degrees of freedom"
+    numbers = f"{numbers}, p = {test.p:.2g}"
+    if test.p >= UNLIKELY:
+        return f"Repetitions of a pose agree with the model as well as with each other ({numbers})."
+    sigma = 1e3 * float(found.data.sigma[:, :3].mean())
+    used = ", which all standard deviations take into account" if found.fitted.common_noise else ""
+    return (
+        f"Repetitions of a pose agree with each other better than with the model ({numbers}): they "
+        f"scatter by {test.pure_error * sigma:.2g} mm, and share {test.common * sigma:.2g} mm "
+        f"that the model does not explain{used}."
+    )
+
+
+HEADER = (
+    "what explains the residuals",
+    "size",
+    "std",
+    "unit",
+    "joint",
+    "rows",
+    "share of the misfit [%]",
+    "p",
+)
+
+
+def _row(cause: Cause) -> list[str]:
+    """One cause in cells."""
+    return [
+        cause.cause.replace("_", " "),
+        f"{cause.size:.3g}",
+        "-" if cause.std is None else f"{cause.std:.1g}",
+        cause.unit or "-",
+        cause.joint or "-",
+        row_names(cause.rows).partition(" ")[2] if cause.rows else "all",
+        f"{100 * cause.explained:.3g}",
+        f"{cause.p:.1g}",
+    ]
