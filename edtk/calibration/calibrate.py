@@ -17,6 +17,7 @@ from edtk.calibration.fitted_data import FittedData
 from edtk.calibration.input_errors.find_input_error import find_input_error
 from edtk.calibration.input_errors.input_error import InputError
 from edtk.calibration.linear_model_bias import linear_model_bias
+from edtk.calibration.origin import Origin
 from edtk.calibration.posterior_check import PosteriorCheck
 from edtk.calibration.study_prior import study_prior
 from edtk.design.plan import Plan
@@ -56,6 +57,7 @@ class Calibration(Presented):
         bias: By how far the linear model makes the compliances (p,) too large, to the first order
             [rad/(N m)]; zero where the loaded equilibrium was fitted, None if it is unknown.
         check: The posterior; None where it was not sampled.
+        origin: The file as it was read, and what was asked for.
     """
 
     fitted: FittedData
@@ -63,6 +65,7 @@ class Calibration(Presented):
     path: Path
     bias: Array | None = None
     check: PosteriorCheck | None = None
+    origin: Origin = Origin()  # noqa: RUF009  (frozen)
 
     def headline(self) -> str:
         """Number of measurements, the accuracy to expect, and the verdict."""
@@ -306,6 +309,7 @@ def calibrate(
     load = study.space.load
     wrench = load.always if isinstance(load, FixedLoad) else None
     data = Measurements.from_csv(path, study.robot, study.fixed, wrench, study.sigma)
+    origin = Origin.of(path, linear, as_is)
     try:
         fitted = FittedData.of(study, data, plan, robust, known, linear)
     except (SingularPlanError, NothingLeftError, SigmaTooSmallError) as error:
@@ -320,7 +324,7 @@ def calibrate(
         bias = linear_model_bias(study, data, fitted.A, fitted.fit.k)
     length = _length(study, bias)
     budget = calibration_budget(fitted, length)
-    return Calibration(fitted, diagnostics(fitted, length, budget), path, bias)
+    return Calibration(fitted, diagnostics(fitted, length, budget), path, bias, origin=origin)
 
 
 def _length(study: Study, bias: Array | None) -> float | None:

@@ -92,7 +92,8 @@ def _rigid(found: Calibration) -> str:
     joints = uncertainty_of(found.study, found.fit.k).rigid
     if not joints:
         return "no joint counts as rigid"
-    named = ", ".join(f"{compliance:.2g} rad/(N m) in {name}" for name, compliance in joints)
+    unit = "\N{MICRO SIGN}rad/(N m)"
+    named = ", ".join(f"{1e6 * compliance:.2g} {unit} in {name}" for name, compliance in joints)
     return f"a compliance of about {named} (rigid_rad_per_Nm)"
 
 

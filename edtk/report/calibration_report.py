@@ -5,6 +5,7 @@ import numpy as np
 from edtk.calibration.calibrate import Calibration
 from edtk.inference.identification import Identification
 from edtk.report.budget_section import budget_section
+from edtk.report.calibration_facts import calibration_facts
 from edtk.report.calibration_verdict import calibration_verdict
 from edtk.report.digits import digits
 from edtk.report.draw.correlation import correlation
@@ -13,10 +14,9 @@ from edtk.report.draw.name_ticks import room_for
 from edtk.report.draw.quantiles import quantiles
 from edtk.report.draw.residuals import residuals
 from edtk.report.new_figure import new_figure
-from edtk.report.page import Page, footer, paragraph, picture, section, table
+from edtk.report.page import Page, paragraph, picture, section, table
 from edtk.report.posterior_report import posterior_report
 from edtk.report.residual_causes import residual_causes
-from edtk.version import __version__
 
 SHOWN = 8  # rows of the table of residuals
 WIDTH = 4.4  # of a picture [inch]: letters can be read on a phone, and on a desk two have room
@@ -43,17 +43,8 @@ def calibration_report(found: Calibration) -> str:
     ]
     if found.check is not None:
         parts.append(posterior_report(found.check))
-    parts.append(footer(_origin(found)))
+    parts.append(calibration_facts(found))
     return Page(f"Calibration: {found.study.specification.title}", tuple(parts)).html()
-
-
-def _origin(found: Calibration) -> str:
-    """Where the numbers come from."""
-    poses = int(found.data.pose.max()) + 1
-    return (
-        f"{found.path.name}: {len(found.data)} measurements in {poses} poses; "
-        f"robot {found.study.robot.name}; study {found.study.digest}; edtk {__version__}."
-    )
 
 
 def _compliances(found: Calibration) -> str:

@@ -43,7 +43,7 @@ class Page:
 
 def verdict(level: str, lines: Sequence[str]) -> str:
     """A box with the verdict: "good", "usable" or "bad", the first line the most important."""
-    text = "".join(f"<p>{escape(line)}</p>" for line in lines)
+    text = "".join(map(paragraph, lines))
     return f'<div class="verdict {level}" id="verdict" data-level="{level}">{text}</div>'
 
 
@@ -53,8 +53,9 @@ def section(title: str, *parts: str) -> str:
 
 
 def paragraph(text: str) -> str:
-    """Plain text, across all columns."""
-    return f"<p>{escape(text)}</p>"
+    """Plain text, across all columns; no line breaks inside a number such as 1.2e-08."""
+    whole = re.sub(r"[\d.]+e[-+]\d+", r'<span class="number">\g<0></span>', escape(text))
+    return f"<p>{whole}</p>"
 
 
 def table(
@@ -111,8 +112,3 @@ def picture(figure: "Figure", caption: str) -> str:
         f'<figure{columns}><div class="box" tabindex="0">{labelled}</div>'
         f"<figcaption>{text}</figcaption></figure>"
     )
-
-
-def footer(text: str) -> str:
-    """The line at the bottom, which tells where the numbers come from."""
-    return f"<footer><p>{escape(text)}</p></footer>"

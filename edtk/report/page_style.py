@@ -23,7 +23,8 @@ section { display: grid; gap: .75rem 1.5rem; align-items: start;
 section > * { min-width: 0; margin-bottom: 0; }
 h2, section > p, .full { grid-column: 1 / -1; }
 section > p { margin: 0; }
-p { max-width: 56rem; }
+p { max-width: 60rem; }
+.number { white-space: nowrap; }
 .box { overflow-x: auto; background:
   linear-gradient(to right, var(--page) 60%, transparent) left / 1.5rem 100% no-repeat local,
   linear-gradient(to left, var(--page) 60%, transparent) right / 1.5rem 100% no-repeat local,
@@ -40,8 +41,7 @@ dt { opacity: .8; } dd { margin: 0; min-width: 0; overflow-wrap: anywhere; }
 figure { margin: 0; }
 svg { display: block; width: 100%; height: auto; }
 svg text { fill: currentColor; }
-figcaption, footer { font-size: .9rem; opacity: .8; }
-footer { margin-top: 1.5rem; }
+figcaption { font-size: .9rem; opacity: .8; }
 @media print {
   :root { color-scheme: light; --page: #fff; --ink: #000; --good: #00795c; --usable: #b35900;
     --bad: #b3261e; }

@@ -1,5 +1,7 @@
 """The report of a calibration: what its verdict says, and that a real browser shows all of it."""
 
+import hashlib
+import os
 import re
 import shutil
 import subprocess
@@ -15,17 +17,20 @@ from edtk.calibration.calibrate import Calibration
 from edtk.calibration.calibration_budget import calibration_budget
 from edtk.calibration.diagnostics.diagnostics import diagnostics
 from edtk.calibration.fitted_data import FittedData
+from edtk.calibration.origin import Origin
 from edtk.inference.measurements import Measurements
 from edtk.inference.run_chain import Demand
 from edtk.inference.sample_posterior import SamplingOptions
 from edtk.inference.simulate import simulate
 from edtk.model.error_budget import ErrorBudget
+from edtk.report.calibration_facts import calibration_facts
 from edtk.report.calibration_report import calibration_report
 from edtk.report.calibration_verdict import calibration_verdict
 from edtk.report.digits import digits
 from edtk.report.draw.error_budget import error_budget
 from edtk.report.draw.intervals import intervals
 from edtk.study.study import load_study
+from edtk.version import __version__
 
 pytestmark = pytest.mark.slow
 
@@ -146,6 +151,36 @@ def test_negative_compliance():
     text = calibration_verdict(calibrated(k=STUDY.compliances * [1, 1, 1, 1, -1]))
     assert level_of(text) == "bad"
     assert "<p>k6 comes out as -" in text
+
+
+def test_what_the_result_rests_on(tmp_path):
+    """The page names file, hash, noise, load, tool, model and options; again, it is the same."""
+    found = calibrated()
+    sheet = tmp_path / "day.csv"
+    sheet.write_text("rows\n")
+    os.utime(sheet, (1e9, 1e9))
+    origin = Origin.of(sheet, linear=True, as_is=True)
+    assert origin == Origin.of(sheet, linear=True, as_is=True)
+    text = calibration_facts(replace(found, path=sheet, origin=origin))
+    said = dict(re.findall("<dt>(.*?)</dt><dd>(.*?)</dd>", text))
+    assert said["File"] == "day.csv"
+    assert said["SHA-256"] == hashlib.sha256(b"rows\n").hexdigest()
+    assert said["Last changed"] == "2001-09-09 01:46:40 UTC"
+    assert said["Stated noise"] == "0.03 mm for each coordinate"
+    assert said["Estimated noise"].startswith(f"{1e3 * found.sigma_hat:.3g} mm, ")
+    assert said["Load"] == "F = (0, 0, -2500) N"
+    assert said["Tool"] == "(611.5, 0, -460) mm from the last joint"
+    assert said["Model"].startswith("the loaded equilibrium, as it moves")
+    assert said["Sheet"].startswith("taken as it is")
+    assert said["Program"] == f"edtk {__version__}"
+    linear = replace(found, origin=origin, fitted=replace(found.fitted, nonlinear=False))
+    assert "<dd>linear, as asked for</dd>" in calibration_facts(linear)
+
+
+def test_a_pipe_has_no_hash(tmp_path):
+    """What cannot be read twice is not read again."""
+    os.mkfifo(tmp_path / "pipe")
+    assert Origin.of(tmp_path / "pipe", linear=False, as_is=False) == Origin()
 
 
 def test_nothing_from_outside(good):

@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 DECADES = 4.0  # below the largest error that are shown
-ROOM = 3.0  # beyond the largest error, as a factor, for the numbers at the right
+ROOM = 0.3  # for the numbers at the right, as a share of the axis up to the largest error
 
 
 def error_budget(found: ErrorBudget, ax: "Axes") -> None:
@@ -35,7 +35,7 @@ def error_budget(found: ErrorBudget, ax: "Axes") -> None:
     label = f"without compensation {without:.2g} mm"
     ax.axvline(without, color=GREY, linestyle="--", label=label)
     ax.set_xscale("log")
-    ax.set_xlim(left, largest * ROOM)
+    ax.set_xlim(left, largest * (largest / left) ** ROOM)
     ax.set_yticks(range(len(size)), list(size))
     ax.set_ylim(len(size) - 0.5, -0.5)
     ax.set_xlabel("root mean square error in the task [mm]")
