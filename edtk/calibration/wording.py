@@ -1,6 +1,7 @@
 """The sentence of each finding: the one place where findings become words."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 from edtk.calibration.causes.cause import Cause
 from edtk.calibration.finding import Finding, Kind
@@ -209,6 +210,23 @@ def _size(cause: Cause) -> str:
     return f"{cause.size:.3g} +- {cause.std:.1g} {cause.unit}"
 
 
+def _signed(cause: Cause, more: str, less: str) -> tuple[str, str]:
+    """A fault's size without its sign, and the word for the sign."""
+    return _size(replace(cause, size=abs(cause.size))), more if cause.size > 0 else less
+
+
+def _load_size(cause: Cause) -> str:
+    """A load that is heavier or lighter."""
+    size, which = _signed(cause, "larger", "smaller")
+    return f"the load looks {size} {which} than stated"
+
+
+def _tool(cause: Cause) -> str:
+    """A tool point that is elsewhere."""
+    size, along = _signed(cause, "along", "against")
+    return f"the tool point looks {size} further {along} the tool's {cause.cause[-1]} axis"
+
+
 def _joint(cause: Cause) -> str:
     """The joint in which a fault is; every one where it is in none."""
     return f"joint {cause.joint}" if cause.joint else "every joint"
@@ -228,14 +246,9 @@ def _misread(cause: Cause) -> str:
 
 
 CAUSES: dict[str, Callable[[Cause], str]] = {
-    "load_size": lambda cause: f"the load looks {_size(cause)} larger than stated",
+    "load_size": _load_size,
     "load_direction": lambda cause: f"the load looks tilted by {_size(cause)}",
-    **{
-        f"tool_{axis}": lambda cause: (
-            f"the tool point looks {_size(cause)} further along the tool's {cause.cause[-1]} axis"
-        )
-        for axis in "xyz"
-    },
+    **{f"tool_{axis}": _tool for axis in "xyz"},
     "frame_rotation": lambda cause: f"the measuring frame looks turned by {_size(cause)}",
     "frame_axes": _misread,
     "columns": _misread,

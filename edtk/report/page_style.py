@@ -48,10 +48,11 @@ figcaption { font-size: .9rem; opacity: .8; }
   body { font-size: 10pt; padding: 0; max-width: none; }
   section { display: block; }
   section > * { margin-top: .5rem; }
-  figure, .verdict, tr, dt, dd { break-inside: avoid; }
-  h2, h3 { break-after: avoid; }
+  figure, .verdict, .box, p, tr, dl { break-inside: avoid; }
+  h2, h3, section > p { break-after: avoid; }
   .box { overflow: visible; background: none; }
   th, td { white-space: normal; padding: .15rem .4rem; font-size: 8.5pt; }
-  svg { min-width: 0 !important; max-width: 15cm !important; max-height: 22cm; }
+  svg { min-width: 0 !important; max-width: 11cm !important; max-height: 22cm; }
+  .full svg { max-width: 17cm !important; }
 }
 """
