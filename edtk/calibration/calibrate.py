@@ -13,6 +13,7 @@ from edtk.calibration.causes.cause import Cause
 from edtk.calibration.check_posterior import check_posterior
 from edtk.calibration.diagnostics.diagnostic import Diagnostic, Severity
 from edtk.calibration.diagnostics.diagnostics import diagnostics
+from edtk.calibration.diagnostics.posterior_diagnostics import posterior_diagnostics
 from edtk.calibration.fitted_data import FittedData
 from edtk.calibration.input_errors.find_input_error import find_input_error
 from edtk.calibration.input_errors.input_error import InputError
@@ -92,7 +93,12 @@ class Calibration(Presented):
 
     @cached_property
     def budget(self) -> ErrorBudget | None:
-        """The error to expect in the task, in parts; None without a test pose."""
+        """The error to expect in the task, in parts; None without a test pose.
+
+        It is that of least squares, and None where the estimate rests on a prior.
+        """
+        if self.fitted.untold:
+            return None
         return calibration_budget(self.fitted, self.rho0_bias)
 
     @property
@@ -230,6 +236,9 @@ class Calibration(Presented):
     ) -> "Calibration":
         """The same calibration with the posterior, under the study's [prior].
 
+        Where measurements alone do not tell every compliance, mean and covariance of the posterior
+        take the place of the estimate.
+
         The noise is that of the [prior], unless the fit was asked for another: sigma is unknown
         (Jeffreys' prior) where it was estimated, and Student-t errors with unknown nu take the
         place of normal ones where the fit is robust.
@@ -259,7 +268,20 @@ class Calibration(Presented):
         flat = all(isinstance(marginal, Flat) for marginal in prior.marginals)
         vague = prior.earlier is None and flat
         estimated = vague and noise.normal and not self.fit.known and not self.fit.robust
-        return replace(self, check=replace(check, sigma_estimated=estimated))
+        fitted = self.fitted
+        found = self.diagnostics
+        if fitted.untold:
+            names = self.study.model.parameters
+            posterior = Estimate(check.posterior.mean, check.posterior.covariance, names)
+            fitted = fitted.described_by(posterior)
+            found = diagnostics(fitted)
+        added = posterior_diagnostics(fitted, prior, check.posterior)
+        return replace(
+            self,
+            fitted=fitted,
+            diagnostics=tuple(sorted([*added, *found], key=lambda one: -one.severity)),
+            check=replace(check, sigma_estimated=estimated),
+        )
 
     def _posterior_noise(self) -> Noise:
         """The noise that a posterior assumes beside this fit."""
@@ -283,6 +305,7 @@ def calibrate(
     plan: Plan | None = None,
     as_is: bool = False,
     linear: bool = False,
+    bayes: bool = False,
 ) -> Calibration:
     """Identify the study's unknown compliances from a measurement file.
 
@@ -296,6 +319,8 @@ def calibrate(
         as_is: Whether an input error is only a diagnostic, an alarm, beside the result.
         linear: Whether the linear model is fitted where that of the loaded equilibrium would be,
             as it differs by more than a tenth of a standard deviation.
+        bayes: Whether the posterior is to be sampled. Then the [prior] of the study may tell
+            compliances that the measurements alone do not.
 
     Returns:
         Compliances by joint, the fit, and the diagnostics.
@@ -311,20 +336,43 @@ def calibrate(
     data = Measurements.from_csv(path, study.robot, study.fixed, wrench, study.sigma)
     origin = Origin.of(path, linear, as_is)
     try:
-        fitted = FittedData.of(study, data, plan, robust, known, linear)
+        fitted = _fitted(study, data, plan, robust, known, linear, bayes)
     except (SingularPlanError, NothingLeftError, SigmaTooSmallError) as error:
         raise UserError(str(error), where=path) from error
     wrong = None if as_is else find_input_error(fitted)
     if wrong is not None:
         raise InputError(path, wrong)
     bias = None
-    if fitted.nonlinear:
+    if fitted.untold:
+        bias = None
+    elif fitted.nonlinear:
         bias = np.zeros(len(fitted.fit.k))
     elif study.target is not None:
         bias = linear_model_bias(study, data, fitted.A, fitted.fit.k)
     length = _length(study, bias)
-    budget = calibration_budget(fitted, length)
+    budget = None if fitted.untold else calibration_budget(fitted, length)
     return Calibration(fitted, diagnostics(fitted, length, budget), path, bias, origin=origin)
+
+
+def _fitted(
+    study: Study,
+    data: Measurements,
+    plan: Plan | None,
+    robust: bool,
+    known: bool,
+    linear: bool,
+    bayes: bool,
+) -> FittedData:
+    """The fit of the measurements; with a prior where they alone do not tell every compliance."""
+    try:
+        return FittedData.of(study, data, plan, robust, known, linear)
+    except SingularPlanError as error:
+        if not bayes:
+            raise
+        untold = error.parameters
+        return FittedData.with_prior(
+            study, data, study_prior(study), untold, plan, robust, known, linear
+        )
 
 
 def _length(study: Study, bias: Array | None) -> float | None:

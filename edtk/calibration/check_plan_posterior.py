@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 
 from edtk.calibration.check_posterior import check_posterior
+from edtk.calibration.first_estimate import first_estimate
 from edtk.calibration.posterior_check import PosteriorCheck
 from edtk.design.plan import Plan
-from edtk.inference.least_squares import estimate
 from edtk.inference.noise import Noise
 from edtk.inference.sample_posterior import SamplingOptions
 from edtk.inference.simulate import simulate
@@ -36,7 +36,8 @@ def check_plan_posterior(
         the assumed truth.
 
     Raises:
-        SingularPlanError: The plan cannot identify all parameters.
+        SingularPlanError: The plan cannot identify all parameters, and the prior does not tell
+            the others.
         UserError: The study assumes no true compliances, or its prior is not one.
         UnconvergedError: The chain does not converge.
         ImproperPosteriorError: Too few measurements for the unknowns.
@@ -44,9 +45,11 @@ def check_plan_posterior(
     """
     A = np.repeat(study.model.regressor(plan.q, plan.wrench), plan.repeats, axis=0)
     measured = simulate(A, study.compliances, study.sigma, rng)[0]
-    fit = estimate(A, measured, study.sigma, study.model.parameters)
+    fit, untold = first_estimate(study, A, measured, study.sigma)
     sigma = np.broadcast_to(study.sigma, measured.shape)
     found = check_posterior(study, A, measured, sigma, fit, rng, noise=noise, options=options)
     table = found.table.assign(reference=study.compliances)
+    if untold:
+        return replace(found, table=table, reference="assumed truth")  # Eq. (13) has no inverse
     table = table.rename(columns={"std_fit": "std_eq13"})
     return replace(found, table=table, reference="assumed truth")

@@ -4,10 +4,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from edtk.calibration.first_estimate import first_estimate
 from edtk.calibration.pose_error import pose_error
 from edtk.calibration.posterior_check import PosteriorCheck
 from edtk.calibration.study_prior import study_prior
-from edtk.inference.least_squares import Estimate, estimate
+from edtk.inference.least_squares import Estimate
 from edtk.inference.noise import Noise
 from edtk.inference.posterior import Posterior
 from edtk.inference.sample_posterior import SamplingOptions, sample_posterior
@@ -37,26 +38,32 @@ def check_posterior(
         measured: Deflections (m, rows) [m, rad].
         sigma: Noise (m, rows) [m, rad].
         identified: The estimate from these measurements. Its covariance is Eq. (13), corrected
-            where sigma was estimated, or where the loss was not least squares.
+            where sigma was estimated, or where the loss was not least squares; that of
+            `first_estimate` where there are none.
         rng: Source of randomness.
         noise: Assumptions about the noise; default to those of the study.
         options: How accurately, and where the chain is kept.
 
     Raises:
         UserError: The study's prior is not one.
+        SingularPlanError: Neither measurements nor prior tell a parameter.
         UnconvergedError: The chain does not converge.
         ImproperPosteriorError: Too few measurements for the unknowns.
         ChainFileError: The file is no chain, or of another problem.
     """
     assumed = study.specification.prior.noise() if noise is None else noise
-    fit = estimate(A, measured, sigma, study.model.parameters)
+    fit, untold = first_estimate(study, A, measured, sigma)
     prior = study_prior(study)
     posterior = sample_posterior(
         A, measured, sigma, fit, rng, prior=prior, noise=assumed, options=options
     )
     table = _table(study, identified, posterior)
-    pose = None if study.task is None else pose_error(study.task, identified, posterior)
-    return PosteriorCheck(table, "identified", posterior, A, measured, sigma, assumed, pose)
+    # Without a least-squares fit the posterior's mean is what commands are compensated with.
+    used = Estimate(posterior.mean, posterior.covariance) if untold else identified
+    pose = None if study.task is None else pose_error(study.task, used, posterior)
+    return PosteriorCheck(
+        table, "identified", posterior, A, measured, sigma, assumed, pose, untold=untold
+    )
 
 
 def _table(study: Study, identified: Estimate, posterior: Posterior) -> "pd.DataFrame":

@@ -27,6 +27,10 @@ class Kind(Enum):
     NOISE_ESTIMATED_SMALL = auto()
     OUTLIERS = auto()
     TOO_FEW_FOR_ROBUST = auto()
+    # Prior knowledge.
+    RESTS_ON_PRIOR = auto()
+    PRIOR_CONTRADICTED = auto()
+    POSTERIOR_DIFFERS = auto()
     # Structure of the measured poses.
     EQUAL_ROWS = auto()
     ALIKE_PARAMETERS = auto()

@@ -14,12 +14,14 @@ from edtk.calibration.match_plan import PlanMatch, match_plan
 from edtk.design.plan import Plan
 from edtk.inference.fit_common_noise import fit_common_noise
 from edtk.inference.fit_equilibrium import LinearisedData, NoFitError, fit_equilibrium
+from edtk.inference.fit_with_prior import fit_with_prior
 from edtk.inference.identification import Identification
 from edtk.inference.identify import identify
 from edtk.inference.lack_of_fit import LackOfFit, lack_of_fit
-from edtk.inference.least_squares import SingularPlanError, Whitened
+from edtk.inference.least_squares import Estimate, SingularPlanError, Whitened
 from edtk.inference.linearise import linearise
 from edtk.inference.measurements import Measurements, row_numbers
+from edtk.inference.prior import Prior
 from edtk.model.all_compliances import all_compliances
 from edtk.model.equilibrium import NoEquilibriumError
 from edtk.study.study import Study
@@ -47,6 +49,8 @@ class FittedData:
         common_noise: Whether noise that repetitions of a pose share was estimated and taken into
             account. A and measured are then of rows whose errors are independent.
         plan: The plan that was to be carried out; None if it is not known.
+        untold: Names of the parameters that the measurements alone do not tell: the estimate rests
+            on the prior, too.
     """
 
     study: Study
@@ -57,6 +61,7 @@ class FittedData:
     nonlinear: bool = False
     common_noise: bool = False
     plan: Plan | None = None
+    untold: tuple[str, ...] = ()
 
     @classmethod
     def of(
@@ -94,6 +99,59 @@ class FittedData:
         if not linear and found._bends_much():
             found = found._of_equilibrium()
         return found._with_common_noise()
+
+    @classmethod
+    def with_prior(
+        cls,
+        study: Study,
+        data: Measurements,
+        prior: Prior,
+        untold: tuple[str, ...],
+        plan: Plan | None = None,
+        robust: bool = False,
+        known: bool = True,
+        linear: bool = False,
+    ) -> "FittedData":
+        """Describe measurements that leave compliances open, with a prior that tells them.
+
+        Args:
+            study: The question.
+            data: The measurements.
+            prior: Knowledge of the compliances before them.
+            untold: Names of the parameters that the measurements alone do not tell.
+            plan: The plan that was to be carried out.
+            robust: Whether errors are to have heavy tails in a posterior.
+            known: Whether the given sigma is believed.
+            linear: Whether the linear model is fitted; otherwise that of the loaded equilibrium
+                about the estimate of the linear one.
+
+        Raises:
+            SingularPlanError: Prior and measurements together say nothing of a parameter.
+        """
+        names = study.model.parameters
+        A = data.regressor(study.model)
+        measured = data.deflection - known_part(study, data)
+        found = fit_with_prior(A, measured, data.sigma, names, prior)
+        bends = False
+        if not linear:
+            k = all_compliances(study.model, np.maximum(found.k, 0.0), study.known)
+            try:
+                seen = LinearisedData.of(data, linearise(study.model, data, k))
+                found = fit_with_prior(seen.A, seen.measured, data.sigma, names, prior)
+                A = seen.A
+                measured = seen.measured
+                bends = True
+            except NoEquilibriumError:
+                pass  # Such compliances are wrong in any case, which the residuals tell.
+        fit = Identification.of_estimate(found, A, measured, data.sigma, known, robust)
+        return cls(study, data, A, measured, fit, bends, plan=plan, untold=untold)
+
+    def described_by(self, found: Estimate) -> "FittedData":
+        """The same measurements with another estimate that rests on the prior, too."""
+        fit = Identification.of_estimate(
+            found, self.A, self.measured, self.data.sigma, self.fit.known, self.fit.robust
+        )
+        return replace(self, fit=fit)
 
     def _of_equilibrium(self) -> "FittedData":
         """The same measurements with the loaded equilibrium fitted."""
@@ -148,6 +206,8 @@ class FittedData:
     @cached_property
     def causes(self) -> tuple[Cause, ...]:
         """Faults that explain the residuals, the likeliest first; empty where noise does."""
+        if self.untold:
+            return ()  # every fault needs a fit without a prior
         if self.fit.robust:
             return ()  # a robust fit sets aside what a fault makes
         rows = _some_rows(self.data)
@@ -175,6 +235,8 @@ class FittedData:
     @cached_property
     def lack_of_fit(self) -> LackOfFit | None:
         """Whether repetitions agree better with each other than with the model."""
+        if self.untold:
+            return None
         z = self.fit.residual / self.data.sigma
         return lack_of_fit(z, self._repetitions, len(self.fit.k))
 
@@ -196,6 +258,8 @@ class FittedData:
     @cached_property
     def explanation(self) -> Explanation | None:
         """Other readings of the columns that explain a misfit; None where nothing is to explain."""
+        if self.untold:
+            return None
         return explanation(self.study, self.data, self.fit)
 
     @cached_property

@@ -35,6 +35,8 @@ class PosteriorCheck(Presented):
         pose: Errors in the test pose; None without one.
         sigma_estimated: Whether posterior and fit both estimated the size of normal noise, and all
             priors are flat.
+        untold: Names of the parameters that measurements alone do not tell, so that what is said of
+            them is the prior's.
     """
 
     table: "pd.DataFrame"
@@ -46,6 +48,7 @@ class PosteriorCheck(Presented):
     noise: Noise
     pose: PoseError | None
     sigma_estimated: bool = False
+    untold: tuple[str, ...] = ()
 
     def headline(self) -> str:
         """Number of compliances and measurements, and the range of the ratios."""
@@ -68,6 +71,8 @@ class PosteriorCheck(Presented):
     @property
     def compared(self) -> tuple[str, str]:
         """The column beside posterior standard deviations, and its name for a person."""
+        if self.untold:
+            return ("std_fit", "normal approx.")
         if "std_eq13" in self.table:
             return ("std_eq13", "std by Eq. (13)")
         return ("std_fit", "std of the fit")
@@ -82,6 +87,16 @@ class PosteriorCheck(Presented):
         if self.sigma_estimated and dof > NO_VARIANCE:
             return float(np.sqrt(dof / (dof - NO_VARIANCE)))
         return 1.0
+
+    @property
+    def rest(self) -> str:
+        """What rests on the prior alone, in words; empty where nothing does."""
+        if not self.untold:
+            return ""
+        return (
+            f"measurements alone do not tell {', '.join(self.untold)}: what is said there rests on "
+            "the prior; standard deviations are compared with a normal approximation of both"
+        )
 
     def to_frame(self) -> "pd.DataFrame":
         """A copy of `table`."""

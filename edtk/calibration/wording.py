@@ -78,8 +78,8 @@ def _near_zero(found: Finding) -> str:
 def _no_residuals(found: Finding) -> str:
     """No degrees of freedom."""
     return (
-        "there are as many measured coordinates as parameters: no residual tells whether anything "
-        "is wrong"
+        "there are no more measured coordinates than parameters: no residual tells whether "
+        "anything is wrong"
     )
 
 
@@ -138,6 +138,48 @@ def _too_few_for_robust(found: Finding) -> str:
         f"{data['coordinates']} measured coordinates for {data['parameters']} parameters are too "
         f"few for a robust fit that estimates sigma, which needs more than {data['needed']}: this "
         "is the least-squares fit, in which outliers count fully"
+    )
+
+
+def _rests_on_prior(found: Finding) -> str:
+    """Parameters that the measurements do not tell."""
+    names = ", ".join(found.parameters)
+    return (
+        f"the measurements alone do not tell {names}: least squares have no answer, and k and std "
+        "are mean and standard deviation of the posterior, which rests on the [prior]"
+    )
+
+
+def _prior_contradicted(found: Finding) -> str:
+    """A prior under which the estimate is improbable."""
+    p = found.data["p"]
+    likely = f"p = {p:.1g}" if p > 1e-300 else "p < 1e-300"
+    if found.data["earlier"]:
+        return (
+            f"the earlier calibration contradicts the measurements ({likely}): one of them is "
+            "wrong, or the robot has changed"
+        )
+    return (
+        f"the prior of {', '.join(found.parameters)} contradicts the measurements ({likely}): one "
+        "of them is wrong"
+    )
+
+
+# Which of two estimates to believe, by the reason why they differ.
+BELIEVE = {
+    "contradiction": "believe neither before it is clear whether prior or measurements are wrong",
+    "prior": "believe the posterior, as the prior says more than the measurements, and fits them",
+    "noise": "believe the posterior, which also infers the noise, and bounds outliers",
+    "model": "believe neither: both rest on the same measurements, so model or signs are wrong",
+}
+
+
+def _posterior_differs(found: Finding) -> str:
+    """A posterior that is far from least squares."""
+    data = found.data
+    return (
+        f"{found.parameters[0]}: the posterior's mean {data['mean']:.3g} is {data['distance']:.2g} "
+        f"of its standard deviations from the fit's {data['k']:.3g}: {BELIEVE[data['reason']]}"
     )
 
 
@@ -397,6 +439,9 @@ _SENTENCES: dict[Kind, Callable[[Finding], str]] = {
     Kind.NOISE_ESTIMATED_SMALL: _noise_estimated_small,
     Kind.OUTLIERS: _outliers,
     Kind.TOO_FEW_FOR_ROBUST: _too_few_for_robust,
+    Kind.RESTS_ON_PRIOR: _rests_on_prior,
+    Kind.PRIOR_CONTRADICTED: _prior_contradicted,
+    Kind.POSTERIOR_DIFFERS: _posterior_differs,
     Kind.EQUAL_ROWS: _equal_rows,
     Kind.ALIKE_PARAMETERS: _alike_parameters,
     Kind.ONE_POSE: _one_pose,

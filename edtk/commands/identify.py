@@ -1,6 +1,7 @@
 """`edtk identify`: compliances from measurements."""
 
-from contextlib import nullcontext
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,6 +13,9 @@ from edtk.system.errors import UserError
 
 if TYPE_CHECKING:
     from edtk.calibration.finding import Finding
+
+# Characters of a message and its hint, which leaves some of a line for the name of the file.
+MOST_WITH_HINT = 220
 
 
 @click.command("identify", short_help="Find compliances from measurements.")
@@ -68,7 +72,7 @@ def command(
 
     if sampling.given() and not bayes:
         raise UserError(f"{sampling.given()[0]}: expected --bayes with it")
-    with sampling.with_progress() if bayes else nullcontext(False) as posterior:
+    with _prior_hint(bayes), sampling.with_progress() if bayes else nullcontext(False) as posterior:
         found = identify(
             study,
             measurements,
@@ -86,6 +90,26 @@ def command(
         if diagnostic.severity > Severity.NOTE:
             hint = _hint(diagnostic.finding, robust)
             warn(f"{measurements}: {diagnostic.text}{hint}")
+
+
+@contextmanager
+def _prior_hint(bayes: bool) -> Iterator[None]:
+    """Say that prior knowledge helps where measurements alone do not tell every compliance."""
+    from edtk.inference.least_squares import SingularPlanError
+
+    try:
+        yield
+    except UserError as error:
+        cause = error.__cause__
+        if not isinstance(cause, SingularPlanError):
+            raise
+        how = "a [prior] of them" if bayes else "a [prior] of them and --bayes"
+        hint = f"{how} would tell them"
+        message = f"{cause}; {hint}"
+        if len(message) > MOST_WITH_HINT:
+            # One direction of several is enough, beside what helps.
+            message = f"{SingularPlanError(cause.parameters, cause.directions[:1])}; {hint}"
+        raise UserError(message, where=error.where) from cause
 
 
 def _hint(finding: "Finding", robust: bool) -> str:

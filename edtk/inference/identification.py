@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from edtk.inference.distributions import chi_square_quantile, student_quantile
+from edtk.inference.least_squares import Estimate
 from edtk.system.presented import Presented
 from edtk.system.typing import Array, Indices, Mask
 
@@ -15,6 +16,9 @@ if TYPE_CHECKING:
 # Efficiency of the median absolute deviation, beside the standard deviation, for normal noise: its
 # square has so much of the degrees of freedom.
 MAD_EFFICIENCY = 0.37
+
+# Of a residual's variance, below which the residual is not enlarged further.
+LEAST_SHARE = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,6 +74,54 @@ class Identification(Presented):
     outliers: Indices
     parameters: tuple[str, ...]
     too_few_for_robust: bool = False
+
+    @classmethod
+    def of_estimate(
+        cls,
+        found: Estimate,
+        A: Array,
+        measured: Array,
+        sigma: Array,
+        known: bool,
+        robust: bool = False,
+    ) -> "Identification":
+        """Describe measurements by an estimate that rests on prior knowledge, too.
+
+        Residuals are larger than those of least squares, and leverages are ``x cov x'``, less than
+        one; so there is no p-value, and outliers are not looked for.
+
+        Args:
+            found: Compliances and covariance.
+            A: Regressors (m, rows, p) [m/(rad/(N m))].
+            measured: Deflections (m, rows) [m, rad].
+            sigma: Noise (m, rows) [m, rad].
+            known: Whether sigma is believed.
+            robust: Whether errors are to have heavy tails in a posterior.
+        """
+        residual = measured - A @ found.k
+        z = residual / sigma
+        X = A / sigma[..., None]
+        leverage = np.clip(np.einsum("mri,ij,mrj->mr", X, found.covariance, X), 0.0, 1.0)
+        dof = max(measured.size - int(np.linalg.matrix_rank(X.reshape(-1, len(found.k)))), 0)
+        square = float((z**2).sum())
+        return cls(
+            k=np.maximum(found.k, 0.0),
+            unbounded=found.k,
+            negative=found.k < 0,
+            covariance=found.covariance,
+            residual=residual,
+            standardised=z / np.sqrt(np.maximum(1 - leverage, LEAST_SHARE)),
+            leverage=leverage,
+            chi2=square,
+            dof=dof,
+            p_value=None,
+            scale=float(np.sqrt(square / dof)) if dof else np.nan,
+            covariance_dof=np.inf,
+            known=known,
+            robust=robust,
+            outliers=np.zeros(0, dtype=int),
+            parameters=found.parameters,
+        )
 
     def headline(self) -> str:
         """How many compliances, how uncertain the worst of them is, and how well the model fits."""

@@ -57,6 +57,11 @@ class Posterior(Presented):
         return self.samples.std(axis=(0, 1))
 
     @property
+    def covariance(self) -> Array:
+        """Posterior covariance (p, p)."""
+        return np.atleast_2d(np.cov(self.samples.reshape(-1, self.samples.shape[-1]).T, ddof=0))
+
+    @property
     def effective(self) -> Array:
         """Effective number of independent samples (p,)."""
         return np.prod(self.samples.shape[:2]) / self.tau

@@ -52,7 +52,11 @@ class HalfNormal:
 
     def draw(self, rng: np.random.Generator, n: int) -> Array:
         """Draws (n,) [rad/(N m)]."""
-        return np.abs(self.scale * rng.standard_normal(n))
+        return self.of_normal(rng.standard_normal(n))
+
+    def of_normal(self, z: Array) -> Array:
+        """Values of this density from those of a standard normal variable [rad/(N m)]."""
+        return np.abs(self.scale * z)
 
 
 @dataclass(frozen=True)
@@ -77,7 +81,11 @@ class LogNormal:
 
     def draw(self, rng: np.random.Generator, n: int) -> Array:
         """Draws (n,) [rad/(N m)]."""
-        return self.median * self.factor ** rng.standard_normal(n)
+        return self.of_normal(rng.standard_normal(n))
+
+    def of_normal(self, z: Array) -> Array:
+        """Values of this density from those of a standard normal variable [rad/(N m)]."""
+        return np.asarray(self.median * self.factor**z)
 
 
 Marginal = Flat | HalfNormal | LogNormal

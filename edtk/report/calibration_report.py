@@ -32,7 +32,7 @@ def calibration_report(found: Calibration) -> str:
         section("Compliances", _compliances(found), _intervals(found)),
         section(
             "Do the residuals fit the noise?",
-            paragraph(_noise(found.fit)),
+            paragraph(_noise(found)),
             *residual_causes(found),
             _residuals(found.fit),
             _quantiles(found.fit),
@@ -68,17 +68,20 @@ def _compliances(found: Calibration) -> str:
     return table([name if name in UNITLESS else f"{name} {unit}" for name in header], rows)
 
 
-def _noise(fit: Identification) -> str:
+def _noise(found: Calibration) -> str:
     """The noise, by chi-square."""
+    fit = found.fit
     if not fit.dof:
         return (
-            "As many coordinates as parameters were measured: no residuals remain to judge the "
+            "No more coordinates than parameters were measured: no residuals remain to judge the "
             "noise by."
         )
     loss = ""
-    if fit.robust:
+    if fit.robust and not found.fitted.untold:
         loss = " The fit has Huber's loss, by which outliers count less."
     text = f"Chi-square is {fit.chi2:.4g} for {fit.dof} degrees of freedom"
+    if found.fitted.untold:
+        return f"{text}. The estimate rests on the prior, too."
     if fit.p_value is None:
         return f"{text}. The noise was estimated: it is {fit.scale:.3g} times the stated.{loss}"
     p = f"{fit.p_value:.2g}"

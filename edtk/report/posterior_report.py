@@ -12,6 +12,8 @@ NOISE = {"sigma_ratio": "Noise over the stated one", "nu": "Degrees of freedom o
 def posterior_report(check: PosteriorCheck) -> str:
     """A table, its meaning in the test pose, and the pictures."""
     parts = [paragraph(_chain(check)), _compliances(check)]
+    if check.rest:
+        parts.append(paragraph(f"{check.rest[:1].upper()}{check.rest[1:]}."))
     if check.ratio_to_expect != 1:
         ratio = f"{check.ratio_to_expect:.3f}"
         parts.append(paragraph(f"As sigma was estimated, a ratio of {ratio} is to be expected."))

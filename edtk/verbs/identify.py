@@ -53,7 +53,16 @@ def identify(
     for name in NAMES if out is not None else ():
         require_output(Path(out or "") / name, *inputs, sampling.chain, sampling.export)
     planned = None if plan is None else as_plan(question, plan)
-    found = calibrate(question, measurements, robust, not sigma_unknown, planned, as_is, linear)
+    found = calibrate(
+        question,
+        measurements,
+        robust,
+        not sigma_unknown,
+        planned,
+        as_is,
+        linear,
+        bayes=bool(bayes),
+    )
     if bayes:
         with sampling.arguments(Path(measurements), question.specification.seed) as arguments:
             found = found.sampled(**arguments)

@@ -137,7 +137,7 @@ def test_doubts_are_on_standard_error(measured: Path) -> None:
         (lambda t: t.assign(sigma_mm=[0.1, 0.1, 0, 0.1]), ("row 3", "sigma_mm")),
         (lambda t: t.assign(drx_deg=0), ("drx_deg", "positions only")),
         (lambda t: t[:0], ("no rows",)),
-        (lambda t: t[:1], ("cannot identify all parameters", "along")),
+        (lambda t: t[:1], ("cannot identify all parameters", "along", "and --bayes would")),
     ],
 )
 def test_bad_measurements(measured: Path, tmp_path: Path, change, words: tuple[str, ...]) -> None:

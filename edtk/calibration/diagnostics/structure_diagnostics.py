@@ -84,7 +84,7 @@ def _growth_without(fitted: FittedData) -> Array:
     share = np.bincount(data.pose, fitted.fit.leverage.sum(axis=1))
     growth = np.ones((len(share), len(parameters)))
     suspects = np.flatnonzero(share > 1 - 1 / MUCH_WIDER**2)
-    if not len(suspects):
+    if fitted.untold or not len(suspects):
         return growth
     whitened = Whitened.of(fitted.A, data.sigma, parameters)
     T = np.linalg.inv(whitened.R)

@@ -30,7 +30,7 @@ def _compliances(found: Calibration) -> list[str]:
     m, rows = fit.residual.shape
     poses = found.data.pose.max() + 1
     width = name_width(names, 6)
-    loss = ", Huber's loss" if fit.robust else ""
+    loss = ", Huber's loss" if fit.robust and not found.fitted.untold else ""
     loss += ", loaded equilibrium" if found.fitted.nonlinear else ", linear model"
     lines = [f"{m} measurements of {poses} poses, {m * rows} coordinates{loss}"]
     for name, k, std, unit in zip(names, fit.k, fit.std, found.study.model.units, strict=True):

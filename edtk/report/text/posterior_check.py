@@ -21,6 +21,8 @@ def posterior_check(check: PosteriorCheck) -> str:
         )
     units = " or ".join(check.table["unit"].unique())
     lines.append(f"standard deviations and intervals in {units}")
+    if check.rest:
+        lines.append(check.rest)
     if check.ratio_to_expect != 1:
         ratio = f"{check.ratio_to_expect:.4f}"
         lines.append(f"as sigma was estimated, a ratio of {ratio} is to be expected")
