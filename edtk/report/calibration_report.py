@@ -12,7 +12,7 @@ from edtk.report.draw.correlation import correlation
 from edtk.report.draw.intervals import intervals
 from edtk.report.draw.name_ticks import room_for
 from edtk.report.draw.quantiles import quantiles
-from edtk.report.draw.residuals import residuals
+from edtk.report.draw.residuals import drawn_rows, residuals
 from edtk.report.new_figure import new_figure
 from edtk.report.page import Page, paragraph, picture, section, table
 from edtk.report.posterior_report import posterior_report
@@ -127,6 +127,8 @@ def _residuals(fit: Identification) -> str:
         "Measured minus predicted, by measurement; grey: twice the noise; circles: flagged as "
         "outliers."
     )
+    if len(fit.residual) > len(drawn_rows(fit.residual[:, :3])):
+        caption += " Of so many, some are drawn, and those that fit least."
     return picture(figure, caption)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-MANY = 1000  # points of a line, beyond which dots of a raster take less room than a drawing
+MANY = 500  # points of a line, beyond which dots of a raster take less room than a drawing
 DPI = 110  # of such rasters
 PX = 96  # of CSS, an inch
 # Names of elements come from their content and this salt, so that the same figure is the same text.

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from scipy.stats import probplot
 
 from edtk.calibration.calibrate import Calibration
 from edtk.calibration.calibration_budget import calibration_budget
@@ -29,6 +30,8 @@ from edtk.report.calibration_verdict import calibration_verdict
 from edtk.report.digits import digits
 from edtk.report.draw.error_budget import error_budget
 from edtk.report.draw.intervals import intervals
+from edtk.report.draw.quantiles import quantiles
+from edtk.report.draw.residuals import drawn_rows
 from edtk.study.study import load_study
 from edtk.version import __version__
 
@@ -216,6 +219,31 @@ def test_the_picture_has_the_intervals_of_the_table(good, zero):
         f"0 to {h:.2g} rad/(N m)" for h in high[~shown]
     ]
     assert np.abs(ax.get_xlim()).max() <= 100
+
+
+def test_of_many_residuals_the_worst_are_drawn():
+    """A picture of very many measurements has some of them, and every one that fits badly."""
+    residual = np.random.default_rng(0).normal(size=(20_000, 3))
+    worst = np.argsort(-np.abs(residual).max(axis=1))[:1000]
+    shown = drawn_rows(residual)
+    assert len(shown) < 10_000
+    assert np.isin(worst, shown).all()
+    assert drawn_rows(residual[:50]).tolist() == list(range(50))
+
+
+@pytest.mark.parametrize("count", [2, 12, 9000])
+def test_quantiles_are_those_of_scipy(good, count):
+    """The plot is scipy's, of which some points in the middle of very many are left out."""
+    z = np.random.default_rng(0).normal(size=(count, 1))
+    ax = Figure().add_subplot()
+    quantiles(replace(good[0].fit, standardised=z), ax)
+    points = ax.lines[0].get_xydata()
+    expected = np.stack(probplot(z[:, 0], fit=False), axis=1)
+    assert points[0] == pytest.approx(expected[0])
+    assert points[-1] == pytest.approx(expected[-1])
+    assert np.isin(points[:, 1], expected[:, 1]).all()
+    assert len(points) == min(count, 6000)
+    assert points[:, 0] == pytest.approx(expected[np.isin(expected[:, 1], points[:, 1]), 0])
 
 
 PROBE = """<script>addEventListener('load', () => {

@@ -7,12 +7,14 @@ import numpy as np
 
 from edtk.inference.identification import Identification
 from edtk.report.palette import COLOURS, ORANGE
+from edtk.system.typing import Indices
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 AXES = "xyz"
 MARKERS = "osD"
+MOST = 4000  # measurements that are drawn evenly, and as many of the largest residuals
 UNITS = ((1e3, "mm"), (180 / np.pi, "deg"))
 
 
@@ -37,13 +39,22 @@ def residuals(fit: Identification, axes: "Iterable[Axes]") -> None:
     ax.set_xlabel("measurement (row of the file)")
 
 
+def drawn_rows(residual: np.ndarray) -> Indices:
+    """Rows of residuals (m, 3) that are drawn: all, or of many some and those that fit least."""
+    m = len(residual)
+    if m <= 2 * MOST:
+        return np.arange(m)
+    least = np.argpartition(-np.abs(residual).max(axis=1), MOST)[:MOST]
+    return np.union1d(np.linspace(0, m - 1, MOST).astype(int), least)
+
+
 def _coordinates(residual: np.ndarray, standardised: np.ndarray, ax: "Axes") -> None:
     """Three coordinates, over a band of twice the noise."""
-    row = 1 + np.arange(len(residual))
+    shown = drawn_rows(residual)
     for j in range(3):
         ax.plot(
-            row,
-            residual[:, j],
+            shown + 1,
+            residual[shown, j],
             linestyle="",
             marker=MARKERS[j],
             markersize=4,
