@@ -114,6 +114,7 @@ def edtk(*args: object) -> str:
     return result.stdout
 
 
+@pytest.mark.usefixtures("whole_searches")
 def test_the_whole_way_from_study_to_posterior(study: Path) -> None:
     """`run`, `evaluate` and `bayes` serve a robot with a prismatic joint, in millimetres."""
     out = study.parent / "out"
