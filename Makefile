@@ -10,9 +10,10 @@ STUDY ?= studies/kr270_milling.toml
 study: $(VENV)/.installed
 	$(BIN)/edtk run $(STUDY)
 
-# A file's tests run in one process, which share what they compute; compiled modules are kept for the
+# A file's tests run in one process, which share what they compute. Files run in their own order: by the
+# number of their tests, the longest would come last and run alone. Compiled modules are kept for the
 # processes that tests start, whatever the shell says.
-PYTEST := PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -n 2 --dist loadfile
+PYTEST := PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
 test: $(VENV)/.installed
 	$(PYTEST)
