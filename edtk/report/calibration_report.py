@@ -76,16 +76,12 @@ def _noise(found: Calibration) -> str:
             "No more coordinates than parameters were measured: no residuals remain to judge the "
             "noise by."
         )
-    loss = ""
-    if fit.robust and not found.fitted.untold:
-        loss = " The fit has Huber's loss, by which outliers count less."
-    text = f"Chi-square is {fit.chi2:.4g} for {fit.dof} degrees of freedom"
-    if found.fitted.untold:
-        return f"{text}. The estimate rests on the prior, too."
-    if fit.p_value is None:
-        return f"{text}. The noise was estimated: it is {fit.scale:.3g} times the stated.{loss}"
-    p = f"{fit.p_value:.2g}"
-    return f"{text} (p = {p}): the residuals are {fit.scale:.3g} times the stated noise.{loss}"
+    loss = " The fit has Huber's loss, by which outliers count less." if fit.robust else ""
+    p = "" if fit.p_value is None else f" (p = {fit.p_value:.2g})"
+    text = f"Chi-square is {fit.chi2:.4g} for {fit.dof} degrees of freedom{p}"
+    if fit.known:
+        return f"{text}: the residuals are {fit.scale:.3g} times the stated noise.{loss}"
+    return f"{text}. The noise was estimated: it is {fit.scale:.3g} times the stated.{loss}"
 
 
 def _worst(found: Calibration) -> str:

@@ -38,11 +38,16 @@ def calibration_verdict(found: Calibration) -> str:
         lines = [QUALITY[level]]
     else:
         lines = [f"{QUALITY[level]} {_expected(found)}".strip(), *_parts(found), *_facts(found)]
-    lines += [f"{_sentence(found, diagnostic.text)}." for diagnostic in others]
-    lines += [f"The study: {warning}." for warning in found.study.warnings]
+    lines += [_ended(_sentence(found, diagnostic.text)) for diagnostic in others]
+    lines += [_ended(f"The study: {warning}") for warning in found.study.warnings]
     if level != "bad":
         lines += _rigid(found)
     return verdict(level, lines)
+
+
+def _ended(text: str) -> str:
+    """The text with a full stop, unless it asks."""
+    return text if text.endswith("?") else f"{text}."
 
 
 def _rigid(found: Calibration) -> list[str]:

@@ -4,9 +4,9 @@
 # colour of the page move with the content and hide them where there is none.
 PAGE_STYLE = """
 :root { color-scheme: light dark; --page: #fff; --ink: #1b1b1b; --line: #8886; --shade: #0007;
-  --good: #00795c; --usable: #b35900; --bad: #b3261e; }
+  --good: #00795c; --usable: #b35900; --bad: #b3261e; --blue: #0072b2; }
 @media (prefers-color-scheme: dark) { :root { --page: #17191c; --ink: #e8e8e8; --shade: #fff9;
-  --good: #3fbf98; --usable: #f0983e; --bad: #f2766d; } }
+  --good: #3fbf98; --usable: #f0983e; --bad: #f2766d; --blue: #4ba6dd; } }
 * { box-sizing: border-box; }
 body { font: 16px/1.5 system-ui, sans-serif; max-width: 80rem; margin: 0 auto; padding: 1rem;
   background: var(--page); color: var(--ink); overflow-wrap: break-word; }
@@ -44,7 +44,7 @@ svg text { fill: currentColor; }
 figcaption { font-size: .9rem; opacity: .8; }
 @media print {
   :root { color-scheme: light; --page: #fff; --ink: #000; --good: #00795c; --usable: #b35900;
-    --bad: #b3261e; }
+    --bad: #b3261e; --blue: #0072b2; }
   body { font-size: 10pt; padding: 0; max-width: none; }
   section { display: block; }
   section > * { margin-top: .5rem; }

@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from edtk.report.palette import BLUE
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
@@ -34,6 +36,8 @@ def svg(figure: "Figure") -> tuple[str, float]:
         figure.savefig(buffer, format="svg", transparent=True, dpi=DPI, metadata=NO_METADATA)
     text = buffer.getvalue()
     text = text[text.index("<svg") :].replace("#000000", "currentColor")
+    # A page has a brighter blue in the dark.
+    text = text.replace(BLUE.lower(), "var(--blue)")
     # Inside a page the element needs neither names of dialects nor a version.
     text = re.sub(r' (?:xmlns(?::xlink)?|version)="[^"]*"', "", text)
     return _without_unused_names(text).strip(), PX * figure.get_figwidth()

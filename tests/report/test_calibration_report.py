@@ -117,6 +117,16 @@ def test_nothing_is_wrong_if_nothing_is_noted():
     assert box.count("<p>") == 3
 
 
+def test_a_headline_is_not_greener_than_a_warning(good):
+    """What is hard to believe in the study stands in the box, and takes its green away."""
+    study = STUDY.replace()
+    object.__setattr__(study, "warnings", ("test_pose.q_deg: are they in radians?",))
+    found = replace(good[0], fitted=replace(good[0].fitted, study=study))
+    box = calibration_verdict(found)
+    assert level_of(box) == "usable"
+    assert "<p>The study: test_pose.q_deg: are they in radians?</p>" in box
+
+
 def test_a_compensation_that_does_harm():
     """Where doing nothing is better, the headline says so, and nothing promises accuracy."""
     study = STUDY.replace(uncertainty={"load_percent": 150.0})
