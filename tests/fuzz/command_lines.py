@@ -37,7 +37,11 @@ EXTRAS = {
     "criteria": ("--json",),
 }
 LONG_EXTRAS = {
-    "identify": ("--out out", "--bayes --accuracy 0.5 --most 2000", "--bayes --chain new.h5"),
+    "identify": (
+        "--out out",
+        "--bayes --accuracy 0.5 --most 2000",
+        "--bayes --accuracy 0.5 --chain new.h5",
+    ),
     "relax": ("--continuous", "--criterion A"),
     "plan": ("--criterion A", "--certificate new.json", "--budget 0.1"),
     "bayes": ("--chain new.h5", "--nu sampled", "--sigma-factor inf", "--figures out"),
