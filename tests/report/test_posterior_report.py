@@ -28,4 +28,4 @@ def test_posterior_report():
         assert f"<td>{name}</td><td>{unit}</td>" in text
     assert "Noise over the stated one: " in text
     assert "In the test pose the error after compensation is " in text
-    assert text.count('<img alt="') == 3
+    assert text.count('<svg role="img"') == 3
