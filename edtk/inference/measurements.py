@@ -13,6 +13,7 @@ from edtk.system.presented import Presented
 from edtk.system.typing import Array, Indices
 from edtk.tables.pose_table import PoseTable
 from edtk.tables.sheet_columns import (
+    AXIS_SIGMA_COLUMNS,
     DEFLECTION_COLUMNS,
     LOADED_COLUMNS,
     MARKER_COLUMNS,
@@ -110,7 +111,8 @@ class Measurements(Presented):
         Columns: those of the joints; wrenches; ``dx_mm dy_mm dz_mm``, or the marker's unloaded
         position ``x0_mm y0_mm z0_mm`` and its loaded one ``x_mm y_mm z_mm``, in the world frame;
         ``drx_deg dry_deg drz_deg`` where rotations are measured (a small rotation vector in the
-        world frame); optionally ``sigma_mm`` and ``marker_x_mm marker_y_mm marker_z_mm``.
+        world frame); optionally ``sigma_mm``, or ``sigma_x_mm sigma_y_mm sigma_z_mm`` where axes
+        differ, and ``marker_x_mm marker_y_mm marker_z_mm``.
 
         Args:
             path: The CSV file; rows are counted from 1, the header left out.
@@ -118,7 +120,7 @@ class Measurements(Presented):
             fixed: Values [rad or m] of joints, by index, that the file may leave out.
             wrench: Default wrench (6,); None where the file must say which forces are applied.
             sigma: Noise (rows,) of each measured row [m, rad], of the difference where positions
-                are given; the first three are overridden by ``sigma_mm``.
+                are given; the first three are overridden by the file's.
 
         Raises:
             PoseFileError: Names the file and the row or column.
@@ -212,16 +214,31 @@ def _require_near(table: PoseTable, displacement: Array, reach: float) -> None:
 def _noise(table: PoseTable, sigma: Array) -> Array:
     """Standard deviations (m, rows) [m, rad]: the study's, or the file's where it has some."""
     noise = np.tile(sigma, (len(table), 1))
+    by_axis = [column for column in AXIS_SIGMA_COLUMNS if column in table]
     if SIGMA_COLUMN in table:
-        values = table.numbers(SIGMA_COLUMN)
-        bad = np.flatnonzero(values < LEAST_SIGMA_MM)
-        if len(bad):
+        if by_axis:
             raise table.error(
-                f"row {bad[0] + 1}, column {SIGMA_COLUMN}: {values[bad[0]]:g} is not a positive "
-                f"number of at least {LEAST_SIGMA_MM:g}"
+                f"columns {SIGMA_COLUMN!r} and {by_axis[0]!r}: expected one noise of all axes, or "
+                f"{', '.join(AXIS_SIGMA_COLUMNS)}, not both"
             )
-        noise[:, :3] = values[:, None] / 1e3
+        _require_noise(table, SIGMA_COLUMN)
+        noise[:, :3] = table.numbers(SIGMA_COLUMN)[:, None] / 1e3
+    elif by_axis:
+        noise[:, :3] = _vector(table, AXIS_SIGMA_COLUMNS) / 1e3
+        for column in AXIS_SIGMA_COLUMNS:
+            _require_noise(table, column)
     return noise
+
+
+def _require_noise(table: PoseTable, column: str) -> None:
+    """Refuse standard deviations that are not positive."""
+    values = table.numbers(column)
+    bad = np.flatnonzero(values < LEAST_SIGMA_MM)
+    if len(bad):
+        raise table.error(
+            f"row {bad[0] + 1}, column {column}: {values[bad[0]]:g} is not a positive "
+            f"number of at least {LEAST_SIGMA_MM:g}"
+        )
 
 
 def _markers(table: PoseTable) -> Array:

@@ -8,6 +8,8 @@ LOADED_COLUMNS = ("x_mm", "y_mm", "z_mm")
 ROTATION_COLUMNS = ("drx_deg", "dry_deg", "drz_deg")
 # Standard deviation of each coordinate of a displacement.
 SIGMA_COLUMN = "sigma_mm"
+# The same where it is not that of every axis: a laser tracker measures distances best.
+AXIS_SIGMA_COLUMNS = ("sigma_x_mm", "sigma_y_mm", "sigma_z_mm")
 # Offset of the marker from the tool point, in the tool frame.
 MARKER_COLUMNS = ("marker_x_mm", "marker_y_mm", "marker_z_mm")
 
@@ -17,6 +19,7 @@ MEASURED_TOGETHER = (
     (*UNLOADED_COLUMNS, *LOADED_COLUMNS),
     ROTATION_COLUMNS,
     (SIGMA_COLUMN,),
+    AXIS_SIGMA_COLUMNS,
     MARKER_COLUMNS,
 )
 SHEET_COLUMNS = tuple(column for group in MEASURED_TOGETHER for column in group)

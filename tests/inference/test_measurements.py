@@ -22,6 +22,7 @@ POSE_SIGMA = np.r_[SIGMA, np.full(3, 1e-4)]
 HEAD = "q2_deg,q3_deg,q4_deg,q5_deg,q6_deg"
 GOOD = "-90,0,10,20,30"
 D = "dx_mm,dy_mm,dz_mm"
+S = "sigma_x_mm,sigma_y_mm,sigma_z_mm"
 
 
 @pytest.fixture
@@ -62,6 +63,12 @@ def test_rotations_noise_and_marker(read):
     np.testing.assert_allclose(data.deflection[0, 3:], np.deg2rad([0.1, 0.2, 0.3]), rtol=1e-15)
     np.testing.assert_allclose(data.sigma, [[5e-5] * 3 + [1e-4] * 3], rtol=1e-15)
     np.testing.assert_allclose(data.marker, [[0.01, 0.02, 0.03]], rtol=1e-15)
+
+
+def test_noise_of_each_axis(read):
+    """Each axis may have a noise of its own; that of rotations stays the study's."""
+    data = read(f"{HEAD},{D},drx_deg,dry_deg,drz_deg,{S}\n{GOOD},1,2,3,0,0,0,1,2,3\n", POSE_SIGMA)
+    np.testing.assert_allclose(data.sigma, [[1e-3, 2e-3, 3e-3] + [1e-4] * 3], rtol=1e-15)
 
 
 def test_poses_are_counted_in_order_of_appearance(read):
@@ -175,6 +182,9 @@ def test_marker_beside_a_prismatic_joint():
         (f"{HEAD},{D},Fz_N\n{GOOD},1,2,3,5\n{GOOD},1,2,3,0\n", ["row 2", "Fx_N", "wrench is zero"]),
         (f"{HEAD},{D},sigma_mm\n{GOOD},1,2,3,1\n{GOOD},1,2,3,0\n", ["row 2", "sigma_mm: 0 is not"]),
         (f"{HEAD},{D},sigma_mm\n{GOOD},1,2,3,-1\n", ["row 1", "sigma_mm", "-1"]),
+        (f"{HEAD},{D},{S}\n{GOOD},1,2,3,1,1,0\n", ["row 1", "sigma_z_mm: 0 is not"]),
+        (f"{HEAD},{D},sigma_x_mm\n{GOOD},1,2,3,1\n", ["'sigma_y_mm' is missing"]),
+        (f"{HEAD},{D},{S},sigma_mm\n{GOOD},1,2,3,1,1,1,1\n", ["sigma_mm", "not both"]),
         (f"{HEAD},{D},marker_x_mm\n{GOOD},1,2,3,4\n", ["'marker_y_mm' is missing", "marker_z_mm"]),
         (f"{HEAD},{D}\n{GOOD},1,2,3,4\n", ["row 1", "9 cells; expected 8"]),
         (f"{HEAD},{D}\n", ["measurement file has no rows"]),
@@ -183,7 +193,8 @@ def test_marker_beside_a_prismatic_joint():
     ids=[
         "NaN", "empty", "text", "true", "inf", "missing", "no deflection", "only loaded", "both",
         "units missing", "rotation", "joint too many", "joints missing", "no load", "sigma 0",
-        "sigma -1", "marker", "long row", "no rows", "empty file",
+        "sigma -1", "sigma of z 0", "sigma of y missing", "two sigmas",
+        "marker", "long row", "no rows", "empty file",
     ],
 )  # fmt: skip
 def test_wrong_file(read, tmp_path, text, named):
