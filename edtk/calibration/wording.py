@@ -7,6 +7,7 @@ from edtk.calibration.causes.cause import Cause
 from edtk.calibration.finding import Finding, Kind
 from edtk.calibration.row_names import row_names
 
+LEAST_P = 0.01  # probability of residuals that still fit
 NAMED = 150  # characters of the readings that are named; of more, the number is said
 
 
@@ -127,8 +128,12 @@ def _noise_estimated_small(found: Finding) -> str:
 def _outliers(found: Finding) -> str:
     """Rows that do not belong to the others."""
     plural = "s" * (len(found.rows) > 1)
+    text = f"{row_names(found.rows)}: outlier{plural}"
+    rest = found.data["p_rest"]
+    if rest is not None and rest > LEAST_P:
+        return f"{text}; the other rows fit without {'them' if plural else 'it'} (p = {rest:.2g})"
     hidden = "; several can hide each other, a robust fit shows them all"
-    return f"{row_names(found.rows)}: outlier{plural}{'' if found.data['robust'] else hidden}"
+    return f"{text}{'' if found.data['robust'] else hidden}"
 
 
 def _too_few_for_robust(found: Finding) -> str:

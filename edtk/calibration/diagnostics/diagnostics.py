@@ -33,7 +33,7 @@ def diagnostics(
         found += sign_diagnostics(fitted)
         found += noise_diagnostics(fitted)
         found += cause_diagnostics(fitted)
-        found += outlier_diagnostics(fitted.fit)
+        found += outlier_diagnostics(fitted)
         found += structure_diagnostics(fitted, rho0_bias)
         found += budget_diagnostics(budget)
     found += pose_diagnostics(fitted)

@@ -2,16 +2,20 @@
 
 from collections.abc import Iterator
 
+import numpy as np
+
 from edtk.calibration.diagnostics.diagnostic import Diagnostic, Severity
 from edtk.calibration.finding import Finding, Kind
-from edtk.inference.identification import Identification
-from edtk.inference.identify import INTERPOLATED
+from edtk.calibration.fitted_data import FittedData
+from edtk.inference.identify import INTERPOLATED, identify
+from edtk.inference.least_squares import SingularPlanError
 
 TOO_MANY = 3  # of so many rows one outlier is the most for a result that can be used
 
 
-def outlier_diagnostics(fit: Identification) -> Iterator[Diagnostic]:
-    """Name the outliers, and say whether they are too many, or count as much as other rows."""
+def outlier_diagnostics(fitted: FittedData) -> Iterator[Diagnostic]:
+    """Name the outliers, and say whether the rest fits, or whether there are too many of them."""
+    fit = fitted.fit
     if fit.too_few_for_robust:
         numbers = {
             "coordinates": fit.residual.size,
@@ -24,4 +28,19 @@ def outlier_diagnostics(fit: Identification) -> Iterator[Diagnostic]:
     too_many = TOO_MANY * len(fit.outliers) > len(fit.residual)
     severity = Severity.ALARM if too_many else Severity.WARNING
     rows = tuple(fit.outliers.tolist())
-    yield Diagnostic(severity, Finding(Kind.OUTLIERS, rows, data={"robust": fit.robust}))
+    data = {"robust": fit.robust, "p_rest": _rest(fitted)}
+    yield Diagnostic(severity, Finding(Kind.OUTLIERS, rows, data=data))
+
+
+def _rest(fitted: FittedData) -> float | None:
+    """Probability of the residuals of the other rows alone; None where that cannot be told."""
+    fit = fitted.fit
+    if not fit.known or fit.robust:
+        return None
+    rest = np.delete(np.arange(len(fitted.data)), fit.outliers)
+    sigma = fitted.data.sigma[rest]
+    try:
+        again = identify(fitted.A[rest], fitted.measured[rest], sigma, fit.parameters)
+    except SingularPlanError:
+        return None
+    return again.p_value
