@@ -47,7 +47,12 @@ def _parts(found: Calibration, budget: ErrorBudget) -> str:
     assumed = _assumed(found)
     order = sorted(budget.parts, key=lambda name: -budget.parts[name])
     rows = [
-        [name.replace("_", " "), f"{1e3 * budget.parts[name]:.2g}", assumed[name], ADVICE[name]]
+        [
+            name.replace("_", " "),
+            f"{1e3 * budget.parts[name]:.2g}",
+            assumed[name],
+            ADVICE[name] if budget.parts[name] else "-",
+        ]
         for name in order
     ]
     header = ["part", "error [mm]", "what it assumes", "what makes it smaller"]

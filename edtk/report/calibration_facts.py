@@ -28,7 +28,7 @@ def _measured(found: Calibration) -> list[tuple[str, str]]:
         ("File", found.path.name),
         ("SHA-256", found.origin.sha256),
         ("Last changed", found.origin.changed),
-        ("Rows", f"{len(data)} measurements in {poses} poses, {coordinates} coordinates each"),
+        ("Rows", _rows(len(data), poses, coordinates)),
         ("Stated noise", _stated_noise(data.sigma)),
         ("Estimated noise", _estimated_noise(found)),
         ("Load", _load(data.wrench)),
@@ -93,6 +93,12 @@ def _estimated_noise(found: Calibration) -> str:
         return "unknown: as many coordinates as parameters were measured"
     times = f"{found.fit.scale:.3g} times the stated"
     return f"{1e3 * found.sigma_hat:.3g} mm, {times}, from {found.fit.dof} degrees of freedom"
+
+
+def _rows(count: int, poses: int, coordinates: int) -> str:
+    """How much was measured."""
+    several = f"{count} measurement{'s' * (count > 1)} in {poses} pose{'s' * (poses > 1)}"
+    return f"{several}, {coordinates} coordinates each"
 
 
 def _load(wrench: Array) -> str:
