@@ -1,7 +1,7 @@
 """What explains the residuals of a calibration: repetitions, and faults that are known."""
 
 from edtk.calibration.calibrate import Calibration
-from edtk.calibration.causes.cause import Cause
+from edtk.calibration.causes.cause import NOISE, Cause
 from edtk.calibration.row_names import row_names
 from edtk.inference.lack_of_fit import LackOfFit
 from edtk.report.page import paragraph, table
@@ -56,7 +56,7 @@ HEADER = (
 def _row(cause: Cause) -> list[str]:
     """One cause in cells."""
     return [
-        cause.cause.replace("_", " "),
+        "noise of another size" if cause.cause == NOISE else cause.cause.replace("_", " "),
         f"{cause.size:.3g}",
         "-" if cause.std is None else f"{cause.std:.1g}",
         cause.unit or "-",
