@@ -8,9 +8,14 @@ from edtk.model.error_budget import ErrorBudget
 from edtk.study.study import Study
 from edtk.system.typing import Array
 
+MOST_ROWS = 5000  # measurements over which the circumstances are propagated
+
 
 def calibration_budget(fitted: FittedData, rho0_bias: float | None) -> ErrorBudget | None:
     """Propagate what is uncertain to the study's task; None without a test pose.
+
+    Of very many measurements some are taken, by chance, each of which stands for several: what the
+    circumstances do is a mean over the measurements, known to about a per cent from so many.
 
     Args:
         fitted: The measurements and their fit.
@@ -19,14 +24,21 @@ def calibration_budget(fitted: FittedData, rho0_bias: float | None) -> ErrorBudg
     study = fitted.study
     if study.task is None:
         return None
+    data = fitted.data
+    repeats = None
+    if len(data) > MOST_ROWS:
+        rows = np.sort(np.random.default_rng(0).choice(len(data), MOST_ROWS, replace=False))
+        repeats = np.full(MOST_ROWS, len(data) / MOST_ROWS)
+        data = data[rows]
     return error_budget(
         study.model,
-        fitted.data,
+        data,
         study.task,
         fitted.fit.k,
         fitted.fit.covariance,
         uncertainty_of(study, fitted.fit.k),
         rho0_bias or 0.0,
+        repeats,
     )
 
 

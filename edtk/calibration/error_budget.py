@@ -45,7 +45,7 @@ def error_budget(
     covariance: Array,
     uncertainty: Uncertainty,
     model_error: float = 0.0,
-    repeats: Indices | None = None,
+    repeats: Indices | Array | None = None,
 ) -> ErrorBudget:
     """Propagate what is uncertain in a calibration to the error in the task, to first order.
 
@@ -121,7 +121,9 @@ def _rigid(
     return float(np.sqrt(after)), float(np.sqrt(without))
 
 
-def _repeatability(A0: Array, whitened: Whitened, repeats: Indices | None, std: float) -> float:
+def _repeatability(
+    A0: Array, whitened: Whitened, repeats: Indices | Array | None, std: float
+) -> float:
     """Error by independent shifts of every measurement [m]."""
     # A row's shift u enters the whitened measurements as u/sigma, and the estimate by Q.
     rows = slice(0, 3)

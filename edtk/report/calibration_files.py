@@ -10,6 +10,8 @@ from edtk.tables.csv_text import csv_text
 
 NAMES = ("k.json", "residuals.csv", "report.html")
 
+RESIDUAL_DIGITS = 6  # a residual is a difference: no measurement has more of them
+
 
 def calibration_files(calibration: Calibration, folder: Path) -> dict[Path, Content]:
     """The contents of `k.json`, `residuals.csv` and `report.html`, by path.
@@ -20,7 +22,7 @@ def calibration_files(calibration: Calibration, folder: Path) -> dict[Path, Cont
     """
     contents = (
         json_text(calibration.to_dict()) + "\n",
-        csv_text(calibration.residuals()),
+        csv_text(calibration.residuals(), RESIDUAL_DIGITS),
         calibration_report(calibration),
     )
     return {folder / name: content for name, content in zip(NAMES, contents, strict=True)}

@@ -7,7 +7,9 @@ import pytest
 from readings import PLAN, STUDY
 from scipy.spatial.transform import Rotation
 
+from edtk.calibration import calibration_budget as module
 from edtk.calibration.error_budget import Uncertainty, error_budget
+from edtk.calibration.fitted_data import FittedData
 from edtk.inference.least_squares import Whitened
 from edtk.inference.measurements import Measurements
 from edtk.model.elastostatic_model import ElastostaticModel
@@ -111,3 +113,23 @@ def test_total():
     assert parts["load"] == pytest.approx(1e2 * found.uncompensated)
     assert found.largest == "load"
     assert "by load" in repr(found)
+
+
+def test_budget_of_very_many_measurements(monkeypatch):
+    """Of many measurements some stand for all: each part stays within a few per cent."""
+    rng = np.random.default_rng(4)
+    poses = 2000
+    q = rng.uniform(-1.5, 0, size=(poses, STUDY.robot.n))
+    wrench = np.tile(STUDY.space.load.always, (poses, 1))
+    A = STUDY.model.regressor(q, wrench)
+    noise = STUDY.sigma * rng.standard_normal(A.shape[:2])
+    sigma = np.tile(STUDY.sigma, (poses, 1))
+    data = Measurements(q, wrench, A @ STUDY.compliances + noise, sigma, np.zeros((poses, 3)))
+    uncertain = STUDY.replace(uncertainty={"drift_mm": 0.05, "repeatability_mm": 0.02})
+    fitted = FittedData.of(uncertain, data, linear=True)
+    whole = module.calibration_budget(fitted, None).parts
+    monkeypatch.setattr(module, "MOST_ROWS", 500)
+    some = module.calibration_budget(fitted, None).parts
+    assert some["noise"] == whole["noise"]
+    for name, part in whole.items():
+        assert some[name] == pytest.approx(part, rel=0.15, abs=1e-9), name
