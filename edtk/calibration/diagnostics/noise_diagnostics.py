@@ -15,7 +15,8 @@ def noise_diagnostics(fitted: FittedData) -> Iterator[Diagnostic]:
     """Compare the residuals with the stated noise.
 
     The sum of squares has the chi-square distribution with dof degrees of freedom; with Huber's
-    loss the scale, from a median absolute deviation, has about 0.37 dof.
+    loss the scale, from a median absolute deviation, has about 0.37 dof. Where repetitions share a
+    part of the noise, which is estimated, the stated noise is that of their scatter.
     """
     from scipy.stats import chi2
 
@@ -24,11 +25,16 @@ def noise_diagnostics(fitted: FittedData) -> Iterator[Diagnostic]:
         yield Diagnostic(Severity.WARNING, Finding(Kind.NO_RESIDUALS))
         return
     n = fit.scale_dof
-    p = float(chi2.sf(fit.scale**2 * n, n))
+    scale = fit.scale
+    repeated = fitted.lack_of_fit
+    if fitted.common_noise and repeated is not None:
+        n = repeated.dof[1]
+        scale = repeated.pure_error
+    p = float(chi2.sf(scale**2 * n, n))
     explanation = fitted.explanation
     unexplained = explanation is not None and not explanation.refits
     caused = bool(fitted.structural_causes)
-    data = {"scale": fit.scale, "p": p, "unexplained": unexplained, "caused": caused}
+    data = {"scale": scale, "p": p, "unexplained": unexplained, "caused": caused}
     large = p < UNLIKELY if fit.known else p < IMPOSSIBLE
     small = p > 1 - IMPOSSIBLE
     if large and fit.known:
@@ -38,7 +44,7 @@ def noise_diagnostics(fitted: FittedData) -> Iterator[Diagnostic]:
         yield Diagnostic(Severity.WARNING, Finding(Kind.NOISE_ESTIMATED_LARGE, data=data))
     elif small and fit.known:
         yield Diagnostic(Severity.WARNING, Finding(Kind.NOISE_BELOW_SIGMA, data=data))
-    elif small and fit.scale < TINY:
+    elif small and scale < TINY:
         # Where sigma is estimated everything scales with the unit of the displacements: only the
         # size of the noise can tell that it is another one.
         yield Diagnostic(Severity.ALARM, Finding(Kind.NOISE_ESTIMATED_SMALL, data=data))

@@ -327,3 +327,19 @@ def test_too_few_for_a_robust_scale():
         (line,) = (d.text for d in diagnostics(fitted) if d.kind is Kind.TOO_FEW_FOR_ROBUST)
         assert line.startswith("9 measured coordinates for 5 parameters are too few for a robust")
     assert not any("too few" in line for line in lines(few, robust=True))
+
+
+def test_noise_that_repetitions_share():
+    """Noise of which repetitions of a pose share a half is found, and used, and no alarm."""
+    rng = np.random.default_rng(5)
+    data = measured(repeats=4)
+    common = np.repeat(STUDY.sigma * rng.standard_normal((len(PLAN.q), 3)), 4, axis=0)
+    data = replace(data, deflection=data.deflection + common)
+    fitted = FittedData.of(STUDY, data, PLAN)
+    assert fitted.common_noise
+    found = diagnostics(fitted)
+    assert [d.severity for d in found] == [WARNING]
+    assert "that they share is taken into account" in found[0].text
+    alone = FittedData.of(STUDY, measured(repeats=4), PLAN)
+    # Means of four have the variance 1/4 + 1 instead of 1/4: standard deviations grow by sqrt(5).
+    assert (fitted.fit.std / alone.fit.std).mean() == pytest.approx(np.sqrt(5), rel=0.25)
