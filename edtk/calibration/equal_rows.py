@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from edtk.inference.distributions import poisson_tail
 from edtk.inference.measurements import Measurements, row_numbers
 from edtk.system.typing import Array
 
@@ -34,8 +35,6 @@ def equal_rows(data: Measurements) -> EqualRows | None:
     Two repetitions agree in a coordinate of resolution d with probability
     ``d / (2 sqrt(pi) sigma)`` at most, and the number of agreeing pairs is about Poisson's.
     """
-    from scipy.stats import poisson
-
     setting = np.hstack([data.q, data.wrench, data.marker])
     pose = row_numbers(setting)
     row = row_numbers(setting, data.deflection)
@@ -47,7 +46,7 @@ def equal_rows(data: Measurements) -> EqualRows | None:
     earlier = int(np.flatnonzero(row == row[later])[0])
     agree = _steps(data) / (2 * np.sqrt(np.pi) * data.sigma.mean(axis=0))
     expected = _pairs(pose) * np.minimum(agree, 1.0).prod()
-    chance = float(poisson.sf(_pairs(row) - 1, expected))
+    chance = float(poisson_tail(_pairs(row) - 1, expected))
     return EqualRows(later, earlier, int(copies.sum()) - 1, chance)
 
 

@@ -45,3 +45,24 @@ def student_quantile(probability: ArrayLike, dof: ArrayLike) -> Array:
     from scipy.special import stdtrit
 
     return np.asarray(stdtrit(dof, probability))
+
+
+def student_below(x: ArrayLike, dof: ArrayLike) -> Array:
+    """Probability that Student's t is below x; that of a normal variable for infinite `dof`."""
+    from scipy.special import stdtr
+
+    return np.asarray(stdtr(dof, x))
+
+
+def normal_quantile(probability: ArrayLike) -> Array:
+    """The x that a standard normal variable is below with a probability."""
+    from scipy.special import ndtri
+
+    return np.asarray(ndtri(probability))
+
+
+def poisson_tail(count: ArrayLike, mean: ArrayLike) -> Array:
+    """Probability that a Poisson variable is larger than a count of at least zero."""
+    from scipy.special import pdtrc
+
+    return np.asarray(pdtrc(count, mean))

@@ -9,6 +9,9 @@ from edtk.inference.distributions import (
     chi_square_tail,
     fisher_quantile,
     fisher_tail,
+    normal_quantile,
+    poisson_tail,
+    student_below,
     student_quantile,
 )
 
@@ -23,6 +26,10 @@ def test_same_digits_as_scipy_stats(dof):
     np.testing.assert_array_equal(chi_square_tail(X, dof), stats.chi2.sf(X, dof))
     np.testing.assert_array_equal(chi_square_quantile(P, dof), stats.chi2.ppf(P, dof))
     np.testing.assert_array_equal(student_quantile(P, dof), stats.t.ppf(P, dof))
+    np.testing.assert_array_equal(student_below(-X, dof), stats.t.cdf(-X, dof))
+    np.testing.assert_array_equal(
+        poisson_tail(np.arange(9.0), dof), stats.poisson.sf(range(9), dof)
+    )
     for n in (1, 2, 3, 6):
         np.testing.assert_array_equal(fisher_tail(X, n, dof), stats.f.sf(X, n, dof))
         np.testing.assert_array_equal(fisher_quantile(P, n, dof), stats.f.ppf(P, n, dof))
@@ -31,4 +38,6 @@ def test_same_digits_as_scipy_stats(dof):
 def test_student_with_infinite_degrees_of_freedom_is_normal():
     """Where sigma is known, intervals are those of the normal distribution."""
     np.testing.assert_array_equal(student_quantile(P, np.inf), stats.t.ppf(P, np.inf))
+    np.testing.assert_array_equal(student_below(X, np.inf), stats.t.cdf(X, np.inf))
+    np.testing.assert_array_equal(normal_quantile(P), stats.norm.ppf(P))
     np.testing.assert_allclose(student_quantile(P, np.inf), stats.norm.ppf(P), rtol=1e-12)

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from edtk.calibration.diagnostics.diagnostic import Diagnostic, Severity
 from edtk.calibration.finding import Finding, Kind
 from edtk.calibration.fitted_data import FittedData
+from edtk.inference.distributions import chi_square_tail
 
 UNLIKELY = 0.01  # p-value of the residuals that is worth a warning
 IMPOSSIBLE = 0.001  # and an alarm
@@ -18,8 +19,6 @@ def noise_diagnostics(fitted: FittedData) -> Iterator[Diagnostic]:
     loss the scale, from a median absolute deviation, has about 0.37 dof. Where repetitions share a
     part of the noise, which is estimated, the stated noise is that of their scatter.
     """
-    from scipy.stats import chi2
-
     fit = fitted.fit
     if not fit.dof:
         yield Diagnostic(Severity.WARNING, Finding(Kind.NO_RESIDUALS))
@@ -30,7 +29,7 @@ def noise_diagnostics(fitted: FittedData) -> Iterator[Diagnostic]:
     if fitted.common_noise and repeated is not None:
         n = repeated.dof[1]
         scale = repeated.pure_error
-    p = float(chi2.sf(scale**2 * n, n))
+    p = float(chi_square_tail(scale**2 * n, n))
     explanation = fitted.explanation
     unexplained = explanation is not None and not explanation.refits
     caused = bool(fitted.structural_causes)

@@ -7,6 +7,12 @@ import numpy as np
 from edtk.calibration.diagnostics.diagnostic import Diagnostic, Severity
 from edtk.calibration.finding import Finding, Kind
 from edtk.calibration.fitted_data import FittedData
+from edtk.inference.distributions import (
+    chi_square_tail,
+    fisher_tail,
+    normal_quantile,
+    student_below,
+)
 from edtk.inference.identification import Identification
 from edtk.inference.posterior import Posterior
 from edtk.inference.prior import Flat, Prior
@@ -66,8 +72,6 @@ def _contradictions(fit: Identification, prior: Prior) -> Iterator[Finding]:
     distributed as the prior says: the distance to an earlier calibration is Mahalanobis's, under
     the sum of both covariances. One of p marginals counts if its probability is below a p-th.
     """
-    from scipy.stats import norm, t
-
     p = len(fit.k)
     if prior.earlier is not None:
         probability = _far_from_earlier(fit, prior)
@@ -75,7 +79,7 @@ def _contradictions(fit: Identification, prior: Prior) -> Iterator[Finding]:
             data = {"p": probability, "earlier": True}
             yield Finding(Kind.PRIOR_CONTRADICTED, parameters=fit.parameters, data=data)
     middle = (np.arange(QUANTILES) + 0.5) / QUANTILES
-    z = norm.ppf(middle)
+    z = normal_quantile(middle)
     named = []
     least = 1.0
     for name, marginal, k, std in zip(
@@ -83,7 +87,7 @@ def _contradictions(fit: Identification, prior: Prior) -> Iterator[Finding]:
     ):
         if isinstance(marginal, Flat):
             continue
-        below = float(np.mean(t.cdf((k - marginal.of_normal(z)) / std, fit.covariance_dof)))
+        below = float(np.mean(student_below((k - marginal.of_normal(z)) / std, fit.covariance_dof)))
         probability = 2 * min(below, 1 - below)
         if probability < CONTRADICTION / p:
             named.append(name)
@@ -95,8 +99,6 @@ def _contradictions(fit: Identification, prior: Prior) -> Iterator[Finding]:
 
 def _far_from_earlier(fit: Identification, prior: Prior) -> float:
     """Probability of an estimate that is as far from the earlier calibration's."""
-    from scipy.stats import chi2, f
-
     assert prior.earlier is not None
     off = fit.unbounded - prior.earlier.mean
     covariance = fit.covariance + prior.earlier.covariance
@@ -104,5 +106,5 @@ def _far_from_earlier(fit: Identification, prior: Prior) -> float:
     square = (off / scale) @ np.linalg.solve(covariance / np.outer(scale, scale), off / scale)
     p = len(off)
     if np.isinf(fit.covariance_dof):
-        return float(chi2.sf(square, p))
-    return float(f.sf(square / p, p, fit.covariance_dof))
+        return float(chi_square_tail(square, p))
+    return float(fisher_tail(square / p, p, fit.covariance_dof))
