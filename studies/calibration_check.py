@@ -1,10 +1,11 @@
-"""Is the check of `edtk bayes` itself right? Simulation-based calibration, and Eq. (13).
+"""Are posteriors, Eq. (13) and intervals right? Simulated calibrations say so.
 
     python studies/calibration_check.py
 
 writes calibration_check.md beside this file: whether ranks of simulated truths are uniform, see
-simulation_based_calibration.py, whether least squares scatters as Eq. (13) says, and whether the
-band of a compensation covers the error of a robot at rest under its load.
+simulation_based_calibration.py, whether least squares scatters as Eq. (13) says, whether the band
+of a compensation covers the error of a robot at rest under its load, and whether the intervals of
+an identification cover such a truth, see nonlinear_truth.py.
 """
 
 import sys
@@ -16,6 +17,7 @@ from time import perf_counter
 import click
 import numpy as np
 from compensation_coverage import REPEATS, Coverage, compensation_coverage
+from nonlinear_truth import nonlinear_section, run_robots
 from scipy import stats
 from simulation_based_calibration import (
     BINS,
@@ -131,7 +133,11 @@ def main(runs: int, workers: int | None) -> None:
     good = good and min(p for _, _, p in fits) * len(fits) > LEAST_P
     bands = _bands(study)
     good = good and all(found.covered.min() >= COVERAGE[0] for _, found in bands)
-    write_text(HERE / "calibration_check.md", _page(runs, verdicts, rows, fits, bands))
+    intervals = run_robots(runs, workers)
+    good = good and all(found.holds for found in intervals if not found.linear)
+    text = _page(runs, verdicts, rows, fits, bands)
+    text += f"\n{nonlinear_section(runs, intervals)}"
+    write_text(HERE / "calibration_check.md", text)
     sys.exit(0 if good else 1)
 
 

@@ -1,0 +1,101 @@
+"""Are faults of a calibration day found, and named?
+
+    python studies/fault_table.py --sets 200
+
+writes fault_table.md beside this file: for each fault of faults.py, on three robots, with an
+optimal plan of 12 experiments and with 12 random poses, each measured once and three times, the
+share of simulated sheets whose verdict is not "good", and whose cause is named. It ends with code
+1 if a target is missed.
+"""
+
+import sys
+import tempfile
+from functools import partial
+from pathlib import Path
+
+import click
+import numpy as np
+from fault_answers import Answer, judged
+from fault_page import REPEATS, page
+from fault_robots import robots
+from fault_shares import EXPERIMENTS, PLANS, Cell, Shares, misses
+from faults import FAULTS
+from scene import Scene
+from threadpoolctl import threadpool_limits
+from tqdm import tqdm
+
+import edtk
+from edtk import Study
+from edtk.design.sample_feasible import sample_feasible
+from edtk.system.atomic_file import write_text
+from edtk.system.workers import open_workers
+
+HERE = Path(__file__).parent
+SEED = 2026
+SIZES = (12, 30, 60, 150)  # random poses of the table of false alarms
+
+
+def run_cell(cell: Cell, sets: int) -> Shares:
+    """Simulate and judge the sheets of one place of the tables."""
+    known = robots()
+    study = known[cell.robot]
+    which = list(known).index(cell.robot)
+    fault = FAULTS[cell.fault]
+    sheets = []
+    with threadpool_limits(1), tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "sheet.csv"
+        for number in range(sets):
+            rng = np.random.default_rng((SEED, which, number, cell.fault, cell.size))
+            scene = fault.make(_scene(study, cell, number), rng)
+            if scene is None:
+                continue
+            scene.write(path, rng)
+            sheets.append(judged(fault, scene, Answer.of(study, path)))
+    return Shares.of(sheets)
+
+
+def _scene(study: Study, cell: Cell, number: int) -> Scene:
+    """A day without a fault."""
+    poses = cell.poses
+    if poses is None:
+        poses = sample_feasible(study.space, cell.size, (SEED, number))[:, : study.robot.n]
+    wrench = study.space.load.wrench(np.zeros((len(poses), 0)))
+    return Scene.of(study, poses, np.asarray(wrench), cell.repeats)
+
+
+def _cells() -> list[Cell]:
+    """All places of the tables."""
+    cells = []
+    for name, study in robots().items():
+        plan = edtk.plan(study, EXPERIMENTS, workers=1).plan
+        poses = {"optimal": np.repeat(plan.q, plan.repeats, axis=0), "random": None}
+        cells += [
+            Cell(name, fault, poses[kind], EXPERIMENTS, repeats)
+            for repeats in REPEATS
+            for fault in range(len(FAULTS))
+            for kind in PLANS
+        ]
+        cells += [Cell(name, 0, None, size, 1) for size in SIZES[1:]]
+    return cells
+
+
+@click.command()
+@click.option("--sets", default=200, show_default=True, help="Simulated sheets in each place.")
+@click.option("--workers", type=int, help="Processes [default: one a core].")
+def main(sets: int, workers: int | None) -> None:
+    """Run the study; exit code 1 if a target is missed."""
+    cells = _cells()
+    pieces = [partial(run_cell, cell, sets) for cell in cells]
+    found: dict[int, Shares] = {}
+    with open_workers(workers) as pool, tqdm(total=len(pieces), unit="place") as bar:
+        for index, shares in pool.run(pieces):
+            found[index] = shares
+            bar.update()
+    table = [(cell, found[i]) for i, cell in enumerate(cells)]
+    missed = misses(table)
+    write_text(HERE / "fault_table.md", page(table, missed))
+    sys.exit(1 if missed else 0)
+
+
+if __name__ == "__main__":
+    main()
