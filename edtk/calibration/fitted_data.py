@@ -216,7 +216,8 @@ class FittedData:
             for j, joint in enumerate(self.study.robot.joints)
             if joint.kind == "revolute" and j not in self.study.fixed
         )
-        measured = self._as_linear[rows]
+        # Less what the loaded equilibrium adds: residuals of the fit, under the linear model.
+        measured = self.fit.residual[rows] + self.linear_regressor[rows] @ self.fit.unbounded
         return find_causes(self.study.model, self.data[rows], measured, self.fit.k, typed)
 
     @property
@@ -224,13 +225,12 @@ class FittedData:
         """The causes without that of a noise of another size."""
         return tuple(cause for cause in self.causes if cause.cause != NOISE)
 
-    @property
-    def _as_linear(self) -> Array:
-        """Deflections (m, rows) less what the loaded equilibrium adds to the linear model [m, rad].
-
-        They have the residuals of the fit, under the linear model's regressors.
-        """
-        return self.fit.residual + self.data.regressor(self.study.model) @ self.fit.unbounded
+    @cached_property
+    def linear_regressor(self) -> Array:
+        """Regressors (m, rows, p) of the linear model, Eq. (4); A itself where that was fitted."""
+        if self.nonlinear or self.common_noise:
+            return self.data.regressor(self.study.model)
+        return self.A
 
     @cached_property
     def lack_of_fit(self) -> LackOfFit | None:

@@ -103,7 +103,8 @@ def _rows(count: int, poses: int, coordinates: int) -> str:
 
 def _load(wrench: Array) -> str:
     """The load, where it is one, or the sizes of several."""
-    different = np.unique(wrench, axis=0)
+    # Sorting a million equal loads takes seconds.
+    different = wrench[:1] if (wrench == wrench[0]).all() else np.unique(wrench, axis=0)
     if len(different) == 1:
         force = f"F = {_vector(different[0, :3])} N"
         return f"{force}, T = {_vector(different[0, 3:])} N m" if different[0, 3:].any() else force

@@ -79,9 +79,7 @@ def _ratio(fitted: FittedData, columns: slice) -> float | None:
     given = specification.simulation.compliance_rad_per_Nm
     if any(name not in given for name in specification.joints.unknown):
         return None
-    # Not fitted.A, which is scaled where repetitions share noise.
-    A = fitted.data.regressor(fitted.study.model)
-    predicted = np.linalg.norm((A @ fitted.study.compliances)[:, columns])
+    predicted = np.linalg.norm((fitted.linear_regressor @ fitted.study.compliances)[:, columns])
     measured = np.linalg.norm(fitted.unexplained[:, columns])
     return float(measured / predicted) if predicted > 0 else None
 
