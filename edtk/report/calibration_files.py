@@ -10,7 +10,9 @@ from edtk.tables.csv_text import csv_text
 
 NAMES = ("k.json", "residuals.csv", "report.html")
 
-RESIDUAL_DIGITS = 6  # a residual is a difference: no measurement has more of them
+MANY = 10_000  # measurements from which the file of residuals is to be small:
+FEW_DIGITS = 6  # a residual is a difference, of which no reading has more digits
+DIGITS = 10
 
 
 def calibration_files(calibration: Calibration, folder: Path) -> dict[Path, Content]:
@@ -20,9 +22,10 @@ def calibration_files(calibration: Calibration, folder: Path) -> dict[Path, Cont
         calibration: The result.
         folder: Folder of the files.
     """
+    digits = FEW_DIGITS if len(calibration.data) > MANY else DIGITS
     contents = (
         json_text(calibration.to_dict()) + "\n",
-        csv_text(calibration.residuals(), RESIDUAL_DIGITS),
+        csv_text(calibration.residuals(), digits),
         calibration_report(calibration),
     )
     return {folder / name: content for name, content in zip(NAMES, contents, strict=True)}
