@@ -34,12 +34,12 @@ def _change(file: Any, rng: Random) -> None:
         return
     group = file["mcmc"]
     way = rng.random()
-    if way < 0.45:
+    if way < 0.45 and len(group.attrs):
         name = rng.choice(sorted(group.attrs))
         del group.attrs[name]
         if rng.random() < 0.7:
             group.attrs[name] = _value(rng)
-    elif way < 0.9:
+    elif way < 0.9 and len(group):
         name = rng.choice(sorted(group))
         old = group[name][()]
         del group[name]
@@ -82,5 +82,6 @@ def _array(old: Array, rng: Random) -> Array:
     if way == 7:
         return np.array(3.0)
     found = old.astype(float).copy()
-    found.flat[rng.randrange(max(1, found.size))] = rng.choice((np.nan, np.inf, 1e300))
+    if found.size:
+        found.flat[rng.randrange(found.size)] = rng.choice((np.nan, np.inf, 1e300))
     return found
