@@ -23,6 +23,12 @@ NU_START_WIDTH = 0.5
 # s^2 of a fit without residuals: its logarithm must be finite.
 LEAST_SPREAD = 1e-12
 
+# Logarithm of the least s that is told from smaller ones: its square is 1e-130.
+LEAST_LOG_S = -150.0
+
+# Logarithms of nu beyond this are as improbable as it is.
+MOST_LOG_NU = 300.0
+
 
 @dataclass(frozen=True)
 class Noise:
@@ -53,7 +59,7 @@ class Noise:
             total = total - 0.5 * (extra[..., 0] / math.log(self.sigma_factor)) ** 2
         if self.nu is None:
             # The density of log nu is that of nu, times nu.
-            total = total + NU_SHAPE * extra[..., -1] - NU_RATE * np.exp(extra[..., -1])
+            total = total + NU_SHAPE * extra[..., -1] - NU_RATE * _bounded_exp(extra[..., -1])
         return total
 
     @property
@@ -74,12 +80,15 @@ class Noise:
         """
         N = residuals.shape[-1] + hidden
         log_s = extra[..., 0] if self.sigma_factor > 1 else np.zeros(residuals.shape[:-1])
+        # A walker that wanders off to a noise of nothing: its density is next to nothing all the
+        # same, and the squares of residuals over it are still numbers.
+        log_s = np.maximum(log_s, LEAST_LOG_S)
         if self.normal:
             total = np.einsum("...i,...i->...", residuals, residuals) + squares
             return -N * log_s - 0.5 * np.exp(-2 * log_s) * total
         from scipy.special import gammaln
 
-        nu = np.exp(extra[..., -1]) if self.nu is None else np.full(log_s.shape, self.nu)
+        nu = _bounded_exp(extra[..., -1]) if self.nu is None else np.full(log_s.shape, self.nu)
         norm = gammaln((nu + 1) / 2) - gammaln(nu / 2) - 0.5 * np.log(nu)
         tails = np.log1p(residuals**2 * (np.exp(-2 * log_s) / nu)[..., None]).sum(axis=-1)
         return N * (norm - log_s) - 0.5 * (nu + 1) * tails
@@ -109,3 +118,8 @@ class Noise:
         if self.sigma_factor < math.inf:
             return 1.0
         return max(squares / max(freedom, 1), LEAST_SPREAD)
+
+
+def _bounded_exp(log_nu: Array) -> Array:
+    """Degrees of freedom (...) of walkers that may wander far, still as numbers."""
+    return np.asarray(np.exp(np.clip(log_nu, -MOST_LOG_NU, MOST_LOG_NU)))

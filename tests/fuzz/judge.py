@@ -23,8 +23,10 @@ NOT_VALID = 1  # exit code of `edtk verify` for a certificate that was read and 
 PROGRESS = re.compile(r"\[\d\d:\d\d[],<]|step/s|\d+step ")
 # Options and arguments in messages.
 PLACE = re.compile(r"--?[a-z]|option|argument|command|STUDY|PLAN|MEASUREMENTS|TASK|K\.json|FILE")
+FILE = re.compile(r"edtk: \S+\.\w+: ")  # a file that a mutated one names
 OUTPUTS = ("--out", "--certificate", "--chain", "--export", "--figures")
 # What a run that failed may leave, because the next one goes on from it.
+LINKED = ("nowhere/", "folder/")  # folders to which links of the sandbox lead
 KEPT = {"run": ("cases", "certificates"), "bayes": ("h5",), "identify": ("h5",)}
 
 
@@ -53,7 +55,8 @@ def judge(
         return [*found, Finding(f"exit code {answer.code} of {case.verb}", _tail(answer.stderr))]
     changed = _changed(case, sandbox, before, after)
     lines = messages(answer.stderr)
-    found += _streams(case, lines)
+    # Where a file goes to standard output, the result goes to standard error.
+    found += [] if "-" in case.words else _streams(case, lines)
     if failed and answer.code != NOT_VALID:
         found += _failure(case, answer, lines)
         left = [path for path in changed if not _may_stay(case, path)]
@@ -114,7 +117,7 @@ def _failure(case: Case, answer: Answer, lines: list[str]) -> list[Finding]:
 
 def _success(case: Case, answer: Answer) -> list[Finding]:
     """Strict JSON where JSON is asked for."""
-    if not _asks_for_json(case):
+    if not _asks_for_json(case) or "-" in case.words:
         return []
     try:
         json.loads(answer.stdout, parse_constant=_reject)
@@ -144,7 +147,7 @@ def _reject(constant: str) -> Any:
 
 def _names_a_place(case: Case, line: str) -> bool:
     """Whether a message names a file, an option, or an argument."""
-    if PLACE.search(line):
+    if PLACE.search(line) or FILE.match(line):
         return True
     names = [word.rpartition("=")[2] for word in case.words[1:]]
     names += [*case.changed, "robot.toml", "pub.csv", "exclude.csv", "earlier.json"]
@@ -182,11 +185,11 @@ def _is_foreign(case: Case, path: str) -> bool:
         return True  # a temporary
     if case.verb == "run":
         return path.startswith("study.toml")
-    given = [word.rpartition("=")[2] for word in case.words]
+    given = [*case.words, *(word.rpartition("=")[2] for word in case.words)]
     asked = any(word.startswith(OUTPUTS) for word in case.words)
     inside = any(path == _plain(word) or path.startswith(f"{_plain(word)}/") for word in given)
     above = any(_plain(word).startswith(f"{path}/") for word in given)
-    through_link = path in ("plan.csv", "study.toml", "nowhere") or path.startswith("nowhere/")
+    through_link = path in ("plan.csv", "study.toml", "nowhere") or path.startswith(LINKED)
     return not (asked and (inside or above or through_link))
 
 

@@ -9,7 +9,9 @@ from tests.fuzz.sandbox import Sandbox, Snapshot
 
 EVERY = 20  # cases of which one is run again
 # Times, which differ, and options that let them decide or write them to a file.
-TIME = re.compile(rb'"seconds": [-+.e\d]+|\b\d+(\.\d+)? s\b')
+TIME = re.compile(
+    rb'"seconds": ([-+.e\d]+|\{[^}]*\})|\b\d+(\.\d+)? s\b|\d{4}-\d\d-\d\d \d\d:\d\d(:\d\d)?'
+)
 BY_TIME = ("--budget", "--export")
 
 Outputs = dict[str, bytes]

@@ -35,3 +35,13 @@ def test_prior_of_the_logarithms():
         < 1e-12
     )
     assert Noise().names == ()
+
+
+def test_walkers_that_wander_far_have_a_number():
+    """At a noise of nothing, or degrees of freedom beyond all numbers, a density is a number."""
+    noise = Noise(sigma_factor=np.inf, nu=None)
+    extra = np.array([[-1e4, 0.0], [1e4, 1e4], [0.0, -1e4]])
+    residuals = np.full((3, 4), 1e6)
+    total = noise.log_likelihood(residuals, extra) + noise.log_prior(extra)
+    assert not np.isnan(total).any()
+    assert (total < -1e3).all()
