@@ -44,4 +44,4 @@ def test_walkers_that_wander_far_have_a_number():
     residuals = np.full((3, 4), 1e6)
     total = noise.log_likelihood(residuals, extra) + noise.log_prior(extra)
     assert not np.isnan(total).any()
-    assert (total < -1e3).all()
+    assert (total < 0).all()
