@@ -20,6 +20,8 @@ from edtk.inference.prior import Flat, LogNormal, Normal, Prior
 from edtk.inference.run_chain import Demand
 from edtk.inference.sample_posterior import SamplingOptions
 
+pytestmark = pytest.mark.slow
+
 K0 = STUDY.compliances
 NAMES = STUDY.model.parameters
 ROUGH = SamplingOptions(Demand(accuracy=0.1))

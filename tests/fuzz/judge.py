@@ -23,7 +23,8 @@ NOT_VALID = 1  # exit code of `edtk verify` for a certificate that was read and 
 PROGRESS = re.compile(r"\[\d\d:\d\d[],<]|step/s|\d+step ")
 # Options and arguments in messages.
 PLACE = re.compile(r"--?[a-z]|option|argument|command|STUDY|PLAN|MEASUREMENTS|TASK|K\.json|FILE")
-FILE = re.compile(r"edtk: \S+\.\w+: ")  # a file that a mutated one names
+# A file that a mutated one names, by an ending or by what the system says of it.
+FILE = re.compile(r"edtk: (\S+\.\w+: |.+: (no such file|is a folder|File name too long))")
 OUTPUTS = ("--out", "--certificate", "--chain", "--export", "--figures")
 # What a run that failed may leave, because the next one goes on from it.
 LINKED = ("nowhere/", "folder/")  # folders to which links of the sandbox lead

@@ -9,6 +9,8 @@ from edtk.inference.fit_equilibrium import fit_equilibrium
 from edtk.inference.identify import identify
 from edtk.inference.measurements import Measurements
 
+pytestmark = pytest.mark.slow
+
 MODEL = STUDY.model
 TRUE = np.zeros(6)
 TRUE[MODEL.joints] = STUDY.compliances

@@ -12,6 +12,8 @@ from edtk.inference.simulate import simulate
 from edtk.model.equilibrium import torque_and_derivative
 from edtk.model.transform import transform
 
+pytestmark = pytest.mark.slow
+
 MODEL = STUDY.model
 # Random poses: an optimal plan has three clusters of poses, and confuses some faults by design.
 POSES = np.random.default_rng(3).uniform(*MODEL.robot.limits, size=(12, 6))

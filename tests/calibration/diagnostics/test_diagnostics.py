@@ -44,6 +44,7 @@ def lines(data, *args, **options):
     return tuple(diagnostic.text for diagnostic in found(data, *args, **options))
 
 
+@pytest.mark.slow
 def test_nothing_wrong(unassuming):
     """Clean measurements raise no doubts in nineteen runs of twenty, and more."""
     found = [
