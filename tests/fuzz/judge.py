@@ -186,10 +186,12 @@ def _is_foreign(case: Case, path: str) -> bool:
         return True  # a temporary
     if case.verb == "run":
         return path.startswith("study.toml")
-    given = [*case.words, *(word.rpartition("=")[2] for word in case.words)]
+    values = [part for word in case.words for part in (word.partition("=")[2], word)]
+    given = [*values, *(word.rpartition("=")[2] for word in case.words)]
     asked = any(word.startswith(OUTPUTS) for word in case.words)
     inside = any(path == _plain(word) or path.startswith(f"{_plain(word)}/") for word in given)
     above = any(_plain(word).startswith(f"{path}/") for word in given)
+    inside = inside or "." in map(_plain, given)
     through_link = path in ("plan.csv", "study.toml", "nowhere") or path.startswith(LINKED)
     return not (asked and (inside or above or through_link))
 

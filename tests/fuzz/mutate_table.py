@@ -116,7 +116,9 @@ def mutate_table(content: bytes, rng: Random) -> bytes:
     """A CSV file with some of these mutations, perhaps written as another program writes it."""
     rows = [line.split(",") for line in content.decode("utf-8", "replace").splitlines()]
     for _ in range(rng.choice((0, 1, 1, 1, 2, 3))):
-        rows = rng.choice(OF_TABLES)(rows or [[""]], rng)
+        if not rows or not rows[0]:
+            rows = [[""], *rows[1:]]  # there is a header, even if it is empty
+        rows = rng.choice(OF_TABLES)(rows, rng)
     return _written(rows, rng)
 
 
