@@ -15,8 +15,24 @@ from edtk.system.errors import shortened
 from edtk.system.json_text import json_text
 
 MOST_OF_A_WARNING = 600  # characters
-FilePath = click.Path(path_type=Path, dir_okay=False)
-FolderPath = click.Path(path_type=Path, file_okay=False)
+
+
+class NamedPath(click.Path):
+    """A path that is not empty: an empty one would mean the present folder."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Convert to a path.
+
+        Raises:
+            click.BadParameter: The value is empty, or no path of this kind.
+        """
+        if not str(value):
+            self.fail("the path is empty.", param, ctx)
+        return super().convert(value, param, ctx)
+
+
+FilePath = NamedPath(path_type=Path, dir_okay=False)
+FolderPath = NamedPath(path_type=Path, file_okay=False)
 
 
 class Range(click.FloatRange):

@@ -9,6 +9,7 @@ import pytest
 from click.testing import CliRunner
 
 from criteria import CriterionError
+from edtk.cli import main
 from edtk.commands.one_line import OneLine
 from edtk.system.errors import ArgumentError, UserError
 
@@ -78,3 +79,15 @@ def test_sigterm_is_like_ctrl_c():
     assert answer.exit_code == 130
     assert answer.stderr.strip() == "edtk: interrupted"
     assert signal.getsignal(signal.SIGTERM) is before
+
+
+@pytest.mark.parametrize(
+    "words", [["run", "study.toml", "--out="], ["evaluate", "", "plan.csv"]], ids=" ".join
+)
+def test_an_empty_path_is_rejected(words, tmp_path, monkeypatch):
+    """A path that is empty, as of a variable that is not set, is not the present folder."""
+    monkeypatch.chdir(tmp_path)
+    answer = CliRunner().invoke(main, words)
+    assert answer.exit_code == 2
+    assert answer.stderr.endswith("the path is empty.\n")
+    assert list(tmp_path.iterdir()) == []
