@@ -36,6 +36,7 @@ REFUSED = (
     RuntimeError,
 )
 BLOCK = 1 << 20  # bytes by which a file in memory grows
+FARTHEST = 1e9  # coordinate in whitened units, of order one, that no walker reaches
 
 
 class ChainFileFault(Enum):
@@ -191,6 +192,8 @@ def _backend(group: Any, shape: tuple[int, int], size: int) -> "emcee.backends.B
         arrays[name] = stored[...]
         if not np.isfinite(arrays[name]).all():
             raise ValueError(f"{name}: expected finite numbers")
+    if np.abs(arrays["chain"]).max(initial=0.0) > FARTHEST:
+        raise ValueError("chain: expected coordinates in whitened units")
     if steps < 1 or arrays["accepted"].min() < 0 or arrays["accepted"].max() > steps:
         raise ValueError("expected at least one step, and no more accepted ones than there are")
     backend = emcee.backends.Backend()

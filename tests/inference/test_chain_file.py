@@ -172,6 +172,7 @@ FORGERIES = {
         resized(group, "log_prob", (10**9, group["log_prob"].shape[1])),
     ),
     "a number that is none": lambda group: group["chain"].__setitem__((5, 3, 1), np.nan),
+    "a walker far away": lambda group: group["chain"].__setitem__((5, 3, 0), 1e200),
     "infinite density": lambda group: group["log_prob"].__setitem__((5, 3), np.inf),
     "more accepted than made": lambda group: group["accepted"].__setitem__(0, 10**6),
     "fewer accepted than none": lambda group: group["accepted"].__setitem__(0, -1),
