@@ -16,7 +16,7 @@ from edtk.version import __version__
 
 if TYPE_CHECKING:
     import criteria as criteria
-    from edtk.calibration.calibrate import Calibration as Calibration
+    from edtk.calibration.calibration import Calibration as Calibration
     from edtk.calibration.compensate import Compensation as Compensation
     from edtk.calibration.plan_bias import PlanBias as PlanBias
     from edtk.calibration.posterior_check import PosteriorCheck as PosteriorCheck
@@ -72,7 +72,7 @@ _HOME = {
     "ExactPlan": "edtk.design.exact.exact_plan",
     "RelaxedPlan": "edtk.design.relaxation.relaxed_plan",
     "Evaluation": "edtk.study.evaluate",
-    "Calibration": "edtk.calibration.calibrate",
+    "Calibration": "edtk.calibration.calibration",
     "PosteriorCheck": "edtk.calibration.posterior_check",
     "PlanBias": "edtk.calibration.plan_bias",
     "Compensation": "edtk.calibration.compensate",

@@ -14,7 +14,7 @@ from click.testing import CliRunner
 from pydantic import BaseModel
 
 import criteria
-from edtk.calibration.calibrate import Calibration
+from edtk.calibration.calibration import Calibration
 from edtk.calibration.fitted_data import FittedData
 from edtk.cli import main
 from edtk.inference.measurements import Measurements

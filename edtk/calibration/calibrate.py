@@ -1,300 +1,28 @@
 """From a filled-in sheet to compliances, with everything that a person wants to know about them."""
 
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from edtk.calibration.calibration import Calibration
 from edtk.calibration.calibration_budget import calibration_budget
-from edtk.calibration.cause_of import cause_of
-from edtk.calibration.causes.cause import Cause
-from edtk.calibration.check_posterior import check_posterior
-from edtk.calibration.diagnostics.diagnostic import Diagnostic, Severity
 from edtk.calibration.diagnostics.diagnostics import diagnostics
-from edtk.calibration.diagnostics.posterior_diagnostics import posterior_diagnostics
 from edtk.calibration.fitted_data import FittedData
 from edtk.calibration.input_errors.find_input_error import find_input_error
 from edtk.calibration.input_errors.input_error import InputError
 from edtk.calibration.linear_model_bias import linear_model_bias
 from edtk.calibration.origin import Origin
-from edtk.calibration.posterior_check import PosteriorCheck
 from edtk.calibration.study_prior import study_prior
 from edtk.design.plan import Plan
 from edtk.inference.fit_huber import SigmaTooSmallError
-from edtk.inference.identification import Identification
 from edtk.inference.identify import NothingLeftError
-from edtk.inference.lack_of_fit import LackOfFit
-from edtk.inference.least_squares import Estimate, SingularPlanError
+from edtk.inference.least_squares import SingularPlanError
 from edtk.inference.measurements import Measurements
-from edtk.inference.noise import Noise
-from edtk.inference.prior import Flat
-from edtk.inference.sample_posterior import SamplingOptions
-from edtk.model.error_budget import ErrorBudget
-from edtk.model.expected_error import ExpectedError, expected_error
 from edtk.model.loads.fixed_load import FixedLoad
 from edtk.study.study import Study
 from edtk.system.errors import UserError
-from edtk.system.presented import Presented
 from edtk.system.typing import Array
-from edtk.tables.sheet_columns import DEFLECTION_COLUMNS, ROTATION_COLUMNS
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-COORDINATES = (*DEFLECTION_COLUMNS, *ROTATION_COLUMNS)
-VERDICTS = {Severity.NOTE: "good", Severity.WARNING: "usable", Severity.ALARM: "bad"}
-
-
-@dataclass(frozen=True, eq=False)
-class Calibration(Presented):
-    """Identified compliances, and whether to trust them.
-
-    Attributes:
-        fitted: The study, its measurements, and the fit.
-        diagnostics: Everything that looks wrong, the worst first.
-        path: Where the measurements are.
-        bias: By how far the linear model makes the compliances (p,) too large, to the first order
-            [rad/(N m)]; zero where the loaded equilibrium was fitted, None if it is unknown.
-        check: The posterior; None where it was not sampled.
-        origin: The file as it was read, and what was asked for.
-    """
-
-    fitted: FittedData
-    diagnostics: tuple[Diagnostic, ...]
-    path: Path
-    bias: Array | None = None
-    check: PosteriorCheck | None = None
-    origin: Origin = Origin()  # noqa: RUF009  (frozen)
-
-    def headline(self) -> str:
-        """Number of measurements, the accuracy to expect, and the verdict."""
-        rows = f"{len(self.data)} measurements of {self.data.pose.max() + 1} poses"
-        accuracy = ""
-        if self.study.target is not None:
-            accuracy = f", rho0 = {1e3 * self.fit.accuracy(self.study.target)[0]:.4g} mm"
-        return f"{len(self.fit.k)} compliances from {rows}{accuracy}; verdict: {self.verdict}"
-
-    @property
-    def study(self) -> Study:
-        """The question."""
-        return self.fitted.study
-
-    @property
-    def data(self) -> Measurements:
-        """The measurements."""
-        return self.fitted.data
-
-    @property
-    def fit(self) -> Identification:
-        """Estimates and statistics, as arrays in the order of the study's unknown joints."""
-        return self.fitted.fit
-
-    @cached_property
-    def budget(self) -> ErrorBudget | None:
-        """The error to expect in the task, in parts; None without a test pose.
-
-        It is that of least squares, and None where the estimate rests on a prior.
-        """
-        if self.fitted.untold:
-            return None
-        return calibration_budget(self.fitted, self.rho0_bias)
-
-    @property
-    def causes(self) -> tuple[Cause, ...]:
-        """Faults that explain the measurements, the likeliest first; empty where noise does.
-
-        Units and columns come first: with wrong ones, no refit of other faults means anything.
-        """
-        misread = (cause_of(diagnostic.finding) for diagnostic in self.diagnostics)
-        return tuple(filter(None, misread))[:1] or self.fitted.causes
-
-    @property
-    def lack_of_fit(self) -> LackOfFit | None:
-        """Whether repetitions agree better than the model; None without repetitions."""
-        return self.fitted.lack_of_fit
-
-    @property
-    def k(self) -> dict[str, float]:
-        """Compliances by joint [rad/(N m), or m/N of a prismatic joint], not negative."""
-        return self._by_joint(self.fit.k)
-
-    @property
-    def std(self) -> dict[str, float]:
-        """Standard deviations of the compliances by joint, in their units."""
-        return self._by_joint(self.fit.std)
-
-    @property
-    def verdict(self) -> str:
-        """Whether to use the result: "good", "usable" or "bad"."""
-        worst = (diagnostic.severity for diagnostic in self.diagnostics)
-        return VERDICTS[max(worst, default=Severity.NOTE)]
-
-    @property
-    def expected(self) -> ExpectedError | None:
-        """Errors to expect in the test pose and around it; None without a test pose."""
-        task = self.study.task
-        return None if task is None else expected_error(task, self.fit.covariance)
-
-    @property
-    def rho0_bias(self) -> float | None:
-        """Length of the mean error in the test pose that the linear model leaves [m].
-
-        None without a test pose, or if the bias is unknown.
-        """
-        return _length(self.study, self.bias)
-
-    @property
-    def sigma_hat(self) -> float:
-        """Estimated noise of a position coordinate [m].
-
-        It is the scale of the residuals times the root mean square of the given sigma.
-        """
-        return float(self.fit.scale * np.sqrt(np.mean(self.data.sigma[:, :3] ** 2)))
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain numbers, SI, for JSON; a number that is not known is null."""
-        fit = self.fit
-        rho0 = None
-        if self.study.target is not None:
-            value, interval = fit.accuracy(self.study.target)
-            rho0 = {"value": value, "interval95": list(interval)}
-        joints = self.study.specification.joints.unknown
-        return {
-            "k": self.k,
-            "std": self.std,
-            "correlation": fit.correlation.tolist(),
-            "covariance_dof": fit.covariance_dof if np.isfinite(fit.covariance_dof) else None,
-            "sigma_hat": self.sigma_hat if np.isfinite(fit.scale) else None,
-            "chi2": fit.chi2,
-            "dof": fit.dof,
-            "p_value": fit.p_value,
-            "outliers": (fit.outliers + 1).tolist(),
-            "rho0": rho0,
-            "rho0_bias": self.rho0_bias,
-            "model": "nonlinear" if self.fitted.nonlinear else "linear",
-            "budget_mm": None if self.budget is None else self.budget.to_dict(),
-            "lack_of_fit": None if self.lack_of_fit is None else self.lack_of_fit.to_dict(),
-            "causes": [cause.to_dict() for cause in self.causes],
-            "expected_error": None if self.expected is None else self.expected.to_dict(),
-            "verdict": self.verdict,
-            "doubts": [diagnostic.text for diagnostic in self.diagnostics],
-            "diagnostics": [diagnostic.to_dict() for diagnostic in self.diagnostics],
-            "negative": [joints[i] for i in np.flatnonzero(fit.negative)],
-            "known": dict(self.study.specification.joints.known_rad_per_Nm),
-            "k_unbounded": self._by_joint(fit.unbounded),
-            "k_bias": None if self.bias is None else self._by_joint(self.bias),
-            "posterior": None if self.check is None else self.check.to_dict(),
-        }
-
-    def to_frame(self) -> "pd.DataFrame":
-        """A row for each compliance, SI units.
-
-        Columns: `joint`, `parameter`, `unit`, `k`, `std`, and `low_95` and `high_95`, the ends of
-        the 95 % interval about the estimate without the bound k >= 0.
-        """
-        import pandas as pd
-
-        fit = self.fit
-        return pd.DataFrame(
-            {
-                "joint": self.study.specification.joints.unknown,
-                "parameter": self.study.model.parameters,
-                "unit": self.study.model.units,
-                "k": fit.k,
-                "std": fit.std,
-                "low_95": fit.unbounded - fit.half_interval,
-                "high_95": fit.unbounded + fit.half_interval,
-            }
-        )
-
-    def residuals(self) -> "pd.DataFrame":
-        """A row for each measured coordinate.
-
-        `row` and `pose` count from 1; `coordinate` has the unit of `residual` in its name.
-        """
-        import pandas as pd
-
-        m, rows = self.fit.residual.shape
-        units = np.where(np.arange(rows) < 3, 1e3, 180 / np.pi)
-        return pd.DataFrame(
-            {
-                "row": np.repeat(np.arange(1, m + 1), rows),
-                "pose": np.repeat(self.data.pose + 1, rows),
-                "coordinate": np.tile(COORDINATES[:rows], m),
-                "residual": (self.fit.residual * units).ravel(),
-                "leverage": self.fit.leverage.ravel(),
-                "standardised": self.fit.standardised.ravel(),
-            }
-        )
-
-    def sampled(
-        self,
-        rng: np.random.Generator,
-        options: SamplingOptions = SamplingOptions(),  # noqa: B008  (frozen)
-    ) -> "Calibration":
-        """The same calibration with the posterior, under the study's [prior].
-
-        Where measurements alone do not tell every compliance, mean and covariance of the posterior
-        take the place of the estimate.
-
-        The noise is that of the [prior], unless the fit was asked for another: sigma is unknown
-        (Jeffreys' prior) where it was estimated, and Student-t errors with unknown nu take the
-        place of normal ones where the fit is robust.
-
-        Args:
-            rng: Source of randomness.
-            options: How accurately, and where the chain is kept.
-
-        Raises:
-            UserError: The study's prior is not one.
-            UnconvergedError: The chain does not converge.
-            ImproperPosteriorError: Too few measurements for the unknowns.
-            ChainFileError: The file is no chain, or of another problem.
-        """
-        noise = self._posterior_noise()
-        check = check_posterior(
-            self.study,
-            self.fitted.A,
-            self.fitted.measured,
-            self.data.sigma,
-            Estimate(self.fit.k, self.fit.covariance),
-            rng,
-            noise=noise,
-            options=options,
-        )
-        prior = study_prior(self.study)
-        flat = all(isinstance(marginal, Flat) for marginal in prior.marginals)
-        vague = prior.earlier is None and flat
-        estimated = vague and noise.normal and not self.fit.known and not self.fit.robust
-        fitted = self.fitted
-        found = self.diagnostics
-        if fitted.untold:
-            names = self.study.model.parameters
-            posterior = Estimate(check.posterior.mean, check.posterior.covariance, names)
-            fitted = fitted.described_by(posterior)
-            found = diagnostics(fitted)
-        added = posterior_diagnostics(fitted, prior, check.posterior)
-        return replace(
-            self,
-            fitted=fitted,
-            diagnostics=tuple(sorted([*added, *found], key=lambda one: -one.severity)),
-            check=replace(check, sigma_estimated=estimated),
-        )
-
-    def _posterior_noise(self) -> Noise:
-        """The noise that a posterior assumes beside this fit."""
-        noise = self.study.specification.prior.noise()
-        if not self.fit.known:
-            noise = replace(noise, sigma_factor=np.inf)
-        if self.fit.robust and noise.normal:
-            noise = replace(noise, nu=None)
-        return noise
-
-    def _by_joint(self, values: np.ndarray) -> dict[str, float]:
-        """Values (p,) by the names of the unknown joints."""
-        return dict(zip(self.study.specification.joints.unknown, values.tolist(), strict=True))
 
 
 def calibrate(
@@ -342,16 +70,21 @@ def calibrate(
     wrong = None if as_is else find_input_error(fitted)
     if wrong is not None:
         raise InputError(path, wrong)
-    bias = None
+    found = Calibration(fitted, (), path, _bias(fitted), origin=origin)
+    budget = None if fitted.untold else calibration_budget(fitted, found.rho0_bias)
+    named = diagnostics(fitted, found.rho0_bias, budget)
+    return replace(found, diagnostics=named, budget=budget)
+
+
+def _bias(fitted: FittedData) -> Array | None:
+    """By how far the linear model makes the compliances (p,) too large; None if it is unknown."""
     if fitted.untold:
-        bias = None
-    elif fitted.nonlinear:
-        bias = np.zeros(len(fitted.fit.k))
-    elif study.target is not None:
-        bias = linear_model_bias(study, data, fitted.A, fitted.fit.k)
-    length = _length(study, bias)
-    budget = None if fitted.untold else calibration_budget(fitted, length)
-    return Calibration(fitted, diagnostics(fitted, length, budget), path, bias, origin=origin)
+        return None
+    if fitted.nonlinear:
+        return np.zeros(len(fitted.fit.k))
+    if fitted.study.target is None:
+        return None
+    return linear_model_bias(fitted.study, fitted.data, fitted.A, fitted.fit.k)
 
 
 def _fitted(
@@ -373,10 +106,3 @@ def _fitted(
         return FittedData.with_prior(
             study, data, study_prior(study), untold, plan, robust, known, linear
         )
-
-
-def _length(study: Study, bias: Array | None) -> float | None:
-    """Length of the error that a bias (p,) makes in the test pose [m]; None if it is unknown."""
-    if bias is None or study.target is None:
-        return None
-    return float(np.linalg.norm(study.target @ bias))

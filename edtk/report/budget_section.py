@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from edtk.calibration.calibrate import Calibration
+from edtk.calibration.calibration import Calibration
 from edtk.calibration.calibration_budget import uncertainty_of
 from edtk.model.error_budget import ErrorBudget
 from edtk.report.draw.error_budget import error_budget

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from edtk.calibration.calibrate import Calibration
+from edtk.calibration.calibration import Calibration
 from edtk.report.page import facts, section
 from edtk.system.typing import Array
 from edtk.version import __version__

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from edtk.calibration.calibrate import Calibration
+from edtk.calibration.calibration import Calibration
 from edtk.report.calibration_report import calibration_report
 from edtk.system.atomic_file import Content
 from edtk.system.json_text import json_text

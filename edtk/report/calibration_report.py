@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from edtk.calibration.calibrate import Calibration
+from edtk.calibration.calibration import Calibration
 from edtk.inference.identification import Identification
 from edtk.report.budget_section import budget_section
 from edtk.report.calibration_facts import calibration_facts

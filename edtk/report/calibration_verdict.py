@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from edtk.calibration.calibrate import Calibration
+from edtk.calibration.calibration import Calibration
 from edtk.calibration.finding import Kind
 from edtk.model.rigid_joints import EXAMPLE
 from edtk.report.page import verdict

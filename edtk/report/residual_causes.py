@@ -1,6 +1,6 @@
 """What explains the residuals of a calibration: repetitions, and faults that are known."""
 
-from edtk.calibration.calibrate import Calibration
+from edtk.calibration.calibration import Calibration
 from edtk.calibration.causes.cause import NOISE, Cause
 from edtk.calibration.row_names import row_names
 from edtk.inference.lack_of_fit import LackOfFit

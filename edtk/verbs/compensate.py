@@ -12,7 +12,7 @@ from edtk.verbs.inputs import PlanLike, StudyLike, as_study, name_of
 from edtk.verbs.require_output import require_output
 
 if TYPE_CHECKING:
-    from edtk.calibration.calibrate import Calibration
+    from edtk.calibration.calibration import Calibration
 
 
 def compensate(

@@ -2,7 +2,8 @@
 
 from pathlib import Path
 
-from edtk.calibration.calibrate import Calibration, calibrate
+from edtk.calibration.calibrate import calibrate
+from edtk.calibration.calibration import Calibration
 from edtk.calibration.inference_data import inference_data
 from edtk.report.calibration_files import NAMES, calibration_files
 from edtk.system.atomic_file import Content, write_files

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from readings import STUDY, measured
 
-from edtk.calibration.calibrate import Calibration, calibrate
+from edtk.calibration.calibrate import calibrate
+from edtk.calibration.calibration import Calibration
 from edtk.calibration.check_plan_posterior import check_plan_posterior
 from edtk.calibration.diagnostics.posterior_diagnostics import posterior_diagnostics
 from edtk.calibration.fitted_data import FittedData

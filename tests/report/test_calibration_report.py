@@ -14,7 +14,7 @@ import pytest
 from matplotlib.figure import Figure
 from scipy.stats import probplot
 
-from edtk.calibration.calibrate import Calibration
+from edtk.calibration.calibration import Calibration
 from edtk.calibration.calibration_budget import calibration_budget
 from edtk.calibration.diagnostics.diagnostics import diagnostics
 from edtk.calibration.fitted_data import FittedData
@@ -57,7 +57,8 @@ def calibrated(spoil=lambda y: y, k=STUDY.compliances, known=True, seed=3, study
     )
     fitted = FittedData.of(study, data, known=known)
     budget = calibration_budget(fitted, None)
-    return Calibration(fitted, diagnostics(fitted, budget=budget), Path("day <1>.csv"))
+    found = diagnostics(fitted, budget=budget)
+    return Calibration(fitted, found, Path("day <1>.csv"), budget=budget)
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ from matplotlib.cbook import is_math_text
 from matplotlib.text import Text
 
 import criteria
-from edtk.calibration.calibrate import Calibration
+from edtk.calibration.calibration import Calibration
 from edtk.calibration.check_plan_posterior import check_plan_posterior
 from edtk.calibration.compensate import compensate
 from edtk.calibration.fitted_data import FittedData

@@ -1,6 +1,6 @@
 """Table of a calibration, for a notebook."""
 
-from edtk.calibration.calibrate import Calibration
+from edtk.calibration.calibration import Calibration
 from edtk.report.digits import digits
 from edtk.report.notebook_table import notebook_table
 

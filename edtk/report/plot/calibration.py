@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from edtk.calibration.calibrate import Calibration
+from edtk.calibration.calibration import Calibration
 from edtk.report.draw.intervals import intervals
 from edtk.report.draw.residuals import residuals
 from edtk.report.panels import panels

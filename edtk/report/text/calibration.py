@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from edtk.calibration.calibrate import COORDINATES, Calibration
+from edtk.calibration.calibration import COORDINATES, Calibration
 from edtk.calibration.diagnostics.diagnostic import Severity
 from edtk.calibration.row_names import row_names
 from edtk.report.digits import digits
