@@ -68,7 +68,7 @@ def _test_pose(study: Study) -> dict[str, Any] | None:
     sizes = {"within": task.within, "lever": task.lever}
     return {
         "q": task.q.tolist(),
-        "tool": task.tool.tolist(),
+        "tool": task.model.robot.tool.tolist(),
         "wrench": task.wrench.tolist(),
         **{name: size for name, size in sizes.items() if size},
     }

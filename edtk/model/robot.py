@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 
 from edtk.model.frames import Frames
 from edtk.model.joint import Joint
+from edtk.model.link import Link
 from edtk.model.transform import transform
 from edtk.system.presented import Presented
 from edtk.system.typing import Array, Mask
@@ -26,9 +27,12 @@ class Robot(Presented):
         base: Transform (4, 4) of the chain's root in the world [m].
         tool: Transform (4, 4) of the tool frame after the last joint [m].
         source: Where the numbers come from.
+        links: The bodies that the joints move, one a joint; empty where they are unknown.
+        flange: Transform (4, 4) of the frame in which tools are given, after the last joint [m]:
+            the tip link of a URDF. `tool` is after the last joint nevertheless.
 
     Raises:
-        ValueError: The chain has no joints, or two of one name.
+        ValueError: The chain has no joints, or two of one name, or links for some joints only.
     """
 
     name: str
@@ -36,11 +40,18 @@ class Robot(Presented):
     base: Array = field(default_factory=transform)
     tool: Array = field(default_factory=transform)
     source: str = ""
+    links: tuple[Link, ...] = ()
+    flange: Array = field(default_factory=transform)
 
     def __post_init__(self) -> None:
         if not self.joints or len(set(self.joint_names)) < len(self.joints):
             raise ValueError(
                 f"robot {self.name}: needs at least one joint, each with a name of its own"
+            )
+        if len(self.links) not in (0, self.n):
+            raise ValueError(
+                f"robot {self.name}: has {len(self.links)} links; expected one for each of its "
+                f"{self.n} joints, or none"
             )
 
     def headline(self) -> str:
@@ -71,8 +82,11 @@ class Robot(Presented):
         return float(sum(np.linalg.norm(T[:3, 3]) for T in links) + sum(slides))
 
     def with_tool(self, tool: Array) -> "Robot":
-        """The same chain with another tool transform (4, 4)."""
-        return replace(self, tool=np.array(tool, dtype=float))
+        """The same chain with another tool transform (4, 4) in the frame of the flange [m]."""
+        tool = np.array(tool, dtype=float)
+        # A product with the identity would turn negative zeros into positive ones.
+        plain = np.array_equal(self.flange, np.eye(4))
+        return replace(self, tool=tool if plain else self.flange @ tool)
 
     @cached_property
     def _links(self) -> list[tuple[Array, Array]]:

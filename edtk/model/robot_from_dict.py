@@ -8,6 +8,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from pydantic_core import PydanticCustomError
 
 from edtk.model.joint import Joint
+from edtk.model.link import Link
 from edtk.model.robot import Robot
 from edtk.model.transform import transform
 from edtk.system.errors import UserError
@@ -94,6 +95,14 @@ class _Joint(_Placed):
     limits_m: tuple[Finite, Finite] | None = Field(
         None, description="Lower and upper limit of a prismatic joint [m]"
     )
+    mass_kg: Annotated[Finite, Field(ge=0)] | None = Field(
+        None,
+        description="Mass of the body that the joint moves, up to the next joint; given for all "
+        "joints or for none [kg]",
+    )
+    center_m: Vector3 | None = Field(
+        None, description="Centre of that mass in the joint's own frame; goes with mass_kg [m]"
+    )
 
     @model_validator(mode="after")
     def _limits_fit_the_kind(self) -> "_Joint":
@@ -105,6 +114,19 @@ class _Joint(_Placed):
                 "limits", f"a {self.kind} joint takes {allowed[0]}, and no other limits"
             )
         return self
+
+    @model_validator(mode="after")
+    def _mass_with_its_center(self) -> "_Joint":
+        if (self.mass_kg is None) != (self.center_m is None):
+            raise PydanticCustomError("mass", "expected mass_kg and center_m together, or neither")
+        return self
+
+    @property
+    def link(self) -> Link | None:
+        """The body that the joint moves; None where it is unknown."""
+        if self.mass_kg is None or self.center_m is None:
+            return None
+        return Link(self.mass_kg, np.array(self.center_m))
 
     def build(self) -> Joint:
         limits = self.limits_m or self.limits_rad or tuple(np.deg2rad(self.limits_deg or (0, 0)))
@@ -129,6 +151,10 @@ class RobotFile(_Table):
     tool: _Frame = Field(
         _Frame(position_m=ZERO), description="Frame of the tool in the last joint's frame"
     )
+    flange: _Frame = Field(
+        _Frame(position_m=ZERO),
+        description="Frame in the last joint's frame, relative to which a study gives its tools",
+    )
 
     def build(self, where: str | None) -> Robot:
         """The robot; messages about a joint begin with `where`."""
@@ -143,7 +169,21 @@ class RobotFile(_Table):
             base=self.base.build(),
             tool=self.tool.build(),
             source=self.source.strip(),
+            links=self._links(where),
+            flange=self.flange.build(),
         )
+
+    def _links(self, where: str | None) -> tuple[Link, ...]:
+        """The bodies that the joints move; none where no mass is given."""
+        links = [joint.link for joint in self.joints]
+        known = tuple(link for link in links if link is not None)
+        if known and len(known) < len(links):
+            missing = links.index(None)
+            message = (
+                "other joints have masses; expected mass_kg for this one too, 0 if it has none"
+            )
+            raise RobotFileError(message, where=where, key=f"joints.{missing}")
+        return known
 
 
 def _joint(joint: _Joint, index: int, where: str | None) -> Joint:
@@ -159,8 +199,9 @@ def robot_from_dict(content: Mapping[str, Any], where: str | None = None) -> Rob
 
     Keys: `name`, `source`, and `joints`, a list with `name`, `origin_m`, `axis`, limits
     (`limits_deg` or `limits_rad`, or `limits_m` for a joint of `kind` "prismatic"), and optionally
-    `rpy_deg`. A `base` and a `tool` may be given by `position_m` and `rpy_deg`. Instead of
-    `rpy_deg`, `rotation` gives the matrix by rows.
+    `rpy_deg`, and `mass_kg` and `center_m` of the body that it moves. A `base`, a `flange` and a
+    `tool` may be given by `position_m` and `rpy_deg`. Instead of `rpy_deg`, `rotation` gives the
+    matrix by rows.
 
     Args:
         content: The keys and their values.

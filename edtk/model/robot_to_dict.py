@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from edtk.model.joint import Joint
+from edtk.model.link import Link
 from edtk.model.robot import Robot
 from edtk.model.transform import transform
 from edtk.system.typing import Array
@@ -20,13 +21,16 @@ def robot_to_dict(robot: Robot) -> dict[str, Any]:
 
     The robot that is read from it has the same numbers, to the last bit. Angles are written in
     degrees where degrees give back the same radians or rotation, else as `limits_rad` and
-    `rotation`. A base or tool that is the identity is left out.
+    `rotation`. A base, flange or tool that is the identity is left out.
     """
     content: dict[str, Any] = {"name": robot.name, "source": robot.source}
-    for key, T in (("base", robot.base), ("tool", robot.tool)):
+    for key, T in (("base", robot.base), ("flange", robot.flange), ("tool", robot.tool)):
         if not _identical(T, np.eye(4)):
             content[key] = {"position_m": T[:3, 3].tolist()} | _rotation(T[:3, :3])
-    content["joints"] = [_joint(joint) for joint in robot.joints]
+    links = robot.links or (None,) * robot.n
+    content["joints"] = [
+        _joint(joint) | _link(link) for joint, link in zip(robot.joints, links, strict=True)
+    ]
     return content
 
 
@@ -39,6 +43,11 @@ def _joint(joint: Joint) -> dict[str, Any]:
         "axis": joint.axis.tolist(),
         **_limits(joint),
     }
+
+
+def _link(link: Link | None) -> dict[str, Any]:
+    """Mass and centre of the body that a joint moves, nothing where they are unknown."""
+    return {} if link is None else {"mass_kg": link.mass, "center_m": link.center.tolist()}
 
 
 def _limits(joint: Joint) -> dict[str, Any]:

@@ -91,7 +91,9 @@ def _links(study: "Study") -> float:
 def _tools(study: "Study") -> Iterator[str]:
     """Tools in metres, and tools that are longer than the robot."""
     task = study.task
-    tools = {"tool": study.robot.tool} | ({} if task is None else {"test_pose.tool": task.tool})
+    tools = {"tool": study.specification.tool.build()}
+    if task is not None:
+        tools["test_pose.tool"] = task.tool
     links = _links(study)
     for key, tool in tools.items():
         length = float(np.linalg.norm(tool[:3, 3]))

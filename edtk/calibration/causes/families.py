@@ -61,7 +61,7 @@ def _tool(model: ElastostaticModel, data: Measurements) -> Iterator[Family]:
         def predict(c: Array, axis: int = i) -> tuple[Array, Array]:
             tool = model.robot.tool.copy()
             tool[:3, 3] += c[0] * tool[:3, axis]
-            other = replace(model, robot=model.robot.with_tool(tool))
+            other = replace(model, robot=replace(model.robot, tool=tool))
             return data.regressor(other), np.zeros(data.deflection.shape)
 
         yield Family(f"tool_{AXES[i]}", "mm", MM, 1, USUAL_TOOL, predict)
