@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 import criteria
+from edtk.model.robot_to_dict import robot_to_dict
 from edtk.study.study import Study
 from edtk.system.atomic_file import write_text
 from edtk.system.read_text import read_text
@@ -101,10 +102,8 @@ class Checkpoint:
 def checkpoint_of(study: Study, folder: Path) -> Checkpoint:
     """The checkpoint of a study, in a folder."""
     digest = hashlib.sha256(study.digest.encode())
-    for joint in study.robot.joints:
-        digest.update(f"{joint.name} {joint.kind} {joint.limits}".encode())
-        digest.update(_bytes(joint.origin) + _bytes(joint.axis))
-    digest.update(_bytes(study.robot.base))
+    # The study's own digest knows the name of a robot's file, not its content.
+    digest.update(json.dumps(robot_to_dict(study.robot)).encode())
     for constraint in study.space.workspace.constraints:
         digest.update(repr(constraint.labels(study.robot)).encode())
     for poses in (getattr(c, "poses", None) for c in study.space.workspace.constraints):
