@@ -1,0 +1,151 @@
+"""The objects that the keys of a study describe: its model, noise, task and criteria."""
+
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+import criteria
+from edtk.model.elastostatic_model import ElastostaticModel
+from edtk.model.rigid_joints import rigid_joints_in_words
+from edtk.model.robot import Robot
+from edtk.model.task import Task
+from edtk.study.schema import Specification
+from edtk.system.errors import UserError
+from edtk.system.typing import Array
+from edtk.tables.pose_table import pose_factors
+
+IN_PYTHON = "Study"  # takes the place of the file's name in messages about a study without a file
+
+
+class StudyObjects:
+    """What a study asks about, built from its checked keys; the base of `Study`.
+
+    Attributes:
+        specification: All keys, checked, with their defaults.
+        robot: The robot, with the calibration tool.
+        path: The study's file; None for a study that was built in Python.
+    """
+
+    specification: Specification
+    robot: Robot
+    path: Path | None
+
+    @property
+    def where(self) -> str:
+        """The file of the study, as messages name it."""
+        return IN_PYTHON if self.path is None else str(self.path)
+
+    def error(self, key: str, message: str) -> UserError:
+        """An error at one key of this study."""
+        return UserError(message, where=self.where, key=key)
+
+    @property
+    def main_criterion(self) -> str:
+        """Name of the criterion that the study is about: rho0 if optimised, else the first."""
+        return self.specification.main_criterion
+
+    @cached_property
+    def model(self) -> ElastostaticModel:
+        """The elastostatic model with the calibration tool."""
+        return ElastostaticModel(self.robot, self._unknown, self.specification.measurement.rows)
+
+    @property
+    def _unknown(self) -> tuple[int, ...]:
+        """Indices of the joints whose compliances are unknown."""
+        return tuple(map(self.robot.joint_names.index, self.specification.joints.unknown))
+
+    @property
+    def known(self) -> dict[int, float]:
+        """Compliances [rad/(N m)] that are known, by the index of the joint, from base to tip."""
+        given = self.specification.joints.known_rad_per_Nm
+        names = self.robot.joint_names
+        return {j: given[name] for j, name in enumerate(names) if name in given}
+
+    @property
+    def fixed(self) -> dict[int, float]:
+        """Values [rad or m] of the fixed joints by index."""
+        given = self.specification.joints.fixed_deg | self.specification.joints.fixed_mm
+        names = self.robot.joint_names
+        factors = dict(zip(names, pose_factors(self.robot), strict=True))
+        return {names.index(name): float(value * factors[name]) for name, value in given.items()}
+
+    @property
+    def sigma(self) -> Array:
+        """Standard deviation of each measured row (rows,) [m, rad]."""
+        measurement = self.specification.measurement
+        position = np.full(3, measurement.sigma_mm / 1e3)
+        if measurement.rows == "position":
+            return position
+        return np.append(position, np.full(3, np.deg2rad(measurement.sigma_deg or 0)))
+
+    @cached_property
+    def task(self) -> Task | None:
+        """The test pose with its tool and load, in which the robot shall be accurate."""
+        pose = self.specification.test_pose
+        if pose is None:
+            return None
+        return Task(
+            q=np.array(pose.q_deg) * pose_factors(self.robot),
+            tool=pose.tool.build(),
+            wrench=pose.load.build(),
+            robot=self.robot,
+            unknown=self._unknown,
+            known=tuple(self.known),
+            within=float(np.deg2rad(pose.robust_deg)),
+            lever=pose.lever_mm / 1e3,
+        )
+
+    @property
+    def target(self) -> Array | None:
+        """Target (r, p) of rho0 [m/(rad/(N m))], see `Task.target`; None without a test pose.
+
+        It is A0 (3, p) of the test pose, Eq. (4), unless a neighbourhood or rotations count too.
+        """
+        return None if self.task is None else self.task.target
+
+    @property
+    def rigid(self) -> str:
+        """Joints that count as rigid in the test pose although its load turns them, in words.
+
+        Empty if there are no such joints, or no test pose.
+        """
+        return "" if self.task is None else rigid_joints_in_words(self.task.rigid_joints)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Criteria that are optimised or compared, those that are optimised first."""
+        return tuple(dict.fromkeys((*self.specification.optimise, *self.specification.criteria)))
+
+    def criterion(self, name: str | None = None) -> criteria.Criterion:
+        """A criterion with this study's target.
+
+        Args:
+            name: Name of the criterion; defaults to the one that the study is about.
+
+        Raises:
+            UserError: There is no such criterion, or it needs a test pose.
+        """
+        name = self.main_criterion if name is None else name
+        try:
+            return criteria.create(name, self.target)
+        except criteria.CriterionError as error:
+            missing = isinstance(error, criteria.MissingTargetError)
+            why = ", and the study has no [test_pose]" if missing else ""
+            raise UserError(f"{error}{why}", where=self.where) from error
+
+    @cached_property
+    def compliances(self) -> Array:
+        """Compliances (p,) [rad/(N m)] that simulated measurements assume as true.
+
+        Raises:
+            UserError: The study does not give them for every unknown joint.
+        """
+        simulation = self.specification.simulation
+        given = {} if simulation is None else simulation.compliance_rad_per_Nm
+        for name in self.specification.joints.unknown:
+            if name not in given:
+                raise self.error(
+                    "simulation.compliance_rad_per_Nm", f"expected a value for joint {name!r}"
+                )
+        return np.array([given[name] for name in self.specification.joints.unknown])
