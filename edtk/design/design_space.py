@@ -82,7 +82,7 @@ class DesignSpace:
 
     def at(self, x: Array) -> Experiments:
         """The experiments of design variables x (..., v)."""
-        return Experiments(self, x, self.workspace.robot.frames(x[..., : len(self.fixed)]))
+        return Experiments(self, x, self.model.frames(x[..., : len(self.fixed)]))
 
     def draw(self, cube: Array) -> Array:
         """Stretch points of the unit cube (k, len(drawn)) to design variables (k, v)."""

@@ -73,8 +73,9 @@ class Experiments:
     def slope(self, B: Array) -> Array:
         """Derivatives of ``<B, A/sigma>`` by all design variables, weights B held fixed.
 
-        A is linear in the wrench, so that the derivative by a variable of the load is
-        ``<B, A(dW)/sigma>`` with dW the derivative of the wrench.
+        A is linear in the wrench, but for the part of weights that hang on the arm, so that the
+        derivative by a variable of the load is ``<B, A(dW)/sigma>`` with dW the derivative of the
+        wrench.
 
         Args:
             B: Weights (..., rows, p).
@@ -90,7 +91,7 @@ class Experiments:
         by_joint = model.regressor_slope_of(self.frames, wrench, weights)
         wrench_changes = _component_first(space.load.derivative(self._load), (-1,))
         by_load = [
-            (weights * model.regressor_of(self.frames, change)).sum(axis=(0, 1))
+            (weights * model.by_wrench.regressor_of(self.frames, change)).sum(axis=(0, 1))
             for change in wrench_changes
         ]
         # Without a load to design by_load is empty, and reshape gives it the missing axes.

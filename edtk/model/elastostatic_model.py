@@ -1,28 +1,45 @@
 """The elastostatic model: deflection under load, linear in the joint compliances."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from edtk.model.frames import Frames, cross
+from edtk.model.body_point import BodyPoint
+from edtk.model.columns_slope import columns_slope, dot
+from edtk.model.dead_weights import DeadWeights
+from edtk.model.force_and_torque import force_and_torque
+from edtk.model.frames import Frames
+from edtk.model.regressor_at_tool_point import regressor_at_tool_point
 from edtk.model.robot import Robot
+from edtk.model.sensors.marker import Marker
+from edtk.model.sensors.pose_marker import PoseMarker
+from edtk.model.sensors.sensor import Sensor
+from edtk.model.slope_at_tool_point import slope_at_tool_point
+from edtk.model.without_rounding import without_rounding
 from edtk.system.typing import Array
 
 Rows = Literal["position", "pose"]
-# Rounding of sums and products along a chain of joints, relative to the size of their terms.
-ROUNDING = 64 * np.finfo(float).eps
 
 
 @dataclass(frozen=True, eq=False)
 class ElastostaticModel:
-    """A robot with compliant joints, loaded and measured at its tool point.
+    """A robot with compliant joints, loaded and measured at its tool point, or elsewhere.
+
+    A measurement is a function y(q) of the joints, and a load turns joint j by ``k_j tau_j(q)``.
+    So column j of the regressor is ``dy/dq_j tau_j``, of which `motion_of` gives the first factor
+    and `torque_of` the second.
 
     Args:
         robot: The chain; its tool frame is where the wrench acts and the deflection is measured.
         unknown: Indices (p,) of the joints whose compliances are the parameters; None for all.
-        rows: "position" for three measured rows (Eq. 7), "pose" for all six (Eq. 8).
+        rows: "position" for three measured rows (Eq. 7), "pose" for all six (Eq. 8), of the tool
+            point.
+        sensors: Instruments whose rows are measured instead, one after another; none by default.
+        load_point: Where the wrench acts; the tool point by default.
+        weights: Weights that load the joints besides the wrench; None for none.
 
     Raises:
         ValueError: An index is out of range or repeated.
@@ -31,6 +48,9 @@ class ElastostaticModel:
     robot: Robot
     unknown: tuple[int, ...] | None = None
     rows: Rows = "position"
+    sensors: tuple[Sensor, ...] = ()
+    load_point: BodyPoint = field(default_factory=BodyPoint)
+    weights: DeadWeights | None = None
 
     def __post_init__(self) -> None:
         unknown = tuple(range(self.robot.n)) if self.unknown is None else tuple(self.unknown)
@@ -73,66 +93,140 @@ class ElastostaticModel:
         """Number of parameters."""
         return len(self.joints)
 
+    @cached_property
+    def instruments(self) -> tuple[Sensor, ...]:
+        """All that is measured; the tool point where no sensors are given."""
+        return self.sensors or (Marker() if self.rows == "position" else PoseMarker(),)
+
+    @property
+    def row_count(self) -> int:
+        """Number of measured rows."""
+        return sum(sensor.rows for sensor in self.instruments)
+
+    @cached_property
+    def is_plain(self) -> bool:
+        """Whether load and measurement are at the tool point, and nothing else loads the joints."""
+        return not self.sensors and self.weights is None and self.load_point.is_tool_point
+
+    @cached_property
+    def by_wrench(self) -> "ElastostaticModel":
+        """The model under the wrench alone, whose regressors are linear in it."""
+        return self if self.weights is None else replace(self, weights=None)
+
+    @cached_property
+    def bodies(self) -> tuple[int, ...]:
+        """Joints whose bodies' frames the model needs, see `Robot.frames`."""
+        points = [self.load_point, *(sensor.point for sensor in self.instruments)]
+        found = {joint for point in points for joint in point.bodies}
+        return tuple(sorted(found.union(self.weights.bodies if self.weights else ())))
+
+    def frames(self, q: ArrayLike) -> Frames:
+        """The chain in the poses q (..., n) [rad or m], with all that this model needs of it."""
+        return self.robot.frames(q, self.bodies)
+
+    def points_of(self, frames: Frames) -> Array:
+        """Positions (s, 3, ...) of the points that the s instruments measure [m]."""
+        return np.stack([sensor.point.position(frames) for sensor in self.instruments])
+
+    def motion_of(self, frames: Frames) -> Array:
+        """Derivatives ``dy/dq`` (n, rows, ...) of the measured rows by all joints [m/rad, 1]."""
+        motion = [
+            without_rounding(sensor.motion(frames), self._reach_of(sensor.point))
+            for sensor in self.instruments
+        ]
+        return motion[0] if len(motion) == 1 else np.concatenate(motion, axis=1)
+
+    def motion_slope_of(self, frames: Frames, B: Array) -> Array:
+        """Derivatives (n, ...) of ``<B, dy/dq>`` by all joints, weights B (n, rows, ...) fixed."""
+        total = np.zeros_like(frames.q)
+        first = 0
+        for sensor in self.instruments:
+            last = first + sensor.rows
+            total += sensor.motion_slope(frames, B[:, first:last])
+            first = last
+        return total
+
+    def torque_of(self, frames: Frames, wrench: ArrayLike) -> Array:
+        """Loads ``tau`` (n, ...) of all joints [N m, or N if prismatic].
+
+        Args:
+            frames: The poses.
+            wrench: Forces and torques (..., 6) or (6,) at the load point [N, N m].
+        """
+        F, T = force_and_torque(wrench, frames)
+        reach = self._reach_of(self.load_point)
+        torque = dot(without_rounding(self.load_point.linear(frames), reach), F)
+        if T.any():
+            torque += dot(self.load_point.angular(frames), T)
+        size = reach * np.abs(F).sum(axis=1) + np.abs(T).sum(axis=1)
+        if self.weights is not None:
+            torque += self.weights.torque(frames)
+            size = size + reach * np.abs(self.weights.force(frames)).sum(axis=1)
+        return without_rounding(torque, size)
+
+    def torque_slope_of(self, frames: Frames, wrench: ArrayLike, s: Array) -> Array:
+        """Derivatives (n, ...) of ``sum_j s_j tau_j`` by all joints, weights s (n, ...) fixed."""
+        F, T = force_and_torque(wrench, frames)
+        linear = self.load_point.linear(frames)
+        angular = self.load_point.angular(frames)
+        twist = s[:, None] * T if T.any() else None
+        slope = columns_slope(linear, angular, s[:, None] * F, twist)
+        return slope if self.weights is None else slope + self.weights.torque_slope(frames, s)
+
+    def _reach_of(self, point: BodyPoint) -> float:
+        """An upper bound on the distance of a point from the world's origin [m]."""
+        return self.robot.reach + float(np.linalg.norm(point.offset))
+
     def regressor(self, q: ArrayLike, wrench: ArrayLike) -> Array:
         """Eq. (4): ``A = [J_1 J_1' W, ..., J_n J_n' W]``, so that the deflection is ``A k``.
 
         Args:
             q: Joint variables (..., n) [rad or m].
-            wrench: Forces and torques (..., 6) or (6,) at the tool point, in the world frame
+            wrench: Forces and torques (..., 6) or (6,) at the load point, in the world frame
                 [N, N m].
 
         Returns:
             Regressors (..., rows, p) of Eq. (3) and (7) [m/(rad/(N m))]; rotation rows in
             [rad/(rad/(N m))].
         """
-        return np.moveaxis(self.regressor_of(self.robot.frames(q), wrench), (0, 1), (-1, -2))
+        return np.moveaxis(self.regressor_of(self.frames(q), wrench), (0, 1), (-1, -2))
 
     def regressor_of(self, frames: Frames, wrench: ArrayLike) -> Array:
         """Regressors of poses whose frames are at hand, component first.
 
         Args:
-            frames: The poses.
+            frames: The poses, by `frames`.
             wrench: Forces and torques (..., 6) or (6,) [N, N m].
 
         Returns:
             Regressors (p, rows, ...).
         """
-        F, T = _force_and_torque(wrench, frames)
-        angular = frames.angular[self.joints]
-        linear = _without_rounding(frames.linear[self.joints], self.robot.reach)
-        torque = _dot(linear, F)
-        if T.any():
-            torque += _dot(angular, T)
-        size = self.robot.reach * np.abs(F).sum(axis=1) + np.abs(T).sum(axis=1)
-        torque = _without_rounding(torque, size)
-        A = linear * torque[:, None]
-        if self.rows == "position":
-            return A
-        return np.concatenate([A, angular * torque[:, None]], axis=1)
+        joints = self.joints
+        if self.is_plain:
+            turns = self.rows == "pose"
+            return regressor_at_tool_point(frames, wrench, joints, self.robot.reach, turns)
+        return self.motion_of(frames)[joints] * self.torque_of(frames, wrench)[joints, None]
 
     def regressor_slope(self, q: ArrayLike, wrench: ArrayLike, B: ArrayLike) -> Array:
         """Derivatives of ``<B, A>`` by all joint variables, B held fixed.
 
-        Slopes of criteria need the derivatives of A in no other way. Column j of A is
-        ``(v_j, w_j) tau_j`` with ``(v_j, w_j)`` that of the Jacobian and
-        ``tau_j = v_j.F + w_j.T``. A revolute joint k at or before j turns both about its axis,
-        ``d(v_j, w_j)/dq_k = (w_k x v_j, w_k x w_j)``, and a joint k behind a revolute j moves the
-        tool point, ``(w_j x v_k, 0)``. So with ``(b_j, c_j)`` the column of B and
-        ``s_j = v_j.b_j + w_j.c_j``,
+        Slopes of criteria need the derivatives of A in no other way. With column j of A equal to
+        ``y_j tau_j`` and ``s_j = <b_j, y_j>``,
 
-            d<B, A>/dq_k = w_k . sum_{j >= k} (v_j x f_j + w_j x t_j)
-                         + v_k . sum_{j < k} f_j x w_j,
-            f_j = tau_j b_j + s_j F,   t_j = tau_j c_j + s_j T.
+            d<B, A>/dq = d(sum_j <tau_j b_j, y_j>)/dq + d(sum_j s_j tau_j)/dq,
+
+        tau held fixed in the first term and s in the second: `motion_slope_of` and
+        `torque_slope_of`.
 
         Args:
             q: Joint variables (..., n) [rad or m].
-            wrench: Forces and torques (..., 6) or (6,) [N, N m].
+            wrench: Forces and torques (..., 6) or (6,) at the load point [N, N m].
             B: Weights (..., rows, p) or (rows, p) of the regressor's entries.
 
         Returns:
             Derivatives (..., n).
         """
-        frames = self.robot.frames(q)
+        frames = self.frames(q)
         B = np.asarray(B, dtype=float)
         B = np.broadcast_to(B, (*frames.position.shape[1:], *B.shape[-2:]))
         slopes = self.regressor_slope_of(frames, wrench, np.moveaxis(B, (-1, -2), (0, 1)))
@@ -142,36 +236,22 @@ class ElastostaticModel:
         """Slopes of poses whose frames are at hand, component first; see `regressor_slope`.
 
         Args:
-            frames: The poses.
+            frames: The poses, by `frames`.
             wrench: Forces and torques (..., 6) or (6,) [N, N m].
             B: Weights (p, rows, ...).
 
         Returns:
             Derivatives (n, ...).
         """
-        v = frames.linear[self.joints]
-        w = frames.angular[self.joints]
-        F, T = _force_and_torque(wrench, frames)
-        tau = _dot(v, F)
-        s = _dot(v, B[:, :3])
-        # The terms of torques and measured rotations are left out where all of them are zero.
-        turned = self.rows == "pose" or bool(T.any())
-        if turned:
-            tau += _dot(w, T)
-        if self.rows == "pose":
-            s += _dot(w, B[:, 3:])
-        f = tau[:, None] * B[:, :3] + s[:, None] * F
-        turning, moving = np.zeros((2, self.robot.n, *f.shape[1:]))
-        turning[self.joints] = cross(v, f)
-        moving[self.joints] = cross(f, w)
-        if turned:
-            t = s[:, None] * T
-            if self.rows == "pose":
-                t = t + tau[:, None] * B[:, 3:]
-            turning[self.joints] += cross(w, t)
-        at_or_behind = np.cumsum(turning[::-1], axis=0)[::-1]
-        before = np.cumsum(moving, axis=0) - moving
-        return _dot(frames.angular, at_or_behind) + _dot(frames.linear, before)
+        joints = self.joints
+        if self.is_plain:
+            return slope_at_tool_point(frames, wrench, joints, B)
+        s = np.zeros_like(frames.q)
+        s[joints] = dot(self.motion_of(frames)[joints], B)
+        weights = np.zeros((self.robot.n, *B.shape[1:]))
+        weights[joints] = self.torque_of(frames, wrench)[joints, None] * B
+        by_motion = self.motion_slope_of(frames, weights)
+        return by_motion + self.torque_slope_of(frames, wrench, s)
 
     def cartesian_stiffness(self, q: ArrayLike, k: ArrayLike) -> Array:
         """Eq. (1): ``K_C = J^-T K_theta J^-1``, as the inverse of ``J k_theta J'``.
@@ -216,25 +296,3 @@ class ElastostaticModel:
         W = np.asarray(wrench, dtype=float)
         t = np.einsum("...ij,...j->...i", self.cartesian_compliance(q, k), W)
         return np.asarray(t[..., :3] if self.rows == "position" else t)
-
-
-def _without_rounding(x: Array, size: ArrayLike) -> Array:
-    """Numbers x, of which those that are the rounding of numbers of that size are set to zero.
-
-    A joint that the load does not turn, or whose axis runs through the tool point, then has an
-    exactly zero column; left as rounding noise, it would be scaled up and pass as identified.
-    """
-    return np.where(np.abs(x) <= ROUNDING * np.asarray(size), 0.0, x)
-
-
-def _force_and_torque(wrench: ArrayLike, frames: Frames) -> tuple[Array, Array]:
-    """Force and torque (1, 3, ...), component first, aligned with the last axes of the frames."""
-    W = np.asarray(wrench, dtype=float)
-    W = W.transpose(-1, *range(W.ndim - 1))
-    W = W[(slice(None),) + (None,) * (frames.position.ndim - W.ndim)]
-    return W[None, :3], W[None, 3:]
-
-
-def _dot(a: Array, b: Array) -> Array:
-    """Sums of products (n, ...) along the second axis of a and b, (n, c, ...) or (1, c, ...)."""
-    return np.asarray(np.einsum("nc...,nc...->n...", a, b))

@@ -1,6 +1,7 @@
 """Where the joints and the tool of a chain are, in many poses at once."""
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -25,6 +26,9 @@ class Frames:
         rotation: The tool frame (3, 3, ...): ``rotation[k]`` is its k-th unit vector (3, ...).
         position: Tool point (3, ...) [m].
         prismatic: Mask (n,) of the prismatic joints.
+        bodies: Frames of bodies between the base and the tool, where they were asked for, by the
+            index of the joint that moves the body: rotation (3, 3, ...) as above, and origin
+            (3, ...) [m].
     """
 
     q: Array
@@ -33,12 +37,17 @@ class Frames:
     rotation: Array
     position: Array
     prismatic: Mask
+    bodies: Mapping[int, tuple[Array, Array]] = field(default_factory=dict)
 
     def __getitem__(self, chosen: Indices) -> "Frames":
         """The chain in some of the poses, chosen along the last axis."""
         by_pose = ("q", "axes", "origins", "rotation", "position")
         arrays = {name: getattr(self, name).take(chosen, axis=-1) for name in by_pose}
-        return replace(self, **arrays)
+        bodies = {
+            joint: (rotation.take(chosen, axis=-1), origin.take(chosen, axis=-1))
+            for joint, (rotation, origin) in self.bodies.items()
+        }
+        return replace(self, **arrays, bodies=bodies)
 
     @cached_property
     def linear(self) -> Array:

@@ -1,5 +1,6 @@
 """Serial chains of revolute and prismatic joints: forward kinematics and Jacobian, batch first."""
 
+from collections.abc import Collection
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -110,11 +111,12 @@ class Robot(Presented):
         """Mask (n,) of the prismatic joints."""
         return np.array([joint.kind == "prismatic" for joint in self.joints])
 
-    def frames(self, q: ArrayLike) -> Frames:
+    def frames(self, q: ArrayLike, bodies: Collection[int] = ()) -> Frames:
         """Joint axes and tool frame in the poses q.
 
         Args:
             q: Joint variables (..., n) [rad or m].
+            bodies: Indices of joints; the frames of the bodies that they move are kept too.
 
         Raises:
             ValueError: The last axis of q is not n long.
@@ -130,6 +132,7 @@ class Robot(Presented):
         # asked for again by each call, which costs a third more.
         axes, origins = np.empty((2, self.n, 3, *batch))
         lift = (slice(None),) + (None,) * len(batch)
+        kept = {}
         R = [self.base[:3, k][lift] for k in range(3)]
         p = self.base[:3, 3][lift]
         for j, (joint, (C, t)) in enumerate(zip(self.joints, self._links[:-1], strict=True)):
@@ -143,13 +146,15 @@ class Robot(Presented):
                 c = np.cos(q[j])
                 s = np.sin(q[j])
                 R = [c * R[0] + s * R[1], c * R[1] - s * R[0], R[2]]
+            if j in bodies:
+                kept[j] = (_turned_back(R, joint.axis, batch), np.broadcast_to(p, (3, *batch)))
         C, t = self._links[-1]
         position = np.empty((3, *batch))
         rotation = np.empty((3, 3, *batch))
         position[...] = p + _combine(R, t)
         for k in range(3):
             rotation[k] = _combine(R, C[:, k])
-        return Frames(q, axes, origins, rotation, position, self._prismatic)
+        return Frames(q, axes, origins, rotation, position, self._prismatic, kept)
 
     def forward(self, q: ArrayLike) -> Array:
         """Pose of the tool frame in the world.
@@ -190,6 +195,15 @@ def _aligned(axis: Array) -> Array:
     x = x - axis * (axis @ x)
     x /= np.linalg.norm(x)
     return np.column_stack([x, np.cross(axis, x), axis])
+
+
+def _turned_back(columns: list[Array], axis: Array, batch: tuple[int, ...]) -> Array:
+    """The joint's own frame (3, 3, ...) from that whose z-axis is the joint axis."""
+    F = _aligned(axis)
+    rotation = np.empty((3, 3, *batch))
+    for k in range(3):
+        rotation[k] = _combine(columns, F[k])
+    return rotation
 
 
 def _combine(columns: list[Array], weights: Array) -> Array | float:

@@ -1,0 +1,1 @@
+"""Instruments as functions of the joints, one kind of measured rows a file."""

@@ -1,0 +1,26 @@
+"""A marker whose position is measured."""
+
+from dataclasses import dataclass
+
+from edtk.model.columns_slope import columns_slope
+from edtk.model.frames import Frames
+from edtk.model.sensors.sensor import Sensor
+from edtk.system.typing import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Marker(Sensor):
+    """Three rows: the position of the point in the world."""
+
+    @property
+    def rows(self) -> int:
+        """Three coordinates."""
+        return 3
+
+    def motion(self, frames: Frames) -> Array:
+        """Linear columns of the Jacobian at the point (n, 3, ...)."""
+        return self.point.linear(frames)
+
+    def motion_slope(self, frames: Frames, B: Array) -> Array:
+        """See `columns_slope`."""
+        return columns_slope(self.point.linear(frames), self.point.angular(frames), B)
