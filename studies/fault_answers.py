@@ -12,7 +12,7 @@ from edtk.calibration.cause_of import cause_of
 from edtk.calibration.causes.cause import Cause
 from edtk.calibration.input_errors.input_error import InputError
 
-UNLIKELY = 0.01  # p-value of a lack of fit, or of residuals, that counts as seen
+UNLIKELY = 0.01  # p-value of residuals that counts as seen
 REFUSED = "refused"  # an input error that is none of the causes
 
 
@@ -50,7 +50,7 @@ class Answer:
             verdict=found.verdict,
             causes=found.causes,
             outliers=tuple(found.fit.outliers.tolist()),
-            common=test is not None and test.p < UNLIKELY,
+            common=test is not None and test.seen,
             unlikely=p is not None and p < UNLIKELY,
         )
 

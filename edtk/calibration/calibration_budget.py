@@ -4,6 +4,7 @@ import numpy as np
 
 from edtk.calibration.error_budget import Uncertainty, error_budget
 from edtk.calibration.fitted_data import FittedData
+from edtk.calibration.some_rows import some_rows
 from edtk.model.error_budget import ErrorBudget
 from edtk.study.study import Study
 from edtk.system.typing import Array
@@ -27,9 +28,8 @@ def calibration_budget(fitted: FittedData, rho0_bias: float | None) -> ErrorBudg
     data = fitted.data
     repeats = None
     if len(data) > MOST_ROWS:
-        rows = np.sort(np.random.default_rng(0).choice(len(data), MOST_ROWS, replace=False))
         repeats = np.full(MOST_ROWS, len(data) / MOST_ROWS)
-        data = data[rows]
+        data = data[some_rows(len(data), MOST_ROWS)]
     return error_budget(
         study.model,
         data,

@@ -8,7 +8,7 @@ import numpy as np
 from edtk.calibration.causes.families import families
 from edtk.calibration.causes.family import Family
 from edtk.calibration.planned_measurements import planned_measurements
-from edtk.design.detection import Detection
+from edtk.design.detection import LEVEL, Detection
 from edtk.design.plan import Plan
 from edtk.design.sample_feasible import sample_feasible
 from edtk.inference.distributions import chi_square_quantile
@@ -18,7 +18,6 @@ from edtk.study.study import Study
 from edtk.system.errors import ArgumentError
 from edtk.system.typing import Array, Indices
 
-LEVEL = 0.01  # probability of a false alarm
 CANDIDATES = 300  # poses among which one more experiment is looked for
 UNITS = {"mm": 1e-3, "deg": np.pi / 180, "%": 1e-2}
 # Unit of the size of each fault; those of a joint mean the joint in which it is hardest to see.
@@ -94,12 +93,18 @@ def detect(study: Study, plan: Plan, faults: tuple[SizedFault, ...]) -> tuple[De
         return ()
     data = planned_measurements(study, plan)
     both = _joined(data, _candidates(study))
-    known = tuple(families(study.model, both, study.compliances))
-    return tuple(_detection(study, len(data), both, known, fault) for fault in faults)
+    A = both.regressor(study.model)
+    known = tuple(families(study.model, both, A, study.compliances))
+    return tuple(_detection(study, len(data), both, A, known, fault) for fault in faults)
 
 
 def _detection(
-    study: Study, m: int, both: Measurements, known: tuple[Family, ...], fault: SizedFault
+    study: Study,
+    m: int,
+    both: Measurements,
+    A: Array,
+    known: tuple[Family, ...],
+    fault: SizedFault,
 ) -> Detection:
     """The power of the first m rows, and with each of the rows behind them."""
     named = [family for family in known if family.cause == fault.name]
@@ -109,7 +114,6 @@ def _detection(
         # Compliances take up a load of another size in full, in every plan; and a fault that
         # depends on the sign of a torque is not there where no torque changes its sign.
         return Detection(fault.name, fault.size, fault.unit, LEVEL, None, LEVEL)
-    A = both.regressor(study.model)
     size = fault.size * UNITS[fault.unit]
 
     def power(rows: Indices, family: Family, D: Array) -> float:
@@ -145,9 +149,7 @@ def _power(A: Array, D: Array, sigma: Array, parameters: tuple[str, ...], dims: 
     from scipy.special import chndtr
 
     whitened = Whitened.of(A, sigma, parameters)
-    z = D * whitened.weight
-    seen = z - whitened.Q @ np.einsum("mrp,mr->p", whitened.Q, z)
-    noncentrality = float((seen**2).sum())
+    noncentrality = float((whitened.residual(D) ** 2).sum())
     threshold = float(chi_square_quantile(1 - LEVEL, dims))
     return float(1 - chndtr(threshold, dims, noncentrality))
 

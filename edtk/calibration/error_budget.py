@@ -68,32 +68,30 @@ def error_budget(
         SingularPlanError: The poses do not identify all parameters.
     """
     A0 = task.target
-    whitened = Whitened.of(data.regressor(model), data.sigma, model.parameters)
+    A = data.regressor(model)
+    whitened = Whitened.of(A, data.sigma, model.parameters)
 
-    def moved(change: Array) -> Array:
-        """Shift of the tool point (3, c) in the task, by changes (m, rows, c) of readings."""
-        return A0 @ whitened.solve(np.moveaxis(change, -1, 0)).T
+    def moved(*changes: Array) -> float:
+        """Length of the tool point's shift in the task, by changes (m, rows, c) of readings."""
+        shifts = [A0 @ whitened.solve(np.moveaxis(change, -1, 0)).T for change in changes]
+        return float(np.linalg.norm(np.hstack(shifts)))
 
-    faults = {family.cause: family for family in families(model, data, k)}
+    faults = {family.cause: family for family in families(model, data, A, k)}
     tilted = moved(faults["load_direction"].derivative_at_zero(k))
-    tool = np.hstack([moved(faults[name].derivative_at_zero(k)) for name in TOOL])
-    # Compliances take up a load of another size in full: they come out as much too large.
-    displacement = float(np.linalg.norm(A0 @ k))
+    tool = moved(*(faults[name].derivative_at_zero(k) for name in TOOL))
     shift = np.zeros((*data.sigma.shape, 3))
     shift[:, :3] = np.eye(3)
+    # Compliances take up a load of another size in full: they come out as much too large.
+    displacement = float(np.linalg.norm(A0 @ k))
+    scaled = uncertainty.load_size * displacement
     rigid, bends = _rigid(model, data, task, whitened, uncertainty)
     return ErrorBudget(
         noise=float(np.sqrt(np.trace(A0 @ covariance @ A0.T))),
         model=model_error,
-        load=float(
-            np.hypot(
-                uncertainty.load_size * displacement,
-                uncertainty.load_direction * np.linalg.norm(tilted),
-            )
-        ),
-        tool=uncertainty.tool * float(np.linalg.norm(tool)),
+        load=float(np.hypot(scaled, uncertainty.load_direction * tilted)),
+        tool=uncertainty.tool * tool,
         rigid_joints=rigid,
-        drift=uncertainty.drift * float(np.linalg.norm(moved(shift))),
+        drift=uncertainty.drift * moved(shift),
         repeatability=_repeatability(A0, whitened, repeats, uncertainty.repeatability),
         uncompensated=float(np.hypot(displacement, bends)),
     )

@@ -11,6 +11,8 @@ from edtk.calibration.equal_rows import EqualRows, equal_rows
 from edtk.calibration.input_errors.explanation import Explanation, explanation
 from edtk.calibration.known_part import known_part
 from edtk.calibration.match_plan import PlanMatch, match_plan
+from edtk.calibration.some_poses import some_poses
+from edtk.calibration.some_rows import some_rows
 from edtk.design.plan import Plan
 from edtk.inference.fit_common_noise import fit_common_noise
 from edtk.inference.fit_equilibrium import LinearisedData, NoFitError, fit_equilibrium
@@ -28,9 +30,7 @@ from edtk.study.study import Study
 from edtk.system.typing import Array, Indices
 
 BIAS = 0.1  # of the linear model, in standard deviations, from which the equilibrium is fitted
-UNLIKELY = 0.01  # p-value of the lack of fit from which common noise is taken into account
 MOST_ROWS = 1000  # measurements in which causes are looked for
-MOST_POSES = 2000  # of more, every second, third, ... is enough to tell
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,7 +169,7 @@ class FittedData:
     def _with_common_noise(self) -> "FittedData":
         """The same with the noise that repetitions share, where no fault explains it."""
         test = self.lack_of_fit
-        if test is None or test.p >= UNLIKELY or self.fit.robust or self.structural_causes:
+        if test is None or not test.seen or self.fit.robust or self.structural_causes:
             return self
         seen, fit = fit_common_noise(
             LinearisedData(self.A, self.measured),
@@ -190,8 +190,7 @@ class FittedData:
 
         The bias is the first step of the fit of the equilibrium, over some of very many poses.
         """
-        every = -(-(1 + int(self.data.pose.max())) // MOST_POSES)
-        rows = np.flatnonzero(self.data.pose % every == 0)
+        rows = some_poses(self.data.pose)
         some = self.data[rows]
         try:
             linear = linearise(self.study.model, some, self._complete)
@@ -210,7 +209,7 @@ class FittedData:
             return ()  # every fault needs a fit without a prior
         if self.fit.robust:
             return ()  # a robust fit sets aside what a fault makes
-        rows = _some_rows(self.data)
+        rows = some_rows(len(self.data), MOST_ROWS)
         typed = tuple(
             j
             for j, joint in enumerate(self.study.robot.joints)
@@ -266,11 +265,3 @@ class FittedData:
     def equal_rows(self) -> EqualRows | None:
         """Rows that are the same to the last digit; None where all are different."""
         return equal_rows(self.data)
-
-
-def _some_rows(data: Measurements) -> Indices:
-    """Rows of at most so many measurements."""
-    if len(data) <= MOST_ROWS:
-        return np.arange(len(data))
-    # By chance, as every second row may be of the same pose.
-    return np.sort(np.random.default_rng(0).choice(len(data), MOST_ROWS, replace=False))

@@ -1,15 +1,12 @@
 """The bias of compliances that a calibration identified with the linear model."""
 
-import numpy as np
-
 from edtk.calibration.nonlinear_part import nonlinear_part
+from edtk.calibration.some_poses import some_poses
 from edtk.inference.least_squares import SingularPlanError, estimate
 from edtk.inference.measurements import Measurements
 from edtk.model.equilibrium import NoEquilibriumError
 from edtk.study.study import Study
 from edtk.system.typing import Array
-
-MOST_POSES = 2000  # of more, every second, third, ... is enough to tell
 
 
 def linear_model_bias(study: Study, data: Measurements, A: Array, k: Array) -> Array | None:
@@ -26,8 +23,7 @@ def linear_model_bias(study: Study, data: Measurements, A: Array, k: Array) -> A
     Returns:
         The bias ``E(k_hat) - k`` (p,) [rad/(N m)]; None if such a robot would not come to rest.
     """
-    every = -(-(1 + data.pose.max()) // MOST_POSES)
-    rows = np.flatnonzero(data.pose % every == 0)
+    rows = some_poses(data.pose)
     some = data[rows]
     # Poses stay contiguous, as the model makes them: another layout sums in another order.
     some_A = A.T.take(rows, axis=-1).T

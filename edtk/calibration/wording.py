@@ -1,14 +1,14 @@
 """The sentence of each finding: the one place where findings become words."""
 
 from collections.abc import Callable
-from dataclasses import replace
 
-from edtk.calibration.causes.cause import Cause
+from edtk.calibration.cause_wording import cause_wording
 from edtk.calibration.finding import Finding, Kind
+from edtk.calibration.prior_wording import ON_PRIORS, prior_wording
+from edtk.calibration.reading_wording import READINGS, reading_wording
 from edtk.calibration.row_names import row_names
 
 LEAST_P = 0.01  # probability of residuals that still fit
-NAMED = 150  # characters of the readings that are named; of more, the number is said
 
 
 def wording(finding: Finding) -> str:
@@ -146,48 +146,6 @@ def _too_few_for_robust(found: Finding) -> str:
     )
 
 
-def _rests_on_prior(found: Finding) -> str:
-    """Parameters that the measurements do not tell."""
-    names = ", ".join(found.parameters)
-    return (
-        f"the measurements alone do not tell {names}: least squares have no answer, and k and std "
-        "are mean and standard deviation of the posterior, which rests on the [prior]"
-    )
-
-
-def _prior_contradicted(found: Finding) -> str:
-    """A prior under which the estimate is improbable."""
-    p = found.data["p"]
-    likely = f"p = {p:.1g}" if p > 1e-300 else "p < 1e-300"
-    if found.data["earlier"]:
-        return (
-            f"the earlier calibration contradicts the measurements ({likely}): one of them is "
-            "wrong, or the robot has changed"
-        )
-    return (
-        f"the prior of {', '.join(found.parameters)} contradicts the measurements ({likely}): one "
-        "of them is wrong"
-    )
-
-
-# Which of two estimates to believe, by the reason why they differ.
-BELIEVE = {
-    "contradiction": "believe neither before it is clear whether prior or measurements are wrong",
-    "prior": "believe the posterior, as the prior says more than the measurements, and fits them",
-    "noise": "believe the posterior, which also infers the noise, and bounds outliers",
-    "model": "believe neither: both rest on the same measurements, so model or signs are wrong",
-}
-
-
-def _posterior_differs(found: Finding) -> str:
-    """A posterior that is far from least squares."""
-    data = found.data
-    return (
-        f"{found.parameters[0]}: the posterior's mean {data['mean']:.3g} is {data['distance']:.2g} "
-        f"of its standard deviations from the fit's {data['k']:.3g}: {BELIEVE[data['reason']]}"
-    )
-
-
 def _twins(found: Finding) -> str:
     """Rows that are the same."""
     later, earlier = found.rows
@@ -247,67 +205,7 @@ def _cause(found: Finding) -> str:
     """A fault that explains the residuals."""
     cause = found.data["cause"]
     share = f"{100 * cause.explained:.3g} % of the misfit"
-    return f"{CAUSES[cause.cause](cause)}: that explains {share} (p = {cause.p:.1g})"
-
-
-def _size(cause: Cause) -> str:
-    """A fault's size with its standard deviation and unit."""
-    if cause.std is None:
-        return f"{cause.size:.3g} {cause.unit}"
-    return f"{cause.size:.3g} +- {cause.std:.1g} {cause.unit}"
-
-
-def _signed(cause: Cause, more: str, less: str) -> tuple[str, str]:
-    """A fault's size without its sign, and the word for the sign."""
-    return _size(replace(cause, size=abs(cause.size))), more if cause.size > 0 else less
-
-
-def _load_size(cause: Cause) -> str:
-    """A load that is heavier or lighter."""
-    size, which = _signed(cause, "larger", "smaller")
-    return f"the load looks {size} {which} than stated"
-
-
-def _tool(cause: Cause) -> str:
-    """A tool point that is elsewhere."""
-    size, along = _signed(cause, "along", "against")
-    return f"the tool point looks {size} further {along} the tool's {cause.cause[-1]} axis"
-
-
-def _joint(cause: Cause) -> str:
-    """The joint in which a fault is; every one where it is in none."""
-    return f"joint {cause.joint}" if cause.joint else "every joint"
-
-
-def _wrong_pose(cause: Cause) -> str:
-    """A pose that is not the one written down."""
-    rows = row_names(cause.rows)
-    if not cause.joint:
-        return f"{rows} are off together by {_size(cause)}: is the pose the one written down?"
-    return f"{rows}: joint {cause.joint} looks {_size(cause)} away from the written value"
-
-
-def _misread(cause: Cause) -> str:
-    """Columns that are to be read otherwise."""
-    return f"the columns look misread ({cause.cause.replace('_', ' ')})"
-
-
-CAUSES: dict[str, Callable[[Cause], str]] = {
-    "load_size": _load_size,
-    "load_direction": lambda cause: f"the load looks tilted by {_size(cause)}",
-    **{f"tool_{axis}": _tool for axis in "xyz"},
-    "frame_rotation": lambda cause: f"the measuring frame looks turned by {_size(cause)}",
-    "frame_axes": _misread,
-    "columns": _misread,
-    "unit": lambda cause: f"the displacements look {_size(cause)} too large: another unit?",
-    "drift": lambda cause: f"loaded readings look shifted by {_size(cause)} against unloaded ones",
-    "sigma": lambda cause: f"the noise is {_size(cause)}",
-    "pose": _wrong_pose,
-    "torque_sign": lambda cause: (
-        f"the compliance of {_joint(cause)} depends on the sign of its torque, by +-{_size(cause)}"
-    ),
-    "backlash": lambda cause: f"{_joint(cause)} looks loose by +-{_size(cause)}",
-}
+    return f"{cause_wording(cause)}: that explains {share} (p = {cause.p:.1g})"
 
 
 def _do_not_compensate(found: Finding) -> str:
@@ -351,83 +249,6 @@ def _copied_rows(found: Finding) -> str:
     return f"{_twins(found)}; expected measurements anew"
 
 
-def _as_given(found: Finding) -> str:
-    """Columns that are not read otherwise."""
-    return "the columns are as they are headed"
-
-
-def _wrong_sign(found: Finding) -> str:
-    """Displacements of the wrong sign."""
-    return "loaded and unloaded positions look swapped, or the load has the wrong sign"
-
-
-def _swapped_columns(found: Finding) -> str:
-    """Two columns that were exchanged."""
-    axes = found.data["positions"]
-    or_else = f" (or the positions in {axes[0]} and {axes[1]})" if axes else ""
-    return f"columns {' and '.join(found.columns)}{or_else} look swapped"
-
-
-def _opposite_sign(found: Finding) -> str:
-    """Joints, loads or rotations that were counted the other way round."""
-    if len(found.columns) == 1:
-        return f"column {found.columns[0]} looks measured with the opposite sign"
-    return f"columns {', '.join(found.columns)} look measured with the opposite sign"
-
-
-def _joint_offset(found: Finding) -> str:
-    """A joint that was counted from another zero."""
-    degrees = found.data["degrees"]
-    size = "small" if degrees > 0 else "large"
-    return f"column {found.columns[0]} looks {abs(degrees)} degrees too {size}"
-
-
-def _marker_unit(found: Finding) -> str:
-    """Marker offsets in metres."""
-    columns = ", ".join(found.columns)
-    return f"columns {columns} look as if they were in metres; expected millimetres"
-
-
-def _other_axes(found: Finding) -> str:
-    """Displacements along other axes."""
-    expected = ", ".join(found.data["expected"])
-    return f"the measuring frame looks {found.data['turn']}: expected ({expected})"
-
-
-def _several_readings(found: Finding) -> str:
-    """Readings that explain the measurements equally well."""
-    clauses = [_SENTENCES[reading.kind](reading) for reading in found.data["readings"]]
-    short = [clause.replace(" measured with the opposite sign", " reversed") for clause in clauses]
-    named = short[:1]
-    for clause in short[1:]:
-        if len("; or ".join([*named, clause])) <= NAMED:
-            named.append(clause)
-    left = len(short) - len(named)
-    more = f"; or {left} other reading{'s' * (left > 1)}" if left else ""
-    return "; or ".join(named) + more
-
-
-def _reading(clause: Callable[[Finding], str]) -> Callable[[Finding], str]:
-    """The sentence of a reading: how much of the misfit it explains, where that is known."""
-
-    def sentence(found: Finding) -> str:
-        if "explained" not in found.data:
-            return clause(found)
-        which = "each explains" if found.kind is Kind.SEVERAL_READINGS else "this explains"
-        # Of many measurements a reading explains all but noise: 100 % would say too much.
-        share = f"{min(100 * found.data['explained'], 99.99):.4g}"
-        after = f"{found.data['after']:.3g}"
-        before = f"{found.data['before']:.3g}"
-        rows = found.data["left_out"]
-        without = f", without {rows} outlier{'s' * (rows > 1)}" if rows else ""
-        return (
-            f"{clause(found)}; {which} {share} % of the misfit "
-            f"(leaves {after} sigma instead of {before}{without})"
-        )
-
-    return sentence
-
-
 _SENTENCES: dict[Kind, Callable[[Finding], str]] = {
     Kind.FORCE_UNIT: _force_unit,
     Kind.OTHER_LOAD: _other_load,
@@ -444,9 +265,7 @@ _SENTENCES: dict[Kind, Callable[[Finding], str]] = {
     Kind.NOISE_ESTIMATED_SMALL: _noise_estimated_small,
     Kind.OUTLIERS: _outliers,
     Kind.TOO_FEW_FOR_ROBUST: _too_few_for_robust,
-    Kind.RESTS_ON_PRIOR: _rests_on_prior,
-    Kind.PRIOR_CONTRADICTED: _prior_contradicted,
-    Kind.POSTERIOR_DIFFERS: _posterior_differs,
+    **dict.fromkeys(ON_PRIORS, prior_wording),
     Kind.EQUAL_ROWS: _equal_rows,
     Kind.ALIKE_PARAMETERS: _alike_parameters,
     Kind.ONE_POSE: _one_pose,
@@ -458,12 +277,5 @@ _SENTENCES: dict[Kind, Callable[[Finding], str]] = {
     Kind.NOT_MEASURED: _not_measured,
     Kind.OTHER_POSE: _other_pose,
     Kind.COPIED_ROWS: _copied_rows,
-    Kind.AS_GIVEN: _as_given,
-    Kind.WRONG_SIGN: _reading(_wrong_sign),
-    Kind.SWAPPED_COLUMNS: _reading(_swapped_columns),
-    Kind.OPPOSITE_SIGN: _reading(_opposite_sign),
-    Kind.JOINT_OFFSET: _reading(_joint_offset),
-    Kind.MARKER_UNIT: _reading(_marker_unit),
-    Kind.OTHER_AXES: _reading(_other_axes),
-    Kind.SEVERAL_READINGS: _reading(_several_readings),
+    **dict.fromkeys(READINGS, reading_wording),
 }

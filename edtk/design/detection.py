@@ -5,6 +5,9 @@ from typing import Any
 
 from edtk.system.typing import Array
 
+LEVEL = 0.01  # probability of a false alarm
+ROUNDING = 1e-4  # of a probability
+
 
 @dataclass(frozen=True, eq=False)
 class Detection:
@@ -14,8 +17,8 @@ class Detection:
         fault: Name of the fault.
         size: Its size, in `unit`.
         unit: Unit of the size.
-        power: Probability that the measurements of the plan show the fault, by a test that has one
-            false alarm in a hundred.
+        power: Probability that the measurements of the plan show the fault, by a test whose false
+            alarms have the probability `LEVEL`.
         better: Joint variables (n,) of one more experiment that shows it best [rad or m]; None
             where none helps.
         power_with: The probability with that experiment.
@@ -29,6 +32,11 @@ class Detection:
     better: Array | None
     power_with: float
     joint: str = ""
+
+    @property
+    def never(self) -> bool:
+        """Whether no measurement shows the fault: the test has its false alarms, and no others."""
+        return self.power_with <= self.power <= LEVEL + ROUNDING
 
     def to_dict(self) -> dict[str, Any]:
         """Plain numbers for JSON; joint variables in radians and metres."""

@@ -7,6 +7,8 @@ import numpy as np
 from edtk.inference.distributions import fisher_tail
 from edtk.system.typing import Array, Indices
 
+UNLIKELY = 0.01  # probability below which so large an F is no chance
+
 
 @dataclass(frozen=True)
 class LackOfFit:
@@ -27,6 +29,11 @@ class LackOfFit:
     pure_error: float
     common: float
     dof: tuple[int, int]
+
+    @property
+    def seen(self) -> bool:
+        """Whether repetitions agree better than the model fits, by more than chance."""
+        return self.p < UNLIKELY
 
     def to_dict(self) -> dict[str, float]:
         """F and its probability, for JSON."""

@@ -159,3 +159,12 @@ class Whitened:
     def solve(self, measured: Array) -> Array:
         """Least-squares estimates (..., p) from deflections (..., m, rows)."""
         return np.linalg.solve(self.R, self.project(measured)[..., None])[..., 0] / self.scale
+
+    def residual(self, measured: Array) -> Array:
+        """``(I - Q Q') (dp / sigma)`` (m, rows): what no parameters explain, in units of the noise.
+
+        Args:
+            measured: Deflections dp (m, rows).
+        """
+        z = measured * self.weight
+        return np.asarray(z - self.Q @ np.einsum("mrp,mr->p", self.Q, z))

@@ -2,11 +2,10 @@
 
 from edtk.calibration.calibration import Calibration
 from edtk.calibration.causes.cause import NOISE, Cause
+from edtk.calibration.diagnostics.noise_diagnostics import UNLIKELY
 from edtk.calibration.row_names import row_names
 from edtk.inference.lack_of_fit import LackOfFit
 from edtk.report.page import paragraph, table
-
-UNLIKELY = 0.01  # p-value from which the model counts as not fitting
 
 
 def residual_causes(found: Calibration) -> list[str]:
@@ -30,7 +29,7 @@ def _repetitions(found: Calibration, test: LackOfFit) -> str:
     """Whether repetitions agree among themselves better than with the model."""
     numbers = f"F = {test.F:.3g} for {test.dof[0]} and {test.dof[1]} degrees of freedom"
     numbers = f"{numbers}, p = {test.p:.2g}"
-    if test.p >= UNLIKELY:
+    if not test.seen:
         return f"Repetitions of a pose agree with the model as well as with each other ({numbers})."
     sigma = 1e3 * float(found.data.sigma[:, :3].mean())
     used = ", which all standard deviations take into account" if found.fitted.common_noise else ""

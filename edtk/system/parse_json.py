@@ -2,9 +2,11 @@
 
 import json
 import math
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+from edtk.system.check_leaves import check_leaves
 from edtk.system.errors import UserError
 
 MOST_DIGITS = 308  # of an integer, beyond which it is no finite number of double precision
@@ -25,7 +27,7 @@ def parse_json(text: str, where: Path | str | None = None) -> Any:
     """
     try:
         content = json.loads(text, object_pairs_hook=_unique, parse_int=_integer)
-        _require_finite(content, "", where)
+        check_leaves(content, partial(_require_finite, where))
     except RecursionError as error:
         message = "not valid JSON here: lists or tables are nested too deeply"
         raise UserError(message, where=where) from error
@@ -53,14 +55,8 @@ def _integer(digits: str) -> float:
     return int(digits) if len(digits) <= MOST_DIGITS else float(digits)
 
 
-def _require_finite(value: Any, key: str, where: Path | str | None) -> None:
+def _require_finite(where: Path | str | None, value: Any, key: str) -> None:
     """Python reads NaN and Infinity, which JSON does not have, and 1e999 as infinite."""
-    if isinstance(value, dict):
-        for name, entry in value.items():
-            _require_finite(entry, f"{key}.{name}" if key else name, where)
-    elif isinstance(value, list):
-        for i, entry in enumerate(value):
-            _require_finite(entry, f"{key}.{i}" if key else str(i), where)
-    elif isinstance(value, float) and not math.isfinite(value):
+    if isinstance(value, float) and not math.isfinite(value):
         given = "NaN" if math.isnan(value) else "an infinite one"
         raise UserError(f"expected a finite number, got {given}", where=where, key=key)

@@ -2,9 +2,11 @@
 
 import re
 import tomllib
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+from edtk.system.check_leaves import check_leaves
 from edtk.system.errors import UserError
 
 MOST_MB = 1.0  # of a file: a study has some kilobytes, and a megabyte takes seconds to parse
@@ -34,7 +36,7 @@ def parse_toml(text: str, where: Path | str | None = None) -> dict[str, Any]:
         raise UserError(message, where=where)
     try:
         content = tomllib.loads(text)
-        _require_short_integers(content, "", where)
+        check_leaves(content, partial(_require_short_integer, where))
     except RecursionError as error:
         message = "not valid TOML here: lists or tables are nested too deeply"
         raise UserError(message, where=where) from error
@@ -46,12 +48,7 @@ def parse_toml(text: str, where: Path | str | None = None) -> dict[str, Any]:
     return content
 
 
-def _require_short_integers(value: Any, key: str, where: Path | str | None) -> None:
-    if isinstance(value, dict):
-        for name, entry in value.items():
-            _require_short_integers(entry, f"{key}.{name}" if key else name, where)
-    elif isinstance(value, list):
-        for i, entry in enumerate(value):
-            _require_short_integers(entry, f"{key}.{i}", where)
-    elif isinstance(value, int) and not -LARGEST <= value < LARGEST:
+def _require_short_integer(where: Path | str | None, value: Any, key: str) -> None:
+    """Python reads integers of any length, which TOML does not have."""
+    if isinstance(value, int) and not -LARGEST <= value < LARGEST:
         raise UserError("the integer has more than 64 bits", where=where, key=key)

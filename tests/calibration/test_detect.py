@@ -23,7 +23,9 @@ def test_power_is_the_share_of_simulations_that_show_it():
     """Of 4000 simulated sheets with the drift, the test notices the share that is promised."""
     (promised,) = found(drift="0.04mm")
     data = planned_measurements(STUDY, PLAN)
-    fault = next(f for f in families(STUDY.model, data, K) if f.cause == "drift")
+    fault = next(
+        f for f in families(STUDY.model, data, data.regressor(STUDY.model), K) if f.cause == "drift"
+    )
     A = data.regressor(STUDY.model)
     D = fault.derivative_at_zero(K)
     rng = np.random.default_rng(0)

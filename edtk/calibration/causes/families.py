@@ -23,15 +23,15 @@ USUAL_SHARE = 0.3  # difference of a compliance between the two signs of its tor
 USUAL_PLAY = {"revolute": np.deg2rad(0.01), "prismatic": 0.05e-3}  # of a gear [rad, m]
 
 
-def families(model: ElastostaticModel, data: Measurements, k: Array) -> Iterator[Family]:
+def families(model: ElastostaticModel, data: Measurements, A: Array, k: Array) -> Iterator[Family]:
     """List faults of the whole experiment; those of single poses are another matter.
 
     Args:
         model: The robot with its calibration tool, and the measured rows.
         data: The measurements.
+        A: Their regressors (m, rows, p) in this model.
         k: Fitted compliances (p,) [rad/(N m)].
     """
-    A = data.regressor(model)
     yield _load_direction(model, data)
     yield from _tool(model, data)
     yield _frame(A, k)

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -58,78 +58,138 @@ def find_causes(
     Returns:
         The best cause, and a second one that is about as likely; none if noise explains all.
     """
-    sigma = data.sigma
+    A = data.regressor(model)
     try:
-        whitened = Whitened.of(data.regressor(model), sigma, model.parameters)
+        whitened = Whitened.of(A, data.sigma, model.parameters)
     except SingularPlanError:
         return ()  # of very many measurements some do not identify all parameters
-    k = whitened.solve(measured)
-    z = (measured - data.regressor(model) @ k) / sigma
-    chi2 = float((z**2).sum())
-    coordinates = measured.size
-    dof = coordinates - len(k)
-    if dof < 1:
+    if measured.size <= len(k):
         return ()
-    test = lack_of_fit(z, row_numbers(data.q, data.wrench, data.marker), len(k))
-    tried = [
-        *_smooth(model, data, measured, k, chi2),
-        *shifted(whitened, measured, chi2, data.pose, POSE),
-        *_outliers(data, whitened, measured, chi2),
-        *_noise(chi2, dof, repeated=test is not None),
+    plain = _PlainFit.of(model, data, measured, A, whitened)
+    likely = _likely(_tried(plain))
+    likely.sort(key=plain.score)
+    likely = _with_joints(plain, likely, typed)
+    likely.sort(key=plain.score)
+    if likely and likely[0].cause.cause in NO_FAULTS and _settles(likely[0], plain):
+        return ()  # the tests of lack of fit and of outliers tell of it
+    likely = [one for one in likely if one.cause.cause not in NO_FAULTS]
+    best = [one for one in likely if plain.score(one) <= plain.score(likely[0]) + NEAR][:MOST]
+    return tuple(replace(one.cause, explained=_explained(one, plain)) for one in best)
+
+
+@dataclass(frozen=True, eq=False)
+class _PlainFit:
+    """Measurements without any fault, with which others are compared.
+
+    Attributes:
+        model: The robot with its calibration tool, and the measured rows.
+        data: The measurements.
+        measured: Deflections (m, rows) [m, rad].
+        A: Their regressors (m, rows, p).
+        whitened: The factors of A in units of the noise.
+        k: Least-squares estimates (p,) [rad/(N m)].
+        z: Residuals (m, rows) in units of sigma.
+    """
+
+    model: ElastostaticModel
+    data: Measurements
+    measured: Array
+    A: Array
+    whitened: Whitened
+    k: Array
+    z: Array
+
+    @classmethod
+    def of(
+        cls,
+        model: ElastostaticModel,
+        data: Measurements,
+        measured: Array,
+        A: Array,
+        whitened: Whitened,
+    ) -> "_PlainFit":
+        """Fit the compliances alone."""
+        k = whitened.solve(measured)
+        return cls(model, data, measured, A, whitened, k, (measured - A @ k) / data.sigma)
+
+    @property
+    def chi2(self) -> float:
+        """Sum of squares of the residuals over sigma."""
+        return float((self.z**2).sum())
+
+    @property
+    def dof(self) -> int:
+        """Degrees of freedom, at least one."""
+        return self.measured.size - len(self.k)
+
+    def score(self, one: Tried) -> float:
+        """The less, the likelier is the fault."""
+        return one.score(self.measured.size)
+
+
+def _tried(plain: _PlainFit) -> list[Tried]:
+    """All faults, each fitted."""
+    data = plain.data
+    test = lack_of_fit(plain.z, row_numbers(data.q, data.wrench, data.marker), len(plain.k))
+    return [
+        *_smooth(plain),
+        *shifted(plain.whitened, plain.measured, plain.chi2, data.pose, POSE),
+        *_outliers(plain),
+        *_noise(plain.chi2, plain.dof, repeated=test is not None),
         *_common_noise(test),
     ]
+
+
+def _likely(tried: list[Tried]) -> list[Tried]:
+    """The faults whose fall of the sum of squares is no chance, after looking at all of them."""
     looks = sum({one.cause.cause: one.tries for one in tried}.values())
     likely = []
     for one in tried:
         p = min(1.0, one.cause.p * ALWAYS.get(one.cause.cause, looks))
         if p < LEVEL:
             likely.append(replace(one, cause=replace(one.cause, p=p)))
+    return likely
 
-    def score(one: Tried) -> float:
-        """The less, the likelier is the fault."""
-        return one.score(coordinates)
 
-    likely.sort(key=score)
+def _with_joints(plain: _PlainFit, likely: list[Tried], typed: tuple[int, ...]) -> list[Tried]:
+    """The same faults; wrong poses near the likeliest fault with the joint that explains them.
+
+    A joint value has fewer parameters than a shift, so that such a pose comes further ahead.
+    """
+    found = list(likely)
     poses = [one for one in likely if one.cause.cause == POSE]
-    # A joint value has fewer parameters than a shift, so that such a pose comes further ahead.
-    for one in [one for one in poses if score(one) < score(likely[0]) + WITHIN_REACH][:MOST]:
-        likely[likely.index(one)] = wrong_pose(model, data, measured, one, typed)
-    likely.sort(key=score)
-    if likely and likely[0].cause.cause in NO_FAULTS and _settles(likely[0], chi2, dof):
-        return ()  # the tests of lack of fit and of outliers tell of it
-    likely = [one for one in likely if one.cause.cause not in NO_FAULTS]
-    best = [one for one in likely if score(one) <= score(likely[0]) + NEAR][:MOST]
-    return tuple(replace(one.cause, explained=_explained(one, chi2, dof)) for one in best)
+    near = [one for one in poses if plain.score(one) < plain.score(likely[0]) + WITHIN_REACH]
+    for one in near[:MOST]:
+        found[found.index(one)] = wrong_pose(plain.model, plain.data, plain.measured, one, typed)
+    return found
 
 
-def _settles(one: Tried, chi2: float, dof: int) -> bool:
+def _settles(one: Tried, plain: _PlainFit) -> bool:
     """Whether noise explains the rest; noise that repetitions share explains all by itself.
 
     A reading that is little off may as well be one of noise that is larger than stated.
     """
     if one.cause.cause == COMMON:
         return True
-    rest = float(chi_square_tail(one.deviance, max(dof - one.dims, 1)))
-    return chi2 - one.deviance > CLEARLY_OFF**2 and rest > LEVEL
+    rest = float(chi_square_tail(one.deviance, max(plain.dof - one.dims, 1)))
+    return plain.chi2 - one.deviance > CLEARLY_OFF**2 and rest > LEVEL
 
 
-def _explained(one: Tried, chi2: float, dof: int) -> float:
+def _explained(one: Tried, plain: _PlainFit) -> float:
     """Share of the misfit that a fault explains."""
-    return min(1.0, max(0.0, chi2 - one.deviance) / max(chi2 - dof, 1e-9))
+    return min(1.0, max(0.0, plain.chi2 - one.deviance) / max(plain.chi2 - plain.dof, 1e-9))
 
 
-def _smooth(
-    model: ElastostaticModel, data: Measurements, measured: Array, k: Array, chi2: float
-) -> Iterator[Tried]:
+def _smooth(plain: _PlainFit) -> Iterator[Tried]:
     """Faults of any size."""
-    for family in families(model, data, k):
-        fit = fit_family(family, measured, data.sigma, k)
+    for family in families(plain.model, plain.data, plain.A, plain.k):
+        fit = fit_family(family, plain.measured, plain.data.sigma, plain.k)
         if fit is None:
             continue
         size = float(np.linalg.norm(fit.c)) if family.dims > 1 else float(fit.c[0])
         along = fit.c / max(float(np.linalg.norm(fit.c)), 1e-300)
         std = math.sqrt(float(along @ fit.covariance @ along))
-        p = float(chi_square_tail(max(chi2 - fit.chi2, 0.0), family.dims))
+        p = float(chi_square_tail(max(plain.chi2 - fit.chi2, 0.0), family.dims))
         cause = Cause(
             family.cause,
             size * family.per_unit,
@@ -143,19 +203,18 @@ def _smooth(
         yield Tried(cause, fit.chi2, family.dims, family.tries, rarity)
 
 
-def _outliers(
-    data: Measurements, whitened: Whitened, measured: Array, chi2: float
-) -> Iterator[Tried]:
+def _outliers(plain: _PlainFit) -> Iterator[Tried]:
     """One reading is off, or one coordinate of it; where no pose is repeated it is that pose."""
-    if len(np.unique(data.pose)) < len(data):
-        yield from shifted(whitened, measured, chi2, np.arange(len(data)), OUTLIER)
-    z = measured * whitened.weight
-    residual = z - whitened.Q @ np.einsum("mrp,mr->p", whitened.Q, z)
+    whitened = plain.whitened
+    rows = np.arange(len(plain.data))
+    if len(np.unique(plain.data.pose)) < len(rows):
+        yield from shifted(whitened, plain.measured, plain.chi2, rows, OUTLIER)
+    residual = whitened.residual(plain.measured)
     left = 1 - (whitened.Q**2).sum(axis=-1)
     drop = np.divide(residual**2, left, out=np.zeros_like(left), where=left > SEEN)
     most = float(drop.max())
     cause = Cause(OUTLIER, math.sqrt(most), "sigma", None, float(chi_square_tail(most, 1)))
-    yield Tried(cause, chi2 - most, 1, drop.size)
+    yield Tried(cause, plain.chi2 - most, 1, drop.size)
 
 
 def _common_noise(found: LackOfFit | None) -> Iterator[Tried]:

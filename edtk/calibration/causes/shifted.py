@@ -25,10 +25,9 @@ def shifted(
         group: Number (m,) of each row's group.
         cause: Name of such a fault.
     """
-    z = measured * whitened.weight
-    residual = z - whitened.Q @ np.einsum("mrp,mr->p", whitened.Q, z)
+    residual = whitened.residual(measured)
     numbers = np.unique(group)
-    rows = z.shape[1]
+    rows = measured.shape[1]
     for number in numbers:
         at = np.flatnonzero(group == number)
         # Columns of the shift, whitened: one a coordinate.

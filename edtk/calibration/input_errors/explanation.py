@@ -8,6 +8,7 @@ from edtk.calibration.finding import Finding, Kind
 from edtk.calibration.input_errors.reading import Reading
 from edtk.calibration.input_errors.readings import readings
 from edtk.calibration.input_errors.refit import Refit
+from edtk.calibration.some_rows import some_rows
 from edtk.inference.identification import Identification
 from edtk.inference.measurements import Measurements
 from edtk.study.study import Study
@@ -73,7 +74,8 @@ def explanation(study: Study, data: Measurements, fit: Identification) -> Explan
     only_signs = fit.dof < LEAST_FREEDOM
     if only_signs and not (fit.unbounded < BY_FAR * fit.std).all():
         return None
-    data = _some_rows(data)
+    if len(data) > ENOUGH:
+        data = data[some_rows(len(data), ENOUGH)]
     given = Refit.of(study, Reading(Finding(Kind.AS_GIVEN), data))
     if not SUSPECT < given.size < np.inf:
         return None
@@ -103,11 +105,3 @@ def _is_simpler(other: Refit, refit: Refit) -> bool:
     fewer = other.reading.finding
     more = refit.reading.finding
     return fewer.kind is more.kind and set(fewer.columns) < set(more.columns)
-
-
-def _some_rows(data: Measurements) -> Measurements:
-    """The measurements; of very many, some."""
-    if len(data) <= ENOUGH:
-        return data
-    # By chance, as every second row may be of the same pose.
-    return data[np.sort(np.random.default_rng(0).choice(len(data), ENOUGH, replace=False))]

@@ -8,7 +8,6 @@ from edtk.report.text.error_budget import error_budget
 from edtk.report.text_table import number_columns
 from edtk.tables.in_file_units import in_file_units
 
-LEVEL = 0.0101  # power of a test that notices nothing: its false alarms
 CUT_OFF = 1e-3  # relative gap of a bound beyond which a person is told
 
 
@@ -38,7 +37,7 @@ def _detection(robot: Robot, found: Detection) -> str:
     """The chance that a fault is noticed, with the experiment that would help."""
     where = f" of {found.joint}" if found.joint else ""
     what = f"{found.fault}{where} {found.size:g} {found.unit}"
-    if found.power_with <= found.power and found.power <= LEVEL:
+    if found.never:
         return f"{what}: never noticed, compliances take it up"
     chance = f"{what}: noticed with {100 * found.power:.0f} %"
     if found.better is None:

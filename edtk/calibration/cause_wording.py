@@ -1,0 +1,72 @@
+"""The sentence of each cause: a fault with its size, in words."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+from edtk.calibration.causes.cause import Cause
+from edtk.calibration.row_names import row_names
+
+
+def cause_wording(cause: Cause) -> str:
+    """A clause that says which fault the measurements show, and how large it is."""
+    return _CLAUSES[cause.cause](cause)
+
+
+def _size(cause: Cause) -> str:
+    """A fault's size with its standard deviation and unit."""
+    if cause.std is None:
+        return f"{cause.size:.3g} {cause.unit}"
+    return f"{cause.size:.3g} +- {cause.std:.1g} {cause.unit}"
+
+
+def _signed(cause: Cause, more: str, less: str) -> tuple[str, str]:
+    """A fault's size without its sign, and the word for the sign."""
+    return _size(replace(cause, size=abs(cause.size))), more if cause.size > 0 else less
+
+
+def _load_size(cause: Cause) -> str:
+    """A load that is heavier or lighter."""
+    size, which = _signed(cause, "larger", "smaller")
+    return f"the load looks {size} {which} than stated"
+
+
+def _tool(cause: Cause) -> str:
+    """A tool point that is elsewhere."""
+    size, along = _signed(cause, "along", "against")
+    return f"the tool point looks {size} further {along} the tool's {cause.cause[-1]} axis"
+
+
+def _joint(cause: Cause) -> str:
+    """The joint in which a fault is; every one where it is in none."""
+    return f"joint {cause.joint}" if cause.joint else "every joint"
+
+
+def _wrong_pose(cause: Cause) -> str:
+    """A pose that is not the one written down."""
+    rows = row_names(cause.rows)
+    if not cause.joint:
+        return f"{rows} are off together by {_size(cause)}: is the pose the one written down?"
+    return f"{rows}: joint {cause.joint} looks {_size(cause)} away from the written value"
+
+
+def _misread(cause: Cause) -> str:
+    """Columns that are to be read otherwise."""
+    return f"the columns look misread ({cause.cause.replace('_', ' ')})"
+
+
+_CLAUSES: dict[str, Callable[[Cause], str]] = {
+    "load_size": _load_size,
+    "load_direction": lambda cause: f"the load looks tilted by {_size(cause)}",
+    **{f"tool_{axis}": _tool for axis in "xyz"},
+    "frame_rotation": lambda cause: f"the measuring frame looks turned by {_size(cause)}",
+    "frame_axes": _misread,
+    "columns": _misread,
+    "unit": lambda cause: f"the displacements look {_size(cause)} too large: another unit?",
+    "drift": lambda cause: f"loaded readings look shifted by {_size(cause)} against unloaded ones",
+    "sigma": lambda cause: f"the noise is {_size(cause)}",
+    "pose": _wrong_pose,
+    "torque_sign": lambda cause: (
+        f"the compliance of {_joint(cause)} depends on the sign of its torque, by +-{_size(cause)}"
+    ),
+    "backlash": lambda cause: f"{_joint(cause)} looks loose by +-{_size(cause)}",
+}
