@@ -16,6 +16,7 @@ from criteria.criterion_error import (
     MissingTargetError,
     UnknownCriterionError,
 )
+from criteria.interest import Interest
 from criteria.power_criterion import PowerCriterion
 from criteria.registry import available, create, get, load_all, register
 from criteria.relaxable import Relaxable
@@ -25,6 +26,7 @@ __all__ = [
     "Criterion",
     "CriterionError",
     "DuplicateCriterionError",
+    "Interest",
     "MissingTargetError",
     "PowerCriterion",
     "Relaxable",

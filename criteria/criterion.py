@@ -1,13 +1,14 @@
 """The abstract criterion, and the laws that every criterion obeys."""
 
 from abc import ABC, abstractmethod
-from typing import Any, ClassVar, Literal, Self, final
+from typing import Any, Literal, Self, final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from criteria.linalg.inverse import guarded_inverse
-from criteria.linalg.typing import Array
+from criteria.linalg.null_space import open_directions
+from criteria.linalg.typing import Array, Mask
 
 Sense = Literal["min", "max"]
 DESCRIBED = (
@@ -49,20 +50,22 @@ class Criterion(ABC):
         monotone: Whether more information never raises `cost`.
         unit_free: Whether efficiencies do not depend on the parameters' units.
         needs_target: Whether the constructor takes the target matrix A0.
+        needs_all: Whether the cost is finite only where M tells all parameters.
         shown: Factor and unit with which `value` is printed; the unit may be empty.
     """
 
-    name: ClassVar[str]
-    title: ClassVar[str]
-    formula: ClassVar[str]
-    sense: ClassVar[Sense]
-    degree: ClassVar[float]
-    convex: ClassVar[bool] = True
+    name: str
+    title: str
+    formula: str
+    sense: Sense
+    degree: float
+    convex: bool = True
     smooth: bool = True
     monotone: bool = True
-    unit_free: ClassVar[bool] = False
-    needs_target: ClassVar[bool] = False
-    shown: ClassVar[tuple[float, str]] = (1.0, "")
+    unit_free: bool = False
+    needs_target: bool = False
+    needs_all: bool = True
+    shown: tuple[float, str] = (1.0, "")
 
     @abstractmethod
     def _cost(self, M: Array, cov: Array) -> Array:
@@ -105,6 +108,35 @@ class Criterion(ABC):
         """
         return self
 
+    @property
+    def label(self) -> str:
+        """The name that a person reads in a table: "D", or "D of k2, k3"."""
+        return self.name
+
+    def inverse(self, M: Array) -> tuple[Array, Array, Mask]:
+        """The inverse that costs and gradients take, and which M are good enough for it.
+
+        Args:
+            M: Symmetric matrices (..., p, p).
+
+        Returns:
+            ``(safe, cov, regular)``, see `guarded_inverse`: M and its inverse, and the mask (...)
+            of the matrices of finite cost.
+        """
+        return guarded_inverse(M)
+
+    def missing(self, M: Array, parameters: tuple[str, ...]) -> tuple[str, ...]:
+        """What M (p, p) leaves open of all that this criterion needs, in words.
+
+        Args:
+            M: Information matrix (p, p).
+            parameters: Names (p,).
+
+        Returns:
+            Directions such as "k4" or "k2 - 0.5 k3"; none if the cost is finite.
+        """
+        return open_directions(M, parameters)
+
     @final
     def cost(self, M: ArrayLike) -> Array:
         """Smaller is better: `value` where it is minimised, its reciprocal where it is maximised.
@@ -117,7 +149,7 @@ class Criterion(ABC):
         """
         M = np.asarray(M, dtype=float)
         # One test of singularity for all criteria: they agree on which plans are worthless.
-        safe, cov, regular = guarded_inverse(M)
+        safe, cov, regular = self.inverse(M)
         cost = np.where(regular, self._cost(safe, cov), np.inf)
         return np.where(np.isfinite(M).all(axis=(-2, -1)), cost, np.nan)[()]
 
@@ -157,7 +189,7 @@ class Criterion(ABC):
     @final
     def cost_and_gradient(self, M: Array) -> tuple[Array, Array]:
         """`cost` (...) and `gradient` (..., p, p) of finite M (..., p, p), with one inversion."""
-        safe, cov, regular = guarded_inverse(M)
+        safe, cov, regular = self.inverse(M)
         G = self.gradient_of_regular(safe, cov)
         cost = np.where(regular, self._cost(safe, cov), np.inf)
         return cost, np.where(regular[..., None, None], G, np.nan)

@@ -5,7 +5,6 @@ from functools import cache
 import numpy as np
 
 from criteria.criterion import Criterion
-from criteria.linalg.inverse import guarded_inverse
 from criteria.linalg.triangle import triangle
 from criteria.linalg.typing import Array
 
@@ -40,7 +39,7 @@ def derivatives(criterion: Criterion, M: Array) -> tuple[Array, Array, Array]:
         Costs f (b,), gradients G (b, p, p) and K (b, q, q); inf, nan and nan where M is singular.
     """
     i, j = triangle(M.shape[-1])
-    safe, cov, regular = guarded_inverse(M)
+    safe, cov, regular = criterion.inverse(M)
     # Steps follow the diagonal of M, so that parameters may have any units.
     d = np.sqrt(np.diagonal(safe, axis1=1, axis2=2))
     dM = STEP * (d[:, :, None] * d[:, None])[:, None] * _entries(M.shape[-1])

@@ -17,6 +17,7 @@ from criteria.criterion_error import (
     MissingTargetError,
     UnknownCriterionError,
 )
+from criteria.interest import Interest
 from criteria.load_plugin import HOOKS, guard_plugin, load_plugin
 from criteria.relaxable import Relaxable
 
@@ -110,23 +111,35 @@ def load_all() -> Loaded:
     return Loaded(classes, problems)
 
 
-def create(name: str, target: ArrayLike | None = None) -> Criterion:
+def create(
+    name: str, target: ArrayLike | None = None, interest: ArrayLike | None = None
+) -> Criterion:
     """Construct a criterion by name.
 
     Args:
         name: One of `available()`.
         target: The test pose's regressor A0 (rows, p) [m/(rad/(N m))], for criteria that need it.
+        interest: Combinations K (p, s) of the parameters, one a column, about which alone the
+            criterion shall be, see `Interest`; defaults to all parameters.
 
     Raises:
         MissingTargetError: The criterion needs a target and `target` is None.
-        CriterionError: The name is unknown, or the class of a plug-in fails.
+        CriterionError: The name is unknown, the class of a plug-in fails, or the criterion has no
+            meaning for combinations.
     """
     cls = get(name)
+    if interest is not None:
+        return Interest(_create(cls, target), interest)
+    return _create(cls, target)
+
+
+def _create(cls: type[Criterion], target: ArrayLike | None) -> Criterion:
+    """Construct a criterion of all parameters."""
     if not cls.needs_target:
         return cls()
     if target is None:
         raise MissingTargetError(
-            f"criterion {name!r} needs a target: the regressor A0 of the test pose"
+            f"criterion {cls.name!r} needs a target: the regressor A0 of the test pose"
         )
     return cls(target)  # type: ignore[call-arg]
 

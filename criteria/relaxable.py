@@ -1,7 +1,7 @@
 """The second interface of a criterion: what the convex relaxation asks of it."""
 
 from abc import abstractmethod
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 from criteria.criterion import Criterion
 from criteria.linalg.typing import Array
@@ -27,8 +27,8 @@ class Relaxable(Criterion):
     """
 
     # A root such as rho0 has no convex program of its own kind; its square has.
-    expression_power: ClassVar[float] = 1.0
-    most_subproblems: ClassVar[int] = 1
+    expression_power: float = 1.0
+    most_subproblems: int = 1
 
     @abstractmethod
     def formulation(

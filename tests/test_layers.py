@@ -35,6 +35,7 @@ FILES = sorted(path for folder in ("criteria", "edtk") for path in (ROOT / folde
 
 # Modules that are a kit of small things, or the program's own entry, instead of one public thing.
 KITS = {
+    "criteria/linalg/estimable",
     "criteria/linalg/inverse",
     "criteria/linalg/spectrum",
     "criteria/linalg/typing",

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from criteria.linalg.combination import combination
 from criteria.linalg.inverse import ROUNDING
 from criteria.linalg.typing import Array
 
@@ -39,9 +40,4 @@ def _words(scaled: Array, direction: Array, parameters: tuple[str, ...]) -> str:
     # The leading parameter is chosen in scaled parameters, where entries can be compared.
     size = np.abs(scaled)
     lead = np.flatnonzero(size > (1 - SMALL) * size.max())[0]
-    words = []
-    for factor, name in zip(direction / direction[lead], parameters, strict=True):
-        if factor:
-            term = f"{abs(factor):.3g} {name}".removeprefix("1 ")
-            words.append(f"{'-' if factor < 0 else '+'} {term}")
-    return " ".join(words).removeprefix("+ ")
+    return combination(direction / direction[lead], parameters)

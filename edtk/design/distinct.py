@@ -13,7 +13,7 @@ def distinct(blocks: Array, T: Array, tolerance: float, most: int | None = None)
 
     Args:
         blocks: Information matrices (n, p, p), the preferred ones first.
-        T: Matrix (p, p) that whitens the parameters.
+        T: Matrix (p, r) that whitens the parameters, as far as they are known.
         tolerance: Relative difference up to which two experiments count as the same.
         most: Number of experiments after which to stop; by default all are compared.
 

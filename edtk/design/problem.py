@@ -5,6 +5,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
+from criteria import Criterion
 from criteria.linalg.null_space import open_directions
 from edtk.design.packed import order, pack, pack_gram, sensitivity_rows, unpack
 from edtk.system.presented import Presented
@@ -204,12 +205,23 @@ class Problem(Presented):
         M = unpack(self.packed.mean(axis=1))
         return M if self.prior is None else M + self.prior
 
-    def require_identifiable(self) -> None:
-        """Check that the candidates and the prior together excite all directions of the parameters.
+    def require_identifiable(self, criterion: Criterion | None = None) -> None:
+        """Check that the candidates and the prior together excite all that has to be known.
+
+        Args:
+            criterion: Tells what that is; defaults to all directions of the parameters.
 
         Raises:
             RankDeficientError: Some directions are open; the message names them.
         """
+        if criterion is not None and not criterion.needs_all:
+            missing = criterion.missing(self.mean, self.parameters)
+            if missing:
+                raise RankDeficientError(
+                    "the candidates together cannot identify what is of interest: no candidate "
+                    f"tells {' or '.join(missing)}"
+                )
+            return
         directions = open_directions(self.mean, self.parameters)
         if directions:
             raise RankDeficientError(

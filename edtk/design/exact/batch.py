@@ -8,7 +8,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from criteria import Criterion
-from criteria.linalg.inverse import whitener
+from criteria.linalg.estimable import range_whitener
 from edtk.design.candidate_source import CandidateSource
 from edtk.design.candidates import Candidates
 from edtk.design.design_space import DesignSpace
@@ -114,7 +114,7 @@ class Batch:
             return plans[np.array([0])]
         best_first = plans[order]
         M = best_first.information(self.space)
-        return best_first[distinct(M, whitener(M[0]), SAME)[:ELITE]]
+        return best_first[distinct(M, range_whitener(M[0]), SAME)[:ELITE]]
 
     def _fresh(self, turn: int) -> Candidates:
         """Feasible candidates that no other batch has."""

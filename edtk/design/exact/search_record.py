@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from criteria.linalg.inverse import whitener
+from criteria.linalg.estimable import range_whitener
 from edtk.design.design_space import DesignSpace
 from edtk.design.distinct import distinct
 from edtk.design.exact.plans import Plans
@@ -57,8 +57,8 @@ class SearchRecord:
             return 0, 0
         order = np.argsort(self._costs, kind="stable")
         M = np.array(self._information)[order]
-        T = whitener(M[0])
-        # Whitened by the best plan, the best plan is the identity, of norm sqrt(p).
+        T = range_whitener(M[0])
+        # Whitened by the best plan, the best plan is the identity, of norm sqrt of its rank.
         difference = np.linalg.norm(T.T @ (M - M[0]) @ T, axis=(1, 2))
-        same = difference <= SAME * np.sqrt(len(T))
+        same = difference <= SAME * np.sqrt(T.shape[1])
         return int(same.sum()), len(distinct(M, T, SAME))

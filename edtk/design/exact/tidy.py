@@ -3,7 +3,7 @@
 import numpy as np
 
 from criteria import Criterion
-from criteria.linalg.inverse import whitener
+from criteria.linalg.estimable import range_whitener
 from edtk.design.design_space import DesignSpace
 from edtk.design.distinct import distinct
 from edtk.design.exact.plans import Plans
@@ -41,7 +41,7 @@ def tidy(space: DesignSpace, criterion: Criterion, best: Plans, cost: float) -> 
     repeats = best.repeats[0, used].astype(float)
     for alike in ALIKE:
         problem = space.problem(x)
-        kept = distinct(problem.blocks(), whitener(problem.mean), alike)
+        kept = distinct(problem.blocks(), range_whitener(problem.mean), alike)
         if len(kept) == len(x):
             continue
         fewer = _merged_repeats(problem, repeats, kept)
@@ -58,7 +58,7 @@ def tidy(space: DesignSpace, criterion: Criterion, best: Plans, cost: float) -> 
 
 def _merged_repeats(problem: Problem, repeats: Array, kept: Indices) -> Array:
     """Repetitions of the poses that are kept: each pose gives its own to the most similar one."""
-    T = whitener(problem.information(repeats))
+    T = range_whitener(problem.information(repeats))
     whitened = (T.T @ problem.blocks() @ T).reshape(problem.n, -1)
     owner = np.linalg.norm(whitened[:, None] - whitened[kept], axis=-1).argmin(axis=1)
     return np.bincount(owner, weights=repeats).astype(float)

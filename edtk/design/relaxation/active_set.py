@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from criteria.linalg.inverse import whitener
+from criteria.linalg.estimable import range_whitener
 from edtk.design.candidates import Candidates
 from edtk.design.distinct import distinct
 from edtk.design.problem import RankDeficientError
@@ -66,7 +66,7 @@ class ActiveSet:
         """
         support = self.support
         weights = self.weights
-        T = whitener(support.problem.information(weights))
+        T = range_whitener(support.problem.information(weights))
         for alike, least in MERGING:
             heavy = np.flatnonzero(weights > least * weights.max())
             last_first = support[heavy[::-1]]

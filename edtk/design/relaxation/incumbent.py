@@ -15,6 +15,10 @@ from edtk.system.typing import Array
 # Part of the gap that the cost may grow by when support points are dropped: far below what is
 # asked for, far above rounding.
 SPARSE_LOSS = 0.01
+# Parts of the largest weight below which weights are dropped from a design that may be singular,
+# the boldest first. Near the singular design rounding blurs its cost by some 1e-8.
+LIGHT = (1e-3, 1e-4, 1e-5, 1e-6)
+HEAVY_LOSS = 0.1
 
 
 class Incumbent:
@@ -99,7 +103,19 @@ class Incumbent:
         few = sparse_weights(problem.packed[:, self.active], weights)
         cost = float(self.criterion.cost(np.tensordot(weights, blocks, axes=1)))
         cost_of_few = float(self.criterion.cost(np.tensordot(few, blocks, axes=1)))
-        return few if cost_of_few <= cost * (1 + SPARSE_LOSS * gap) else weights
+        found = few if cost_of_few <= cost * (1 + SPARSE_LOSS * gap) else weights
+        return found if self.criterion.needs_all else self._heavy(found, blocks, gap)
+
+    def _heavy(self, weights: Array, blocks: Array, gap: float) -> Array:
+        """Weights (k,) without those that only kept a singular design regular on the way to it."""
+        cost = float(self.criterion.cost(np.tensordot(weights, blocks, axes=1)))
+        for light in LIGHT:
+            heavy = np.where(weights > light * weights.max(), weights, 0.0)
+            heavy /= heavy.sum()
+            cost_of_heavy = float(self.criterion.cost(np.tensordot(heavy, blocks, axes=1)))
+            if cost_of_heavy <= cost * (1 + HEAVY_LOSS * gap):
+                return heavy
+        return weights
 
     def _final_multipliers(self, enough: float) -> tuple[Array, float]:
         """Multipliers without those that the bound does not need, the latest dropped first.

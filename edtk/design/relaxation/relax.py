@@ -9,6 +9,7 @@ from edtk.design.relaxation.incumbent import Incumbent
 from edtk.design.relaxation.normalised import normalised
 from edtk.design.relaxation.relaxation import Relaxation
 from edtk.design.relaxation.solver_options import SolverOptions
+from edtk.design.relaxation.without_open_directions import proved_on, without_open_directions
 from edtk.system.typing import Array
 
 Progress = Callable[[int, float], object]
@@ -59,15 +60,22 @@ def relax(
         RelaxationInterrupted: Ctrl-C after a first certified design, which it carries.
     """
     criterion = require_relaxable(criterion)
-    problem.require_identifiable()
-    incumbent = Incumbent(normalised(problem, criterion), criterion, multipliers)
+    problem.require_identifiable(criterion)
+    closed = problem if criterion.needs_all else without_open_directions(problem)
+    incumbent = Incumbent(normalised(closed, criterion), criterion, multipliers)
     try:
         _improve(incumbent, gap, options, progress)
     except KeyboardInterrupt as interrupt:
         if not incumbent.iterations:
             raise
-        raise RelaxationInterrupted(incumbent.relaxation(problem, gap)) from interrupt
-    return incumbent.relaxation(problem, gap)
+        raise RelaxationInterrupted(_result(incumbent, problem, closed, gap)) from interrupt
+    return _result(incumbent, problem, closed, gap)
+
+
+def _result(incumbent: Incumbent, problem: Problem, closed: Problem, gap: float) -> Relaxation:
+    """The relaxation of the candidates as they were given."""
+    found = incumbent.relaxation(problem, gap)
+    return found if closed is problem else proved_on(problem, found)
 
 
 def require_relaxable(criterion: Criterion) -> Relaxable:

@@ -8,7 +8,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from criteria import Relaxable
-from criteria.linalg.inverse import whitener
+from criteria.linalg.inverse import guarded_inverse, whitener
 from criteria.linalg.triangle import triangle
 from edtk.system.typing import Array
 
@@ -32,6 +32,8 @@ POLISH = "SLSQP"
 CHAIN = (*SOLVERS, POLISH)  # interior points are the most accurate, splitting the most robust
 WHITE = 1e3  # factor by which a design's eigenvalues may differ from one and count as white
 PRUNE = 1e-7  # weights below this part of the largest are dropped: the solvers' inaccuracy
+# Least eigenvalue at unit diagonal that a little weight on every candidate exceeds.
+NEARLY_SINGULAR = 1e-10
 POLISH_OPTIONS = {"maxiter": 300, "ftol": 1e-13}
 LOG_COST_OF_SINGULAR = 1e3  # larger than the log of any cost that a double can hold
 
@@ -140,14 +142,21 @@ class RestrictedMaster:
         """Weights of sum one and of finite cost, without those that are only inaccuracy."""
         weights = np.where(weights > PRUNE * weights.max(), weights, 0.0)
         weights /= weights.sum()
-        if np.isfinite(self.criterion.cost(np.tensordot(weights, blocks, axes=1))):
+        if self._is_regular(np.tensordot(weights, blocks, axes=1)):
             return weights
         # The optimum may leave a direction of the parameters all but open. A little weight on every
         # candidate closes it, and costs less than the gaps that are asked for.
         weights = (1 - PRUNE) * weights + PRUNE / len(weights)
-        if np.isfinite(self.criterion.cost(np.tensordot(weights, blocks, axes=1))):
+        if self._is_regular(np.tensordot(weights, blocks, axes=1)):
             return weights
         raise RelaxationError(f"{solver}: the candidates leave a direction open")
+
+    def _is_regular(self, M: Array) -> bool:
+        """Whether a design M (p, p) can whiten the next program."""
+        if not self.criterion.needs_all:
+            # Its cost may be finite where M is singular, or too near to that to be whitened by.
+            return bool(guarded_inverse(M, NEARLY_SINGULAR)[2])
+        return bool(np.isfinite(self.criterion.cost(M)))
 
     def _solve(self, blocks: Array, solver: str, loose: bool) -> tuple[Array, Array]:
         """Weights (n,) and multiplier (p, p) by a solver of cvxpy's."""

@@ -3,7 +3,7 @@
 import numpy as np
 
 from criteria import Criterion
-from criteria.linalg.inverse import whitener
+from criteria.linalg.estimable import range_whitener
 from edtk.design.candidate_source import CandidateSource
 from edtk.design.candidates import Candidates
 from edtk.design.design_space import DesignSpace
@@ -62,7 +62,7 @@ def _starts(
         Starts (b, v), the index (b,) of the multiplier of each, and the size (r,) of a sensitivity
         to each multiplier.
     """
-    T = whitener(known.problem.mean)
+    T = range_whitener(known.problem.mean)
     size = max(LEAST_STARTS, min(MOST_STARTS, STARTS // len(multipliers)))
     starts: list[Array] = []
     owner: list[int] = []

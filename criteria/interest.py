@@ -1,0 +1,189 @@
+"""Criteria for some of the parameters, or for combinations of them; the others are nuisance."""
+
+from typing import TYPE_CHECKING, Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from criteria.criterion import Criterion
+from criteria.criterion_error import CriterionError
+from criteria.linalg.combination import combination
+from criteria.linalg.estimable import estimable_inverse, open_columns
+from criteria.linalg.null_space import open_directions
+from criteria.linalg.typing import Array, Mask
+from criteria.relaxable import Formulation, Relaxable
+
+if TYPE_CHECKING:
+    import cvxpy as cp
+
+DEPENDENT = 1e-10  # least singular value of unit combinations that do not follow from each other
+
+
+class Interest(Relaxable):
+    """A criterion phi of ``C_K(M) = (K' M^- K)^-1``, the information about ``theta = K'k`` alone.
+
+    C_K is what M tells about s combinations of the p parameters where the rest is unknown too
+    (Pukelsheim, Optimal Design of Experiments, chapter 3). Columns of the identity choose
+    parameters (D_s, A_s); a single column is c-optimality. For a positive definite M it is the
+    inverse of the covariance of theta, and by the Gauss-Markov theorem, for every M,
+
+        C_K(M) = min { L M L' : L K = I },
+
+    a minimum of linear functions in the order of matrices. So C_K is concave, and more information
+    never lowers it; hence phi(C_K(M)) is convex and monotone if phi is. The minimising L is
+    ``C_K K' G`` for any generalised inverse G of M, so that the gradient is ``L' grad phi L``. A
+    singular M has a finite cost as long as K'k is estimable; the best designs often are singular.
+
+    Args:
+        base: The criterion phi, monotone and convex.
+        K: Combinations (p, s), one a column, of full column rank; (p,) for a single one.
+        names: What they are called in tables (s,); defaults to words such as "k2 - k3".
+
+    Raises:
+        CriterionError: phi is not such a criterion, or K is not such a matrix.
+    """
+
+    needs_all = False
+
+    def __init__(self, base: Criterion, K: ArrayLike, names: tuple[str, ...] | None = None) -> None:
+        self.base = _monotone(base)
+        self.K = _combinations(K)
+        self.names = _default_names(self.K) if names is None else names
+        self.name = base.name
+        self.title = f"{base.title} of {', '.join(self.names)}"
+        self.formula = base.formula
+        self.sense = base.sense
+        self.degree = base.degree
+        self.convex = base.convex
+        self.smooth = base.smooth
+        self.monotone = True
+        self.unit_free = base.unit_free
+        self.shown = base.shown
+        self.expression_power = self.base.expression_power
+
+    @property
+    def label(self) -> str:
+        """Such as "D of k2, k3"."""
+        return f"{self.name} of {', '.join(self.names)}"
+
+    @property
+    def plan_criterion(self) -> Criterion:
+        """The base's, for the same combinations."""
+        return self._with(self.base.plan_criterion)
+
+    def cost_from_plan_criterion(self, cost: float) -> float:
+        """The base's."""
+        return self.base.cost_from_plan_criterion(cost)
+
+    def smoothed(self, sharpness: float) -> Self:
+        """The smoothed base, for the same combinations."""
+        return self._with(self.base.smoothed(sharpness))
+
+    def in_units(self, T: Array) -> Self:
+        """The combinations of k are ``T'K`` of k', where k = T k'."""
+        return type(self)(self.base, T.T @ self.K, self.names)
+
+    def inverse(self, M: Array) -> tuple[Array, Array, Mask]:
+        """A generalised inverse, and the mask of the matrices that tell all combinations."""
+        return estimable_inverse(M, self.K)
+
+    def missing(self, M: Array, parameters: tuple[str, ...]) -> tuple[str, ...]:
+        """The combinations that M leaves open, each with the directions that hide it."""
+        is_open = open_columns(M, self.K)
+        if not is_open.any():
+            return ()
+        hidden = " and ".join(open_directions(M, parameters)) or "other parameters"
+        words = [combination(column, parameters) for column in self.K.T[is_open]]
+        return tuple(f"{each} (open: {hidden})" if each != hidden else each for each in words)
+
+    def information(self, M: Array, cov: Array) -> tuple[Array, Array]:
+        """``C_K`` and its inverse (..., s, s), given an inverse cov (..., p, p) of M."""
+        variance = self.K.T @ cov @ self.K
+        # Combinations in different units would cost digits, hence the scaling to a unit diagonal.
+        d = np.sqrt(np.diagonal(variance, axis1=-2, axis2=-1))
+        dd = d[..., :, None] * d[..., None, :]
+        return np.linalg.inv(variance / dd) / dd, variance
+
+    def formulation(
+        self, M: "cp.Expression", total: "cp.Expression", T: Array, unit: float
+    ) -> Formulation:
+        """The base's program for any N with ``K N K' <= M``, of which C_K is the largest.
+
+        In whitened parameters K is ``T'K = Q R``. With ``N' = R N R'`` the constraint reads
+        ``Q N' Q' <= M``, and its solution is near the identity: N' is the information about theta'
+        where ``theta = R' theta'``.
+        """
+        import cvxpy as cp
+
+        Q, R = np.linalg.qr(T.T @ self.K)
+        s = self.K.shape[1]
+        N = cp.Variable((s, s), symmetric=True)
+        objective, constraints = self.base.formulation(N, total, R.T, unit)
+        # cvxpy cannot tell that Q N Q' is symmetric, and asks for it.
+        part = Q @ N @ Q.T
+        return objective, [M - 0.5 * (part + part.T) >> 0, *constraints]
+
+    def lower_bound(self, Z: Array, t: Array, M: Array) -> float:
+        """The base's for ``K'Z K``: as ``X >= K C_K(X) K'``, ``<K'Z K, C_K(X)> <= <Z, X> <= t``."""
+        _, cov, _ = self.inverse(M)
+        return self.base.lower_bound(self.K.T @ Z @ self.K, t, self.information(M, cov)[0])
+
+    def _with(self, base: Criterion) -> Self:
+        """Another base for the same combinations; this object itself for the same base."""
+        # The relaxation keeps compiled programs by object, so an equal one is not made anew.
+        return self if base is self.base else type(self)(base, self.K, self.names)
+
+    def _cost(self, M: Array, cov: Array) -> Array:
+        return self.base.cost_of_regular(*self.information(M, cov))
+
+    def _gradient(self, M: Array, cov: Array) -> Array:
+        N, variance = self.information(M, cov)
+        L = N @ self.K.T @ cov
+        return np.swapaxes(L, -1, -2) @ self.base.gradient_of_regular(N, variance) @ L
+
+
+def _monotone(base: Criterion) -> Relaxable:
+    """The criterion, if it may be applied to a part of the parameters.
+
+    Raises:
+        CriterionError: It may not.
+    """
+    if base.needs_target:
+        raise CriterionError(
+            f"criterion {base.name!r} says by its target what is of interest; expected a criterion "
+            "without a target"
+        )
+    if not isinstance(base, Relaxable) or not base.monotone or not base.convex:
+        raise CriterionError(
+            f"criterion {base.name!r} is not monotone and convex; expected one that is, such as D "
+            "or A, for a part of the parameters"
+        )
+    return base
+
+
+def _combinations(K: ArrayLike) -> Array:
+    """A frozen copy (p, s) of combinations.
+
+    Raises:
+        CriterionError: They are not finite, or depend on each other.
+    """
+    found = np.array(K, dtype=float)
+    found = found[:, None] if found.ndim == 1 else found
+    if found.ndim != 2 or 0 in found.shape or not np.isfinite(found).all():
+        raise CriterionError("interest: expected a finite matrix (p, s), a combination a column")
+    length = np.linalg.norm(found, axis=0)
+    if not (length > 0).all():
+        raise CriterionError("interest: a combination is zero; expected factors that are not")
+    s = np.linalg.svd(found / length, compute_uv=False)
+    if found.shape[1] > found.shape[0] or s[-1] < DEPENDENT:
+        raise CriterionError(
+            "interest: a combination follows from the others; expected each to say something new"
+        )
+    found.flags.writeable = False
+    return found
+
+
+def _default_names(K: Array) -> tuple[str, ...]:
+    """Words for combinations of parameters that are called k1 .. kp."""
+    parameters = tuple(f"k{i + 1}" for i in range(len(K)))
+    return tuple(combination(column, parameters) for column in K.T)

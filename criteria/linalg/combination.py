@@ -1,0 +1,13 @@
+"""A linear combination of parameters in words."""
+
+from criteria.linalg.typing import Array
+
+
+def combination(factors: Array, parameters: tuple[str, ...]) -> str:
+    """Words for a combination with these factors (p,), such as "k4", "k2 - 0.5 k3" or "- 2 k1"."""
+    words = []
+    for factor, name in zip(factors, parameters, strict=True):
+        if factor:
+            term = f"{abs(factor):.3g} {name}".removeprefix("1 ")
+            words.append(f"{'-' if factor < 0 else '+'} {term}")
+    return " ".join(words).removeprefix("+ ")
