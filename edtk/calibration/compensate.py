@@ -17,6 +17,7 @@ from edtk.model.equilibrium import NoEquilibriumError, equilibrium
 from edtk.model.remaining_error import remaining_error
 from edtk.model.rigid_joints import rigid_joints, rigid_joints_in_words
 from edtk.model.robot import Robot
+from edtk.model.shown_limit import shown_limits
 from edtk.study.study import Study
 from edtk.system.atomic_file import write_text
 from edtk.system.errors import UserError
@@ -90,7 +91,7 @@ class Compensation(Presented):
         """Commands, wrenches and errors: degrees, millimetres, newtons and newton metres."""
         import pandas as pd
 
-        degrees = self.command / pose_factors(self.robot)
+        degrees = self.robot.shown(self.command) / pose_factors(self.robot)
         table = pd.DataFrame(degrees, columns=list(pose_columns(self.robot)))
         table[list(WRENCH_COLUMNS)] = self.wrench
         table[UNCOMPENSATED_COLUMN] = 1e3 * self.uncompensated
@@ -110,7 +111,7 @@ class Compensation(Presented):
 
         An error that is not known is null.
         """
-        degrees = self.command / pose_factors(self.robot)
+        degrees = self.robot.shown(self.command) / pose_factors(self.robot)
         unknown = [None] * len(self.command)
         remaining = unknown if self.remaining is None else self.remaining.tolist()
         band = unknown if self.band is None else self.band.tolist()
@@ -271,9 +272,12 @@ def _require_within_limits(robot: Robot, q: Array, which: str, path: Path | str)
         return
     row, j = outside[0]
     factor = pose_factors(robot)[j]
+    shown = shown_limits(robot)[j]
+    low, high = shown.range((lower[j], upper[j]))
+    of = "" if shown.label == robot.joint_names[j] else f" of {shown.label}"
     raise UserError(
-        f"the {which} value {q[row, j] / factor:.6g} is outside the joint's limits "
-        f"{lower[j] / factor:.6g} .. {upper[j] / factor:.6g}",
+        f"the {which} value {shown.of(q[row, j]) / factor:.6g}{of} is outside the joint's limits "
+        f"{low / factor:.6g} .. {high / factor:.6g}",
         where=path,
         key=f"row {row + 1}, column {pose_columns(robot)[j]}",
     )

@@ -47,8 +47,8 @@ def match_plan(study: Study, data: Measurements, plan: Plan) -> PlanMatch:
 
     factors = pose_factors(study.robot)
     within = pose_resolution(study, data)
-    tree = cKDTree(plan.q / factors)
-    measured = data.q / factors
+    tree = cKDTree(study.robot.shown(plan.q) / factors)
+    measured = study.robot.shown(data.q) / factors
     distance, pose = tree.query(measured, p=np.inf)
     experiment = pose.copy()
     in_pose = tree.query_ball_point(measured, within, p=np.inf, return_length=True)

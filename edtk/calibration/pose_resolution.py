@@ -24,7 +24,7 @@ def pose_resolution(study: Study, data: Measurements | None = None) -> float:
     """
     steps = [LEAST, study.specification.workspace.plan_resolution_deg]
     if data is not None:
-        steps.append(_printed_step(data.q / pose_factors(study.robot)))
+        steps.append(_printed_step(study.robot.shown(data.q) / pose_factors(study.robot)))
     return max(steps) * (1 + ROUNDING)
 
 

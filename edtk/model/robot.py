@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
+from edtk.model.controller import Controller
 from edtk.model.frames import Frames
 from edtk.model.joint import Joint
 from edtk.model.link import Link
@@ -31,6 +32,7 @@ class Robot(Presented):
         links: The bodies that the joints move, one a joint; empty where they are unknown.
         flange: Transform (4, 4) of the frame in which tools are given, after the last joint [m]:
             the tip link of a URDF. `tool` is after the last joint nevertheless.
+        controller: How the robot's controller counts the joints; None if as in the model.
 
     Raises:
         ValueError: The chain has no joints, or two of one name, or links for some joints only.
@@ -43,6 +45,7 @@ class Robot(Presented):
     source: str = ""
     links: tuple[Link, ...] = ()
     flange: Array = field(default_factory=transform)
+    controller: Controller | None = None
 
     def __post_init__(self) -> None:
         if not self.joints or len(set(self.joint_names)) < len(self.joints):
@@ -73,6 +76,23 @@ class Robot(Presented):
     def limits(self) -> Array:
         """Joint limits (2, n): lower and upper [rad or m]."""
         return np.array([joint.limits for joint in self.joints]).T
+
+    @cached_property
+    def units(self) -> Array:
+        """SI units (n,) in the unit in which people read a joint: degree or millimetre."""
+        return np.where(self._prismatic, 1e-3, np.pi / 180)
+
+    def shown(self, q: Array) -> Array:
+        """What the controller shows (..., n) for joint variables q (..., n) [rad or m]."""
+        return q if self.controller is None else self.controller.shown_of(q)
+
+    def shown_change(self, change: Array) -> Array:
+        """By how much that changes (..., n) with a change (..., n) of q [rad or m]."""
+        return change if self.controller is None else self.controller.shown_change(change)
+
+    def of_shown(self, shown: Array) -> Array:
+        """Joint variables q (..., n) for what the controller shows (..., n) [rad or m]."""
+        return shown if self.controller is None else self.controller.model_of(shown)
 
     @cached_property
     def reach(self) -> float:

@@ -1,12 +1,14 @@
 """Robots as data: the keys of a robot file, and the chain that they describe."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 from pydantic_core import PydanticCustomError
 
+from edtk.model.controller_table import ControllerTable
 from edtk.model.joint import Joint
 from edtk.model.link import Link
 from edtk.model.robot import Robot
@@ -156,6 +158,10 @@ class RobotFile(_Table):
         description="Frame in the last joint's frame, relative to which a study gives its tools",
     )
 
+    controller: ControllerTable | None = Field(
+        None, description="How the robot's controller counts the joints, where not as the model"
+    )
+
     def build(self, where: str | None) -> Robot:
         """The robot; messages about a joint begin with `where`."""
         names = [joint.name for joint in self.joints]
@@ -163,7 +169,7 @@ class RobotFile(_Table):
             if name in names[:i]:
                 message = f"a joint before has the name {name!r} too; expected one of its own"
                 raise RobotFileError(message, where=where, key=f"joints.{i}.name")
-        return Robot(
+        robot = Robot(
             self.name,
             tuple(_joint(joint, i, where) for i, joint in enumerate(self.joints)),
             base=self.base.build(),
@@ -172,6 +178,12 @@ class RobotFile(_Table):
             links=self._links(where),
             flange=self.flange.build(),
         )
+        if self.controller is None:
+            return robot
+        try:
+            return replace(robot, controller=self.controller.build(robot))
+        except UserError as error:
+            raise RobotFileError(error.message, where=where, key=error.key) from error
 
     def _links(self, where: str | None) -> tuple[Link, ...]:
         """The bodies that the joints move; none where no mass is given."""

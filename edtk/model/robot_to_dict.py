@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from edtk.model.controller_table import controller_to_dict
 from edtk.model.joint import Joint
 from edtk.model.link import Link
 from edtk.model.robot import Robot
@@ -31,6 +32,8 @@ def robot_to_dict(robot: Robot) -> dict[str, Any]:
     content["joints"] = [
         _joint(joint) | _link(link) for joint, link in zip(robot.joints, links, strict=True)
     ]
+    if robot.controller is not None:
+        content["controller"] = controller_to_dict(robot)
     return content
 
 

@@ -52,12 +52,29 @@ def _check_fixed_joints(study: "Study", specification: Specification, robot: Rob
             if key != KEY_OF_KIND[kind]:
                 message = f"the joint is {kind}; give its value in {KEY_OF_KIND[kind]}"
                 raise study.error(f"joints.{key}.{name}", message)
+    _check_fixed_leaders(study, robot)
     for j, value in study.fixed.items():
         joint = robot.joints[j]
         low, high = joint.limits
         if not low <= value <= high:
             key = f"joints.{KEY_OF_KIND[joint.kind]}.{joint.name}"
             raise study.error(key, "the value is outside the joint's limits")
+
+
+def _check_fixed_leaders(study: "Study", robot: Robot) -> None:
+    """A joint that follows another one stays where it is only if that one does."""
+    if robot.controller is None:
+        return
+    for j in study.fixed:
+        for leader in robot.controller.leaders(j):
+            if leader not in study.fixed:
+                joint = robot.joints[j]
+                name = robot.joint_names[leader]
+                raise study.error(
+                    f"joints.{KEY_OF_KIND[joint.kind]}.{joint.name}",
+                    f"the joint follows {name}, which moves, and so would it; expected {name} "
+                    "among the fixed joints too, or neither of them",
+                )
 
 
 def _check_measurement(study: "Study", specification: Specification) -> None:

@@ -11,6 +11,7 @@ from edtk.inference.least_squares import SingularPlanError, covariance
 from edtk.model.compensation_accuracy import compensation_accuracy
 from edtk.model.expected_error import WITHIN
 from edtk.model.neighbourhood import neighbourhood
+from edtk.model.shown_limit import shown_limits
 from edtk.system.typing import Array, Indices
 from edtk.tables.pose_table import pose_factors
 
@@ -132,10 +133,12 @@ def _pose_limits(study: "Study") -> Iterator[str]:
     outside = np.flatnonzero((q < lower - 1e-9) | (q > upper + 1e-9))
     if len(outside):
         j = outside[0]
-        low, value, high = np.array([lower[j], q[j], upper[j]]) / factors[j]
+        shown = shown_limits(study.robot)[j]
+        limits = shown.range((lower[j], upper[j]))
+        low, value, high = np.array([limits[0], shown.of(q[j]), limits[1]]) / factors[j]
         others = f", and {len(outside) - 1} more" if len(outside) > 1 else ""
         yield (
-            f"test_pose.q_deg: joint {study.robot.joint_names[j]} is at {value:.6g}, beyond its "
+            f"test_pose.q_deg: joint {shown.label} is at {value:.6g}, beyond its "
             f"limits {low:.6g} .. {high:.6g}{others}"
         )
 

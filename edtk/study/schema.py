@@ -11,6 +11,7 @@ from edtk.model.constraints.constraint import Constraint
 from edtk.model.constraints.height import Height
 from edtk.model.constraints.radius import Radius
 from edtk.model.constraints.tilt import Tilt
+from edtk.model.controller_table import ControllerTable
 from edtk.model.transform import transform
 from edtk.study.load_choice import LoadChoice
 from edtk.study.prior_table import PriorTable
@@ -173,6 +174,11 @@ class Specification(Table):
     robot: Annotated[str | dict[str, Any], BeforeValidator(_name_or_table)] = Field(
         description="Name of a built-in robot, path of a robot file beside the study, or a table "
         "with the keys of a robot file [m, deg or rad]"
+    )
+    controller: ControllerTable | None = Field(
+        None,
+        description="How the controller counts the joints; takes the place of that of the robot's "
+        "file",
     )
     tool: Tool = Field(description="Calibration tool: where the load acts and the marker is")
     load: LoadChoice = Field(description="Loads that a calibration experiment may apply")

@@ -2,7 +2,7 @@
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Unpack
@@ -79,6 +79,8 @@ class Study(StudyObjects, Presented):
         self._set(path=path, folder=folder, excluded=None, _given=given)
         specification = read_specification(given, self.where)
         robot = self._load_robot(specification.robot)
+        if specification.controller is not None:
+            robot = replace(robot, controller=specification.controller.build(robot, self.where))
         self._set(robot=robot.with_tool(specification.tool.build()))
         if not specification.title:
             title = f"Calibration of {self.robot.name}"

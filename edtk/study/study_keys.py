@@ -14,6 +14,7 @@ class StudyKeys(TypedDict, total=False):
 
     title: str | None
     robot: Robot | str | Path | Mapping[str, Any]
+    controller: Mapping[str, Any] | None
     tool: Mapping[str, Any]
     load: Mapping[str, Any]
     measurement: Mapping[str, Any]

@@ -13,7 +13,7 @@ from edtk.model.task import Task
 from edtk.study.schema import Specification
 from edtk.system.errors import UserError
 from edtk.system.typing import Array
-from edtk.tables.pose_table import pose_factors
+from edtk.tables.in_file_units import of_file_units
 
 IN_PYTHON = "Study"  # takes the place of the file's name in messages about a study without a file
 
@@ -67,8 +67,9 @@ class StudyObjects:
         """Values [rad or m] of the fixed joints by index."""
         given = self.specification.joints.fixed_deg | self.specification.joints.fixed_mm
         names = self.robot.joint_names
-        factors = dict(zip(names, pose_factors(self.robot), strict=True))
-        return {names.index(name): float(value * factors[name]) for name, value in given.items()}
+        shown = np.array([given.get(name, 0.0) for name in names])
+        values = of_file_units(self.robot, shown)
+        return {names.index(name): float(values[names.index(name)]) for name in given}
 
     @property
     def sigma(self) -> Array:
@@ -86,7 +87,7 @@ class StudyObjects:
         if pose is None:
             return None
         return Task(
-            q=np.array(pose.q_deg) * pose_factors(self.robot),
+            q=of_file_units(self.robot, np.array(pose.q_deg)),
             tool=pose.tool.build(),
             wrench=pose.load.build(),
             robot=self.robot,

@@ -11,14 +11,19 @@ CONVERSION = 1e-10  # [deg or mm]: more than the rounding of a conversion to SI 
 
 
 def in_file_units(robot: Robot, q: Array) -> Array:
-    """Joint variables (..., n) in degrees and millimetres, of q (..., n) [rad or m].
+    """What the controller shows (..., n) in degrees and millimetres, for q (..., n) [rad or m].
 
     A number that a controller takes comes out as that number to the last digit.
     """
-    values = np.asarray(q / pose_factors(robot))
+    values = np.asarray(robot.shown(q) / pose_factors(robot))
     whole = np.round(values, DIGITS)
     # The sum has no negative zero.
     return np.where(np.abs(values - whole) <= CONVERSION, whole, values) + 0.0
+
+
+def of_file_units(robot: Robot, values: Array) -> Array:
+    """Joint variables (..., n) [rad or m] for what the controller shows (..., n) [deg or mm]."""
+    return robot.of_shown(np.asarray(values * pose_factors(robot)))
 
 
 def controller_step(robot: Robot) -> Array:
@@ -31,5 +36,5 @@ def rounded(robot: Robot, q: Array) -> Array:
 
     A file gives the same numbers back, bit by bit.
     """
-    factors = pose_factors(robot)
-    return np.asarray((np.round(q / factors, DIGITS) + 0.0) * factors)
+    shown = np.round(robot.shown(q) / pose_factors(robot), DIGITS) + 0.0
+    return of_file_units(robot, shown)

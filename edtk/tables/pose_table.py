@@ -23,8 +23,7 @@ WRENCH_COLUMNS = ("Fx_N", "Fy_N", "Fz_N", "Tx_Nm", "Ty_Nm", "Tz_Nm")
 
 def pose_factors(robot: Robot) -> Array:
     """Factors (n,) from a file's units to SI: pi/180 for degrees, 1e-3 for millimetres."""
-    factors = {"revolute": np.pi / 180, "prismatic": 1e-3}
-    return np.array([factors[joint.kind] for joint in robot.joints])
+    return robot.units
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,7 +135,7 @@ class PoseTable:
         return values
 
     def poses(self, robot: Robot, fixed: dict[int, float]) -> Array:
-        """Joint variables (k, n) [rad or m].
+        """Joint variables (k, n) of the model [rad or m], from the controller's in the file.
 
         Args:
             robot: Names the columns.
@@ -153,12 +152,12 @@ class PoseTable:
             raise self.error(
                 f"column {missing[0]!r} is missing and the study does not fix that joint{taken}"
             )
-        default = np.array([fixed.get(j, 0.0) for j in range(robot.n)])
-        q = default * np.ones((len(self), 1))
+        default = robot.shown(np.array([fixed.get(j, 0.0) for j in range(robot.n)]))
+        shown = default * np.ones((len(self), 1))
         for j, (column, factor) in enumerate(zip(columns, pose_factors(robot), strict=True)):
             if column in self:
-                q[:, j] = self.numbers(column) * factor
-        return q
+                shown[:, j] = self.numbers(column) * factor
+        return robot.of_shown(shown)
 
     def wrenches(self, default: Array | None) -> Array:
         """Forces and torques (k, 6) [N, N m].

@@ -86,12 +86,13 @@ def _misfit(
     joint: int,
     change: Array,
 ) -> Array:
-    """Sums of squares (c,) of a pose's residuals, for changes (c,) of one joint."""
+    """Sums of squares (c,) of a pose's residuals, for changes (c,) of one joint's shown value."""
     m = len(here)
     which = np.tile(np.arange(m), len(change))
     many = here[which]
-    q = many.q.copy()
-    q[:, joint] += np.repeat(change, m)
+    shown = model.robot.shown(many.q).copy()
+    shown[:, joint] += np.repeat(change, m)
+    q = model.robot.of_shown(shown)
     z = (measured[which] - replace(many, q=q).regressor(model) @ k) / many.sigma
     return (z**2).reshape(len(change), -1).sum(axis=1)
 

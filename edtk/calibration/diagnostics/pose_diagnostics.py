@@ -8,6 +8,7 @@ from edtk.calibration.diagnostics.diagnostic import Diagnostic, Severity
 from edtk.calibration.finding import Finding, Kind
 from edtk.calibration.fitted_data import FittedData
 from edtk.calibration.pose_resolution import pose_resolution
+from edtk.model.shown_limit import shown_limits
 from edtk.tables.pose_columns import pose_columns
 from edtk.tables.pose_table import pose_factors
 
@@ -30,7 +31,9 @@ def _limits(fitted: FittedData) -> Iterator[Diagnostic]:
     beyond = np.argwhere((q < lower - slack) | (q > upper + slack))
     if len(beyond):
         i, j = beyond[0].tolist()
-        numbers = {"value": q[i, j], "low": lower[j], "high": upper[j]}
+        shown = shown_limits(robot)[j]
+        low, high = shown.range((lower[j], upper[j]))
+        numbers = {"value": shown.of(q[i, j]), "low": low, "high": high}
         data = {name: float(value / factors[j]) for name, value in numbers.items()}
         finding = Finding(Kind.BEYOND_LIMITS, (i,), (pose_columns(robot)[j],), data=data)
         yield Diagnostic(Severity.WARNING, finding)

@@ -124,6 +124,6 @@ def _angles(fitted: FittedData) -> Iterator[Diagnostic]:
         for j, joint in enumerate(fitted.study.robot.joints)
         if joint.kind == "revolute" and j not in fitted.study.fixed
     ]
-    degrees = np.rad2deg(fitted.data.q[:, turning])
+    degrees = np.rad2deg(fitted.study.robot.shown(fitted.data.q)[:, turning])
     if turning and np.abs(degrees).max() <= 2 * np.pi and np.ptp(degrees, axis=0).any():
         yield Diagnostic(Severity.ALARM, Finding(Kind.ANGLE_UNIT))

@@ -19,7 +19,8 @@ def other_pose(fitted: FittedData) -> Finding | None:
     robot = fitted.study.robot
     row = int(rows[0])
     nearest = int(match.pose[row])
-    off = np.abs(fitted.data.q[row] - fitted.plan.q[nearest]) / pose_factors(robot)
+    change = robot.shown_change(fitted.data.q[row] - fitted.plan.q[nearest])
+    off = np.abs(change) / pose_factors(robot)
     joint = int(off.argmax())
     data = {
         "nearest": nearest,

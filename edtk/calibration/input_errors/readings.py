@@ -51,10 +51,12 @@ def _displacements(data: Measurements) -> Iterator[Reading]:
 def _joint_signs(study: Study, data: Measurements) -> Iterator[Reading]:
     """One or two joints are counted the other way round."""
     columns = pose_columns(study.robot)
-    free = [j for j in _free(study) if data.q[:, j].any()]
+    robot = study.robot
+    free = [j for j in _free(study) if robot.shown(data.q)[:, j].any()]
     for turned in chain(combinations(free, 1), combinations(free, 2)):
-        q = data.q.copy()
-        q[:, turned] *= -1
+        shown = robot.shown(data.q).copy()
+        shown[:, turned] *= -1
+        q = robot.of_shown(shown)
         finding = Finding(Kind.OPPOSITE_SIGN, columns=tuple(columns[j] for j in turned))
         yield Reading(finding, replace(data, q=q))
 
@@ -64,7 +66,8 @@ def _joints(study: Study, data: Measurements) -> Iterator[Reading]:
     kinds = [joint.kind for joint in study.robot.joints]
     for i, j in combinations(_free(study), 2):
         if kinds[i] == kinds[j]:
-            other = replace(data, q=_exchanged(data.q, i, j))
+            shown = _exchanged(study.robot.shown(data.q), i, j)
+            other = replace(data, q=study.robot.of_shown(shown))
             yield Reading(_swapped(pose_columns(study.robot), i, j), other)
 
 
@@ -73,8 +76,9 @@ def _joint_offsets(study: Study, data: Measurements) -> Iterator[Reading]:
     columns = pose_columns(study.robot)
     revolute = [j for j in _free(study) if study.robot.joints[j].kind == "revolute"]
     for j, degrees in product(revolute, OFFSETS_DEG):
-        q = data.q.copy()
-        q[:, j] += np.deg2rad(degrees)
+        shown = study.robot.shown(data.q).copy()
+        shown[:, j] += np.deg2rad(degrees)
+        q = study.robot.of_shown(shown)
         offset = {"degrees": degrees}
         finding = Finding(Kind.JOINT_OFFSET, columns=(columns[j],), data=offset)
         yield Reading(finding, replace(data, q=q))

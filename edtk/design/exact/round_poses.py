@@ -54,7 +54,9 @@ def _nearby(
     space: DesignSpace, criterion: Criterion, x: Array, repeats: Array, i: int, exact: Array
 ) -> Array:
     """The best feasible experiment (v,) of those around experiment i, or that one itself."""
-    step = controller_step(space.workspace.robot)[space.free]
+    robot = space.workspace.robot
+    step = controller_step(robot)[space.free]
+    shown = robot.shown(exact[: robot.n])
     others = space.problem(x).information(np.where(np.arange(len(x)) == i, 0.0, repeats))
     if space.prior is not None:
         others = others + repeats[i] * space.prior
@@ -64,8 +66,10 @@ def _nearby(
             break
         offsets = np.array(list(product(range(-wider, 2 + wider), repeat=len(step))))
         tried = np.tile(exact, (len(offsets), 1))
-        below = np.floor(exact[space.free] / step)
-        tried[:, space.free] = (below + offsets) * step
+        below = np.floor(shown[space.free] / step)
+        near = np.tile(shown, (len(offsets), 1))
+        near[:, space.free] = (below + offsets) * step
+        tried[:, space.free] = robot.of_shown(near)[:, space.free]
         tried[:, space.free] = _to_steps(space, tried)[:, space.free]
         tried = tried[space.at(tried).feasible]
         if len(tried):
@@ -92,6 +96,9 @@ def _merged(space: DesignSpace, x: Array, repeats: Array) -> tuple[Array, Array]
 def _same(space: DesignSpace, x: Array, own: Array) -> Mask:
     """Whether experiments (k, v) are that of one (v,), to a step of the controller."""
     lower, upper = space.load.limits
-    steps = controller_step(space.workspace.robot) * (1 + SAME_LOAD)
+    robot = space.workspace.robot
+    steps = controller_step(robot) * (1 + SAME_LOAD)
     within = np.concatenate([steps, SAME_LOAD * (upper - lower)])
-    return np.asarray((np.abs(x - own) <= within).all(axis=-1))
+    apart = x - own
+    apart[..., : robot.n] = robot.shown_change(apart[..., : robot.n])
+    return np.asarray((np.abs(apart) <= within).all(axis=-1))

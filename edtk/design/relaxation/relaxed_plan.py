@@ -209,7 +209,8 @@ class RelaxedPlan(Presented):
     def _support(self) -> list[dict[str, Any]]:
         """Pose, wrench and weight of each experiment, the heaviest first."""
         plan = self.plan
-        shown = plan.q / pose_factors(self.space.workspace.robot)
+        robot = self.space.workspace.robot
+        shown = robot.shown(plan.q) / pose_factors(robot)
         weights = self.weights[self._heaviest_first]
         return [
             {"q_deg": q.tolist(), "wrench": W.tolist(), "weight": float(weight)}

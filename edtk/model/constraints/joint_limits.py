@@ -7,6 +7,7 @@ import numpy as np
 from edtk.model.constraints.constraint import Constraint, Inequality
 from edtk.model.frames import Frames
 from edtk.model.robot import Robot
+from edtk.model.shown_limit import shown_limits
 from edtk.model.unit import DEGREE, METRE
 from edtk.system.typing import Array
 
@@ -18,13 +19,15 @@ class JointLimits(Constraint):
     limits: Array
 
     def inequalities(self, robot: Robot) -> tuple[Inequality, ...]:
-        """All lower limits, then all upper ones [deg or m]."""
+        """All lower limits of the model, then all upper ones, in the controller's values."""
         units = [METRE if joint.kind == "prismatic" else DEGREE for joint in robot.joints]
-        return tuple(
-            Inequality(f"joint limit {name} {sign} {bound * unit.per_si:g} {unit.name}", unit)
-            for sign, bounds in zip((">", "<"), self.limits, strict=True)
-            for name, bound, unit in zip(robot.joint_names, bounds, units, strict=True)
-        )
+        found = []
+        for side, bounds in zip((1, -1), self.limits, strict=True):
+            for limit, bound, unit in zip(shown_limits(robot), bounds, units, strict=True):
+                sign = ">" if side * limit.sign > 0 else "<"
+                value = f"{limit.of(bound) * unit.per_si:g} {unit.name}"
+                found.append(Inequality(f"joint limit {limit.label} {sign} {value}", unit))
+        return tuple(found)
 
     def slack(self, frames: Frames) -> Array:
         """``q - lower``, then ``upper - q`` (2n, ...)."""

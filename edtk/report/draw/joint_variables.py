@@ -2,8 +2,6 @@
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from edtk.design.plan import Plan
 from edtk.model.robot import Robot
 from edtk.report.palette import COLOURS, MARKERS
@@ -27,9 +25,9 @@ def joint_variables(plan: Plan, robot: Robot | None, ax: "Axes") -> None:
         ax: Where to draw.
     """
     k, n = plan.q.shape
-    factors = np.ones(n) if robot is None else pose_factors(robot)
+    shown = plan.q if robot is None else robot.shown(plan.q) / pose_factors(robot)
     names = [f"q{j + 1}" for j in range(n)] if robot is None else robot.joint_names
-    for j, (name, values) in enumerate(zip(names, (plan.q / factors).T, strict=True)):
+    for j, (name, values) in enumerate(zip(names, shown.T, strict=True)):
         colour = COLOURS[j % len(COLOURS)]
         ax.plot(range(1, k + 1), values, color=colour, linewidth=0.8, alpha=0.4)
         marker = MARKERS[j % len(MARKERS)]

@@ -10,7 +10,8 @@ from edtk.tables.pose_table import pose_factors
 
 def compensation(found: Compensation) -> str:
     """A line for each task pose: the command, and the errors before and after."""
-    numbers = [[f"{x:.5f}" for x in row] for row in found.command / pose_factors(found.robot)]
+    shown = found.robot.shown(found.command) / pose_factors(found.robot)
+    numbers = [[f"{x:.5f}" for x in row] for row in shown]
     columns, *commands = number_columns(pose_columns(found.robot), numbers, 12)
     band = "" if found.remaining is None else "   remaining rms (95 % band) [mm]"
     if found.rotation is not None:
