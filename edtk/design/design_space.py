@@ -10,6 +10,9 @@ from edtk.design.plan import Plan
 from edtk.design.problem import Problem
 from edtk.model.elastostatic_model import ElastostaticModel
 from edtk.model.loads.load import Load
+from edtk.model.noise.shared_visits import shared_visits
+from edtk.model.noise.visit_noise import VisitNoise
+from edtk.model.noise.whitener import Whitener
 from edtk.model.workspace import Workspace
 from edtk.system.typing import Array, Indices
 
@@ -24,12 +27,13 @@ class DesignSpace:
     Args:
         model: The elastostatic model, with the calibration tool.
         workspace: The feasible set of the same robot.
-        sigma: Standard deviation of each measured row (rows,) [m, rad].
+        sigma: Standard deviation of each measured row (rows,) [m, rad], where errors are white.
         load: The wrenches that may be applied.
         free: Indices of the joints that are designed.
         fixed: Joint variables (n,); the entries of `free` joints are ignored.
         prior: Prior information M0 (p, p) per single experiment of a plan, see `Problem`; by
             default there is none. `with_kept` sets it.
+        noise: Errors that are not white, in place of `sigma`; None for white ones.
 
     Raises:
         ValueError: A joint is fixed outside its limits.
@@ -42,6 +46,7 @@ class DesignSpace:
     free: list[int]
     fixed: Array
     prior: Array | None = None
+    noise: VisitNoise | None = None
 
     def __post_init__(self) -> None:
         lower, upper = self.workspace.robot.limits
@@ -111,8 +116,19 @@ class DesignSpace:
         """Information matrix (p, p) of a plan under the plan's own wrenches."""
         # A plan from a file may have other loads than this space, and thus no design variables.
         A = self.model.regressor(plan.q, plan.wrench)
-        problem = Problem(A, self.sigma, self.model.parameters, self.prior)
+        if self.noise is None:
+            problem = Problem(A, self.sigma, self.model.parameters, self.prior)
+        else:
+            A = self._whitened(A, plan, self.noise)
+            problem = Problem(A, 1.0, self.model.parameters, self.prior)
         return problem.information(plan.repeats)
+
+    def _whitened(self, A: Array, plan: Plan, noise: VisitNoise) -> Array:
+        """Whitened regressors (k, rows, p) of a plan whose visits may share the discrepancy."""
+        frames = self.model.frames(plan.q)
+        visits = shared_visits(plan.q, plan.repeats, frames.prismatic, noise.within)
+        whitener = Whitener.of(noise.covariance_of(self.model, frames, visits))
+        return np.moveaxis(whitener.rows(np.moveaxis(A, (-1, -2), (0, 1))), (0, 1), (-1, -2))
 
     def with_kept(self, kept: Array, experiments: int) -> "DesignSpace":
         """The design space of further experiments beside kept ones.

@@ -36,7 +36,7 @@ class LogCost(Objective):
         """Values, slopes and curvature; slopes and curvature are zero where the value is inf.
 
         With ``L = log cost``, its gradient G and its second derivative K by M, and with
-        ``M = sum_i r_i (M0 + A_i' A_i)``, where A is divided by sigma,
+        ``M = sum_i r_i (M0 + A_i' A_i)``, where A is whitened,
 
             dL/dx_ia = <G, dM/dx_ia> = 2 r_i <A_i G, dA_i/dx_ia>,
             d2L/dx_ia dx_jb = K[dM/dx_ia, dM/dx_jb] + (i = j) <G, d2M/dx_ia dx_ib>.
@@ -44,7 +44,9 @@ class LogCost(Objective):
         In the second line dM is a difference between neighbours, and the last term is a difference
         between their slopes under the same G.
         """
-        A = near.experiments.regressor
+        # Repeats of a pose share its discrepancy, if there is any.
+        experiments = near.experiments.visited(self.repeats[start])
+        A = experiments.regressor
         repeats = self.repeats[start, :, None, None]
         b = len(start)
         M = weighted_information(A[0], self.repeats[start], near.space.prior)
@@ -54,7 +56,7 @@ class LogCost(Objective):
         divisor = np.where(finite, cost[:, None, None], 1.0)
         G = np.where(finite, G / divisor, 0.0)
         K = np.where(finite, K / divisor, 0.0)
-        slopes = near.first(near.experiments.slope(2.0 * repeats * (A @ G[:, None])))
+        slopes = near.first(experiments.slope(2.0 * repeats * (A @ G[:, None])))
         rows, columns = triangle(A.shape[-1])
         own = (repeats * (np.swapaxes(A, -1, -2) @ A))[..., rows, columns]
         dM = near.differences(own).transpose(1, 2, 0, 3).reshape(b, -1, len(rows))

@@ -41,7 +41,7 @@ def sensitivity_and_slope(
 ) -> tuple[Array, Array]:
     """Sensitivities ``<Z, M(x)>`` of experiments x, and their derivatives.
 
-    With ``M(x) = M0 + A' A/sigma^2`` the differential is ``d<Z, M> = 2 <A Z, dA>/sigma^2``. Per
+    With ``M(x) = M0 + A' A`` of whitened rows A the differential is ``d<Z, M> = 2 <A Z, dA>``. Per
     trace the sensitivity is ``<Z, M>/trace(M)``, with the quotient rule.
 
     Args:

@@ -1,6 +1,6 @@
 """The covariance of what one visit of a pose measures, and its slope."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Protocol
 
@@ -72,6 +72,14 @@ class VisitNoise:
     def shares(self) -> bool:
         """Whether visits of one pose share an error, so that repeats do not average it out."""
         return bool(self.discrepancy.any())
+
+    @cached_property
+    def alone(self) -> "VisitNoise":
+        """The noise of visits that share nothing: each has a discrepancy of its own."""
+        if not self.shares:
+            return self
+        white = np.hypot(self.white, self.discrepancy)
+        return replace(self, white=white, discrepancy=np.zeros_like(white))
 
     def scatter_of(self, model: Measured, frames: Frames) -> Array:
         """The part V (rows, rows, ...) of the covariance that repeats average out [m^2, rad^2]."""
