@@ -38,7 +38,8 @@ def whiten_columns(A: Array, noise: AnyNoise) -> Array:
 def numbers_of(noise: AnyNoise) -> list[Array]:
     """All numbers that a noise has, by which it is told from another one."""
     if isinstance(noise, CorrelatedNoise):
-        return [part for block in noise.blocks for part in (block.members * 1.0, block.covariance)]
+        members = [block.members.astype(float) for block in noise.blocks]
+        return [*members, *(block.covariance for block in noise.blocks)]
     return [np.asarray(noise)]
 
 
