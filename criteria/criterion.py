@@ -51,6 +51,7 @@ class Criterion(ABC):
         unit_free: Whether efficiencies do not depend on the parameters' units.
         needs_target: Whether the constructor takes the target matrix A0.
         needs_all: Whether the cost is finite only where M tells all parameters.
+        per_task: Whether it takes a target of each task (tasks, rows, p) instead of one of all.
         shown: Factor and unit with which `value` is printed; the unit may be empty.
     """
 
@@ -64,6 +65,7 @@ class Criterion(ABC):
     monotone: bool = True
     unit_free: bool = False
     needs_target: bool = False
+    per_task: bool = False
     needs_all: bool = True
     shown: tuple[float, str] = (1.0, "")
 

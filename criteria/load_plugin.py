@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 HOOKS = ("expression", "polar", "formulation", "lower_bound", "subproblem")  # of relaxations
 TEXTS = ("title", "formula")
-FLAGS = ("convex", "smooth", "monotone", "unit_free", "needs_target")
+FLAGS = ("convex", "smooth", "monotone", "unit_free", "needs_target", "per_task")
 # What a third party's code may raise: it may end the program instead of raising an error.
 FAILURES = (Exception, SystemExit)
 

@@ -25,7 +25,8 @@ if TYPE_CHECKING:
     from importlib.metadata import EntryPoint, EntryPoints
 
 GROUP = "edtk.criteria"
-BUILTINS = ("A", "D", "E", "G", "O1", "O2", "O3", "O4", "O5", "rho0")  # the order of Table 1
+# The order of Table 1, then those that it does not have.
+BUILTINS = ("A", "D", "E", "G", "O1", "O2", "O3", "O4", "O5", "rho0", "rho_max")
 _registered: dict[str, type[Criterion]] = {}
 C = TypeVar("C", bound=type[Criterion])
 
@@ -60,7 +61,7 @@ def register(cls: C) -> C:
 
 
 def available() -> tuple[str, ...]:
-    """Names of all criteria: built-ins in the order of the paper's Table 1, then plug-ins."""
+    """Names of all criteria: built-ins, first those of the paper's Table 1, then plug-ins."""
     _load_builtins()
     known = {*_registered, *_plugins()}
     return (*(name for name in BUILTINS if name in known), *sorted(known - set(BUILTINS)))
@@ -112,7 +113,10 @@ def load_all() -> Loaded:
 
 
 def create(
-    name: str, target: ArrayLike | None = None, interest: ArrayLike | None = None
+    name: str,
+    target: ArrayLike | None = None,
+    interest: ArrayLike | None = None,
+    targets: ArrayLike | None = None,
 ) -> Criterion:
     """Construct a criterion by name.
 
@@ -121,6 +125,8 @@ def create(
         target: The test pose's regressor A0 (rows, p) [m/(rad/(N m))], for criteria that need it.
         interest: Combinations K (p, s) of the parameters, one a column, about which alone the
             criterion shall be, see `Interest`; defaults to all parameters.
+        targets: The regressors (tasks, rows, p) of several tasks, for criteria that look at each of
+            them; without them `target` is the only task.
 
     Raises:
         MissingTargetError: The criterion needs a target and `target` is None.
@@ -129,19 +135,22 @@ def create(
     """
     cls = get(name)
     if interest is not None:
-        return Interest(_create(cls, target), interest)
-    return _create(cls, target)
+        return Interest(_create(cls, target, targets), interest)
+    return _create(cls, target, targets)
 
 
-def _create(cls: type[Criterion], target: ArrayLike | None) -> Criterion:
+def _create(
+    cls: type[Criterion], target: ArrayLike | None, targets: ArrayLike | None
+) -> Criterion:
     """Construct a criterion of all parameters."""
     if not cls.needs_target:
         return cls()
-    if target is None:
+    given = targets if cls.per_task and targets is not None else target
+    if given is None:
         raise MissingTargetError(
             f"criterion {cls.name!r} needs a target: the regressor A0 of the test pose"
         )
-    return cls(target)  # type: ignore[call-arg]
+    return cls(given)  # type: ignore[call-arg]
 
 
 @cache

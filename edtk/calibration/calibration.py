@@ -243,7 +243,7 @@ class Calibration(Presented):
             self.study,
             self.fitted.A,
             self.fitted.measured,
-            self.fitted.noise,
+            self.data.sigma,
             Estimate(self.fit.k, self.fit.covariance),
             rng,
             noise=noise,

@@ -12,7 +12,6 @@ from edtk.inference.least_squares import Estimate
 from edtk.inference.noise import Noise
 from edtk.inference.posterior import Posterior
 from edtk.inference.sample_posterior import SamplingOptions, sample_posterior
-from edtk.inference.whiten import RowNoise
 from edtk.study.study import Study
 from edtk.system.typing import Array
 
@@ -24,7 +23,7 @@ def check_posterior(
     study: Study,
     A: Array,
     measured: Array,
-    sigma: RowNoise,
+    sigma: Array,
     identified: Estimate,
     rng: np.random.Generator,
     *,
@@ -37,7 +36,7 @@ def check_posterior(
         study: Priors, names and test pose.
         A: Regressors (m, rows, p).
         measured: Deflections (m, rows) [m, rad].
-        sigma: Noise (m, rows) [m, rad], or correlated noise.
+        sigma: Noise (m, rows) [m, rad].
         identified: The estimate from these measurements. Its covariance is Eq. (13), corrected
             where sigma was estimated, or where the loss was not least squares; that of
             `first_estimate` where there are none.

@@ -107,7 +107,7 @@ class Case:
         """
         self._require_sound()
         rows = np.concatenate([self.made.stacked(self.setting), self.kept.stacked(self.setting)])
-        return values.value(self.name, rows, self.setting.target)
+        return values.value(self.name, rows, self.setting.tasks.targets(self.name))
 
     @cached_property
     def largest(self) -> LargestSensitivities:
@@ -146,7 +146,8 @@ class Case:
         rows = self.made.stacked(self.setting)
         # Only G needs the matrix itself, to find good weights; bad ones would prove less, not more.
         M = rows.T @ rows / self.made.amount.sum() + self._prior
-        cost = lower_bound(self.name, found.multipliers.Z, t, self.setting.target, M)
+        targets = self.setting.tasks.proving(self.name, self.proof.task_weights, len(t))
+        cost = lower_bound(self.name, found.multipliers.Z, t, targets, M)
         if self.kind == "plan":
             cost *= self.made.amount.sum() ** -degree
         return values.printed(self.name, cost)

@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 
+from criteria.worst_task_accuracy import WorstTaskAccuracy
 from edtk.certificate.setting_to_dict import setting_to_dict
 from edtk.design.bound import BoundKind
 from edtk.design.exact.exact_plan import ExactPlan
@@ -60,13 +61,24 @@ def certificate_text(study: Study, found: RelaxedPlan | ExactPlan) -> str:
 
 
 def _proof(relaxed: RelaxedPlan) -> dict[str, Any]:
-    """Multipliers, and the experiments over which their largest sensitivities are taken."""
+    """Multipliers, and the experiments over which their largest sensitivities are taken.
+
+    To a multiplier of rho_max belong weights of the tasks, see `WorstTaskAccuracy.dual_weights`.
+    """
     searched = relaxed.searched_sensitivities
+    criterion = relaxed.criterion
+    weights = {}
+    if isinstance(criterion, WorstTaskAccuracy):
+        M = relaxed.information
+        weights["task_weights"] = [
+            criterion.dual_weights(Z, M).tolist() for Z in relaxed.multipliers
+        ]
     return {
         "candidates": relaxed.candidates,
         "seed": np.atleast_1d(relaxed.source.seed).tolist(),
         "sampling": relaxed.source.sampling,
         "multipliers": relaxed.multipliers.tolist(),
+        **weights,
         "support": relaxed.x.tolist(),
         "searched": [] if searched is None else searched.x.tolist(),
     }

@@ -23,6 +23,8 @@ class Proof:
         points: Experiments (k, v) that count as candidates too: those of the relaxation.
         searched: Experiments (k, v) of large sensitivity that a search has found.
         multipliers: The multipliers as they are written, which only a bound needs.
+        task_weights: Weights of the tasks to each multiplier as they are written, which only the
+            bound of rho_max needs; None without any.
     """
 
     candidates: int
@@ -31,6 +33,7 @@ class Proof:
     points: Array
     searched: Array
     multipliers: Any
+    task_weights: Any
 
     @classmethod
     def from_dict(cls, content: Any, setting: Setting) -> "Proof":
@@ -40,7 +43,7 @@ class Proof:
             ValueError: A part is missing, or is not what it should be.
         """
         keys = ("candidates", "seed", "sampling", "multipliers", "support", "searched")
-        content = table(content, keys, "proof")
+        content = table(content, keys, "proof", ("task_weights",))
         seed = rows(content["seed"], MOST_SEEDS, "proof.seed")
         if not seed:
             raise ValueError("proof.seed: expected at least one number")
@@ -59,4 +62,5 @@ class Proof:
             points=points["support"],
             searched=points["searched"],
             multipliers=content["multipliers"],
+            task_weights=content.get("task_weights"),
         )

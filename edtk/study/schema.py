@@ -12,24 +12,23 @@ from edtk.model.constraints.height import Height
 from edtk.model.constraints.radius import Radius
 from edtk.model.constraints.tilt import Tilt
 from edtk.model.controller_table import ControllerTable
-from edtk.model.transform import transform
-from edtk.study.joints_table import JointsTable
 from edtk.study.load_choice import LoadChoice
 from edtk.study.prior_table import PriorTable
 from edtk.study.table import Compliance, Count, Positive, Sigma, Table
+from edtk.study.task_table import TestPose
+from edtk.study.tool_table import Tool
 from edtk.study.uncertainty_table import UncertaintyTable
 from edtk.system.errors import UserError
-from edtk.system.finite import ZERO, Finite, Vector3
+from edtk.system.finite import Finite
 from edtk.system.first_error import first_error
 from edtk.system.line import Line
-from edtk.system.typing import Array
 
 # The criterion that a study is about gets more descents: its plans are those that people carry out.
 MORE_DESCENTS = 4
 ACCURACY = "rho0"  # the accuracy in the test pose, for which a calibration is usually made
 WITHOUT_A_TEST_POSE = "D"
 MOST_CANDIDATES = 10**9  # beyond them no machine would end
-ROBOT_FILE = (".toml", ".urdf")  # ends of a robot's file; names of built-in robots have none
+ROBOT_FILE = ".toml"  # ending of a robot's file; names of built-in robots have none
 
 
 def _listed(value: object) -> object:
@@ -44,30 +43,6 @@ def _name_or_table(value: object) -> object:
     return value
 
 
-class Tool(Table):
-    """Tool frame after the last joint."""
-
-    position_mm: Vector3 = Field(description="Tool point in the last joint's frame [mm]")
-    rpy_deg: Vector3 = Field(
-        ZERO, description="Roll, pitch and yaw about the fixed axes of that frame [deg]"
-    )
-
-    def build(self) -> Array:
-        """Transform (4, 4) [m]."""
-        return transform(np.array(self.position_mm) / 1e3, np.deg2rad(self.rpy_deg))
-
-
-class Load(Table):
-    """Wrench at the tool point, in the world frame."""
-
-    F_N: Vector3 = Field(description="Force, in world axes at the tool point [N]")
-    T_Nm: Vector3 = Field(ZERO, description="Torque, in world axes [N m]")
-
-    def build(self) -> Array:
-        """Wrench (6,) [N, N m]."""
-        return np.array([*self.F_N, *self.T_Nm])
-
-
 class Measurement(Table):
     """Measured quantities and their noise, which is that of a difference of two readings."""
 
@@ -77,6 +52,25 @@ class Measurement(Table):
     sigma_mm: Sigma = Field(description="Standard deviation of a displacement, per coordinate [mm]")
     sigma_deg: Sigma | None = Field(
         None, description="Standard deviation of a rotation, per axis; for rows = 'pose' [deg]"
+    )
+
+
+class Joints(Table):
+    """Joints whose compliances are unknown or known, and joints that do not move."""
+
+    unknown: Annotated[tuple[str, ...], Field(min_length=1)] = Field(
+        description="Names of the joints whose compliances are identified"
+    )
+    known_rad_per_Nm: dict[str, Compliance] = Field(
+        {},
+        description="Compliances that are known, by joint; none of them is among `unknown` "
+        "[rad/(N m)]",
+    )
+    fixed_deg: dict[str, Finite] = Field(
+        {}, description="Angles of revolute joints that stay where they are, by joint [deg]"
+    )
+    fixed_mm: dict[str, Finite] = Field(
+        {}, description="Positions of prismatic joints that stay where they are, by joint [mm]"
     )
 
 
@@ -118,29 +112,6 @@ class WorkspaceTable(Table):
         return tuple(found)
 
 
-class TestPose(Table):
-    """The task: the pose and load in which the robot shall be accurate."""
-
-    __test__ = False  # so that pytest does not collect the class because of its name
-
-    q_deg: tuple[Finite, ...] = Field(
-        description="Joint variables, one per joint [deg; mm for a prismatic joint]"
-    )
-    tool: Tool = Field(description="Tool of the task")
-    load: Load = Field(description="Load of the task")
-    robust_deg: Annotated[Finite, Field(ge=0, le=180)] = Field(
-        0.0,
-        description="Design for all poses whose joints are within this of the test pose: rho0 is "
-        "the root mean square over them; a prismatic joint moves by the share robust_deg / 360 of "
-        "its range [deg]",
-    )
-    lever_mm: Annotated[Finite, Field(ge=0, le=1e6)] = Field(
-        0.0,
-        description="A rotation of the tool counts as the displacement at this distance from the "
-        "tool point; 0 if rotations do no harm [mm]",
-    )
-
-
 class Simulation(Table):
     """The truth that simulated measurements assume."""
 
@@ -157,16 +128,6 @@ class Specification(Table):
         description="Name of a built-in robot, path of a robot file beside the study, or a table "
         "with the keys of a robot file [m, deg or rad]"
     )
-    base_link: str | None = Field(
-        None,
-        description="Link of a URDF that stands in the world, whose frame is the world's; defaults "
-        "to its root",
-    )
-    tip_link: str | None = Field(
-        None,
-        description="Link of a URDF in whose frame tools are given; defaults to its leaf, where it "
-        "has one only",
-    )
     controller: ControllerTable | None = Field(
         None,
         description="How the controller counts the joints; takes the place of that of the robot's "
@@ -175,9 +136,7 @@ class Specification(Table):
     tool: Tool = Field(description="Calibration tool: where the load acts and the marker is")
     load: LoadChoice = Field(description="Loads that a calibration experiment may apply")
     measurement: Measurement = Field(description="Measured quantities and their noise")
-    joints: JointsTable = Field(
-        description="Unknown and known compliances, and joints that do not move"
-    )
+    joints: Joints = Field(description="Unknown and known compliances, and joints that do not move")
     workspace: WorkspaceTable = Field(
         WorkspaceTable(), description="Constraints on the calibration poses"
     )

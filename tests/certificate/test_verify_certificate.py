@@ -224,11 +224,11 @@ def test_values_are_those_of_the_registry(name: str) -> None:
     target = rng.standard_normal((3, 4))
     for size in (4, 9, 40):
         rows = rng.standard_normal((size, 4)) * 10.0 ** rng.uniform(-2, 2, 4)
-        found = values.value(name, rows, target)
+        found = values.value(name, rows, [target])
         assert found == pytest.approx(
             float(criteria.create(name, target).value(rows.T @ rows)), rel=1e-7
         )
-    assert not np.isfinite(values.cost(name, values.value(name, rows[:2], target)))
+    assert not np.isfinite(values.cost(name, values.value(name, rows[:2], [target])))
 
 
 @pytest.mark.parametrize("path", PATHS, ids=lambda path: path.stem)

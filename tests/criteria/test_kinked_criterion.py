@@ -9,10 +9,10 @@ from matrices import candidates, make, positive, sensitivities, slip, symmetric,
 
 import criteria
 
-BUILTINS = ("A", "D", "E", "G", "O1", "O2", "O3", "O4", "O5", "rho0")
-KINKED = ("E", "G", "O2", "O3", "O4")
+BUILTINS = ("A", "D", "E", "G", "O1", "O2", "O3", "O4", "O5", "rho0", "rho_max")
+KINKED = ("E", "G", "O2", "O3", "O4", "rho_max")
 # Maxima in the cost: exponents of the soft maxima of eigenvalues or diagonals, added up.
-EXPONENT = {"E": 1.0, "G": 1.0, "O2": 1.0, "O3": 0.5, "O4": 1.5}
+EXPONENT = {"E": 1.0, "G": 1.0, "O2": 1.0, "O3": 0.5, "O4": 1.5, "rho_max": 1.0}
 
 with_kinks = pytest.mark.parametrize("name", KINKED)
 sharpnesses = pytest.mark.parametrize("sharpness", [2.0, 8.0, 50.0, 1e4])
@@ -44,7 +44,7 @@ def test_smoothing_says_so_and_leaves_the_original(name):
 
     The original keeps its kinks.
     """
-    c = criteria.create(name)
+    c = make(name, 4)
     smooth = c.smoothed(8.0)
     assert smooth.smooth
     assert not c.smooth
@@ -112,7 +112,7 @@ def test_smoothed_cost_is_homogeneous(name):
         assert abs(np.sum(c.gradient(M) * M) + c.degree * c.cost(M)) <= 8 * slip(M) * c.cost(M)
 
 
-@pytest.mark.parametrize("name", ["E", "G", "O3"])
+@pytest.mark.parametrize("name", ["E", "G", "O3", "rho_max"])
 def test_smoothed_cost_is_convex_and_monotone(name):
     """cost(N) >= cost(M) + <G(M), N - M> for all pairs, and more information never costs more."""
     rng = np.random.default_rng(5)

@@ -20,8 +20,8 @@ from criteria.linalg.inverse import whitener
 
 pytestmark = pytest.mark.slow
 
-BUILTINS = ("A", "D", "E", "G", "O1", "O2", "O3", "O4", "O5", "rho0")
-POLARS = ("A", "D", "E", "G", "O1", "O3", "O5", "rho0")
+BUILTINS = ("A", "D", "E", "G", "O1", "O2", "O3", "O4", "O5", "rho0", "rho_max")
+POLARS = ("A", "D", "E", "G", "O1", "O3", "O5", "rho0", "rho_max")
 GAP = 1e-6
 
 every = pytest.mark.parametrize("name", [*BUILTINS, "balance"])

@@ -8,7 +8,7 @@ import criteria
 from criteria import PowerCriterion
 
 POWERS = {"O1": "D", "O3": "E"}
-OTHERS = ("A", "D", "E", "G", "O2", "O4", "O5", "rho0")
+OTHERS = ("A", "D", "E", "G", "O2", "O4", "O5", "rho0", "rho_max")
 
 powers = pytest.mark.parametrize(("name", "base"), POWERS.items())
 

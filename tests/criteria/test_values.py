@@ -24,10 +24,11 @@ def definition(name, A, target):
         "O4": s[-1] ** 2 / s[0],
         "O5": (1 / s).sum(),
         "rho0": np.linalg.norm(target @ Vt[:p].T / s),
+        "rho_max": np.linalg.norm(target @ Vt[:p].T / s),  # of a single task
     }[name]
 
 
-BUILTINS = ("A", "D", "E", "G", "O1", "O2", "O3", "O4", "O5", "rho0")
+BUILTINS = ("A", "D", "E", "G", "O1", "O2", "O3", "O4", "O5", "rho0", "rho_max")
 
 
 @pytest.mark.parametrize("name", BUILTINS)
@@ -58,6 +59,7 @@ def test_a_single_parameter(name):
         "O4": 3,
         "O5": 1 / 3,
         "rho0": 5 / 3,
+        "rho_max": 5 / 3,
     }
     value = criteria.create(name, target=[[3.0], [4.0]]).value([[9.0]])
     np.testing.assert_allclose(value, expected[name], rtol=1e-14)
@@ -79,5 +81,5 @@ def test_d_survives_a_determinant_that_underflows():
 def test_reading_of_table_1():
     """O3 is maximised although it is printed "min"; O2 and O5 are minimised; G reads diag(cov)."""
     senses = {name: criteria.get(name).sense for name in BUILTINS}
-    assert [n for n in BUILTINS if senses[n] == "min"] == ["A", "G", "O2", "O5", "rho0"]
+    assert [n for n in BUILTINS if senses[n] == "min"] == ["A", "G", "O2", "O5", "rho0", "rho_max"]
     assert criteria.create("G").value(np.diag([4.0, 10.0])) == pytest.approx(0.25)

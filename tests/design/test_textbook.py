@@ -308,6 +308,7 @@ def test_one_instrument_a_parameter(name, a):
         "O4": np.sqrt(least),
         "O5": np.sum(a ** (-1 / 3)) ** 1.5,
         "rho0": np.sum(c * a**-0.5),
+        "rho_max": np.sum(c * a**-0.5),  # of a single task
     }[name]
     problem = rows(np.concatenate([np.diag(np.sqrt(a)), np.diag(np.sqrt(a / 2))]))
     r = relax(problem, criteria.create(name, target=np.diag(c)))

@@ -40,6 +40,7 @@ def test_definitions(plan):
         "O4": s[-1] ** 2 / s[0],
         "O5": (1 / s).sum(),
         "rho0": np.sqrt(np.trace(STUDY.target @ cov @ STUDY.target.T)),
+        "rho_max": np.sqrt(np.trace(STUDY.target @ cov @ STUDY.target.T)),
     }
     found = evaluate(STUDY, plan)
     assert found.criteria == pytest.approx(expected, rel=1e-9)

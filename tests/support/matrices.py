@@ -17,8 +17,15 @@ SOLVER = 1e-9  # what the solver is asked for in `solve`, relative to an objecti
 
 @cache
 def make(name: str, p: int) -> criteria.Criterion:
-    """A criterion by name, with a random target if it needs one."""
-    return criteria.create(name, target=np.random.default_rng(p).normal(size=(3, p)))
+    """A criterion by name, with a random target, or those of four tasks, if it needs them.
+
+    The tasks are equally bad where all variances are one.
+    """
+    rng = np.random.default_rng(p)
+    target = rng.normal(size=(3, p))
+    targets = rng.normal(size=(4, 3, p))
+    targets *= np.sqrt(p) / np.linalg.norm(targets, axis=(1, 2), keepdims=True)
+    return criteria.create(name, target=target, targets=targets)
 
 
 def balance(around: Array, share: float = 0.5) -> SpectralBalance:

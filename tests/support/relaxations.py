@@ -129,7 +129,7 @@ def costs(name, M, target):
         return np.trace(cov, axis1=-2, axis2=-1)
     if name == "G":
         return np.diagonal(cov, axis1=-2, axis2=-1).max(axis=-1)
-    if name == "rho0":
+    if name in ("rho0", "rho_max"):  # of a single task
         return np.sqrt(np.trace(target @ cov @ target.T, axis1=-2, axis2=-1))
     variances = np.maximum(np.linalg.eigvalsh(cov), 0.0)
     if name == "O5":
@@ -186,6 +186,7 @@ def proved(name, Z, blocks, M, target):
         "O3": lambda: np.sqrt(np.trace(Z) / t),
         "O5": lambda: root_trace(Z, 1 / 3) ** 1.5 / np.sqrt(t),
         "rho0": lambda: root_trace(target @ Z @ target.T) / np.sqrt(t),
+        "rho_max": lambda: root_trace(target @ Z @ target.T) / np.sqrt(t),
     }[name]()
 
 

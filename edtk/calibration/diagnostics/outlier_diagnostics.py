@@ -38,9 +38,9 @@ def _rest(fitted: FittedData) -> float | None:
     if not fit.known or fit.robust:
         return None
     rest = np.delete(np.arange(len(fitted.data)), fit.outliers)
-    noise = fitted.noise[rest]
+    sigma = fitted.data.sigma[rest]
     try:
-        again = identify(fitted.A[rest], fitted.measured[rest], noise, fit.parameters)
+        again = identify(fitted.A[rest], fitted.measured[rest], sigma, fit.parameters)
     except SingularPlanError:
         return None
     return again.p_value

@@ -15,14 +15,15 @@ PARALLEL = 1e-6  # sine of the angle between two lines of which one is left out
 OUTSIDE = 1e-9  # by how much, beside its coordinates, rounding can move a corner
 
 
-def lower_bound(name: str, Z: Array, t: Array, target: Array | None, M: Array) -> float:
+def lower_bound(name: str, Z: Array, t: Array, targets: list[Array], M: Array) -> float:
     """The least cost that any design can have.
 
     Args:
-        name: One of the ten criteria.
+        name: One of the eleven criteria.
         Z: Multipliers (r, p, p), symmetric; but for O2 and O4 positive semidefinite up to rounding.
         t: Their largest sensitivities (r,), rounded up; those of O2 are per trace.
-        target: The target (r, p), for rho0.
+        targets: A target (r, p) to each multiplier, for rho0 and rho_max; else none. That of
+            rho_max is a mean of its tasks, which no design can have better than the worst of them.
         M: The information matrix (p, p) of the design, near which the bound of G is tight.
     """
     if name == "O2":
@@ -30,7 +31,10 @@ def lower_bound(name: str, Z: Array, t: Array, target: Array | None, M: Array) -
     if name == "O4":
         return _noise_amplification(Z, t)
     found = 0.0
-    for z, top in zip(Z, t, strict=True):
+    if name in ("rho0", "rho_max") and not targets:
+        raise ValueError(f"{name} needs a test pose")
+    for j, (z, top) in enumerate(zip(Z, t, strict=True)):
+        target = targets[j] if targets else None
         # A multiplier without a positive sensitivity would exclude every design: nobody's proof.
         if top > 0:
             found = max(found, _polar(name, _factor(z), target, M) * top ** -DEGREE[name])
@@ -45,9 +49,7 @@ def _polar(name: str, factor: Array, target: Array | None, M: Array) -> float:
     p = len(factor)
     if name == "G":
         return _largest_variance(factor, M)
-    if name == "rho0" and target is None:
-        raise ValueError("rho0 needs a test pose")
-    side = factor if name != "rho0" else factor @ np.asarray(target).T
+    side = factor if target is None else factor @ target.T
     roots = np.linalg.svd(side, compute_uv=False)
     if name in ("D", "O1"):
         if roots[-1] <= 0:

@@ -7,14 +7,14 @@ import numpy as np
 
 from edtk.certificate.recompute.chain import Chain
 from edtk.certificate.recompute.load import Load
-from edtk.certificate.recompute.neighbourhood import neighbourhood
-from edtk.certificate.recompute.plain_data import number, numbers, rows, table, text, whole
+from edtk.certificate.recompute.plain_data import numbers, rows, table, text, whole
+from edtk.certificate.recompute.regressors import regressors
+from edtk.certificate.recompute.tasks import Tasks
 from edtk.certificate.recompute.workspace import Workspace
 from edtk.system.typing import Array, Mask
 
 TINY = 1e-9  # violation of a constraint that is rounding [m or rad]
 MEASURED = {"position": 3, "pose": 6}  # rows that an experiment measures
-LONGEST_LEVER = 1e3  # of rotations that count as displacements [m]
 KEYS = ("robot", "unknown", "rows", "sigma", "load", "workspace", "excluded", "free", "fixed")
 
 
@@ -31,7 +31,7 @@ class Setting:
         load: Loads that may be applied.
         free: Indices of the joints that are designed.
         fixed: Joint variables (n,) whose entries outside `free` are kept [rad or m].
-        target: Target (r, p) of rho0, from the test pose; None without one.
+        tasks: The tasks, of which there may be none.
     """
 
     name: str
@@ -42,7 +42,7 @@ class Setting:
     load: Load
     free: list[int]
     fixed: Array
-    target: Array | None
+    tasks: Tasks
 
     @classmethod
     def from_dict(cls, content: Any) -> "Setting":
@@ -68,12 +68,12 @@ class Setting:
             load=Load.from_dict(content["load"]),
             free=_indices(content["free"], n, "setting.free"),
             fixed=numbers(content["fixed"], (n,), "setting.fixed"),
-            target=_target(content, unknown),
+            tasks=Tasks.from_content(content["test_pose"], content["robot"], unknown),
         )
 
     def whitened_rows(self, q: Array, wrench: Array) -> Array:
         """Regressors over sigma (k, rows, p) of poses q (k, n) with wrenches (k, 6)."""
-        A = _regressors(self.chain, self.unknown, q, wrench)
+        A = regressors(self.chain, self.unknown, q, wrench)
         return A[:, : len(self.sigma)] / self.sigma[:, None]
 
     def violation(self, q: Array) -> Array:
@@ -90,37 +90,6 @@ class Setting:
         """Whether each experiment x (k, n + d) is allowed, but for rounding."""
         n = len(self.fixed)
         return (self.violation(x[:, :n]) <= TINY) & self.load.allows(x[:, n:])
-
-
-def _target(content: dict[str, Any], unknown: list[int]) -> Array | None:
-    """Target (r, p) of rho0 with the tool of the task: the squares of its rows are the harm.
-
-    For a test pose alone it is the regressor A0. Over a neighbourhood it has the rows of all its
-    poses, divided by the root of their number. Rotation rows count with the lever, if there is one.
-    """
-    if content["test_pose"] is None:
-        return None
-    where = "setting.test_pose"
-    task = table(content["test_pose"], ("q", "tool", "wrench"), where, ("within", "lever"))
-    chain = Chain.from_dict(content["robot"] | {"tool": task["tool"]})
-    q = numbers(task["q"], (len(chain.axes),), f"{where}.q")
-    wrench = numbers(task["wrench"], (6,), f"{where}.wrench")
-    within = number(task.get("within", 0.0), f"{where}.within")
-    lever = number(task.get("lever", 0.0), f"{where}.lever")
-    if not 0 <= within <= np.pi or not 0 <= lever <= LONGEST_LEVER:
-        raise ValueError(f"{where}: expected an angle within half a turn, and a lever in metres")
-    poses = neighbourhood(chain, q, within) if within else q[None]
-    A = _regressors(chain, unknown, poses, np.tile(wrench, (len(poses), 1)))
-    scale = np.array([1.0, 1.0, 1.0, lever, lever, lever])
-    rows_of_all = (A * scale[:, None])[:, : 6 if lever else 3]
-    return np.concatenate(rows_of_all) / np.sqrt(len(poses))
-
-
-def _regressors(chain: Chain, unknown: list[int], q: Array, wrench: Array) -> Array:
-    """Regressors (k, 6, p), Eq. (4): each column of the Jacobian times its torque ``J_j' W``."""
-    columns = chain.jacobian(q)[:, :, unknown]
-    torque = np.einsum("krp,kr->kp", columns, wrench)
-    return np.asarray(columns * torque[:, None])
 
 
 def _name(value: Any) -> str:

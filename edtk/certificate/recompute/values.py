@@ -1,4 +1,4 @@
-"""Values of the ten criteria from the singular values of the stacked rows, never from M itself."""
+"""Values of the criteria from the singular values of the stacked rows, never from M itself."""
 
 import numpy as np
 
@@ -15,28 +15,30 @@ DEGREE = {
     "O4": 0.5,
     "O5": 0.5,
     "rho0": 0.5,
+    "rho_max": 0.5,
 }
 MAXIMISED = ("D", "E", "O1", "O3", "O4")
 
 
-def value(name: str, stacked: Array, target: Array | None) -> float:
+def value(name: str, stacked: Array, targets: list[Array]) -> float:
     """The criterion's value, as printed, of a design with stacked whitened rows (N, p).
 
     Args:
-        name: One of the ten criteria.
+        name: One of the eleven criteria.
         stacked: Rows of ``A_i / sigma``, each times the root of its weight or of its repetitions.
-        target: The target (r, p), which rho0 needs.
+        targets: Targets (r, p) of which the harm is the largest one, for rho0 and rho_max: of all
+            tasks together for rho0, of each task for rho_max.
 
     Raises:
-        ValueError: The name is unknown, or rho0 has no target.
+        ValueError: The name is unknown, or there is no target where one is needed.
     """
     _, s, V = np.linalg.svd(stacked, full_matrices=False)
     if len(s) < stacked.shape[1] or s[-1] <= 0:
         return 0.0 if name in MAXIMISED else float("inf")
-    if name == "rho0":
-        if target is None:
-            raise ValueError("rho0 needs a test pose")
-        return float(np.linalg.norm(target @ (V.T / s)))
+    if name in ("rho0", "rho_max"):
+        if not targets:
+            raise ValueError(f"{name} needs a test pose")
+        return max(float(np.linalg.norm(target @ (V.T / s))) for target in targets)
     variances = ((V.T / s) ** 2).sum(axis=1)
     mean_log = np.log(s).mean()
     found = {

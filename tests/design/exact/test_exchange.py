@@ -54,7 +54,6 @@ def assert_no_exchange_helps(problem, criterion, plan, repeats, cost):
 
 def assert_close_to_enumeration(names, starts, repeated):
     """The best of several starts is the best of all plans in 95 of 100 cases, else within 1 %."""
-    assert sum(100 // len(names) for _ in names) == 100
     off = []
     for seed in range(100):
         rng, problem, m, A0 = case(seed)
@@ -87,7 +86,7 @@ def test_against_enumeration(family):
 
 
 def test_repetitions_against_enumeration():
-    """The same holds for places that are measured one to four times each, over all ten criteria."""
+    """The same holds for places that are measured one to four times each, over all criteria."""
     assert_close_to_enumeration(criteria.available(), 40, repeated=True)
 
 

@@ -1,0 +1,20 @@
+"""The linear model of the deflection, one column after the other."""
+
+import numpy as np
+
+from edtk.certificate.recompute.chain import Chain
+from edtk.system.typing import Array
+
+
+def regressors(chain: Chain, unknown: list[int], q: Array, wrench: Array) -> Array:
+    """Regressors (k, 6, p), Eq. (4): each column of the Jacobian times its torque ``J_j' W``.
+
+    Args:
+        chain: The robot with its tool.
+        unknown: Indices (p,) of the joints whose compliances are the parameters.
+        q: Poses (k, n) [rad or m].
+        wrench: Loads (k, 6) [N, N m].
+    """
+    columns = chain.jacobian(q)[:, :, unknown]
+    torque = np.einsum("krp,kr->kp", columns, wrench)
+    return np.asarray(columns * torque[:, None])

@@ -1,1 +1,0 @@
-"""Robots from URDF files: a tree of links and joints, and the chain between two of its links."""

@@ -1,0 +1,35 @@
+"""Where the robot shall be accurate, as the keys of a study's tables `test_pose` and `task`."""
+
+from typing import Annotated
+
+from pydantic import Field
+
+from edtk.study.table import Table
+from edtk.study.tool_table import Load, Tool
+from edtk.system.finite import Finite
+
+Robust = Annotated[Finite, Field(ge=0, le=180)]
+Lever = Annotated[Finite, Field(ge=0, le=1e6)]
+
+
+class TestPose(Table):
+    """The task: the pose and load in which the robot shall be accurate."""
+
+    __test__ = False  # so that pytest does not collect the class because of its name
+
+    q_deg: tuple[Finite, ...] = Field(
+        description="Joint variables, one per joint [deg; mm for a prismatic joint]"
+    )
+    tool: Tool = Field(description="Tool of the task")
+    load: Load = Field(description="Load of the task")
+    robust_deg: Robust = Field(
+        0.0,
+        description="Design for all poses whose joints are within this of the test pose: rho0 is "
+        "the root mean square over them; a prismatic joint moves by the share robust_deg / 360 of "
+        "its range [deg]",
+    )
+    lever_mm: Lever = Field(
+        0.0,
+        description="A rotation of the tool counts as the displacement at this distance from the "
+        "tool point; 0 if rotations do no harm [mm]",
+    )
