@@ -139,9 +139,7 @@ def create(
     return _create(cls, target, targets)
 
 
-def _create(
-    cls: type[Criterion], target: ArrayLike | None, targets: ArrayLike | None
-) -> Criterion:
+def _create(cls: type[Criterion], target: ArrayLike | None, targets: ArrayLike | None) -> Criterion:
     """Construct a criterion of all parameters."""
     if not cls.needs_target:
         return cls()

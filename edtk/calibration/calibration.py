@@ -243,7 +243,7 @@ class Calibration(Presented):
             self.study,
             self.fitted.A,
             self.fitted.measured,
-            self.data.sigma,
+            self.fitted.noise,
             Estimate(self.fit.k, self.fit.covariance),
             rng,
             noise=noise,

@@ -12,6 +12,7 @@ from edtk.inference.least_squares import Estimate
 from edtk.inference.noise import Noise
 from edtk.inference.posterior import Posterior
 from edtk.inference.sample_posterior import SamplingOptions, sample_posterior
+from edtk.inference.whiten import RowNoise
 from edtk.study.study import Study
 from edtk.system.typing import Array
 
@@ -23,7 +24,7 @@ def check_posterior(
     study: Study,
     A: Array,
     measured: Array,
-    sigma: Array,
+    sigma: RowNoise,
     identified: Estimate,
     rng: np.random.Generator,
     *,
@@ -36,7 +37,7 @@ def check_posterior(
         study: Priors, names and test pose.
         A: Regressors (m, rows, p).
         measured: Deflections (m, rows) [m, rad].
-        sigma: Noise (m, rows) [m, rad].
+        sigma: Noise (m, rows) [m, rad], or correlated noise.
         identified: The estimate from these measurements. Its covariance is Eq. (13), corrected
             where sigma was estimated, or where the loss was not least squares; that of
             `first_estimate` where there are none.

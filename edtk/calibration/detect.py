@@ -1,7 +1,7 @@
 """The power of a plan to notice a fault, and the experiment that would add most to it."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from edtk.design.sample_feasible import sample_feasible
 from edtk.inference.distributions import chi_square_quantile
 from edtk.inference.least_squares import Whitened
 from edtk.inference.measurements import Measurements
+from edtk.inference.whiten import RowNoise
 from edtk.study.study import Study
 from edtk.system.errors import ArgumentError
 from edtk.system.typing import Array, Indices
@@ -118,7 +119,7 @@ def _detection(
 
     def power(rows: Indices, family: Family, D: Array) -> float:
         """Power of some rows against one fault."""
-        return _power(A[rows], D[rows], both.sigma[rows], study.model.parameters, family.dims)
+        return _power(A[rows], D[rows], both.noise[rows], study.model.parameters, family.dims)
 
     changes = [
         family.derivative_at_zero(study.compliances) @ np.full(family.dims, size / family.dims**0.5)
@@ -144,7 +145,7 @@ def _detection(
     )
 
 
-def _power(A: Array, D: Array, sigma: Array, parameters: tuple[str, ...], dims: int) -> float:
+def _power(A: Array, D: Array, sigma: RowNoise, parameters: tuple[str, ...], dims: int) -> float:
     """Probability that a change D (m, rows) of the measurements is noticed."""
     from scipy.special import chndtr
 
@@ -162,10 +163,13 @@ def _candidates(study: Study) -> Measurements:
 
 def _joined(first: Measurements, second: Measurements) -> Measurements:
     """The rows of both."""
-    names = ("q", "wrench", "deflection", "sigma", "marker")
-    return replace(
-        first,
-        **{name: np.concatenate([getattr(first, name), getattr(second, name)]) for name in names},
+
+    def both(name: str) -> Array:
+        """One column of both."""
+        return np.concatenate([getattr(first, name), getattr(second, name)])
+
+    return Measurements(
+        both("q"), both("wrench"), both("deflection"), both("sigma"), both("marker")
     )
 
 

@@ -69,7 +69,7 @@ def error_budget(
     """
     A0 = task.target
     A = data.regressor(model)
-    whitened = Whitened.of(A, data.sigma, model.parameters)
+    whitened = Whitened.of(A, data.noise, model.parameters)
 
     def moved(*changes: Array) -> float:
         """Length of the tool point's shift in the task, by changes (m, rows, c) of readings."""
@@ -123,9 +123,8 @@ def _repeatability(
     A0: Array, whitened: Whitened, repeats: Indices | Array | None, std: float
 ) -> float:
     """Error by independent shifts of every measurement [m]."""
-    # A row's shift u enters the whitened measurements as u/sigma, and the estimate by Q.
-    rows = slice(0, 3)
-    Q = whitened.Q[:, rows] * whitened.weight[:, rows, None]
+    # A row's shift u enters the whitened measurements as W u, and the estimate by Q.
+    Q = whitened.by_reading()[:, :3]
     if repeats is not None:
         Q = Q / np.sqrt(repeats[:, None, None])
     gram = np.einsum("mrp,mrq->pq", Q, Q)

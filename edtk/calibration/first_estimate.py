@@ -3,12 +3,13 @@
 from edtk.calibration.study_prior import study_prior
 from edtk.inference.fit_with_prior import fit_with_prior
 from edtk.inference.least_squares import Estimate, SingularPlanError, estimate
+from edtk.inference.whiten import RowNoise
 from edtk.study.study import Study
 from edtk.system.typing import Array
 
 
 def first_estimate(
-    study: Study, A: Array, measured: Array, sigma: Array
+    study: Study, A: Array, measured: Array, sigma: RowNoise
 ) -> tuple[Estimate, tuple[str, ...]]:
     """Fit compliances by least squares; with the study's prior where these have no answer.
 
@@ -16,7 +17,7 @@ def first_estimate(
         study: Names and prior.
         A: Regressors (m, rows, p).
         measured: Deflections (m, rows) [m, rad].
-        sigma: Noise that broadcasts to (m, rows) [m, rad].
+        sigma: Noise that broadcasts to (m, rows) [m, rad], or correlated noise.
 
     Returns:
         The estimate, and the names of the parameters that measurements alone do not tell.

@@ -24,6 +24,7 @@ from edtk.inference.least_squares import Estimate, SingularPlanError, Whitened
 from edtk.inference.linearise import linearise
 from edtk.inference.measurements import Measurements, row_numbers
 from edtk.inference.prior import Prior
+from edtk.inference.whiten import RowNoise, whiten
 from edtk.model.all_compliances import all_compliances
 from edtk.model.equilibrium import NoEquilibriumError
 from edtk.study.study import Study
@@ -94,7 +95,7 @@ class FittedData:
         A = data.regressor(study.model)
         names = study.model.parameters
         unexplained = data.deflection - known_part(study, data)
-        fit = identify(A, unexplained, data.sigma, names, robust, known)
+        fit = identify(A, unexplained, data.noise, names, robust, known)
         found = cls(study, data, A, unexplained, fit, plan=plan)
         if not linear and found._bends_much():
             found = found._of_equilibrium()
@@ -131,25 +132,25 @@ class FittedData:
         names = study.model.parameters
         A = data.regressor(study.model)
         measured = data.deflection - known_part(study, data)
-        found = fit_with_prior(A, measured, data.sigma, names, prior)
+        found = fit_with_prior(A, measured, data.noise, names, prior)
         bends = False
         if not linear:
             k = all_compliances(study.model, np.maximum(found.k, 0.0), study.known)
             try:
                 seen = LinearisedData.of(data, linearise(study.model, data, k))
-                found = fit_with_prior(seen.A, seen.measured, data.sigma, names, prior)
+                found = fit_with_prior(seen.A, seen.measured, data.noise, names, prior)
                 A = seen.A
                 measured = seen.measured
                 bends = True
             except NoEquilibriumError:
                 pass  # Such compliances are wrong in any case, which the residuals tell.
-        fit = Identification.of_estimate(found, A, measured, data.sigma, known, robust)
+        fit = Identification.of_estimate(found, A, measured, data.noise, known, robust)
         return cls(study, data, A, measured, fit, bends, plan=plan, untold=untold)
 
     def described_by(self, found: Estimate) -> "FittedData":
         """The same measurements with another estimate that rests on the prior, too."""
         fit = Identification.of_estimate(
-            found, self.A, self.measured, self.data.sigma, self.fit.known, self.fit.robust
+            found, self.A, self.measured, self.noise, self.fit.known, self.fit.robust
         )
         return replace(self, fit=fit)
 
@@ -181,6 +182,11 @@ class FittedData:
         return replace(self, A=seen.A, measured=seen.measured, fit=fit, common_noise=True)
 
     @property
+    def noise(self) -> RowNoise:
+        """The noise of A and measured."""
+        return self.data.noise
+
+    @property
     def _complete(self) -> Array:
         """Compliances (n,) of all joints, zero for those that count as rigid [rad/(N m)]."""
         return all_compliances(self.study.model, self.fit.unbounded, self.study.known)
@@ -194,7 +200,7 @@ class FittedData:
         some = self.data[rows]
         try:
             linear = linearise(self.study.model, some, self._complete)
-            whitened = Whitened.of(linear.A, some.sigma, self.study.model.parameters)
+            whitened = Whitened.of(linear.A, some.noise, self.study.model.parameters)
         except (NoEquilibriumError, SingularPlanError):
             return False
         linear_part = self.A[rows] @ self.fit.unbounded + known_part(self.study, some)
@@ -236,7 +242,7 @@ class FittedData:
         """Whether repetitions agree better with each other than with the model."""
         if self.untold:
             return None
-        z = self.fit.residual / self.data.sigma
+        z = whiten(self.fit.residual, self.data.noise)
         return lack_of_fit(z, self._repetitions, len(self.fit.k))
 
     @property

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from edtk.calibration.posterior_check import PosteriorCheck
+from edtk.inference.whiten import std_of
 from edtk.system.errors import UserError
 from edtk.system.typing import Array
 
@@ -62,7 +63,7 @@ def inference_data(check: PosteriorCheck, target: Array | None = None) -> bytes:
         data = arviz.from_dict(
             posterior=_variables(check, target),
             observed_data={"deflection": check.measured},
-            constant_data={"regressor": check.A, "sigma": check.sigma},
+            constant_data={"regressor": check.A, "sigma": std_of(check.sigma)},
             coords={"axis": ["x", "y", "z"]},
             dims=DIMENSIONS,
             posterior_attrs={"sampler": "emcee", "steps": check.posterior.steps},

@@ -29,6 +29,6 @@ def linear_model_bias(study: Study, data: Measurements, A: Array, k: Array) -> A
     some_A = A.T.take(rows, axis=-1).T
     try:
         added = nonlinear_part(study, some, k, some_A)
-        return estimate(some_A, added, some.sigma, study.model.parameters).k
+        return estimate(some_A, added, some.noise, study.model.parameters).k
     except (NoEquilibriumError, SingularPlanError):
         return None

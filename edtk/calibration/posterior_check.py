@@ -8,6 +8,7 @@ import numpy as np
 from edtk.calibration.pose_error import PoseError
 from edtk.inference.noise import Noise
 from edtk.inference.posterior import Posterior
+from edtk.inference.whiten import RowNoise
 from edtk.system.presented import Presented
 from edtk.system.typing import Array
 
@@ -30,7 +31,7 @@ class PosteriorCheck(Presented):
         posterior: The samples.
         A: Regressors (m, rows, p).
         measured: Deflections (m, rows) [m, rad].
-        sigma: Noise (m, rows) [m, rad].
+        sigma: Noise (m, rows) [m, rad], or correlated noise.
         noise: Assumptions about the noise.
         pose: Errors in the test pose; None without one.
         sigma_estimated: Whether posterior and fit both estimated the size of normal noise, and all
@@ -44,7 +45,7 @@ class PosteriorCheck(Presented):
     posterior: Posterior
     A: Array
     measured: Array
-    sigma: Array
+    sigma: RowNoise
     noise: Noise
     pose: PoseError | None
     sigma_estimated: bool = False

@@ -60,8 +60,9 @@ def command(
     Columns of MEASUREMENTS: poses and wrenches as in a plan; dx_mm dy_mm dz_mm, or positions x0_mm
     y0_mm z0_mm without and x_mm y_mm z_mm with load; drx_deg dry_deg drz_deg if rotations are
     measured; optionally sigma_mm, of the displacement (the difference of the positions), or
-    sigma_x_mm sigma_y_mm sigma_z_mm, and the marker's offset from the tool point in the tool frame,
-    marker_x_mm marker_y_mm marker_z_mm.
+    sigma_x_mm sigma_y_mm sigma_z_mm, or its covariance in the world frame, cov_xx_mm2 cov_xy_mm2
+    cov_xz_mm2 cov_yy_mm2 cov_yz_mm2 cov_zz_mm2; and the marker's offset from the tool point in
+    the tool frame, marker_x_mm marker_y_mm marker_z_mm.
     `edtk template` makes such a sheet.
 
     With --bayes priors are those of the [prior] of STUDY, errors Student-t if --robust, sigma

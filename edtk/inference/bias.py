@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 
 from edtk.inference.equilibrium_deflection import equilibrium_deflection
 from edtk.inference.least_squares import estimate
+from edtk.inference.whiten import AnyNoise
 from edtk.model.elastostatic_model import ElastostaticModel
 from edtk.system.presented import Presented
 from edtk.system.typing import Array
@@ -69,7 +70,7 @@ def linearisation_bias(
     model: ElastostaticModel,
     q: Array,
     wrench: ArrayLike,
-    sigma: ArrayLike,
+    sigma: AnyNoise,
     k: ArrayLike,
     known: Mapping[int, float] | None = None,
 ) -> Bias:
@@ -83,7 +84,7 @@ def linearisation_bias(
         q: Poses (m, n), one a measurement [rad or m].
         wrench: Forces and torques (m, 6) or (6,) [N, N m].
         sigma: Noise, one number, one a row (rows,), or one a row of each measurement (m, rows)
-            [m, rad].
+            [m, rad]; or correlated noise.
         k: True compliances (n,) of all joints [rad/(N m)]. A joint that is not among the unknown
             ones bends too, and its part of the measurements is ascribed to the others, less what
             is known.

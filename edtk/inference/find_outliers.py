@@ -15,7 +15,9 @@ ALONE = 0.99
 DETERMINED = 1e-9
 
 
-def find_outliers(Q: Array, z: Array, dof: float, scale: float | None = None) -> Indices:
+def find_outliers(
+    Q: Array, z: Array, dof: float, scale: float | None = None, total: float | None = None
+) -> Indices:
     """Find rows (measurements of one marker, all coordinates together) that are outliers at 1 %.
 
     With ``H_i = Q_i Q_i'`` the block of the hat matrix, ``T_i = z_i' (I - H_i)^-1 z_i`` is the drop
@@ -34,6 +36,8 @@ def find_outliers(Q: Array, z: Array, dof: float, scale: float | None = None) ->
         z: Residuals in units of the given noise (m, rows).
         dof: Degrees of freedom of the fit, or of the scale.
         scale: A scale that outliers do not spoil; None for that of the other rows.
+        total: The sum of squares S; None for that of z. It is another one where errors are
+            correlated, see `Whitened.deletable`.
 
     Returns:
         Indices of the rows, counted from 0.
@@ -43,7 +47,7 @@ def find_outliers(Q: Array, z: Array, dof: float, scale: float | None = None) ->
         squares = T / max(scale, np.finfo(float).tiny) ** 2
         p = np.where(r > 0, chi_square_tail(squares, np.maximum(r, 1)), 1.0)
     else:
-        p = _studentised(T, r, (z**2).sum(), dof, scale)
+        p = _studentised(T, r, (z**2).sum() if total is None else total, dof, scale)
     return np.flatnonzero(p < LEVEL / len(T))
 
 

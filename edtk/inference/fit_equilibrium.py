@@ -83,7 +83,7 @@ def fit_equilibrium(
     joints = model.joints
     for _ in range(ITERATIONS):
         linearised = LinearisedData.of(data, linearise(model, data, k))
-        whitened = Whitened.of(linearised.A, data.sigma, model.parameters)
+        whitened = Whitened.of(linearised.A, data.noise, model.parameters)
         estimate = whitened.solve(linearised.measured)
         step = (estimate - k[joints]) / np.sqrt(np.diag(whitened.covariance))
         k[joints] = estimate
@@ -109,4 +109,4 @@ def _identified(
     known: bool,
 ) -> Identification:
     """The fit of linearised measurements, with everything that the residuals say."""
-    return identify(linearised.A, linearised.measured, data.sigma, model.parameters, robust, known)
+    return identify(linearised.A, linearised.measured, data.noise, model.parameters, robust, known)

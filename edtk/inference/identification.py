@@ -7,6 +7,7 @@ import numpy as np
 
 from edtk.inference.distributions import chi_square_quantile, student_quantile
 from edtk.inference.least_squares import Estimate
+from edtk.inference.whiten import RowNoise, whiten, whiten_columns
 from edtk.system.presented import Presented
 from edtk.system.typing import Array, Indices, Mask
 
@@ -81,7 +82,7 @@ class Identification(Presented):
         found: Estimate,
         A: Array,
         measured: Array,
-        sigma: Array,
+        sigma: RowNoise,
         known: bool,
         robust: bool = False,
     ) -> "Identification":
@@ -94,13 +95,13 @@ class Identification(Presented):
             found: Compliances and covariance.
             A: Regressors (m, rows, p) [m/(rad/(N m))].
             measured: Deflections (m, rows) [m, rad].
-            sigma: Noise (m, rows) [m, rad].
+            sigma: Noise (m, rows) [m, rad], or correlated noise.
             known: Whether sigma is believed.
             robust: Whether errors are to have heavy tails in a posterior.
         """
         residual = measured - A @ found.k
-        z = residual / sigma
-        X = A / sigma[..., None]
+        z = whiten(residual, sigma)
+        X = whiten_columns(A, sigma)
         leverage = np.clip(np.einsum("mri,ij,mrj->mr", X, found.covariance, X), 0.0, 1.0)
         dof = max(measured.size - int(np.linalg.matrix_rank(X.reshape(-1, len(found.k)))), 0)
         square = float((z**2).sum())

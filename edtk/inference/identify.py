@@ -10,6 +10,7 @@ from edtk.inference.find_outliers import find_outliers
 from edtk.inference.fit_huber import fit_huber
 from edtk.inference.identification import MAD_EFFICIENCY, Identification
 from edtk.inference.least_squares import Whitened
+from edtk.inference.whiten import RowNoise
 from edtk.system.typing import Array
 
 # Degrees of freedom of a robust covariance, as a share of those of least squares with sigma
@@ -67,7 +68,7 @@ class NothingLeftError(ValueError):
 def identify(
     A: Array,
     measured: Array,
-    sigma: Array,
+    sigma: RowNoise,
     parameters: tuple[str, ...],
     robust: bool = False,
     known: bool = True,
@@ -87,7 +88,8 @@ def identify(
     Args:
         A: Regressors (m, rows, p) [m/(rad/(N m))].
         measured: Deflections (m, rows) [m, rad].
-        sigma: Noise (m, rows) [m, rad]; only its proportions count where `known` is false.
+        sigma: Noise (m, rows) [m, rad], or correlated noise; only its proportions count where
+            `known` is false.
         parameters: Names (p,).
         robust: Huber's loss instead of squares, see `edtk.inference.fit_huber`.
         known: Whether sigma is believed, or a common factor of it is estimated from the residuals.
@@ -108,7 +110,7 @@ def identify(
     if robust and data.dof and not too_few:
         return _robust(fit, data)
     z = _without_rounding(data.in_sigma(fit.residual), data.y)
-    outliers = find_outliers(data.whitened.Q, z, data.dof)
+    outliers = find_outliers(*data.whitened.deletable(z), data.dof, total=float((z**2).sum()))
     return replace(fit, outliers=outliers, too_few_for_robust=too_few)
 
 
@@ -140,7 +142,7 @@ class _Data:
 
     def in_sigma(self, lengths: Array) -> Array:
         """Deflections or residuals (m, rows) in units of the noise."""
-        return lengths * self.whitened.weight
+        return self.whitened.in_sigma(lengths)
 
     def nothing_left(self, reason: NothingLeft) -> NothingLeftError:
         """The error for a noise that cannot be estimated."""
@@ -221,7 +223,7 @@ def _robust(fit: Identification, data: _Data) -> Identification:
         scale=found.scale,
         robust=True,
         covariance_dof=HUBER_CERTAINTY * fit.dof,
-        outliers=find_outliers(whitened.Q, _without_rounding(z, y), scale_dof, trusted),
+        outliers=find_outliers(*whitened.deletable(_without_rounding(z, y)), scale_dof, trusted),
     )
 
 

@@ -3,11 +3,12 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from criteria.linalg.inverse import guarded_inverse
+from edtk.inference.correlated_noise import CorrelatedNoise
+from edtk.inference.whiten import AnyNoise, whiten_columns
 from edtk.system.presented import Presented
-from edtk.system.typing import Array
+from edtk.system.typing import Array, Indices
 
 
 class SingularPlanError(ValueError):
@@ -95,7 +96,7 @@ def _singular(M: Array, parameters: tuple[str, ...]) -> SingularPlanError:
     return SingularPlanError(named, tuple(d for d in directions if d not in parameters))
 
 
-def estimate(A: Array, measured: Array, sigma: ArrayLike, parameters: tuple[str, ...]) -> Estimate:
+def estimate(A: Array, measured: Array, sigma: AnyNoise, parameters: tuple[str, ...]) -> Estimate:
     """Fit compliances to deflections by weighted least squares, solved by QR.
 
     Eq. (6) and (9): ``k = (sum A_i'A_i)^-1 sum A_i' dp_i``, rows weighted by 1/sigma^2.
@@ -103,7 +104,8 @@ def estimate(A: Array, measured: Array, sigma: ArrayLike, parameters: tuple[str,
     Args:
         A: Regressors (m, rows, p) [m/(rad/(N m))].
         measured: Deflections dp (..., m, rows) [m, rad].
-        sigma: Noise, one number, one a row (rows,) or one a measurement and row (m, rows) [m, rad].
+        sigma: Noise, one number, one a row (rows,) or one a measurement and row (m, rows) [m, rad];
+            or correlated noise.
         parameters: Names (p,).
 
     Raises:
@@ -117,14 +119,16 @@ def estimate(A: Array, measured: Array, sigma: ArrayLike, parameters: tuple[str,
 class Whitened:
     """Regressors in units of the noise, factored once for any number of fits.
 
-    ``A / sigma = Q R diag(scale)`` with ``Q'Q = I``.
+    ``W A = Q R diag(scale)`` with ``Q'Q = I``; W divides by sigma, or makes correlated errors
+    independent.
 
     Attributes:
         Q: Orthonormal columns (m, rows, p).
         R: Upper triangle (p, p) of columns of unit length.
-        scale: Length (p,) of each column of A/sigma.
+        scale: Length (p,) of each column of W A.
         weight: 1/sigma (m, rows).
         covariance: Eq. (13) (p, p).
+        correlated: The noise where its errors are correlated; None where W is `weight`.
     """
 
     Q: Array
@@ -132,16 +136,20 @@ class Whitened:
     scale: Array
     weight: Array
     covariance: Array
+    correlated: CorrelatedNoise | None = None
 
     @classmethod
-    def of(cls, A: Array, sigma: ArrayLike, parameters: tuple[str, ...]) -> "Whitened":
-        """Factor regressors (m, rows, p) with noise that broadcasts to (m, rows).
+    def of(cls, A: Array, sigma: AnyNoise, parameters: tuple[str, ...]) -> "Whitened":
+        """Factor regressors (m, rows, p) and the noise, of sizes that broadcast to (m, rows).
 
         Raises:
             SingularPlanError: The regressors do not identify all parameters.
         """
-        weight = 1.0 / np.broadcast_to(np.asarray(sigma, dtype=float), A.shape[:2])
-        stacked = (A * weight[..., None]).reshape(-1, A.shape[-1])
+        correlated = sigma if isinstance(sigma, CorrelatedNoise) else None
+        std = sigma.std if isinstance(sigma, CorrelatedNoise) else np.asarray(sigma, dtype=float)
+        weight = 1.0 / np.broadcast_to(std, A.shape[:2])
+        whole = A * weight[..., None] if correlated is None else whiten_columns(A, correlated)
+        stacked = whole.reshape(-1, A.shape[-1])
         # Called for its error alone: the inverse below comes from the rows, by QR, which does not
         # square the condition number as stacked' stacked does.
         covariance(stacked.T @ stacked, parameters)
@@ -149,11 +157,18 @@ class Whitened:
         scale = np.linalg.norm(stacked, axis=0)
         Q, R = np.linalg.qr(stacked / scale)
         inverse = np.linalg.inv(R) / scale[:, None]
-        return cls(Q.reshape(A.shape), R, scale, weight, inverse @ inverse.T)
+        cov = inverse @ inverse.T
+        return cls(Q.reshape(A.shape), R, scale, weight, cov, correlated)
+
+    def in_sigma(self, lengths: Array) -> Array:
+        """Deflections or residuals (..., m, rows) in units of the noise, as independent numbers."""
+        if self.correlated is None:
+            return lengths * self.weight
+        return self.correlated.whiten(lengths)
 
     def project(self, measured: Array) -> Array:
-        """``Q' (dp / sigma)`` (..., p): all that deflections (..., m, rows) say of parameters."""
-        y = (measured * self.weight).reshape(*measured.shape[:-2], -1)
+        """``Q' W dp`` (..., p): all that deflections (..., m, rows) say of parameters."""
+        y = self.in_sigma(measured).reshape(*measured.shape[:-2], -1)
         return y @ self.Q.reshape(-1, len(self.scale))
 
     def solve(self, measured: Array) -> Array:
@@ -161,10 +176,49 @@ class Whitened:
         return np.linalg.solve(self.R, self.project(measured)[..., None])[..., 0] / self.scale
 
     def residual(self, measured: Array) -> Array:
-        """``(I - Q Q') (dp / sigma)`` (m, rows): what no parameters explain, in units of the noise.
+        """``(I - Q Q') W dp`` (m, rows): what no parameters explain, in units of the noise.
 
         Args:
             measured: Deflections dp (m, rows).
         """
-        z = measured * self.weight
+        z = self.in_sigma(measured)
         return np.asarray(z - self.Q @ np.einsum("mrp,mr->p", self.Q, z))
+
+    def shift(self, rows: Indices) -> tuple[Indices, Array]:
+        """A common shift of some measurements by a unit of each coordinate, whitened.
+
+        Returns:
+            The measurements (t,) that it shows in, which are more where errors are correlated, and
+            its columns (t, rows, rows) in them.
+        """
+        coordinates = self.weight.shape[1]
+        if self.correlated is None:
+            return rows, self.weight[rows][:, :, None] * np.eye(coordinates)
+        company = self.correlated.company(rows)
+        moved = np.isin(company, rows)[:, None, None] * np.eye(coordinates)
+        return company, whiten_columns(moved, self.correlated[company])
+
+    def by_reading(self) -> Array:
+        """``W' Q`` (m, rows, p): what a unit of each coordinate adds to ``Q' W dp``."""
+        if self.correlated is None:
+            return self.Q * self.weight[:, :, None]
+        return np.moveaxis(self.correlated.adjoint(np.moveaxis(self.Q, -1, 0)), 0, -1)
+
+    def deletable(self, z: Array) -> tuple[Array, Array]:
+        """Regressors and residuals from which single measurements can be left out.
+
+        With ``B_i = W_i' Q`` of a measurement's columns W_i, and ``N_i = W_i' W_i``, leaving it out
+        lowers the sum of squares by ``d_i' (N_i - B_i B_i')^-1 d_i`` for ``d_i = W_i' z``. That is
+        the form which independent measurements have, of ``N_i^-1/2 B_i`` and ``N_i^-1/2 d_i``.
+
+        Args:
+            z: Whitened residuals (m, rows).
+
+        Returns:
+            These two, (m, rows, p) and (m, rows).
+        """
+        if self.correlated is None:
+            return self.Q, z
+        values, vectors = np.linalg.eigh(self.correlated.precision())
+        root = (vectors / np.sqrt(values)[:, None]) @ np.swapaxes(vectors, 1, 2)
+        return root @ self.by_reading(), (root @ self.correlated.adjoint(z)[..., None])[..., 0]

@@ -1,11 +1,14 @@
 """Measured deflections: what a measurement file holds."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 
+from edtk.inference.correlated_noise import CorrelatedNoise
+from edtk.inference.sheet_noise import sheet_noise
+from edtk.inference.whiten import RowNoise
 from edtk.model.elastostatic_model import ElastostaticModel
 from edtk.model.frames import cross
 from edtk.model.robot import Robot
@@ -13,18 +16,13 @@ from edtk.system.presented import Presented
 from edtk.system.typing import Array, Indices
 from edtk.tables.pose_table import PoseTable
 from edtk.tables.sheet_columns import (
-    AXIS_SIGMA_COLUMNS,
     DEFLECTION_COLUMNS,
     LOADED_COLUMNS,
     MARKER_COLUMNS,
     ROTATION_COLUMNS,
     SHEET_COLUMNS,
-    SIGMA_COLUMN,
     UNLOADED_COLUMNS,
 )
-
-# A standard deviation that anybody can mean; the square of a smaller one underflows.
-LEAST_SIGMA_MM = 1e-9
 
 # A marker that moves by more than this share of the robot's reach was not moved by its load.
 FAR = 0.1
@@ -46,6 +44,8 @@ class Measurements(Presented):
             [m, rad].
         sigma: Standard deviation of the noise (m, rows) [m, rad].
         marker: Offset (m, 3) of the marker from the tool point, in the tool frame [m].
+        covariance: The noise where its errors are correlated, of which sigma is then the standard
+            deviation; None where they are independent.
     """
 
     q: Array
@@ -53,6 +53,7 @@ class Measurements(Presented):
     deflection: Array
     sigma: Array
     marker: Array
+    covariance: CorrelatedNoise | None = None
 
     def headline(self) -> str:
         """How many measurements of how many poses."""
@@ -65,7 +66,13 @@ class Measurements(Presented):
 
     def __getitem__(self, rows: Indices | slice) -> "Measurements":
         """The chosen measurements."""
-        return Measurements(*(getattr(self, f.name)[rows] for f in fields(self)))
+        columns = {f.name: getattr(self, f.name) for f in fields(self)}
+        return replace(self, **{n: c[rows] for n, c in columns.items() if c is not None})
+
+    @property
+    def noise(self) -> RowNoise:
+        """Standard deviations (m, rows) [m, rad], or the noise where its errors are correlated."""
+        return self.sigma if self.covariance is None else self.covariance
 
     @cached_property
     def pose(self) -> Indices:
@@ -112,7 +119,9 @@ class Measurements(Presented):
         position ``x0_mm y0_mm z0_mm`` and its loaded one ``x_mm y_mm z_mm``, in the world frame;
         ``drx_deg dry_deg drz_deg`` where rotations are measured (a small rotation vector in the
         world frame); optionally ``sigma_mm``, or ``sigma_x_mm sigma_y_mm sigma_z_mm`` where axes
-        differ, and ``marker_x_mm marker_y_mm marker_z_mm``.
+        differ, or ``cov_xx_mm2 cov_xy_mm2 cov_xz_mm2 cov_yy_mm2 cov_yz_mm2 cov_zz_mm2`` where a
+        tracker states the covariance of each displacement, in the world frame; and ``marker_x_mm
+        marker_y_mm marker_z_mm``.
 
         Args:
             path: The CSV file; rows are counted from 1, the header left out.
@@ -126,12 +135,14 @@ class Measurements(Presented):
             PoseFileError: Names the file and the row or column.
         """
         table = PoseTable.read(path, "measurement file").with_known(robot, SHEET_COLUMNS)
+        noise, covariance = sheet_noise(table, sigma)
         return cls(
             q=table.poses(robot, fixed),
             wrench=_wrenches(table, wrench),
             deflection=_deflection(table, robot.reach, rotations=len(sigma) == 6),
-            sigma=_noise(table, sigma),
+            sigma=noise,
             marker=_markers(table),
+            covariance=covariance,
         )
 
 
@@ -163,7 +174,7 @@ def _deflection(table: PoseTable, reach: float, rotations: bool) -> Array:
     if not displacement.any():
         raise table.error("all measured displacements are zero; expected those that the load made")
     if rotations:
-        turned = np.deg2rad(_vector(table, ROTATION_COLUMNS))
+        turned = np.deg2rad(table.vectors(ROTATION_COLUMNS))
         return np.hstack([displacement, turned])
     given = [column for column in ROTATION_COLUMNS if column in table]
     if given:
@@ -184,13 +195,13 @@ def _displacement(table: PoseTable) -> Array:
             "expected displacements or positions, not both"
         )
     if positions:
-        return (_vector(table, LOADED_COLUMNS) - _vector(table, UNLOADED_COLUMNS)) / 1e3
+        return (table.vectors(LOADED_COLUMNS) - table.vectors(UNLOADED_COLUMNS)) / 1e3
     if not given:
         raise table.error(
             f"column {DEFLECTION_COLUMNS[0]!r} is missing; "
             f"expected {', '.join(DEFLECTION_COLUMNS)}, or {', '.join(position_columns)}"
         )
-    return _vector(table, DEFLECTION_COLUMNS) / 1e3
+    return table.vectors(DEFLECTION_COLUMNS) / 1e3
 
 
 def _require_near(table: PoseTable, displacement: Array, reach: float) -> None:
@@ -201,7 +212,7 @@ def _require_near(table: PoseTable, displacement: Array, reach: float) -> None:
     far = np.flatnonzero(np.abs(displacement).max(axis=1) > FAR * reach)
     if not len(far) or LOADED_COLUMNS[0] not in table:
         return
-    if np.abs(_vector(table, LOADED_COLUMNS)).max() >= MICROMETRES * reach:
+    if np.abs(table.vectors(LOADED_COLUMNS)).max() >= MICROMETRES * reach:
         return
     columns = ", ".join((*UNLOADED_COLUMNS, *LOADED_COLUMNS))
     moved_mm = 1e3 * np.linalg.norm(displacement[far[0]])
@@ -211,46 +222,8 @@ def _require_near(table: PoseTable, displacement: Array, reach: float) -> None:
     )
 
 
-def _noise(table: PoseTable, sigma: Array) -> Array:
-    """Standard deviations (m, rows) [m, rad]: the study's, or the file's where it has some."""
-    noise = np.tile(sigma, (len(table), 1))
-    by_axis = [column for column in AXIS_SIGMA_COLUMNS if column in table]
-    if SIGMA_COLUMN in table:
-        if by_axis:
-            raise table.error(
-                f"columns {SIGMA_COLUMN!r} and {by_axis[0]!r}: expected one noise of all axes, or "
-                f"{', '.join(AXIS_SIGMA_COLUMNS)}, not both"
-            )
-        _require_noise(table, SIGMA_COLUMN)
-        noise[:, :3] = table.numbers(SIGMA_COLUMN)[:, None] / 1e3
-    elif by_axis:
-        noise[:, :3] = _vector(table, AXIS_SIGMA_COLUMNS) / 1e3
-        for column in AXIS_SIGMA_COLUMNS:
-            _require_noise(table, column)
-    return noise
-
-
-def _require_noise(table: PoseTable, column: str) -> None:
-    """Refuse standard deviations that are not positive."""
-    values = table.numbers(column)
-    bad = np.flatnonzero(values < LEAST_SIGMA_MM)
-    if len(bad):
-        raise table.error(
-            f"row {bad[0] + 1}, column {column}: {values[bad[0]]:g} is not a positive "
-            f"number of at least {LEAST_SIGMA_MM:g}"
-        )
-
-
 def _markers(table: PoseTable) -> Array:
     """Offsets (m, 3) of the markers [m]; zero where the file says nothing of markers."""
     if any(column in table for column in MARKER_COLUMNS):
-        return _vector(table, MARKER_COLUMNS) / 1e3
+        return table.vectors(MARKER_COLUMNS) / 1e3
     return np.zeros((len(table), 3))
-
-
-def _vector(table: PoseTable, columns: tuple[str, ...]) -> Array:
-    """Three columns (m, 3), none of which may be missing."""
-    missing = [column for column in columns if column not in table]
-    if missing:
-        raise table.error(f"column {missing[0]!r} is missing; expected {', '.join(columns)}")
-    return np.stack([table.numbers(column) for column in columns], axis=-1)

@@ -11,6 +11,7 @@ from edtk.inference.draw_positive import draw_positive
 from edtk.inference.least_squares import Estimate
 from edtk.inference.noise import Noise
 from edtk.inference.prior import Prior
+from edtk.inference.whiten import RowNoise, whiten, whiten_columns
 from edtk.system.typing import Array
 
 # emcee's differential evolution moves along differences of two other walkers, which must span the
@@ -37,10 +38,10 @@ class MeasuredRows:
     squares: float
 
     @classmethod
-    def of(cls, A: Array, measured: Array, sigma: Array, k: Array) -> "MeasuredRows":
+    def of(cls, A: Array, measured: Array, sigma: RowNoise, k: Array) -> "MeasuredRows":
         """Rows of regressors (m, rows, p), with residuals of the fit k (p,)."""
-        X = (A / np.broadcast_to(sigma, measured.shape)[..., None]).reshape(-1, A.shape[-1])
-        y = (measured / sigma).ravel()
+        X = whiten_columns(A, sigma).reshape(-1, A.shape[-1])
+        y = whiten(measured, sigma).ravel()
         return cls(X, y, float(((y - X @ k) ** 2).sum()))
 
     @property

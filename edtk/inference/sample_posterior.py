@@ -13,6 +13,7 @@ from edtk.inference.posterior import Posterior
 from edtk.inference.posterior_density import MeasuredRows, PosteriorDensity
 from edtk.inference.prior import Prior
 from edtk.inference.run_chain import Chain, Demand, no_progress, run_chain
+from edtk.inference.whiten import RowNoise, numbers_of
 from edtk.system.typing import Array
 
 # Degrees of freedom up to which Student's t has no variance.
@@ -78,7 +79,7 @@ DEFAULT_OPTIONS = SamplingOptions()
 def sample_posterior(
     A: Array,
     measured: Array,
-    sigma: Array,
+    sigma: RowNoise,
     fit: Estimate,
     rng: np.random.Generator,
     *,
@@ -91,7 +92,8 @@ def sample_posterior(
     Args:
         A: Regressors (m, rows, p) [m/(rad/(N m))].
         measured: Deflections (m, rows) [m, rad].
-        sigma: Noise, one a row (rows,) or one a measurement and row (m, rows) [m, rad].
+        sigma: Noise, one a row (rows,) or one a measurement and row (m, rows) [m, rad]; or
+            correlated noise, whose whitened rows are then the ones with normal or Student-t errors.
         fit: The least-squares estimate, for scale, start and names.
         rng: Source of randomness.
         prior: Of the compliances; None for flat on positive compliances.
@@ -110,7 +112,7 @@ def sample_posterior(
     density = PosteriorDensity.of(data, fit, prior, noise)
     start = density.start(data, rng, options.walkers)
     seed = int(rng.integers(2**31))
-    content = [A, measured, sigma, start, np.array([seed])]
+    content = [A, measured, *numbers_of(sigma), start, np.array([seed])]
     file = density.file(options.chain, content)
     chain = run_chain(density, start, seed, options.demand, file=file, progress=options.progress)
     return _posterior(chain, fit.parameters, noise)

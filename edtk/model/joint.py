@@ -9,6 +9,7 @@ from edtk.system.typing import Array
 
 Kind = Literal["revolute", "prismatic"]
 SHORTEST = 1e-6  # axis; one that is shorter, or longer than its reciprocal, is a slip of the pen
+ONE_TURN = (-np.pi, np.pi)  # limits of a joint that has none [rad]
 LONGEST_NAME = 64  # characters
 # Signs that begin a comment in a table, or let a spreadsheet take it for one with semicolons.
 REFUSED = ("#", ";")
@@ -25,10 +26,12 @@ class Joint:
         axis: Axis of positive motion (3,) in that frame; normalised here.
         limits: Lower and upper limit [rad], or [m] for a prismatic joint.
         kind: "revolute" or "prismatic".
+        continuous: A revolute joint that turns without end; its limits are `ONE_TURN`, within which
+            its angle is written.
 
     Raises:
-        ValueError: The name cannot head a column, the axis is zero, the limits are not in order, or
-            the kind is unknown.
+        ValueError: The name cannot head a column, the axis is zero, the limits are not in order or
+            those of a continuous joint are not one turn, or the kind is unknown.
     """
 
     name: str
@@ -36,6 +39,7 @@ class Joint:
     axis: Array
     limits: tuple[float, float]
     kind: Kind = "revolute"
+    continuous: bool = False
 
     def __post_init__(self) -> None:
         _require_name(self.name)
@@ -55,6 +59,10 @@ class Joint:
         if self.kind not in get_args(Kind):
             raise ValueError(
                 f"joint {self.name}: kind must be 'revolute' or 'prismatic', not {self.kind!r}"
+            )
+        if self.continuous and (self.kind, self.limits) != ("revolute", ONE_TURN):
+            raise ValueError(
+                f"joint {self.name}: a continuous joint is revolute, and its limits are one turn"
             )
         # A second division could move the last digit: a joint that is written and read again
         # has to be the same one.

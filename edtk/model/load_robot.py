@@ -1,5 +1,6 @@
 """Robots by name: those that ship with edtk, and files of the same form."""
 
+from collections.abc import Mapping
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 from pathlib import Path
@@ -7,9 +8,14 @@ from typing import Any
 
 from edtk.model.robot import Robot
 from edtk.model.robot_from_dict import RobotFileError, robot_from_dict
+from edtk.model.urdf.load_urdf import load_urdf
 from edtk.system.errors import UserError
 from edtk.system.parse_toml import MOST_MB, parse_toml
 from edtk.system.read_text import read_text
+
+TOML = ".toml"
+URDF = ".urdf"
+XACRO = ".xacro"
 
 
 def builtin_robots() -> tuple[str, ...]:
@@ -18,28 +24,56 @@ def builtin_robots() -> tuple[str, ...]:
     return tuple(sorted(name.removesuffix(".toml") for name in names if name.endswith(".toml")))
 
 
-def load_robot(name: str, folder: Path | None = None) -> Robot:
-    """Read a built-in robot by its name, or a robot file (TOML) by its path.
+def load_robot(
+    name: Path | str,
+    folder: Path | None = None,
+    *,
+    base: str | None = None,
+    tip: str | None = None,
+    limits: Mapping[str, tuple[float, float]] | None = None,
+) -> Robot:
+    """Read a built-in robot by its name, or a robot file (TOML or URDF) by its path.
 
-    The keys of a file are those of `edtk.model.robot_from_dict`.
+    The keys of a TOML file are those of `edtk.model.robot_from_dict`.
 
     Args:
-        name: One of `builtin_robots()`, or a path ending in ".toml".
+        name: One of `builtin_robots()`, or a path ending in ".toml" or ".urdf".
         folder: The folder to which a relative path is relative; defaults to the current one.
+        base: Link of a URDF that stands in the world; defaults to its root.
+        tip: Link of a URDF that carries the tool; defaults to its leaf, where it has one only.
+        limits: Lower and upper limits by joint, in place of those of the file [rad or m].
 
     Raises:
         RobotFileError: No such robot, or its file is not valid; one line that says where.
     """
-    if name.endswith(".toml"):
+    name = str(name)
+    if name.endswith(URDF):
+        path = (folder or Path()) / name
+        return _limited(load_urdf(path, base, tip, limits, name), limits)
+    if name.endswith(XACRO):
+        message = "is a xacro file; expected the URDF that `xacro FILE > FILE.urdf` makes of it"
+        raise RobotFileError(message, where=f"robot {name}")
+    for key, link in (("base_link", base), ("tip_link", tip)):
+        if link is not None:
+            message = f"has no links; {link!r} goes with a URDF file"
+            raise RobotFileError(message, where=f"robot {name}", key=key)
+    if name.endswith(TOML):
         content = _content(name, folder or Path())
     elif name in builtin_robots():
         content = parse_toml((_builtin_folder() / f"{name}.toml").read_text(encoding="utf-8"))
     else:
         raise RobotFileError(
             f"unknown robot {name!r}; built in: {', '.join(builtin_robots())}; "
-            "or give a path to a .toml file"
+            "or give a path to a .toml or .urdf file"
         )
-    return robot_from_dict(content, where=f"robot {name}")
+    return _limited(robot_from_dict(content, where=f"robot {name}"), limits)
+
+
+def _limited(robot: Robot, limits: Mapping[str, tuple[float, float]] | None) -> Robot:
+    try:
+        return robot.with_limits(limits or {})
+    except ValueError as error:
+        raise RobotFileError(str(error), key="limits") from error
 
 
 def _content(name: str, folder: Path) -> dict[str, Any]:

@@ -1,6 +1,6 @@
 """Serial chains of revolute and prismatic joints: forward kinematics and Jacobian, batch first."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -95,6 +95,11 @@ class Robot(Presented):
         return shown if self.controller is None else self.controller.model_of(shown)
 
     @cached_property
+    def continuous(self) -> Mask:
+        """Mask (n,) of the joints that turn without end."""
+        return np.array([joint.continuous for joint in self.joints])
+
+    @cached_property
     def reach(self) -> float:
         """An upper bound on the distance of any point of the chain from the world's origin [m]."""
         links = [self.base, self.tool, *(joint.origin for joint in self.joints)]
@@ -108,6 +113,26 @@ class Robot(Presented):
         # A product with the identity would turn negative zeros into positive ones.
         plain = np.array_equal(self.flange, np.eye(4))
         return replace(self, tool=tool if plain else self.flange @ tool)
+
+    def with_limits(self, limits: Mapping[str, tuple[float, float]]) -> "Robot":
+        """The same chain with other limits of some joints, by name [rad or m].
+
+        A continuous joint that is limited is no longer continuous.
+
+        Raises:
+            ValueError: The chain has no such joint, or limits are not in order.
+        """
+        for name in limits:
+            if name not in self.joint_names:
+                has = ", ".join(self.joint_names)
+                raise ValueError(f"robot {self.name}: no joint {name!r}; it has {has}")
+        joints = tuple(
+            replace(joint, limits=limits[joint.name], continuous=False)
+            if joint.name in limits
+            else joint
+            for joint in self.joints
+        )
+        return replace(self, joints=joints) if limits else self
 
     @cached_property
     def _links(self) -> list[tuple[Array, Array]]:

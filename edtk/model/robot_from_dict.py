@@ -9,7 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from pydantic_core import PydanticCustomError
 
 from edtk.model.controller_table import ControllerTable
-from edtk.model.joint import Joint
+from edtk.model.joint import ONE_TURN, Joint
 from edtk.model.link import Link
 from edtk.model.robot import Robot
 from edtk.model.transform import transform
@@ -97,6 +97,9 @@ class _Joint(_Placed):
     limits_m: tuple[Finite, Finite] | None = Field(
         None, description="Lower and upper limit of a prismatic joint [m]"
     )
+    continuous: bool = Field(
+        False, description="Whether a revolute joint turns without end; it has no limits then"
+    )
     mass_kg: Annotated[Finite, Field(ge=0)] | None = Field(
         None,
         description="Mass of the body that the joint moves, up to the next joint; given for all "
@@ -111,6 +114,12 @@ class _Joint(_Placed):
         allowed = ("limits_deg", "limits_rad") if self.kind == "revolute" else ("limits_m",)
         every = ("limits_deg", "limits_rad", "limits_m")
         given = [key for key in every if getattr(self, key) is not None]
+        if self.continuous:
+            if given or self.kind != "revolute":
+                raise PydanticCustomError(
+                    "limits", "a continuous joint is revolute, and takes no limits"
+                )
+            return self
         if len(given) != 1 or given[0] not in allowed:
             raise PydanticCustomError(
                 "limits", f"a {self.kind} joint takes {allowed[0]}, and no other limits"
@@ -131,12 +140,21 @@ class _Joint(_Placed):
         return Link(self.mass_kg, np.array(self.center_m))
 
     def build(self) -> Joint:
+        return Joint(
+            self.name,
+            self.place(self.origin_m),
+            np.array(self.axis),
+            self._limits(),
+            self.kind,
+            self.continuous,
+        )
+
+    def _limits(self) -> tuple[float, float]:
+        if self.continuous:
+            return ONE_TURN
         limits = self.limits_m or self.limits_rad or tuple(np.deg2rad(self.limits_deg or (0, 0)))
         lower, upper = limits
-        origin = self.place(self.origin_m)
-        return Joint(
-            self.name, origin, np.array(self.axis), (float(lower), float(upper)), self.kind
-        )
+        return float(lower), float(upper)
 
 
 class RobotFile(_Table):

@@ -55,6 +55,8 @@ def _link(link: Link | None) -> dict[str, Any]:
 
 def _limits(joint: Joint) -> dict[str, Any]:
     """The limits, revolute ones in degrees if these give back the same radians."""
+    if joint.continuous:
+        return {"continuous": True}
     limits = [float(limit) for limit in joint.limits]
     if joint.kind == "prismatic":
         return {"limits_m": limits}

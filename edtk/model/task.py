@@ -30,6 +30,7 @@ class Task:
             `neighbourhood`; zero for q alone [rad].
         lever: A rotation of the tool counts as the displacement at this distance from the tool
             point; zero if rotations do no harm [m].
+        weight: How much the task counts beside others; zero for a task that is only looked at.
     """
 
     q: Array
@@ -40,6 +41,7 @@ class Task:
     known: tuple[int, ...] = ()
     within: float = 0.0
     lever: float = 0.0
+    weight: float = 1.0
 
     @cached_property
     def model(self) -> ElastostaticModel:

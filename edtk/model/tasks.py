@@ -73,7 +73,7 @@ class Tasks(tuple[Task, ...]):
 
     @cached_property
     def rigid_joints(self) -> tuple[RigidJoint, ...]:
-        """Joints that count as rigid although a load turns them, each in the task that does most."""
+        """Joints that count as rigid although a load turns them, where that does most."""
         most: dict[str, RigidJoint] = {}
         for joint in (joint for task in self for joint in task.rigid_joints):
             if joint.name not in most or joint.displacement > most[joint.name].displacement:

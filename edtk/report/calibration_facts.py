@@ -3,6 +3,7 @@
 import numpy as np
 
 from edtk.calibration.calibration import Calibration
+from edtk.inference.measurements import Measurements
 from edtk.report.page import facts, section
 from edtk.system.typing import Array
 from edtk.version import __version__
@@ -29,7 +30,7 @@ def _measured(found: Calibration) -> list[tuple[str, str]]:
         ("SHA-256", found.origin.sha256),
         ("Last changed", found.origin.changed),
         ("Rows", _rows(len(data), poses, coordinates)),
-        ("Stated noise", _stated_noise(data.sigma)),
+        ("Stated noise", _stated_noise(data)),
         ("Estimated noise", _estimated_noise(found)),
         ("Load", _load(data.wrench)),
         ("Tool", f"{_vector(tool.position_mm)} mm from the last joint{turned}"),
@@ -79,9 +80,12 @@ def _fit(found: Calibration) -> str:
     return "weighted least squares"
 
 
-def _stated_noise(sigma: Array) -> str:
-    """The stated sigma of positions and of rotations."""
+def _stated_noise(data: Measurements) -> str:
+    """The stated sigma of positions and of rotations, and whether errors are correlated."""
+    sigma = data.sigma
     text = f"{_range(1e3 * sigma[:, :3])} mm for each coordinate"
+    if data.covariance is not None:
+        text = f"{text}, correlated within a row as the sheet states"
     if sigma.shape[1] == 3:
         return text
     return f"{text}, {_range(np.rad2deg(sigma[:, 3:]))} deg for each rotation"

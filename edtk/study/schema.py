@@ -12,11 +12,12 @@ from edtk.model.constraints.height import Height
 from edtk.model.constraints.radius import Radius
 from edtk.model.constraints.tilt import Tilt
 from edtk.model.controller_table import ControllerTable
+from edtk.study.joints_table import JointsTable
 from edtk.study.load_choice import LoadChoice
 from edtk.study.prior_table import PriorTable
 from edtk.study.table import Compliance, Count, Positive, Sigma, Table
-from edtk.study.task_table import TestPose
-from edtk.study.tool_table import Tool
+from edtk.study.test_pose import TestPose
+from edtk.study.tool import Tool
 from edtk.study.uncertainty_table import UncertaintyTable
 from edtk.system.errors import UserError
 from edtk.system.finite import Finite
@@ -28,7 +29,7 @@ MORE_DESCENTS = 4
 ACCURACY = "rho0"  # the accuracy in the test pose, for which a calibration is usually made
 WITHOUT_A_TEST_POSE = "D"
 MOST_CANDIDATES = 10**9  # beyond them no machine would end
-ROBOT_FILE = ".toml"  # ending of a robot's file; names of built-in robots have none
+ROBOT_FILE = (".toml", ".urdf")  # ends of a robot's file; names of built-in robots have none
 
 
 def _listed(value: object) -> object:
@@ -52,25 +53,6 @@ class Measurement(Table):
     sigma_mm: Sigma = Field(description="Standard deviation of a displacement, per coordinate [mm]")
     sigma_deg: Sigma | None = Field(
         None, description="Standard deviation of a rotation, per axis; for rows = 'pose' [deg]"
-    )
-
-
-class Joints(Table):
-    """Joints whose compliances are unknown or known, and joints that do not move."""
-
-    unknown: Annotated[tuple[str, ...], Field(min_length=1)] = Field(
-        description="Names of the joints whose compliances are identified"
-    )
-    known_rad_per_Nm: dict[str, Compliance] = Field(
-        {},
-        description="Compliances that are known, by joint; none of them is among `unknown` "
-        "[rad/(N m)]",
-    )
-    fixed_deg: dict[str, Finite] = Field(
-        {}, description="Angles of revolute joints that stay where they are, by joint [deg]"
-    )
-    fixed_mm: dict[str, Finite] = Field(
-        {}, description="Positions of prismatic joints that stay where they are, by joint [mm]"
     )
 
 
@@ -128,6 +110,16 @@ class Specification(Table):
         description="Name of a built-in robot, path of a robot file beside the study, or a table "
         "with the keys of a robot file [m, deg or rad]"
     )
+    base_link: str | None = Field(
+        None,
+        description="Link of a URDF that stands in the world, whose frame is the world's; defaults "
+        "to its root",
+    )
+    tip_link: str | None = Field(
+        None,
+        description="Link of a URDF in whose frame tools are given; defaults to its leaf, where it "
+        "has one only",
+    )
     controller: ControllerTable | None = Field(
         None,
         description="How the controller counts the joints; takes the place of that of the robot's "
@@ -136,7 +128,9 @@ class Specification(Table):
     tool: Tool = Field(description="Calibration tool: where the load acts and the marker is")
     load: LoadChoice = Field(description="Loads that a calibration experiment may apply")
     measurement: Measurement = Field(description="Measured quantities and their noise")
-    joints: Joints = Field(description="Unknown and known compliances, and joints that do not move")
+    joints: JointsTable = Field(
+        description="Unknown and known compliances, and joints that do not move"
+    )
     workspace: WorkspaceTable = Field(
         WorkspaceTable(), description="Constraints on the calibration poses"
     )

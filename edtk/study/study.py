@@ -9,9 +9,7 @@ from typing import Any, Unpack
 
 from edtk.design.design_space import DesignSpace
 from edtk.design.plan import Plan
-from edtk.model.load_robot import load_robot
 from edtk.model.robot import Robot
-from edtk.model.robot_from_dict import RobotFileError, robot_from_dict
 from edtk.model.robot_to_dict import robot_to_dict
 from edtk.study.check_study import check_study
 from edtk.study.load_plan import load_plan
@@ -21,6 +19,7 @@ from edtk.study.read_toml import read_toml
 from edtk.study.schema import Specification, read_specification
 from edtk.study.study_keys import StudyKeys, keys_signature
 from edtk.study.study_objects import StudyObjects
+from edtk.study.study_robot import study_robot
 from edtk.study.study_space import study_space
 from edtk.study.study_toml import study_toml
 from edtk.system.presented import Presented
@@ -78,7 +77,7 @@ class Study(StudyObjects, Presented):
         """Set all attributes but the digest of a file, and check them."""
         self._set(path=path, folder=folder, excluded=None, _given=given)
         specification = read_specification(given, self.where)
-        robot = self._load_robot(specification.robot)
+        robot = study_robot(specification, self.folder, self.where)
         if specification.controller is not None:
             robot = replace(robot, controller=specification.controller.build(robot, self.where))
         self._set(robot=robot.with_tool(specification.tool.build()))
@@ -93,15 +92,6 @@ class Study(StudyObjects, Presented):
         """Set attributes of a study that is not yet handed out."""
         for name, value in attributes.items():
             object.__setattr__(self, name, value)
-
-    def _load_robot(self, given: str | dict[str, Any]) -> Robot:
-        """The robot of a name, a path or a table."""
-        try:
-            if isinstance(given, str):
-                return load_robot(given, self.folder)
-            return robot_from_dict(given)
-        except RobotFileError as error:
-            raise self.error("robot", str(error)) from error
 
     @classmethod
     def from_toml(cls, path: Path | str) -> "Study":

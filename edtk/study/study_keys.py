@@ -14,6 +14,8 @@ class StudyKeys(TypedDict, total=False):
 
     title: str | None
     robot: Robot | str | Path | Mapping[str, Any]
+    base_link: str | None
+    tip_link: str | None
     controller: Mapping[str, Any] | None
     tool: Mapping[str, Any]
     load: Mapping[str, Any]

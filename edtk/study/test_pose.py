@@ -1,11 +1,11 @@
-"""Where the robot shall be accurate, as the keys of a study's tables `test_pose` and `task`."""
+"""Where the robot shall be accurate, as the keys of a table `test_pose` of a study."""
 
 from typing import Annotated
 
 from pydantic import Field
 
 from edtk.study.table import Table
-from edtk.study.tool_table import Load, Tool
+from edtk.study.tool import Load, Tool
 from edtk.system.finite import Finite
 
 Robust = Annotated[Finite, Field(ge=0, le=180)]

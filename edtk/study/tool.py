@@ -1,4 +1,4 @@
-"""A tool, and a load at its point, as the keys of a study's tables `tool` and `load`."""
+"""A tool, and a load at its point, as the keys of tables of a study."""
 
 import numpy as np
 from pydantic import Field

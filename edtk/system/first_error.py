@@ -1,5 +1,6 @@
 """What pydantic found wrong with the keys of a file, as a person mends it."""
 
+import difflib
 import reprlib
 from typing import Any, get_args
 
@@ -9,6 +10,8 @@ BOUNDS = (
     ("greater_than_equal", "ge", "at least"),
     ("less_than_equal", "le", "at most"),
 )
+LONGEST_LIST = 150  # characters of a list of keys, which would lose its middle in a longer line
+NEAREST = 3  # keys that are told instead
 GENERAL = "Input should"  # beginning of pydantic's own sentences
 
 
@@ -28,7 +31,7 @@ def first_error(error: ValidationError, model: type[BaseModel]) -> tuple[str, st
     key = ".".join(map(str, location))
     meaning, table = _described(model, location)
     if first["type"] == "extra_forbidden":
-        return key, f"unknown key; known are {', '.join(table.model_fields)}"
+        return key, _unknown(str(location[-1]), list(table.model_fields))
     if first["type"] == "missing":
         return key, f"this key is required{meaning and f': {meaning}'}"
     is_table = isinstance(first["input"], dict | BaseModel)
@@ -40,6 +43,15 @@ def first_error(error: ValidationError, model: type[BaseModel]) -> tuple[str, st
         if first["type"] == kind:
             rule = f"expected {words} {first['ctx'][sign]:g}"  # pydantic writes 0.000000000001
     return key, f"{rule}{given}{meaning and f'; it is: {meaning}'}"
+
+
+def _unknown(key: str, known: list[str]) -> str:
+    """What keys there are, or where they are many, the ones that may have been meant."""
+    listed = ", ".join(known)
+    if len(listed) <= LONGEST_LIST:
+        return f"unknown key; known are {listed}"
+    near = difflib.get_close_matches(key, known, NEAREST, cutoff=0.0)
+    return f"unknown key; of {len(known)} keys the nearest are {', '.join(near)}"
 
 
 def _described(

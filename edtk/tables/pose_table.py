@@ -114,6 +114,17 @@ class PoseTable:
             )
         return values
 
+    def vectors(self, columns: tuple[str, ...]) -> Array:
+        """Columns (k, columns) that belong together, as finite numbers.
+
+        Raises:
+            PoseFileError: A column is missing, or a cell is not a number.
+        """
+        missing = [column for column in columns if column not in self]
+        if missing:
+            raise self.error(f"column {missing[0]!r} is missing; expected {', '.join(columns)}")
+        return np.stack([self.numbers(column) for column in columns], axis=-1)
+
     def _finite(self, column: str) -> Array:
         """The numbers of a data frame's column, each checked."""
         import pandas as pd

@@ -10,6 +10,15 @@ ROTATION_COLUMNS = ("drx_deg", "dry_deg", "drz_deg")
 SIGMA_COLUMN = "sigma_mm"
 # The same where it is not that of every axis: a laser tracker measures distances best.
 AXIS_SIGMA_COLUMNS = ("sigma_x_mm", "sigma_y_mm", "sigma_z_mm")
+# Covariance of a displacement in the world frame, as trackers write it: the upper triangle.
+COVARIANCE_COLUMNS = (
+    "cov_xx_mm2",
+    "cov_xy_mm2",
+    "cov_xz_mm2",
+    "cov_yy_mm2",
+    "cov_yz_mm2",
+    "cov_zz_mm2",
+)
 # Offset of the marker from the tool point, in the tool frame.
 MARKER_COLUMNS = ("marker_x_mm", "marker_y_mm", "marker_z_mm")
 
@@ -20,6 +29,7 @@ MEASURED_TOGETHER = (
     ROTATION_COLUMNS,
     (SIGMA_COLUMN,),
     AXIS_SIGMA_COLUMNS,
+    COVARIANCE_COLUMNS,
     MARKER_COLUMNS,
 )
 SHEET_COLUMNS = tuple(column for group in MEASURED_TOGETHER for column in group)

@@ -3,7 +3,13 @@
 import numpy as np
 import pytest
 
-from edtk.inference.least_squares import SingularPlanError, covariance, estimate, unidentified
+from edtk.inference.least_squares import (
+    SingularPlanError,
+    Whitened,
+    covariance,
+    estimate,
+    unidentified,
+)
 from edtk.inference.simulate import simulate
 from edtk.model.elastostatic_model import ElastostaticModel
 from edtk.model.load_robot import load_robot
@@ -167,3 +173,13 @@ def test_simulated_measurements_are_seeded_and_shaped(A):
     assert one.shape == (4, *A.shape[:2])
     np.testing.assert_array_equal(one, two)
     np.testing.assert_array_equal(one[..., 0], np.broadcast_to((A @ K0)[:, 0], (4, 8)))
+
+
+def test_residual_is_what_no_compliances_explain(A):
+    """The residual is that of the fit in units of the noise, and zero of what the model makes."""
+    whitened = Whitened.of(A, [0.01e-3, 0.03e-3, 0.1e-3], NAMES)
+    measured = simulate(A, K0, SIGMA, np.random.default_rng(2))[0]
+    expected = (measured - A @ whitened.solve(measured)) * whitened.weight
+    np.testing.assert_allclose(whitened.residual(measured), expected, atol=1e-9)
+    explained = np.abs(A @ K0 * whitened.weight).max()
+    np.testing.assert_allclose(whitened.residual(A @ K0), 0.0, atol=1e-13 * explained)

@@ -23,6 +23,7 @@ HEAD = "q2_deg,q3_deg,q4_deg,q5_deg,q6_deg"
 GOOD = "-90,0,10,20,30"
 D = "dx_mm,dy_mm,dz_mm"
 S = "sigma_x_mm,sigma_y_mm,sigma_z_mm"
+C = "cov_xx_mm2,cov_xy_mm2,cov_xz_mm2,cov_yy_mm2,cov_yz_mm2,cov_zz_mm2"
 
 
 @pytest.fixture
@@ -69,6 +70,17 @@ def test_noise_of_each_axis(read):
     """Each axis may have a noise of its own; that of rotations stays the study's."""
     data = read(f"{HEAD},{D},drx_deg,dry_deg,drz_deg,{S}\n{GOOD},1,2,3,0,0,0,1,2,3\n", POSE_SIGMA)
     np.testing.assert_allclose(data.sigma, [[1e-3, 2e-3, 3e-3] + [1e-4] * 3], rtol=1e-15)
+
+
+def test_covariance_of_each_row(read):
+    """A tracker's file states the covariance of each displacement, its upper triangle by rows."""
+    text = f"{HEAD},{D},drx_deg,dry_deg,drz_deg,{C}\n{GOOD},1,2,3,0,0,0,4,1,0.5,9,-2,16\n"
+    data = read(text, POSE_SIGMA)
+    np.testing.assert_allclose(data.sigma, [[2e-3, 3e-3, 4e-3] + [1e-4] * 3], rtol=1e-15)
+    expected = np.zeros((6, 6))
+    expected[:3, :3] = [[4e-6, 1e-6, 0.5e-6], [1e-6, 9e-6, -2e-6], [0.5e-6, -2e-6, 16e-6]]
+    expected[3:, 3:] = 1e-8 * np.eye(3)
+    np.testing.assert_allclose(data.noise.blocks[0].covariance[0], expected, rtol=1e-15)
 
 
 def test_poses_are_counted_in_order_of_appearance(read):
@@ -185,6 +197,11 @@ def test_marker_beside_a_prismatic_joint():
         (f"{HEAD},{D},{S}\n{GOOD},1,2,3,1,1,0\n", ["row 1", "sigma_z_mm: 0 is not"]),
         (f"{HEAD},{D},sigma_x_mm\n{GOOD},1,2,3,1\n", ["'sigma_y_mm' is missing"]),
         (f"{HEAD},{D},{S},sigma_mm\n{GOOD},1,2,3,1,1,1,1\n", ["sigma_mm", "not both"]),
+        (f"{HEAD},{D},{C}\n{GOOD},1,2,3,1,0,0,1,0,1\n{GOOD},1,2,3,1,2,0,1,0,1\n",
+         ["row 2, columns cov_xx_mm2 to cov_zz_mm2", "not positive definite"]),
+        (f"{HEAD},{D},{C}\n{GOOD},1,2,3,1,0,0,0,0,1\n", ["row 1, column cov_yy_mm2: 0 is not"]),
+        (f"{HEAD},{D},cov_xx_mm2\n{GOOD},1,2,3,1\n", ["'cov_xy_mm2' is missing"]),
+        (f"{HEAD},{D},{C},sigma_mm\n{GOOD},1,2,3,1,0,0,1,0,1,1\n", ["cov_xx_mm2", "not both"]),
         (f"{HEAD},{D},marker_x_mm\n{GOOD},1,2,3,4\n", ["'marker_y_mm' is missing", "marker_z_mm"]),
         (f"{HEAD},{D}\n{GOOD},1,2,3,4\n", ["row 1", "9 cells; expected 8"]),
         (f"{HEAD},{D}\n", ["measurement file has no rows"]),
@@ -194,6 +211,7 @@ def test_marker_beside_a_prismatic_joint():
         "NaN", "empty", "text", "true", "inf", "missing", "no deflection", "only loaded", "both",
         "units missing", "rotation", "joint too many", "joints missing", "no load", "sigma 0",
         "sigma -1", "sigma of z 0", "sigma of y missing", "two sigmas",
+        "no covariance", "variance 0", "cov_xy missing", "sigma and covariance",
         "marker", "long row", "no rows", "empty file",
     ],
 )  # fmt: skip

@@ -108,7 +108,7 @@ def test_unknown_robot_lists_what_there_is():
     """The message for an unknown name lists the built-in robots and mentions files."""
     assert (
         refusal("r2d2")
-        == "unknown robot 'r2d2'; built in: kuka_kr270; or give a path to a .toml file"
+        == "unknown robot 'r2d2'; built in: kuka_kr270; or give a path to a .toml or .urdf file"
     )
 
 

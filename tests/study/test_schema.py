@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from kr270 import REQUIRED, TEST_POSE
 
 from edtk.design.plan import Plan
 from edtk.study.evaluate import evaluate
@@ -11,24 +12,12 @@ from edtk.study.schema import read_specification
 from edtk.study.study import Study
 from edtk.system.errors import UserError
 
-STUDY = {
-    "robot": "kuka_kr270",
-    "tool": {"position_mm": [611.5, 0, -460]},
-    "load": {"F_N": [0, 0, -2500]},
-    "measurement": {"sigma_mm": 0.03},
-    "joints": {"unknown": ["q2", "q3", "q4", "q5", "q6"], "fixed_deg": {"q1": 0}},
-}
-TEST_POSE = {
-    "q_deg": [0, -56.9, 89.3, 45.1, 76, 57.2],
-    "tool": {"position_mm": [986, 0, 0]},
-    "load": {"F_N": [0, 280, -180]},
-}
-NAMES = STUDY["joints"]["unknown"]
+NAMES = REQUIRED["joints"]["unknown"]
 
 
 def with_value(path, value):
     """The study's keys with another value of one of them."""
-    content = json.loads(json.dumps(STUDY | {"test_pose": TEST_POSE}))
+    content = json.loads(json.dumps(REQUIRED | {"test_pose": TEST_POSE}))
     table = content
     *tables, last = path.split(".")
     for name in tables:
@@ -114,7 +103,7 @@ def test_a_message_says_what_is_expected(path, value, expected):
 def test_a_test_pose_has_a_load_that_does_harm(load, expected):
     """Without load rho0 is undefined: every verb says so before it begins."""
     with pytest.raises(UserError, match=rf"^Study: test_pose\.load: {expected}"):
-        Study(**STUDY, test_pose=TEST_POSE | {"load": load})
+        Study(**REQUIRED, test_pose=TEST_POSE | {"load": load})
 
 
 def test_a_load_along_the_axes_does_no_harm():
@@ -122,7 +111,7 @@ def test_a_load_along_the_axes_does_no_harm():
     joints = {"unknown": ["q1"]}
     vertical = TEST_POSE | {"load": {"F_N": [0, 0, -500]}}
     with pytest.raises(UserError, match=r"turns no joint of joints\.unknown in the test pose"):
-        Study(**STUDY | {"joints": joints}, test_pose=vertical)
+        Study(**REQUIRED | {"joints": joints}, test_pose=vertical)
 
 
 @pytest.mark.filterwarnings("error")
@@ -131,7 +120,7 @@ def test_a_load_along_the_axes_does_no_harm():
 def test_what_is_allowed_stays_finite(sigma_mm, size):
     """All criteria are finite for the largest and the least numbers that a study may hold."""
     study = Study(
-        **STUDY
+        **REQUIRED
         | {
             "load": {"F_N": [0, 0, -size]},
             "tool": {"position_mm": [size, 0, -size]},

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from kr270 import REQUIRED, TEST_POSE
 
 from edtk.design.plan import Plan
 from edtk.model.joint import Joint
@@ -25,18 +26,6 @@ from edtk.system.errors import UserError
 
 STUDIES = Path(__file__).parents[2] / "studies"
 PAPER = load_study(STUDIES / "kr270_milling.toml")
-REQUIRED = {
-    "robot": "kuka_kr270",
-    "tool": {"position_mm": [611.5, 0, -460]},
-    "load": {"F_N": [0, 0, -2500]},
-    "measurement": {"sigma_mm": 0.03},
-    "joints": {"unknown": ["q2", "q3", "q4", "q5", "q6"], "fixed_deg": {"q1": 0}},
-}
-TEST_POSE = {
-    "q_deg": [0, -56.9, 89.3, 45.1, 76, 57.2],
-    "tool": {"position_mm": [986, 0, 0]},
-    "load": {"F_N": [0, 280, -180]},
-}
 GANTRY = """
 name = "gantry"
 source = "made up for this test"

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from edtk.inference.least_squares import SingularPlanError, Whitened
+from edtk.inference.whiten import RowNoise, whiten
 from edtk.system.typing import Array
 
 ITERATIONS = 8  # Gauss-Newton steps; two or three are the rule
@@ -92,7 +93,7 @@ class FamilyFit:
         return max(width, 0.0) + (dims + 1) * math.log1p(size)
 
 
-def fit_family(family: Family, measured: Array, sigma: Array, k: Array) -> FamilyFit | None:
+def fit_family(family: Family, measured: Array, sigma: RowNoise, k: Array) -> FamilyFit | None:
     """Fit compliances and the size of a fault to measurements (m, rows).
 
     Gauss-Newton from no fault: each step solves the least-squares problem of the compliances and of
@@ -101,7 +102,7 @@ def fit_family(family: Family, measured: Array, sigma: Array, k: Array) -> Famil
     Args:
         family: The fault.
         measured: Deflections (m, rows) [m, rad].
-        sigma: Noise (m, rows) [m, rad].
+        sigma: Noise (m, rows) [m, rad], or correlated noise.
         k: Compliances (p,) of the fit without the fault.
 
     Returns:
@@ -112,7 +113,7 @@ def fit_family(family: Family, measured: Array, sigma: Array, k: Array) -> Famil
     p = len(k)
     names = tuple(map(str, range(p + family.dims)))
     A, b = family.predict(c)
-    without = float((((measured - b - A @ k) / sigma) ** 2).sum())
+    without = float((whiten(measured - b - A @ k, sigma) ** 2).sum())
     for _ in range(ITERATIONS):
         columns = np.concatenate([A, family.derivative(c, k)], axis=-1)
         try:
@@ -127,9 +128,9 @@ def fit_family(family: Family, measured: Array, sigma: Array, k: Array) -> Famil
             return None
         if np.abs(solution[p:] / np.sqrt(np.diag(covariance))).max() < CONVERGED:
             break
-        left = float((((measured - b - columns @ solution) / sigma) ** 2).sum())
+        left = float((whiten(measured - b - columns @ solution, sigma) ** 2).sum())
         if without - left < UNREMARKABLE:
             return FamilyFit(k, c, covariance, left)
         A, b = family.predict(c)
-    z = (measured - b - A @ k) / sigma
+    z = whiten(measured - b - A @ k, sigma)
     return FamilyFit(k, c, covariance, float((z**2).sum()))

@@ -16,6 +16,7 @@ from edtk.inference.distributions import chi_square_tail
 from edtk.inference.lack_of_fit import LackOfFit, lack_of_fit
 from edtk.inference.least_squares import SingularPlanError, Whitened
 from edtk.inference.measurements import Measurements, row_numbers
+from edtk.inference.whiten import whiten
 from edtk.model.elastostatic_model import ElastostaticModel
 from edtk.system.typing import Array
 
@@ -60,7 +61,7 @@ def find_causes(
     """
     A = data.regressor(model)
     try:
-        whitened = Whitened.of(A, data.sigma, model.parameters)
+        whitened = Whitened.of(A, data.noise, model.parameters)
     except SingularPlanError:
         return ()  # of very many measurements some do not identify all parameters
     if measured.size <= len(k):
@@ -110,7 +111,7 @@ class _PlainFit:
     ) -> "_PlainFit":
         """Fit the compliances alone."""
         k = whitened.solve(measured)
-        return cls(model, data, measured, A, whitened, k, (measured - A @ k) / data.sigma)
+        return cls(model, data, measured, A, whitened, k, whiten(measured - A @ k, data.noise))
 
     @property
     def chi2(self) -> float:
@@ -183,7 +184,7 @@ def _explained(one: Tried, plain: _PlainFit) -> float:
 def _smooth(plain: _PlainFit) -> Iterator[Tried]:
     """Faults of any size."""
     for family in families(plain.model, plain.data, plain.A, plain.k):
-        fit = fit_family(family, plain.measured, plain.data.sigma, plain.k)
+        fit = fit_family(family, plain.measured, plain.data.noise, plain.k)
         if fit is None:
             continue
         size = float(np.linalg.norm(fit.c)) if family.dims > 1 else float(fit.c[0])

@@ -7,6 +7,7 @@ import numpy as np
 
 from edtk.inference.distributions import chi_square_tail
 from edtk.inference.measurements import Measurements
+from edtk.inference.whiten import whiten
 from edtk.model.elastostatic_model import ElastostaticModel
 from edtk.system.typing import Array, Indices
 
@@ -89,11 +90,12 @@ def _misfit(
     """Sums of squares (c,) of a pose's residuals, for changes (c,) of one joint's shown value."""
     m = len(here)
     which = np.tile(np.arange(m), len(change))
-    many = here[which]
+    many = replace(here, covariance=None)[which]
     shown = model.robot.shown(many.q).copy()
     shown[:, joint] += np.repeat(change, m)
     q = model.robot.of_shown(shown)
-    z = (measured[which] - replace(many, q=q).regressor(model) @ k) / many.sigma
+    residual = measured[which] - replace(many, q=q).regressor(model) @ k
+    z = whiten(residual.reshape(len(change), *measured.shape), here.noise)
     return (z**2).reshape(len(change), -1).sum(axis=1)
 
 

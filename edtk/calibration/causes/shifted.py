@@ -27,14 +27,12 @@ def shifted(
     """
     residual = whitened.residual(measured)
     numbers = np.unique(group)
-    rows = measured.shape[1]
     for number in numbers:
         at = np.flatnonzero(group == number)
-        # Columns of the shift, whitened: one a coordinate.
-        shift = whitened.weight[at][:, :, None] * np.eye(rows)  # (repeats, rows, rows)
-        onto = np.einsum("mrp,mrs->ps", whitened.Q[at], shift)
+        seen_in, shift = whitened.shift(at)
+        onto = np.einsum("mrp,mrs->ps", whitened.Q[seen_in], shift)
         gram = np.einsum("mrs,mrt->st", shift, shift) - onto.T @ onto
-        along = np.einsum("mrs,mr->s", shift, residual[at])
+        along = np.einsum("mrs,mr->s", shift, residual[seen_in])
         values, vectors = np.linalg.eigh(gram)
         seen = values > SEEN * np.trace(gram)
         parts = vectors.T @ along

@@ -9,6 +9,7 @@ from edtk.calibration.causes.mistyped_joint import mistyped_joint
 from edtk.calibration.causes.tried import Tried
 from edtk.inference.least_squares import SingularPlanError, Whitened
 from edtk.inference.measurements import Measurements
+from edtk.inference.whiten import whiten
 from edtk.model.elastostatic_model import ElastostaticModel
 from edtk.system.typing import Array
 
@@ -40,7 +41,7 @@ def wrong_pose(
     others = np.setdiff1d(np.arange(len(data)), rows)
     try:
         A = data[others].regressor(model)
-        rest = Whitened.of(A, data.sigma[others], model.parameters)
+        rest = Whitened.of(A, data.noise[others], model.parameters)
     except SingularPlanError:
         return tried
     k = rest.solve(measured[others])
@@ -48,7 +49,7 @@ def wrong_pose(
     if found is None:
         kind = tried.cause.cause if len(rows) > 1 else OUTLIER
         return replace(tried, cause=replace(tried.cause, cause=kind))
-    z = (measured[others] - A @ k) / data.sigma[others]
+    z = whiten(measured[others] - A @ k, data.noise[others])
     deviance = float((z**2).sum()) + found.misfit
     cause = tried.cause
     if found.alone:

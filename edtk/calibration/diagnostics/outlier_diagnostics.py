@@ -38,9 +38,9 @@ def _rest(fitted: FittedData) -> float | None:
     if not fit.known or fit.robust:
         return None
     rest = np.delete(np.arange(len(fitted.data)), fit.outliers)
-    sigma = fitted.data.sigma[rest]
+    noise = fitted.noise[rest]
     try:
-        again = identify(fitted.A[rest], fitted.measured[rest], sigma, fit.parameters)
+        again = identify(fitted.A[rest], fitted.measured[rest], noise, fit.parameters)
     except SingularPlanError:
         return None
     return again.p_value

@@ -86,7 +86,7 @@ def _growth_without(fitted: FittedData) -> Array:
     suspects = np.flatnonzero(share > 1 - 1 / MUCH_WIDER**2)
     if fitted.untold or not len(suspects):
         return growth
-    whitened = Whitened.of(fitted.A, data.sigma, parameters)
+    whitened = Whitened.of(fitted.A, fitted.noise, parameters)
     T = np.linalg.inv(whitened.R)
     for pose in suspects:
         Q = whitened.Q[data.pose == pose].reshape(-1, T.shape[1])

@@ -52,12 +52,12 @@ class Refit:
         A = data.regressor(study.model)
         dof = data.deflection.size - A.shape[-1]
         try:
-            whitened = Whitened.of(A, data.sigma, study.model.parameters)
+            whitened = Whitened.of(A, data.noise, study.model.parameters)
         except SingularPlanError:
             return cls(reading, np.zeros(A.shape[-1]), np.inf, dof)
         linear = data.deflection - known_part(study, data) - less
         k = nnls(whitened.R, whitened.project(linear))[0] / whitened.scale
-        z = (linear - A @ k) * whitened.weight
+        z = whitened.in_sigma(linear - A @ k)
         return cls(reading, k, float((z**2).sum()), dof)
 
     def corrected(self, study: Study) -> "Refit":
@@ -94,9 +94,11 @@ class Refit:
         """Rows that do not belong to the others."""
         data = self.reading.data
         A = data.regressor(study.model)
-        whitened = Whitened.of(A, data.sigma, study.model.parameters)
+        whitened = Whitened.of(A, data.noise, study.model.parameters)
         residual = data.deflection - known_part(study, data) - A @ self.k
-        return find_outliers(whitened.Q, residual * whitened.weight, self.dof)
+        z = whitened.in_sigma(residual)
+        total = float((z**2).sum())
+        return find_outliers(*whitened.deletable(z), self.dof, total=total)
 
     @property
     def cost(self) -> float:

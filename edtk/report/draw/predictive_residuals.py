@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from edtk.calibration.posterior_check import PosteriorCheck
+from edtk.inference.whiten import whiten, whiten_columns
 from edtk.report.palette import BLUE, ORANGE
 from edtk.system.typing import Array, Indices
 
@@ -49,9 +50,9 @@ class PredictiveResiduals:
         k = check.posterior.samples.reshape(-1, A.shape[2])
         chosen = rng.choice(len(k), size=min(MOST_SAMPLES, len(k)), replace=False)
         errors = _errors(check, chosen, A.shape[:2], rng)
-        predicted = np.einsum("mrp,np->nmr", A / sigma[..., None], k[chosen] - mean)
+        predicted = np.einsum("mrp,np->nmr", whiten_columns(A, sigma), k[chosen] - mean)
         low, high = np.quantile(predicted + errors, [0.025, 0.975], axis=0)
-        return cls(shown, (check.measured[shown] - A @ mean) / sigma, low, high)
+        return cls(shown, whiten(check.measured[shown] - A @ mean, sigma), low, high)
 
 
 def _errors(

@@ -1,0 +1,85 @@
+"""The noise that a measurement sheet states, row by row."""
+
+import numpy as np
+
+from edtk.inference.correlated_noise import CorrelatedNoise, NotPositiveDefiniteError
+from edtk.system.typing import Array
+from edtk.tables.pose_table import PoseTable
+from edtk.tables.sheet_columns import AXIS_SIGMA_COLUMNS, COVARIANCE_COLUMNS, SIGMA_COLUMN
+
+# A standard deviation that anybody can mean; the square of a smaller one underflows.
+LEAST_SIGMA_MM = 1e-9
+
+# Places of the upper triangle in the order of the columns, and those of the variances.
+ROWS = (0, 0, 0, 1, 1, 2)
+COLUMNS = (0, 1, 2, 1, 2, 2)
+VARIANCES = tuple(COVARIANCE_COLUMNS[i] for i in (0, 3, 5))
+
+NOISE_COLUMNS = ((SIGMA_COLUMN,), AXIS_SIGMA_COLUMNS, COVARIANCE_COLUMNS)
+
+
+def sheet_noise(table: PoseTable, sigma: Array) -> tuple[Array, CorrelatedNoise | None]:
+    """Read the noise of displacements: one of all axes, one of each, or a covariance.
+
+    Args:
+        table: The sheet.
+        sigma: Noise (rows,) of each measured row of the study [m, rad], which the sheet overrides
+            for positions.
+
+    Returns:
+        Standard deviations (m, rows) [m, rad]; and the noise where its errors are correlated, else
+        None.
+
+    Raises:
+        PoseFileError: Names the row and column of a noise that is none, or of two kinds of them.
+    """
+    noise = np.tile(sigma, (len(table), 1))
+    given = [[column for column in kind if column in table] for kind in NOISE_COLUMNS]
+    kinds = [columns for columns in given if columns]
+    if len(kinds) > 1:
+        raise table.error(
+            f"columns {kinds[0][0]!r} and {kinds[1][0]!r}: expected one noise of all axes, or "
+            f"{', '.join(AXIS_SIGMA_COLUMNS)}, or {', '.join(COVARIANCE_COLUMNS)}, not both"
+        )
+    of_all, of_axes, covariance = given
+    if covariance:
+        return _covariance(table, noise)
+    if of_all:
+        _require_noise(table, SIGMA_COLUMN, LEAST_SIGMA_MM)
+        noise[:, :3] = table.numbers(SIGMA_COLUMN)[:, None] / 1e3
+    elif of_axes:
+        noise[:, :3] = table.vectors(AXIS_SIGMA_COLUMNS) / 1e3
+        for column in AXIS_SIGMA_COLUMNS:
+            _require_noise(table, column, LEAST_SIGMA_MM)
+    return noise, None
+
+
+def _covariance(table: PoseTable, noise: Array) -> tuple[Array, CorrelatedNoise]:
+    """Covariances of displacements, beside the stated noise of rotations."""
+    triangle = table.vectors(COVARIANCE_COLUMNS) / 1e6
+    for column in VARIANCES:
+        _require_noise(table, column, LEAST_SIGMA_MM**2)
+    rows = noise.shape[1]
+    covariance = noise[:, :, None] * np.eye(rows) * noise[:, None]
+    covariance[:, ROWS, COLUMNS] = triangle
+    covariance[:, COLUMNS, ROWS] = triangle
+    try:
+        found = CorrelatedNoise.by_row(covariance)
+    except NotPositiveDefiniteError as error:
+        raise table.error(
+            "the covariance is not positive definite (least eigenvalue of the correlations "
+            f"{error.eigenvalue:.2g}); expected errors that vary in every direction",
+            f"row {error.row + 1}, columns {COVARIANCE_COLUMNS[0]} to {COVARIANCE_COLUMNS[-1]}",
+        ) from error
+    return found.std, found
+
+
+def _require_noise(table: PoseTable, column: str, least: float) -> None:
+    """Refuse standard deviations or variances that are not positive."""
+    values = table.numbers(column)
+    bad = np.flatnonzero(values < least)
+    if len(bad):
+        raise table.error(
+            f"row {bad[0] + 1}, column {column}: {values[bad[0]]:g} is not a positive "
+            f"number of at least {least:g}"
+        )

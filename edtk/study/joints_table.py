@@ -1,0 +1,52 @@
+"""The joints of a study, as the keys of its table `joints`."""
+
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field, field_validator
+from pydantic_core import PydanticCustomError
+
+from edtk.study.table import Compliance, Table
+from edtk.system.finite import Finite
+
+
+class JointsTable(Table):
+    """Joints whose compliances are unknown or known, and joints that do not move."""
+
+    unknown: Annotated[tuple[str, ...], Field(min_length=1)] = Field(
+        description="Names of the joints whose compliances are identified"
+    )
+    known_rad_per_Nm: dict[str, Compliance] = Field(
+        {},
+        description="Compliances that are known, by joint; none of them is among `unknown` "
+        "[rad/(N m)]",
+    )
+    fixed_deg: dict[str, Finite] = Field(
+        {}, description="Angles of revolute joints that stay where they are, by joint [deg]"
+    )
+    fixed_mm: dict[str, Finite] = Field(
+        {}, description="Positions of prismatic joints that stay where they are, by joint [mm]"
+    )
+    limits_deg: dict[str, tuple[Finite, Finite]] = Field(
+        {},
+        description="Lower and upper limits of revolute joints, by joint, in place of the robot's "
+        "own, which a URDF may leave open; in the angles of its file [deg]",
+    )
+    limits_mm: dict[str, tuple[Finite, Finite]] = Field(
+        {}, description="The same of prismatic joints [mm]"
+    )
+
+    @field_validator("limits_deg", "limits_mm")
+    @classmethod
+    def _in_order(cls, given: dict[str, tuple[float, float]]) -> dict[str, tuple[float, float]]:
+        for name, (low, high) in given.items():
+            if not low < high:
+                message = "{name}: expected the lower limit before the upper one"
+                raise PydanticCustomError("limits", message, {"name": name})
+        return given
+
+    def limits(self) -> dict[str, tuple[float, float]]:
+        """The limits that take the place of the robot's own, by joint [rad or m]."""
+        angles = {name: np.deg2rad(pair).tolist() for name, pair in self.limits_deg.items()}
+        lengths = {name: [x / 1e3 for x in pair] for name, pair in self.limits_mm.items()}
+        return {name: (low, high) for name, (low, high) in (angles | lengths).items()}

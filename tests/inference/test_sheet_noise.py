@@ -1,0 +1,84 @@
+"""Covariances of a tracker's file, from the sheet to the compliances."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from edtk.calibration.calibrate import calibrate
+from edtk.calibration.template import template
+from edtk.report.calibration_facts import calibration_facts
+from edtk.tables.sheet_columns import AXIS_SIGMA_COLUMNS, COVARIANCE_COLUMNS, DEFLECTION_COLUMNS
+from tests.support.readings import PLAN, STUDY
+
+UPPER = np.triu_indices(3)
+
+
+def sheet(covariance_mm2, seed=0):
+    """A filled-in sheet whose noise has covariances (m, 3, 3) [mm^2] in its rows."""
+    plan = replace(PLAN, repeats=2 * PLAN.repeats)
+    table = template(STUDY, plan)
+    A = STUDY.model.regressor(np.deg2rad(table.iloc[:, :6]), table.iloc[:, 6:12])
+    z = np.random.default_rng(seed).standard_normal((len(A), 3, 1))
+    noise = (np.linalg.cholesky(covariance_mm2) @ z)[..., 0]
+    table[list(DEFLECTION_COLUMNS)] = 1e3 * (A @ STUDY.compliances) + noise
+    return table
+
+
+def along_a_beam(seed=1):
+    """Covariances (24, 3, 3) [mm^2] of a tracker that is ten times better along its beam."""
+    beam = np.random.default_rng(seed).standard_normal((24, 3, 1))
+    beam /= np.linalg.norm(beam, axis=1, keepdims=True)
+    return 0.05**2 * (np.eye(3) - 0.99 * beam @ np.swapaxes(beam, 1, 2))
+
+
+@pytest.fixture
+def fitted(tmp_path):
+    def fit(table, **options):
+        table.to_csv(tmp_path / "sheet.csv", index=False)
+        return calibrate(STUDY, tmp_path / "sheet.csv", linear=True, **options)
+
+    return fit
+
+
+def test_a_diagonal_covariance_is_a_sigma_for_each_axis(fitted):
+    """Both ways to write independent noise give the same numbers, diagnostics and report."""
+    sigma = np.array([0.02, 0.03, 0.05])
+    one = sheet(np.tile(np.diag(sigma**2), (24, 1, 1)))
+    other = one.copy()
+    one[list(AXIS_SIGMA_COLUMNS)] = sigma
+    other[list(COVARIANCE_COLUMNS)] = np.diag(sigma**2)[UPPER]
+    before = fitted(one)
+    after = fitted(other)
+    np.testing.assert_allclose(after.fit.k, before.fit.k, rtol=1e-9)
+    np.testing.assert_allclose(after.fit.covariance, before.fit.covariance, rtol=1e-8)
+    assert after.fit.p_value == pytest.approx(before.fit.p_value, rel=1e-8)
+    assert [one.text for one in after.diagnostics] == [one.text for one in before.diagnostics]
+    assert "correlated within a row" in calibration_facts(after)
+
+
+def test_a_covariance_by_row_is_used(fitted):
+    """A tracker that measures ranges well: its covariance is Aitken's, and chi-square is right."""
+    covariance = along_a_beam()
+    table = sheet(covariance)
+    table[list(COVARIANCE_COLUMNS)] = covariance[:, *UPPER]
+    found = fitted(table)
+    A = found.fitted.A
+    M = np.einsum("mri,mrs,msj->ij", A, np.linalg.inv(covariance * 1e-6), A)
+    np.testing.assert_allclose(found.fit.covariance @ M, np.eye(5), atol=1e-7)
+    assert 0.001 < found.fit.p_value < 0.999
+    ignored = fitted(table.drop(columns=list(COVARIANCE_COLUMNS)))
+    assert np.all(found.fit.std < 0.8 * ignored.fit.std)
+    assert all("linear model" in one.text for one in found.diagnostics)
+
+
+@pytest.mark.parametrize("options", [{"robust": True}, {"known": False}])
+def test_an_outlier_in_correlated_rows(fitted, options):
+    """A reading that is off along a beam is an outlier, though less than the noise across it."""
+    covariance = along_a_beam()
+    table = sheet(covariance)
+    table[list(COVARIANCE_COLUMNS)] = covariance[:, *UPPER]
+    # The direction of the least noise, in which eight of its sigmas are below one of the others.
+    off = 8 * 0.005 * np.linalg.eigh(covariance[7])[1][:, 0]
+    table.loc[7, list(DEFLECTION_COLUMNS)] += off
+    assert fitted(table, **options).fit.outliers.tolist() == [7]
