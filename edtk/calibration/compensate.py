@@ -18,6 +18,7 @@ from edtk.model.remaining_error import remaining_error
 from edtk.model.rigid_joints import rigid_joints, rigid_joints_in_words
 from edtk.model.robot import Robot
 from edtk.model.shown_limit import shown_limits
+from edtk.study.require_plain import require_plain
 from edtk.study.study import Study
 from edtk.system.atomic_file import write_text
 from edtk.system.errors import UserError
@@ -153,6 +154,8 @@ def compensate(study: Study, found: Compliances, task: Plan, path: Path | str) -
     if study.task is None:
         message = "expected a table with the tool of the task; the study has none"
         raise study.error("test_pose", message)
+    if study.task.weights is not None:
+        require_plain(study, "a compensation")
     found = found.including(study.specification.joints.known_rad_per_Nm)
     robot = study.task.model.robot
     model = ElastostaticModel(robot, tuple(map(robot.joint_names.index, found.joints)))

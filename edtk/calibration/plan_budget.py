@@ -24,6 +24,8 @@ def plan_budget(study: Study, plan: Plan) -> ErrorBudget | None:
         The budget; None without a test pose or a [simulation], or if the plan leaves a compliance
         open.
     """
+    if not study.model.is_plain:
+        return None  # causes and budget know the tool point only
     if study.task is None or study.specification.simulation is None:
         return None
     try:

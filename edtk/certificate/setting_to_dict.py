@@ -2,6 +2,9 @@
 
 from typing import Any
 
+import numpy as np
+
+from edtk.certificate.physics_to_dict import physics_to_dict, weights_to_list
 from edtk.design.design_space import DesignSpace
 from edtk.model.constraints.excluded import Excluded
 from edtk.model.robot import Robot
@@ -28,13 +31,22 @@ def setting_to_dict(study: Study, space: DesignSpace) -> dict[str, Any]:
         "unknown": list(study.model.joints),
         "rows": study.model.rows,
         "sigma": study.sigma.tolist(),
-        "load": keys.load.model_dump(mode="json", exclude_none=True),
+        "load": _load(study),
         "workspace": keys.workspace.model_dump(mode="json", exclude_none=True),
         "excluded": excluded,
         "free": list(space.free),
         "fixed": space.fixed.tolist(),
         "test_pose": _test_pose(study),
+        **physics_to_dict(study.model),
     }
+
+
+def _load(study: Study) -> dict[str, Any]:
+    """The keys of the load; a payload in its stead is the force of its weight."""
+    keys = study.specification
+    if keys.load is not None:
+        return keys.load.model_dump(mode="json", exclude_none=True, exclude={"at_mm"})
+    return {"F_N": keys.build_load().wrench(np.zeros(0))[:3].tolist(), "T_Nm": [0.0, 0.0, 0.0]}
 
 
 def _robot(robot: Robot) -> dict[str, Any]:
@@ -65,10 +77,12 @@ def _test_pose(study: Study) -> dict[str, Any] | None:
     task = study.task
     if task is None:
         return None
+    hanging = task.dead_weights
     sizes = {"within": task.within, "lever": task.lever}
     return {
         "q": task.q.tolist(),
         "tool": task.model.robot.tool.tolist(),
         "wrench": task.wrench.tolist(),
         **{name: size for name, size in sizes.items() if size},
+        **({} if hanging is None else {"weights": weights_to_list(hanging)}),
     }

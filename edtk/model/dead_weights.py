@@ -31,6 +31,11 @@ class DeadWeights:
     centers: tuple[BodyPoint, ...]
     joints: int
 
+    def with_more(self, other: "DeadWeights") -> "DeadWeights":
+        """These weights and others on the same chain."""
+        masses = (*self.masses, *other.masses)
+        return DeadWeights(masses, (*self.centers, *other.centers), self.joints)
+
     @property
     def bodies(self) -> tuple[int, ...]:
         """Joints whose bodies' frames are needed, see `Robot.frames`."""

@@ -1,10 +1,11 @@
 """A task: the pose, the tool and the load in which the robot shall be accurate."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
+from edtk.model.dead_weights import DeadWeights
 from edtk.model.elastostatic_model import ElastostaticModel
 from edtk.model.neighbourhood import neighbourhood
 from edtk.model.rigid_joints import RigidJoint, rigid_joints
@@ -31,6 +32,7 @@ class Task:
         lever: A rotation of the tool counts as the displacement at this distance from the tool
             point; zero if rotations do no harm [m].
         weight: How much the task counts beside others; zero for a task that is only looked at.
+        dead_weights: Weights that load the joints besides the wrench; None for none.
     """
 
     q: Array
@@ -42,11 +44,13 @@ class Task:
     within: float = 0.0
     lever: float = 0.0
     weight: float = 1.0
+    dead_weights: DeadWeights | None = None
 
     @cached_property
     def model(self) -> ElastostaticModel:
         """The elastostatic model with the task's tool, for the position of the tool point."""
-        return ElastostaticModel(self.robot.with_tool(self.tool), self.unknown)
+        robot = self.robot.with_tool(self.tool)
+        return ElastostaticModel(robot, self.unknown, weights=self.dead_weights)
 
     @cached_property
     def regressor(self) -> Array:
@@ -84,7 +88,7 @@ class Task:
         """
         if not self.lever:
             return self.model.regressor(q, self.wrench)
-        A = ElastostaticModel(self.model.robot, self.unknown, "pose").regressor(q, self.wrench)
+        A = replace(self.model, rows="pose").regressor(q, self.wrench)
         A[..., 3:, :] *= self.lever
         return A
 

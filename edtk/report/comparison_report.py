@@ -82,7 +82,7 @@ def _setting(run: StudyRun) -> str:
     most = BATCH_SIZE * -(-specification.descents(main) // BATCH_SIZE)
     return (
         f"Robot {_plain(run.study.robot.name)}; unknown compliances {unknown}; "
-        f"{specification.load.describe()}; "
+        f"{specification.describe_load()}; "
         f"sigma = {specification.measurement.sigma_mm:g} mm per coordinate; "
         f"{specification.candidates} candidate poses; at most {least} descents per plan, "
         f"{most} for {main}.\n"

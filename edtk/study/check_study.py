@@ -6,6 +6,7 @@ import numpy as np
 
 import criteria
 from edtk.model.robot import Robot
+from edtk.study.check_markers import check_markers
 from edtk.study.schema import Specification
 
 if TYPE_CHECKING:
@@ -26,6 +27,7 @@ def check_study(study: "Study") -> None:
     _check_joint_names(study, specification, study.robot)
     _check_fixed_joints(study, specification, study.robot)
     _check_measurement(study, specification)
+    check_markers(study)
     _check_test_pose(study, specification)
     _check_criteria(study, specification)
 
@@ -81,11 +83,6 @@ def _check_measurement(study: "Study", specification: Specification) -> None:
     unknown = specification.joints.unknown
     if len(set(unknown)) < len(unknown):
         raise study.error("joints.unknown", "a joint is named twice")
-    measurement = specification.measurement
-    if measurement.rows == "pose" and measurement.sigma_deg is None:
-        raise study.error(
-            "measurement.sigma_deg", "expected, since rows = 'pose' measures rotations too"
-        )
 
 
 def _check_test_pose(study: "Study", specification: Specification) -> None:

@@ -39,6 +39,11 @@ class LoadChoice(Table):
         None, description="Forces of which each experiment takes one, in world axes [N]"
     )
 
+    at_mm: Vector3 = Field(
+        ZERO,
+        description="Where the load acts: offset from the tool point, in the tool frame [mm]",
+    )
+
     @model_validator(mode="after")
     def _one_of_them(self) -> "LoadChoice":
         given = [key for key in ("F_N", "F_max_N", "list_F_N") if getattr(self, key) is not None]
@@ -64,6 +69,11 @@ class LoadChoice(Table):
 
     def describe(self) -> str:
         """The loads in words, for reports."""
+        where = f" at {_words(self.at_mm)} mm from the tool point" if any(self.at_mm) else ""
+        return f"{self._forces()}{where}"
+
+    def _forces(self) -> str:
+        """The forces in words."""
         if self.F_N is not None:
             return f"load F = {_words(self.F_N)} N"
         if self.list_F_N is not None:

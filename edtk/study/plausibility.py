@@ -9,6 +9,7 @@ from edtk.design.candidate_source import CandidateSource, EmptyFeasibleSetError
 from edtk.design.plan import Plan
 from edtk.inference.least_squares import SingularPlanError, covariance
 from edtk.model.compensation_accuracy import compensation_accuracy
+from edtk.model.dead_weights import GRAVITY
 from edtk.model.expected_error import WITHIN
 from edtk.model.neighbourhood import neighbourhood
 from edtk.model.shown_limit import shown_limits
@@ -181,13 +182,19 @@ def _axes(study: "Study") -> Iterator[str]:
 
 
 def _sampled(study: "Study") -> tuple[Array, float]:
-    """Position rows (s, 3, p) of experiments anywhere within limits, and the largest load [N]."""
+    """Regressors of experiments anywhere within limits, and the largest load [N].
+
+    Of the tool point they have the position rows alone (s, 3, p).
+    """
     plan = study.space.plan(_anywhere(study), np.ones(SAMPLE, dtype=int))
     force = np.linalg.norm(plan.wrench[:, :3], axis=1)
     torque = np.linalg.norm(plan.wrench[:, 3:], axis=1)
     load = float((force + torque / study.robot.reach).max())
+    if study.model.weights is not None:
+        load += GRAVITY * float(study.model.weights.carried.max())
     # Without any load nothing is excited, which the design itself reports.
-    return study.model.regressor(plan.q, plan.wrench)[:, :3], load or 1.0
+    A = study.model.regressor(plan.q, plan.wrench)
+    return A[:, :3] if study.model.is_plain else A, load or 1.0
 
 
 def _anywhere(study: "Study") -> Array:

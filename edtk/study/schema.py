@@ -3,24 +3,30 @@
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
-import numpy as np
-from pydantic import BeforeValidator, Field, ValidationError, field_validator, model_validator
+from pydantic import (
+    BeforeValidator,
+    Field,
+    ValidationError,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
 from pydantic_core import PydanticCustomError
 
-from edtk.model.constraints.constraint import Constraint
-from edtk.model.constraints.height import Height
-from edtk.model.constraints.radius import Radius
-from edtk.model.constraints.tilt import Tilt
 from edtk.model.controller_table import ControllerTable
+from edtk.model.loads.load import Load as LoadFamily
 from edtk.study.joints_table import JointsTable
 from edtk.study.load_choice import LoadChoice
+from edtk.study.marker_table import DistanceTable, MarkerTable
+from edtk.study.payload_table import PayloadTable
 from edtk.study.prior_table import PriorTable
-from edtk.study.table import Compliance, Count, Positive, Sigma, Table
+from edtk.study.table import Compliance, Count, Sigma, Table
 from edtk.study.test_pose import TestPose
 from edtk.study.tool import Tool
 from edtk.study.uncertainty_table import UncertaintyTable
+from edtk.study.workspace_table import WorkspaceTable
 from edtk.system.errors import UserError
-from edtk.system.finite import Finite
+from edtk.system.finite import ZERO, Finite
 from edtk.system.first_error import first_error
 from edtk.system.line import Line
 
@@ -30,11 +36,6 @@ ACCURACY = "rho0"  # the accuracy in the test pose, for which a calibration is u
 WITHOUT_A_TEST_POSE = "D"
 MOST_CANDIDATES = 10**9  # beyond them no machine would end
 ROBOT_FILE = (".toml", ".urdf")  # ends of a robot's file; names of built-in robots have none
-
-
-def _listed(value: object) -> object:
-    """A single name as a list of one."""
-    return (value,) if isinstance(value, str) else value
 
 
 def _name_or_table(value: object) -> object:
@@ -54,44 +55,12 @@ class Measurement(Table):
     sigma_deg: Sigma | None = Field(
         None, description="Standard deviation of a rotation, per axis; for rows = 'pose' [deg]"
     )
-
-
-class WorkspaceTable(Table):
-    """Constraints on the calibration poses, besides the joint limits."""
-
-    height_min_mm: Finite | None = Field(
-        None, description="Least height of the tool point above the world's origin [mm]"
-    )
-    radius_min_mm: Positive | None = Field(
-        None, description="Least distance of the tool point from the world's z-axis [mm]"
-    )
-    tilt_max_deg: Annotated[Positive, Field(le=90)] | None = Field(
-        None, description="Largest angle of the tool's z-axis to the horizontal plane [deg]"
-    )
-    plan_resolution_deg: Annotated[Finite, Field(ge=0)] = Field(
-        0.0, description="Rounding of plans that are read: a pose is feasible within it [deg]"
-    )
-    excluded: Annotated[tuple[str, ...], BeforeValidator(_listed)] = Field(
-        (),
-        description="Plan (CSV), or list of plans, of poses that plans keep away from; paths "
-        "beside the study",
-    )
-    excluded_within_deg: Positive = Field(
-        5.0,
-        description="Least distance from each excluded pose, Euclidean over the revolute joints "
-        "[deg]",
+    reference: Literal["unloaded", "nominal"] = Field(
+        "unloaded",
+        description="What a displacement is measured from: the unloaded robot, which bends under "
+        "the weight of its links too, or where the rigid robot of the model would be",
     )
 
-    def build(self) -> tuple[Constraint, ...]:
-        """The constraints that are given [m, rad]; excluded poses are no part of them."""
-        found: list[Constraint] = []
-        if self.height_min_mm is not None:
-            found.append(Height(self.height_min_mm / 1e3))
-        if self.radius_min_mm is not None:
-            found.append(Radius(self.radius_min_mm / 1e3))
-        if self.tilt_max_deg is not None:
-            found.append(Tilt(float(np.deg2rad(self.tilt_max_deg))))
-        return tuple(found)
 
 
 class Simulation(Table):
@@ -125,8 +94,27 @@ class Specification(Table):
         description="How the controller counts the joints; takes the place of that of the robot's "
         "file",
     )
-    tool: Tool = Field(description="Calibration tool: where the load acts and the marker is")
-    load: LoadChoice = Field(description="Loads that a calibration experiment may apply")
+    payload: PayloadTable | None = Field(
+        None, description="What the loaded robot carries, besides [load] or instead of it"
+    )
+    tool: Tool = Field(
+        None,
+        validate_default=True,
+        description="Calibration tool: where the load acts and the marker is; with a payload it "
+        "defaults to the frame of the last joint",
+    )
+    load: LoadChoice | None = Field(
+        None,
+        validate_default=True,
+        description="Loads that a calibration experiment may apply; with a payload there may be "
+        "none",
+    )
+    marker: tuple[MarkerTable, ...] = Field(
+        (), description="Markers that are measured, instead of the tool point"
+    )
+    distance: tuple[DistanceTable, ...] = Field(
+        (), description="Distances that are measured, besides markers or instead of them"
+    )
     measurement: Measurement = Field(description="Measured quantities and their noise")
     joints: JointsTable = Field(
         description="Unknown and known compliances, and joints that do not move"
@@ -181,6 +169,16 @@ class Specification(Table):
         filled = {"optimise": (main,), **given}
         return {"criteria": filled["optimise"], **filled}
 
+    @field_validator("tool", "load", mode="before")
+    @classmethod
+    def _payload_stands_in(cls, given: Any, info: ValidationInfo) -> Any:
+        """A payload needs neither a load nor a tool."""
+        if given is not None:
+            return given
+        if info.data.get("payload") is None:
+            raise PydanticCustomError("missing", "this key is required")
+        return Tool(position_mm=ZERO) if info.field_name == "tool" else None
+
     @field_validator("criteria", "optimise", "sizes")
     @classmethod
     def _once_each(cls, given: tuple[object, ...]) -> tuple[object, ...]:
@@ -190,6 +188,18 @@ class Specification(Table):
                     "twice", "{entry} is listed twice", {"entry": repr(entry)}
                 )
         return given
+
+    def build_load(self) -> LoadFamily:
+        """The wrenches of an experiment: those of [load], or the weight of the payload."""
+        if self.load is not None:
+            return self.load.build()
+        assert self.payload is not None
+        return self.payload.build()
+
+    def describe_load(self) -> str:
+        """What loads an experiment, in words."""
+        parts = (self.load, self.payload)
+        return ", ".join(part.describe() for part in parts if part is not None)
 
     @property
     def robot_file(self) -> str | None:

@@ -1,7 +1,7 @@
 """The keys of a study in Python, for editors and type checkers."""
 
 import inspect
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypedDict
 
@@ -17,8 +17,11 @@ class StudyKeys(TypedDict, total=False):
     base_link: str | None
     tip_link: str | None
     controller: Mapping[str, Any] | None
-    tool: Mapping[str, Any]
-    load: Mapping[str, Any]
+    tool: Mapping[str, Any] | None
+    load: Mapping[str, Any] | None
+    payload: Mapping[str, Any] | None
+    marker: Sequence[Mapping[str, Any]] | None
+    distance: Sequence[Mapping[str, Any]] | None
     measurement: Mapping[str, Any]
     joints: Mapping[str, Any]
     workspace: Mapping[str, Any] | None

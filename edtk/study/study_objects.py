@@ -11,6 +11,7 @@ from edtk.model.rigid_joints import rigid_joints_in_words
 from edtk.model.robot import Robot
 from edtk.model.task import Task
 from edtk.study.schema import Specification
+from edtk.study.study_model import link_weights, study_model, study_sigma
 from edtk.system.errors import UserError
 from edtk.system.typing import Array
 from edtk.tables.in_file_units import of_file_units
@@ -48,7 +49,7 @@ class StudyObjects:
     @cached_property
     def model(self) -> ElastostaticModel:
         """The elastostatic model with the calibration tool."""
-        return ElastostaticModel(self.robot, self._unknown, self.specification.measurement.rows)
+        return study_model(self, self._unknown)
 
     @property
     def _unknown(self) -> tuple[int, ...]:
@@ -73,12 +74,8 @@ class StudyObjects:
 
     @property
     def sigma(self) -> Array:
-        """Standard deviation of each measured row (rows,) [m, rad]."""
-        measurement = self.specification.measurement
-        position = np.full(3, measurement.sigma_mm / 1e3)
-        if measurement.rows == "position":
-            return position
-        return np.append(position, np.full(3, np.deg2rad(measurement.sigma_deg or 0)))
+        """Standard deviation of each measured row (rows,) of an experiment [m, rad]."""
+        return study_sigma(self)
 
     @cached_property
     def task(self) -> Task | None:
@@ -95,6 +92,7 @@ class StudyObjects:
             known=tuple(self.known),
             within=float(np.deg2rad(pose.robust_deg)),
             lever=pose.lever_mm / 1e3,
+            weights=link_weights(self),
         )
 
     @property

@@ -27,7 +27,7 @@ def study_space(study: "Study") -> DesignSpace:
     free = [j for j in range(study.robot.n) if j not in fixed]
     constraints = (*study.specification.workspace.build(), *_exclusions(study))
     workspace = Workspace(study.robot, constraints)
-    load = study.specification.load.build()
+    load = study.specification.build_load()
     return DesignSpace(study.model, workspace, study.sigma, load, free, values)
 
 

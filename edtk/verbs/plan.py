@@ -102,6 +102,9 @@ def _faults(study: Study, given: Mapping[str, str]) -> tuple["SizedFault", ...]:
     if not given:
         return ()
     from edtk.calibration.detect import sized_faults
+    from edtk.study.require_plain import require_plain
+
+    require_plain(study, "the search for faults")
 
     return sized_faults(study, given)
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 from edtk.calibration.require_empty import require_empty
 from edtk.calibration.template import template as empty_sheet
 from edtk.calibration.template import write_template
+from edtk.study.require_plain import require_plain
 from edtk.system.atomic_file import is_standard_output
 from edtk.system.errors import UserError
 from edtk.verbs.inputs import PlanLike, StudyLike, as_plan, as_study, name_of
@@ -45,6 +46,7 @@ def template(
         UserError: A file is not valid, the plan is too long, or `out` holds something else.
     """
     question = as_study(study)
+    require_plain(question, "a template")
     measured = as_plan(question, plan)
     if out is not None and not is_standard_output(out):
         require_output(out, *question.reads, plan if isinstance(plan, str | Path) else None)

@@ -11,6 +11,7 @@ from edtk.system.typing import Array, Mask
 MOST_JOINTS = 32
 RIGID = 1e-9  # deviation of a rotation's columns from orthonormal ones, against rounding
 JOINT = ("name", "kind", "origin", "axis", "limits")
+ORIGIN = np.zeros(3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,29 +94,48 @@ class Chain:
         rotation = self.base[:3, :3]
         return point @ rotation.T + self.base[:3, 3], axis @ rotation.T
 
-    def jacobian(self, q: Array) -> Array:
-        """Jacobians (k, 6, n) of the tool point at poses q (k, n), linear rows first.
+    def jacobian(self, q: Array, offset: Array = ORIGIN, body: int | None = None) -> Array:
+        """Jacobians (k, 6, n) of a point at poses q (k, n), linear rows first.
 
         Column j is ``(a_j x (p - o_j), a_j)`` for a revolute joint with axis a_j through o_j, and
-        ``(a_j, 0)`` for a prismatic joint.
+        ``(a_j, 0)`` for a prismatic joint. Joints behind the body do not move its points.
+
+        Args:
+            q: Joint variables (k, n) [rad or m].
+            offset: The point (3,), in the frame of its body [m].
+            body: Index of the joint that moves the body; None for the tool.
         """
+        axes, points, frames = self._frames(q)
+        moved = _placed(frames[-1 if body is None else body], offset)
+        last = len(self.axes) if body is None else body + 1
+        columns = []
+        for j, (axis, point) in enumerate(zip(axes, points, strict=True)):
+            if j >= last:
+                columns.append(np.zeros((len(q), 6)))
+            elif self.prismatic[j]:
+                columns.append(np.concatenate([axis, np.zeros_like(axis)], axis=1))
+            else:
+                swing = np.cross(axis, moved - point)
+                columns.append(np.concatenate([swing, axis], axis=1))
+        return np.stack(columns, axis=-1)
+
+    def point(self, q: Array, offset: Array = ORIGIN, body: int | None = None) -> Array:
+        """Positions (k, 3) of a point, given as for `jacobian`, at poses q (k, n) [m]."""
+        return _placed(self._frames(q)[2][-1 if body is None else body], offset)
+
+    def _frames(self, q: Array) -> tuple[list[Array], list[Array], list[Array]]:
+        """Axes and points on them (k, 3), and frames (k, 4, 4) of all bodies, then of the tool."""
         frame = np.broadcast_to(self.base, (len(q), 4, 4))
         axes = []
         points = []
+        frames = []
         for j in range(len(self.axes)):
             frame = frame @ self.origins[j]
             axes.append(frame[:, :3, :3] @ self.axes[j])
             points.append(frame[:, :3, 3])
             frame = frame @ self._motion(j, q[:, j])
-        tool_point = (frame @ self.tool)[:, :3, 3]
-        columns = []
-        for j, (axis, point) in enumerate(zip(axes, points, strict=True)):
-            if self.prismatic[j]:
-                columns.append(np.concatenate([axis, np.zeros_like(axis)], axis=1))
-            else:
-                swing = np.cross(axis, tool_point - point)
-                columns.append(np.concatenate([swing, axis], axis=1))
-        return np.stack(columns, axis=-1)
+            frames.append(frame)
+        return axes, points, [*frames, frame @ self.tool]
 
     def _motion(self, j: int, q: Array) -> Array:
         """Transforms (k, 4, 4) of joint j at q (k,), by the formula of Rodrigues."""
@@ -130,6 +150,12 @@ class Chain:
         versine = (1.0 - np.cos(q))[:, None, None]
         motion[:, :3, :3] += sine * K + versine * (K @ K)
         return motion
+
+
+def _placed(frame: Array, offset: Array) -> Array:
+    """Points (k, 3) at an offset (3,) in frames (k, 4, 4)."""
+    position = frame[:, :3, 3]
+    return position + frame[:, :3, :3] @ offset if offset.any() else position
 
 
 def _turned(v: Array, axis: Array, sine: Array, cosine: Array) -> Array:

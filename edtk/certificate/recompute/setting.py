@@ -7,6 +7,7 @@ import numpy as np
 
 from edtk.certificate.recompute.chain import Chain
 from edtk.certificate.recompute.load import Load
+from edtk.certificate.recompute.physics import Physics
 from edtk.certificate.recompute.plain_data import numbers, rows, table, text, whole
 from edtk.certificate.recompute.regressors import regressors
 from edtk.certificate.recompute.tasks import Tasks
@@ -26,12 +27,14 @@ class Setting:
         name: Name of the robot.
         chain: Robot with the calibration tool.
         unknown: Indices (p,) of the joints whose compliances are the parameters.
-        sigma: Standard deviation of each measured row (3,) or (6,) [m, rad].
+        sigma: Standard deviation of each measured row (rows,) [m, rad].
         workspace: Constraints on poses.
         load: Loads that may be applied.
         free: Indices of the joints that are designed.
         fixed: Joint variables (n,) whose entries outside `free` are kept [rad or m].
         tasks: The tasks, of which there may be none.
+        physics: Instruments, load point and weights; None where load and measurement are at the
+            tool point.
     """
 
     name: str
@@ -43,6 +46,7 @@ class Setting:
     free: list[int]
     fixed: Array
     tasks: Tasks
+    physics: Physics | None = None
 
     @classmethod
     def from_dict(cls, content: Any) -> "Setting":
@@ -51,11 +55,15 @@ class Setting:
         Raises:
             ValueError: A part is missing, or is not what it should be.
         """
-        content = table(content, (*KEYS, "test_pose"), "setting")
+        content = table(content, (*KEYS, "test_pose"), "setting", ("physics",))
         chain = Chain.from_dict(content["robot"])
         n = len(chain.axes)
         unknown = _indices(content["unknown"], n, "setting.unknown")
         measured = MEASURED[text(content["rows"], MEASURED, "setting.rows")]
+        physics = None
+        if "physics" in content:
+            physics = Physics.from_dict(content["physics"], n)
+            measured = physics.measured
         sigma = numbers(content["sigma"], (measured,), "setting.sigma")
         if not unknown or not (sigma > 0).all():
             raise ValueError("setting: expected an unknown joint, and sigmas above zero")
@@ -69,10 +77,14 @@ class Setting:
             free=_indices(content["free"], n, "setting.free"),
             fixed=numbers(content["fixed"], (n,), "setting.fixed"),
             tasks=Tasks.from_content(content["test_pose"], content["robot"], unknown),
+            physics=physics,
         )
 
     def whitened_rows(self, q: Array, wrench: Array) -> Array:
         """Regressors over sigma (k, rows, p) of poses q (k, n) with wrenches (k, 6)."""
+        if self.physics is not None:
+            A = self.physics.regressors(self.chain, self.unknown, q, wrench)
+            return A / self.sigma[:, None]
         A = regressors(self.chain, self.unknown, q, wrench)
         return A[:, : len(self.sigma)] / self.sigma[:, None]
 

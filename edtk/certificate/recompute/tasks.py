@@ -7,6 +7,7 @@ import numpy as np
 
 from edtk.certificate.recompute.chain import Chain
 from edtk.certificate.recompute.neighbourhood import neighbourhood
+from edtk.certificate.recompute.physics import read_weights
 from edtk.certificate.recompute.plain_data import number, numbers, rows, table
 from edtk.certificate.recompute.regressors import regressors
 from edtk.system.typing import Array
@@ -103,7 +104,8 @@ def _harm(content: Any, robot: Any, unknown: list[int], where: str) -> Array:
     For a test pose alone it is the regressor A0. Over a neighbourhood it has the rows of all its
     poses, divided by the root of their number. Rotation rows count with the lever, if there is one.
     """
-    task = table(content, ("q", "tool", "wrench"), where, ("within", "lever", "weight"))
+    optional = ("within", "lever", "weight", "weights")
+    task = table(content, ("q", "tool", "wrench"), where, optional)
     chain = Chain.from_dict(robot | {"tool": task["tool"]})
     q = numbers(task["q"], (len(chain.axes),), f"{where}.q")
     wrench = numbers(task["wrench"], (6,), f"{where}.wrench")
@@ -112,7 +114,8 @@ def _harm(content: Any, robot: Any, unknown: list[int], where: str) -> Array:
     if not 0 <= within <= np.pi or not 0 <= lever <= LONGEST_LEVER:
         raise ValueError(f"{where}: expected an angle within half a turn, and a lever in metres")
     poses = neighbourhood(chain, q, within) if within else q[None]
-    A = regressors(chain, unknown, poses, np.tile(wrench, (len(poses), 1)))
+    weights = read_weights(task.get("weights", []), len(chain.axes), f"{where}.weights")
+    A = regressors(chain, unknown, poses, np.tile(wrench, (len(poses), 1)), weights)
     scale = np.array([1.0, 1.0, 1.0, lever, lever, lever])
     rows_of_all = (A * scale[:, None])[:, : 6 if lever else 3]
     return np.concatenate(rows_of_all) / np.sqrt(len(poses))

@@ -28,7 +28,7 @@ def study_rows(asked: Study) -> list[tuple[str, str]]:
         ("unknown", ", ".join(joints.unknown)),
         ("known", ", ".join(known)),
         ("fixed", ", ".join(fixed)),
-        ("experiment", specification.load.describe()),
+        ("experiment", specification.describe_load()),
         ("measured", f"{measurement.rows}, {noise}"),
         ("workspace", "; ".join(labels)),
         ("task", _task(asked)),

@@ -1,0 +1,128 @@
+"""What a study measures and what loads its robot, as the elastostatic model needs it."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from edtk.model.body_point import BodyPoint
+from edtk.model.dead_weights import DeadWeights
+from edtk.model.elastostatic_model import ElastostaticModel, Rows
+from edtk.model.sensors.distance import Distance
+from edtk.model.sensors.marker import Marker
+from edtk.model.sensors.pose_marker import PoseMarker
+from edtk.model.sensors.sensor import Sensor
+from edtk.system.finite import Vector3
+from edtk.system.typing import Array
+
+if TYPE_CHECKING:
+    from edtk.study.study_objects import StudyObjects
+
+
+def study_model(study: "StudyObjects", unknown: tuple[int, ...]) -> ElastostaticModel:
+    """The elastostatic model of a study: its robot, instruments, load point and weights.
+
+    Args:
+        study: Its keys and its robot, checked.
+        unknown: Indices of the joints whose compliances are the parameters.
+    """
+    given = study.specification
+    return ElastostaticModel(
+        study.robot,
+        unknown,
+        given.measurement.rows,
+        sensors=_sensors(study),
+        load_point=_load_point(study),
+        weights=_weights(study),
+    )
+
+
+def study_sigma(study: "StudyObjects") -> Array:
+    """Standard deviation of each measured row (rows,) [m, rad], one instrument after another."""
+    given = study.specification
+    default = given.measurement.sigma_mm / 1e3
+    turn = np.deg2rad(given.measurement.sigma_deg or 0)
+    kinds = [marker.rows or given.measurement.rows for marker in given.marker]
+    if not kinds and not given.distance:
+        kinds = [given.measurement.rows]
+    rows: list[float] = []
+    for kind in kinds:
+        rows += [default] * 3 + ([turn] * 3 if kind == "pose" else [])
+    for distance in given.distance:
+        rows.append(default if distance.sigma_mm is None else distance.sigma_mm / 1e3)
+    return np.array(rows)
+
+
+def marker_names(study: "StudyObjects") -> tuple[str, ...]:
+    """Names of the markers, in their order; those without one are numbered."""
+    markers = study.specification.marker
+    return tuple(marker.name or f"marker {i + 1}" for i, marker in enumerate(markers))
+
+
+def distance_names(study: "StudyObjects") -> tuple[str, ...]:
+    """Names of the distances, in their order; those without one are numbered."""
+    distances = study.specification.distance
+    return tuple(one.name or f"distance {i + 1}" for i, one in enumerate(distances))
+
+
+def _sensors(study: "StudyObjects") -> tuple[Sensor, ...]:
+    """Markers, then distances; empty where nothing but the tool point is measured."""
+    given = study.specification
+    names = marker_names(study)
+    points = [_point(study, marker.position_mm, marker.joint) for marker in given.marker]
+    found: list[Sensor] = []
+    for marker, name, point in zip(given.marker, names, points, strict=True):
+        kind: Rows = marker.rows or given.measurement.rows
+        found.append(Marker(point, name) if kind == "position" else PoseMarker(point, name))
+    for distance, name in zip(given.distance, distance_names(study), strict=True):
+        point = _point(study, distance.position_mm, distance.joint)
+        if distance.marker is not None:
+            point = points[names.index(distance.marker)]
+        found.append(Distance(point, name, np.array(distance.anchor_mm) / 1e3))
+    return tuple(found)
+
+
+def _point(study: "StudyObjects", position_mm: Vector3, joint: str | None) -> BodyPoint:
+    """A point of the tool, or of the body of a joint."""
+    index = None if joint is None else study.robot.joint_names.index(joint)
+    return BodyPoint(np.array(position_mm) / 1e3, index)
+
+
+def _load_point(study: "StudyObjects") -> BodyPoint:
+    """Where the wrench acts: as [load] says, or where the payload's weight does."""
+    given = study.specification
+    if given.load is not None:
+        return BodyPoint(np.array(given.load.at_mm) / 1e3)
+    return _payload_point(study)
+
+
+def _payload_point(study: "StudyObjects") -> BodyPoint:
+    """The payload's centre of mass, on the body of the last joint: a longer tool does not move it.
+
+    Tools and payloads are given in the frame of the flange.
+    """
+    payload = study.specification.payload
+    assert payload is not None
+    flange = study.robot.flange
+    return BodyPoint(flange[:3, :3] @ payload.center + flange[:3, 3], study.robot.n - 1)
+
+
+def link_weights(study: "StudyObjects") -> DeadWeights | None:
+    """The weights of the links, where displacements are measured from the nominal robot.
+
+    Differences of a loaded and an unloaded reading do not see them, as they bend the robot in both.
+    """
+    if study.specification.measurement.reference == "unloaded":
+        return None
+    links = {joint: link for joint, link in enumerate(study.robot.links) if link.mass}
+    centers = tuple(BodyPoint(link.center, joint) for joint, link in links.items())
+    return DeadWeights(tuple(link.mass for link in links.values()), centers, study.robot.n)
+
+
+def _weights(study: "StudyObjects") -> DeadWeights | None:
+    """All that loads the joints besides the wrench: a payload beside a load, and the links."""
+    payload = study.specification.payload
+    links = link_weights(study)
+    if payload is None or study.specification.load is None:
+        return links
+    held = DeadWeights((payload.mass_kg,), (_payload_point(study),), study.robot.n)
+    return held if links is None else held.with_more(links)
