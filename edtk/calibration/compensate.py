@@ -154,7 +154,7 @@ def compensate(study: Study, found: Compliances, task: Plan, path: Path | str) -
     if study.task is None:
         message = "expected a table with the tool of the task; the study has none"
         raise study.error("test_pose", message)
-    if study.task.weights is not None:
+    if study.task.dead_weights is not None:
         require_plain(study, "a compensation")
     found = found.including(study.specification.joints.known_rad_per_Nm)
     robot = study.task.model.robot

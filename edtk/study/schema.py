@@ -26,7 +26,7 @@ from edtk.study.tool import Tool
 from edtk.study.uncertainty_table import UncertaintyTable
 from edtk.study.workspace_table import WorkspaceTable
 from edtk.system.errors import UserError
-from edtk.system.finite import ZERO, Finite
+from edtk.system.finite import ZERO
 from edtk.system.first_error import first_error
 from edtk.system.line import Line
 
@@ -60,7 +60,6 @@ class Measurement(Table):
         description="What a displacement is measured from: the unloaded robot, which bends under "
         "the weight of its links too, or where the rigid robot of the model would be",
     )
-
 
 
 class Simulation(Table):

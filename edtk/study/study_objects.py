@@ -92,7 +92,7 @@ class StudyObjects:
             known=tuple(self.known),
             within=float(np.deg2rad(pose.robust_deg)),
             lever=pose.lever_mm / 1e3,
-            weights=link_weights(self),
+            dead_weights=link_weights(self),
         )
 
     @property
