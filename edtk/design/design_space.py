@@ -130,6 +130,16 @@ class DesignSpace:
         whitener = Whitener.of(noise.covariance_of(self.model, frames, visits))
         return np.moveaxis(whitener.rows(np.moveaxis(A, (-1, -2), (0, 1))), (0, 1), (-1, -2))
 
+    @property
+    def alone(self) -> "DesignSpace":
+        """The same space, in which each visit has a discrepancy of its own.
+
+        One visit of a pose has the same information in both.
+        """
+        if self.noise is None or not self.noise.shares:
+            return self
+        return replace(self, noise=self.noise.alone)
+
     def with_kept(self, kept: Array, experiments: int) -> "DesignSpace":
         """The design space of further experiments beside kept ones.
 

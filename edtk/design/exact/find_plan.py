@@ -6,10 +6,12 @@ from time import monotonic
 
 import numpy as np
 
+from edtk.design.design_space import DesignSpace
 from edtk.design.exact.batch import BATCH_SIZE, Batch
 from edtk.design.exact.exact_plan import ExactPlan
 from edtk.design.exact.require_enough import require_enough
 from edtk.design.exact.search_record import SearchRecord
+from edtk.design.exact.spread import spread
 from edtk.design.exact.tidy import tidy
 from edtk.design.plan import Plan
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
@@ -61,6 +63,9 @@ def find_plan(
     its number alone. The plan therefore depends neither on the number of workers nor on their
     speed, unless the time runs out first.
 
+    Where repeats of a pose share its discrepancy and nobody limits the number of poses, repeats are
+    searched for as if they shared nothing, and then become poses of their own, see `spread`.
+
     Args:
         relaxed: The relaxation of the same design space and criterion, with its bound.
         m: Number of new experiments.
@@ -78,11 +83,12 @@ def find_plan(
     """
     since = monotonic()
     space = relaxed.space
+    searched = space.alone if places is None else space
     if places is None:
         places = _enough_places(space.model.p, m)
     require_enough(space, m, places)
-    search = _Search(relaxed, m, places, since + options.seconds, options)
-    record = SearchRecord(space)
+    search = _Search(relaxed, searched, m, places, since + options.seconds, options)
+    record = SearchRecord(searched)
     try:
         ended = search.run(record)
     except KeyboardInterrupt:
@@ -90,7 +96,7 @@ def find_plan(
             raise
         ended = "interrupted"
     # An interrupted search has a best plan all the same, which is tidied like any other.
-    plan = _tidied(relaxed, record)
+    plan = _tidied(relaxed, searched, record)
     # The cost is that of the plan as it is written, whatever the search believed.
     cost = float(relaxed.criterion.cost(space.information(plan)))
     found, optima = record.census()
@@ -99,9 +105,11 @@ def find_plan(
     return ExactPlan(relaxed, plan, kept, cost, starts, found, optima, seconds, ended)
 
 
-def _tidied(relaxed: RelaxedPlan, record: SearchRecord) -> Plan:
+def _tidied(relaxed: RelaxedPlan, searched: DesignSpace, record: SearchRecord) -> Plan:
     """The best plan of a record, with as few poses as it needs."""
-    x, repeats = tidy(relaxed.space, relaxed.criterion, record.best, record.cost)
+    x, repeats = tidy(searched, relaxed.criterion, record.best, record.cost)
+    if searched is not relaxed.space:
+        x, repeats = spread(relaxed.space, relaxed.criterion, x, repeats)
     return relaxed.space.plan(x, repeats.astype(int))
 
 
@@ -119,6 +127,7 @@ class _Search:
 
     Attributes:
         relaxed: The relaxation.
+        space: Its design space, perhaps without what repeats share.
         m: Number of new experiments.
         places: Number of distinct poses at most.
         end: Time of `monotonic` [s] at which the search ends.
@@ -126,6 +135,7 @@ class _Search:
     """
 
     relaxed: RelaxedPlan
+    space: DesignSpace
     m: int
     places: int
     end: float
@@ -155,7 +165,7 @@ class _Search:
     def _batch(self, number: int) -> Batch:
         relaxed = self.relaxed
         return Batch(
-            space=relaxed.space,
+            space=self.space,
             criterion=relaxed.criterion,
             m=self.m,
             places=self.places,

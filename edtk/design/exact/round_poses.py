@@ -6,10 +6,10 @@ import numpy as np
 
 from criteria import Criterion
 from edtk.design.design_space import DesignSpace
+from edtk.design.exact.to_steps import to_steps
 from edtk.system.typing import Array, Indices, Mask
-from edtk.tables.in_file_units import controller_step, rounded
+from edtk.tables.in_file_units import controller_step
 
-LIMIT = 1e-9  # [rad or m]: a pose beyond a limit by less is at the limit, but for rounding
 WIDER = (0, 1, 2)  # steps beyond the neighbouring ones that are tried, in turn
 MOST_TRIED = 20_000  # poses; all those nearby of seven joints
 SAME_LOAD = 1e-6  # of the range of the load: a smaller difference is none
@@ -34,20 +34,10 @@ def round_poses(
     """
     x = x.copy()
     exact = x.copy()
-    x[:, space.free] = _to_steps(space, x)[:, space.free]
+    x[:, space.free] = to_steps(space, x)[:, space.free]
     for i in np.flatnonzero(~space.at(x).feasible).tolist():
         x[i] = _nearby(space, criterion, x, repeats, i, exact[i])
     return _merged(space, x, repeats)
-
-
-def _to_steps(space: DesignSpace, x: Array) -> Array:
-    """Joint variables (k, n) at the nearest steps, or at a limit that lies there."""
-    n = len(space.fixed)
-    q = rounded(space.workspace.robot, x[:, :n])
-    lower, upper = space.workspace.robot.limits
-    # A limit in degrees may have been converted with another last bit.
-    within = np.clip(q, lower, upper)
-    return np.where(np.abs(within - q) <= LIMIT, within, q)
 
 
 def _nearby(
@@ -70,7 +60,7 @@ def _nearby(
         near = np.tile(shown, (len(offsets), 1))
         near[:, space.free] = (below + offsets) * step
         tried[:, space.free] = robot.of_shown(near)[:, space.free]
-        tried[:, space.free] = _to_steps(space, tried)[:, space.free]
+        tried[:, space.free] = to_steps(space, tried)[:, space.free]
         tried = tried[space.at(tried).feasible]
         if len(tried):
             own = space.problem(tried).blocks()

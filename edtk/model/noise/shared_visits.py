@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
+from edtk.model.joint_distance import joint_distance
 from edtk.system.typing import Array, Mask
 
 SAME = 1e-9  # [rad]: poses nearer than this are one pose, whatever the distance that is asked for
@@ -28,10 +29,6 @@ def shared_visits(q: Array, repeats: ArrayLike, prismatic: Mask, within: float) 
         Numbers of visits (k,).
     """
     limit = max(within * (1 - SAME), SAME)
-    turning = q[:, ~prismatic]
-    counts = np.empty(len(q))
-    for i, own in enumerate(turning):
-        turn = np.mod(turning - own + np.pi, 2 * np.pi) - np.pi
-        near = np.square(turn).sum(axis=1) < limit**2
-        counts[i] = np.asarray(repeats)[near].sum()
-    return counts
+    visits = np.asarray(repeats, dtype=float)
+    near = (joint_distance(q, own, prismatic) < limit for own in q)
+    return np.array([visits[some].sum() for some in near])

@@ -1,0 +1,162 @@
+"""Visits of a plan, moved so far apart that each has an error of the model of its own."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from criteria import Criterion
+from edtk.design.design_space import DesignSpace
+from edtk.design.exact.apportion import apportion
+from edtk.design.exact.to_steps import to_steps
+from edtk.model.joint_distance import joint_distance
+from edtk.system.typing import Array, Mask
+
+MOST_POSES = 400  # of a plan that is spread; beyond them poses are repeated
+TRIED = 384  # poses near each pose, of which the best takes its place
+# Distances to the poses that are tried, in parts of that between poses: from a fine improvement to
+# another place altogether.
+FINEST = 0.02
+FARTHEST = 6.0
+PASSES = 24  # over all poses, at most
+VISITS = 2400  # of all passes together: the time of many poses is bounded
+GAIN = 1e-5  # relative improvement by a pass for which another one is made
+MARGIN = 1e-6  # beyond the distance between poses, against rounding
+
+
+def spread(
+    space: DesignSpace, criterion: Criterion, x: Array, repeats: Array
+) -> tuple[Array, Array]:
+    """Make poses of repeats, and move all poses apart, at the least loss.
+
+    Repeats of a pose share its discrepancy, and so do poses that are nearer to each other than
+    `VisitNoise.within`. Around an optimum, where the criterion is flat, they can all be elsewhere.
+    Each pose in turn takes the best place among random ones nearby that are feasible and keep the
+    distance. A pose without such a place stays where it is, and shares.
+
+    Args:
+        space: Model and feasible set, with noise that visits share.
+        criterion: The criterion that the plan is good for.
+        x: Design variables (k, v) of its experiments, all feasible.
+        repeats: Their repetitions (k,).
+
+    Returns:
+        Design variables and repetitions of the same sum, of as many poses as there are visits.
+    """
+    assert space.noise is not None
+    x, repeats = _divided(x, repeats)
+    search = _Spread(space, criterion, space.noise.within * (1 + MARGIN), repeats)
+    for i in range(len(x)):
+        if search.is_crowded(x, i):
+            x = search.moved(x, i, at_any_cost=True)
+    cost = search.cost(x)
+    for _ in range(min(PASSES, max(1, VISITS // len(x)))):
+        for i in range(len(x)):
+            x = search.moved(x, i)
+        last = cost
+        cost = search.cost(x)
+        if not cost < last * (1 - GAIN):
+            break
+    return x, repeats
+
+
+def _divided(x: Array, repeats: Array) -> tuple[Array, Array]:
+    """The same visits in a pose each, as far as there are not too many."""
+    visits = int(repeats.sum())
+    poses = apportion(repeats, min(visits, MOST_POSES))
+    shares = [
+        np.full(count, times // count) + (np.arange(count) < times % count)
+        for times, count in zip(repeats.astype(int), poses, strict=True)
+        if count
+    ]
+    return np.repeat(x, poses, axis=0), np.concatenate(shares).astype(float)
+
+
+@dataclass(frozen=True, eq=False)
+class _Spread:
+    """The parts of a search that stay the same.
+
+    Attributes:
+        space: Model and feasible set.
+        criterion: The criterion to improve.
+        distance: Least distance between poses [rad].
+        repeats: Visits (k,) of the poses.
+    """
+
+    space: DesignSpace
+    criterion: Criterion
+    distance: float
+    repeats: Array
+
+    def cost(self, x: Array) -> float:
+        """The cost of the plan, whose poses count as far apart."""
+        return float(self.criterion.cost(self._information(x)))
+
+    def is_crowded(self, x: Array, i: int) -> bool:
+        """Whether pose i is too near one before it."""
+        return bool(self._away(x[:i], x[i]).min(initial=np.inf) < self.distance)
+
+    def moved(self, x: Array, i: int, at_any_cost: bool = False) -> Array:
+        """The plan with pose i at its best place nearby.
+
+        Args:
+            x: Design variables (k, v).
+            i: Index of the pose.
+            at_any_cost: Whether it moves even where that makes the plan worse.
+        """
+        rest = np.delete(x, i, axis=0)
+        # Crowded poses are moved one after another: only those that have their place count.
+        placed = x[:i] if at_any_cost else rest
+        tried = self._nearby(x[i], i)
+        free = [self._away(placed, one).min(initial=np.inf) >= self.distance for one in tried]
+        tried = tried[np.array(free, dtype=bool)]
+        if not len(tried):
+            return x
+        others = self._information(x) - self._blocks(x[i : i + 1], i)[0]
+        costs = self.criterion.cost(others + self._blocks(tried, i))
+        best = int(np.argmin(costs))
+        if not (at_any_cost or costs[best] < self.cost(x) * (1 - GAIN * GAIN)):
+            return x
+        return np.concatenate([x[:i], tried[best : best + 1], x[i + 1 :]])
+
+    def _nearby(self, own: Array, i: int) -> Array:
+        """Feasible experiments (t, v) around one, in joint variables that a controller takes.
+
+        Half of them differ in one variable only: along some joints nothing may change at all.
+        """
+        space = self.space
+        rng = np.random.default_rng(i)
+        move = space.movable
+        lower, upper = space.limits[:, move]
+        direction = rng.standard_normal((TRIED, len(move)))
+        alone = np.eye(len(move))[rng.integers(len(move), size=TRIED // 2)]
+        direction[: TRIED // 2] = alone * np.sign(direction[: TRIED // 2])
+        # Lengths of prismatic joints and forces move by the share of their range that the distance
+        # is of a turn.
+        turning = np.array([j < len(space.fixed) and not self._prismatic[j] for j in move])
+        unit = np.where(turning, 1.0, (upper - lower) / (2 * np.pi))
+        steps = self.distance * np.exp(rng.uniform(np.log(FINEST), np.log(FARTHEST), (TRIED, 1)))
+        tried = np.tile(own, (TRIED, 1))
+        moved = tried[:, move] + steps * unit * direction
+        tried[:, move] = np.clip(moved, lower, upper)
+        tried[:, space.free] = to_steps(space, tried)[:, space.free]
+        return tried[space.at(tried).feasible]
+
+    @property
+    def _prismatic(self) -> Mask:
+        joints = self.space.workspace.robot.joints
+        return np.array([joint.kind == "prismatic" for joint in joints])
+
+    def _away(self, x: Array, own: Array) -> Array:
+        """Distances (k,) of experiments (k, v) from one (v,) [rad]."""
+        n = len(self.space.fixed)
+        return joint_distance(x[:, :n], own[:n], self._prismatic)
+
+    def _information(self, x: Array) -> Array:
+        """Information (p, p) of the plan, whose poses count as far apart."""
+        return self.space.at(x[None]).information(self.repeats[None])[0]
+
+    def _blocks(self, x: Array, i: int) -> Array:
+        """Information (t, p, p) of the visits of pose i, at places (t, v)."""
+        times = np.full((len(x), 1), self.repeats[i])
+        own = replace(self.space, prior=None).at(x[:, None])
+        return own.information(times)

@@ -1,0 +1,51 @@
+"""Repeats that become poses of their own, far enough apart to have errors of their own."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from noisy import NOISY
+
+import criteria
+from edtk.design.exact.spread import spread
+from edtk.design.sample_feasible import sample_feasible
+from edtk.model.joint_distance import joint_distance
+
+CRITERION = criteria.create("D")
+
+
+@pytest.fixture(autouse=True)
+def few_passes(monkeypatch):
+    """Starts here are far from optima, to which many passes would lead."""
+    monkeypatch.setattr("edtk.design.exact.spread.PASSES", 2)
+
+
+@pytest.mark.parametrize("name", ["kr270", "odd"])
+def test_spread(name):
+    """Poses are feasible and keep the distance, and the plan is worth more than with repeats."""
+    space = NOISY[name]
+    x = sample_feasible(space, 3, 1)
+    repeats = np.array([3.0, 1.0, 2.0])
+    apart, once = spread(space, CRITERION, x, repeats)
+    assert len(apart) == 6
+    np.testing.assert_array_equal(once, 1.0)
+    assert space.at(apart).feasible.all()
+    q = apart[:, : len(space.fixed)]
+    kinds = np.array([joint.kind == "prismatic" for joint in space.model.robot.joints])
+    away = np.array([joint_distance(q, own, kinds) for own in q]) + 9 * np.eye(6)
+    assert away.min() >= space.noise.within
+    plan = space.plan(apart, once.astype(int))
+    before = CRITERION.cost(space.information(space.plan(x, repeats.astype(int))))
+    after = CRITERION.cost(space.information(plan))
+    assert after < before
+    np.testing.assert_allclose(CRITERION.cost(space.alone.information(plan)), after, rtol=1e-12)
+
+
+def test_no_room():
+    """Where no pose is far enough away repeats stay together."""
+    space = NOISY["kr270"]
+    crowded = replace(space, noise=replace(space.noise, within=50.0))
+    x = sample_feasible(space, 2, 3)
+    apart, once = spread(crowded, CRITERION, x, np.array([2.0, 1.0]))
+    np.testing.assert_array_equal(apart, x[[0, 0, 1]])
+    np.testing.assert_array_equal(once, 1.0)
