@@ -67,13 +67,14 @@ def calibrate(
         fitted = _fitted(study, data, plan, robust, known, linear, bayes)
     except (SingularPlanError, NothingLeftError, SigmaTooSmallError) as error:
         raise UserError(str(error), where=path) from error
-    wrong = None if as_is else find_input_error(fitted)
-    if wrong is not None:
-        raise InputError(path, wrong)
     found = Calibration(fitted, (), path, _bias(fitted), origin=origin)
     budget = None if fitted.untold else calibration_budget(fitted, found.rho0_bias)
     named = diagnostics(fitted, found.rho0_bias, budget)
-    return replace(found, diagnostics=named, budget=budget)
+    found = replace(found, diagnostics=named, budget=budget)
+    wrong = None if as_is else find_input_error(fitted)
+    if wrong is not None:
+        raise InputError(path, wrong, found)
+    return found
 
 
 def _bias(fitted: FittedData) -> Array | None:

@@ -12,6 +12,7 @@ UNITS = {
     "kilonewtons": (1000.0, "N/kN"),
     "millinewtons": (0.001, "N/mN"),
     "kilograms": (9.81, "N/kg"),
+    "pounds": (4.448, "N/lbf"),
 }
 RADIANS = (57.29577951308232, "deg/rad")
 FRAMES = (Kind.OTHER_AXES, Kind.WRONG_SIGN)

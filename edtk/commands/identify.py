@@ -8,8 +8,17 @@ from typing import TYPE_CHECKING
 import click
 
 from edtk.commands.sampling_options import SamplingOptions, sampling_options
-from edtk.commands.shared import FilePath, FolderPath, json_option, show, warn, warn_about
+from edtk.commands.shared import (
+    FilePath,
+    FolderPath,
+    json_option,
+    print_out,
+    show,
+    warn,
+    warn_about,
+)
 from edtk.system.errors import UserError
+from edtk.system.json_text import json_text
 
 if TYPE_CHECKING:
     from edtk.calibration.finding import Finding
@@ -70,22 +79,36 @@ def command(
     again.
     """
     from edtk.calibration.diagnostics.diagnostic import Severity
+    from edtk.calibration.input_errors.input_error import InputError
+    from edtk.calibration.misread_sheet import misread_sheet
     from edtk.verbs.identify import identify
 
     if sampling.given() and not bayes:
         raise UserError(f"{sampling.given()[0]}: expected --bayes with it")
-    with _prior_hint(bayes), sampling.with_progress() if bayes else nullcontext(False) as posterior:
-        found = identify(
-            study,
-            measurements,
-            robust=robust,
-            sigma_unknown=sigma_unknown,
-            plan=plan,
-            as_is=as_is,
-            linear=linear,
-            bayes=posterior,
-            out=out,
-        )
+    try:
+        with (
+            _prior_hint(bayes),
+            sampling.with_progress() if bayes else nullcontext(False) as posterior,
+        ):
+            found = identify(
+                study,
+                measurements,
+                robust=robust,
+                sigma_unknown=sigma_unknown,
+                plan=plan,
+                as_is=as_is,
+                linear=linear,
+                bayes=posterior,
+                out=out,
+            )
+    except InputError as error:
+        said = misread_sheet(error.calibration)
+        # Files of results are not written for such a sheet; the refusal says why.
+        if not as_json or out is not None or said is None:
+            raise
+        print_out(json_text(said))
+        warn(str(error))
+        return
     show(found, as_json, sampling.export)
     warn_about(study, found.study.warnings)
     for diagnostic in found.diagnostics:

@@ -14,6 +14,7 @@ SWAPPED = Finding(Kind.SWAPPED_COLUMNS, columns=("dx_mm", "dy_mm"))
     [
         (INCHES, "unit", 25.4, "mm/inch"),
         (Finding(Kind.FORCE_UNIT, data={"unit": "kilograms"}), "unit", 9.81, "N/kg"),
+        (Finding(Kind.FORCE_UNIT, data={"unit": "pounds"}), "unit", 4.448, "N/lbf"),
         (Finding(Kind.ANGLE_UNIT), "unit", pytest.approx(57.2958), "deg/rad"),
         (Finding(Kind.MARKER_UNIT), "unit", 1000, "mm/m"),
         (Finding(Kind.WRONG_SIGN), "frame_axes", 3, "axes"),

@@ -233,6 +233,37 @@ def test_swapped_columns(measured: Path, tmp_path: Path) -> None:
     assert answer.stdout.endswith("verdict: bad\n")
 
 
+def test_a_program_reads_the_causes_of_a_sheet_that_is_refused(measured: Path) -> None:
+    """With --json a misread sheet is an answer: verdict and causes, and no compliances."""
+    table = pd.concat([pd.read_csv(measured)] * 2)
+    table.iloc[4:, -3:] += 0.01
+    table.rename(columns={"dx_mm": "dz_mm", "dz_mm": "dx_mm"}).to_csv(measured, index=False)
+    answer = edtk("identify", PAPER, measured, "--json")
+    assert answer.exit_code == 0
+    said = json.loads(answer.stdout)
+    assert said["verdict"] == "bad"
+    assert [cause["cause"] for cause in said["causes"]] == ["columns"]
+    assert set(said["k"].values()) == {None}
+    assert said["budget_mm"] is None
+    assert answer.stderr.count("\n") == 1
+    assert "columns dx_mm and dz_mm" in answer.stderr
+    as_is = json.loads(edtk("identify", PAPER, measured, "--json", "--as-is").stdout)
+    assert said.keys() == as_is.keys()
+    assert said["chi2"] == as_is["chi2"]
+
+
+def test_a_copied_row_has_no_cause(measured: Path, tmp_path: Path) -> None:
+    """What no reading explains is refused with --json, too; and no files are ever written."""
+    table = pd.read_csv(measured)
+    pd.concat([table, table]).to_csv(measured, index=False)
+    assert_one_line(edtk("identify", PAPER, measured, "--json"), "row 5 is row 1")
+    table = pd.read_csv(measured).iloc[:4]
+    table.rename(columns={"dx_mm": "dz_mm", "dz_mm": "dx_mm"}).to_csv(measured, index=False)
+    answer = edtk("identify", PAPER, measured, "--json", "--out", tmp_path / "out")
+    assert_one_line(answer, "look swapped")
+    assert not (tmp_path / "out").exists()
+
+
 def test_poses_that_are_not_in_the_plan(measured: Path) -> None:
     """With --plan a row in another pose is refused, with its row and column."""
     table = pd.read_csv(measured)

@@ -15,7 +15,12 @@ from edtk.tables.pose_table import WRENCH_COLUMNS
 
 USUAL_FORCES = 1.5  # factor up to which the median force is taken as the expected one
 UNIT_FACTOR = 1.2  # factor up to which a ratio of forces is that of two units
-FORCE_UNITS = ((1e-3, "kilonewtons"), (1e3, "millinewtons"), (1 / 9.81, "kilograms"))
+FORCE_UNITS = (
+    (1e-3, "kilonewtons"),
+    (1e3, "millinewtons"),
+    (1 / 9.81, "kilograms"),
+    (1 / 4.448, "pounds"),
+)
 LENGTH_UNITS = ((1e-3, "metres"), (1e3, "micrometres"))
 LENGTH_FACTOR = 10.0  # factor up to which a ratio of lengths is that of two units
 ROTATION_FACTOR = 3.0  # the same of rotations

@@ -147,6 +147,7 @@ def test_a_wrong_tool_is_never_good():
     [
         (1e-3, "kilonewtons", ALARM),
         (1 / 9.81, "kilograms", ALARM),
+        (1 / 4.448, "pounds", ALARM),
         (1e3, "millinewtons", ALARM),
         (2, "newtons", WARNING),
         (1.1, None, NOTE),
