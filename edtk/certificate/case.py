@@ -107,7 +107,8 @@ class Case:
         """
         self._require_sound()
         rows = np.concatenate([self.made.stacked(self.setting), self.kept.stacked(self.setting)])
-        return values.value(self.name, rows, self.setting.tasks.targets(self.name))
+        targets = self.setting.tasks.targets(self.name)
+        return values.value(self.name, rows, targets, self.interest)
 
     @cached_property
     def largest(self) -> LargestSensitivities:
@@ -147,10 +148,16 @@ class Case:
         # Only G needs the matrix itself, to find good weights; bad ones would prove less, not more.
         M = rows.T @ rows / self.made.amount.sum() + self._prior
         targets = self.setting.tasks.proving(self.name, self.proof.task_weights, len(t))
-        cost = lower_bound(self.name, found.multipliers.Z, t, targets, M)
+        cost = lower_bound(self.name, found.multipliers.Z, t, targets, M, self.interest)
         if self.kind == "plan":
             cost *= self.made.amount.sum() ** -degree
         return values.printed(self.name, cost)
+
+    @property
+    def interest(self) -> Array | None:
+        """Combinations (p, s) that the criterion is about; None for all parameters."""
+        # A target says by itself what is of interest.
+        return None if self.name in values.OF_TARGET else self.setting.interest
 
     @cached_property
     def _prior(self) -> Array:

@@ -38,6 +38,7 @@ def setting_to_dict(study: Study, space: DesignSpace) -> dict[str, Any]:
         "fixed": space.fixed.tolist(),
         "test_pose": _test_pose(study),
         **physics_to_dict(study.model),
+        **({} if study.interest is None else {"interest": study.interest.tolist()}),
     }
 
 

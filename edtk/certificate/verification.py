@@ -47,6 +47,7 @@ class Verification(Presented):
         kept: Number of experiments that the certificate takes as carried out already.
         candidates: Number of candidates over which a bound is proved.
         claims: The claims, in the order in which they were checked.
+        of: Combinations of the compliances that the criterion is about; none if about all.
     """
 
     criterion: str
@@ -56,6 +57,12 @@ class Verification(Presented):
     kept: int
     candidates: int
     claims: tuple[Claim, ...]
+    of: tuple[str, ...] = ()
+
+    @property
+    def label(self) -> str:
+        """The criterion, and what it is about if not all compliances: "D of k2, k3"."""
+        return f"{self.criterion} of {', '.join(self.of)}" if self.of else self.criterion
 
     @property
     def valid(self) -> bool:
@@ -70,7 +77,7 @@ class Verification(Presented):
     def headline(self) -> str:
         """The subject, and whether all claims hold."""
         verdict = "valid" if self.valid else f"NOT valid ({', '.join(self.failed)})"
-        return f"certificate of a {self.kind}, {self.criterion}: {verdict}"
+        return f"certificate of a {self.kind}, {self.label}: {verdict}"
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data for JSON: `valid`, what the certificate is about, and the claims."""
@@ -82,5 +89,6 @@ class Verification(Presented):
             "poses": self.poses,
             "kept": self.kept,
             "candidates": self.candidates,
+            **({"interest": list(self.of)} if self.of else {}),
             "claims": [claim.to_dict() for claim in self.claims],
         }

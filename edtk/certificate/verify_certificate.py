@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from criteria.linalg.combination import combination
 from edtk.certificate.case import Case
 from edtk.certificate.recompute import values
 from edtk.certificate.recompute.load import TINY as TINY_LOAD
@@ -54,7 +55,16 @@ def verify_certificate(content: dict[str, Any]) -> Verification:
         kept=int(case.kept.amount.sum()),
         candidates=case.proof.candidates,
         claims=tuple(claims),
+        of=_words(case),
     )
+
+
+def _words(case: Case) -> tuple[str, ...]:
+    """What the criterion is about, by the numbers of the joints; none for all compliances."""
+    if case.interest is None:
+        return ()
+    names = tuple(f"k{j + 1}" for j in case.setting.unknown)
+    return tuple(combination(column, names) for column in case.interest.T)
 
 
 def _feasible(case: Case) -> Claim:

@@ -17,7 +17,15 @@ NEGLIGIBLE_PIVOT = 1e-13
 
 
 class RankDeficientError(ValueError):
-    """The candidates cannot identify all parameters; the message names the open directions."""
+    """The candidates cannot identify all parameters; the message names the open directions.
+
+    Attributes:
+        of_interest: Whether a criterion asked for some of the parameters only.
+    """
+
+    def __init__(self, message: str, of_interest: bool = False) -> None:
+        super().__init__(message)
+        self.of_interest = of_interest
 
 
 class Problem(Presented):
@@ -219,7 +227,8 @@ class Problem(Presented):
             if missing:
                 raise RankDeficientError(
                     "the candidates together cannot identify what is of interest: no candidate "
-                    f"tells {' or '.join(missing)}"
+                    f"tells {' or '.join(missing)}",
+                    of_interest=True,
                 )
             return
         directions = open_directions(self.mean, self.parameters)

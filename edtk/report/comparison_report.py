@@ -81,12 +81,18 @@ def _setting(run: StudyRun) -> str:
     least = BATCH_SIZE * -(-specification.starts // BATCH_SIZE)
     most = BATCH_SIZE * -(-specification.descents(main) // BATCH_SIZE)
     return (
-        f"Robot {_plain(run.study.robot.name)}; unknown compliances {unknown}; "
+        f"Robot {_plain(run.study.robot.name)}; unknown compliances {unknown}{_interest(run)}; "
         f"{specification.describe_load()}; "
         f"sigma = {specification.measurement.sigma_mm:g} mm per coordinate; "
         f"{specification.candidates} candidate poses; at most {least} descents per plan, "
         f"{most} for {main}.\n"
     )
+
+
+def _interest(run: StudyRun) -> str:
+    """Which compliances criteria are about, if not about all."""
+    names = run.study.interest_names
+    return f", criteria without a task are of {', '.join(names)} alone" if names else ""
 
 
 def _warnings(run: StudyRun) -> list[str]:

@@ -6,6 +6,7 @@ import numpy as np
 
 import criteria
 from edtk.model.robot import Robot
+from edtk.study.check_interest import check_interest
 from edtk.study.check_markers import check_markers
 from edtk.study.schema import Specification
 
@@ -30,6 +31,7 @@ def check_study(study: "Study") -> None:
     check_markers(study)
     _check_test_pose(study, specification)
     _check_criteria(study, specification)
+    check_interest(study)
 
 
 def _check_joint_names(study: "Study", specification: Specification, robot: Robot) -> None:

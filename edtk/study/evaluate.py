@@ -1,5 +1,7 @@
 """The worth of a plan: all criteria, standard deviations and covariance."""
 
+from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -7,8 +9,9 @@ import numpy as np
 
 import criteria
 from edtk.design.plan import Plan
-from edtk.inference.least_squares import covariance
-from edtk.model.expected_error import ExpectedError, expected_error
+from edtk.model.expected_error import ExpectedError
+from edtk.study.plan_accuracy import plan_accuracy
+from edtk.study.plan_covariance import plan_covariance
 from edtk.study.plausibility import plan_plausibility
 from edtk.study.study import Study
 from edtk.system.errors import UserError
@@ -37,6 +40,9 @@ class Evaluation(Presented):
         expected: Errors to expect in the test pose and around it; None without a test pose.
         skipped: Why criteria of plug-ins have no value, by name: they do not load, or fail.
         warnings: What is hard to believe in the study or in this plan, a line each.
+        labels: What criteria are called that are about a part of the compliances, by name.
+        interest: Standard deviations of the combinations that are of interest, by their words
+            [rad/(N m)]; none if all compliances are.
     """
 
     criteria: dict[str, float]
@@ -50,6 +56,8 @@ class Evaluation(Presented):
     expected: ExpectedError | None = None
     skipped: dict[str, str] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
+    labels: dict[str, str] = field(default_factory=dict)
+    interest: dict[str, float] = field(default_factory=dict)
 
     def headline(self) -> str:
         """Number of experiments, of criteria and of parameters."""
@@ -85,6 +93,7 @@ class Evaluation(Presented):
             "expected_error": None if self.expected is None else self.expected.to_dict(),
             "skipped": self.skipped,
             "warnings": list(self.warnings),
+            **({"interest": self.interest} if self.interest else {}),
         }
 
 
@@ -100,7 +109,7 @@ def evaluate(study: Study, plan: Plan) -> Evaluation:
         UserError: A plug-in's criterion that the study names fails.
     """
     M = study.space.information(plan)
-    cov = covariance(M, study.model.parameters)
+    cov = plan_covariance(study, M)
     values, skipped = _values(study, M)
     return Evaluation(
         criteria=values,
@@ -111,9 +120,11 @@ def evaluate(study: Study, plan: Plan) -> Evaluation:
         joints=study.specification.joints.unknown,
         units=study.model.units,
         experiments=plan.experiments,
-        expected=None if study.task is None else expected_error(study.task, cov),
+        expected=plan_accuracy(study, plan),
         skipped=skipped,
         warnings=study.warnings + plan_plausibility(study, plan),
+        labels=_labels(study, values),
+        interest=_interest(study, M),
     )
 
 
@@ -130,16 +141,38 @@ def _values(study: Study, M: Array) -> tuple[dict[str, float], dict[str, str]]:
         if study.target is None and criterion.needs_target:
             continue
         try:
-            values[name] = float(criteria.create(name, study.target).value(M))
-        except criteria.CriterionError as error:
+            values[name] = float(study.criterion(name).value(M))
+        except (criteria.CriterionError, UserError) as error:
+            message = error.message if isinstance(error, UserError) else str(error)
             if name in study.names:
-                raise UserError(str(error), where=study.where) from error
-            skipped[name] = str(error)
+                raise UserError(message, where=study.where) from error
+            skipped[name] = message
     return values, skipped
+
+
+def _labels(study: Study, names: Iterable[str]) -> dict[str, str]:
+    """What criteria are called that are about a part of the compliances, by name."""
+    if study.interest is None:
+        return {}
+    return {name: label for name in names if (label := study.criterion(name).label) != name}
+
+
+def _interest(study: Study, M: Array) -> dict[str, float]:
+    """Standard deviations of what is of interest, by its words."""
+    if study.interest is None:
+        return {}
+    found = criteria.Interest(criteria.create("A"), study.interest, study.interest_names)
+    _, cov, _ = found.inverse(M)
+    variance = found.information(M, cov)[1]
+    return dict(zip(found.names, np.sqrt(np.diag(variance)).tolist(), strict=True))
 
 
 def _unscaled(study: Study, plan: Plan) -> dict[str, float]:
     """O1 to O5 of the stacked regressor without division by sigma."""
     A = study.model.regressor(plan.q, plan.wrench)
     M = np.einsum("k,kri,krj->ij", plan.repeats, A, A)
-    return {name: float(criteria.create(name).value(M)) for name in OBSERVABILITY}
+    found = {}
+    for name in OBSERVABILITY:
+        with suppress(UserError):  # an index that has no meaning for a part of the compliances
+            found[name] = float(study.criterion(name).value(M))
+    return found

@@ -58,7 +58,7 @@ def plan_study(
     if kept is not None:
         space = space.with_kept(space.information(kept), new)
     with study_errors(study):
-        _require_enough(study, space, new, distinct, kept)
+        _require_enough(study, space, new, distinct, kept, criterion)
         relaxed = relax_poses(
             source_of(study, options.seed, space),
             study.specification.candidates,
@@ -124,7 +124,12 @@ def _new_experiments(size: int, distinct: int | None, kept: Plan | None) -> int:
 
 
 def _require_enough(
-    study: Study, space: DesignSpace, new: int, distinct: int | None, kept: Plan | None
+    study: Study,
+    space: DesignSpace,
+    new: int,
+    distinct: int | None,
+    kept: Plan | None,
+    criterion: str | None,
 ) -> None:
     """Check that so many experiments can identify all parameters.
 
@@ -132,7 +137,8 @@ def _require_enough(
         ArgumentError: They cannot; says how many can.
     """
     try:
-        require_enough(space, new, new if distinct is None else distinct)
+        places = new if distinct is None else distinct
+        require_enough(space, new, places, study.criterion(criterion))
     except TooFewExperimentsError as error:
         argument = "size" if new < error.least else "distinct"
         message = str(error)

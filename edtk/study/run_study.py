@@ -140,7 +140,7 @@ def _search_name(study: Study, case: Case) -> str:
 
 def _questions(study: Study) -> list[Case]:
     """The plans to search for: every criterion and size, and fewer poses for the main criterion."""
-    least = smallest_size(study.space)
+    least = smallest_size(study.space, study.criterion())
     found = []
     for size in study.specification.sizes:
         found += [Case("optimised", name, size) for name in study.specification.optimise]

@@ -15,6 +15,7 @@ from pydantic_core import PydanticCustomError
 
 from edtk.model.controller_table import ControllerTable
 from edtk.model.loads.load import Load as LoadFamily
+from edtk.study.interest_table import InterestTable
 from edtk.study.joints_table import JointsTable
 from edtk.study.load_choice import LoadChoice
 from edtk.study.marker_table import DistanceTable, MarkerTable
@@ -124,13 +125,18 @@ class Specification(Table):
     test_pose: TestPose | None = Field(
         None, description="The task in which the robot shall be accurate; rho0 needs it"
     )
+    interest: InterestTable | None = Field(
+        None,
+        description="The compliances that all criteria but rho0 and rho_max are about; by default "
+        "all that are unknown",
+    )
     criteria: Annotated[tuple[str, ...], Field(min_length=1)] = Field(
         (), description="Criteria under which plans are compared; default to the optimised ones"
     )
     optimise: Annotated[tuple[str, ...], Field(min_length=1)] = Field(
         (),
         description="Criteria for which plans are searched; default to rho0 with a test pose, "
-        "else to D",
+        "else, or with `interest`, to D",
     )
     sizes: Annotated[tuple[Count, ...], Field(min_length=1)] = Field(
         (4,), description="Numbers of experiments for which plans are searched"
@@ -164,7 +170,9 @@ class Specification(Table):
         """Fill in `optimise` and `criteria`, which depend on other keys."""
         if not isinstance(given, Mapping):
             return given
-        main = WITHOUT_A_TEST_POSE if given.get("test_pose") is None else ACCURACY
+        # With a test pose rho0 is what matters, unless somebody says that certain compliances do.
+        has_target = given.get("test_pose") is not None and given.get("interest") is None
+        main = ACCURACY if has_target else WITHOUT_A_TEST_POSE
         filled = {"optimise": (main,), **given}
         return {"criteria": filled["optimise"], **filled}
 

@@ -26,6 +26,7 @@ class StudyKeys(TypedDict, total=False):
     joints: Mapping[str, Any]
     workspace: Mapping[str, Any] | None
     test_pose: Mapping[str, Any] | None
+    interest: Mapping[str, Any] | None
     criteria: list[str] | tuple[str, ...] | None
     optimise: list[str] | tuple[str, ...] | None
     sizes: list[int] | tuple[int, ...] | None

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 import criteria
+from criteria.linalg.combination import combination
 from edtk.model.elastostatic_model import ElastostaticModel
 from edtk.model.rigid_joints import rigid_joints_in_words
 from edtk.model.robot import Robot
@@ -111,23 +112,42 @@ class StudyObjects:
         """
         return "" if self.task is None else rigid_joints_in_words(self.task.rigid_joints)
 
+    @cached_property
+    def interest(self) -> Array | None:
+        """Combinations K (p, s) of the compliances that are of interest; None for all of them."""
+        table = self.specification.interest
+        return None if table is None else table.build(self.specification.joints.unknown)
+
+    @property
+    def interest_names(self) -> tuple[str, ...]:
+        """What these combinations are called: "k2", "k2 - k3"; none if all are of interest."""
+        if self.interest is None:
+            return ()
+        return tuple(combination(column, self.model.parameters) for column in self.interest.T)
+
     @property
     def names(self) -> tuple[str, ...]:
         """Criteria that are optimised or compared, those that are optimised first."""
         return tuple(dict.fromkeys((*self.specification.optimise, *self.specification.criteria)))
 
     def criterion(self, name: str | None = None) -> criteria.Criterion:
-        """A criterion with this study's target.
+        """A criterion with this study's target, or about what is of interest.
+
+        A target says by itself what is of interest.
 
         Args:
             name: Name of the criterion; defaults to the one that the study is about.
 
         Raises:
-            UserError: There is no such criterion, or it needs a test pose.
+            UserError: There is no such criterion, it needs a test pose, or it has no meaning for a
+                part of the parameters.
         """
         name = self.main_criterion if name is None else name
         try:
-            return criteria.create(name, self.target)
+            criterion = criteria.create(name, self.target)
+            if self.interest is None or criterion.needs_target:
+                return criterion
+            return criteria.Interest(criterion, self.interest, self.interest_names)
         except criteria.CriterionError as error:
             missing = isinstance(error, criteria.MissingTargetError)
             why = ", and the study has no [test_pose]" if missing else ""

@@ -9,13 +9,9 @@ from edtk.model.constraints.constraint import Constraint
 from edtk.model.constraints.height import Height
 from edtk.model.constraints.radius import Radius
 from edtk.model.constraints.tilt import Tilt
+from edtk.study.listed import listed
 from edtk.study.table import Positive, Table
 from edtk.system.finite import Finite
-
-
-def _listed(value: object) -> object:
-    """A single name as a list of one."""
-    return (value,) if isinstance(value, str) else value
 
 
 class WorkspaceTable(Table):
@@ -33,7 +29,7 @@ class WorkspaceTable(Table):
     plan_resolution_deg: Annotated[Finite, Field(ge=0)] = Field(
         0.0, description="Rounding of plans that are read: a pose is feasible within it [deg]"
     )
-    excluded: Annotated[tuple[str, ...], BeforeValidator(_listed)] = Field(
+    excluded: Annotated[tuple[str, ...], BeforeValidator(listed)] = Field(
         (),
         description="Plan (CSV), or list of plans, of poses that plans keep away from; paths "
         "beside the study",

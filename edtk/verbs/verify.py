@@ -69,6 +69,8 @@ def _same_study(content: dict[str, Any], study: "StudyLike") -> Claim:
 
     known = as_study(study)
     expected = json.loads(json.dumps(setting_to_dict(known, known.space)))
-    other = [key for key in expected if content["setting"][key] != expected[key]]
+    stated = content["setting"]
+    keys = [*expected, *(key for key in stated if key not in expected)]
+    other = [key for key in keys if stated.get(key) != expected.get(key)]
     reason = f"the study has another {', '.join(other)}" if other else ""
     return Claim("study", not other, None, None, reason)

@@ -15,7 +15,14 @@ PARALLEL = 1e-6  # sine of the angle between two lines of which one is left out
 OUTSIDE = 1e-9  # by how much, beside its coordinates, rounding can move a corner
 
 
-def lower_bound(name: str, Z: Array, t: Array, targets: list[Array], M: Array) -> float:
+def lower_bound(
+    name: str,
+    Z: Array,
+    t: Array,
+    targets: list[Array],
+    M: Array,
+    K: Array | None = None,
+) -> float:
     """The least cost that any design can have.
 
     Args:
@@ -25,6 +32,8 @@ def lower_bound(name: str, Z: Array, t: Array, targets: list[Array], M: Array) -
         targets: A target (r, p) to each multiplier, for rho0 and rho_max; else none. That of
             rho_max is a mean of its tasks, which no design can have better than the worst of them.
         M: The information matrix (p, p) of the design, near which the bound of G is tight.
+        K: Combinations (p, s) of the parameters that the criterion is about; defaults to all
+            parameters.
     """
     if name == "O2":
         return max(_condition_number(z, top) for z, top in zip(Z, t, strict=True))
@@ -37,8 +46,29 @@ def lower_bound(name: str, Z: Array, t: Array, targets: list[Array], M: Array) -
         target = targets[j] if targets else None
         # A multiplier without a positive sensitivity would exclude every design: nobody's proof.
         if top > 0:
-            found = max(found, _polar(name, _factor(z), target, M) * top ** -DEGREE[name])
+            factor = _factor(z) if K is None else _factor_of_combinations(_factor(z), K)
+            least = _polar(name, factor, target, M if K is None else _information(M, K))
+            found = max(found, least * top ** -DEGREE[name])
     return found
+
+
+def _factor_of_combinations(factor: Array, K: Array) -> Array:
+    """A factor (s, s) of at most ``K'Z K``, as ``X >= K C K'`` for the information C about K'k.
+
+    Singular values are rounded down by what the product may have added to them.
+    """
+    length = np.linalg.norm(K, axis=0)
+    _, roots, V = np.linalg.svd(factor @ (K / length), full_matrices=False)
+    lowered = np.maximum(roots - 16 * EPS * len(K) * roots[0], 0.0)
+    return np.asarray(lowered[:, None] * V * length)
+
+
+def _information(M: Array, K: Array) -> Array:
+    """About the information (s, s) that M (p, p) has of combinations, for G."""
+    d = np.sqrt(np.maximum(np.diag(M), np.finfo(float).tiny))
+    inverse = np.linalg.pinv(M / d[:, None] / d, rcond=16 * EPS * len(M), hermitian=True)
+    scaled = K / d[:, None]
+    return np.asarray(np.linalg.inv(scaled.T @ inverse @ scaled))
 
 
 def _polar(name: str, factor: Array, target: Array | None, M: Array) -> float:

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from edtk.certificate.recompute.chain import Chain
+from edtk.certificate.recompute.combinations import combinations
 from edtk.certificate.recompute.load import Load
 from edtk.certificate.recompute.physics import Physics
 from edtk.certificate.recompute.plain_data import numbers, rows, table, text, whole
@@ -17,6 +18,7 @@ from edtk.system.typing import Array, Mask
 TINY = 1e-9  # violation of a constraint that is rounding [m or rad]
 MEASURED = {"position": 3, "pose": 6}  # rows that an experiment measures
 KEYS = ("robot", "unknown", "rows", "sigma", "load", "workspace", "excluded", "free", "fixed")
+OPTIONAL = ("physics", "interest")
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +37,8 @@ class Setting:
         tasks: The tasks, of which there may be none.
         physics: Instruments, load point and weights; None where load and measurement are at the
             tool point.
+        interest: Combinations K (p, s) that criteria without a task are about; None for all
+            parameters.
     """
 
     name: str
@@ -47,6 +51,7 @@ class Setting:
     fixed: Array
     tasks: Tasks
     physics: Physics | None = None
+    interest: Array | None = None
 
     @classmethod
     def from_dict(cls, content: Any) -> "Setting":
@@ -55,7 +60,7 @@ class Setting:
         Raises:
             ValueError: A part is missing, or is not what it should be.
         """
-        content = table(content, (*KEYS, "test_pose"), "setting", ("physics",))
+        content = table(content, (*KEYS, "test_pose"), "setting", OPTIONAL)
         chain = Chain.from_dict(content["robot"])
         n = len(chain.axes)
         unknown = _indices(content["unknown"], n, "setting.unknown")
@@ -78,6 +83,7 @@ class Setting:
             fixed=numbers(content["fixed"], (n,), "setting.fixed"),
             tasks=Tasks.from_content(content["test_pose"], content["robot"], unknown),
             physics=physics,
+            interest=_interest(content, len(unknown)),
         )
 
     def whitened_rows(self, q: Array, wrench: Array) -> Array:
@@ -102,6 +108,13 @@ class Setting:
         """Whether each experiment x (k, n + d) is allowed, but for rounding."""
         n = len(self.fixed)
         return (self.violation(x[:, :n]) <= TINY) & self.load.allows(x[:, n:])
+
+
+def _interest(content: dict[str, Any], p: int) -> Array | None:
+    """Combinations (p, s) that criteria are about; None where they are about all parameters."""
+    if content.get("interest") is None:
+        return None
+    return combinations(content["interest"], p, "setting.interest")
 
 
 def _name(value: Any) -> str:

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from edtk.certificate.recompute.combinations import deviations
 from edtk.system.typing import Array
 
 DEGREE = {
@@ -17,10 +18,12 @@ DEGREE = {
     "rho0": 0.5,
     "rho_max": 0.5,
 }
+OF_TARGET = ("rho0", "rho_max")
+OF_COMBINATIONS = ("A", "D", "E", "G", "O1", "O3", "O5")  # monotone, and without a target
 MAXIMISED = ("D", "E", "O1", "O3", "O4")
 
 
-def value(name: str, stacked: Array, targets: list[Array]) -> float:
+def value(name: str, stacked: Array, targets: list[Array], K: Array | None = None) -> float:
     """The criterion's value, as printed, of a design with stacked whitened rows (N, p).
 
     Args:
@@ -28,18 +31,41 @@ def value(name: str, stacked: Array, targets: list[Array]) -> float:
         stacked: Rows of ``A_i / sigma``, each times the root of its weight or of its repetitions.
         targets: Targets (r, p) of which the harm is the largest one, for rho0 and rho_max: of all
             tasks together for rho0, of each task for rho_max.
+        K: Combinations (p, s) of the parameters that the criterion is about; defaults to all
+            parameters.
 
     Raises:
-        ValueError: The name is unknown, or there is no target where one is needed.
+        ValueError: The name is unknown, there is no target where one is needed, or the criterion
+            has no meaning for combinations.
     """
+    if K is not None:
+        L = deviations(stacked, K)
+        return _nothing_known(name) if L is None else _of_combinations(name, L)
     _, s, V = np.linalg.svd(stacked, full_matrices=False)
     if len(s) < stacked.shape[1] or s[-1] <= 0:
-        return 0.0 if name in MAXIMISED else float("inf")
-    if name in ("rho0", "rho_max"):
+        return _nothing_known(name)
+    if name in OF_TARGET:
         if not targets:
             raise ValueError(f"{name} needs a test pose")
         return max(float(np.linalg.norm(target @ (V.T / s))) for target in targets)
-    variances = ((V.T / s) ** 2).sum(axis=1)
+    return _of_spectrum(name, s, ((V.T / s) ** 2).sum(axis=1))
+
+
+def _nothing_known(name: str) -> float:
+    """The value of a design that leaves something open."""
+    return 0.0 if name in MAXIMISED else float("inf")
+
+
+def _of_combinations(name: str, L: Array) -> float:
+    """The value for combinations of the covariance ``L L'``, L (s, r)."""
+    if name not in OF_COMBINATIONS:
+        raise ValueError(f"the criterion {name} has no meaning for combinations of the parameters")
+    s = 1 / np.linalg.svd(L, compute_uv=False)[::-1]
+    return _of_spectrum(name, s, (L**2).sum(axis=1))
+
+
+def _of_spectrum(name: str, s: Array, variances: Array) -> float:
+    """The value from roots s of the information's eigenvalues, descending, and the variances."""
     mean_log = np.log(s).mean()
     found = {
         "A": variances.sum(),

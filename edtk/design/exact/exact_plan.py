@@ -67,7 +67,7 @@ class ExactPlan(Presented):
         factor, unit = self.relaxed.criterion.shown
         value = f"{factor * self.value:.4g} {unit}".rstrip()
         return (
-            f"{self.relaxed.criterion.name} = {value} with {self.whole.experiments} experiments, "
+            f"{self.relaxed.criterion.label} = {value} with {self.whole.experiments} experiments, "
             f"efficiency {100 * self.efficiency:.2f} %"
         )
 

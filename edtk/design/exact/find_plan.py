@@ -86,7 +86,7 @@ def find_plan(
     searched = space.alone if places is None else space
     if places is None:
         places = _enough_places(space.model.p, m)
-    require_enough(space, m, places)
+    require_enough(space, m, places, relaxed.criterion)
     search = _Search(relaxed, searched, m, places, since + options.seconds, options)
     record = SearchRecord(searched)
     try:

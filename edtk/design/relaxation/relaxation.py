@@ -37,7 +37,7 @@ class Relaxation(Presented):
     def headline(self) -> str:
         """Criterion, value, number of candidates with weight, and gap."""
         return (
-            f"{self.criterion.name} = {self.value:.4g}, weights on {len(self.support)} of "
+            f"{self.criterion.label} = {self.value:.4g}, weights on {len(self.support)} of "
             f"{len(self.weights)} candidates, proved gap {max(self.gap, 0.0):.1e}"
         )
 

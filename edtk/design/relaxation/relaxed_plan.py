@@ -67,7 +67,7 @@ class RelaxedPlan(Presented):
         factor, unit = self.criterion.shown
         value = f"{factor * self.value:.4g} {unit}".rstrip()
         return (
-            f"{self.criterion.name} = {value} with weights on {len(self.x)} poses, "
+            f"{self.criterion.label} = {value} with weights on {len(self.x)} poses, "
             f"proved gap {max(self.gap, 0.0):.1e}"
         )
 

@@ -1,6 +1,5 @@
 """All plans under all criteria."""
 
-import criteria
 from edtk.report.comparison.cell import number
 from edtk.report.markdown_table import markdown_table
 from edtk.report.shown_unit import shown_unit
@@ -16,5 +15,5 @@ def all_values(run: StudyRun) -> str:
         if row["reason"]:
             cells = [row["reason"], *[""] * (len(names) - 1)]
         rows.append([row["plan"], *cells])
-    header = ["plan", *(f"{name} ({criteria.get(name).sense})" for name in names)]
+    header = ["plan", *(f"{each.label} ({each.sense})" for each in map(run.study.criterion, names))]
     return markdown_table(header, rows)

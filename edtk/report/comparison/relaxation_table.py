@@ -14,7 +14,7 @@ def relaxation_table(run: StudyRun) -> str:
         gaps = (relaxed.gap, relaxed.best_bound.gap_to(relaxed.cost))
         rows.append(
             [
-                name,
+                relaxed.criterion.label,
                 *(f"{factor * value:.6g}" for value in values),
                 unit,
                 *(f"{gap:.1e}" for gap in gaps),

@@ -9,7 +9,12 @@ from edtk.study.evaluate import Evaluation
 def evaluation(found: Evaluation) -> str:
     """A row for each criterion, then a row for each standard deviation."""
     values = [
-        [name, shown_value(name, value, 6), criteria.get(name).sense, criteria.get(name).formula]
+        [
+            found.labels.get(name, name),
+            shown_value(name, value, 6),
+            criteria.get(name).sense,
+            criteria.get(name).formula,
+        ]
         for name, value in found.criteria.items()
     ]
     deviations = [

@@ -18,7 +18,7 @@ def relaxation(found: Relaxation, ax: Any = None) -> Any:
     names = [str(i) for i in found.support]
     weight_bars(found.weights[found.support], names, "candidate", ax)
     ax.set_title(
-        f"{plain(found.criterion.name)} = {found.value:.5g}, bound {found.bound:.5g} "
+        f"{plain(found.criterion.label)} = {found.value:.5g}, bound {found.bound:.5g} "
         f"({found.proved_bound.kind.value})",
         fontsize=10,
     )

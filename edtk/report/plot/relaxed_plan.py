@@ -18,7 +18,7 @@ def relaxed_plan(plan: RelaxedPlan, ax: Any = None) -> Any:
     ax = panels(ax, 1, 1, (7.0, 3.6))[0, 0]
     names = [str(i + 1) for i in (-plan.weights).argsort(kind="stable").argsort(kind="stable")]
     weight_bars(plan.weights, names, "pose", ax)
-    name = plan.criterion.name
+    name = plan.criterion.label
     bound = plan.best_bound
     ax.set_title(
         f"{plain(name)} = {shown_value(name, plan.value, 5)} per experiment, "

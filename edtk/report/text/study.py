@@ -26,6 +26,7 @@ def study_rows(asked: Study) -> list[tuple[str, str]]:
     rows = [
         ("robot", f"{asked.robot.name}, {asked.robot.n} joints"),
         ("unknown", ", ".join(joints.unknown)),
+        ("of interest", ", ".join(asked.interest_names)),
         ("known", ", ".join(known)),
         ("fixed", ", ".join(fixed)),
         ("experiment", specification.describe_load()),

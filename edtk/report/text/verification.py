@@ -41,7 +41,7 @@ def verification(found: Verification) -> str:
     some = f"{found.kept} kept experiment{'' if found.kept == 1 else 's'}"
     kept = f", beside {some}, taken as carried out" if found.kept else ""
     plural = "" if found.poses == 1 else "s"
-    lines = [f"{found.criterion}, {found.kind} of {found.poses} pose{plural}{kept}"]
+    lines = [f"{found.label}, {found.kind} of {found.poses} pose{plural}{kept}"]
     if all(claim.claim != "study" for claim in found.claims):
         robot = _printable(found.robot)
         lines.append(f"{robot}; robot, load, noise and limits as the certificate has them")
