@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     from edtk.verbs.evaluate import evaluate as evaluate
     from edtk.verbs.identify import identify as identify
     from edtk.verbs.load_study import load_study as load_study
+    from edtk.verbs.new import new as new
     from edtk.verbs.plan import plan as plan
     from edtk.verbs.relax import relax as relax
     from edtk.verbs.run import run as run
@@ -52,6 +53,7 @@ if TYPE_CHECKING:
 
 _HOME = {
     # verbs, in the order of a day's work
+    "new": "edtk.verbs.new",
     "load_study": "edtk.verbs.load_study",
     "plan": "edtk.verbs.plan",
     "relax": "edtk.verbs.relax",

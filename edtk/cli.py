@@ -9,6 +9,7 @@ from edtk.commands import (
     criteria,
     evaluate,
     identify,
+    new,
     plan,
     relax,
     run,
@@ -19,6 +20,7 @@ from edtk.commands.one_line import OneLine
 from edtk.version import __version__
 
 COMMANDS = (
+    new,
     plan,
     run,
     relax,

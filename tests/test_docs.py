@@ -25,6 +25,7 @@ ROOT = Path(__file__).parents[1]
 LOAD = {"F_N": [0, 0, -50]}
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
 PAGES = [page for page in PAGES if "examples" not in page.parts]
+FILE = re.compile(r"# (\S+\.toml)\n")  # a block that is a file begins with its name
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```", flags=re.DOTALL | re.MULTILINE)
 
 
@@ -35,11 +36,16 @@ def blocks(page: Path, *languages: str) -> list[tuple[str, str]]:
 
 
 def script(page: Path) -> str:
-    """A page as a program: its Python as it stands, and calls of its commands in between."""
+    """A page as a program: its Python as it stands, its files, and calls of its commands."""
     lines = []
-    for language, text in blocks(page, "python", "sh"):
+    for language, text in blocks(page, "python", "sh", "toml"):
         if language == "python":
             lines.append(text)
+            continue
+        if language == "toml":
+            named = FILE.match(text)
+            if named:
+                lines.append(f"Path({named[1]!r}).write_text({text!r}, encoding='utf-8')")
             continue
         for line in text.replace("\\\n", " ").splitlines():
             words = shlex.split(line, comments=True)
@@ -74,7 +80,8 @@ def test_every_snippet_runs(
     """The Python and the commands of a page run from the top down, where the studies are."""
     copy_small_studies(tmp_path)
     monkeypatch.chdir(tmp_path)
-    exec(compile(script(page), str(page), "exec"), {"__name__": page.stem, "command": command})
+    names = {"__name__": page.stem, "command": command, "Path": Path}
+    exec(compile(script(page), str(page), "exec"), names)
     if page.stem == "linear_model":
         assert capsys.readouterr().out.count("weight 0.3333  4 of 12") == 3
 

@@ -35,6 +35,11 @@ def toml_text(content: Mapping[str, Any]) -> str:
     return "\n".join(_lines(content, ())).strip("\n") + "\n"
 
 
+def inline(value: Any) -> str:
+    """Write one value as it stands on the right of an equals sign; a table on one line."""
+    return _value(value)
+
+
 def _lines(table: Mapping[str, Any], path: tuple[str, ...]) -> list[str]:
     """Lines of a table: its plain keys, then its tables."""
     lines = []

@@ -1,0 +1,259 @@
+"""What a new study of a robot begins with: tool, load, space and task that suit its size."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from edtk.model.elastostatic_model import ElastostaticModel
+from edtk.model.frames import Frames
+from edtk.model.joint import Joint
+from edtk.model.robot import Robot
+from edtk.model.transform import transform
+from edtk.system.errors import UserError
+from edtk.system.typing import Array, Mask
+from edtk.tables.in_file_units import in_file_units, of_file_units
+
+SAMPLES = 4096  # poses within the limits, from which all choices are made
+GRAVITY = 9.81  # [m/s^2]
+# Payloads grow with the cube of the reach: an arm of 0.6 m carries 3 kg, one of 2.7 m 270 kg.
+PAYLOAD_PER_REACH = 14.0  # [kg/m^3]
+PAYLOAD_PER_MASS = 0.15  # payload beside the mass of the moving links, where that is known
+PAYLOADS = (0.5, 1000.0)  # [kg]
+LEVER = 0.12  # of the tool point from the last axis, and along it, beside the reach
+UNLOADED = 1e-6  # motion of the tool by way of a joint, beside the largest, that is rounding
+HEIGHTS = (0.15, 0.0)  # least heights of the tool point beside the reach, the first that leaves
+RADII = (0.25, 0.1)  # room; and least distances from the vertical axis through the base
+ROOM = 0.15  # share of the poses that a constraint has to leave
+MIDDLE = 0.3  # of a joint's range, to each side of its middle, for the test pose
+TURN = 2 * np.pi  # of a joint that turns on and on, no more than a turn counts
+TYPED = {"revolute": 5.0, "prismatic": 10.0}  # steps of the test pose [deg, mm]
+BENT = {"revolute": 1e-3, "prismatic": 1e-4}  # of a gear by the largest load on it [rad, m]
+BEST = 50  # sampled poses among which the rounded test pose is chosen
+
+
+@dataclass(frozen=True)
+class FirstChoices:
+    """What suits a robot as far as its geometry tells.
+
+    Attributes:
+        reach: Largest distance of the flange from the first joint [m].
+        payload: Mass whose weight is the load [kg].
+        from_mass: Whether the mass of the links told the payload, and not the reach.
+        tool_mm: Tool point in the frame in which tools are given (3,).
+        force: Load (3,), in world axes [N].
+        fixed: Joints that the load does not turn, with the value where they stay [deg, mm].
+        compliance: Compliance of each other joint that bends as much as gears do [rad/(N m), m/N].
+        height_mm: Least height of the tool point; None if that leaves too little room.
+        radius_mm: Least distance of the tool point from the world's z-axis; None likewise.
+        q_deg: The test pose, as the controller shows it (n,) [deg, mm].
+    """
+
+    reach: float
+    payload: float
+    from_mass: bool
+    tool_mm: tuple[float, ...]
+    force: tuple[float, ...]
+    fixed: dict[str, float]
+    compliance: dict[str, float]
+    height_mm: float | None
+    radius_mm: float | None
+    q_deg: tuple[float, ...]
+
+
+def first_choices(robot: Robot) -> FirstChoices:
+    """Choose what a first study of a robot says.
+
+    All is read off poses that are spread evenly over the joint limits: the reach; a tool point
+    beside the last axis, so that this joint is seen; a weight that such an arm carries; joints that
+    this weight does not turn in any pose, which are fixed; a space with some room; and among the
+    poses in the middle of the limits the one in which no joint is idle and the arm is farthest from
+    singular.
+
+    Args:
+        robot: The robot, whose own tool does not count.
+
+    Raises:
+        UserError: No load turns a joint, or no pose is regular.
+    """
+    q = _spread(robot)
+    flange = robot.with_tool(np.eye(4)).frames(q)
+    reach = float(np.linalg.norm(flange.position - flange.origins[0], axis=0).max())
+    if not reach > 0:
+        raise UserError("the flange does not move; expected a robot with links", where=robot.name)
+    tool_mm = _tool(robot, flange, reach)
+    robot = robot.with_tool(transform(np.array(tool_mm) / 1e3))
+    payload, from_mass = _payload(robot, reach)
+    force = _force(robot, q, payload)
+    moved = _moved(robot, q, force)
+    idle = moved.max(axis=0) <= UNLOADED * moved.max()
+    if idle.all():
+        raise UserError("no load turns a joint of this robot", where=robot.name)
+    fixed = _fixed(robot, idle)
+    q = _with_fixed(robot, q, fixed)
+    frames = robot.frames(q)
+    room, height = _constraint(np.ones(len(q), bool), frames.position[2], HEIGHTS, reach)
+    radius = np.hypot(frames.position[0], frames.position[1])
+    room, least_radius = _constraint(room, radius, RADII, reach)
+    free = [j for j in range(robot.n) if robot.joint_names[j] not in fixed]
+    return FirstChoices(
+        reach=reach,
+        payload=payload,
+        from_mass=from_mass,
+        tool_mm=tool_mm,
+        force=tuple(force[:3].tolist()),
+        fixed=fixed,
+        compliance=_compliance(robot, q, force, free),
+        height_mm=height,
+        radius_mm=least_radius,
+        q_deg=_test_pose(robot, q[room], force, free),
+    )
+
+
+def _spread(robot: Robot) -> Array:
+    """Poses (s, n) that are spread evenly over the limits [rad or m]."""
+    from scipy.stats import qmc
+
+    cube = qmc.Sobol(robot.n, seed=0).random(SAMPLES)
+    middle, half = _range(robot)
+    return np.asarray(middle + half * (2 * cube - 1))
+
+
+def _range(robot: Robot) -> tuple[Array, Array]:
+    """Middle and half width (n,) of the limits, a turn at most [rad or m]."""
+    lower, upper = robot.limits
+    turns = np.array([_kind(joint) == "revolute" for joint in robot.joints])
+    half = (upper - lower) / 2
+    wide = turns & (half > TURN / 2)
+    # A joint that turns several times is as good at zero as in the middle of its limits.
+    inside = (lower < 0) & (upper > 0)
+    middle = np.where(wide & inside, 0.0, (lower + upper) / 2)
+    return middle, np.where(wide, np.minimum(TURN / 2, half), half)
+
+
+def _tool(robot: Robot, flange: Frames, reach: float) -> tuple[float, ...]:
+    """A tool point as far from the last axis as along it, away from the arm (3,) [mm]."""
+    step = 10.0 if reach > 0.3 else 1.0
+    lever = max(step, step * round(1e3 * LEVER * reach / step))
+    last = robot.flange[:3, :3].T @ robot.joints[-1].axis
+    across = np.eye(3)[int(np.abs(last).argmin())]
+    along = np.eye(3)[int(np.abs(last).argmax())]
+    # Outwards is where the tool point gets away from the joints before.
+    direction = np.tensordot(along, flange.rotation, axes=1)
+    outwards = ((flange.position - flange.origins) * direction).sum(axis=1)
+    sign = 1.0 if outwards.mean() >= 0 else -1.0
+    return tuple((lever * (sign * along + across) + 0.0).tolist())
+
+
+def _payload(robot: Robot, reach: float) -> tuple[float, bool]:
+    """A mass that such an arm carries, with one digit [kg], and whether the links tell it."""
+    mass = sum(link.mass for link in robot.links)
+    size = PAYLOAD_PER_MASS * mass if mass else PAYLOAD_PER_REACH * reach**3
+    return float(f"{np.clip(size, *PAYLOADS):.1g}"), mass > 0
+
+
+def _force(robot: Robot, q: Array, payload: float) -> Array:
+    """The payload's weight (6,), or a pull as large sideways if few joints feel the weight."""
+    size = float(f"{GRAVITY * payload:.2g}")
+    down = np.array([0, 0, -size, 0, 0, 0])
+    moved = _moved(robot, q, down).max(axis=0)
+    felt = (moved > UNLOADED * moved.max()) & (moved > 0)
+    if 2 * felt.sum() >= robot.n:
+        return down
+    return np.array([size, 0, 0, 0, 0, 0])
+
+
+def _moved(robot: Robot, q: Array, force: Array) -> Array:
+    """Motion (s, n) of the tool point by a unit of each joint's compliance [m]."""
+    return np.asarray(np.linalg.norm(ElastostaticModel(robot).regressor(q, force), axis=1))
+
+
+def _fixed(robot: Robot, idle: Mask) -> dict[str, float]:
+    """The idle joints, in the middle of their limits, or at zero as the controller shows it."""
+    middle, _ = _range(robot)
+    shown = in_file_units(robot, middle)
+    lower, upper = robot.limits
+    at_zero = np.where(idle, 0.0, shown)
+    zero = of_file_units(robot, at_zero)
+    inside = (lower < zero) & (zero < upper)
+    found = {}
+    for j in np.flatnonzero(idle).tolist():
+        leaders = () if robot.controller is None else robot.controller.leaders(j)
+        if all(idle[leader] for leader in leaders):  # a joint cannot stay if its leader moves
+            found[robot.joint_names[j]] = 0.0 if inside[j] else float(np.round(shown[j], 1))
+    return found
+
+
+def _with_fixed(robot: Robot, q: Array, fixed: dict[str, float]) -> Array:
+    """The poses (s, n) with the fixed joints where they stay."""
+    shown = in_file_units(robot, q)
+    for name, value in fixed.items():
+        shown[:, robot.joint_names.index(name)] = value
+    stay = of_file_units(robot, shown)
+    columns = [robot.joint_names.index(name) for name in fixed]
+    q = q.copy()
+    q[:, columns] = stay[:, columns]
+    return q
+
+
+def _constraint(
+    room: Mask, values: Array, shares: tuple[float, ...], reach: float
+) -> tuple[Mask, float | None]:
+    """The largest round bound below `values` that leaves room, and the poses within it [mm]."""
+    step = 50.0 if reach > 1 else 10.0
+    for share in shares:
+        bound = step * round(1e3 * share * reach / step)
+        left = room & (1e3 * values > bound)
+        if left.mean() >= ROOM:
+            return left, bound
+    return room, None
+
+
+def _compliance(robot: Robot, q: Array, force: Array, free: list[int]) -> dict[str, float]:
+    """Compliances with which the largest load turns each gear by minutes of arc, two digits."""
+    J = robot.jacobian(q)
+    torque = np.abs(np.einsum("sij,i->sj", J, force)).max(axis=0)
+    return {
+        robot.joint_names[j]: float(f"{BENT[_kind(robot.joints[j])] / torque[j]:.2g}")
+        for j in free
+        if torque[j] > 0
+    }
+
+
+def _kind(joint: Joint) -> str:
+    """Whether a joint slides or turns, be it on and on."""
+    return "prismatic" if joint.kind == "prismatic" else "revolute"
+
+
+def _test_pose(robot: Robot, q: Array, force: Array, free: list[int]) -> tuple[float, ...]:
+    """A pose (n,) in the middle of the limits, rounded, in which the task loads every joint.
+
+    Its score is the smaller one of two shares: of the largest smallest singular value of the
+    Jacobian, in which lengths count beside the reach, and for the joint that is the least loaded,
+    of the most that it is loaded anywhere.
+    """
+    middle, half = _range(robot)
+    central = (np.abs(q - middle)[:, free] <= 2 * MIDDLE * half[free]).all(axis=1)
+    chosen = q[central] if central.any() else q
+    most = _moved(robot, q, force)[:, free].max(axis=0)
+    best = chosen[np.argsort(-_score(robot, chosen, force, free, most))[:BEST]]
+    steps = np.array([TYPED[_kind(joint)] for joint in robot.joints])
+    shown = in_file_units(robot, best)
+    rounded = shown.copy()
+    rounded[:, free] = (np.round(shown / steps) * steps + 0.0)[:, free]
+    typed = of_file_units(robot, rounded)
+    lower, upper = robot.limits
+    allowed = ((typed >= lower) & (typed <= upper)).all(axis=1)
+    if allowed.any():
+        typed = typed[allowed]
+        rounded = rounded[allowed]
+    score = _score(robot, typed, force, free, most)
+    return tuple(in_file_units(robot, typed)[int(score.argmax())].tolist())
+
+
+def _score(robot: Robot, q: Array, force: Array, free: list[int], most: Array) -> Array:
+    """How regular and how well loaded poses (s, n) are, from 0 to 1."""
+    J = robot.jacobian(q)[..., free]
+    lever = np.array([robot.reach] * 3 + [1.0] * 3)[:, None]
+    least = np.linalg.svd(J / lever, compute_uv=False)[:, -1]
+    loaded = (_moved(robot, q, force)[:, free] / np.where(most > 0, most, 1.0)).min(axis=1)
+    return np.asarray(np.minimum(least / max(least.max(), 1e-300), loaded))

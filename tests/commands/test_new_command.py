@@ -1,0 +1,87 @@
+"""`edtk new`: a study to begin with, for any robot."""
+
+import shutil
+import tomllib
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+from urdf_text import written
+
+import edtk
+from edtk.cli import main
+
+URDF = Path(__file__).parents[1] / "data" / "kr150_2.urdf"
+
+
+def run(*words: object) -> tuple[int, str, str]:
+    """Exit code and output of the program."""
+    result = CliRunner().invoke(main, [*map(str, words)])
+    return result.exit_code, result.stdout, result.stderr
+
+
+def test_a_robots_file_is_named_beside_the_study(tmp_path: Path, monkeypatch) -> None:
+    """The path of the robot is relative to the study, wherever the command is called."""
+    (tmp_path / "robots").mkdir()
+    (tmp_path / "work").mkdir()
+    shutil.copy(URDF, tmp_path / "robots" / "arm.urdf")
+    monkeypatch.chdir(tmp_path)
+    code, shown, _ = run("new", "--robot", "robots/arm.urdf", "--out", "work/study.toml")
+    assert code == 0
+    text = Path("work/study.toml").read_text()
+    assert tomllib.loads(text)["robot"] == "../robots/arm.urdf"
+    lines = text.splitlines()
+    marked = shown.rpartition("decide lines ")[2].split(", ")
+    assert len(marked) == 7
+    assert all("DECIDE:" in lines[int(number) - 1] for number in marked)
+    assert edtk.load_study("work/study.toml").robot.n == 6
+
+
+def test_links_of_a_urdf_go_into_the_study(tmp_path: Path) -> None:
+    """Of several leaves one is named; the study names it too."""
+    arm = written(tmp_path)
+    code, _, error = run("new", "--robot", arm, "--out", tmp_path / "study.toml")
+    assert code == 2
+    assert "tip_link" in error
+    assert not (tmp_path / "study.toml").exists()
+    study = edtk.new(arm, tmp_path / "study.toml", tip="flange", base="base")
+    assert study.specification.tip_link == "flange"
+    assert study.specification.base_link == "base"
+
+
+def test_a_builtin_robot_by_name(tmp_path: Path) -> None:
+    """Its name stands in the study."""
+    study = edtk.new("kuka_kr270", tmp_path / "study.toml")
+    assert study.specification.robot == "kuka_kr270"
+
+
+@pytest.mark.parametrize("force", [False, True])
+def test_what_exists_is_kept(tmp_path: Path, force: bool) -> None:
+    """A file is replaced only if that is asked for."""
+    path = tmp_path / "study.toml"
+    path.write_text("mine")
+    words = ["--force"] if force else []
+    code, shown, error = run("new", "--robot", "kuka_kr270", "--out", path, *words)
+    assert code == (0 if force else 2)
+    assert (path.read_text() == "mine") == (not force)
+    if not force:
+        assert shown == ""
+        assert "exists; expected a new file, or --force to replace it" in error
+
+
+def test_the_robots_file_is_never_overwritten(tmp_path: Path) -> None:
+    """Not even with --force."""
+    arm = written(tmp_path)
+    code, _, error = run("new", "--robot", arm, "--tip", "flange", "--out", arm, "--force")
+    assert code == 2
+    assert "is read by this command" in error
+    assert "<robot" in arm.read_text()
+
+
+def test_an_unknown_robot_is_one_line(tmp_path: Path) -> None:
+    """The message lists what there is, and nothing is written."""
+    code, shown, error = run("new", "--robot", "kuka", "--out", tmp_path / "study.toml")
+    assert (code, shown) == (2, "")
+    assert "kuka_kr270" in error
+    assert error.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []
