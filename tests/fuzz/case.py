@@ -102,6 +102,11 @@ class Case:
         """The command, or "edtk" where it is misspelt."""
         return self.words[0] if self.words and self.words[0] in lines.VERBS else "edtk"
 
+    @property
+    def prints_a_file(self) -> bool:
+        """Whether an output goes to standard output: `--out -` or `--out=-`."""
+        return any(word == "-" or word.endswith("=-") for word in self.words)
+
 
 def make_case(number: int, worlds: dict[str, Files]) -> Case:
     """The case of a number; the same on every machine, as long as the worlds are the same.

@@ -57,7 +57,7 @@ def judge(
     changed = _changed(case, sandbox, before, after)
     lines = messages(answer.stderr)
     # Where a file goes to standard output, the result goes to standard error.
-    found += [] if "-" in case.words else _streams(case, lines)
+    found += [] if case.prints_a_file else _streams(case, lines)
     if failed and answer.code != NOT_VALID:
         found += _failure(case, answer, lines)
         left = [path for path in changed if not _may_stay(case, path)]
@@ -118,7 +118,7 @@ def _failure(case: Case, answer: Answer, lines: list[str]) -> list[Finding]:
 
 def _success(case: Case, answer: Answer) -> list[Finding]:
     """Strict JSON where JSON is asked for."""
-    if not _asks_for_json(case) or "-" in case.words:
+    if not _asks_for_json(case) or case.prints_a_file:
         return []
     try:
         json.loads(answer.stdout, parse_constant=_reject)
