@@ -110,9 +110,14 @@ class Calibration(Presented):
 
     @property
     def verdict(self) -> str:
-        """Whether to use the result: "good", "usable" or "bad"."""
+        """Whether to use the result: "good", "usable" or "bad".
+
+        It is never better than the worst diagnostic, and not good where the study says what is hard
+        to believe.
+        """
+        least = Severity.WARNING if self.study.warnings else Severity.NOTE
         worst = (diagnostic.severity for diagnostic in self.diagnostics)
-        return VERDICTS[max(worst, default=Severity.NOTE)]
+        return VERDICTS[max([least, *worst])]
 
     @property
     def expected(self) -> ExpectedError | None:
@@ -165,6 +170,7 @@ class Calibration(Presented):
             "expected_error": None if self.expected is None else self.expected.to_dict(),
             "verdict": self.verdict,
             "doubts": [diagnostic.text for diagnostic in self.diagnostics],
+            "study_warnings": list(self.study.warnings),
             "diagnostics": [diagnostic.to_dict() for diagnostic in self.diagnostics],
             "negative": [joints[i] for i in np.flatnonzero(fit.negative)],
             "known": dict(self.study.specification.joints.known_rad_per_Nm),

@@ -39,6 +39,7 @@ class Kind(Enum):
     LACK_OF_FIT = auto()
     CAUSE = auto()
     DO_NOT_COMPENSATE = auto()
+    GAINS_LITTLE = auto()
     BEYOND_LIMITS = auto()
     NOT_MEASURED = auto()
     # Input errors, with which no result is given.

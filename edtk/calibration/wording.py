@@ -218,6 +218,16 @@ def _do_not_compensate(found: Finding) -> str:
     )
 
 
+def _gains_little(found: Finding) -> str:
+    """A compensation that leaves most of the error."""
+    total = f"{1e3 * found.data['total']:.2g} mm"
+    without = f"{1e3 * found.data['uncompensated']:.2g} mm"
+    return (
+        f"compensation gains little: the expected error is {total}, and {without} without any "
+        f"compensation; the largest part of it is {found.data['largest'].replace('_', ' ')}"
+    )
+
+
 def _beyond_limits(found: Finding) -> str:
     """A pose beyond a joint's limits."""
     data = found.data
@@ -273,6 +283,7 @@ _SENTENCES: dict[Kind, Callable[[Finding], str]] = {
     Kind.LACK_OF_FIT: _lack_of_fit,
     Kind.CAUSE: _cause,
     Kind.DO_NOT_COMPENSATE: _do_not_compensate,
+    Kind.GAINS_LITTLE: _gains_little,
     Kind.BEYOND_LIMITS: _beyond_limits,
     Kind.NOT_MEASURED: _not_measured,
     Kind.OTHER_POSE: _other_pose,

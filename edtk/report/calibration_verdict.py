@@ -30,8 +30,6 @@ def calibration_verdict(found: Calibration) -> str:
     harmful = [d for d in found.diagnostics if d.kind is Kind.DO_NOT_COMPENSATE]
     others = [d for d in found.diagnostics if d.kind is not Kind.DO_NOT_COMPENSATE]
     level = found.verdict
-    if level == "good" and found.study.warnings:
-        level = "usable"  # never greener than the worst line below
     if harmful:
         lines = [f"{_sentence(found, harmful[0].text)}."]
     elif level == "bad":
@@ -105,12 +103,13 @@ def _parts(found: Calibration) -> list[str]:
 
 def _facts(found: Calibration) -> list[str]:
     """What is in order; nothing where a finding says otherwise."""
-    if found.diagnostics:
+    noted = {diagnostic.kind for diagnostic in found.diagnostics}
+    if noted - {Kind.GAINS_LITTLE}:
         return []
     noise = "the noise was estimated and is not larger than stated"
     if found.fit.known:
         noise = "the residuals fit the noise"
     facts = f"{noise}, there are no outliers, and all compliances are positive."
-    if found.study.rigid or found.study.warnings:
+    if noted or found.study.rigid or found.study.warnings:
         return [f"{facts[0].upper()}{facts[1:]}"]
     return [f"Nothing is wrong: {facts}"]

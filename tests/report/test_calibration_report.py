@@ -124,7 +124,8 @@ def test_a_headline_is_not_greener_than_a_warning(good):
     object.__setattr__(study, "warnings", ("test_pose.q_deg: are they in radians?",))
     found = replace(good[0], fitted=replace(good[0].fitted, study=study))
     box = calibration_verdict(found)
-    assert level_of(box) == "usable"
+    assert level_of(box) == found.to_dict()["verdict"] == "usable"
+    assert found.to_dict()["study_warnings"] == list(study.warnings)
     assert "<p>The study: test_pose.q_deg: are they in radians?</p>" in box
 
 
