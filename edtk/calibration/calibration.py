@@ -1,6 +1,7 @@
 """Identified compliances, with everything that a person wants to know about them."""
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,8 +24,10 @@ from edtk.inference.measurements import Measurements
 from edtk.inference.noise import Noise
 from edtk.inference.prior import Flat
 from edtk.inference.sample_posterior import SamplingOptions
+from edtk.inference.task_accuracy import TaskAccuracy
 from edtk.model.error_budget import ErrorBudget
 from edtk.model.expected_error import ExpectedError, expected_error
+from edtk.study.accuracy_of_tasks import accuracy_of_tasks
 from edtk.study.study import Study
 from edtk.system.presented import Presented
 from edtk.system.typing import Array
@@ -122,8 +125,14 @@ class Calibration(Presented):
     @property
     def expected(self) -> ExpectedError | None:
         """Errors to expect in the test pose and around it; None without a test pose."""
-        task = self.study.task
-        return None if task is None else expected_error(task, self.fit.covariance)
+        tasks = self.study.tasks
+        return expected_error(tasks, self.fit.covariance) if tasks else None
+
+    @cached_property
+    def tasks(self) -> TaskAccuracy | None:
+        """Errors to expect in each of several test poses; None for one or none."""
+        fit = self.fit
+        return accuracy_of_tasks(self.study, fit.covariance, fit.k, fit.covariance_dof)
 
     @property
     def rho0_bias(self) -> float | None:
@@ -168,6 +177,7 @@ class Calibration(Presented):
             "lack_of_fit": None if self.lack_of_fit is None else self.lack_of_fit.to_dict(),
             "causes": [cause.to_dict() for cause in self.causes],
             "expected_error": None if self.expected is None else self.expected.to_dict(),
+            **({} if self.tasks is None else {"tasks": self.tasks.to_dict()}),
             "verdict": self.verdict,
             "doubts": [diagnostic.text for diagnostic in self.diagnostics],
             "study_warnings": list(self.study.warnings),

@@ -23,7 +23,7 @@ def calibration_budget(fitted: FittedData, rho0_bias: float | None) -> ErrorBudg
         rho0_bias: Error that the linear model leaves in the test pose [m]; None if it is unknown.
     """
     study = fitted.study
-    if study.task is None:
+    if not study.tasks:
         return None
     data = fitted.data
     repeats = None
@@ -33,7 +33,7 @@ def calibration_budget(fitted: FittedData, rho0_bias: float | None) -> ErrorBudg
     return error_budget(
         study.model,
         data,
-        study.task,
+        study.tasks,
         fitted.fit.k,
         fitted.fit.covariance,
         uncertainty_of(study, fitted.fit.k),

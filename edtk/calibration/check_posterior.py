@@ -61,7 +61,7 @@ def check_posterior(
     table = _table(study, identified, posterior)
     # Without a least-squares fit the posterior's mean is what commands are compensated with.
     used = Estimate(posterior.mean, posterior.covariance) if untold else identified
-    pose = None if study.task is None else pose_error(study.task, used, posterior)
+    pose = pose_error(study.tasks, used, posterior) if study.tasks else None
     return PosteriorCheck(
         table, "identified", posterior, A, measured, sigma, assumed, pose, untold=untold
     )

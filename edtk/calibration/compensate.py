@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from edtk.calibration.robot_of_task import robot_of_task
 from edtk.design.plan import Plan
 from edtk.inference.error_quantiles import error_quantiles
 from edtk.inference.offset_error_quantiles import offset_error_quantiles
@@ -148,16 +149,13 @@ def compensate(study: Study, found: Compliances, task: Plan, path: Path | str) -
         path: Where the task comes from, for messages.
 
     Raises:
-        UserError: The study has no test pose; or a desired or commanded pose is beyond a joint's
-            limits, or buckles; names the row.
+        UserError: The study has no test pose, or some with different tools; or a desired or
+            commanded pose is beyond a joint's limits, or buckles; names the row.
     """
-    if study.task is None:
-        message = "expected a table with the tool of the task; the study has none"
-        raise study.error("test_pose", message)
-    if study.task.dead_weights is not None:
+    if any(one.dead_weights is not None for one in study.tasks):
         require_plain(study, "a compensation")
     found = found.including(study.specification.joints.known_rad_per_Nm)
-    robot = study.task.model.robot
+    robot = robot_of_task(study)
     model = ElastostaticModel(robot, tuple(map(robot.joint_names.index, found.joints)))
     q = compensated_joints(model, task.q, task.wrench, found.k)
     _require_within_limits(robot, task.q, "desired", path)
@@ -167,6 +165,7 @@ def compensate(study: Study, found: Compliances, task: Plan, path: Path | str) -
     _require_settled(robot, task, q, k, path)
     offset = _offset(model, task, found, path)
     remaining, band = _errors_after(model, task, found, offset)
+    turned = any(one.lever for one in study.tasks)
     return Compensation(
         robot=robot,
         desired=task.q,
@@ -179,7 +178,7 @@ def compensate(study: Study, found: Compliances, task: Plan, path: Path | str) -
         rho0_bias=found.rho0_bias,
         verdict=found.verdict,
         rigid=rigid_joints_in_words(rigid_joints(robot, task.q, task.wrench, found.joints)),
-        rotation=_rotation_after(model, task, found) if study.task.lever else None,
+        rotation=_rotation_after(model, task, found) if turned else None,
     )
 
 

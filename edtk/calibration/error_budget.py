@@ -1,6 +1,6 @@
 """What is uncertain in a calibration, propagated to the error in the task."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -9,7 +9,7 @@ from edtk.inference.least_squares import Whitened
 from edtk.inference.measurements import Measurements
 from edtk.model.elastostatic_model import ElastostaticModel
 from edtk.model.error_budget import ErrorBudget
-from edtk.model.task import Task
+from edtk.model.tasks import Tasks
 from edtk.system.typing import Array, Indices
 
 TOOL = ("tool_x", "tool_y", "tool_z")
@@ -40,7 +40,7 @@ class Uncertainty:
 def error_budget(
     model: ElastostaticModel,
     data: Measurements,
-    task: Task,
+    tasks: Tasks,
     k: Array,
     covariance: Array,
     uncertainty: Uncertainty,
@@ -57,7 +57,7 @@ def error_budget(
     Args:
         model: The robot with its calibration tool, and the measured rows.
         data: Poses, loads, markers and noise of the calibration; measured values are not used.
-        task: Where the robot shall be accurate.
+        tasks: Where the robot shall be accurate.
         k: Compliances (p,), identified or assumed [rad/(N m)].
         covariance: Their covariance (p, p) by the noise.
         uncertainty: How well the circumstances are known.
@@ -67,7 +67,7 @@ def error_budget(
     Raises:
         SingularPlanError: The poses do not identify all parameters.
     """
-    A0 = task.target
+    A0 = tasks.target
     A = data.regressor(model)
     whitened = Whitened.of(A, data.noise, model.parameters)
 
@@ -84,7 +84,7 @@ def error_budget(
     # Compliances take up a load of another size in full: they come out as much too large.
     displacement = float(np.linalg.norm(A0 @ k))
     scaled = uncertainty.load_size * displacement
-    rigid, bends = _rigid(model, data, task, whitened, uncertainty)
+    rigid, bends = _rigid(model, data, tasks, whitened, uncertainty)
     return ErrorBudget(
         noise=float(np.sqrt(np.trace(A0 @ covariance @ A0.T))),
         model=model_error,
@@ -100,7 +100,7 @@ def error_budget(
 def _rigid(
     model: ElastostaticModel,
     data: Measurements,
-    task: Task,
+    tasks: Tasks,
     whitened: Whitened,
     uncertainty: Uncertainty,
 ) -> tuple[float, float]:
@@ -113,7 +113,7 @@ def _rigid(
         bent = data.regressor(ElastostaticModel(model.robot, (joint,), model.rows))[..., 0]
         absorbed = whitened.solve(bent)
         # One target of all of them: that of a neighbourhood is a triangle, without rows of poses.
-        target = replace(task, unknown=(*task.unknown, joint)).target
+        target = tasks.with_unknown((*tasks[0].unknown, joint)).target
         after += float(np.sum((compliance * (target @ np.append(-absorbed, 1.0))) ** 2))
         without += float(np.sum((compliance * target[:, -1]) ** 2))
     return float(np.sqrt(after)), float(np.sqrt(without))

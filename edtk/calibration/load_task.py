@@ -2,12 +2,17 @@
 
 from pathlib import Path
 
+import numpy as np
+
+from edtk.calibration.robot_of_task import robot_of_task
 from edtk.design.plan import Plan
 from edtk.study.study import Study
 
 
 def load_task(study: Study, path: Path | str) -> Plan:
     """Read task poses, columns as in a plan; without wrench columns, the test pose's load acts.
+
+    A file without them goes with test poses of one and the same load.
 
     Joints that the study fixes may be left out, as in a plan. A column `repeats` means nothing.
 
@@ -16,10 +21,10 @@ def load_task(study: Study, path: Path | str) -> Plan:
         path: The CSV file.
 
     Raises:
-        UserError: The study has no test pose, or the file cannot be read; names the row and the
-            column.
+        UserError: The study has no test pose, or some with different tools, or the file cannot be
+            read; names the row and the column.
     """
-    if study.task is None:
-        message = "expected a table with the tool and the load of the task; the study has none"
-        raise study.error("test_pose", message)
-    return Plan.from_csv(path, study.robot, study.fixed, study.task.wrench)
+    robot_of_task(study)
+    wrench = study.tasks[0].wrench
+    same = all(np.array_equal(task.wrench, wrench) for task in study.tasks)
+    return Plan.from_csv(path, study.robot, study.fixed, wrench if same else None)

@@ -26,7 +26,7 @@ def plan_budget(study: Study, plan: Plan) -> ErrorBudget | None:
     """
     if not study.model.is_plain:
         return None  # causes and budget know the tool point only
-    if study.task is None or study.specification.simulation is None:
+    if not study.tasks or study.specification.simulation is None:
         return None
     try:
         cov = np.asarray(covariance(study.space.information(plan), study.model.parameters))
@@ -35,4 +35,4 @@ def plan_budget(study: Study, plan: Plan) -> ErrorBudget | None:
     k = study.compliances
     data = planned_measurements(study, plan)
     uncertainty = uncertainty_of(study, k)
-    return error_budget(study.model, data, study.task, k, cov, uncertainty, repeats=plan.repeats)
+    return error_budget(study.model, data, study.tasks, k, cov, uncertainty, repeats=plan.repeats)

@@ -1,4 +1,4 @@
-"""The error of a compensation in the test pose, by a posterior of the compliances."""
+"""The error of a compensation in the test poses, by a posterior of the compliances."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -8,7 +8,7 @@ import numpy as np
 from edtk.inference.convergence import autocorrelation_time
 from edtk.inference.least_squares import Estimate
 from edtk.inference.posterior import Posterior
-from edtk.model.task import Task
+from edtk.model.tasks import Tasks
 from edtk.system.presented import Presented
 from edtk.system.typing import Array
 
@@ -28,6 +28,8 @@ class PoseError(Presented):
         displacement: Mean of the displacement of the tool point under the task's load (3,).
         displacement_95: Ends of its 95 % intervals, by coordinate (2, 3).
         place: Where rho0 is the error, in words.
+        displaced: Which of several test poses the displacement is of, counted from 1: the one with
+            the largest error; None for a single one.
     """
 
     rho0: float
@@ -37,6 +39,7 @@ class PoseError(Presented):
     displacement: Array
     displacement_95: Array
     place: str = "in the test pose"
+    displaced: int | None = None
 
     def headline(self) -> str:
         """The error after compensation."""
@@ -47,23 +50,27 @@ class PoseError(Presented):
         return {
             name: value.tolist() if isinstance(value, np.ndarray) else value
             for name, value in vars(self).items()
+            if name != "displaced" or value is not None
         }
 
 
-def pose_error(task: Task, fit: Estimate, posterior: Posterior) -> PoseError:
-    """Find errors and displacements in a test pose.
+def pose_error(tasks: Tasks, fit: Estimate, posterior: Posterior) -> PoseError:
+    """Find errors and displacements in the test poses.
 
     Args:
-        task: The test pose. Its target says what counts as the error, its regressor how the tool
-            point is displaced.
+        tasks: The test poses. Their target says what counts as the error, the regressor of the
+            worst of them how the tool point is displaced.
         fit: The estimate with which commands are compensated.
         posterior: The compliances that the robot may have.
     """
-    target = task.target
+    target = tasks.target
     squares = (((posterior.samples - fit.k) @ target.T) ** 2).sum(axis=-1)
     rho0 = float(np.sqrt(squares.mean()))
     effective = squares.size / autocorrelation_time(squares[..., None])[0]
-    moved = posterior.samples @ task.regressor.T
+    dk = (posterior.samples - fit.k).reshape(-1, len(fit.k))
+    second_moment = dk.T @ dk / len(dk)
+    worst = int(np.argmax([np.sum((A @ second_moment) * A) for A in tasks.targets]))
+    moved = posterior.samples @ tasks[worst].regressor.T
     return PoseError(
         rho0=rho0,
         # The error of a mean of squares; of its root it is half that, relative to the root.
@@ -72,5 +79,6 @@ def pose_error(task: Task, fit: Estimate, posterior: Posterior) -> PoseError:
         error_95=float(np.sqrt(np.quantile(squares, 0.95))),
         displacement=moved.mean(axis=(0, 1)),
         displacement_95=np.quantile(moved, [0.025, 0.975], axis=(0, 1)),
-        place=task.place,
+        place=tasks.place,
+        displaced=worst + 1 if len(tasks) > 1 else None,
     )

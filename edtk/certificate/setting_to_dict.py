@@ -8,6 +8,7 @@ from edtk.certificate.physics_to_dict import physics_to_dict, weights_to_list
 from edtk.design.design_space import DesignSpace
 from edtk.model.constraints.excluded import Excluded
 from edtk.model.robot import Robot
+from edtk.model.task import Task
 from edtk.study.study import Study
 
 
@@ -70,14 +71,18 @@ def _robot(robot: Robot) -> dict[str, Any]:
     }
 
 
-def _test_pose(study: Study) -> dict[str, Any] | None:
-    """Pose [rad or m], tool [m] and wrench [N, N m] of the task; None without one.
+def _test_pose(study: Study) -> dict[str, Any] | list[dict[str, Any]] | None:
+    """The task, several tasks with their weights, or None."""
+    if len(study.tasks) < 2:
+        return _task(study.tasks[0]) if study.tasks else None
+    return [_task(task) | {"weight": task.weight} for task in study.tasks]
+
+
+def _task(task: Task) -> dict[str, Any]:
+    """Pose [rad or m], tool [m] and wrench [N, N m] of a task.
 
     Where a neighbourhood [rad] or rotations [m] count, their size follows.
     """
-    task = study.task
-    if task is None:
-        return None
     hanging = task.dead_weights
     sizes = {"within": task.within, "lever": task.lever}
     return {

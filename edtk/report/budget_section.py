@@ -31,7 +31,7 @@ def budget_section(found: Calibration, budget: ErrorBudget) -> str:
 
 def _meaning(found: Calibration, budget: ErrorBudget) -> str:
     """The result in words."""
-    place = "" if found.study.task is None else f" {found.study.task.place}"
+    place = f" {found.study.tasks.place}" if found.study.tasks else ""
     otherwise = "If nothing else was wrong, the" if found.verdict == "bad" else "The"
     rest = np.sqrt(max(budget.total**2 - budget.parts[budget.largest] ** 2, 0.0))
     return (

@@ -50,7 +50,7 @@ def _ended(text: str) -> str:
 
 def _rigid(found: Calibration) -> list[str]:
     """Joints that count as rigid although the task turns them, a sentence each."""
-    joints = () if found.study.task is None else found.study.task.rigid_joints
+    joints = found.study.tasks.rigid_joints if found.study.tasks else ()
     return [
         f"Joint {joint.name} counts as rigid, although the task's load turns it: each "
         f"{EXAMPLE:g} rad/(N m) of compliance in it moves the tool by "
@@ -75,7 +75,7 @@ def _expected(found: Calibration) -> str:
         worst = int(np.argmax(fit.std / k))
         share = f"{100 * fit.std[worst] / k[worst]:.2g} %"
         return f"The least certain compliance is {found.study.model.parameters[worst]}, to {share}."
-    place = "" if found.study.task is None else f" {found.study.task.place}"
+    place = f" {found.study.tasks.place}" if found.study.tasks else ""
     return (
         f"Expect a total error of {1e3 * found.budget.total:.2g} mm{place} after compensation, "
         f"instead of {1e3 * found.budget.uncompensated:.2g} mm without."

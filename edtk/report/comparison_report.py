@@ -38,8 +38,8 @@ def comparison_report(run: StudyRun, sizes: Iterable[Efficiencies]) -> str:
         sizes: Efficiencies of the plans of each size, whose heat maps lie beside the report.
     """
     main = run.study.main_criterion
-    task = run.study.task
-    question = task.place if task is not None and main == "rho0" else f"for {main}"
+    tasks = run.study.tasks
+    question = tasks.place if tasks and main == "rho0" else f"for {main}"
     parts = [
         f"# {_plain(run.study.specification.title)}\n",
         _setting(run),
@@ -48,7 +48,7 @@ def comparison_report(run: StudyRun, sizes: Iterable[Efficiencies]) -> str:
         verdict(run),
         f"![{main} against the number of experiments](comparison.png)\n",
         by_size(run),
-        *([] if run.study.task is None else [f"## {AROUND}\n", around_the_task(run)]),
+        *([] if not run.study.tasks else [f"## {AROUND}\n", around_the_task(run)]),
         f"## What plans for other criteria cost in {main}\n",
         loss_of_others(run),
         "## Fewer distinct poses\n",

@@ -70,9 +70,10 @@ def _test_pose(pose: PoseError) -> str:
     low, high = 1e3 * pose.displacement_95
     axes = ", ".join(f"{n} {a:.4f} to {b:.4f}" for n, a, b in zip("xyz", low, high, strict=True))
     place = f"{pose.place[:1].upper()}{pose.place[1:]}"
+    which = "" if pose.displaced is None else f" in pose {pose.displaced}"
     return (
         f"{place} the error after compensation is {1e3 * pose.rho0:.3g} mm (root mean "
         f"square; {1e3 * pose.rho0_fit:.3g} mm by the fit, Eq. (20)), and with 95 % probability "
-        f"below {1e3 * pose.error_95:.3g} mm. Displacement under the task's load, 95 % intervals "
-        f"in mm: {axes}."
+        f"below {1e3 * pose.error_95:.3g} mm. Displacement under the task's load{which}, 95 % "
+        f"intervals in mm: {axes}."
     )

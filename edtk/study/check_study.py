@@ -2,19 +2,16 @@
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 import criteria
 from edtk.model.robot import Robot
 from edtk.study.check_interest import check_interest
 from edtk.study.check_markers import check_markers
+from edtk.study.check_tasks import check_tasks
 from edtk.study.schema import Specification
 
 if TYPE_CHECKING:
     from edtk.study.study import Study
 
-# Displacement of the tool by 1 rad/(N m) below which a load turns no joint: what rounding leaves.
-LEAST_HARM = 1e-9  # [m]
 KEY_OF_KIND = {"revolute": "fixed_deg", "prismatic": "fixed_mm"}
 
 
@@ -29,7 +26,7 @@ def check_study(study: "Study") -> None:
     _check_fixed_joints(study, specification, study.robot)
     _check_measurement(study, specification)
     check_markers(study)
-    _check_test_pose(study, specification)
+    check_tasks(study)
     _check_criteria(study, specification)
     check_interest(study)
 
@@ -87,28 +84,6 @@ def _check_measurement(study: "Study", specification: Specification) -> None:
         raise study.error("joints.unknown", "a joint is named twice")
 
 
-def _check_test_pose(study: "Study", specification: Specification) -> None:
-    pose = specification.test_pose
-    if pose is None:
-        return
-    if len(pose.q_deg) != study.robot.n:
-        raise study.error(
-            "test_pose.q_deg",
-            f"has {len(pose.q_deg)} entries, expected {study.robot.n}, one per joint",
-        )
-    # rho0 has no meaning where errors of compliances do no harm.
-    if not any((*pose.load.F_N, *pose.load.T_Nm)):
-        raise study.error(
-            "test_pose.load", "a test pose without load has nothing to compensate; expected a load"
-        )
-    if study.target is not None and np.abs(study.target).max() < LEAST_HARM:
-        raise study.error(
-            "test_pose.load",
-            "the load turns no joint of joints.unknown in the test pose, so that there is nothing "
-            "to compensate; expected another load, tool or pose",
-        )
-
-
 def _check_criteria(study: "Study", specification: Specification) -> None:
     # `criteria` defaults to `optimise`, so a wrong name in both is reported where it was written.
     for key in ("optimise", "criteria"):
@@ -117,7 +92,7 @@ def _check_criteria(study: "Study", specification: Specification) -> None:
                 criterion = criteria.get(name)
             except criteria.CriterionError as error:
                 raise study.error(key, str(error)) from error
-            if criterion.needs_target and specification.test_pose is None:
+            if criterion.needs_target and not study.tasks:
                 raise study.error(key, f"criterion {name!r} needs a [test_pose], and there is none")
             if key == "optimise" and not issubclass(criterion, criteria.Relaxable):
                 raise study.error(

@@ -108,6 +108,8 @@ def checkpoint_of(study: Study, folder: Path) -> Checkpoint:
         digest.update(repr(constraint.labels(study.robot)).encode())
     for poses in (getattr(c, "poses", None) for c in study.space.workspace.constraints):
         digest.update(b"" if poses is None else _bytes(poses))
+    if study.tasks:
+        digest.update(_bytes(study.tasks.targets))  # those of a path are in a file of their own
     for path in sorted(_code(study)):
         digest.update(path.read_bytes())
     for library in LIBRARIES:

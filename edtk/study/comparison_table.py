@@ -53,7 +53,7 @@ def _row(study: Study, case: Case, relaxations: Mapping[str, RelaxedPlan]) -> di
     for name, relaxation in relaxations.items():
         cost = np.inf if M is None else float(study.criterion(name).cost(M))
         row[f"efficiency_{name}"] = relaxation.best_bound.scaled(case.size).efficiency(cost)
-    if study.task is not None:
+    if study.tasks:
         row |= _errors(study, case)
     return row | {
         "seed": study.specification.seed,

@@ -9,7 +9,9 @@ import numpy as np
 
 import criteria
 from edtk.design.plan import Plan
+from edtk.inference.task_accuracy import TaskAccuracy
 from edtk.model.expected_error import ExpectedError
+from edtk.study.accuracy_of_tasks import accuracy_of_tasks
 from edtk.study.plan_accuracy import plan_accuracy
 from edtk.study.plan_covariance import plan_covariance
 from edtk.study.plausibility import plan_plausibility
@@ -38,6 +40,7 @@ class Evaluation(Presented):
         units: Units (p,) of the parameters.
         experiments: Number of measurements.
         expected: Errors to expect in the test pose and around it; None without a test pose.
+        tasks: Errors to expect in each of several test poses; None for one or none.
         skipped: Why criteria of plug-ins have no value, by name: they do not load, or fail.
         warnings: What is hard to believe in the study or in this plan, a line each.
         labels: What criteria are called that are about a part of the compliances, by name.
@@ -54,6 +57,7 @@ class Evaluation(Presented):
     units: tuple[str, ...]
     experiments: int
     expected: ExpectedError | None = None
+    tasks: TaskAccuracy | None = None
     skipped: dict[str, str] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
     labels: dict[str, str] = field(default_factory=dict)
@@ -91,6 +95,7 @@ class Evaluation(Presented):
             "parameters": list(self.parameters),
             "experiments": self.experiments,
             "expected_error": None if self.expected is None else self.expected.to_dict(),
+            **({} if self.tasks is None else {"tasks": self.tasks.to_dict()}),
             "skipped": self.skipped,
             "warnings": list(self.warnings),
             **({"interest": self.interest} if self.interest else {}),
@@ -121,6 +126,7 @@ def evaluate(study: Study, plan: Plan) -> Evaluation:
         units=study.model.units,
         experiments=plan.experiments,
         expected=plan_accuracy(study, plan),
+        tasks=accuracy_of_tasks(study, cov),
         skipped=skipped,
         warnings=study.warnings + plan_plausibility(study, plan),
         labels=_labels(study, values),

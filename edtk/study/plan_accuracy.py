@@ -18,10 +18,10 @@ def plan_accuracy(study: Study, plan: Plan) -> ExpectedError | None:
     Returns:
         The errors; None without a test pose, or if the plan leaves a parameter open.
     """
-    if study.task is None:
+    if not study.tasks:
         return None
     try:
         cov = covariance(study.space.information(plan), study.model.parameters)
     except SingularPlanError:
         return None
-    return expected_error(study.task, np.asarray(cov))
+    return expected_error(study.tasks, np.asarray(cov))

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+import criteria
 from edtk.design.candidate_source import CandidateSource, EmptyFeasibleSetError
 from edtk.design.plan import Plan
 from edtk.inference.least_squares import SingularPlanError, covariance
@@ -12,9 +13,8 @@ from edtk.model.compensation_accuracy import compensation_accuracy
 from edtk.model.dead_weights import GRAVITY
 from edtk.model.expected_error import WITHIN
 from edtk.model.neighbourhood import neighbourhood
-from edtk.model.shown_limit import shown_limits
+from edtk.study.check_tasks import key_of
 from edtk.system.typing import Array, Indices
-from edtk.tables.pose_table import pose_factors
 
 if TYPE_CHECKING:
     from edtk.study.study import Study
@@ -61,7 +61,7 @@ def plausibility(study: "Study") -> tuple[str, ...]:
             f"robot: its links add up to {_links(study):.4g} m; lengths in a robot's file are in "
             "metres, are these in millimetres?",
         )
-    checks = (_tools, _pose_unit, _pose_limits, _noise, _axes)
+    checks = (_tools, _pose_unit, _noise, _axes)
     return tuple(line for check in checks for line in check(study))
 
 
@@ -92,10 +92,11 @@ def _links(study: "Study") -> float:
 
 def _tools(study: "Study") -> Iterator[str]:
     """Tools in metres, and tools that are longer than the robot."""
-    task = study.task
     tools = {"tool": study.specification.tool.build()}
-    if task is not None:
-        tools["test_pose.tool"] = task.tool
+    for i, pose in enumerate(study.specification.test_poses):
+        tools[f"{key_of(study, i)}.tool"] = pose.tool.build()
+    if study.specification.task is not None:
+        tools["task.tool"] = study.specification.task.tool.build()
     links = _links(study)
     for key, tool in tools.items():
         length = float(np.linalg.norm(tool[:3, 3]))
@@ -107,40 +108,23 @@ def _tools(study: "Study") -> Iterator[str]:
 
 
 def _pose_unit(study: "Study") -> Iterator[str]:
-    """A test pose whose angles look like radians."""
-    pose = study.specification.test_pose
-    if pose is None:
-        return
+    """Test poses whose angles look like radians."""
+    for i, pose in enumerate(study.specification.test_poses):
+        yield from _unit_of_pose(study, np.array(pose.q_deg), f"{key_of(study, i)}.q_deg")
+
+
+def _unit_of_pose(study: "Study", q_deg: Array, key: str) -> Iterator[str]:
+    """A pose (n,) whose angles look like radians."""
     turns = [joint.kind == "revolute" for joint in study.robot.joints]
-    angles = np.array(pose.q_deg)[turns]
+    angles = q_deg[turns]
     moved = angles[angles != 0]
     odd = np.abs(moved / TYPED - np.round(moved / TYPED)) > 1e-6
     small = bool((np.abs(angles) <= ONE_TURN).all())
     # Three joints at least: with fewer, small odd angles may well be degrees.
     if small and odd.sum() >= max(3, len(moved) / 2) and np.abs(moved).max() >= LEAST_ANGLE:
         yield (
-            f"test_pose.q_deg: all angles are within {np.abs(angles).max():.3g} deg of zero; are "
+            f"{key}: all angles are within {np.abs(angles).max():.3g} deg of zero; are "
             "they in radians?"
-        )
-
-
-def _pose_limits(study: "Study") -> Iterator[str]:
-    """A test pose that the robot cannot take."""
-    if study.task is None:
-        return
-    lower, upper = study.robot.limits
-    q = study.task.q
-    factors = pose_factors(study.robot)
-    outside = np.flatnonzero((q < lower - 1e-9) | (q > upper + 1e-9))
-    if len(outside):
-        j = outside[0]
-        shown = shown_limits(study.robot)[j]
-        limits = shown.range((lower[j], upper[j]))
-        low, value, high = np.array([limits[0], shown.of(q[j]), limits[1]]) / factors[j]
-        others = f", and {len(outside) - 1} more" if len(outside) > 1 else ""
-        yield (
-            f"test_pose.q_deg: joint {shown.label} is at {value:.6g}, beyond its "
-            f"limits {low:.6g} .. {high:.6g}{others}"
         )
 
 
@@ -215,17 +199,18 @@ def _own_scale(study: "Study") -> Array:
 
 def _useless(study: "Study", cov: Array) -> Iterator[str]:
     """An error after compensation that is larger than the one before."""
-    task = study.task
-    if task is None:
+    if not study.tasks:
         return
-    after = float(compensation_accuracy(task.regressor, cov))
+    A = study.tasks.regressor
+    after = float(compensation_accuracy(A, cov))
     k = _own_scale(study)
     known = bool(np.isfinite(k).all())
-    before = float(np.linalg.norm(task.regressor @ k)) if known else SAG * _links(study)
+    before = float(np.linalg.norm(A @ k)) if known else SAG * _links(study)
     if 0 < before < after:
+        place = "in the test pose" if len(study.tasks) == 1 else f"in {len(study.tasks)} test poses"
         usual = "" if known else ", as robots go"
         yield (
-            f"the expected error in the test pose, {1e3 * after:.3g} mm, is larger than what the "
+            f"the expected error {place}, {1e3 * after:.3g} mm, is larger than what the "
             f"load bends the robot there, {1e3 * before:.2g} mm{usual}; check tools, loads and "
             "sigma_mm, or measure more"
         )
@@ -259,13 +244,14 @@ def _hardly_excited(study: "Study", cov: Array, experiments: int) -> Iterator[st
 
 def _cure(study: "Study", bad: Indices) -> str:
     """What helps against parameters (indices) that are hardly excited."""
-    task = study.task
-    if task is not None and study.main_criterion == "rho0":
-        A = task.harm(neighbourhood(task.robot, task.q, task.within or WITHIN))
+    tasks = study.tasks
+    if tasks and criteria.get(study.main_criterion).needs_target:
+        around = (neighbourhood(one.robot, one.q, one.within or WITHIN) for one in tasks)
+        harms = (one.harm(poses) for one, poses in zip(tasks, around, strict=True))
         # rho0 asks for a parameter only if it does harm in the task.
-        if not A[..., bad].any():
+        if not any(A[..., bad].any() for A in harms):
             return "the task does not load it; for other tasks optimise another criterion such as D"
-        if not task.within:
+        if not any(one.within for one in tasks):
             return "set robust_deg in [test_pose], or optimise another criterion such as D"
     return "plan more experiments, or optimise another criterion such as D"
 

@@ -22,7 +22,8 @@ from edtk.study.marker_table import DistanceTable, MarkerTable
 from edtk.study.payload_table import PayloadTable
 from edtk.study.prior_table import PriorTable
 from edtk.study.table import Compliance, Count, Sigma, Table
-from edtk.study.test_pose import TestPose
+from edtk.study.task_table import TaskTable
+from edtk.study.test_pose import TestPose, TestPoses
 from edtk.study.tool import Tool
 from edtk.study.uncertainty_table import UncertaintyTable
 from edtk.study.workspace_table import WorkspaceTable
@@ -122,8 +123,13 @@ class Specification(Table):
     workspace: WorkspaceTable = Field(
         WorkspaceTable(), description="Constraints on the calibration poses"
     )
-    test_pose: TestPose | None = Field(
-        None, description="The task in which the robot shall be accurate; rho0 needs it"
+    test_pose: TestPoses | None = Field(
+        None,
+        description="The task in which the robot shall be accurate, once or, as `[[test_pose]]`, "
+        "several times; rho0 and rho_max need it, or `task`",
+    )
+    task: TaskTable | None = Field(
+        None, description="The task as the file of a path, in place of test poses"
     )
     interest: InterestTable | None = Field(
         None,
@@ -170,9 +176,9 @@ class Specification(Table):
         """Fill in `optimise` and `criteria`, which depend on other keys."""
         if not isinstance(given, Mapping):
             return given
-        # With a test pose rho0 is what matters, unless somebody says that certain compliances do.
-        has_target = given.get("test_pose") is not None and given.get("interest") is None
-        main = ACCURACY if has_target else WITHOUT_A_TEST_POSE
+        # With a task rho0 is what matters, unless somebody says that certain compliances do.
+        has_task = any(given.get(key) is not None for key in ("test_pose", "task"))
+        main = ACCURACY if has_task and given.get("interest") is None else WITHOUT_A_TEST_POSE
         filled = {"optimise": (main,), **given}
         return {"criteria": filled["optimise"], **filled}
 
@@ -207,6 +213,13 @@ class Specification(Table):
         """What loads an experiment, in words."""
         parts = (self.load, self.payload)
         return ", ".join(part.describe() for part in parts if part is not None)
+
+    @property
+    def test_poses(self) -> tuple[TestPose, ...]:
+        """All test poses that stand in the study itself."""
+        if self.test_pose is None:
+            return ()
+        return (self.test_pose,) if isinstance(self.test_pose, TestPose) else self.test_pose
 
     @property
     def robot_file(self) -> str | None:

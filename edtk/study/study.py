@@ -172,6 +172,8 @@ class Study(StudyObjects, Presented):
         specification = self.specification
         named = [*specification.published, *specification.workspace.excluded]
         named += filter(None, (specification.prior.earlier_file, specification.robot_file))
+        if specification.task is not None:
+            named.append(specification.task.file)
         own = [] if self.path is None else [self.path]
         more = [self.excluded] if isinstance(self.excluded, Path) else []
         return (*own, *(self.folder / name for name in named), *more)

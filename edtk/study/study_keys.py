@@ -25,7 +25,8 @@ class StudyKeys(TypedDict, total=False):
     measurement: Mapping[str, Any]
     joints: Mapping[str, Any]
     workspace: Mapping[str, Any] | None
-    test_pose: Mapping[str, Any] | None
+    test_pose: Mapping[str, Any] | Sequence[Mapping[str, Any]] | None
+    task: Mapping[str, Any] | None
     interest: Mapping[str, Any] | None
     criteria: list[str] | tuple[str, ...] | None
     optimise: list[str] | tuple[str, ...] | None

@@ -11,8 +11,10 @@ from edtk.model.elastostatic_model import ElastostaticModel
 from edtk.model.rigid_joints import rigid_joints_in_words
 from edtk.model.robot import Robot
 from edtk.model.task import Task
+from edtk.model.tasks import Tasks
 from edtk.study.schema import Specification
-from edtk.study.study_model import link_weights, study_model, study_sigma
+from edtk.study.study_model import study_model, study_sigma
+from edtk.study.study_tasks import study_tasks
 from edtk.system.errors import UserError
 from edtk.system.typing import Array
 from edtk.tables.in_file_units import of_file_units
@@ -26,11 +28,13 @@ class StudyObjects:
     Attributes:
         specification: All keys, checked, with their defaults.
         robot: The robot, with the calibration tool.
+        folder: Folder to which file names in the specification are relative.
         path: The study's file; None for a study that was built in Python.
     """
 
     specification: Specification
     robot: Robot
+    folder: Path
     path: Path | None
 
     @property
@@ -50,10 +54,10 @@ class StudyObjects:
     @cached_property
     def model(self) -> ElastostaticModel:
         """The elastostatic model with the calibration tool."""
-        return study_model(self, self._unknown)
+        return study_model(self, self.unknown)
 
     @property
-    def _unknown(self) -> tuple[int, ...]:
+    def unknown(self) -> tuple[int, ...]:
         """Indices of the joints whose compliances are unknown."""
         return tuple(map(self.robot.joint_names.index, self.specification.joints.unknown))
 
@@ -79,38 +83,31 @@ class StudyObjects:
         return study_sigma(self)
 
     @cached_property
+    def tasks(self) -> Tasks:
+        """The poses in which the robot shall be accurate, with their tools and loads."""
+        return study_tasks(self)
+
+    @property
     def task(self) -> Task | None:
-        """The test pose with its tool and load, in which the robot shall be accurate."""
-        pose = self.specification.test_pose
-        if pose is None:
-            return None
-        return Task(
-            q=of_file_units(self.robot, np.array(pose.q_deg)),
-            tool=pose.tool.build(),
-            wrench=pose.load.build(),
-            robot=self.robot,
-            unknown=self._unknown,
-            known=tuple(self.known),
-            within=float(np.deg2rad(pose.robust_deg)),
-            lever=pose.lever_mm / 1e3,
-            dead_weights=link_weights(self),
-        )
+        """The only task, or the first of several; None without any. Most questions ask `tasks`."""
+        return self.tasks[0] if self.tasks else None
 
     @property
     def target(self) -> Array | None:
-        """Target (r, p) of rho0 [m/(rad/(N m))], see `Task.target`; None without a test pose.
+        """Target (r, p) of rho0 [m/(rad/(N m))], see `Tasks.target`; None without a test pose.
 
-        It is A0 (3, p) of the test pose, Eq. (4), unless a neighbourhood or rotations count too.
+        It is A0 (3, p) of the test pose, Eq. (4), unless a neighbourhood, rotations or several test
+        poses count.
         """
-        return None if self.task is None else self.task.target
+        return self.tasks.target if self.tasks else None
 
     @property
     def rigid(self) -> str:
-        """Joints that count as rigid in the test pose although its load turns them, in words.
+        """Joints that count as rigid in the task although its load turns them, in words.
 
         Empty if there are no such joints, or no test pose.
         """
-        return "" if self.task is None else rigid_joints_in_words(self.task.rigid_joints)
+        return rigid_joints_in_words(self.tasks.rigid_joints) if self.tasks else ""
 
     @cached_property
     def interest(self) -> Array | None:
@@ -144,13 +141,14 @@ class StudyObjects:
         """
         name = self.main_criterion if name is None else name
         try:
-            criterion = criteria.create(name, self.target)
+            targets = self.tasks.targets if self.tasks else None
+            criterion = criteria.create(name, self.target, targets=targets)
             if self.interest is None or criterion.needs_target:
                 return criterion
             return criteria.Interest(criterion, self.interest, self.interest_names)
         except criteria.CriterionError as error:
             missing = isinstance(error, criteria.MissingTargetError)
-            why = ", and the study has no [test_pose]" if missing else ""
+            why = ", and the study has no [test_pose] or [task]" if missing else ""
             raise UserError(f"{error}{why}", where=self.where) from error
 
     @cached_property

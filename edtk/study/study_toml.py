@@ -57,13 +57,15 @@ def _excluded_name(study: "Study") -> str:
 
 
 def _with_names(content: dict[str, Any], moved: Callable[[str], str]) -> dict[str, Any]:
-    """The same keys, with other names of plans and results."""
+    """The same keys, with other names of plans, paths and results."""
     content = dict(content)
     if "published" in content:
         content["published"] = [moved(name) for name in content["published"]]
     if "excluded" in content.get("workspace", {}):
         names = [moved(name) for name in content["workspace"]["excluded"]]
         content["workspace"] = content["workspace"] | {"excluded": names}
+    if "task" in content:
+        content["task"] = content["task"] | {"file": moved(content["task"]["file"])}
     if "earlier_file" in content.get("prior", {}):
         name = moved(content["prior"]["earlier_file"])
         content["prior"] = content["prior"] | {"earlier_file": name}

@@ -2,7 +2,7 @@
 
 from typing import Annotated
 
-from pydantic import Field
+from pydantic import Discriminator, Field, Tag
 
 from edtk.study.table import Table
 from edtk.study.tool import Load, Tool
@@ -33,3 +33,20 @@ class TestPose(Table):
         description="A rotation of the tool counts as the displacement at this distance from the "
         "tool point; 0 if rotations do no harm [mm]",
     )
+    weight: Annotated[Finite, Field(ge=0)] = Field(
+        1.0,
+        description="How much the pose counts beside others; one of weight 0 is only reported [-]",
+    )
+
+
+def _form(given: object) -> str:
+    """Whether one test pose is given, or several."""
+    return ":several" if isinstance(given, list | tuple) else ":one"
+
+
+# The tags keep an error in one form from being told as an error in the other one.
+TestPoses = Annotated[
+    Annotated[TestPose, Tag(":one")]
+    | Annotated[tuple[TestPose, ...], Field(min_length=1), Tag(":several")],
+    Discriminator(_form),
+]

@@ -28,7 +28,8 @@ def first_error(error: ValidationError, model: type[BaseModel]) -> tuple[str, st
     """
     first = error.errors()[0]
     location = first["loc"]
-    key = ".".join(map(str, location))
+    # A part that begins with a colon tells which form of a value was tried; no key does.
+    key = ".".join(str(part) for part in location if not str(part).startswith(":"))
     meaning, table = _described(model, location)
     if first["type"] == "extra_forbidden":
         return key, _unknown(str(location[-1]), list(table.model_fields))

@@ -62,7 +62,7 @@ def filled(question: Study, measured: Plan, path: Path) -> Path:
 
 def test_the_table_is_that_of_the_robots_file_or_of_the_study() -> None:
     """A study's table takes the place of the robot's, and survives TOML."""
-    in_file = study(robot=ROBOT | {"controller": COUPLED})
+    in_file = coupled(robot=ROBOT | {"controller": COUPLED}, controller=None)
     question = coupled(robot=ROBOT | {"controller": {"sign": {"q2": -1}}})
     for one in (in_file, question, Study(**KEYS, controller=COUPLED)):
         assert one.robot.controller is not None
@@ -149,8 +149,10 @@ def test_limits_in_messages_are_the_controllers(tmp_path: Path) -> None:
     with pytest.raises(UserError, match=r"desired value 170 is outside .* limits -137\.655"):
         compensate(question, tmp_path / "k.json", tmp_path / "task.csv")
     (tmp_path / "task.csv").write_text("q1_deg,q2_deg\n100,-80\n")
+    near = TASK | {"q_deg": shown_deg([9, 10])}
+    narrow = question.replace(robot=shorter(), test_pose=near)
     with pytest.raises(UserError, match=r"value 20 of q2 \+ q1 is outside .* -197.655 .. -57.655"):
-        compensate(question.replace(robot=shorter()), tmp_path / "k.json", tmp_path / "task.csv")
+        compensate(narrow, tmp_path / "k.json", tmp_path / "task.csv")
 
 
 def shorter() -> dict[str, Any]:

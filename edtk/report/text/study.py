@@ -43,8 +43,12 @@ def study_rows(asked: Study) -> list[tuple[str, str]]:
 
 def _task(asked: Study) -> str:
     """Where the robot shall be accurate; empty without a test pose."""
-    task = asked.task
-    if task is None:
+    tasks = asked.tasks
+    if not tasks:
         return ""
-    lever = f", rotations count as at {1e3 * task.lever:g} mm" if task.lever else ""
-    return f"{task.place.removeprefix('in ')}{lever}"
+    levers = sorted({1e3 * task.lever for task in tasks if task.lever})
+    sizes = " or ".join(f"{size:g}" for size in levers)
+    lever = f", rotations count as at {sizes} mm" if levers else ""
+    path = asked.specification.task
+    named = "" if path is None else f" of the path {path.file}"
+    return f"{tasks.place.removeprefix('in ')}{named}{lever}"

@@ -1,0 +1,25 @@
+"""The robot with the tool of its task."""
+
+import numpy as np
+
+from edtk.model.robot import Robot
+from edtk.study.study import Study
+
+
+def robot_of_task(study: Study) -> Robot:
+    """Find the robot with the tool that all tasks of a study share.
+
+    Args:
+        study: Robot and tasks.
+
+    Raises:
+        UserError: The study has no task, or tasks with several tools.
+    """
+    if not study.tasks:
+        message = "expected a table with the tool and the load of the task; the study has none"
+        raise study.error("test_pose", message)
+    robot = study.tasks[0].model.robot
+    if any(not np.array_equal(task.model.robot.tool, robot.tool) for task in study.tasks):
+        message = "the test poses have different tools; expected one, as commands are for one tool"
+        raise study.error("test_pose", message)
+    return robot

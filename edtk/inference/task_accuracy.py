@@ -1,0 +1,105 @@
+"""What accuracy to expect in each of several test poses, or along a path."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from edtk.inference.error_quantiles import error_quantiles
+from edtk.model.compensation_accuracy import compensation_accuracy
+from edtk.model.tasks import Tasks
+from edtk.system.typing import Array
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+BAND = (0.025, 0.975)  # between these probabilities lie 95 % of the errors
+
+
+@dataclass(frozen=True, eq=False)
+class TaskAccuracy:
+    """Errors of the tool point after compensation, for each task pose.
+
+    Attributes:
+        along: Length (t,) of the path from the first tool point to each, straight from one to the
+            next [m].
+        weight: Weights (t,) of the poses.
+        error: Root mean square errors (t,), Eq. (17); rotations count where the task says so [m].
+        band: Ends (t, 2) of the ranges in which 95 % of the errors lie [m].
+        before: Displacement (t,) without compensation [m]; None if the compliances are not known.
+        is_path: Whether the poses follow each other along a path.
+    """
+
+    along: Array
+    weight: Array
+    error: Array
+    band: Array
+    before: Array | None
+    is_path: bool
+
+    @property
+    def worst(self) -> int:
+        """Index of the pose with the largest error, among those that have a weight."""
+        return int(np.where(self.weight > 0, self.error, -1.0).argmax())
+
+    @property
+    def mean(self) -> float:
+        """Root of the weighted mean of squares: rho0, if no neighbourhoods count [m]."""
+        return float(np.sqrt(np.average(self.error**2, weights=self.weight)))
+
+    def to_frame(self) -> "pd.DataFrame":
+        """A row for each pose: number from 1, weight, millimetres."""
+        import pandas as pd
+
+        columns: dict[str, Any] = {"pose": np.arange(1, len(self.error) + 1)}
+        if self.is_path:
+            columns["along_mm"] = 1e3 * self.along
+        columns["weight"] = self.weight
+        if self.before is not None:
+            columns["uncompensated_mm"] = 1e3 * self.before
+        columns["error_mm"] = 1e3 * self.error
+        columns["low_95_mm"] = 1e3 * self.band[:, 0]
+        columns["high_95_mm"] = 1e3 * self.band[:, 1]
+        return pd.DataFrame(columns)
+
+    def to_dict(self) -> list[dict[str, Any]]:
+        """Plain numbers for JSON, an object a pose [m]."""
+        return [
+            {
+                "pose": i + 1,
+                "along": float(self.along[i]),
+                "weight": float(self.weight[i]),
+                "uncompensated": None if self.before is None else float(self.before[i]),
+                "error": float(self.error[i]),
+                "error_band95": self.band[i].tolist(),
+            }
+            for i in range(len(self.error))
+        ]
+
+
+def task_accuracy(
+    tasks: Tasks, cov: Array, k: Array | None = None, dof: float = np.inf, is_path: bool = False
+) -> TaskAccuracy:
+    """Find the error to expect in each pose of the tasks.
+
+    Args:
+        tasks: The poses, with their tools and loads.
+        cov: Covariance (p, p) of the compliances.
+        k: Compliances (p,), for the displacement without compensation; None if they are not known.
+        dof: Degrees of freedom of the covariance; inf where sigma is known.
+        is_path: Whether the poses follow each other along a path.
+    """
+    harms = [task.harm(task.q) for task in tasks]
+    points = np.array([task.model.robot.forward(task.q)[:3, 3] for task in tasks])
+    steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    before = None
+    if k is not None:
+        before = np.array([np.linalg.norm(task.regressor @ k) for task in tasks])
+    return TaskAccuracy(
+        along=np.append(0.0, np.cumsum(steps)),
+        weight=np.array([task.weight for task in tasks]),
+        error=np.array([float(compensation_accuracy(A, cov)) for A in harms]),
+        band=np.array([error_quantiles(A, cov, BAND, dof) for A in harms]),
+        before=before,
+        is_path=is_path,
+    )
