@@ -13,7 +13,6 @@ from edtk.calibration.input_errors.find_input_error import find_input_error
 from edtk.calibration.input_errors.input_error import InputError
 from edtk.calibration.linear_model_bias import linear_model_bias
 from edtk.calibration.origin import Origin
-from edtk.calibration.study_prior import study_prior
 from edtk.design.plan import Plan
 from edtk.inference.fit_huber import SigmaTooSmallError
 from edtk.inference.identify import NothingLeftError
@@ -21,6 +20,7 @@ from edtk.inference.least_squares import SingularPlanError
 from edtk.inference.measurements import Measurements
 from edtk.model.loads.fixed_load import FixedLoad
 from edtk.study.study import Study
+from edtk.study.study_prior import study_prior
 from edtk.system.errors import UserError
 from edtk.system.typing import Array
 

@@ -16,7 +16,6 @@ from edtk.calibration.diagnostics.posterior_diagnostics import posterior_diagnos
 from edtk.calibration.fitted_data import FittedData
 from edtk.calibration.origin import Origin
 from edtk.calibration.posterior_check import PosteriorCheck
-from edtk.calibration.study_prior import study_prior
 from edtk.inference.identification import Identification
 from edtk.inference.lack_of_fit import LackOfFit
 from edtk.inference.least_squares import Estimate
@@ -29,6 +28,7 @@ from edtk.model.error_budget import ErrorBudget
 from edtk.model.expected_error import ExpectedError, expected_error
 from edtk.study.accuracy_of_tasks import accuracy_of_tasks
 from edtk.study.study import Study
+from edtk.study.study_prior import study_prior
 from edtk.system.presented import Presented
 from edtk.system.typing import Array
 from edtk.tables.sheet_columns import DEFLECTION_COLUMNS, ROTATION_COLUMNS

@@ -7,13 +7,13 @@ import numpy as np
 from edtk.calibration.first_estimate import first_estimate
 from edtk.calibration.pose_error import pose_error
 from edtk.calibration.posterior_check import PosteriorCheck
-from edtk.calibration.study_prior import study_prior
 from edtk.inference.least_squares import Estimate
 from edtk.inference.noise import Noise
 from edtk.inference.posterior import Posterior
 from edtk.inference.sample_posterior import SamplingOptions, sample_posterior
 from edtk.inference.whiten import RowNoise
 from edtk.study.study import Study
+from edtk.study.study_prior import study_prior
 from edtk.system.typing import Array
 
 if TYPE_CHECKING:

@@ -1,10 +1,10 @@
 """The estimate about which a posterior is sampled."""
 
-from edtk.calibration.study_prior import study_prior
 from edtk.inference.fit_with_prior import fit_with_prior
 from edtk.inference.least_squares import Estimate, SingularPlanError, estimate
 from edtk.inference.whiten import RowNoise
 from edtk.study.study import Study
+from edtk.study.study_prior import study_prior
 from edtk.system.typing import Array
 
 

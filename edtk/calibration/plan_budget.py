@@ -29,7 +29,7 @@ def plan_budget(study: Study, plan: Plan) -> ErrorBudget | None:
     if not study.tasks or study.specification.simulation is None:
         return None
     try:
-        cov = np.asarray(covariance(study.space.information(plan), study.model.parameters))
+        cov = np.asarray(covariance(study.information(plan), study.model.parameters))
     except SingularPlanError:
         return None
     k = study.compliances

@@ -12,7 +12,7 @@ from edtk.certificate.proof import Proof
 from edtk.certificate.recompute import values
 from edtk.certificate.recompute.lower_bound import lower_bound
 from edtk.certificate.recompute.multipliers import Multipliers
-from edtk.certificate.recompute.plain_data import table, text
+from edtk.certificate.recompute.plain_data import table, text, whole
 from edtk.certificate.recompute.setting import Setting
 from edtk.system.typing import Array
 
@@ -36,6 +36,7 @@ class Case:
         kept: Experiments that were made before; there may be none.
         proof: Candidates, multipliers, and poses of the relaxation and of the search.
         stated: The claims by name, as they are written.
+        sharing: Number of experiments that share what is known beforehand, for a relaxation.
     """
 
     name: str
@@ -45,6 +46,7 @@ class Case:
     kept: Experiments
     proof: Proof
     stated: dict[str, Any]
+    sharing: int = 1
 
     @classmethod
     def from_dict(cls, content: Any) -> "Case":
@@ -53,7 +55,7 @@ class Case:
         Raises:
             ValueError: A part is missing, or is not what it should be.
         """
-        content = table(content, KEYS, "certificate", DECORATION)
+        content = table(content, KEYS, "certificate", (*DECORATION, "sharing"))
         name = content["criterion"]
         # The name is printed, so that it must not contain a line that looks like a verdict.
         is_name = isinstance(name, str) and name.isprintable() and 0 < len(name) <= LONGEST_NAME
@@ -76,6 +78,7 @@ class Case:
             kept=kept,
             proof=Proof.from_dict(content["proof"], setting),
             stated=dict(table(content["claims"], (), "claims", content["claims"])),
+            sharing=_sharing(content, kind, setting),
         )
 
     @property
@@ -106,7 +109,7 @@ class Case:
             ValueError: It cannot be recomputed.
         """
         self._require_sound()
-        rows = np.concatenate([self.made.stacked(self.setting), self.kept.stacked(self.setting)])
+        rows = np.concatenate([self.made.stacked(self.setting), self._beside])
         targets = self.setting.tasks.targets(self.name)
         return values.value(self.name, rows, targets, self.interest)
 
@@ -161,15 +164,36 @@ class Case:
 
     @cached_property
     def _prior(self) -> Array:
-        """Information (p, p) of the kept experiments, per new experiment."""
-        rows = self.kept.stacked(self.setting)
-        return np.asarray(rows.T @ rows / self.made.amount.sum())
+        """Information (p, p) of what is known besides, per new experiment."""
+        return np.asarray(self._beside.T @ self._beside / self.made.amount.sum())
+
+    @cached_property
+    def _beside(self) -> Array:
+        """Whitened rows (N, p) of what is known beside the new experiments.
+
+        The weights of a relaxation have the share of a single experiment.
+        """
+        kept = self.kept.stacked(self.setting)
+        if self.setting.prior is None:
+            return kept
+        return np.concatenate([kept, self.setting.prior / np.sqrt(self.sharing)])
 
     def _require_sound(self) -> None:
         """Check that the criterion is known here, and that the amounts make sense."""
         _ = self.degree
         if not self.amounts_are_sound:
             raise ValueError("the weights or repetitions are not sound")
+
+
+def _sharing(content: Any, kind: str, setting: Setting) -> int:
+    """How many experiments share what is known beforehand; one where the amounts tell."""
+    if kind == "plan" or setting.prior is None:
+        if "sharing" in content:
+            raise ValueError("sharing: expected none but in a relaxation with a prior")
+        return 1
+    if "sharing" not in content:
+        raise ValueError("certificate: the key 'sharing' is missing")
+    return whole(content["sharing"], 1, int(MOST_REPEATS), "sharing")
 
 
 def _are_repeats(amount: Array) -> bool:

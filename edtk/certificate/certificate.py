@@ -52,7 +52,15 @@ def certificate(study: Study, found: RelaxedPlan | ExactPlan) -> dict[str, Any]:
         **answer,
         "proof": _proof(relaxed),
         "setting": setting_to_dict(study, relaxed.space),
+        **_sharing(study, found),
     }
+
+
+def _sharing(study: Study, found: RelaxedPlan | ExactPlan) -> dict[str, int]:
+    """How many experiments share the study's prior, which weights do not tell."""
+    if study.prior_information is None or isinstance(found, ExactPlan):
+        return {}
+    return {"sharing": found.space.sharing}
 
 
 def certificate_text(study: Study, found: RelaxedPlan | ExactPlan) -> str:

@@ -4,12 +4,14 @@ from typing import Any
 
 import numpy as np
 
+from criteria.linalg.inverse import ROUNDING
 from edtk.certificate.physics_to_dict import physics_to_dict, weights_to_list
 from edtk.design.design_space import DesignSpace
 from edtk.model.constraints.excluded import Excluded
 from edtk.model.robot import Robot
 from edtk.model.task import Task
 from edtk.study.study import Study
+from edtk.system.typing import Array
 
 
 def setting_to_dict(study: Study, space: DesignSpace) -> dict[str, Any]:
@@ -40,7 +42,17 @@ def setting_to_dict(study: Study, space: DesignSpace) -> dict[str, Any]:
         "test_pose": _test_pose(study),
         **physics_to_dict(study.model),
         **({} if study.interest is None else {"interest": study.interest.tolist()}),
+        **({} if study.prior_information is None else {"prior": _prior(study.prior_information)}),
     }
+
+
+def _prior(information: Array) -> list[list[float]]:
+    """Rows F (r, p) of measurements that tell as much as the prior: ``F'F`` is its information."""
+    d = np.sqrt(np.diag(information))
+    d = np.where(d > 0, d, 1.0)
+    r, V = np.linalg.eigh(information / np.outer(d, d))
+    kept = r > len(r) * ROUNDING * r[-1]
+    return (np.sqrt(r[kept])[:, None] * V[:, kept].T * d).tolist()
 
 
 def _load(study: Study) -> dict[str, Any]:

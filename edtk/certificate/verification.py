@@ -47,6 +47,7 @@ class Verification(Presented):
         kept: Number of experiments that the certificate takes as carried out already.
         candidates: Number of candidates over which a bound is proved.
         claims: The claims, in the order in which they were checked.
+        prior: Whether the certificate takes something as known beforehand.
         of: Combinations of the compliances that the criterion is about; none if about all.
     """
 
@@ -58,6 +59,7 @@ class Verification(Presented):
     candidates: int
     claims: tuple[Claim, ...]
     of: tuple[str, ...] = ()
+    prior: bool = False
 
     @property
     def label(self) -> str:
@@ -89,6 +91,7 @@ class Verification(Presented):
             "poses": self.poses,
             "kept": self.kept,
             "candidates": self.candidates,
+            **({"prior": True} if self.prior else {}),
             **({"interest": list(self.of)} if self.of else {}),
             "claims": [claim.to_dict() for claim in self.claims],
         }

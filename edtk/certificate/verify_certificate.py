@@ -56,6 +56,7 @@ def verify_certificate(content: dict[str, Any]) -> Verification:
         candidates=case.proof.candidates,
         claims=tuple(claims),
         of=_words(case),
+        prior=case.setting.prior is not None,
     )
 
 

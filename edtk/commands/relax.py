@@ -18,6 +18,7 @@ from edtk.commands.shared import (
     warn_about,
 )
 
+MOST_EXPERIMENTS = 10**6  # as in a study
 MOST_CANDIDATES = 10**9  # as in a study: no machine would end with more
 
 
@@ -31,6 +32,11 @@ MOST_CANDIDATES = 10**9  # as in a study: no machine would end with more
 )
 @click.option(
     "--continuous", is_flag=True, help="Search all feasible poses, beyond the candidates."
+)
+@click.option(
+    "--size",
+    type=click.IntRange(min=1, max=MOST_EXPERIMENTS),
+    help="Experiments that share a prior with in_design [default: the study's first size].",
 )
 @seed_option
 @click.option(
@@ -48,6 +54,7 @@ def command(
     criterion: str | None,
     candidates: int | None,
     continuous: bool,
+    size: int | None,
     seed: int | None,
     memory: float,
     as_json: bool,
@@ -75,6 +82,7 @@ def command(
                 criterion,
                 candidates,
                 continuous=continuous,
+                size=size,
                 seed=seed,
                 memory_mb=memory,
                 out=out,

@@ -33,6 +33,7 @@ class DesignSpace:
         fixed: Joint variables (n,); the entries of `free` joints are ignored.
         prior: Prior information M0 (p, p) per single experiment of a plan, see `Problem`; by
             default there is none. `with_kept` sets it.
+        sharing: Number of experiments that share what is known beside them; 0 without a prior.
         noise: Errors that are not white, in place of `sigma`; None for white ones.
 
     Raises:
@@ -46,6 +47,7 @@ class DesignSpace:
     free: list[int]
     fixed: Array
     prior: Array | None = None
+    sharing: int = 0
     noise: VisitNoise | None = None
 
     def __post_init__(self) -> None:
@@ -148,4 +150,4 @@ class DesignSpace:
             experiments: Number m of further experiments. Each has a share ``M0 = K/m`` as its
                 prior, so that ``sum_i (M0 + M_i) = K + sum_i M_i``.
         """
-        return replace(self, prior=kept / experiments)
+        return replace(self, prior=kept / experiments, sharing=experiments)

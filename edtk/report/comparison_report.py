@@ -81,12 +81,19 @@ def _setting(run: StudyRun) -> str:
     least = BATCH_SIZE * -(-specification.starts // BATCH_SIZE)
     most = BATCH_SIZE * -(-specification.descents(main) // BATCH_SIZE)
     return (
-        f"Robot {_plain(run.study.robot.name)}; unknown compliances {unknown}{_interest(run)}; "
+        f"Robot {_plain(run.study.robot.name)}; unknown compliances {unknown}{_interest(run)}"
+        f"{_prior(run)}; "
         f"{specification.describe_load()}; "
         f"sigma = {specification.measurement.sigma_mm:g} mm per coordinate; "
         f"{specification.candidates} candidate poses; at most {least} descents per plan, "
         f"{most} for {main}.\n"
     )
+
+
+def _prior(run: StudyRun) -> str:
+    """What is known before the measurements, if that counts."""
+    counts = run.study.prior_information is not None
+    return "; the study's prior counts beside the experiments" if counts else ""
 
 
 def _interest(run: StudyRun) -> str:

@@ -110,6 +110,8 @@ def checkpoint_of(study: Study, folder: Path) -> Checkpoint:
         digest.update(b"" if poses is None else _bytes(poses))
     if study.tasks:
         digest.update(_bytes(study.tasks.targets))  # those of a path are in a file of their own
+    if study.prior_information is not None:
+        digest.update(_bytes(study.prior_information))
     for path in sorted(_code(study)):
         digest.update(path.read_bytes())
     for library in LIBRARIES:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
+from edtk.study.bound_for import bound_for
 from edtk.study.case import Case
 from edtk.study.plan_accuracy import plan_accuracy
 from edtk.study.study import Study
@@ -25,7 +26,7 @@ def comparison_table(
     Args:
         study: The study.
         cases: The plans; one that does not exist has a row with its reason and without values.
-        relaxations: Relaxations by criterion, whose bounds efficiencies refer to.
+        relaxations: Relaxations by `relaxation_key`, whose bounds efficiencies refer to.
 
     Returns:
         One row a plan: what it is; the value of each criterion [SI units]; its efficiency under
@@ -47,12 +48,13 @@ def _row(study: Study, case: Case, relaxations: Mapping[str, RelaxedPlan]) -> di
         "poses": 0 if case.plan is None else len(case.plan.q),
         "reason": case.reason,
     }
-    M = None if case.plan is None else study.space.information(case.plan)
+    M = None if case.plan is None else study.information(case.plan)
     for name in study.specification.criteria:
         row[name] = np.nan if M is None else float(study.criterion(name).value(M))
-    for name, relaxation in relaxations.items():
+    for name in dict.fromkeys(relaxed.criterion.name for relaxed in relaxations.values()):
         cost = np.inf if M is None else float(study.criterion(name).cost(M))
-        row[f"efficiency_{name}"] = relaxation.best_bound.scaled(case.size).efficiency(cost)
+        bound = bound_for(relaxations, name, case.size)
+        row[f"efficiency_{name}"] = np.nan if bound is None else bound.efficiency(cost)
     if study.tasks:
         row |= _errors(study, case)
     return row | {

@@ -43,6 +43,7 @@ class Evaluation(Presented):
         tasks: Errors to expect in each of several test poses; None for one or none.
         skipped: Why criteria of plug-ins have no value, by name: they do not load, or fail.
         warnings: What is hard to believe in the study or in this plan, a line each.
+        with_prior: Whether the study's prior counts beside the plan.
         labels: What criteria are called that are about a part of the compliances, by name.
         interest: Standard deviations of the combinations that are of interest, by their words
             [rad/(N m)]; none if all compliances are.
@@ -60,6 +61,7 @@ class Evaluation(Presented):
     tasks: TaskAccuracy | None = None
     skipped: dict[str, str] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
+    with_prior: bool = False
     labels: dict[str, str] = field(default_factory=dict)
     interest: dict[str, float] = field(default_factory=dict)
 
@@ -98,6 +100,7 @@ class Evaluation(Presented):
             **({} if self.tasks is None else {"tasks": self.tasks.to_dict()}),
             "skipped": self.skipped,
             "warnings": list(self.warnings),
+            **({"with_prior": True} if self.with_prior else {}),
             **({"interest": self.interest} if self.interest else {}),
         }
 
@@ -113,7 +116,7 @@ def evaluate(study: Study, plan: Plan) -> Evaluation:
         SingularPlanError: The plan cannot identify all parameters; names them.
         UserError: A plug-in's criterion that the study names fails.
     """
-    M = study.space.information(plan)
+    M = study.information(plan)
     cov = plan_covariance(study, M)
     values, skipped = _values(study, M)
     return Evaluation(
@@ -129,6 +132,7 @@ def evaluate(study: Study, plan: Plan) -> Evaluation:
         tasks=accuracy_of_tasks(study, cov),
         skipped=skipped,
         warnings=study.warnings + plan_plausibility(study, plan),
+        with_prior=study.prior_information is not None,
         labels=_labels(study, values),
         interest=_interest(study, M),
     )

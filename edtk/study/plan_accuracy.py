@@ -21,7 +21,7 @@ def plan_accuracy(study: Study, plan: Plan) -> ExpectedError | None:
     if not study.tasks:
         return None
     try:
-        cov = covariance(study.space.information(plan), study.model.parameters)
+        cov = covariance(study.information(plan), study.model.parameters)
     except SingularPlanError:
         return None
     return expected_error(study.tasks, np.asarray(cov))

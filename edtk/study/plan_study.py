@@ -13,6 +13,7 @@ from edtk.design.plan import Plan
 from edtk.design.relaxation.relax_options import RelaxOptions
 from edtk.design.relaxation.relax_poses import relax_poses
 from edtk.study.plan_accuracy import plan_accuracy
+from edtk.study.planning_space import planning_space
 from edtk.study.plausibility import plan_plausibility
 from edtk.study.relax_study import source_of
 from edtk.study.run_options import DEFAULTS, RunOptions
@@ -54,10 +55,8 @@ def plan_study(
     since = monotonic()
     seconds = np.inf if budget is None else budget
     new = _new_experiments(size, distinct, kept)
-    space = study.space
-    if kept is not None:
-        space = space.with_kept(space.information(kept), new)
     with study_errors(study):
+        space = planning_space(study, new, kept)
         _require_enough(study, space, new, distinct, kept, criterion)
         relaxed = relax_poses(
             source_of(study, options.seed, space),
@@ -71,6 +70,7 @@ def plan_study(
     return replace(
         found,
         expected=plan_accuracy(study, found.whole),
+        with_prior=study.prior_information is not None,
         warnings=study.warnings + plan_plausibility(study, found.whole),
         seconds=monotonic() - since,
     )

@@ -76,7 +76,7 @@ def plan_plausibility(study: "Study", plan: Plan) -> tuple[str, ...]:
         One line for each finding.
     """
     try:
-        cov = covariance(study.space.information(plan), study.model.parameters)
+        cov = covariance(study.information(plan), study.model.parameters)
     except SingularPlanError:
         return ()
     if _links(study) > LONGEST_LINKS:

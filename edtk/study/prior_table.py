@@ -83,6 +83,11 @@ class PriorTable(Table):
     earlier_file: str | None = Field(
         None, description="The same as a JSON file of `edtk identify`; instead of `earlier`"
     )
+    in_design: bool = Field(
+        False,
+        description="Whether plans are designed, bounded and evaluated with this knowledge of the "
+        "compliances beside the measurements",
+    )
     sigma_factor: float = Field(
         1.0,
         description="Factor within which sigma is known: 1 exactly, inf not at all, else one "

@@ -5,6 +5,7 @@ import numpy as np
 from edtk.design.exact.round_poses import round_poses
 from edtk.design.sample_feasible import sample_feasible
 from edtk.study.case import Case
+from edtk.study.planning_space import planning_space
 from edtk.study.study import Study
 
 PLANS = 101  # of which the median is shown; odd, so that the median is one of them
@@ -23,10 +24,11 @@ def random_case(study: Study, size: int, index: int) -> Case:
         The median plan, in poses that a controller takes, or the reason why it has no cost.
     """
     seed = (study.specification.seed, STREAM, index)
-    x = sample_feasible(study.space, PLANS * size, seed).reshape(PLANS, size, -1)
-    costs = study.criterion().cost(study.space.at(x).information(np.ones((PLANS, size))))
+    space = planning_space(study, size)
+    x = sample_feasible(space, PLANS * size, seed).reshape(PLANS, size, -1)
+    costs = study.criterion().cost(space.at(x).information(np.ones((PLANS, size))))
     middle = int(np.argsort(costs, kind="stable")[PLANS // 2])
     if not np.isfinite(costs[middle]):
         return Case("random", "", size, reason="such a plan cannot identify all parameters")
-    poses, repeats = round_poses(study.space, study.criterion(), x[middle], np.ones(size))
-    return Case("random", "", size, plan=study.space.plan(poses, repeats.astype(int)))
+    poses, repeats = round_poses(space, study.criterion(), x[middle], np.ones(size))
+    return Case("random", "", size, plan=space.plan(poses, repeats.astype(int)))

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import criteria
+from edtk.design.candidate_source import CandidateSource
 from edtk.design.exact.exact_plan import ExactPlan
 from edtk.design.exact.find_plan import SearchOptions, find_plan
 from edtk.design.exact.require_enough import TooFewExperimentsError
@@ -16,9 +17,11 @@ from edtk.design.relaxation.relax import require_relaxable
 from edtk.design.relaxation.relax_options import RelaxOptions
 from edtk.design.relaxation.relax_poses import relax_poses
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
+from edtk.study.bound_for import relaxation_key
 from edtk.study.case import Case
 from edtk.study.checkpoint import checkpoint_of
 from edtk.study.comparison_table import comparison_table
+from edtk.study.planning_space import planning_space
 from edtk.study.random_case import random_case
 from edtk.study.relax_study import source_of
 from edtk.study.relaxed_under import relaxed_under
@@ -76,7 +79,14 @@ def run_study(
             raise UserError(f"{error}; what is finished is kept, run again to go on") from error
     checkpoint.forget_others([*answers, *map(_relaxation_name, bases)])
     relaxations = _relaxations(study, bases)
-    cases = [_answered(case, answers[_search_name(study, case)], relaxations) for case in questions]
+    cases = [
+        _answered(
+            case,
+            answers[_search_name(study, case)],
+            relaxations[_key(study, case.optimised, case.size)],
+        )
+        for case in questions
+    ]
     for index, size in enumerate(study.specification.sizes):
         cases.append(random_case(study, size, index))
         report(cases[-1].name)
@@ -91,10 +101,11 @@ def _count(study: Study, questions: list[Case]) -> int:
     """Number of reports: one for the questions, each relaxation, search and random
     plan, the end.
     """
-    relaxations = {_base(study, name) for name in _relaxed_names(study)}
+    bases = {_base(study, name) for name in _relaxed_names(study)}
+    relaxations = len(bases) * len(_shares(study))
     searches = {_search_name(study, case) for case in questions}
     begin_and_end = 2
-    return len(relaxations) + len(searches) + len(study.specification.sizes) + begin_and_end
+    return relaxations + len(searches) + len(study.specification.sizes) + begin_and_end
 
 
 class _Steps:
@@ -129,8 +140,18 @@ def _base(study: Study, name: str) -> str:
     return study.criterion(name).plan_criterion.name
 
 
-def _relaxation_name(base: str) -> str:
-    return f"relaxation_{base}"
+def _shares(study: Study) -> tuple[int | None, ...]:
+    """Sizes that have relaxations of their own: with a prior in the design all, else none has."""
+    return study.specification.sizes if study.specification.prior.in_design else (None,)
+
+
+def _key(study: Study, name: str, size: int) -> str:
+    """Key of the relaxation under a criterion that plans of this size are compared with."""
+    return relaxation_key(name, size if study.specification.prior.in_design else None)
+
+
+def _relaxation_name(key: str) -> str:
+    return f"relaxation_{key}"
 
 
 def _search_name(study: Study, case: Case) -> str:
@@ -140,9 +161,9 @@ def _search_name(study: Study, case: Case) -> str:
 
 def _questions(study: Study) -> list[Case]:
     """The plans to search for: every criterion and size, and fewer poses for the main criterion."""
-    least = smallest_size(study.space, study.criterion())
     found = []
     for size in study.specification.sizes:
+        least = smallest_size(planning_space(study, size), study.criterion())
         found += [Case("optimised", name, size) for name in study.specification.optimise]
         fewer = range(least, min(size, MOST_DISTINCT + 1))
         found += [Case("distinct", study.main_criterion, size, distinct=k) for k in fewer]
@@ -155,10 +176,11 @@ class _Relax:
 
     study: Study
     criterion: criteria.Relaxable
+    share: int | None
 
     def __call__(self) -> Answer:
         found = relax_poses(
-            source_of(self.study),
+            _source(self.study, self.share),
             self.study.specification.candidates,
             self.criterion,
             continuous=True,
@@ -169,21 +191,37 @@ class _Relax:
         return answer
 
 
+def _source(study: Study, share: int | None) -> CandidateSource:
+    """Where candidates come from, for plans of so many experiments if that matters."""
+    return source_of(study, space=planning_space(study, share))
+
+
 def _relaxed_bases(study: Study, complete: Complete) -> dict[str, RelaxedPlan]:
     """The relaxations over all feasible poses, one for all criteria that share their plans."""
     every = [study.criterion(name).plan_criterion for name in _relaxed_names(study)]
     bases = {criterion.name: require_relaxable(criterion) for criterion in every}
-    answers = complete({_relaxation_name(name): _Relax(study, bases[name]) for name in bases})
-    return {
-        name: RelaxedPlan.from_dict(source_of(study), base, answers[_relaxation_name(name)])
+    pieces = {
+        relaxation_key(name, share): _Relax(study, base, share)
+        for share in _shares(study)
         for name, base in bases.items()
+    }
+    answers = complete({_relaxation_name(key): piece for key, piece in pieces.items()})
+    return {
+        key: RelaxedPlan.from_dict(
+            _source(study, piece.share), piece.criterion, answers[_relaxation_name(key)]
+        )
+        for key, piece in pieces.items()
     }
 
 
 def _relaxations(study: Study, bases: dict[str, RelaxedPlan]) -> dict[str, RelaxedPlan]:
     """The relaxation under each criterion, from that under the one that is searched for it."""
     return {
-        name: relaxed_under(require_relaxable(study.criterion(name)), bases[_base(study, name)])
+        relaxation_key(name, share): relaxed_under(
+            require_relaxable(study.criterion(name)),
+            bases[relaxation_key(_base(study, name), share)],
+        )
+        for share in _shares(study)
         for name in _relaxed_names(study)
     }
 
@@ -219,16 +257,16 @@ def _searches(
         starts = study.specification.descents(case.optimised)
         if name in searches:  # shared; one of the criteria may be the one that gets more descents
             starts = max(starts, searches[name].options.starts)
-        base = bases[_base(study, case.optimised)]
+        base = bases[_key(study, _base(study, case.optimised), case.size)]
         options = SearchOptions(seed=study.specification.seed, starts=starts)
         searches[name] = _Search(base, case.size, case.distinct, options)
     return searches
 
 
-def _answered(case: Case, answer: Answer, relaxations: dict[str, RelaxedPlan]) -> Case:
+def _answered(case: Case, answer: Answer, relaxed: RelaxedPlan) -> Case:
     """A case with its plan, from the numbers of a `_Search`."""
     if "reason" in answer:
         return replace(case, reason=answer["reason"])
-    found = ExactPlan.from_dict(relaxations[case.optimised], answer)
+    found = ExactPlan.from_dict(relaxed, answer)
     cost = found.relaxed.criterion.cost_from_plan_criterion(found.cost)
     return replace(case, plan=found.plan, found=replace(found, cost=cost))

@@ -15,6 +15,7 @@ from edtk.study.check_study import check_study
 from edtk.study.load_plan import load_plan
 from edtk.study.plain_keys import plain_keys
 from edtk.study.plausibility import plausibility
+from edtk.study.prior_information import prior_information
 from edtk.study.read_toml import read_toml
 from edtk.study.schema import Specification, read_specification
 from edtk.study.study_keys import StudyKeys, keys_signature
@@ -23,6 +24,7 @@ from edtk.study.study_robot import study_robot
 from edtk.study.study_space import study_space
 from edtk.study.study_toml import study_toml
 from edtk.system.presented import Presented
+from edtk.system.typing import Array
 
 DIGITS = 12  # of the SHA-256 that names a study in results
 
@@ -160,6 +162,16 @@ class Study(StudyObjects, Presented):
     def space(self) -> DesignSpace:
         """Model, feasible set and free joints, for designing plans."""
         return study_space(self)
+
+    @cached_property
+    def prior_information(self) -> Array | None:
+        """Information (p, p) that counts beside every plan; None unless `[prior] in_design`."""
+        return prior_information(self)
+
+    def information(self, plan: Plan) -> Array:
+        """Information matrix (p, p) of a plan, and of the prior if that counts in designs."""
+        M = self.space.information(plan)
+        return M if self.prior_information is None else M + self.prior_information
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:

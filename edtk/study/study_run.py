@@ -6,9 +6,11 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from edtk.design.bound import Bound
 from edtk.design.plan import Plan
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
 from edtk.model.expected_error import ExpectedError
+from edtk.study.bound_for import bound_for
 from edtk.study.case import Case
 from edtk.study.plan_accuracy import plan_accuracy
 from edtk.study.plausibility import plan_plausibility
@@ -26,7 +28,7 @@ class StudyRun(Presented):
     Attributes:
         study: The study.
         table: One row a plan, as in `results.csv`, see `comparison_table`.
-        relaxations: The relaxation of every criterion that can be relaxed, by name.
+        relaxations: The relaxation of every criterion that can be relaxed, by `relaxation_key`.
         cases: The plans in the order of the table, with how they were found.
         folder: Folder that holds the files of the run.
     """
@@ -46,6 +48,10 @@ class StudyRun(Presented):
             return text
         best = max(searched, key=lambda found: found.whole.experiments)
         return f"{text}; {best.headline()}"
+
+    def bound(self, size: int) -> Bound | None:
+        """The bound on the main criterion of plans of so many experiments; None without one."""
+        return bound_for(self.relaxations, self.study.main_criterion, size)
 
     @property
     def expected(self) -> ExpectedError | None:

@@ -23,6 +23,7 @@ def relax(
     candidates: int | None = None,
     *,
     continuous: bool = False,
+    size: int | None = None,
     seed: int | None = None,
     memory_mb: float = MEMORY_MB,
     out: Path | str | None = None,
@@ -41,6 +42,7 @@ def relax(
     candidates: int | None = None,
     *,
     continuous: bool = False,
+    size: int | None = None,
     seed: int | None = None,
     memory_mb: float = MEMORY_MB,
     out: Path | str | None = None,
@@ -56,6 +58,8 @@ def relax(
             the study's main criterion, and to "D" for a problem.
         candidates: Number of candidate poses; defaults to the study's.
         continuous: Whether to search all feasible poses, beyond the candidates.
+        size: Number of experiments that share a prior which counts in designs; defaults to the
+            first of the study's sizes.
         seed: Seed of the candidates; defaults to the study's.
         memory_mb: Limit on memory [MB].
         out: File to write poses and weights to (CSV); "-" is standard output.
@@ -99,6 +103,7 @@ def relax(
                 name,
                 candidates=candidates,
                 continuous=continuous,
+                size=size,
                 memory_mb=memory_mb,
                 options=RunOptions(seed=seed, progress=progress),
             )

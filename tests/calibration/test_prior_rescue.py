@@ -12,7 +12,6 @@ from edtk.calibration.calibration import Calibration
 from edtk.calibration.check_plan_posterior import check_plan_posterior
 from edtk.calibration.diagnostics.posterior_diagnostics import posterior_diagnostics
 from edtk.calibration.fitted_data import FittedData
-from edtk.calibration.study_prior import study_prior
 from edtk.design.plan import Plan
 from edtk.inference.fit_with_prior import fit_with_prior
 from edtk.inference.least_squares import SingularPlanError
@@ -20,6 +19,7 @@ from edtk.inference.posterior import Posterior
 from edtk.inference.prior import Flat, LogNormal, Normal, Prior
 from edtk.inference.run_chain import Demand
 from edtk.inference.sample_posterior import SamplingOptions
+from edtk.study.study_prior import study_prior
 
 pytestmark = pytest.mark.slow
 

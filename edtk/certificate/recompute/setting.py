@@ -18,7 +18,7 @@ from edtk.system.typing import Array, Mask
 TINY = 1e-9  # violation of a constraint that is rounding [m or rad]
 MEASURED = {"position": 3, "pose": 6}  # rows that an experiment measures
 KEYS = ("robot", "unknown", "rows", "sigma", "load", "workspace", "excluded", "free", "fixed")
-OPTIONAL = ("physics", "interest")
+OPTIONAL = ("physics", "interest", "prior")
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +39,7 @@ class Setting:
             tool point.
         interest: Combinations K (p, s) that criteria without a task are about; None for all
             parameters.
+        prior: Whitened rows (r, p) of measurements that tell as much as what is known beforehand.
     """
 
     name: str
@@ -52,6 +53,7 @@ class Setting:
     tasks: Tasks
     physics: Physics | None = None
     interest: Array | None = None
+    prior: Array | None = None
 
     @classmethod
     def from_dict(cls, content: Any) -> "Setting":
@@ -84,6 +86,7 @@ class Setting:
             tasks=Tasks.from_content(content["test_pose"], content["robot"], unknown),
             physics=physics,
             interest=_interest(content, len(unknown)),
+            prior=_prior(content, len(unknown)),
         )
 
     def whitened_rows(self, q: Array, wrench: Array) -> Array:
@@ -108,6 +111,14 @@ class Setting:
         """Whether each experiment x (k, n + d) is allowed, but for rounding."""
         n = len(self.fixed)
         return (self.violation(x[:, :n]) <= TINY) & self.load.allows(x[:, n:])
+
+
+def _prior(content: dict[str, Any], p: int) -> Array | None:
+    """Rows (r, p) that stand for what is known beforehand; None where nothing is."""
+    if content.get("prior") is None:
+        return None
+    rows(content["prior"], p, "setting.prior")
+    return numbers(content["prior"], (None, p), "setting.prior")
 
 
 def _interest(content: dict[str, Any], p: int) -> Array | None:

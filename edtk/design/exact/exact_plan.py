@@ -41,6 +41,7 @@ class ExactPlan(Presented):
         error_budget: The error to expect in the task, in parts; None where nobody asked, or
             where no compliances are assumed.
         detections: The chances that faults would be noticed which somebody asked for.
+        with_prior: Whether the study's prior counts beside the experiments.
     """
 
     relaxed: RelaxedPlan
@@ -56,6 +57,7 @@ class ExactPlan(Presented):
     warnings: tuple[str, ...] = ()
     error_budget: ErrorBudget | None = None
     detections: tuple[Detection, ...] = ()
+    with_prior: bool = False
 
     @property
     def robot(self) -> Robot:
@@ -151,6 +153,7 @@ class ExactPlan(Presented):
             "warnings": list(self.warnings),
             "budget_mm": None if self.error_budget is None else self.error_budget.to_dict(),
             "detect": [detection.to_dict() for detection in self.detections],
+            **({"with_prior": True} if self.with_prior else {}),
             "plan": ([] if self.kept is None else self._rows(self.kept, kept=True))
             + self._rows(self.plan, kept=False),
             "exact": {

@@ -12,14 +12,14 @@ def by_size(run: StudyRun) -> str:
     """A table of our plan, its efficiency, the bound, and plans that were not optimised."""
     main = run.study.main_criterion
     factor, unit = shown_unit(main)
-    bound = run.relaxations[main].best_bound
     others = other_plans(run.table)
     rows = []
     for _, row in plans_of(run.table, "optimised", main).sort_values("experiments").iterrows():
+        bound = run.bound(row["experiments"])
         cells = [
             number(factor * row[main]),
             percent(row[f"efficiency_{main}"]),
-            number(factor * bound.scaled(row["experiments"]).value),
+            "-" if bound is None else number(factor * bound.value),
         ]
         for plans in others.values():
             other = plans[plans["experiments"] == row["experiments"]]

@@ -8,13 +8,14 @@ from edtk.study.study_run import StudyRun
 def relaxation_table(run: StudyRun) -> str:
     """Value and both bounds of every relaxation, for one experiment's worth of weight."""
     rows = []
-    for name, relaxed in run.relaxations.items():
-        factor, unit = shown_unit(name)
+    for relaxed in run.relaxations.values():
+        factor, unit = shown_unit(relaxed.criterion.name)
+        among = f", {relaxed.space.sharing} experiments" if relaxed.space.sharing else ""
         values = (relaxed.value, relaxed.proved_bound.value, relaxed.best_bound.value)
         gaps = (relaxed.gap, relaxed.best_bound.gap_to(relaxed.cost))
         rows.append(
             [
-                relaxed.criterion.label,
+                relaxed.criterion.label + among,
                 *(f"{factor * value:.6g}" for value in values),
                 unit,
                 *(f"{gap:.1e}" for gap in gaps),

@@ -46,9 +46,15 @@ def criterion_by_size(run: StudyRun, ax: "Axes") -> None:
 def _bound(run: StudyRun, factor: float, ax: "Axes") -> None:
     """The bound over all poses, as a line over all numbers of experiments."""
     sizes = run.study.specification.sizes
-    m = np.geomspace(min(sizes), max(sizes), 100)
-    best = run.relaxations[run.study.main_criterion].best_bound
-    bound = np.array([best.scaled(size).value for size in m])
+    main = run.study.main_criterion
+    if main in run.relaxations:
+        m = np.geomspace(min(sizes), max(sizes), 100)
+        best = run.relaxations[main].best_bound
+        bound = np.array([best.scaled(size).value for size in m])
+    else:  # each size has a bound of its own
+        m = np.sort(np.array(sizes, dtype=float))
+        found = (run.bound(int(size)) for size in m)
+        bound = np.array([np.nan if one is None else one.value for one in found])
     ax.plot(
         m,
         factor * bound,

@@ -7,7 +7,8 @@ from edtk.study.evaluate import Evaluation
 
 def evaluation(found: Evaluation) -> str:
     """A line for each criterion, and one for each standard deviation."""
-    lines = [f"{found.experiments} experiments"]
+    beside = " beside what the prior tells" if found.with_prior else ""
+    lines = [f"{found.experiments} experiments{beside}"]
     labels = [found.labels.get(name, name) for name in found.criteria]
     width = name_width(labels, 6)
     for label, (name, value) in zip(labels, found.criteria.items(), strict=True):

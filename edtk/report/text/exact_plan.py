@@ -18,6 +18,8 @@ def exact_plan(found: ExactPlan) -> str:
     factor = criterion.shown[0]
     unit = f" {criterion.shown[1]}".rstrip()
     kept = "" if found.kept is None else f", {found.kept.experiments} of them there already"
+    if found.with_prior:
+        kept += ", beside what the prior tells"
     lines = [
         f"{criterion.name}, {criterion.title}; {whole.experiments} experiments "
         f"in {len(whole.q)} poses{kept}",

@@ -16,8 +16,8 @@ def relaxed_plan(plan: RelaxedPlan) -> str:
         bounds.append(("bound, searched over all poses", plan.searched_bound, "; not proved"))
     width = max(len(label) for label, *_ in bounds)
     lines = [
-        f"{criterion.name}, {criterion.title}, for a single experiment's worth of weight; "
-        f"{criterion.sense}imised",
+        f"{criterion.name}, {criterion.title}, for a single experiment's worth of weight"
+        f"{_among(plan)}; {criterion.sense}imised",
         f"  {'value':{width}}  {factor * plan.value:.7g}{unit}",
     ]
     for label, bound, proof in bounds:
@@ -25,6 +25,14 @@ def relaxed_plan(plan: RelaxedPlan) -> str:
         number = f"{factor * bound.value:.7g}{unit}"
         lines.append(f"  {label:{width}}  {number}  (relative gap {gap:.1e}{proof})")
     return "\n".join([*lines, *_poses(plan)])
+
+
+def _among(plan: RelaxedPlan) -> str:
+    """Among how many experiments what is known beforehand is shared out."""
+    sharing = plan.space.sharing
+    plural = "" if sharing == 1 else "s"
+    known = f" and of what is known beforehand, among {sharing} experiment{plural}"
+    return known if sharing else ""
 
 
 def _poses(plan: RelaxedPlan) -> list[str]:

@@ -28,6 +28,7 @@ def study_rows(asked: Study) -> list[tuple[str, str]]:
         ("unknown", ", ".join(joints.unknown)),
         ("of interest", ", ".join(asked.interest_names)),
         ("known", ", ".join(known)),
+        ("prior", "counts in designs" if specification.prior.in_design else ""),
         ("fixed", ", ".join(fixed)),
         ("experiment", specification.describe_load()),
         ("measured", f"{measurement.rows}, {noise}"),

@@ -40,6 +40,7 @@ def verification(found: Verification) -> str:
     """What the certificate is about, a line for each claim, then the verdict."""
     some = f"{found.kept} kept experiment{'' if found.kept == 1 else 's'}"
     kept = f", beside {some}, taken as carried out" if found.kept else ""
+    kept += ", with a prior that is taken as given" if found.prior else ""
     plural = "" if found.poses == 1 else "s"
     lines = [f"{found.label}, {found.kind} of {found.poses} pose{plural}{kept}"]
     if all(claim.claim != "study" for claim in found.claims):

@@ -1,10 +1,14 @@
 """The prior that a study's file describes."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from edtk.inference.prior import Normal, Prior
-from edtk.study.study import Study
 from edtk.tables.compliances import load_compliances
+
+if TYPE_CHECKING:
+    from edtk.study.study import Study
 
 ASYMMETRY = 1e-6  # relative: printed digits of a covariance may differ by that
 LEAST_STD = 1e-20  # [rad/(N m)]: a compliance that is known so well is no prior
@@ -12,7 +16,7 @@ TOO_CERTAIN = f"expected standard deviations of at least {LEAST_STD:g} rad/(N m)
 NO_VARIANCE = 2  # degrees of freedom up to which Student's t has no variance
 
 
-def study_prior(study: Study) -> Prior:
+def study_prior(study: "Study") -> Prior:
     """Build the prior of a study's unknown compliances, which are positive, from its [prior] table.
 
     Raises:
@@ -33,7 +37,7 @@ def study_prior(study: Study) -> Prior:
     return Prior(marginals)
 
 
-def _from_table(study: Study) -> Normal:
+def _from_table(study: "Study") -> Normal:
     """The normal prior that the study's file states itself."""
     unknown = study.specification.joints.unknown
     earlier = study.specification.prior.earlier
@@ -61,7 +65,7 @@ def _from_table(study: Study) -> Normal:
         raise not_positive from None
 
 
-def _from_file(study: Study, name: str) -> Normal:
+def _from_file(study: "Study", name: str) -> Normal:
     """The result of an earlier calibration, as `edtk identify` has written it.
 
     Where sigma was estimated the covariance is widened to that of Student's t.

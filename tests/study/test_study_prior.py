@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from edtk.calibration.study_prior import study_prior
 from edtk.study.evaluate import evaluate
 from edtk.study.study import load_study
+from edtk.study.study_prior import study_prior
 from edtk.system.errors import UserError
 
 PAPER = Path(__file__).parents[2] / "studies" / "kr270_milling.toml"
