@@ -14,7 +14,8 @@ class BodyPoint:
 
     Attributes:
         offset: Offset (3,) from the tool point in the tool frame, or in the joint's frame [m].
-        joint: Index of the joint that moves the body; None for the tool.
+        joint: Index of the joint that moves the body, among all joints of the chain; None for the
+            tool.
     """
 
     offset: Array = field(default_factory=lambda: np.zeros(3))
@@ -38,13 +39,13 @@ class BodyPoint:
         return origin + self._lever(rotation)
 
     def linear(self, frames: Frames) -> Array:
-        """Velocity of the point per joint (n, 3, ...) [m/rad, or 1 if prismatic].
+        """Velocity of the point per joint (N, 3, ...) [m/rad, or 1 if prismatic].
 
         ``a x (p - o)`` for a revolute joint with axis a through o, ``a`` for a prismatic one, and
         zero for joints behind the body.
         """
         if self.is_tool_point:
-            return frames.linear
+            return frames.linear_of_each
         J = cross(frames.axes, self.position(frames) - frames.origins)
         J[frames.prismatic] = frames.axes[frames.prismatic]
         if self.joint is not None:
@@ -52,10 +53,10 @@ class BodyPoint:
         return J
 
     def angular(self, frames: Frames) -> Array:
-        """Angular velocity of the body per joint (n, 3, ...), zero for joints behind it."""
+        """Angular velocity of the body per joint (N, 3, ...), zero for joints behind it."""
         if self.joint is None:
-            return frames.angular
-        J = frames.angular.copy()
+            return frames.angular_of_each
+        J = frames.angular_of_each.copy()
         J[self.joint + 1 :] = 0.0
         return J
 

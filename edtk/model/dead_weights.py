@@ -24,7 +24,7 @@ class DeadWeights:
     Args:
         masses: Masses (w,) [kg].
         centers: Their centres of mass (w,), points of the bodies.
-        joints: Number n of joints.
+        joints: Number n of joints, those that follow others included.
     """
 
     masses: tuple[float, ...]
@@ -82,6 +82,6 @@ class DeadWeights:
         bent = cross(self.linear(frames), self.force(frames))
         turning = s[:, None] * bent
         at_or_behind = np.cumsum(turning[::-1], axis=0)[::-1]
-        spun = s[:, None] * frames.angular
+        spun = s[:, None] * frames.angular_of_each
         before = np.cumsum(spun, axis=0) - spun
-        return dot(frames.angular, at_or_behind) + dot(before, bent)
+        return dot(frames.angular_of_each, at_or_behind) + dot(before, bent)

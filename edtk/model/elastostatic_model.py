@@ -105,8 +105,12 @@ class ElastostaticModel:
 
     @cached_property
     def is_plain(self) -> bool:
-        """Whether load and measurement are at the tool point, and nothing else loads the joints."""
-        return not self.sensors and self.weights is None and self.load_point.is_tool_point
+        """Whether load and measurement are at the tool point, and nothing else loads the joints.
+
+        All joints are free, too: slopes are then those of one Jacobian.
+        """
+        at_tool_point = not self.sensors and self.load_point.is_tool_point
+        return at_tool_point and self.weights is None and self.robot.ties is None
 
     @cached_property
     def by_wrench(self) -> "ElastostaticModel":
@@ -131,7 +135,7 @@ class ElastostaticModel:
     def motion_of(self, frames: Frames) -> Array:
         """Derivatives ``dy/dq`` (n, rows, ...) of the measured rows by all joints [m/rad, 1]."""
         motion = [
-            without_rounding(sensor.motion(frames), self._reach_of(sensor.point))
+            without_rounding(frames.folded(sensor.motion(frames)), self._reach_of(sensor.point))
             for sensor in self.instruments
         ]
         return motion[0] if len(motion) == 1 else np.concatenate(motion, axis=1)
@@ -142,7 +146,7 @@ class ElastostaticModel:
         first = 0
         for sensor in self.instruments:
             last = first + sensor.rows
-            total += sensor.motion_slope(frames, B[:, first:last])
+            total += frames.folded(sensor.motion_slope(frames, frames.spread(B[:, first:last])))
             first = last
         return total
 
@@ -162,16 +166,19 @@ class ElastostaticModel:
         if self.weights is not None:
             torque += self.weights.torque(frames)
             size = size + reach * np.abs(self.weights.force(frames)).sum(axis=1)
-        return without_rounding(torque, size)
+        return without_rounding(frames.folded(torque), frames.folded_sizes(size))
 
     def torque_slope_of(self, frames: Frames, wrench: ArrayLike, s: Array) -> Array:
         """Derivatives (n, ...) of ``sum_j s_j tau_j`` by all joints, weights s (n, ...) fixed."""
+        s = frames.spread(s)
         F, T = force_and_torque(wrench, frames)
         linear = self.load_point.linear(frames)
         angular = self.load_point.angular(frames)
         twist = s[:, None] * T if T.any() else None
         slope = columns_slope(linear, angular, s[:, None] * F, twist)
-        return slope if self.weights is None else slope + self.weights.torque_slope(frames, s)
+        if self.weights is not None:
+            slope += self.weights.torque_slope(frames, s)
+        return frames.folded(slope)
 
     def _reach_of(self, point: BodyPoint) -> float:
         """An upper bound on the distance of a point from the world's origin [m]."""

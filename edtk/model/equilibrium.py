@@ -113,8 +113,8 @@ def torque_and_derivative(robot: Robot, q: Array, wrench: Array) -> tuple[Array,
         ``tau = J'W`` (N, n) [N m, or N if prismatic], and ``H_jl = dtau_j/dq_l`` (N, n, n).
     """
     frames = robot.frames(q)
-    v = frames.linear
-    w = frames.angular
+    v = frames.linear_of_each
+    w = frames.angular_of_each
     F = wrench[:, :3].T
     T = wrench[:, 3:].T
     tau = np.einsum("jcN,cN->Nj", v, F) + np.einsum("jcN,cN->Nj", w, T)
@@ -123,7 +123,10 @@ def torque_and_derivative(robot: Robot, q: Array, wrench: Array) -> tuple[Array,
     twisted = np.einsum("lcN,jcN->Njl", w, cross(w, T[None]), optimize=True)
     H = np.tril(forced + twisted)
     H += np.swapaxes(np.tril(forced, -1), -1, -2)
-    return tau, H
+    if frames.ties is None:
+        return tau, H
+    P = frames.ties.matrix
+    return tau @ P, P.T @ H @ P
 
 
 def _checked(

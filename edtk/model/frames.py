@@ -6,6 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
+from edtk.model.ties import Ties
 from edtk.system.typing import Array, Indices, Mask
 
 # The two other components beside each of three, in cyclic order: (a x b)_i = a_j b_k - a_k b_j.
@@ -19,16 +20,20 @@ FEW = 20_000
 class Frames:
     """The chain in some poses, component first so that every operation runs over contiguous poses.
 
+    Joints that follow others have axes and origins too: of N joints of the chain, n are free. N = n
+    where there are no ties.
+
     Attributes:
-        q: Joint variables (n, ...) [rad or m].
-        axes: Joint axes in the world frame (n, 3, ...).
-        origins: Points on the joint axes (n, 3, ...) [m].
+        q: Variables (n, ...) of the free joints [rad or m].
+        axes: Joint axes in the world frame (N, 3, ...).
+        origins: Points on the joint axes (N, 3, ...) [m].
         rotation: The tool frame (3, 3, ...): ``rotation[k]`` is its k-th unit vector (3, ...).
         position: Tool point (3, ...) [m].
-        prismatic: Mask (n,) of the prismatic joints.
+        prismatic: Mask (N,) of the prismatic joints.
         bodies: Frames of bodies between the base and the tool, where they were asked for, by the
-            index of the joint that moves the body: rotation (3, 3, ...) as above, and origin
-            (3, ...) [m].
+            index among all joints of the one that moves the body: rotation (3, 3, ...) as above,
+            and origin (3, ...) [m].
+        ties: How all joints follow the free ones; None where all are free.
     """
 
     q: Array
@@ -38,6 +43,7 @@ class Frames:
     position: Array
     prismatic: Mask
     bodies: Mapping[int, tuple[Array, Array]] = field(default_factory=dict)
+    ties: Ties | None = None
 
     def __getitem__(self, chosen: Indices) -> "Frames":
         """The chain in some of the poses, chosen along the last axis."""
@@ -49,9 +55,26 @@ class Frames:
         }
         return replace(self, **arrays, bodies=bodies)
 
+    @property
+    def sliding(self) -> Mask:
+        """Mask (n,) of the free joints that are prismatic."""
+        if self.ties is None:
+            return self.prismatic
+        return np.asarray(self.prismatic[self.ties.free])
+
     @cached_property
     def linear(self) -> Array:
-        """Velocity of the tool point per joint (n, 3, ...) [m/rad, or 1 if prismatic].
+        """Velocity of the tool point per free joint (n, 3, ...) [m/rad, or 1 if prismatic]."""
+        return self.folded(self.linear_of_each)
+
+    @cached_property
+    def angular(self) -> Array:
+        """Angular velocity of the tool per free joint (n, 3, ...)."""
+        return self.folded(self.angular_of_each)
+
+    @cached_property
+    def linear_of_each(self) -> Array:
+        """Velocity of the tool point per joint (N, 3, ...) [m/rad, or 1 if prismatic].
 
         ``a x (p - o)`` for a revolute joint with axis a through o, and ``a`` for a prismatic one.
         """
@@ -61,13 +84,25 @@ class Frames:
         return J
 
     @cached_property
-    def angular(self) -> Array:
-        """Angular velocity of the tool per joint (n, 3, ...): ``a``, or zero if prismatic."""
+    def angular_of_each(self) -> Array:
+        """Angular velocity of the tool per joint (N, 3, ...): ``a``, or zero if prismatic."""
         if not self.prismatic.any():
             return self.axes
         J = self.axes.copy()
         J[self.prismatic] = 0.0
         return J
+
+    def folded(self, by_each: Array) -> Array:
+        """Derivatives (n, ...) by the free joints, of those (N, ...) by each joint."""
+        return by_each if self.ties is None else self.ties.fold(by_each)
+
+    def folded_sizes(self, by_each: Array) -> Array:
+        """Bounds (n, ...) on derivatives by the free joints, of those (N or 1, ...) by each."""
+        return by_each if self.ties is None else self.ties.fold_sizes(by_each)
+
+    def spread(self, by_free: Array) -> Array:
+        """Values (N, ...) of each joint for those (n, ...) of the free ones, which it follows."""
+        return by_free if self.ties is None else self.ties.spread(by_free)
 
 
 def cross(a: Array, b: Array) -> Array:

@@ -11,6 +11,8 @@ from edtk.model.controller import Controller
 from edtk.model.frames import Frames
 from edtk.model.joint import Joint
 from edtk.model.link import Link
+from edtk.model.tied_joint import TiedJoint
+from edtk.model.ties import Ties
 from edtk.model.transform import transform
 from edtk.system.presented import Presented
 from edtk.system.typing import Array, Mask
@@ -25,17 +27,19 @@ class Robot(Presented):
 
     Args:
         name: Name for people.
-        joints: The joints from base to tip.
+        joints: The joints that are free, from base to tip: they have variables, limits and springs.
         base: Transform (4, 4) of the chain's root in the world [m].
         tool: Transform (4, 4) of the tool frame after the last joint [m].
         source: Where the numbers come from.
-        links: The bodies that the joints move, one a joint; empty where they are unknown.
+        links: The bodies that the joints of `chain` move, one a joint; empty where unknown.
         flange: Transform (4, 4) of the frame in which tools are given, after the last joint [m]:
             the tip link of a URDF. `tool` is after the last joint nevertheless.
         controller: How the robot's controller counts the joints; None if as in the model.
+        tied: Joints that follow others, in the order of the chain.
 
     Raises:
-        ValueError: The chain has no joints, or two of one name, or links for some joints only.
+        ValueError: The chain has no joints, or two of one name, or links for some joints only, or a
+            joint follows one that is not free.
     """
 
     name: str
@@ -46,16 +50,24 @@ class Robot(Presented):
     links: tuple[Link, ...] = ()
     flange: Array = field(default_factory=transform)
     controller: Controller | None = None
+    tied: tuple[TiedJoint, ...] = ()
 
     def __post_init__(self) -> None:
-        if not self.joints or len(set(self.joint_names)) < len(self.joints):
+        for tied in self.tied:
+            if tied.master not in self.joint_names:
+                has = ", ".join(self.joint_names)
+                raise ValueError(
+                    f"joint {tied.name}: follows {tied.master!r}; the free joints are {has}"
+                )
+        names = self.body_names
+        if not self.joints or len(set(names)) < len(names):
             raise ValueError(
                 f"robot {self.name}: needs at least one joint, each with a name of its own"
             )
-        if len(self.links) not in (0, self.n):
+        if len(self.links) not in (0, len(names)):
             raise ValueError(
                 f"robot {self.name}: has {len(self.links)} links; expected one for each of its "
-                f"{self.n} joints, or none"
+                f"{len(names)} joints, or none"
             )
 
     def headline(self) -> str:
@@ -64,12 +76,41 @@ class Robot(Presented):
 
     @property
     def n(self) -> int:
-        """Number of joints."""
+        """Number of free joints."""
         return len(self.joints)
+
+    @cached_property
+    def chain(self) -> tuple[Joint, ...]:
+        """All N joints from base to tip, those that follow others too."""
+        masters = {joint.name: joint for joint in self.joints}
+        chain = list(self.joints)
+        for tied in self.tied:
+            chain.insert(tied.place, tied.joint(masters[tied.master]))
+        return tuple(chain)
+
+    @property
+    def body_names(self) -> tuple[str, ...]:
+        """Names of all joints of `chain`, each of which moves a body."""
+        return tuple(joint.name for joint in self.chain)
+
+    @cached_property
+    def ties(self) -> Ties | None:
+        """How all joints follow the free ones; None where all are free."""
+        if not self.tied:
+            return None
+        free = [self.body_names.index(name) for name in self.joint_names]
+        matrix = np.zeros((len(self.chain), self.n))
+        matrix[free, range(self.n)] = 1.0
+        offset = np.zeros(len(self.chain))
+        for tied in self.tied:
+            row = self.body_names.index(tied.name)
+            matrix[row, self.joint_names.index(tied.master)] = tied.factor
+            offset[row] = tied.offset
+        return Ties(matrix, offset, free)
 
     @property
     def joint_names(self) -> tuple[str, ...]:
-        """Names of the joints from base to tip."""
+        """Names of the free joints from base to tip."""
         return tuple(joint.name for joint in self.joints)
 
     @property
@@ -80,7 +121,8 @@ class Robot(Presented):
     @cached_property
     def units(self) -> Array:
         """SI units (n,) in the unit in which people read a joint: degree or millimetre."""
-        return np.where(self._prismatic, 1e-3, np.pi / 180)
+        slides = np.array([joint.kind == "prismatic" for joint in self.joints])
+        return np.where(slides, 1e-3, np.pi / 180)
 
     def shown(self, q: Array) -> Array:
         """What the controller shows (..., n) for joint variables q (..., n) [rad or m]."""
@@ -102,8 +144,8 @@ class Robot(Presented):
     @cached_property
     def reach(self) -> float:
         """An upper bound on the distance of any point of the chain from the world's origin [m]."""
-        links = [self.base, self.tool, *(joint.origin for joint in self.joints)]
-        sliding = [joint for joint in self.joints if joint.kind == "prismatic"]
+        links = [self.base, self.tool, *(joint.origin for joint in self.chain)]
+        sliding = [joint for joint in self.chain if joint.kind == "prismatic"]
         slides = [max(map(abs, joint.limits)) for joint in sliding]
         return float(sum(np.linalg.norm(T[:3, 3]) for T in links) + sum(slides))
 
@@ -144,7 +186,7 @@ class Robot(Presented):
         """
         links = []
         before = np.eye(3)
-        for joint in self.joints:
+        for joint in self.chain:
             F = _aligned(joint.axis)
             links.append((before @ joint.origin[:3, :3] @ F, before @ joint.origin[:3, 3]))
             before = F.T
@@ -153,15 +195,16 @@ class Robot(Presented):
 
     @cached_property
     def _prismatic(self) -> Mask:
-        """Mask (n,) of the prismatic joints."""
-        return np.array([joint.kind == "prismatic" for joint in self.joints])
+        """Mask (N,) of the prismatic joints of the chain."""
+        return np.array([joint.kind == "prismatic" for joint in self.chain])
 
     def frames(self, q: ArrayLike, bodies: Collection[int] = ()) -> Frames:
         """Joint axes and tool frame in the poses q.
 
         Args:
             q: Joint variables (..., n) [rad or m].
-            bodies: Indices of joints; the frames of the bodies that they move are kept too.
+            bodies: Indices of joints of `chain`; the frames of the bodies that they move are kept
+                too.
 
         Raises:
             ValueError: The last axis of q is not n long.
@@ -172,24 +215,25 @@ class Robot(Presented):
                 f"q has shape {q.shape}, expected (..., {self.n}) for robot {self.name}"
             )
         q = np.ascontiguousarray(np.moveaxis(q, -1, 0))
+        x = q if self.ties is None else self.ties.variables(q)
         batch = q.shape[1:]
         # One block of memory for both: of many poses, two blocks are returned to the system and
         # asked for again by each call, which costs a third more.
-        axes, origins = np.empty((2, self.n, 3, *batch))
+        axes, origins = np.empty((2, len(self.chain), 3, *batch))
         lift = (slice(None),) + (None,) * len(batch)
         kept = {}
         R = [self.base[:3, k][lift] for k in range(3)]
         p = self.base[:3, 3][lift]
-        for j, (joint, (C, t)) in enumerate(zip(self.joints, self._links[:-1], strict=True)):
+        for j, (joint, (C, t)) in enumerate(zip(self.chain, self._links[:-1], strict=True)):
             p = p + _combine(R, t)
             R = [_combine(R, C[:, k]) for k in range(3)]  # type: ignore[misc]
             axes[j] = R[2]
             origins[j] = p
             if joint.kind == "prismatic":
-                p = p + q[j] * R[2]
+                p = p + x[j] * R[2]
             else:
-                c = np.cos(q[j])
-                s = np.sin(q[j])
+                c = np.cos(x[j])
+                s = np.sin(x[j])
                 R = [c * R[0] + s * R[1], c * R[1] - s * R[0], R[2]]
             if j in bodies:
                 kept[j] = (_turned_back(R, joint.axis, batch), np.broadcast_to(p, (3, *batch)))
@@ -199,7 +243,7 @@ class Robot(Presented):
         position[...] = p + _combine(R, t)
         for k in range(3):
             rotation[k] = _combine(R, C[:, k])
-        return Frames(q, axes, origins, rotation, position, self._prismatic, kept)
+        return Frames(q, axes, origins, rotation, position, self._prismatic, kept, self.ties)
 
     def forward(self, q: ArrayLike) -> Array:
         """Pose of the tool frame in the world.

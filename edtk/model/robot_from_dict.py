@@ -2,71 +2,29 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
-import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
-from pydantic_core import PydanticCustomError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from edtk.model.controller_table import ControllerTable
-from edtk.model.joint import ONE_TURN, Joint
+from edtk.model.joint import Joint
+from edtk.model.joint_table import JointTable
 from edtk.model.link import Link
+from edtk.model.placed_table import PlacedTable
 from edtk.model.robot import Robot
-from edtk.model.transform import transform
+from edtk.model.tied_joint import TiedJoint
 from edtk.system.errors import UserError
-from edtk.system.finite import ZERO, Finite, Vector3
+from edtk.system.finite import ZERO, Vector3
 from edtk.system.first_error import first_error
 from edtk.system.line import Line
 from edtk.system.typing import Array
-
-ROUNDED = 1e-3  # deviation of a rotation whose entries were typed to three decimals
 
 
 class RobotFileError(UserError):
     """A robot that does not exist, or whose description is not as it should be."""
 
 
-class _Table(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-def _is_rotation(R: Array) -> bool:
-    """Whether a matrix (3, 3) is a rotation, to the digits that a person writes."""
-    return bool(np.abs(R @ R.T - np.eye(3)).max() < ROUNDED and np.linalg.det(R) > 0)
-
-
-class _Placed(_Table):
-    """A frame, turned by `rpy_deg`, or by the matrix `rotation` where angles are not exact."""
-
-    rpy_deg: Vector3 = Field(
-        ZERO,
-        description="Roll, pitch and yaw about the fixed axes x, y and z of the frame before, in "
-        "this order [deg]",
-    )
-    rotation: tuple[Vector3, Vector3, Vector3] | None = Field(
-        None, description="The same as a rotation matrix, by rows; instead of rpy_deg [-]"
-    )
-
-    @model_validator(mode="after")
-    def _one_rotation(self) -> "_Placed":
-        if self.rotation is not None and "rpy_deg" in self.model_fields_set:
-            raise PydanticCustomError("rotation", "expected one of rpy_deg and rotation")
-        if self.rotation is not None and not _is_rotation(np.array(self.rotation)):
-            raise PydanticCustomError(
-                "rotation", "rotation: expected orthonormal rows of a right-handed frame"
-            )
-        return self
-
-    def place(self, position: Vector3) -> Array:
-        """Transform (4, 4) [m]."""
-        if self.rotation is None:
-            return transform(position, np.deg2rad(self.rpy_deg))
-        T = transform(position)
-        T[:3, :3] = self.rotation
-        return T
-
-
-class _Frame(_Placed):
+class _Frame(PlacedTable):
     """A frame, placed in another one: shifted by `position_m`, and turned."""
 
     position_m: Vector3 = Field(description="Origin of the frame in the frame before [m]")
@@ -75,94 +33,14 @@ class _Frame(_Placed):
         return self.place(self.position_m)
 
 
-class _Joint(_Placed):
-    """One joint: where it is in the frame of the joint before, and how it moves."""
-
-    name: str = Field(description="Name of the joint, as in studies and in headers of tables")
-    kind: Literal["revolute", "prismatic"] = Field(
-        "revolute", description="Whether the joint turns (revolute) or slides (prismatic)"
-    )
-    origin_m: Vector3 = Field(
-        description="Origin of the joint's frame in the frame of the joint before, at zero [m]"
-    )
-    axis: Vector3 = Field(
-        description="Direction of positive motion in the joint's own frame, of length 1 or near [-]"
-    )
-    limits_deg: tuple[Finite, Finite] | None = Field(
-        None, description="Lower and upper limit of a revolute joint [deg]"
-    )
-    limits_rad: tuple[Finite, Finite] | None = Field(
-        None, description="The same in radians, instead of limits_deg [rad]"
-    )
-    limits_m: tuple[Finite, Finite] | None = Field(
-        None, description="Lower and upper limit of a prismatic joint [m]"
-    )
-    continuous: bool = Field(
-        False, description="Whether a revolute joint turns without end; it has no limits then"
-    )
-    mass_kg: Annotated[Finite, Field(ge=0)] | None = Field(
-        None,
-        description="Mass of the body that the joint moves, up to the next joint; given for all "
-        "joints or for none [kg]",
-    )
-    center_m: Vector3 | None = Field(
-        None, description="Centre of that mass in the joint's own frame; goes with mass_kg [m]"
-    )
-
-    @model_validator(mode="after")
-    def _limits_fit_the_kind(self) -> "_Joint":
-        allowed = ("limits_deg", "limits_rad") if self.kind == "revolute" else ("limits_m",)
-        every = ("limits_deg", "limits_rad", "limits_m")
-        given = [key for key in every if getattr(self, key) is not None]
-        if self.continuous:
-            if given or self.kind != "revolute":
-                raise PydanticCustomError(
-                    "limits", "a continuous joint is revolute, and takes no limits"
-                )
-            return self
-        if len(given) != 1 or given[0] not in allowed:
-            raise PydanticCustomError(
-                "limits", f"a {self.kind} joint takes {allowed[0]}, and no other limits"
-            )
-        return self
-
-    @model_validator(mode="after")
-    def _mass_with_its_center(self) -> "_Joint":
-        if (self.mass_kg is None) != (self.center_m is None):
-            raise PydanticCustomError("mass", "expected mass_kg and center_m together, or neither")
-        return self
-
-    @property
-    def link(self) -> Link | None:
-        """The body that the joint moves; None where it is unknown."""
-        if self.mass_kg is None or self.center_m is None:
-            return None
-        return Link(self.mass_kg, np.array(self.center_m))
-
-    def build(self) -> Joint:
-        return Joint(
-            self.name,
-            self.place(self.origin_m),
-            np.array(self.axis),
-            self._limits(),
-            self.kind,
-            self.continuous,
-        )
-
-    def _limits(self) -> tuple[float, float]:
-        if self.continuous:
-            return ONE_TURN
-        limits = self.limits_m or self.limits_rad or tuple(np.deg2rad(self.limits_deg or (0, 0)))
-        lower, upper = limits
-        return float(lower), float(upper)
-
-
-class RobotFile(_Table):
+class RobotFile(BaseModel):
     """All keys of a robot file; the end of a key's name is its unit."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
 
     name: Line = Field(description="Name of the robot, for people")
     source: str = Field(description="Where the numbers come from")
-    joints: Annotated[tuple[_Joint, ...], Field(min_length=1)] = Field(
+    joints: Annotated[tuple[JointTable, ...], Field(min_length=1)] = Field(
         description="The joints from base to tip, a table each"
     )
     base: _Frame = Field(
@@ -189,12 +67,15 @@ class RobotFile(_Table):
                 raise RobotFileError(message, where=where, key=f"joints.{i}.name")
         robot = Robot(
             self.name,
-            tuple(_joint(joint, i, where) for i, joint in enumerate(self.joints)),
+            tuple(
+                _joint(joint, i, where) for i, joint in enumerate(self.joints) if not joint.mimic
+            ),
             base=self.base.build(),
             tool=self.tool.build(),
             source=self.source.strip(),
             links=self._links(where),
             flange=self.flange.build(),
+            tied=self._tied(where),
         )
         if self.controller is None:
             return robot
@@ -202,6 +83,24 @@ class RobotFile(_Table):
             return replace(robot, controller=self.controller.build(robot))
         except UserError as error:
             raise RobotFileError(error.message, where=where, key=error.key) from error
+
+    def _tied(self, where: str | None) -> tuple[TiedJoint, ...]:
+        """The joints that follow others, which have to be free."""
+        free = [joint.name for joint in self.joints if not joint.mimic]
+        found = []
+        for i, joint in enumerate(self.joints):
+            if joint.mimic is None:
+                continue
+            key = f"joints.{i}.mimic"
+            if joint.mimic.joint not in free:
+                has = ", ".join(free) or "none"
+                message = f"no free joint {joint.mimic.joint!r}; this robot has {has}"
+                raise RobotFileError(message, where=where, key=f"{key}.joint")
+            try:
+                found.append(joint.tied(i))
+            except ValueError as error:
+                raise RobotFileError(str(error), where=where, key=key) from error
+        return tuple(found)
 
     def _links(self, where: str | None) -> tuple[Link, ...]:
         """The bodies that the joints move; none where no mass is given."""
@@ -216,7 +115,7 @@ class RobotFile(_Table):
         return known
 
 
-def _joint(joint: _Joint, index: int, where: str | None) -> Joint:
+def _joint(joint: JointTable, index: int, where: str | None) -> Joint:
     """A joint; what is wrong with it is told with its key."""
     try:
         return joint.build()

@@ -10,6 +10,7 @@ from edtk.model.controller_table import controller_to_dict
 from edtk.model.joint import Joint
 from edtk.model.link import Link
 from edtk.model.robot import Robot
+from edtk.model.tied_joint import TiedJoint
 from edtk.model.transform import transform
 from edtk.system.typing import Array
 
@@ -28,24 +29,32 @@ def robot_to_dict(robot: Robot) -> dict[str, Any]:
     for key, T in (("base", robot.base), ("flange", robot.flange), ("tool", robot.tool)):
         if not _identical(T, np.eye(4)):
             content[key] = {"position_m": T[:3, 3].tolist()} | _rotation(T[:3, :3])
-    links = robot.links or (None,) * robot.n
+    links = robot.links or (None,) * len(robot.chain)
+    tied = {joint.name: joint for joint in robot.tied}
     content["joints"] = [
-        _joint(joint) | _link(link) for joint, link in zip(robot.joints, links, strict=True)
+        _joint(joint, tied.get(joint.name)) | _link(link)
+        for joint, link in zip(robot.chain, links, strict=True)
     ]
     if robot.controller is not None:
         content["controller"] = controller_to_dict(robot)
     return content
 
 
-def _joint(joint: Joint) -> dict[str, Any]:
+def _joint(joint: Joint, tied: TiedJoint | None) -> dict[str, Any]:
     return {
         "name": joint.name,
         "kind": joint.kind,
         "origin_m": joint.origin[:3, 3].tolist(),
         **_rotation(joint.origin[:3, :3]),
         "axis": joint.axis.tolist(),
-        **_limits(joint),
+        **(_limits(joint) if tied is None else _mimic(tied)),
     }
+
+
+def _mimic(tied: TiedJoint) -> dict[str, Any]:
+    """The tie to another joint."""
+    key = "offset_m" if tied.kind == "prismatic" else "offset_rad"
+    return {"mimic": {"joint": tied.master, "factor": tied.factor, key: tied.offset}}
 
 
 def _link(link: Link | None) -> dict[str, Any]:

@@ -51,5 +51,5 @@ class Excluded(Constraint):
         lift = (...,) + (None,) * (frames.q.ndim - 1)
         turn = frames.q - self.poses[lift]
         short_way = np.mod(turn + np.pi, 2 * np.pi) - np.pi
-        difference = np.where(frames.prismatic[lift], 0.0, short_way)
+        difference = np.where(frames.sliding[lift], 0.0, short_way)
         return difference, np.sqrt(np.square(difference).sum(axis=1))

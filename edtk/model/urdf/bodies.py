@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from edtk.model.link import Link
-from edtk.model.transform import transform
+from edtk.model.urdf.motion import motion
 from edtk.model.urdf.urdf import Urdf, UrdfJoint
 from edtk.system.typing import Array
 
@@ -51,14 +51,4 @@ def _at_rest(joint: UrdfJoint) -> Array:
     """Motion (4, 4) of a joint beside the chain [m]."""
     lower, upper = joint.limits
     q = 0.0 if lower is None else max(0.0, lower)
-    q = q if upper is None else min(q, upper)
-    if not q or joint.kind not in ("revolute", "prismatic"):
-        return np.eye(4)
-    axis = joint.axis / np.linalg.norm(joint.axis)
-    if joint.kind == "prismatic":
-        return transform(q * axis)
-    from scipy.spatial.transform import Rotation
-
-    T = np.eye(4)
-    T[:3, :3] = Rotation.from_rotvec(q * axis).as_matrix()
-    return T
+    return motion(joint, q if upper is None else min(q, upper))

@@ -1,6 +1,7 @@
 """A robot from a URDF file: the chain between two of its links."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -8,15 +9,17 @@ import numpy as np
 from edtk.model.joint import ONE_TURN, Joint, Kind
 from edtk.model.robot import Robot
 from edtk.model.robot_from_dict import RobotFileError
+from edtk.model.tied_joint import TiedJoint
 from edtk.model.urdf.bodies import bodies
 from edtk.model.urdf.chain import chain
+from edtk.model.urdf.limits_of import Limits, limits_of
+from edtk.model.urdf.motion import motion
 from edtk.model.urdf.parse_urdf import parse_urdf
-from edtk.model.urdf.urdf import UrdfJoint
+from edtk.model.urdf.resolve_tie import resolve_tie
+from edtk.model.urdf.urdf import Mimic, Urdf, UrdfJoint
 from edtk.system.errors import UserError
 from edtk.system.read_text import read_text
 from edtk.system.typing import Array
-
-Limits = tuple[float, float]
 
 
 def load_urdf(
@@ -29,7 +32,9 @@ def load_urdf(
     """Read the chain between two links of a URDF file.
 
     The world's frame is that of the base link; tools are given in the frame of the tip link. Fixed
-    joints are merged into the joints before them. A continuous joint has limits of one turn.
+    joints are merged into the joints before them. A continuous joint has limits of one turn. A
+    joint that follows another one of the chain (mimic) is tied to it; of several that follow a
+    joint outside the chain, the first one is free.
 
     Args:
         path: The file.
@@ -48,24 +53,37 @@ def load_urdf(
     except UserError as error:
         raise RobotFileError(error.message, where=f"robot file {path}", key=error.key) from error
     tree = parse_urdf(text, where)
-    path_joints = chain(tree, base, tip, where)
-    moving = [joint for joint in path_joints if joint.kind != "fixed"]
-    given = dict(limits or {})
-    _require_limits(moving, given, where)
-    origins, flange = _merged(path_joints)
-    joints = tuple(
-        _joint(joint, origin, given.get(joint.name), where)
-        for joint, origin in zip(moving, origins, strict=True)
-    )
-    ends = f"{path_joints[0].parent} to {path_joints[-1].child}"
+    ends = chain(tree, base, tip, where)
+    first = ends[0].parent
+    last = ends[-1].child
+    tree = _without_constant_joints(tree, ends, where)
+    joints = [tree.joints[joint.name] for joint in ends]
+    moving = _Moving(tree, [joint for joint in joints if joint.kind != "fixed"], where)
+    if not moving.joints:
+        raise RobotFileError("no joint moves it", where=where, key=f"link {last}")
+    origins, flange = _merged(joints)
+    free, tied = moving.built(origins, dict(limits or {}))
     return Robot(
         tree.name or path.stem,
-        joints,
+        free,
         tool=flange,
-        source=" ".join(f"URDF {path.name}, {ends}".split()),
-        links=bodies(tree, moving),
+        source=" ".join(f"URDF {path.name}, {first} to {last}".split()),
+        links=bodies(tree, moving.joints),
         flange=flange,
+        tied=tied,
     )
+
+
+def _without_constant_joints(tree: Urdf, joints: Sequence[UrdfJoint], where: str) -> Urdf:
+    """The same tree, in which joints of the chain that follow one that does not move are fixed."""
+    constant = {}
+    for joint in joints:
+        tie = resolve_tie(tree, joint.name, where)
+        is_tied = joint.mimic is not None and joint.kind != "fixed"
+        if is_tied and (tie.factor == 0 or tree.joints[tie.master].kind == "fixed"):
+            origin = joint.origin @ motion(joint, tie.offset)
+            constant[joint.name] = replace(joint, kind="fixed", origin=origin)
+    return replace(tree, joints=tree.joints | constant)
 
 
 def _merged(joints: Sequence[UrdfJoint]) -> tuple[list[Array], Array]:
@@ -80,37 +98,78 @@ def _merged(joints: Sequence[UrdfJoint]) -> tuple[list[Array], Array]:
     return origins, before
 
 
-def _require_limits(moving: Sequence[UrdfJoint], given: Mapping[str, Limits], where: str) -> None:
-    """Ask for all limits that the file leaves open, at once."""
-    asked = [joint for joint in moving if joint.name not in given and not _has_limits(joint)]
-    if not asked:
-        return
-    names = ", ".join(joint.name for joint in asked)
-    unit = "mm" if asked[0].kind == "prismatic" else "deg"
-    message = (
-        f"the file has no range for {names}; expected limits from the study, as "
-        f"[joints] limits_{unit} = {{ {asked[0].name} = [LOWER, UPPER] }}"
-    )
-    raise RobotFileError(message, where=where, key="limits")
+@dataclass(frozen=True, eq=False)
+class _Moving:
+    """The joints of a chain that move.
+
+    Attributes:
+        tree: All links and joints.
+        joints: The joints of the chain that move, from base to tip.
+        where: The file, for messages.
+    """
+
+    tree: Urdf
+    joints: list[UrdfJoint]
+    where: str
+
+    def built(
+        self, origins: list[Array], given: dict[str, Limits]
+    ) -> tuple[tuple[Joint, ...], tuple[TiedJoint, ...]]:
+        """Free and tied joints, with origins (4, 4) relative to the joint before."""
+        ties = [resolve_tie(self.tree, joint.name, self.where) for joint in self.joints]
+        names = [joint.name for joint in self.joints]
+        masters = {tie.master: tie.master for tie in ties if tie.master in names}
+        for name, tie in zip(names, ties, strict=True):
+            masters.setdefault(tie.master, name)
+        own = {masters[tie.master]: ties[names.index(masters[tie.master])] for tie in ties}
+        free = [joint for joint in self.joints if joint.name in own]
+        limits = self._limits(free, given)
+        found = []
+        tied = []
+        for i, (joint, tie) in enumerate(zip(self.joints, ties, strict=True)):
+            master = masters[tie.master]
+            try:
+                if joint.name == master:
+                    found.append(_joint(joint, origins[i], limits[master], given))
+                else:
+                    tied.append(_tied(joint, origins[i], i, master, tie, own[master]))
+            except ValueError as error:
+                raise RobotFileError(str(error), where=self.where) from error
+        return tuple(found), tuple(tied)
+
+    def _limits(self, free: list[UrdfJoint], given: dict[str, Limits]) -> dict[str, Limits]:
+        """Limits by joint; all that the file leaves open are asked for at once."""
+        chain = [joint.name for joint in self.joints]
+        found = {
+            joint.name: given.get(joint.name) or limits_of(self.tree, joint, chain, self.where)
+            for joint in free
+        }
+        asked = [joint for joint in free if found[joint.name] is None]
+        if asked:
+            names = ", ".join(joint.name for joint in asked)
+            unit = "mm" if asked[0].kind == "prismatic" else "deg"
+            message = (
+                f"the file has no range for {names}; expected limits from the study, as "
+                f"[joints] limits_{unit} = {{ {asked[0].name} = [LOWER, UPPER] }}"
+            )
+            raise RobotFileError(message, where=self.where, key="limits")
+        return {name: limits for name, limits in found.items() if limits is not None}
 
 
-def _has_limits(joint: UrdfJoint) -> bool:
-    """Whether the file limits a joint, or says that it has no limits."""
-    lower, upper = joint.limits
-    return joint.kind == "continuous" or (None not in (lower, upper) and lower != upper)
+def _kind(joint: UrdfJoint) -> Kind:
+    return "prismatic" if joint.kind == "prismatic" else "revolute"
 
 
-def _joint(joint: UrdfJoint, origin: Array, given: Limits | None, where: str) -> Joint:
-    """The joint of the robot, with the limits that were given for it or else its own."""
-    continuous = joint.kind == "continuous" and given is None
-    lower, upper = given or (ONE_TURN if continuous else joint.limits)
-    kind: Kind = "prismatic" if joint.kind == "prismatic" else "revolute"
-    assert lower is not None
-    assert upper is not None
-    if not lower < upper:
-        message = f"the lower limit {lower:g} lies above the upper one {upper:g}; are they swapped?"
-        raise RobotFileError(message, where=where, key=f"joint {joint.name}")
-    try:
-        return Joint(joint.name, origin, joint.axis, (lower, upper), kind, continuous)
-    except ValueError as error:
-        raise RobotFileError(str(error), where=where) from error
+def _joint(joint: UrdfJoint, origin: Array, limits: Limits, given: dict[str, Limits]) -> Joint:
+    """A free joint."""
+    endless = joint.kind == "continuous" and joint.name not in given and limits == ONE_TURN
+    return Joint(joint.name, origin, joint.axis, limits, _kind(joint), endless)
+
+
+def _tied(
+    joint: UrdfJoint, origin: Array, place: int, master: str, tie: Mimic, own: Mimic
+) -> TiedJoint:
+    """A joint that follows a free one, whose own tie may be to a joint outside the chain."""
+    factor = tie.factor / own.factor
+    offset = tie.offset - factor * own.offset
+    return TiedJoint(joint.name, origin, joint.axis, _kind(joint), place, master, factor, offset)

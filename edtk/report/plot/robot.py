@@ -47,7 +47,7 @@ def robot(result: Robot, ax: Any = None, q: ArrayLike | None = None) -> Any:
 
 def _joints(result: Robot, frames: Frames, length: float, ax: Any) -> None:
     """A marker for each joint, on a line along its axis."""
-    for joint, origin, axis in zip(result.joints, frames.origins, frames.axes, strict=True):
+    for joint, origin, axis in zip(result.chain, frames.origins, frames.axes, strict=True):
         line = origin + length * np.outer([-1, 1], axis)
         colour = COLOURS[joint.kind]
         ax.plot(*line.T, color=colour, linewidth=1.2)

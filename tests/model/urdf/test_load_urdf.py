@@ -201,6 +201,96 @@ def test_two_roots_are_one_line_unless_the_tip_says_which(tmp_path):
     assert "base_link: has 2 roots; expected one of world, a" in refusal(tmp_path, change, tip=None)
 
 
+CHILD = {"turn": "arm", "bend": "elbow", "slide": "hand", "grip": "finger"}
+
+
+def tied(joint, master, factor=1.0, offset=0.0):
+    """The change of the file that lets a joint follow another one."""
+    child = f'<child link="{CHILD[joint]}"/>'
+    tie = f'<mimic joint="{master}" multiplier="{factor}" offset="{offset}"/>'
+    return child, child + tie
+
+
+def test_a_joint_that_follows_another_one_has_no_variable(tmp_path):
+    """Poses are those of the free chain with the tie put in, and limits are those of both."""
+    free = arm(tmp_path)
+    robot = arm(tmp_path, tied("slide", "bend", 0.1, 0.2))
+    assert robot.joint_names == ("turn", "bend")
+    assert robot.body_names == ("turn", "bend", "slide")
+    # slide from 0.1 to 0.4 is bend from -1 to 2
+    np.testing.assert_allclose(robot.limits[:, 1], [-1, 2])
+    np.testing.assert_allclose(
+        robot.forward([0.3, 0.5]), free.forward([0.3, 0.5, 0.25]), atol=1e-15
+    )
+    J = free.jacobian([0.3, 0.5, 0.25])
+    folded = np.column_stack([J[:, 0], J[:, 1] + 0.1 * J[:, 2]])
+    np.testing.assert_allclose(robot.jacobian([0.3, 0.5]), folded, atol=1e-15)
+    assert [link.mass for link in robot.links] == [20, 0, 4]
+    narrow = arm(tmp_path, tied("slide", "bend", -0.2, 0.2))
+    np.testing.assert_allclose(narrow.limits[:, 1], [-1, 0.5])
+
+
+def test_a_chain_of_ties_ends_at_a_free_joint(tmp_path):
+    """A joint may follow one that follows; the master may lie behind, or outside the chain."""
+    changes = (tied("bend", "grip", 2.0, 0.1), tied("slide", "bend", 0.1, 0.2))
+    robot = arm(tmp_path, *changes)
+    assert robot.joint_names == ("turn", "bend")
+    np.testing.assert_allclose(robot.ties.matrix, [[1, 0], [0, 1], [0, 0.1]])
+    np.testing.assert_allclose(robot.ties.offset, [0, 0, 0.2])
+    # grip from 0.02 to 0.05 is bend from 0.14 to 0.2
+    np.testing.assert_allclose(robot.limits[:, 1], [0.14, 0.2])
+    finger = arm(tmp_path, *changes, tip="finger")
+    assert finger.joint_names == ("turn", "grip")
+    np.testing.assert_allclose(finger.ties.matrix, [[1, 0], [0, 2], [0, 0.2], [0, 1]])
+    np.testing.assert_allclose(finger.ties.offset, [0, 0.1, 0.21, 0])
+
+
+def test_a_joint_that_follows_what_does_not_move_is_fixed(tmp_path):
+    """With the factor zero, or a fixed master, it stays at the offset."""
+    expected = arm(tmp_path).forward([0.3, 0.5, 0.25])
+    for change in (tied("slide", "bend", 0, 0.25), tied("slide", "note", 3, 0.25)):
+        robot = arm(tmp_path, change)
+        assert robot.joint_names == ("turn", "bend")
+        assert robot.tied == ()
+        np.testing.assert_allclose(robot.forward([0.3, 0.5]), expected, atol=1e-15)
+        assert robot.links[1].mass == 4
+
+
+def test_a_joint_with_followers_turns_on_if_all_of_them_do(tmp_path):
+    """After one turn the arm has to be where it was; else its limits are asked for."""
+    change = ('name="bend" type="revolute"', 'name="bend" type="continuous"')
+    assert arm(tmp_path, change, tied("bend", "turn", -2)).continuous.tolist() == [True, False]
+    message = refusal(tmp_path, change, tied("bend", "turn", 0.5))
+    assert "the file has no range for turn" in message
+    robot = arm(tmp_path, tied("bend", "turn", 0.5))
+    np.testing.assert_allclose(robot.limits[:, 0], [-2, 4])
+
+
+@pytest.mark.parametrize(
+    ("changes", "expected"),
+    [
+        ([tied("bend", "twist")], "joint bend: follows 'twist' (mimic), which is no joint"),
+        ([tied("bend", "bend")], "joint bend: follows 'bend' (mimic), which follows it; expected"),
+        (
+            [tied("bend", "slide"), tied("slide", "bend")],
+            "joint slide: follows 'bend' (mimic), which",
+        ),
+        (
+            [tied("bend", "turn", 1e-9)],
+            "joint bend: moves by 1e-09 for one unit of 'turn', which it",
+        ),
+        ([tied("bend", "turn", "a")], "joint bend: mimic: multiplier is 'a'; expected a number"),
+        (
+            [tied("slide", "bend", 0.1, 5)],
+            "limits: the limits of bend and of slide, which moves with",
+        ),
+    ],
+)
+def test_wrong_ties_are_one_line(tmp_path, changes, expected):
+    """A tie to a joint that is not there, in a circle, absurd, or without a common range."""
+    assert expected in refusal(tmp_path, *changes)
+
+
 def test_links_go_with_a_urdf(tmp_path):
     """A robot that has no links is asked for none."""
     with pytest.raises(RobotFileError, match="tip_link: has no links; 'x' goes with a URDF file"):
