@@ -64,7 +64,15 @@ def _load(study: Study) -> dict[str, Any]:
 
 
 def _robot(robot: Robot) -> dict[str, Any]:
-    """The chain: transforms [m], axes, limits [rad or m]."""
+    """The chain: transforms [m], axes, limits [rad or m]; masters by their index among the free."""
+    follows = {
+        tied.name: {
+            "joint": robot.joint_names.index(tied.master),
+            "factor": tied.factor,
+            "offset": tied.offset,
+        }
+        for tied in robot.tied
+    }
     joints = [
         {
             "name": joint.name,
@@ -72,8 +80,9 @@ def _robot(robot: Robot) -> dict[str, Any]:
             "origin": joint.origin.tolist(),
             "axis": joint.axis.tolist(),
             "limits": list(joint.limits),
+            **({"follows": follows[joint.name]} if joint.name in follows else {}),
         }
-        for joint in robot.joints
+        for joint in robot.chain
     ]
     return {
         "name": robot.name,

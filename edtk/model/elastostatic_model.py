@@ -105,12 +105,8 @@ class ElastostaticModel:
 
     @cached_property
     def is_plain(self) -> bool:
-        """Whether load and measurement are at the tool point, and nothing else loads the joints.
-
-        All joints are free, too: slopes are then those of one Jacobian.
-        """
-        at_tool_point = not self.sensors and self.load_point.is_tool_point
-        return at_tool_point and self.weights is None and self.robot.ties is None
+        """Whether load and measurement are at the tool point, and nothing else loads the joints."""
+        return not self.sensors and self.weights is None and self.load_point.is_tool_point
 
     @cached_property
     def by_wrench(self) -> "ElastostaticModel":
@@ -251,7 +247,8 @@ class ElastostaticModel:
             Derivatives (n, ...).
         """
         joints = self.joints
-        if self.is_plain:
+        # The slopes of folded columns are no longer those of one Jacobian.
+        if self.is_plain and frames.ties is None:
             return slope_at_tool_point(frames, wrench, joints, B)
         s = np.zeros_like(frames.q)
         s[joints] = dot(self.motion_of(frames)[joints], B)

@@ -48,7 +48,7 @@ def _check_names(study: "StudyObjects") -> None:
 
 def _check_bodies(study: "StudyObjects") -> None:
     """Markers and distances sit on bodies of this robot."""
-    known = study.robot.joint_names
+    known = study.robot.body_names
     bodies = [(f"marker.{i}", one.joint) for i, one in enumerate(study.specification.marker)]
     bodies += [(f"distance.{i}", one.joint) for i, one in enumerate(study.specification.distance)]
     for key, joint in bodies:

@@ -36,7 +36,11 @@ def _check_joint_names(study: "Study", specification: Specification, robot: Robo
         for name in getattr(specification.joints, key):
             if name not in robot.joint_names:
                 names = ", ".join(robot.joint_names)
-                raise study.error(f"joints.{key}", f"no joint {name!r}; this robot has {names}")
+                follows = {tied.name: tied.master for tied in robot.tied}
+                what = f"no joint {name!r}"
+                if name in follows:
+                    what = f"joint {name!r} follows {follows[name]!r} and has no spring of its own"
+                raise study.error(f"joints.{key}", f"{what}; this robot has {names}")
     for name in specification.joints.known_rad_per_Nm:
         if name in specification.joints.unknown:
             raise study.error(

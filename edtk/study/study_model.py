@@ -83,7 +83,7 @@ def _sensors(study: "StudyObjects") -> tuple[Sensor, ...]:
 
 def _point(study: "StudyObjects", position_mm: Vector3, joint: str | None) -> BodyPoint:
     """A point of the tool, or of the body of a joint."""
-    index = None if joint is None else study.robot.joint_names.index(joint)
+    index = None if joint is None else study.robot.body_names.index(joint)
     return BodyPoint(np.array(position_mm) / 1e3, index)
 
 
@@ -103,7 +103,7 @@ def _payload_point(study: "StudyObjects") -> BodyPoint:
     payload = study.specification.payload
     assert payload is not None
     flange = study.robot.flange
-    return BodyPoint(flange[:3, :3] @ payload.center + flange[:3, 3], study.robot.n - 1)
+    return BodyPoint(flange[:3, :3] @ payload.center + flange[:3, 3], len(study.robot.chain) - 1)
 
 
 def link_weights(study: "StudyObjects") -> DeadWeights | None:
@@ -115,7 +115,7 @@ def link_weights(study: "StudyObjects") -> DeadWeights | None:
         return None
     links = {joint: link for joint, link in enumerate(study.robot.links) if link.mass}
     centers = tuple(BodyPoint(link.center, joint) for joint, link in links.items())
-    return DeadWeights(tuple(link.mass for link in links.values()), centers, study.robot.n)
+    return DeadWeights(tuple(link.mass for link in links.values()), centers, len(study.robot.chain))
 
 
 def _weights(study: "StudyObjects") -> DeadWeights | None:
@@ -124,5 +124,5 @@ def _weights(study: "StudyObjects") -> DeadWeights | None:
     links = link_weights(study)
     if payload is None or study.specification.load is None:
         return links
-    held = DeadWeights((payload.mass_kg,), (_payload_point(study),), study.robot.n)
+    held = DeadWeights((payload.mass_kg,), (_payload_point(study),), len(study.robot.chain))
     return held if links is None else held.with_more(links)

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from edtk.certificate.recompute.plain_data import numbers, rows, table, text
+from edtk.certificate.recompute.plain_data import number, numbers, rows, table, text, whole
 from edtk.system.typing import Array, Mask
 
 MOST_JOINTS = 32
@@ -18,21 +18,27 @@ ORIGIN = np.zeros(3)
 class Chain:
     """A serial chain as a certificate writes it down.
 
+    Of its N joints, n are free; the others follow: their variables are ``x = P q + b``.
+
     Attributes:
         base: Transform (4, 4) of the chain's root [m].
-        origins: Transforms (n, 4, 4) from each joint to the next at q = 0 [m].
-        axes: Unit axes (n, 3) in the joints' frames.
-        prismatic: Which joints (n,) are prismatic.
+        origins: Transforms (N, 4, 4) from each joint to the next at zero [m].
+        axes: Unit axes (N, 3) in the joints' frames.
+        slides: Which joints (N,) are prismatic.
         limits: Lower and upper limits (2, n) [rad or m].
         tool: Transform (4, 4) of the tool after the last joint [m].
+        ties: P (N, n) and b (N,), the identity and zero for free joints.
+        free: Indices (n,) of the free joints among all.
     """
 
     base: Array
     origins: Array
     axes: Array
-    prismatic: Mask
+    slides: Mask
     limits: Array
     tool: Array
+    ties: tuple[Array, Array]
+    free: list[int]
 
     @classmethod
     def from_dict(cls, robot: Any) -> "Chain":
@@ -48,7 +54,7 @@ class Chain:
             raise ValueError(f"{where}.joints: expected at least one")
         places = [f"{where}.joints[{j}]" for j in range(len(joints))]
         for joint, place in zip(joints, places, strict=True):
-            table(joint, JOINT, place)
+            table(joint, JOINT, place, ("follows",))
         kinds = [
             text(joint["kind"], ("revolute", "prismatic"), f"{place}.kind")
             for joint, place in zip(joints, places, strict=True)
@@ -58,6 +64,7 @@ class Chain:
         length = np.linalg.norm(axes, axis=1, keepdims=True)
         if not (length > 0).all() or not (limits[:, 0] < limits[:, 1]).all():
             raise ValueError(f"{where}.joints: expected axes that are not zero, limits in order")
+        free = [j for j, joint in enumerate(joints) if "follows" not in joint]
         return cls(
             base=_rigid(robot["base"], f"{where}.base"),
             origins=np.array(
@@ -67,10 +74,27 @@ class Chain:
                 ]
             ),
             axes=axes / length,
-            prismatic=np.array([kind == "prismatic" for kind in kinds]),
-            limits=limits.T,
+            slides=np.array([kind == "prismatic" for kind in kinds]),
+            limits=limits[free].T,
             tool=_rigid(robot["tool"], f"{where}.tool"),
+            ties=_ties(joints, free, places),
+            free=free,
         )
+
+    @property
+    def n(self) -> int:
+        """Number of free joints."""
+        return len(self.free)
+
+    @property
+    def prismatic(self) -> Mask:
+        """Which free joints (n,) are prismatic."""
+        return np.asarray(self.slides[self.free])
+
+    def _all(self, q: Array) -> Array:
+        """Variables (k, N) of all joints for those of the free ones (k, n)."""
+        P, b = self.ties
+        return q if len(P) == self.n else q @ P.T + b
 
     def tool_point_and_axis(self, q: Array) -> tuple[Array, Array]:
         """Tool points [m] and z-axes of the tool frame, (k, 3) each, of poses q (k, n).
@@ -78,10 +102,11 @@ class Chain:
         Both vectors are carried from the tool back to the base, which takes a sixth of the time of
         all frames. Most candidates are dropped after this test.
         """
+        q = self._all(q)
         point = np.tile(self.tool[:3, 3], (len(q), 1))
         axis = np.tile(self.tool[:3, 2], (len(q), 1))
         for j in reversed(range(len(self.axes))):
-            if self.prismatic[j]:
+            if self.slides[j]:
                 point = point + q[:, j, None] * self.axes[j]
             else:
                 sine = np.sin(q[:, j, None])
@@ -103,28 +128,32 @@ class Chain:
         Args:
             q: Joint variables (k, n) [rad or m].
             offset: The point (3,), in the frame of its body [m].
-            body: Index of the joint that moves the body; None for the tool.
+            body: Index among all joints of the one that moves the body; None for the tool.
         """
-        axes, points, frames = self._frames(q)
+        axes, points, frames = self._frames(self._all(q))
         moved = _placed(frames[-1 if body is None else body], offset)
         last = len(self.axes) if body is None else body + 1
         columns = []
         for j, (axis, point) in enumerate(zip(axes, points, strict=True)):
             if j >= last:
                 columns.append(np.zeros((len(q), 6)))
-            elif self.prismatic[j]:
+            elif self.slides[j]:
                 columns.append(np.concatenate([axis, np.zeros_like(axis)], axis=1))
             else:
                 swing = np.cross(axis, moved - point)
                 columns.append(np.concatenate([swing, axis], axis=1))
-        return np.stack(columns, axis=-1)
+        by_each = np.stack(columns, axis=-1)
+        return by_each if len(self.axes) == self.n else by_each @ self.ties[0]
 
     def point(self, q: Array, offset: Array = ORIGIN, body: int | None = None) -> Array:
         """Positions (k, 3) of a point, given as for `jacobian`, at poses q (k, n) [m]."""
-        return _placed(self._frames(q)[2][-1 if body is None else body], offset)
+        return _placed(self._frames(self._all(q))[2][-1 if body is None else body], offset)
 
     def _frames(self, q: Array) -> tuple[list[Array], list[Array], list[Array]]:
-        """Axes and points on them (k, 3), and frames (k, 4, 4) of all bodies, then of the tool."""
+        """Axes and points on them (k, 3), and frames (k, 4, 4) of all bodies, then of the tool.
+
+        The variables q (k, N) are those of all joints.
+        """
         frame = np.broadcast_to(self.base, (len(q), 4, 4))
         axes = []
         points = []
@@ -141,7 +170,7 @@ class Chain:
         """Transforms (k, 4, 4) of joint j at q (k,), by the formula of Rodrigues."""
         motion = np.tile(np.eye(4), (len(q), 1, 1))
         axis = self.axes[j]
-        if self.prismatic[j]:
+        if self.slides[j]:
             motion[:, :3, 3] = q[:, None] * axis
             return motion
         x, y, z = axis
@@ -150,6 +179,26 @@ class Chain:
         versine = (1.0 - np.cos(q))[:, None, None]
         motion[:, :3, :3] += sine * K + versine * (K @ K)
         return motion
+
+
+def _ties(joints: list[dict[str, Any]], free: list[int], places: list[str]) -> tuple[Array, Array]:
+    """How all joints follow the free ones: factors (N, n) and offsets (N,).
+
+    Raises:
+        ValueError: A joint follows one that is not free.
+    """
+    if not free:
+        raise ValueError("setting.robot.joints: expected one that follows no other")
+    factors = np.zeros((len(joints), len(free)))
+    offsets = np.zeros(len(joints))
+    factors[free, range(len(free))] = 1.0
+    for j, (joint, place) in enumerate(zip(joints, places, strict=True)):
+        if "follows" in joint:
+            tie = table(joint["follows"], ("joint", "factor", "offset"), f"{place}.follows")
+            master = whole(tie["joint"], 0, len(free) - 1, f"{place}.follows.joint")
+            factors[j, master] = number(tie["factor"], f"{place}.follows.factor")
+            offsets[j] = number(tie["offset"], f"{place}.follows.offset")
+    return factors, offsets
 
 
 def _placed(frame: Array, offset: Array) -> Array:

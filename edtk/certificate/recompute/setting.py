@@ -64,12 +64,12 @@ class Setting:
         """
         content = table(content, (*KEYS, "test_pose"), "setting", OPTIONAL)
         chain = Chain.from_dict(content["robot"])
-        n = len(chain.axes)
+        n = chain.n
         unknown = _indices(content["unknown"], n, "setting.unknown")
         measured = MEASURED[text(content["rows"], MEASURED, "setting.rows")]
         physics = None
         if "physics" in content:
-            physics = Physics.from_dict(content["physics"], n)
+            physics = Physics.from_dict(content["physics"], len(chain.axes))
             measured = physics.measured
         sigma = numbers(content["sigma"], (measured,), "setting.sigma")
         if not unknown or not (sigma > 0).all():

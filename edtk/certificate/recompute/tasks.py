@@ -107,7 +107,7 @@ def _harm(content: Any, robot: Any, unknown: list[int], where: str) -> Array:
     optional = ("within", "lever", "weight", "weights")
     task = table(content, ("q", "tool", "wrench"), where, optional)
     chain = Chain.from_dict(robot | {"tool": task["tool"]})
-    q = numbers(task["q"], (len(chain.axes),), f"{where}.q")
+    q = numbers(task["q"], (chain.n,), f"{where}.q")
     wrench = numbers(task["wrench"], (6,), f"{where}.wrench")
     within = number(task.get("within", 0.0), f"{where}.within")
     lever = number(task.get("lever", 0.0), f"{where}.lever")

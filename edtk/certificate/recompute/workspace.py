@@ -54,7 +54,7 @@ class Workspace:
         if resolution < 0 or within <= 0:
             raise ValueError(f"{where}: expected a resolution and a distance that are not negative")
         names = rows(keys.get("excluded", []), MOST_EXCLUDED, f"{where}.excluded")
-        poses = _excluded(excluded, len(chain.axes), float(np.deg2rad(within)), len(names))
+        poses = _excluded(excluded, chain.n, float(np.deg2rad(within)), len(names))
         return cls(
             chain=chain,
             height=None if height is None else height / 1e3,
