@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from edtk.inference.correlated_noise import CorrelatedNoise
-from edtk.inference.sheet_noise import sheet_noise
+from edtk.inference.sheet_noise import NOISE_COLUMNS, sheet_noise
 from edtk.inference.whiten import RowNoise
 from edtk.model.elastostatic_model import ElastostaticModel
 from edtk.model.frames import cross
@@ -22,6 +22,7 @@ from edtk.tables.sheet_columns import (
     ROTATION_COLUMNS,
     SHEET_COLUMNS,
     UNLOADED_COLUMNS,
+    VISIT_COLUMN,
 )
 
 # A marker that moves by more than this share of the robot's reach was not moved by its load.
@@ -46,6 +47,10 @@ class Measurements(Presented):
         marker: Offset (m, 3) of the marker from the tool point, in the tool frame [m].
         covariance: The noise where its errors are correlated, of which sigma is then the standard
             deviation; None where they are independent.
+        tracker: The noise of each measurement by itself, where `covariance` has more: motions that
+            a visit shares, or errors of the model. None where all noise is of that kind.
+        visit: Number (m,) of the visit of its pose, as a sheet states it; None where none does.
+        stated: Whether a sheet states the noise of its displacements.
     """
 
     q: Array
@@ -54,6 +59,9 @@ class Measurements(Presented):
     sigma: Array
     marker: Array
     covariance: CorrelatedNoise | None = None
+    tracker: RowNoise | None = None
+    visit: Array | None = None
+    stated: bool = False
 
     def headline(self) -> str:
         """How many measurements of how many poses."""
@@ -66,7 +74,10 @@ class Measurements(Presented):
 
     def __getitem__(self, rows: Indices | slice) -> "Measurements":
         """The chosen measurements."""
-        columns = {f.name: getattr(self, f.name) for f in fields(self)}
+        names = (f.name for f in fields(self) if f.name != "stated")
+        columns = {name: getattr(self, name) for name in names}
+        if self.visit is None and self.marker.any():
+            columns["visit"] = self.visits  # Without its other rows a visit is not told any more.
         return replace(self, **{n: c[rows] for n, c in columns.items() if c is not None})
 
     @property
@@ -74,10 +85,31 @@ class Measurements(Presented):
         """Standard deviations (m, rows) [m, rad], or the noise where its errors are correlated."""
         return self.sigma if self.covariance is None else self.covariance
 
+    @property
+    def own_noise(self) -> RowNoise:
+        """The noise of each measurement by itself."""
+        return self.noise if self.tracker is None else self.tracker
+
     @cached_property
     def pose(self) -> Indices:
         """Number (m,) of each row's pose and load, counted from 0 in order of appearance."""
         return row_numbers(self.q, self.wrench)
+
+    @cached_property
+    def places(self) -> Indices:
+        """Number (m,) of each row's pose, load and marker, counted from 0."""
+        return row_numbers(self.q, self.wrench, self.marker)
+
+    @cached_property
+    def visits(self) -> Indices:
+        """Number (m,) of the visit that each row is of, counted from 0.
+
+        A visit is of one pose and load, and has a number in the sheet. Where a sheet has none,
+        repetitions of a marker are visits of their own, and different markers are of the same one:
+        the third row of each is of the third visit.
+        """
+        number = _occurrence(self.places) if self.visit is None else self.visit
+        return row_numbers(self.pose[:, None], number[:, None])
 
     def regressor(self, model: ElastostaticModel) -> Array:
         """Regressors (m, rows, p) of what was measured [m/(rad/(N m))].
@@ -120,8 +152,8 @@ class Measurements(Presented):
         ``drx_deg dry_deg drz_deg`` where rotations are measured (a small rotation vector in the
         world frame); optionally ``sigma_mm``, or ``sigma_x_mm sigma_y_mm sigma_z_mm`` where axes
         differ, or ``cov_xx_mm2 cov_xy_mm2 cov_xz_mm2 cov_yy_mm2 cov_yz_mm2 cov_zz_mm2`` where a
-        tracker states the covariance of each displacement, in the world frame; and ``marker_x_mm
-        marker_y_mm marker_z_mm``.
+        tracker states the covariance of each displacement, in the world frame; ``marker_x_mm
+        marker_y_mm marker_z_mm``; and ``visit``, a number that readings of one visit share.
 
         Args:
             path: The CSV file; rows are counted from 1, the header left out.
@@ -143,16 +175,27 @@ class Measurements(Presented):
             sigma=noise,
             marker=_markers(table),
             covariance=covariance,
+            visit=table.numbers(VISIT_COLUMN) if VISIT_COLUMN in table else None,
+            stated=any(column in table for kind in NOISE_COLUMNS for column in kind),
         )
 
 
-def row_numbers(*columns: Array) -> Indices:
+def row_numbers(*columns: Array | Indices) -> Indices:
     """Numbers (m,) of rows, the same for equal ones, counted from 0 in order of appearance."""
     import pandas as pd
 
     # Adding zero makes -0.0 equal to 0.0, whose bytes differ.
     keys = pd.util.hash_pandas_object(pd.DataFrame(np.hstack(columns) + 0.0), index=False)
     return np.asarray(pd.factorize(keys)[0])
+
+
+def _occurrence(number: Indices) -> Indices:
+    """How many earlier rows (m,) have the same number."""
+    order = np.argsort(number, kind="stable")
+    count = np.bincount(number)
+    found = np.empty(len(number), dtype=int)
+    found[order] = np.arange(len(number)) - np.repeat(np.cumsum(count) - count, count)
+    return found
 
 
 def _wrenches(table: PoseTable, default: Array | None) -> Array:

@@ -21,6 +21,8 @@ COVARIANCE_COLUMNS = (
 )
 # Offset of the marker from the tool point, in the tool frame.
 MARKER_COLUMNS = ("marker_x_mm", "marker_y_mm", "marker_z_mm")
+# Number of the visit of a pose: readings within a visit share the errors of the joints.
+VISIT_COLUMN = "visit"
 
 # Columns of a measurement sheet that are there together or not at all.
 MEASURED_TOGETHER = (
@@ -31,6 +33,7 @@ MEASURED_TOGETHER = (
     AXIS_SIGMA_COLUMNS,
     COVARIANCE_COLUMNS,
     MARKER_COLUMNS,
+    (VISIT_COLUMN,),
 )
 SHEET_COLUMNS = tuple(column for group in MEASURED_TOGETHER for column in group)
 

@@ -1,0 +1,28 @@
+"""How each joint moves what a measurement measures."""
+
+import numpy as np
+
+from edtk.inference.measurements import Measurements
+from edtk.model.elastostatic_model import ElastostaticModel
+from edtk.model.frames import cross
+from edtk.system.typing import Array
+
+
+def joint_motion(model: ElastostaticModel, data: Measurements) -> Array:
+    """Derivatives (m, rows, n) of the measured rows by all joints [m/rad, or 1].
+
+    A marker at an offset o from the tool point moves by ``d + r x o`` where the tool moves by d and
+    turns by r. Columns of the regressor are these, times the loads of the joints: so whatever the
+    model explains of a visit is a motion of the joints.
+
+    Args:
+        model: The robot with its calibration tool, and the measured rows.
+        data: Poses and markers.
+    """
+    frames = model.robot.frames(data.q)
+    linear = frames.linear  # (n, 3, m)
+    if data.marker.any():
+        offset = (frames.rotation * data.marker.T[:, None]).sum(axis=0)
+        linear = linear + cross(frames.angular, offset[None])
+    turned = [frames.angular] if model.rows == "pose" else []
+    return np.moveaxis(np.concatenate([linear, *turned], axis=1), (0, 1), (-1, -2))
