@@ -16,6 +16,7 @@ from edtk.calibration.diagnostics.posterior_diagnostics import posterior_diagnos
 from edtk.calibration.fitted_data import FittedData
 from edtk.calibration.origin import Origin
 from edtk.calibration.posterior_check import PosteriorCheck
+from edtk.inference.estimate_noise import NoiseEstimate
 from edtk.inference.identification import Identification
 from edtk.inference.lack_of_fit import LackOfFit
 from edtk.inference.least_squares import Estimate
@@ -102,6 +103,11 @@ class Calibration(Presented):
         return self.fitted.lack_of_fit
 
     @property
+    def noise(self) -> NoiseEstimate | None:
+        """Errors of tracker, joints and model by what visits share; None where nothing tells."""
+        return self.fitted.noise_estimate
+
+    @property
     def k(self) -> dict[str, float]:
         """Compliances by joint [rad/(N m), or m/N of a prismatic joint], not negative."""
         return self._by_joint(self.fit.k)
@@ -175,6 +181,7 @@ class Calibration(Presented):
             "model": "nonlinear" if self.fitted.nonlinear else "linear",
             "budget_mm": None if self.budget is None else self.budget.to_dict(),
             "lack_of_fit": None if self.lack_of_fit is None else self.lack_of_fit.to_dict(),
+            "noise": None if self.noise is None else self.noise.to_dict(),
             "causes": [cause.to_dict() for cause in self.causes],
             "expected_error": None if self.expected is None else self.expected.to_dict(),
             **({} if self.tasks is None else {"tasks": self.tasks.to_dict()}),

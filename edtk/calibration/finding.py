@@ -37,6 +37,7 @@ class Kind(Enum):
     ONE_POSE = auto()
     LINEAR_MODEL = auto()
     LACK_OF_FIT = auto()
+    MOVING_JOINTS = auto()
     CAUSE = auto()
     DO_NOT_COMPENSATE = auto()
     GAINS_LITTLE = auto()

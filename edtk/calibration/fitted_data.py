@@ -11,9 +11,12 @@ from edtk.calibration.equal_rows import EqualRows, equal_rows
 from edtk.calibration.input_errors.explanation import Explanation, explanation
 from edtk.calibration.known_part import known_part
 from edtk.calibration.match_plan import PlanMatch, match_plan
+from edtk.calibration.moving_joints import joint_unit, moving_joints, visits_lack_of_fit
 from edtk.calibration.some_poses import some_poses
 from edtk.calibration.some_rows import some_rows
 from edtk.design.plan import Plan
+from edtk.inference.correlated_noise import CorrelatedNoise
+from edtk.inference.estimate_noise import NoiseEstimate, estimate_noise
 from edtk.inference.fit_common_noise import fit_common_noise
 from edtk.inference.fit_equilibrium import LinearisedData, NoFitError, fit_equilibrium
 from edtk.inference.fit_with_prior import fit_with_prior
@@ -22,8 +25,9 @@ from edtk.inference.identify import identify
 from edtk.inference.lack_of_fit import LackOfFit, lack_of_fit
 from edtk.inference.least_squares import Estimate, SingularPlanError, Whitened
 from edtk.inference.linearise import linearise
-from edtk.inference.measurements import Measurements, row_numbers
+from edtk.inference.measurements import Measurements
 from edtk.inference.prior import Prior
+from edtk.inference.visit_residuals import visit_residuals
 from edtk.inference.whiten import RowNoise, whiten
 from edtk.model.all_compliances import all_compliances
 from edtk.model.equilibrium import NoEquilibriumError
@@ -52,6 +56,8 @@ class FittedData:
         plan: The plan that was to be carried out; None if it is not known.
         untold: Names of the parameters that the measurements alone do not tell: the estimate rests
             on the prior, too.
+        estimated: The noise that was estimated where joints move all markers of a visit; None
+            where that of the measurements was believed.
     """
 
     study: Study
@@ -63,6 +69,7 @@ class FittedData:
     common_noise: bool = False
     plan: Plan | None = None
     untold: tuple[str, ...] = ()
+    estimated: CorrelatedNoise | None = None
 
     @classmethod
     def of(
@@ -169,6 +176,8 @@ class FittedData:
 
     def _with_common_noise(self) -> "FittedData":
         """The same with the noise that repetitions share, where no fault explains it."""
+        if self.noise_estimate is not None:
+            return self._with_moving_joints(self.noise_estimate)
         test = self.lack_of_fit
         if test is None or not test.seen or self.fit.robust or self.structural_causes:
             return self
@@ -181,10 +190,32 @@ class FittedData:
         )
         return replace(self, A=seen.A, measured=seen.measured, fit=fit, common_noise=True)
 
+    def _with_moving_joints(self, found: NoiseEstimate) -> "FittedData":
+        """The same with motions of the joints among the noise, where these are seen."""
+        believed = self.data.tracker is not None
+        test = self.lack_of_fit
+        shared = found.moves or (test is not None and test.seen)
+        if believed or not shared or self.fit.robust or self.structural_causes:
+            return self
+        seen = LinearisedData(self.A, self.measured)
+        again = moving_joints(self.study, self.data, seen, found, self.fit)
+        if again is None:
+            return self
+        return replace(self, fit=again[1], common_noise=True, estimated=again[0])
+
+    @cached_property
+    def noise_estimate(self) -> NoiseEstimate | None:
+        """Errors of tracker, joints and model, by what visits share; None if not to be told."""
+        if self.untold:
+            return None
+        joints = joint_unit(self.study)
+        seen = visit_residuals(self.study.model, self.data, self.A, self.measured, joints)
+        return None if seen is None else estimate_noise(seen)
+
     @property
     def noise(self) -> RowNoise:
         """The noise of A and measured."""
-        return self.data.noise
+        return self.data.noise if self.estimated is None else self.estimated
 
     @property
     def _complete(self) -> Array:
@@ -242,13 +273,17 @@ class FittedData:
         """Whether repetitions agree better with each other than with the model."""
         if self.untold:
             return None
+        found = self.noise_estimate
+        if found is not None and self.data.tracker is None:
+            seen = LinearisedData(self.A, self.measured)
+            return visits_lack_of_fit(self.study, self.data, seen, found)
         z = whiten(self.fit.residual, self.data.noise)
         return lack_of_fit(z, self._repetitions, len(self.fit.k))
 
     @property
     def _repetitions(self) -> Indices:
         """Number (m,) of each row's pose, load and marker."""
-        return row_numbers(self.data.q, self.data.wrench, self.data.marker)
+        return self.data.places
 
     @cached_property
     def unexplained(self) -> Array:

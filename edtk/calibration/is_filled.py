@@ -12,10 +12,13 @@ from edtk.tables.sheet_columns import (
     ROTATION_COLUMNS,
     SHEET_COLUMNS,
     UNLOADED_COLUMNS,
+    VISIT_COLUMN,
 )
 
 # A sheet has at least one of these; a plan has none.
 OF_A_SHEET = {*DEFLECTION_COLUMNS, *LOADED_COLUMNS, *UNLOADED_COLUMNS, *ROTATION_COLUMNS}
+# The number of a visit is written beforehand.
+TO_FILL_IN = set(SHEET_COLUMNS) - {VISIT_COLUMN}
 LONGEST_HEADER = 10_000  # characters; any file may be asked about, such as a chain without lines
 
 
@@ -38,7 +41,7 @@ def is_filled(path: Path) -> bool | None:
         columns = [name.strip() for name in next(csv.reader([header], delimiter=separator), [])]
         if not set(columns) & OF_A_SHEET:
             return None
-        places = [i for i, name in enumerate(columns) if name in SHEET_COLUMNS]
+        places = [i for i, name in enumerate(columns) if name in TO_FILL_IN]
         lines = (line for line in file if not line.startswith("#"))
         try:
             return _has_content(csv.reader(lines, delimiter=separator), places)

@@ -7,6 +7,7 @@ from edtk.calibration.finding import Finding, Kind
 from edtk.calibration.prior_wording import ON_PRIORS, prior_wording
 from edtk.calibration.reading_wording import READINGS, reading_wording
 from edtk.calibration.row_names import row_names
+from edtk.calibration.visit_wording import ON_VISITS, visit_wording
 
 LEAST_P = 0.01  # probability of residuals that still fit
 
@@ -281,6 +282,7 @@ _SENTENCES: dict[Kind, Callable[[Finding], str]] = {
     Kind.ONE_POSE: _one_pose,
     Kind.LINEAR_MODEL: _linear_model,
     Kind.LACK_OF_FIT: _lack_of_fit,
+    **dict.fromkeys(ON_VISITS, visit_wording),
     Kind.CAUSE: _cause,
     Kind.DO_NOT_COMPENSATE: _do_not_compensate,
     Kind.GAINS_LITTLE: _gains_little,

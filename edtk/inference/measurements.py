@@ -8,7 +8,7 @@ import numpy as np
 
 from edtk.inference.correlated_noise import CorrelatedNoise
 from edtk.inference.sheet_noise import NOISE_COLUMNS, sheet_noise
-from edtk.inference.whiten import RowNoise
+from edtk.inference.whiten import RowNoise, std_of
 from edtk.model.elastostatic_model import ElastostaticModel
 from edtk.model.frames import cross
 from edtk.model.robot import Robot
@@ -89,6 +89,11 @@ class Measurements(Presented):
     def own_noise(self) -> RowNoise:
         """The noise of each measurement by itself."""
         return self.noise if self.tracker is None else self.tracker
+
+    @property
+    def own_sigma(self) -> Array:
+        """Standard deviations (m, rows) of the noise of each measurement by itself [m, rad]."""
+        return std_of(self.own_noise)
 
     @cached_property
     def pose(self) -> Indices:

@@ -14,6 +14,7 @@ from edtk.report.draw.name_ticks import room_for
 from edtk.report.draw.quantiles import quantiles
 from edtk.report.draw.residuals import drawn_rows, residuals
 from edtk.report.new_figure import new_figure
+from edtk.report.noise_parts import noise_parts
 from edtk.report.page import Page, paragraph, picture, section, table
 from edtk.report.posterior_report import posterior_report
 from edtk.report.residual_causes import residual_causes
@@ -34,6 +35,7 @@ def calibration_report(found: Calibration) -> str:
             "Do the residuals fit the noise?",
             paragraph(_noise(found)),
             *residual_causes(found),
+            *noise_parts(found),
             _residuals(found.fit),
             _quantiles(found.fit),
             paragraph("The measurements that fit least:"),

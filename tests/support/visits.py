@@ -1,10 +1,22 @@
 """Measurements of three markers in several visits of some poses, and their noise."""
 
 import numpy as np
+import pandas as pd
 
+from edtk.inference.equilibrium_deflection import equilibrium_deflection
 from edtk.inference.joint_motion import joint_motion
 from edtk.inference.measurements import Measurements
+from edtk.inference.visit_covariance import visit_covariance
+from edtk.model.all_compliances import all_compliances
 from edtk.model.elastostatic_model import ElastostaticModel
+from edtk.tables.pose_columns import pose_columns
+from edtk.tables.pose_table import WRENCH_COLUMNS
+from edtk.tables.sheet_columns import (
+    DEFLECTION_COLUMNS,
+    MARKER_COLUMNS,
+    SIGMA_COLUMN,
+    VISIT_COLUMN,
+)
 from tests.support.readings import PLAN, STUDY
 
 MODEL = STUDY.model
@@ -25,3 +37,25 @@ def motion_of(data, joints=1.0):
     """Motions (m, 3, 6) of the markers by joints of that standard deviation [rad]."""
     model = ElastostaticModel(STUDY.robot, None, "position")
     return joints * joint_motion(model, data)
+
+
+def sheet(path, data, joints=0.0, discrepancy=0.0, seed=0):
+    """Write measurements with simulated readings as a sheet, and return its table."""
+    noise = visit_covariance(
+        data,
+        data.sigma,
+        motion_of(data, np.sqrt(2) * joints),
+        np.full(data.sigma.shape, discrepancy),
+    )
+    k = all_compliances(MODEL, STUDY.compliances)
+    clean = equilibrium_deflection(MODEL, data.q, data.wrench, k, data.marker)
+    z = np.random.default_rng(seed).standard_normal(clean.shape)
+    moved = clean + noise.colour(z)
+    table = pd.DataFrame(np.rad2deg(data.q), columns=list(pose_columns(STUDY.robot)))
+    table[list(WRENCH_COLUMNS)] = data.wrench
+    table[VISIT_COLUMN] = data.visit
+    table[list(MARKER_COLUMNS)] = 1e3 * data.marker
+    table[list(DEFLECTION_COLUMNS)] = 1e3 * moved
+    table[SIGMA_COLUMN] = 1e3 * data.sigma[:, 0]
+    table.to_csv(path, index=False)
+    return table

@@ -12,10 +12,13 @@ from edtk.calibration.causes.family import fit_family
 from edtk.calibration.causes.shifted import SEEN, shifted
 from edtk.calibration.causes.tried import Tried
 from edtk.calibration.causes.wrong_pose import wrong_pose
-from edtk.inference.distributions import chi_square_tail
+from edtk.inference.distributions import chi_square_tail, fisher_tail
+from edtk.inference.error_strata import ErrorStrata
+from edtk.inference.estimate_noise import yardstick
 from edtk.inference.lack_of_fit import LackOfFit, lack_of_fit
 from edtk.inference.least_squares import SingularPlanError, Whitened
-from edtk.inference.measurements import Measurements, row_numbers
+from edtk.inference.measurements import Measurements
+from edtk.inference.visit_residuals import visit_residuals
 from edtk.inference.whiten import whiten
 from edtk.model.elastostatic_model import ElastostaticModel
 from edtk.system.typing import Array
@@ -131,13 +134,14 @@ class _PlainFit:
 def _tried(plain: _PlainFit) -> list[Tried]:
     """All faults, each fitted."""
     data = plain.data
-    test = lack_of_fit(plain.z, row_numbers(data.q, data.wrench, data.marker), len(plain.k))
+    test = lack_of_fit(plain.z, data.places, len(plain.k))
+    strata = _strata(plain)
     return [
         *_smooth(plain),
         *shifted(plain.whitened, plain.measured, plain.chi2, data.pose, POSE),
         *_outliers(plain),
         *_noise(plain.chi2, plain.dof, repeated=test is not None),
-        *_common_noise(test),
+        *(_common_noise(test) if strata is None else _shared(strata)),
     ]
 
 
@@ -226,6 +230,35 @@ def _common_noise(found: LackOfFit | None) -> Iterator[Tried]:
     pure = found.pure_error**2
     deviance = pure_dof * (1 + math.log(pure)) + means_dof * (1 + math.log(pure * found.F))
     yield Tried(Cause(COMMON, found.common, "times stated", None, found.p), deviance, 2, 1)
+
+
+def _strata(plain: _PlainFit) -> ErrorStrata | None:
+    """Residuals split by what moves together, where that is not stated and can be seen."""
+    data = plain.data
+    if data.tracker is not None:
+        return None
+    joints = np.ones(plain.model.robot.n)
+    seen = visit_residuals(plain.model, data, plain.A, plain.measured, joints)
+    if seen is None or len(seen.residual) < len(data):
+        return None
+    strata = ErrorStrata.of(seen)
+    return strata if yardstick(strata) is not None and strata.poses.dof > 0 else None
+
+
+def _shared(strata: ErrorStrata) -> Iterator[Tried]:
+    """Markers of a visit share a part of the noise, and visits of a pose do."""
+    apart = yardstick(strata)
+    if apart is None:
+        return
+    tests = [part for part in (strata.visits, strata.poses) if part.dof > 0]
+    ratios = [part.mean_square / max(apart.mean_square, 1e-300) for part in tests]
+    p = min(
+        float(fisher_tail(F, part.dof, apart.dof)) for F, part in zip(ratios, tests, strict=True)
+    )
+    deviance = sum(part.dof * (1 + math.log(max(part.mean_square, 1e-300))) for part in strata.all)
+    size = math.sqrt(max(ratios))
+    cause = Cause(COMMON, size, "times stated", None, min(1.0, len(tests) * p))
+    yield Tried(cause, deviance, len(strata.all), 1)
 
 
 def _noise(chi2: float, dof: int, repeated: bool) -> Iterator[Tried]:

@@ -17,7 +17,8 @@ def noise_diagnostics(fitted: FittedData) -> Iterator[Diagnostic]:
 
     The sum of squares has the chi-square distribution with dof degrees of freedom; with Huber's
     loss the scale, from a median absolute deviation, has about 0.37 dof. Where repetitions share a
-    part of the noise, which is estimated, the stated noise is that of their scatter.
+    part of the noise, or markers of a visit do, which is estimated, the stated noise is that of
+    their scatter.
     """
     fit = fitted.fit
     if not fit.dof:
@@ -26,7 +27,11 @@ def noise_diagnostics(fitted: FittedData) -> Iterator[Diagnostic]:
     n = fit.scale_dof
     scale = fit.scale
     repeated = fitted.lack_of_fit
-    if fitted.common_noise and repeated is not None:
+    visits = fitted.noise_estimate
+    if fitted.common_noise and visits is not None:
+        n = visits.relative_dof(0)
+        scale = visits.tracker
+    elif fitted.common_noise and repeated is not None:
         n = repeated.dof[1]
         scale = repeated.pure_error
     p = float(chi_square_tail(scale**2 * n, n))

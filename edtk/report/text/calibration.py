@@ -5,6 +5,7 @@ import numpy as np
 from edtk.calibration.calibration import COORDINATES, Calibration
 from edtk.calibration.diagnostics.diagnostic import Severity
 from edtk.calibration.row_names import row_names
+from edtk.inference.estimate_noise import NoiseEstimate
 from edtk.report.digits import digits
 from edtk.report.text.error_budget import error_budget
 from edtk.report.text_table import name_width
@@ -48,7 +49,20 @@ def _fit(found: Calibration) -> list[str]:
     lines = [f"chi-square {fit.chi2:.5g} with {fit.dof} degrees of freedom{p}"]
     if np.isfinite(fit.scale):
         lines.append(f"sigma from the residuals {1e3 * found.sigma_hat:.4g} mm")
+    if found.noise is not None:
+        lines.append(_parts_of_noise(found.noise))
     return lines
+
+
+def _parts_of_noise(noise: NoiseEstimate) -> str:
+    """What visits and markers tell of tracker, joints and model."""
+    parts = [
+        f"tracker {noise.tracker:.3g} times the stated",
+        f"joints return within {noise.joints:.2g} deg",
+        f"the model is off by {1e3 * noise.discrepancy:.2g} mm",
+    ]
+    told = [part for part, known in zip(parts, noise.told, strict=True) if known]
+    return f"noise by visits and markers: {', '.join(told)}"
 
 
 def _accuracy(found: Calibration) -> list[str]:

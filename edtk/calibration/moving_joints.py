@@ -1,0 +1,107 @@
+"""The fit where joints move all markers of a visit together, by an amount that is estimated."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from edtk.inference.correlated_noise import CorrelatedNoise
+from edtk.inference.estimate_noise import NoiseEstimate
+from edtk.inference.fit_equilibrium import LinearisedData
+from edtk.inference.identification import Identification
+from edtk.inference.identify import identify
+from edtk.inference.joint_motion import joint_motion
+from edtk.inference.lack_of_fit import LackOfFit, lack_of_fit
+from edtk.inference.least_squares import Whitened
+from edtk.inference.measurements import Measurements
+from edtk.inference.visit_covariance import (
+    TooManyVisitsError,
+    own_covariance,
+    visit_covariance,
+)
+from edtk.study.study import Study
+from edtk.system.typing import Array
+from edtk.tables.pose_table import pose_factors
+
+
+def moving_joints(
+    study: Study,
+    data: Measurements,
+    seen: LinearisedData,
+    found: NoiseEstimate,
+    fit: Identification,
+) -> tuple[CorrelatedNoise, Identification] | None:
+    """Fit again with the estimated errors of tracker, joints and model.
+
+    Args:
+        study: The robot and the names of the parameters.
+        data: The measurements.
+        seen: Their linear model.
+        found: The estimate.
+        fit: The fit with the stated noise, whose chi-square stays.
+
+    Returns:
+        The noise, and the fit: intervals have the degrees of freedom of what tells the largest
+        errors. None where a pose is visited more often than a computer likes.
+    """
+    try:
+        noise = _noise(study, data, found, found.discrepancy)
+    except TooManyVisitsError:
+        return None
+    again = identify(seen.A, seen.measured, noise, study.model.parameters)
+    refit = replace(
+        again,
+        chi2=fit.chi2,
+        p_value=fit.p_value,
+        scale=fit.scale,
+        covariance_dof=float(found.common_dof),
+        known=fit.known,
+        too_few_for_robust=fit.too_few_for_robust,
+    )
+    return noise, refit
+
+
+def visits_lack_of_fit(
+    study: Study, data: Measurements, seen: LinearisedData, found: NoiseEstimate
+) -> LackOfFit | None:
+    """Test whether visits of a pose agree better with each other than with the model.
+
+    Motions of the joints hang together in a visit: rows are whitened by the estimate of them. Where
+    no pose is visited twice it is markers that are compared, with motions of the joints.
+
+    Args:
+        study: The robot and the names of the parameters.
+        data: The measurements.
+        seen: Their linear model.
+        found: The estimate.
+    """
+    if not found.revisited:
+        return found.lack_of_fit
+    noise = _noise(study, data, found, 0.0)
+    whitened = Whitened.of(seen.A, noise, study.model.parameters)
+    z = found.tracker * whitened.residual(seen.measured)
+    return lack_of_fit(z, data.places, study.model.p)
+
+
+def _noise(
+    study: Study, data: Measurements, found: NoiseEstimate, discrepancy: float
+) -> CorrelatedNoise:
+    """The estimated noise of tracker and joints, and of a discrepancy [m].
+
+    Raises:
+        TooManyVisitsError: A pose is visited more often than a computer likes.
+    """
+    own = found.tracker**2 * own_covariance(data.own_noise, data.sigma.shape)
+    motion = joint_motion(study.model, data) * (joint_unit(study) * found.joints)
+    of_model = np.full(data.sigma.shape, discrepancy)
+    return visit_covariance(data, CorrelatedNoise.by_row(own), motion, of_model)
+
+
+def joint_unit(study: Study) -> Array:
+    """Standard deviations (n,) of what joints add to a row, for a variance of one [rad or m].
+
+    Joints err by as many degrees each, or millimetres where they slide, as nothing tells them apart
+    beforehand. A displacement is the difference of two readings, to each of which the robot comes
+    anew.
+    """
+    readings = 2 if study.specification.measurement.reference == "unloaded" else 1
+    return np.sqrt(readings) * pose_factors(study.robot)

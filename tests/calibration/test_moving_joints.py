@@ -1,0 +1,80 @@
+"""Markers that move together, as joints do not return exactly: found, sized, and accounted for."""
+
+import numpy as np
+import pytest
+
+from edtk.calibration.calibrate import calibrate
+from edtk.calibration.diagnostics.diagnostic import Severity
+from edtk.calibration.finding import Kind
+from edtk.report.noise_parts import noise_parts
+from edtk.report.text.calibration import calibration as in_text
+from tests.support.readings import STUDY
+from tests.support.visits import sheet, visited
+
+JOINTS = 2e-5  # [rad], which moves markers by 50 um
+DEGREES = np.rad2deg(JOINTS)
+
+
+@pytest.fixture
+def fitted(tmp_path):
+    def fit(data, drop=(), **errors):
+        path = tmp_path / "sheet.csv"
+        sheet(path, data, **errors).drop(columns=list(drop)).to_csv(path, index=False)
+        return calibrate(STUDY, path)
+
+    return fit
+
+
+def kinds(found):
+    return [one.finding.kind for one in found.diagnostics if one.severity > Severity.NOTE]
+
+
+def test_good_data_of_three_markers(fitted):
+    """Tracker noise alone is good, and its parts are told as such."""
+    found = fitted(visited(poses=8, visits=2))
+    assert found.verdict == "good"
+    assert not found.fitted.common_noise
+    assert found.noise.tracker == pytest.approx(1.0, abs=0.2)
+    assert found.noise.joints < 0.2 * DEGREES
+    assert "noise by visits and markers: tracker" in in_text(found)
+
+
+@pytest.mark.parametrize("drop", [(), ("visit",)], ids=["visits", "by order"])
+def test_joints_that_do_not_return(fitted, drop):
+    """Fitted with white noise, the common motion is flagged, with the number for the study."""
+    found = fitted(visited(poses=8, visits=3), drop, joints=JOINTS)
+    assert kinds(found) == [Kind.MOVING_JOINTS]
+    text = found.diagnostics[0].text
+    assert "all markers of a visit move together by 0.0" in text
+    assert "repeatability_deg = 0.0011" in text or "repeatability_deg = 0.0012" in text
+    assert found.noise.joints == pytest.approx(DEGREES, rel=0.2)
+    assert found.noise.tracker == pytest.approx(1.0, rel=0.15)
+    assert found.causes == ()
+    assert "Measurements of a visit are off together" in noise_parts(found)[0]
+    truth = np.abs(found.fit.unbounded - STUDY.compliances) / found.fit.std
+    assert truth.max() < 3.5
+
+
+def test_one_visit_of_each_pose(fitted):
+    """Without a second visit the model may be to blame as well, which the sentence says."""
+    found = fitted(visited(poses=8, visits=1), joints=JOINTS)
+    assert kinds(found) == [Kind.MOVING_JOINTS]
+    assert "or the model does not fit" in found.diagnostics[0].text
+    assert found.noise.told == (True, True, False)
+    assert found.to_dict()["noise"]["discrepancy_mm"] is None
+
+
+def test_discrepancy_that_visits_share(fitted):
+    """What all visits of a pose share and joints do not explain is the model's, and sized."""
+    found = fitted(visited(poses=8, visits=3), joints=JOINTS, discrepancy=1e-4)
+    assert set(kinds(found)) == {Kind.MOVING_JOINTS, Kind.LACK_OF_FIT}
+    assert found.noise.discrepancy == pytest.approx(1e-4, rel=0.3)
+    assert found.to_dict()["noise"]["together"]["revisited"]
+
+
+def test_readings_within_a_visit(fitted):
+    """One marker read three times in each of two visits tells the tracker from the joints."""
+    found = fitted(visited(poses=8, visits=2, markers=1, readings=3), joints=JOINTS)
+    assert Kind.MOVING_JOINTS in kinds(found)
+    assert found.noise.joints == pytest.approx(DEGREES, rel=0.5)
+    assert found.noise.tracker == pytest.approx(1.0, rel=0.25)
