@@ -18,6 +18,7 @@ from edtk.report.noise_parts import noise_parts
 from edtk.report.page import Page, paragraph, picture, section, table
 from edtk.report.posterior_report import posterior_report
 from edtk.report.residual_causes import residual_causes
+from edtk.report.task_section import task_section
 
 SHOWN = 8  # rows of the table of residuals
 WIDTH = 4.4  # of a picture [inch]: letters can be read on a phone, and on a desk two have room
@@ -30,6 +31,7 @@ def calibration_report(found: Calibration) -> str:
     parts = [
         calibration_verdict(found),
         *([] if found.budget is None else [budget_section(found, found.budget)]),
+        *([] if found.tasks is None else [task_section(found.tasks)]),
         section("Compliances", _compliances(found), _intervals(found)),
         section(
             "Do the residuals fit the noise?",

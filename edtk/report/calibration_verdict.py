@@ -90,8 +90,9 @@ def _parts(found: Calibration) -> list[str]:
     low, high = found.fit.accuracy(found.study.target)[1]
     interval = "" if low == high else f" (95 %: {1e3 * low:.2g} to {1e3 * high:.2g} mm)"
     noise = f"{1e3 * found.budget.noise:.2g} mm{interval}"
+    poses = "pose" if found.expected.poses == 1 else "poses"
     around = (
-        f"within {np.rad2deg(found.expected.within):.3g} deg of the test pose it makes "
+        f"within {np.rad2deg(found.expected.within):.3g} deg of the test {poses} it makes "
         f"{1e3 * found.expected.mean:.2g} mm on average, and {1e3 * found.expected.largest:.2g} mm "
         "at most"
     )

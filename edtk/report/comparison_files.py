@@ -4,10 +4,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from edtk.report.comparison.efficiencies import Efficiencies
+from edtk.report.comparison.in_each_task import PICTURE
 from edtk.report.comparison_report import comparison_report
 from edtk.report.draw.criterion_by_size import LONGEST_LABEL, criterion_by_size
 from edtk.report.draw.heat_map import heat_map
 from edtk.report.draw.name_ticks import room_for
+from edtk.report.draw.task_errors import task_errors
 from edtk.report.new_figure import new_figure
 from edtk.report.png import png
 from edtk.study.study_run import StudyRun
@@ -31,6 +33,8 @@ def comparison_files(run: StudyRun) -> dict[Path, Content]:
     for found in sizes:
         if found.plans:
             files[run.folder / found.picture] = png(_heat_map(found))
+    if run.accuracies:
+        files[run.folder / PICTURE] = png(_tasks(run))
     return files | {run.folder / "report.md": comparison_report(run, sizes)}
 
 
@@ -38,6 +42,15 @@ def _comparison(run: StudyRun) -> "Figure":
     """The main criterion by size, with the legend beside it."""
     figure = new_figure(8.6, 4.8)
     criterion_by_size(run, figure.add_subplot())
+    figure.legend(loc="outside right upper", fontsize=8, frameon=False)
+    return figure
+
+
+def _tasks(run: StudyRun) -> "Figure":
+    """Errors in each test pose, of the largest plan for the main criterion and others beside."""
+    figure = new_figure(8.6, 4.2)
+    first, *others = run.accuracies.items()
+    task_errors(first[1], first[0], dict(others), figure.add_subplot())
     figure.legend(loc="outside right upper", fontsize=8, frameon=False)
     return figure
 

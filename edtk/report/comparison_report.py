@@ -8,19 +8,21 @@ from edtk.report.comparison.around_the_task import around_the_task
 from edtk.report.comparison.by_size import by_size
 from edtk.report.comparison.efficiencies import Efficiencies, efficiencies
 from edtk.report.comparison.fewer_poses import fewer_poses
+from edtk.report.comparison.in_each_task import in_each_task
 from edtk.report.comparison.loss_of_others import loss_of_others
 from edtk.report.comparison.relaxation_table import relaxation_table
 from edtk.report.comparison.verdict import verdict
 from edtk.study.study_run import StudyRun
 
 AROUND = "What accuracy to expect in the test pose, and around it"
+IN_EACH = "What accuracy to expect in the test poses, and around them"
 EFFICIENCY = (
     "Efficiency against the bound over all feasible poses (searched, not proved): the bound "
     "divided by the plan's cost. Rows are plans, columns criteria.\n"
 )
 UNITS = (
-    "Each cell is the criterion's own value, in SI units (rho0 in 1e-3 mm). O1 to O5 are those of "
-    "A/sigma.\n"
+    "Each cell is the criterion's own value, in SI units (rho0 and rho_max in 1e-3 mm). O1 to O5 "
+    "are those of A/sigma.\n"
 )
 RELAXATION = (
     "Weights over poses instead of whole experiments, per experiment. The first bound is proved: "
@@ -48,7 +50,7 @@ def comparison_report(run: StudyRun, sizes: Iterable[Efficiencies]) -> str:
         verdict(run),
         f"![{main} against the number of experiments](comparison.png)\n",
         by_size(run),
-        *([] if not run.study.tasks else [f"## {AROUND}\n", around_the_task(run)]),
+        *_tasks(run),
         f"## What plans for other criteria cost in {main}\n",
         loss_of_others(run),
         "## Fewer distinct poses\n",
@@ -65,6 +67,16 @@ def comparison_report(run: StudyRun, sizes: Iterable[Efficiencies]) -> str:
     ]
     # No text of ours has a tag, and a user's title or a plug-in's name shall bring none.
     return "\n".join(parts).replace("<", "&lt;")
+
+
+def _tasks(run: StudyRun) -> list[str]:
+    """What accuracy to expect in the test pose or in several, and around them."""
+    if not run.study.tasks:
+        return []
+    if len(run.study.tasks) == 1:
+        return [f"## {AROUND}\n", around_the_task(run)]
+    each = [in_each_task(found) for found in list(run.accuracies.values())[:1]]
+    return [f"## {IN_EACH}\n", *each, around_the_task(run)]
 
 
 def _plain(text: str) -> str:

@@ -9,12 +9,17 @@ from typing import TYPE_CHECKING, Any
 from edtk.design.bound import Bound
 from edtk.design.plan import Plan
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
+from edtk.inference.least_squares import SingularPlanError
+from edtk.inference.task_accuracy import TaskAccuracy
 from edtk.model.expected_error import ExpectedError
+from edtk.study.accuracy_of_tasks import accuracy_of_tasks
 from edtk.study.bound_for import bound_for
 from edtk.study.case import Case
 from edtk.study.plan_accuracy import plan_accuracy
+from edtk.study.plan_covariance import plan_covariance
 from edtk.study.plausibility import plan_plausibility
 from edtk.study.study import Study
+from edtk.system.errors import UserError
 from edtk.system.presented import Presented
 
 if TYPE_CHECKING:
@@ -59,6 +64,23 @@ class StudyRun(Presented):
         return None if self._best is None else plan_accuracy(self.study, self._best)
 
     @cached_property
+    def accuracies(self) -> dict[str, TaskAccuracy]:
+        """Errors to expect in each of several test poses, by the name of the plan.
+
+        The largest plan for the main criterion comes first, then others of as many experiments. It
+        is empty for a single test pose or none.
+        """
+        if self._best is None or len(self.study.tasks) < 2:
+            return {}
+        size = self._best.experiments
+        main = self.study.main_criterion
+        alike = [case for case in self.cases if case.size == size and case.kind != "distinct"]
+        found = {_plan_name(case): _accuracy(self.study, case.plan) for case in alike}
+        first = f"optimised for {main}"
+        order = (first, *(name for name in found if name != first))
+        return {name: one for name in order if (one := found[name]) is not None}
+
+    @cached_property
     def warnings(self) -> tuple[str, ...]:
         """What is hard to believe in the study or in that plan, a line each."""
         of_plan = () if self._best is None else plan_plausibility(self.study, self._best)
@@ -85,6 +107,7 @@ class StudyRun(Presented):
 
         Values that are not finite are None.
         """
+        tasks = {name: found.to_dict() for name, found in self.accuracies.items()}
         rows = self.table.astype(object).where(self.table.notna(), None)
         return {
             "title": self.study.specification.title,
@@ -92,4 +115,22 @@ class StudyRun(Presented):
             "table": rows.to_dict(orient="records"),
             "plans": {name: plan.to_dict() for name, plan in self.plans.items()},
             "relaxations": {name: plan.to_dict() for name, plan in self.relaxations.items()},
+            **({} if not tasks else {"tasks": tasks}),
         }
+
+
+def _plan_name(case: Case) -> str:
+    """What a plan is called beside others of its size."""
+    if case.kind == "optimised":
+        return f"optimised for {case.optimised}"
+    return f"{case.kind} ({case.label})" if case.label else case.kind
+
+
+def _accuracy(study: Study, plan: Plan | None) -> TaskAccuracy | None:
+    """What a plan promises in each test pose; None if it leaves a parameter open."""
+    if plan is None:
+        return None
+    try:
+        return accuracy_of_tasks(study, plan_covariance(study, study.space.information(plan)))
+    except (SingularPlanError, UserError):
+        return None

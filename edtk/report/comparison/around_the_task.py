@@ -23,9 +23,13 @@ def around_the_task(run: StudyRun) -> str:
     if not rows:
         return "No plan identifies all parameters.\n"
     header = ["experiments", "plan", "in the test pose", "root mean square around it", "largest"]
+    sampled = "The neighbourhood is sampled"
+    if len(run.study.tasks) > 1:
+        header[2:4] = ["in the test poses", "root mean square around them"]
+        sampled = "Each neighbourhood is sampled"
     of_best = "" if run.expected is None else f"Largest plan, {run.expected}. "
     text = (
-        f"{of_best}The neighbourhood is sampled at 255 poses, the test pose among them; "
+        f"{of_best}{sampled} at 255 poses, the test pose among them; "
         "root mean square errors after compensation [1e-3 mm]:"
     )
     return f"{text}\n\n{markdown_table(header, rows)}"
