@@ -26,6 +26,8 @@ def plan_budget(study: Study, plan: Plan) -> ErrorBudget | None:
     """
     if not study.model.is_plain:
         return None  # causes and budget know the tool point only
+    if study.noise is not None:
+        return None  # and white noise only
     if not study.tasks or study.specification.simulation is None:
         return None
     try:

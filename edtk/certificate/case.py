@@ -109,7 +109,8 @@ class Case:
             ValueError: It cannot be recomputed.
         """
         self._require_sound()
-        rows = np.concatenate([self.made.stacked(self.setting), self._beside])
+        rows = (self.made + self.kept).stacked(self.setting, repeated=self.kind == "plan")
+        rows = np.concatenate([rows, self._known])
         targets = self.setting.tasks.targets(self.name)
         return values.value(self.name, rows, targets, self.interest)
 
@@ -165,18 +166,19 @@ class Case:
     @cached_property
     def _prior(self) -> Array:
         """Information (p, p) of what is known besides, per new experiment."""
-        return np.asarray(self._beside.T @ self._beside / self.made.amount.sum())
+        kept = self.kept.stacked(self.setting, repeated=True)
+        beside = np.concatenate([kept, self._known])
+        return np.asarray(beside.T @ beside / self.made.amount.sum())
 
     @cached_property
-    def _beside(self) -> Array:
-        """Whitened rows (N, p) of what is known beside the new experiments.
+    def _known(self) -> Array:
+        """Whitened rows (N, p) of what is known beforehand, beside all experiments.
 
         The weights of a relaxation have the share of a single experiment.
         """
-        kept = self.kept.stacked(self.setting)
         if self.setting.prior is None:
-            return kept
-        return np.concatenate([kept, self.setting.prior / np.sqrt(self.sharing)])
+            return np.empty((0, len(self.setting.unknown)))
+        return np.asarray(self.setting.prior / np.sqrt(self.sharing))
 
     def _require_sound(self) -> None:
         """Check that the criterion is known here, and that the amounts make sense."""

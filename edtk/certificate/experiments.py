@@ -51,11 +51,27 @@ class Experiments:
     def __len__(self) -> int:
         return len(self.amount)
 
-    def rows(self, setting: Setting) -> Array:
-        """Whitened rows (k, measured, p) of one measurement of each."""
-        return setting.whitened_rows(self.q, self.wrench)
+    def __add__(self, others: "Experiments") -> "Experiments":
+        """These experiments, then others."""
+        return Experiments(
+            np.concatenate([self.q, others.q]),
+            np.concatenate([self.wrench, others.wrench]),
+            np.concatenate([self.amount, others.amount]),
+        )
 
-    def stacked(self, setting: Setting) -> Array:
-        """Whitened rows (N, p), each times the root of its experiment's amount."""
-        rows = self.rows(setting) * np.sqrt(self.amount)[:, None, None]
+    def rows(self, setting: Setting, visits: Array | None = None) -> Array:
+        """Whitened rows (k, measured, p) of one measurement of each."""
+        return setting.whitened_rows(self.q, self.wrench, visits)
+
+    def stacked(self, setting: Setting, repeated: bool = False) -> Array:
+        """Whitened rows (N, p), each times the root of its experiment's amount.
+
+        Args:
+            setting: What rows are whitened by.
+            repeated: Whether the amounts are visits, which may share errors of the model.
+        """
+        visits = None
+        if repeated and setting.noise is not None:
+            visits = setting.noise.visits(setting.chain, self.q, self.amount)
+        rows = self.rows(setting, visits) * np.sqrt(self.amount)[:, None, None]
         return rows.reshape(-1, len(setting.unknown))

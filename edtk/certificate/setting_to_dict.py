@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from criteria.linalg.inverse import ROUNDING
+from edtk.certificate.noise_to_dict import noise_to_dict
 from edtk.certificate.physics_to_dict import physics_to_dict, weights_to_list
 from edtk.design.design_space import DesignSpace
 from edtk.model.constraints.excluded import Excluded
@@ -33,7 +34,7 @@ def setting_to_dict(study: Study, space: DesignSpace) -> dict[str, Any]:
         "robot": _robot(study.robot),
         "unknown": list(study.model.joints),
         "rows": study.model.rows,
-        "sigma": study.sigma.tolist(),
+        **(noise_to_dict(study.noise) or {"sigma": study.sigma.tolist()}),
         "load": _load(study),
         "workspace": keys.workspace.model_dump(mode="json", exclude_none=True),
         "excluded": excluded,

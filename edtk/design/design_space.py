@@ -125,6 +125,20 @@ class DesignSpace:
             problem = Problem(A, 1.0, self.model.parameters, self.prior)
         return problem.information(plan.repeats)
 
+    def information_beside(self, kept: Plan | None, plan: Plan) -> Array:
+        """Information matrix (p, p) of a plan and the kept experiments, which may share errors.
+
+        Args:
+            kept: The experiments that `with_kept` made the prior of this space; None for none.
+            plan: The others.
+        """
+        M = self.information(plan)
+        if kept is None or self.noise is None or not self.noise.shares:
+            return M
+        own = replace(self, prior=None)
+        together = own.information(kept + plan)
+        return M + (together - own.information(kept) - own.information(plan))
+
     def _whitened(self, A: Array, plan: Plan, noise: VisitNoise) -> Array:
         """Whitened regressors (k, rows, p) of a plan whose visits may share the discrepancy."""
         frames = self.model.frames(plan.q)

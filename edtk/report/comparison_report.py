@@ -12,6 +12,7 @@ from edtk.report.comparison.in_each_task import in_each_task
 from edtk.report.comparison.loss_of_others import loss_of_others
 from edtk.report.comparison.relaxation_table import relaxation_table
 from edtk.report.comparison.verdict import verdict
+from edtk.study.describe_noise import describe_noise
 from edtk.study.study_run import StudyRun
 
 AROUND = "What accuracy to expect in the test pose, and around it"
@@ -96,7 +97,7 @@ def _setting(run: StudyRun) -> str:
         f"Robot {_plain(run.study.robot.name)}; unknown compliances {unknown}{_interest(run)}"
         f"{_prior(run)}; "
         f"{specification.describe_load()}; "
-        f"sigma = {specification.measurement.sigma_mm:g} mm per coordinate; "
+        f"{_noise(run)}; "
         f"{specification.candidates} candidate poses; at most {least} descents per plan, "
         f"{most} for {main}.\n"
     )
@@ -112,6 +113,14 @@ def _interest(run: StudyRun) -> str:
     """Which compliances criteria are about, if not about all."""
     names = run.study.interest_names
     return f", criteria without a task are of {', '.join(names)} alone" if names else ""
+
+
+def _noise(run: StudyRun) -> str:
+    """The noise of a measurement."""
+    specification = run.study.specification
+    if run.study.noise is None:
+        return f"sigma = {specification.measurement.sigma_mm:g} mm per coordinate"
+    return describe_noise(specification)
 
 
 def _warnings(run: StudyRun) -> list[str]:

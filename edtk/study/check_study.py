@@ -6,6 +6,7 @@ import criteria
 from edtk.model.robot import Robot
 from edtk.study.check_interest import check_interest
 from edtk.study.check_markers import check_markers
+from edtk.study.check_noise import check_noise
 from edtk.study.check_tasks import check_tasks
 from edtk.study.schema import Specification
 
@@ -26,6 +27,7 @@ def check_study(study: "Study") -> None:
     _check_fixed_joints(study, specification, study.robot)
     _check_measurement(study, specification)
     check_markers(study)
+    check_noise(study)
     check_tasks(study)
     _check_criteria(study, specification)
     check_interest(study)

@@ -130,8 +130,9 @@ def _unit_of_pose(study: "Study", q_deg: Array, key: str) -> Iterator[str]:
 
 def _noise(study: "Study") -> Iterator[str]:
     """Noise beside the deflection under load, which is what is measured."""
-    sigma = float(study.sigma[0])
-    key = f"measurement.sigma_mm: {1e3 * sigma:.3g} mm"
+    sigma = _least_error(study)
+    name = "measurement.sigma_mm" if study.noise is None else "noise"
+    key = f"{name}: {1e3 * sigma:.3g} mm"
     if sigma < INTERFEROMETER:
         yield f"{key} is finer than any instrument; is it given in metres?"
     A, _ = _sampled(study)
@@ -146,8 +147,17 @@ def _noise(study: "Study") -> Iterator[str]:
     if 0 < bent <= sigma:
         yield (
             f"{key} is more than the load bends the robot: {1e3 * bent:.2g} mm at most with "
-            f"compliances {by}; check sigma_mm and load"
+            f"compliances {by}; check {name.split('.')[-1]} and load"
         )
+
+
+def _least_error(study: "Study") -> float:
+    """The least standard deviation of a measured length in any pose [m]."""
+    if study.noise is None:
+        return float(study.sigma[0])
+    frames = study.model.frames(_anywhere(study)[:, : study.robot.n])
+    Sigma = study.noise.covariance_of(study.model, frames)
+    return float(np.sqrt(np.einsum("rrk->rk", Sigma)[:3].min()))
 
 
 def _axes(study: "Study") -> Iterator[str]:

@@ -19,6 +19,7 @@ from edtk.study.interest_table import InterestTable
 from edtk.study.joints_table import JointsTable
 from edtk.study.load_choice import LoadChoice
 from edtk.study.marker_table import DistanceTable, MarkerTable
+from edtk.study.noise_table import NoiseTable
 from edtk.study.payload_table import PayloadTable
 from edtk.study.prior_table import PriorTable
 from edtk.study.table import Compliance, Count, Sigma, Table
@@ -53,7 +54,11 @@ class Measurement(Table):
     rows: Literal["position", "pose"] = Field(
         "position", description="Measured rows: the marker's position, or its rotation too"
     )
-    sigma_mm: Sigma = Field(description="Standard deviation of a displacement, per coordinate [mm]")
+    sigma_mm: Sigma | None = Field(
+        None,
+        description="Standard deviation of a displacement, per coordinate; needed unless [noise] "
+        "has a tracker, whose errors it adds to [mm]",
+    )
     sigma_deg: Sigma | None = Field(
         None, description="Standard deviation of a rotation, per axis; for rows = 'pose' [deg]"
     )
@@ -166,6 +171,9 @@ class Specification(Table):
         None, description="The truth that simulated measurements assume"
     )
     prior: PriorTable = Field(PriorTable(), description="Knowledge before the measurements")
+    noise: NoiseTable | None = Field(
+        None, description="Errors that are not white: of a tracker, of the joints, of the model"
+    )
     uncertainty: UncertaintyTable = Field(
         UncertaintyTable(), description="How well the circumstances of a calibration are known"
     )

@@ -38,6 +38,7 @@ class StudyKeys(TypedDict, total=False):
     published: list[str] | tuple[str, ...] | None
     simulation: Mapping[str, Any] | None
     prior: Mapping[str, Any] | None
+    noise: Mapping[str, Any] | None
     uncertainty: Mapping[str, Any] | None
 
 

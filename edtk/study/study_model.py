@@ -37,9 +37,12 @@ def study_model(study: "StudyObjects", unknown: tuple[int, ...]) -> Elastostatic
 
 
 def study_sigma(study: "StudyObjects") -> Array:
-    """Standard deviation of each measured row (rows,) [m, rad], one instrument after another."""
+    """Standard deviation of each measured row (rows,) [m, rad], one instrument after another.
+
+    Zero for lengths whose noise is that of a tracker alone.
+    """
     given = study.specification
-    default = given.measurement.sigma_mm / 1e3
+    default = (given.measurement.sigma_mm or 0.0) / 1e3
     turn = np.deg2rad(given.measurement.sigma_deg or 0)
     kinds = [marker.rows or given.measurement.rows for marker in given.marker]
     if not kinds and not given.distance:

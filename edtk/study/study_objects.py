@@ -8,12 +8,14 @@ import numpy as np
 import criteria
 from criteria.linalg.combination import combination
 from edtk.model.elastostatic_model import ElastostaticModel
+from edtk.model.noise.visit_noise import VisitNoise
 from edtk.model.rigid_joints import rigid_joints_in_words
 from edtk.model.robot import Robot
 from edtk.model.task import Task
 from edtk.model.tasks import Tasks
 from edtk.study.schema import Specification
 from edtk.study.study_model import study_model, study_sigma
+from edtk.study.study_noise import study_noise
 from edtk.study.study_tasks import study_tasks
 from edtk.system.errors import UserError
 from edtk.system.typing import Array
@@ -79,13 +81,28 @@ class StudyObjects:
 
     @property
     def sigma(self) -> Array:
-        """Standard deviation of each measured row (rows,) of an experiment [m, rad]."""
+        """Standard deviation of each measured row (rows,) of an experiment [m, rad].
+
+        Raises:
+            UserError: The noise is not white, so that this says too little of it.
+        """
+        if self.noise is not None:
+            raise self.error(
+                "noise",
+                "white noise alone can be taken into account here; leave [noise] out and give "
+                "measurement.sigma_mm",
+            )
         return study_sigma(self)
 
     @cached_property
     def tasks(self) -> Tasks:
         """The poses in which the robot shall be accurate, with their tools and loads."""
         return study_tasks(self)
+
+    @cached_property
+    def noise(self) -> VisitNoise | None:
+        """Covariance of a visit's rows, where noise is not white; None where `sigma` says all."""
+        return study_noise(self)
 
     @property
     def task(self) -> Task | None:

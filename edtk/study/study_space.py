@@ -9,6 +9,7 @@ from edtk.design.plan import Plan
 from edtk.model.constraints.excluded import Excluded
 from edtk.model.workspace import Workspace
 from edtk.study.load_plan import read_plan
+from edtk.study.study_model import study_sigma
 
 if TYPE_CHECKING:
     from edtk.study.study import Study
@@ -28,7 +29,8 @@ def study_space(study: "Study") -> DesignSpace:
     constraints = (*study.specification.workspace.build(), *_exclusions(study))
     workspace = Workspace(study.robot, constraints)
     load = study.specification.build_load()
-    return DesignSpace(study.model, workspace, study.sigma, load, free, values)
+    sigma = study_sigma(study)
+    return DesignSpace(study.model, workspace, sigma, load, free, values, noise=study.noise)
 
 
 def _exclusions(study: "Study") -> list[Excluded]:

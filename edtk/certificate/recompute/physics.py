@@ -83,6 +83,12 @@ class Physics:
             read_weights(content["weights"], n, f"{where}.weights"),
         )
 
+    @classmethod
+    def at_tool_point(cls, rows: str) -> "Physics":
+        """Load and measurement, "position" or "pose", at the tool point."""
+        place = Place(np.zeros(3), None)
+        return cls([(rows, place, np.zeros(3))], place, [])
+
     @property
     def measured(self) -> int:
         """Number of measured rows."""
@@ -92,8 +98,11 @@ class Physics:
         """Regressors (k, rows, p): motion of what is measured times the torque of its joint."""
         at_load = chain.jacobian(q, self.load_point.offset, self.load_point.joint)
         torque = np.einsum("krn,kr->kn", at_load, wrench) + weight_torque(chain, self.weights, q)
-        motion = np.concatenate([self._motion(chain, q, *sensor) for sensor in self.sensors], 1)
-        return np.asarray((motion * torque[:, None])[:, :, unknown])
+        return np.asarray((self.motion(chain, q) * torque[:, None])[:, :, unknown])
+
+    def motion(self, chain: Chain, q: Array) -> Array:
+        """Derivatives (k, rows, n) of all measured rows by the joints, at poses q (k, n)."""
+        return np.concatenate([self._motion(chain, q, *sensor) for sensor in self.sensors], axis=1)
 
     def _motion(self, chain: Chain, q: Array, kind: str, place: Place, anchor: Array) -> Array:
         """Derivatives (k, rows, n) of the rows of one instrument by the joints."""

@@ -8,6 +8,7 @@ import numpy as np
 from edtk.certificate.recompute.chain import Chain
 from edtk.certificate.recompute.combinations import combinations
 from edtk.certificate.recompute.load import Load
+from edtk.certificate.recompute.noise import Noise
 from edtk.certificate.recompute.physics import Physics
 from edtk.certificate.recompute.plain_data import numbers, rows, table, text, whole
 from edtk.certificate.recompute.regressors import regressors
@@ -18,7 +19,7 @@ from edtk.system.typing import Array, Mask
 TINY = 1e-9  # violation of a constraint that is rounding [m or rad]
 MEASURED = {"position": 3, "pose": 6}  # rows that an experiment measures
 KEYS = ("robot", "unknown", "rows", "sigma", "load", "workspace", "excluded", "free", "fixed")
-OPTIONAL = ("physics", "interest", "prior")
+OPTIONAL = ("physics", "noise", "interest", "prior")
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,7 +30,7 @@ class Setting:
         name: Name of the robot.
         chain: Robot with the calibration tool.
         unknown: Indices (p,) of the joints whose compliances are the parameters.
-        sigma: Standard deviation of each measured row (rows,) [m, rad].
+        sigma: Standard deviation of the white noise of each measured row (rows,) [m, rad].
         workspace: Constraints on poses.
         load: Loads that may be applied.
         free: Indices of the joints that are designed.
@@ -40,6 +41,7 @@ class Setting:
         interest: Combinations K (p, s) that criteria without a task are about; None for all
             parameters.
         prior: Whitened rows (r, p) of measurements that tell as much as what is known beforehand.
+        noise: Noise that is not white; None without it.
     """
 
     name: str
@@ -54,6 +56,7 @@ class Setting:
     physics: Physics | None = None
     interest: Array | None = None
     prior: Array | None = None
+    noise: Noise | None = None
 
     @classmethod
     def from_dict(cls, content: Any) -> "Setting":
@@ -66,13 +69,19 @@ class Setting:
         chain = Chain.from_dict(content["robot"])
         n = chain.n
         unknown = _indices(content["unknown"], n, "setting.unknown")
-        measured = MEASURED[text(content["rows"], MEASURED, "setting.rows")]
+        kind = text(content["rows"], MEASURED, "setting.rows")
+        measured = MEASURED[kind]
         physics = None
         if "physics" in content:
             physics = Physics.from_dict(content["physics"], len(chain.axes))
             measured = physics.measured
         sigma = numbers(content["sigma"], (measured,), "setting.sigma")
-        if not unknown or not (sigma > 0).all():
+        noise = None
+        if "noise" in content:
+            noise = Noise.from_dict(content["noise"], n, measured)
+            physics = physics or Physics.at_tool_point(kind)
+        white = (sigma > 0).all() or (noise is not None and (sigma >= 0).all())
+        if not unknown or not white:
             raise ValueError("setting: expected an unknown joint, and sigmas above zero")
         return cls(
             name=_name(content["robot"]["name"]),
@@ -87,13 +96,21 @@ class Setting:
             physics=physics,
             interest=_interest(content, len(unknown)),
             prior=_prior(content, len(unknown)),
+            noise=noise,
         )
 
-    def whitened_rows(self, q: Array, wrench: Array) -> Array:
-        """Regressors over sigma (k, rows, p) of poses q (k, n) with wrenches (k, 6)."""
+    def whitened_rows(self, q: Array, wrench: Array, visits: Array | None = None) -> Array:
+        """Regressors over sigma (k, rows, p) of poses q (k, n) with wrenches (k, 6).
+
+        Where noise is not white, the rows are those of unit covariance. Visits (k,) say how many
+        share the model's errors in each pose, by default one.
+        """
         if self.physics is not None:
             A = self.physics.regressors(self.chain, self.unknown, q, wrench)
-            return A / self.sigma[:, None]
+            if self.noise is None:
+                return A / self.sigma[:, None]
+            visits = np.ones(len(q)) if visits is None else visits
+            return self.noise.whitened(A, self.chain, self.physics, self.sigma, q, visits)
         A = regressors(self.chain, self.unknown, q, wrench)
         return A[:, : len(self.sigma)] / self.sigma[:, None]
 

@@ -11,7 +11,7 @@ from edtk.design.exact.batch import BATCH_SIZE, Batch
 from edtk.design.exact.exact_plan import ExactPlan
 from edtk.design.exact.require_enough import require_enough
 from edtk.design.exact.search_record import SearchRecord
-from edtk.design.exact.spread import spread
+from edtk.design.exact.spread import divided, spread
 from edtk.design.exact.tidy import tidy
 from edtk.design.plan import Plan
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
@@ -63,8 +63,9 @@ def find_plan(
     its number alone. The plan therefore depends neither on the number of workers nor on their
     speed, unless the time runs out first.
 
-    Where repeats of a pose share its discrepancy and nobody limits the number of poses, repeats are
-    searched for as if they shared nothing, and then become poses of their own, see `spread`.
+    Where visits of a pose share its discrepancy, poses keep apart from each other and from kept
+    ones, see `spread`. If nobody limits the number of poses, repeats are searched for as if they
+    shared nothing, and then become poses of their own.
 
     Args:
         relaxed: The relaxation of the same design space and criterion, with its bound.
@@ -96,21 +97,26 @@ def find_plan(
             raise
         ended = "interrupted"
     # An interrupted search has a best plan all the same, which is tidied like any other.
-    plan = _tidied(relaxed, searched, record)
+    plan = _tidied(relaxed, searched, record, kept)
     # The cost is that of the plan as it is written, whatever the search believed.
-    cost = float(relaxed.criterion.cost(space.information(plan)))
+    cost = float(relaxed.criterion.cost(space.information_beside(kept, plan)))
     found, optima = record.census()
     starts = record.batches * BATCH_SIZE
     seconds = monotonic() - since
     return ExactPlan(relaxed, plan, kept, cost, starts, found, optima, seconds, ended)
 
 
-def _tidied(relaxed: RelaxedPlan, searched: DesignSpace, record: SearchRecord) -> Plan:
+def _tidied(
+    relaxed: RelaxedPlan, searched: DesignSpace, record: SearchRecord, kept: Plan | None
+) -> Plan:
     """The best plan of a record, with as few poses as it needs."""
     x, repeats = tidy(searched, relaxed.criterion, record.best, record.cost)
-    if searched is not relaxed.space:
-        x, repeats = spread(relaxed.space, relaxed.criterion, x, repeats)
-    return relaxed.space.plan(x, repeats.astype(int))
+    space = relaxed.space
+    if space.noise is not None and space.noise.shares:
+        if searched is not space:
+            x, repeats = divided(x, repeats)
+        x = spread(space, relaxed.criterion, x, repeats, None if kept is None else kept.q)
+    return space.plan(x, repeats.astype(int))
 
 
 def _enough_places(p: int, m: int) -> int:

@@ -24,27 +24,32 @@ MARGIN = 1e-6  # beyond the distance between poses, against rounding
 
 
 def spread(
-    space: DesignSpace, criterion: Criterion, x: Array, repeats: Array
-) -> tuple[Array, Array]:
-    """Make poses of repeats, and move all poses apart, at the least loss.
+    space: DesignSpace,
+    criterion: Criterion,
+    x: Array,
+    repeats: Array,
+    kept: Array | None = None,
+) -> Array:
+    """Move the poses of a plan apart, at the least loss.
 
-    Repeats of a pose share its discrepancy, and so do poses that are nearer to each other than
-    `VisitNoise.within`. Around an optimum, where the criterion is flat, they can all be elsewhere.
-    Each pose in turn takes the best place among random ones nearby that are feasible and keep the
-    distance. A pose without such a place stays where it is, and shares.
+    Poses that are nearer to each other than `VisitNoise.within` share their discrepancy. Around an
+    optimum, where the criterion is flat, they can all be elsewhere. Each pose in turn takes the
+    best place among random ones nearby that are feasible and keep the distance. A pose without such
+    a place stays where it is, and shares.
 
     Args:
         space: Model and feasible set, with noise that visits share.
         criterion: The criterion that the plan is good for.
         x: Design variables (k, v) of its experiments, all feasible.
         repeats: Their repetitions (k,).
+        kept: Poses (c, n) of kept experiments, from which the distance is kept too.
 
     Returns:
-        Design variables and repetitions of the same sum, of as many poses as there are visits.
+        Design variables (k, v), in joint variables that a controller takes.
     """
     assert space.noise is not None
-    x, repeats = _divided(x, repeats)
-    search = _Spread(space, criterion, space.noise.within * (1 + MARGIN), repeats)
+    kept = np.empty((0, len(space.fixed))) if kept is None else kept
+    search = _Spread(space, criterion, space.noise.within * (1 + MARGIN), repeats, kept)
     for i in range(len(x)):
         if search.is_crowded(x, i):
             x = search.moved(x, i, at_any_cost=True)
@@ -56,11 +61,19 @@ def spread(
         cost = search.cost(x)
         if not cost < last * (1 - GAIN):
             break
-    return x, repeats
+    return x
 
 
-def _divided(x: Array, repeats: Array) -> tuple[Array, Array]:
-    """The same visits in a pose each, as far as there are not too many."""
+def divided(x: Array, repeats: Array) -> tuple[Array, Array]:
+    """Make equal poses of the repeats of a plan, one a visit as far as they are not too many.
+
+    Args:
+        x: Design variables (k, v).
+        repeats: Repetitions (k,).
+
+    Returns:
+        Design variables and repetitions of the same sum.
+    """
     visits = int(repeats.sum())
     poses = apportion(repeats, min(visits, MOST_POSES))
     shares = [
@@ -80,12 +93,14 @@ class _Spread:
         criterion: The criterion to improve.
         distance: Least distance between poses [rad].
         repeats: Visits (k,) of the poses.
+        kept: Further poses (c, n) to keep away from.
     """
 
     space: DesignSpace
     criterion: Criterion
     distance: float
     repeats: Array
+    kept: Array
 
     def cost(self, x: Array) -> float:
         """The cost of the plan, whose poses count as far apart."""
@@ -147,9 +162,10 @@ class _Spread:
         return np.array([joint.kind == "prismatic" for joint in joints])
 
     def _away(self, x: Array, own: Array) -> Array:
-        """Distances (k,) of experiments (k, v) from one (v,) [rad]."""
+        """Distances (k + c,) of experiments (k, v) and kept poses from one (v,) [rad]."""
         n = len(self.space.fixed)
-        return joint_distance(x[:, :n], own[:n], self._prismatic)
+        others = np.concatenate([x[:, :n], self.kept])
+        return joint_distance(others, own[:n], self._prismatic)
 
     def _information(self, x: Array) -> Array:
         """Information (p, p) of the plan, whose poses count as far apart."""

@@ -1,5 +1,6 @@
 """Text of a study."""
 
+from edtk.study.describe_noise import describe_noise
 from edtk.study.study import Study
 
 
@@ -15,9 +16,7 @@ def study_rows(asked: Study) -> list[tuple[str, str]]:
     """Names and values of the main keys, in words."""
     specification = asked.specification
     measurement = specification.measurement
-    noise = f"sigma = {measurement.sigma_mm:g} mm"
-    if measurement.rows == "pose":
-        noise += f" and {measurement.sigma_deg:g} deg"
+    noise = describe_noise(specification)
     joints = specification.joints
     known = [f"{name} = {k:g} rad/(N m)" for name, k in joints.known_rad_per_Nm.items()]
     fixed = [f"{name} = {value:g} deg" for name, value in joints.fixed_deg.items()]

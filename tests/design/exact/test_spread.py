@@ -7,7 +7,7 @@ import pytest
 from noisy import NOISY
 
 import criteria
-from edtk.design.exact.spread import spread
+from edtk.design.exact.spread import divided, spread
 from edtk.design.sample_feasible import sample_feasible
 from edtk.model.joint_distance import joint_distance
 
@@ -26,7 +26,9 @@ def test_spread(name):
     space = NOISY[name]
     x = sample_feasible(space, 3, 1)
     repeats = np.array([3.0, 1.0, 2.0])
-    apart, once = spread(space, CRITERION, x, repeats)
+    many, once = divided(x, repeats)
+    kept = x[1:2, : len(space.fixed)]
+    apart = spread(space, CRITERION, many, once, kept)
     assert len(apart) == 6
     np.testing.assert_array_equal(once, 1.0)
     assert space.at(apart).feasible.all()
@@ -34,6 +36,7 @@ def test_spread(name):
     kinds = np.array([joint.kind == "prismatic" for joint in space.model.robot.joints])
     away = np.array([joint_distance(q, own, kinds) for own in q]) + 9 * np.eye(6)
     assert away.min() >= space.noise.within
+    assert joint_distance(q, kept, kinds).min() >= space.noise.within
     plan = space.plan(apart, once.astype(int))
     before = CRITERION.cost(space.information(space.plan(x, repeats.astype(int))))
     after = CRITERION.cost(space.information(plan))
@@ -46,6 +49,16 @@ def test_no_room():
     space = NOISY["kr270"]
     crowded = replace(space, noise=replace(space.noise, within=50.0))
     x = sample_feasible(space, 2, 3)
-    apart, once = spread(crowded, CRITERION, x, np.array([2.0, 1.0]))
-    np.testing.assert_array_equal(apart, x[[0, 0, 1]])
-    np.testing.assert_array_equal(once, 1.0)
+    many, once = divided(x, np.array([2.0, 1.0]))
+    np.testing.assert_array_equal(many, x[[0, 0, 1]])
+    np.testing.assert_array_equal(spread(crowded, CRITERION, many, once), many)
+
+
+def test_divided_many():
+    """Beyond a number of poses visits stay repeats, evenly, and none is lost."""
+    x = np.arange(6.0).reshape(3, 2)
+    many, times = divided(x, np.array([1000.0, 0.0, 3001.0]))
+    assert len(many) == 400
+    assert times.sum() == 4001
+    assert set(times) <= {10.0, 11.0, 9.0}
+    np.testing.assert_array_equal(np.unique(many, axis=0), x[[0, 2]])
