@@ -61,7 +61,9 @@ def calibrate(
     path = Path(path)
     load = study.space.load
     wrench = load.always if isinstance(load, FixedLoad) else None
-    data = Measurements.from_csv(path, study.robot, study.fixed, wrench, study.sigma)
+    data = Measurements.from_csv(
+        path, study.robot, study.fixed, wrench, study.sigma, study.model, study.is_absolute
+    )
     origin = Origin.of(path, linear, as_is)
     try:
         fitted = _fitted(study, data, plan, robust, known, linear, bayes)

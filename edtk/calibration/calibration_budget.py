@@ -5,6 +5,7 @@ import numpy as np
 from edtk.calibration.error_budget import Uncertainty, error_budget
 from edtk.calibration.fitted_data import FittedData
 from edtk.calibration.some_rows import some_rows
+from edtk.model.elastostatic_model import ElastostaticModel
 from edtk.model.error_budget import ErrorBudget
 from edtk.study.study import Study
 from edtk.system.typing import Array
@@ -23,7 +24,7 @@ def calibration_budget(fitted: FittedData, rho0_bias: float | None) -> ErrorBudg
         rho0_bias: Error that the linear model leaves in the test pose [m]; None if it is unknown.
     """
     study = fitted.study
-    if not study.tasks:
+    if not study.tasks or not has_budget(study.model):
         return None
     data = fitted.data
     repeats = None
@@ -40,6 +41,14 @@ def calibration_budget(fitted: FittedData, rho0_bias: float | None) -> ErrorBudg
         rho0_bias or 0.0,
         repeats,
     )
+
+
+def has_budget(model: ElastostaticModel) -> bool:
+    """Whether the budget knows what is measured and what loads the joints.
+
+    The instruments measure positions or poses, and a load of another size makes all torques larger.
+    """
+    return model.weights is None and {sensor.rows for sensor in model.instruments} in ({3}, {6})
 
 
 def uncertainty_of(study: Study, k: Array) -> Uncertainty:

@@ -1,6 +1,6 @@
 """The last step of a calibration: commands that keep the robot accurate under its task's load."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,8 +19,8 @@ from edtk.model.remaining_error import remaining_error
 from edtk.model.rigid_joints import rigid_joints, rigid_joints_in_words
 from edtk.model.robot import Robot
 from edtk.model.shown_limit import shown_limits
-from edtk.study.require_plain import require_plain
 from edtk.study.study import Study
+from edtk.study.study_model import link_weights
 from edtk.system.atomic_file import write_text
 from edtk.system.errors import UserError
 from edtk.system.presented import Presented
@@ -152,17 +152,16 @@ def compensate(study: Study, found: Compliances, task: Plan, path: Path | str) -
         UserError: The study has no test pose, or some with different tools; or a desired or
             commanded pose is beyond a joint's limits, or buckles; names the row.
     """
-    if any(one.dead_weights is not None for one in study.tasks):
-        require_plain(study, "a compensation")
     found = found.including(study.specification.joints.known_rad_per_Nm)
     robot = robot_of_task(study)
-    model = ElastostaticModel(robot, tuple(map(robot.joint_names.index, found.joints)))
+    joints = tuple(map(robot.joint_names.index, found.joints))
+    model = ElastostaticModel(robot, joints, weights=link_weights(study))
     q = compensated_joints(model, task.q, task.wrench, found.k)
     _require_within_limits(robot, task.q, "desired", path)
     _require_within_limits(robot, q, "commanded", path)
     k = all_compliances(model, found.k)
-    uncompensated = _uncompensated(robot, task, k, path)
-    _require_settled(robot, task, q, k, path)
+    uncompensated = _uncompensated(model, task, k, path)
+    _require_settled(model, task, q, k, path)
     offset = _offset(model, task, found, path)
     remaining, band = _errors_after(model, task, found, offset)
     turned = any(one.lever for one in study.tasks)
@@ -182,10 +181,10 @@ def compensate(study: Study, found: Compliances, task: Plan, path: Path | str) -
     )
 
 
-def _uncompensated(robot: Robot, task: Plan, k: Array, path: Path | str) -> Array:
+def _uncompensated(model: ElastostaticModel, task: Plan, k: Array, path: Path | str) -> Array:
     """Distance (t,) of the loaded tool point from the desired one without compensation [m]."""
-    loaded = task.q + _deflection(robot, task.q, task.wrench, k, path)
-    moved = robot.forward(loaded)[:, :3, 3] - robot.forward(task.q)[:, :3, 3]
+    loaded = task.q + _deflection(model, task.q, task.wrench, k, path)
+    moved = model.robot.forward(loaded)[:, :3, 3] - model.robot.forward(task.q)[:, :3, 3]
     return np.linalg.norm(moved, axis=-1)
 
 
@@ -227,31 +226,35 @@ def _rotation_after(model: ElastostaticModel, task: Plan, found: Compliances) ->
     """Root mean square (t,) of the rotations that wrong compliances leave, to first order [rad]."""
     if found.covariance is None:
         return None
-    A = ElastostaticModel(model.robot, model.unknown, "pose").regressor(task.q, task.wrench)[:, 3:]
+    A = replace(model, rows="pose").regressor(task.q, task.wrench)[:, 3:]
     noise = compensation_accuracy(A, found.covariance)
     return noise if found.bias is None else np.hypot(noise, np.linalg.norm(A @ found.bias, axis=-1))
 
 
-def _require_settled(robot: Robot, task: Plan, q: Array, k: Array, path: Path | str) -> None:
+def _require_settled(
+    model: ElastostaticModel, task: Plan, q: Array, k: Array, path: Path | str
+) -> None:
     """Check that the loaded robot comes to rest in the desired joints.
 
     Raises:
         UserError: A pose buckles; names its row.
     """
-    loaded = q + _deflection(robot, q, task.wrench, k, path)
+    loaded = q + _deflection(model, q, task.wrench, k, path)
     lost = np.flatnonzero(np.abs(loaded - task.q).max(axis=-1) > SETTLED)
     if len(lost):
         raise _buckles(path, lost[0])
 
 
-def _deflection(robot: Robot, q: Array, wrench: Array, k: Array, path: Path | str) -> Array:
+def _deflection(
+    model: ElastostaticModel, q: Array, wrench: Array, k: Array, path: Path | str
+) -> Array:
     """Joint deflections (t, n) at rest.
 
     Raises:
         UserError: A pose buckles; names its row.
     """
     try:
-        return equilibrium(robot, q, wrench, k).theta
+        return equilibrium(model.robot, q, wrench, k, loading=model.loading).theta
     except NoEquilibriumError as error:
         raise _buckles(path, error.pose) from error
 

@@ -35,9 +35,8 @@ def equal_rows(data: Measurements) -> EqualRows | None:
     Two repetitions agree in a coordinate of resolution d with probability
     ``d / (2 sqrt(pi) sigma)`` at most, and the number of agreeing pairs is about Poisson's.
     """
-    setting = np.hstack([data.q, data.wrench, data.marker])
-    pose = row_numbers(setting)
-    row = row_numbers(setting, data.deflection)
+    pose = data.places
+    row = row_numbers(pose[:, None].astype(float), data.deflection)
     copies = np.ones(len(row), dtype=bool)
     copies[np.unique(row, return_index=True)[1]] = False
     if not copies.any():

@@ -1,6 +1,6 @@
 """What is uncertain in a calibration, propagated to the error in the task."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -110,7 +110,7 @@ def _rigid(
     without = 0.0
     for name, compliance in uncertainty.rigid:
         joint = names.index(name)
-        bent = data.regressor(ElastostaticModel(model.robot, (joint,), model.rows))[..., 0]
+        bent = data.regressor(replace(model, unknown=(joint,)))[..., 0]
         absorbed = whitened.solve(bent)
         # One target of all of them: that of a neighbourhood is a triangle, without rows of poses.
         target = tasks.with_unknown((*tasks[0].unknown, joint)).target

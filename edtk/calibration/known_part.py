@@ -1,9 +1,10 @@
 """What the joints of known compliance add to measurements."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from edtk.inference.measurements import Measurements
-from edtk.model.elastostatic_model import ElastostaticModel
 from edtk.study.study import Study
 from edtk.system.typing import Array
 
@@ -20,5 +21,5 @@ def known_part(study: Study, data: Measurements) -> Array | float:
     """
     if not study.known:
         return 0.0
-    model = ElastostaticModel(study.robot, tuple(study.known), study.model.rows)
+    model = replace(study.model, unknown=tuple(study.known))
     return data.regressor(model) @ np.array(list(study.known.values()))

@@ -7,6 +7,7 @@ from edtk.inference.equilibrium_deflection import marker_motion
 from edtk.inference.measurements import Measurements
 from edtk.model.all_compliances import all_compliances
 from edtk.model.equilibrium import equilibrium
+from edtk.model.rest import Rest
 from edtk.study.study import Study
 from edtk.system.typing import Array
 
@@ -33,6 +34,10 @@ def nonlinear_part(study: Study, data: Measurements, k: Array, A: Array | None =
     one = data[np.unique(data.pose, return_index=True)[1]]
     # Rows of one pose, such as those of several markers, share its equilibrium.
     every_k = all_compliances(study.model, k, study.known)
+    model = study.model
+    if data.sensor is not None or not model.is_plain or model.own_weights is not None:
+        moved = data.changes(model, Rest.of(model, one.q, one.wrench, every_k))
+        return moved - A @ k - known_part(study, data)
     at_rest = equilibrium(study.robot, one.q, one.wrench, every_k)
-    moved = marker_motion(study.model, data.q, at_rest.displacement[data.pose], data.marker)
+    moved = marker_motion(model, data.q, at_rest.displacement[data.pose], data.marker)
     return moved - A @ k - known_part(study, data)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from edtk.calibration.calibration_budget import uncertainty_of
+from edtk.calibration.calibration_budget import has_budget, uncertainty_of
 from edtk.calibration.error_budget import error_budget
 from edtk.calibration.planned_measurements import planned_measurements
 from edtk.design.plan import Plan
@@ -24,11 +24,11 @@ def plan_budget(study: Study, plan: Plan) -> ErrorBudget | None:
         The budget; None without a test pose or a [simulation], or if the plan leaves a compliance
         open.
     """
-    if not study.model.is_plain:
-        return None  # causes and budget know the tool point only
     if study.noise is not None:
-        return None  # and white noise only
+        return None  # the budget knows white noise only
     if not study.tasks or study.specification.simulation is None:
+        return None
+    if not has_budget(study.model):
         return None
     try:
         cov = np.asarray(covariance(study.information(plan), study.model.parameters))
@@ -37,4 +37,5 @@ def plan_budget(study: Study, plan: Plan) -> ErrorBudget | None:
     k = study.compliances
     data = planned_measurements(study, plan)
     uncertainty = uncertainty_of(study, k)
-    return error_budget(study.model, data, study.tasks, k, cov, uncertainty, repeats=plan.repeats)
+    repeats = np.repeat(plan.repeats, len(study.model.instruments))
+    return error_budget(study.model, data, study.tasks, k, cov, uncertainty, repeats=repeats)

@@ -8,16 +8,36 @@ from edtk.study.study import Study
 
 
 def planned_measurements(study: Study, plan: Plan) -> Measurements:
-    """Poses, loads and noise of a plan: a row for each pose.
+    """Poses, loads and noise of a plan: a row for each pose, and instrument if there are several.
 
     Repetitions count as one measurement of less noise, ``sigma / sqrt(repeats)``, so that very many
     are not expanded.
 
     Args:
-        study: Says which rows are measured, and their noise.
+        study: Says which rows are measured, and their noise. Its instruments measure as many rows
+            each.
         plan: The experiments.
     """
+    if study.model.sensors:
+        return _of_sensors(study, plan)
     poses = len(plan.q)
     sigma = study.sigma / np.sqrt(plan.repeats[:, None].astype(float))
     nothing = np.zeros((poses, len(study.sigma)))
     return Measurements(plan.q, plan.wrench, nothing, sigma, np.zeros((poses, 3)))
+
+
+def _of_sensors(study: Study, plan: Plan) -> Measurements:
+    """The same where markers or distances are measured: all of them in each pose."""
+    sensors = study.model.sensors
+    poses = len(plan.q)
+    each = np.split(study.sigma, len(sensors))
+    sigma = np.tile(each, (poses, 1)) / np.sqrt(np.repeat(plan.repeats, len(sensors)))[:, None]
+    offsets = [sensor.point.offset for sensor in sensors]
+    return Measurements(
+        np.repeat(plan.q, len(sensors), axis=0),
+        np.repeat(plan.wrench, len(sensors), axis=0),
+        np.zeros_like(sigma),
+        sigma,
+        np.tile(offsets, (poses, 1)),
+        sensor=np.tile(np.arange(len(sensors)), poses),
+    )

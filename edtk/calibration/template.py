@@ -1,24 +1,21 @@
 """The sheet on which a plan's measurements are written down."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from edtk.calibration.visiting_order import visiting_order
 from edtk.design.plan import Plan
+from edtk.inference.sheet_change import DISTANCES, POSITIONS
+from edtk.model.sensors.sensor import Sensor
 from edtk.study.study import Study
 from edtk.system.atomic_file import write_text
 from edtk.tables.csv_text import csv_text
 from edtk.tables.in_file_units import rounded
-from edtk.tables.sheet_columns import (
-    DEFLECTION_COLUMNS,
-    LOADED_COLUMNS,
-    MARKER_COLUMNS,
-    ROTATION_COLUMNS,
-    UNLOADED_COLUMNS,
-)
+from edtk.tables.sheet_columns import MARKER_COLUMNS, MARKER_NAME_COLUMN, ROTATION_COLUMNS
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -35,7 +32,7 @@ def template(study: Study, plan: Plan, positions: bool = False, markers: int = 0
         positions: Empty columns for the unloaded and the loaded position instead of the
             displacement.
         markers: Rows for so many markers in each repetition, with empty columns for their places
-            on the tool; 0 for a single one at the tool point.
+            on the tool; 0 for a single one at the tool point, or for the instruments of the study.
 
     Returns:
         Poses and wrenches in the units of the headers, and empty columns to fill in: a measurement
@@ -44,18 +41,31 @@ def template(study: Study, plan: Plan, positions: bool = False, markers: int = 0
     lower, upper = study.robot.limits
     plan = replace(plan, q=rounded(study.robot, plan.q))
     table = plan.to_frame(study.robot).iloc[visiting_order(plan.q, upper - lower)]
-    times = table.pop("repeats") * max(markers, 1)
+    sensors = study.model.sensors
+    times = table.pop("repeats") * (len(sensors) or max(markers, 1))
     table = table.loc[table.index.repeat(times)].reset_index(drop=True)
+    if sensors:
+        for column, values in _points(sensors, len(table) // len(sensors)).items():
+            table[column] = values
     table[list(_empty_columns(study, positions, markers))] = np.nan
     return table
+
+
+def _points(sensors: Sequence[Sensor], times: int) -> dict[str, Any]:
+    """Columns that say which instrument each row is of, and where its point is [mm]."""
+    names = {MARKER_NAME_COLUMN: [sensor.name for sensor in sensors] * times}
+    offsets = np.tile([1e3 * sensor.point.offset for sensor in sensors], (times, 1))
+    return names | dict(zip(MARKER_COLUMNS, offsets.T, strict=True))
 
 
 def _empty_columns(study: Study, positions: bool, markers: int) -> tuple[str, ...]:
     """Columns that are to be filled in."""
     marker = MARKER_COLUMNS if markers else ()
-    position = (*UNLOADED_COLUMNS, *LOADED_COLUMNS) if positions else DEFLECTION_COLUMNS
-    turned = ROTATION_COLUMNS if study.specification.measurement.rows == "pose" else ()
-    return (*marker, *position, *turned)
+    rows = study.model.instruments[0].rows
+    changes, unloaded, loaded = DISTANCES if rows == 1 else POSITIONS
+    before = () if study.is_absolute else unloaded
+    position = (*before, *loaded) if positions else changes
+    return (*marker, *position, *(ROTATION_COLUMNS if rows == 6 else ()))
 
 
 def write_template(table: "pd.DataFrame", path: Path | str) -> None:

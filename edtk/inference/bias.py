@@ -1,7 +1,7 @@
 """The bias of compliances that a linear model identifies from a robot at rest under load."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -99,7 +99,7 @@ def linearisation_bias(
     # All joints bend in the measurements, those that the linear model takes as rigid too.
     measured = equilibrium_deflection(model, q, wrench, k)
     if known:
-        others = ElastostaticModel(model.robot, tuple(known), model.rows)
+        others = replace(model, unknown=tuple(known))
         measured = measured - others.regressor(q, wrench) @ np.array(list(known.values()))
     fit = estimate(model.regressor(q, wrench), measured, sigma, model.parameters)
     return Bias(k[model.joints], fit.k, fit.covariance)

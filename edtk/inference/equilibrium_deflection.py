@@ -5,6 +5,7 @@ from numpy.typing import ArrayLike
 
 from edtk.model.elastostatic_model import ElastostaticModel
 from edtk.model.equilibrium import equilibrium
+from edtk.model.rest import Rest
 from edtk.system.typing import Array
 
 
@@ -22,14 +23,21 @@ def equilibrium_deflection(
         q: Joint variables (..., n) [rad or m].
         wrench: Forces and torques (..., 6) or (6,) at the tool point [N, N m].
         k: Compliances (..., n) or (n,) of all joints [rad/(N m)].
-        marker: Offsets (..., 3) or (3,) from the tool point, in the tool frame [m].
+        marker: Offsets (..., 3) or (3,) from the tool point, in the tool frame [m]; of a model
+            without instruments of its own.
 
     Returns:
-        Deflections (..., rows) [m, rad].
+        Deflections (..., rows) [m, rad], one instrument after another.
 
     Raises:
         NoEquilibriumError: A pose buckles under the load.
     """
+    if not model.is_plain or model.own_weights is not None:
+        rest = Rest.of(model, q, wrench, k)
+        before = model.frames(rest.start)
+        after = model.frames(rest.end)
+        rows = [sensor.change(before, after) for sensor in model.instruments]
+        return np.moveaxis(np.concatenate(rows), 0, -1)
     return marker_motion(model, q, equilibrium(model.robot, q, wrench, k).displacement, marker)
 
 

@@ -4,7 +4,6 @@ import numpy as np
 
 from edtk.inference.measurements import Measurements
 from edtk.model.elastostatic_model import ElastostaticModel
-from edtk.model.frames import cross
 from edtk.system.typing import Array
 
 
@@ -19,10 +18,5 @@ def joint_motion(model: ElastostaticModel, data: Measurements) -> Array:
         model: The robot with its calibration tool, and the measured rows.
         data: Poses and markers.
     """
-    frames = model.robot.frames(data.q)
-    linear = frames.linear  # (n, 3, m)
-    if data.marker.any():
-        offset = (frames.rotation * data.marker.T[:, None]).sum(axis=0)
-        linear = linear + cross(frames.angular, offset[None])
-    turned = [frames.angular] if model.rows == "pose" else []
-    return np.moveaxis(np.concatenate([linear, *turned], axis=1), (0, 1), (-1, -2))
+    motion = data.motion_of(model, model.frames(data.q))
+    return np.moveaxis(motion, (0, 1), (-1, -2))

@@ -7,12 +7,12 @@ import numpy as np
 from edtk.inference.equilibrium_deflection import marker_motion
 from edtk.inference.measurements import Measurements
 from edtk.model.elastostatic_model import ElastostaticModel
-from edtk.model.equilibrium import equilibrium, torque_and_derivative
+from edtk.model.equilibrium import AT_TOOL_POINT, equilibrium, torque_and_derivative
+from edtk.model.loading import Loading
+from edtk.model.rest import Rest
+from edtk.model.rotation_vector import inverse_left_jacobian
 from edtk.system.typing import Array
 
-# Rotation angle [rad] below which the closed form of the inverse Jacobian cancels, and two terms of
-# its series are exact to the last digit.
-SMALL = 1e-2
 BLOCK = 4096  # measurements at once; of 1e5, twice as fast as all of them at once
 
 
@@ -60,18 +60,43 @@ def linearise(model: ElastostaticModel, data: Measurements, k: Array) -> Lineari
     first = np.unique(data.pose, return_index=True)[1]
     q = data.q[first]
     wrench = data.wrench[first]
+    if data.sensor is not None or not model.is_plain or model.own_weights is not None:
+        return _of_sensors(model, data, k, Rest.of(model, q, wrench, k, signed=True), wrench)
     rest = equilibrium(model.robot, q, wrench, k, signed=True)
     deflection = marker_motion(model, data.q, rest.displacement[data.pose], data.marker)
-    turned = _joint_derivative(model, q + rest.theta, wrench, k)
+    turned = _joint_derivative(model, q + rest.theta, wrench, k, AT_TOOL_POINT)
     A = _marker_derivative(model, data, q + rest.theta, turned)
     if model.rows == "pose":
-        A[:, 3:] = _inverse_left_jacobian(rest.displacement[data.pose, 3:]) @ A[:, 3:]
+        A[:, 3:] = inverse_left_jacobian(rest.displacement[data.pose, 3:]) @ A[:, 3:]
     return Linearisation(A, deflection - A @ k[model.joints])
 
 
-def _joint_derivative(model: ElastostaticModel, q: Array, wrench: Array, k: Array) -> Array:
+def _of_sensors(
+    model: ElastostaticModel, data: Measurements, k: Array, rest: Rest, wrench: Array
+) -> Linearisation:
+    """The same for any instruments and weights, of a robot that is at rest in each pose."""
+    end = np.moveaxis(_joint_derivative(model, rest.end, wrench, k, model.loading), 0, -1)
+    start = np.zeros_like(end)
+    if model.own_weights is not None:
+        none = np.zeros_like(wrench)
+        own = Loading(weights=model.own_weights)
+        start = np.moveaxis(_joint_derivative(model, rest.start, none, k, own), 0, -1)
+    before = model.frames(rest.start)
+    after = model.frames(rest.end)
+    A = np.empty((*data.deflection.shape, model.p))
+    for rows, sensor in data.instruments(model):
+        pose = data.pose[rows]
+        poses = (before[pose], after[pose])
+        derivative = sensor.change_derivative(*poses, start[..., pose], end[..., pose])
+        A[rows] = np.moveaxis(derivative, -1, 0)
+    return Linearisation(A, data.changes(model, rest) - A @ k[model.joints])
+
+
+def _joint_derivative(
+    model: ElastostaticModel, q: Array, wrench: Array, k: Array, loading: Loading
+) -> Array:
     """``dtheta/dk`` (N, n, p) in loaded poses q (N, n)."""
-    tau, H = torque_and_derivative(model.robot, q, wrench)
+    tau, H = torque_and_derivative(model.robot, q, wrench, loading)
     stiff = np.eye(model.robot.n) - k[:, None] * H
     loads = np.zeros((*tau.shape, model.p))
     loads[:, model.joints, np.arange(model.p)] = tau[:, model.joints]
@@ -101,21 +126,3 @@ def _marker_derivative(
         offset = (np.swapaxes(orientation, 1, 2) @ data.marker[..., None])[..., 0]
         moved = moved + np.cross(rotated, offset[..., None], axis=1)
     return np.concatenate([moved, rotated], axis=1) if model.rows == "pose" else moved
-
-
-def _inverse_left_jacobian(r: Array) -> Array:
-    """``J_l(r)^-1 = I - [r]x / 2 + c [r]x^2`` (m, 3, 3) of rotation vectors r (m, 3) [rad].
-
-    ``c = 1/a^2 - (1 + cos a) / (2 a sin a)`` for the angle a; ``1/12 + a^2/720 + ...`` near zero.
-    """
-    angle = np.linalg.norm(r, axis=-1)
-    safe = np.where(angle < SMALL, 1.0, angle)
-    closed = 1 / safe**2 - (1 + np.cos(safe)) / (2 * safe * np.sin(safe))
-    series = 1 / 12 + angle**2 / 720 + angle**4 / 30240
-    c = np.where(angle < SMALL, series, closed)
-    X = np.zeros((len(r), 3, 3))
-    X[:, 0, 1] = -r[:, 2]
-    X[:, 0, 2] = r[:, 1]
-    X[:, 1, 2] = -r[:, 0]
-    X = X - np.swapaxes(X, 1, 2)
-    return np.eye(3) - X / 2 + c[:, None, None] * (X @ X)

@@ -1,5 +1,6 @@
 """Measured deflections: what a measurement file holds."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
@@ -7,31 +8,23 @@ from pathlib import Path
 import numpy as np
 
 from edtk.inference.correlated_noise import CorrelatedNoise
+from edtk.inference.sheet_change import sheet_change
 from edtk.inference.sheet_noise import NOISE_COLUMNS, sheet_noise
+from edtk.inference.sheet_sensors import sheet_markers, sheet_sensors, stated_sigma
 from edtk.inference.whiten import RowNoise, std_of
+from edtk.model.body_point import BodyPoint
 from edtk.model.elastostatic_model import ElastostaticModel
-from edtk.model.frames import cross
+from edtk.model.frames import Frames, cross
+from edtk.model.rest import Rest
 from edtk.model.robot import Robot
+from edtk.model.sensors.marker import Marker
+from edtk.model.sensors.pose_marker import PoseMarker
+from edtk.model.sensors.sensor import Sensor
+from edtk.model.without_rounding import without_rounding
 from edtk.system.presented import Presented
 from edtk.system.typing import Array, Indices
 from edtk.tables.pose_table import PoseTable
-from edtk.tables.sheet_columns import (
-    DEFLECTION_COLUMNS,
-    LOADED_COLUMNS,
-    MARKER_COLUMNS,
-    ROTATION_COLUMNS,
-    SHEET_COLUMNS,
-    UNLOADED_COLUMNS,
-    VISIT_COLUMN,
-)
-
-# A marker that moves by more than this share of the robot's reach was not moved by its load.
-FAR = 0.1
-
-# Halfway, on a logarithmic scale, between positions in millimetres (1e3 times the reach in metres)
-# and in micrometres (1e6 times). Larger ones have the wrong unit, which later checks name better
-# than as swapped columns.
-MICROMETRES = 3e4
+from edtk.tables.sheet_columns import SHEET_COLUMNS, VISIT_COLUMN
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +33,7 @@ class Measurements(Presented):
 
     Attributes:
         q: Joint variables (m, n) [rad or m].
-        wrench: Forces and torques (m, 6) at the tool point [N, N m].
+        wrench: Forces and torques (m, 6) at the load point [N, N m].
         deflection: Measured displacement of the marker, and rotation where it is measured (m, rows)
             [m, rad].
         sigma: Standard deviation of the noise (m, rows) [m, rad].
@@ -51,6 +44,8 @@ class Measurements(Presented):
             a visit shares, or errors of the model. None where all noise is of that kind.
         visit: Number (m,) of the visit of its pose, as a sheet states it; None where none does.
         stated: Whether a sheet states the noise of its displacements.
+        sensor: Index (m,) of each row's instrument in the model, whose point it measures and in
+            whose body's frame the marker's offset is; None where all rows are of the tool.
     """
 
     q: Array
@@ -62,6 +57,7 @@ class Measurements(Presented):
     tracker: RowNoise | None = None
     visit: Array | None = None
     stated: bool = False
+    sensor: Indices | None = None
 
     def headline(self) -> str:
         """How many measurements of how many poses."""
@@ -102,8 +98,9 @@ class Measurements(Presented):
 
     @cached_property
     def places(self) -> Indices:
-        """Number (m,) of each row's pose, load and marker, counted from 0."""
-        return row_numbers(self.q, self.wrench, self.marker)
+        """Number (m,) of each row's pose, load, instrument and marker, counted from 0."""
+        instrument = [] if self.sensor is None else [self.sensor[:, None]]
+        return row_numbers(self.q, self.wrench, self.marker, *instrument)
 
     @cached_property
     def visits(self) -> Indices:
@@ -116,6 +113,21 @@ class Measurements(Presented):
         number = _occurrence(self.places) if self.visit is None else self.visit
         return row_numbers(self.pose[:, None], number[:, None])
 
+    def instruments(self, model: ElastostaticModel) -> Iterator[tuple[Indices, Sensor]]:
+        """The instruments that have measured some rows, each with these rows and its point there.
+
+        Args:
+            model: Says what is measured.
+        """
+        if self.sensor is None:
+            kind = Marker if model.rows == "position" else PoseMarker
+            yield np.arange(len(self)), kind(BodyPoint(self.marker.T))
+            return
+        for index in np.unique(self.sensor):
+            rows = np.flatnonzero(self.sensor == index)
+            sensor = model.instruments[index]
+            yield rows, replace(sensor, point=replace(sensor.point, offset=self.marker[rows].T))
+
     def regressor(self, model: ElastostaticModel) -> Array:
         """Regressors (m, rows, p) of what was measured [m/(rad/(N m))].
 
@@ -123,6 +135,8 @@ class Measurements(Presented):
         tool by ``J_tool,j`` times that: by d and about r. A marker at offset o moves by
         ``d + r x o``, so that its column is ``J_marker,j (J_tool,j' W)``.
         """
+        if self.sensor is not None or not model.is_plain:
+            return self._regressor_of_sensors(model)
         if not self.marker.any():
             return model.regressor(self.q, self.wrench)
         frames = model.robot.frames(self.q)
@@ -141,6 +155,43 @@ class Measurements(Presented):
             moved = np.concatenate([moved, angular], axis=1)
         return np.moveaxis(moved, (0, 1), (-1, -2))
 
+    def _regressor_of_sensors(self, model: ElastostaticModel) -> Array:
+        """Regressors (m, rows, p): each row's own motion, times the joint loads."""
+        frames = model.frames(self.q)
+        torque = model.torque_of(frames, self.wrench)[model.joints]
+        motion = self.motion_of(model, frames)[model.joints]
+        # Poses stay contiguous, as the model makes them: another layout sums in another order.
+        return np.moveaxis(motion * torque[:, None], (0, 1), (-1, -2))
+
+    def motion_of(self, model: ElastostaticModel, frames: Frames) -> Array:
+        """Derivatives (n, rows, m) of what each row measures by all joints, component first.
+
+        Args:
+            model: Says what is measured.
+            frames: The robot in the pose of each row.
+        """
+        motion = np.empty((model.robot.n, self.deflection.shape[1], len(self)))
+        for rows, sensor in self.instruments(model):
+            own = frames if len(rows) == len(self) else frames[rows]
+            size = model.reach_of(sensor.point)
+            motion[..., rows] = without_rounding(own.folded(sensor.motion(own)), size)
+        return motion
+
+    def changes(self, model: ElastostaticModel, rest: Rest) -> Array:
+        """What the instruments would have shown (m, rows) of a robot at rest [m, rad].
+
+        Args:
+            model: Says what is measured.
+            rest: The robot in each distinct pose, in the order of `pose`.
+        """
+        before = model.frames(rest.start)
+        after = model.frames(rest.end)
+        found = np.empty_like(self.deflection)
+        for rows, sensor in self.instruments(model):
+            pose = self.pose[rows]
+            found[rows] = sensor.change(before[pose], after[pose]).T
+        return found
+
     @classmethod
     def from_csv(
         cls,
@@ -149,6 +200,8 @@ class Measurements(Presented):
         fixed: dict[int, float],
         wrench: Array | None,
         sigma: Array,
+        model: ElastostaticModel | None = None,
+        nominal: bool = False,
     ) -> "Measurements":
         """Read a measurement file.
 
@@ -159,6 +212,8 @@ class Measurements(Presented):
         differ, or ``cov_xx_mm2 cov_xy_mm2 cov_xz_mm2 cov_yy_mm2 cov_yz_mm2 cov_zz_mm2`` where a
         tracker states the covariance of each displacement, in the world frame; ``marker_x_mm
         marker_y_mm marker_z_mm``; and ``visit``, a number that readings of one visit share.
+        Where a study has several instruments, ``marker`` names that of a row; a distance has
+        ``d_distance_mm``, or ``distance0_mm distance_mm``.
 
         Args:
             path: The CSV file; rows are counted from 1, the header left out.
@@ -166,23 +221,42 @@ class Measurements(Presented):
             fixed: Values [rad or m] of joints, by index, that the file may leave out.
             wrench: Default wrench (6,); None where the file must say which forces are applied.
             sigma: Noise (rows,) of each measured row [m, rad], of the difference where positions
-                are given; the first three are overridden by the file's.
+                are given, one instrument after another; the sheet may override it.
+            model: Says what is measured; the tool point by default.
+            nominal: Whether displacements are counted from the rigid robot of the model, so that a
+                sheet of positions has no unloaded ones.
 
         Raises:
             PoseFileError: Names the file and the row or column.
         """
         table = PoseTable.read(path, "measurement file").with_known(robot, SHEET_COLUMNS)
+        q = table.poses(robot, fixed)
+        sensors = () if model is None else model.sensors
+        index = sheet_sensors(table, sensors) if sensors else None
+        sigma = stated_sigma(table, sigma, sensors, index)
         noise, covariance = sheet_noise(table, sigma)
-        return cls(
-            q=table.poses(robot, fixed),
+        empty = cls(
+            q=q,
             wrench=_wrenches(table, wrench),
-            deflection=_deflection(table, robot.reach, rotations=len(sigma) == 6),
+            deflection=np.zeros_like(noise),
             sigma=noise,
-            marker=_markers(table),
+            marker=sheet_markers(table, sensors, index),
             covariance=covariance,
             visit=table.numbers(VISIT_COLUMN) if VISIT_COLUMN in table else None,
             stated=any(column in table for kind in NOISE_COLUMNS for column in kind),
+            sensor=index,
         )
+        rigid = empty._rigid(model) if model is not None and nominal else None
+        change = sheet_change(table, robot.reach, noise.shape[1], rigid)
+        return replace(empty, deflection=change)
+
+    def _rigid(self, model: ElastostaticModel) -> Array:
+        """Positions (m, 3), or distances (m, 1), that the rigid robot would have [m]."""
+        frames = model.frames(self.q)
+        found = np.zeros((len(self), min(self.deflection.shape[1], 3)))
+        for rows, sensor in self.instruments(model):
+            found[rows] = sensor.place(frames[rows]).T
+        return found
 
 
 def row_numbers(*columns: Array | Indices) -> Indices:
@@ -213,65 +287,3 @@ def _wrenches(table: PoseTable, default: Array | None) -> Array:
             "expected the load applied"
         )
     return wrenches
-
-
-def _deflection(table: PoseTable, reach: float, rotations: bool) -> Array:
-    """Displacements (m, 3) [m], or with rotations (m, 6) [m, rad]."""
-    displacement = _displacement(table)
-    _require_near(table, displacement, reach)
-    if not displacement.any():
-        raise table.error("all measured displacements are zero; expected those that the load made")
-    if rotations:
-        turned = np.deg2rad(table.vectors(ROTATION_COLUMNS))
-        return np.hstack([displacement, turned])
-    given = [column for column in ROTATION_COLUMNS if column in table]
-    if given:
-        raise table.error(
-            f"column {given[0]!r}: the study measures positions only (measurement.rows)"
-        )
-    return displacement
-
-
-def _displacement(table: PoseTable) -> Array:
-    """Displacements (m, 3) [m], measured as such or as the difference of two positions."""
-    position_columns = (*UNLOADED_COLUMNS, *LOADED_COLUMNS)
-    given = [column for column in DEFLECTION_COLUMNS if column in table]
-    positions = [column for column in position_columns if column in table]
-    if given and positions:
-        raise table.error(
-            f"columns {given[0]!r} and {positions[0]!r}: "
-            "expected displacements or positions, not both"
-        )
-    if positions:
-        return (table.vectors(LOADED_COLUMNS) - table.vectors(UNLOADED_COLUMNS)) / 1e3
-    if not given:
-        raise table.error(
-            f"column {DEFLECTION_COLUMNS[0]!r} is missing; "
-            f"expected {', '.join(DEFLECTION_COLUMNS)}, or {', '.join(position_columns)}"
-        )
-    return table.vectors(DEFLECTION_COLUMNS) / 1e3
-
-
-def _require_near(table: PoseTable, displacement: Array, reach: float) -> None:
-    """Refuse positions whose difference no load can make: columns were swapped, or frames mixed.
-
-    Displacements that were measured as such are left to the diagnostics, which know units.
-    """
-    far = np.flatnonzero(np.abs(displacement).max(axis=1) > FAR * reach)
-    if not len(far) or LOADED_COLUMNS[0] not in table:
-        return
-    if np.abs(table.vectors(LOADED_COLUMNS)).max() >= MICROMETRES * reach:
-        return
-    columns = ", ".join((*UNLOADED_COLUMNS, *LOADED_COLUMNS))
-    moved_mm = 1e3 * np.linalg.norm(displacement[far[0]])
-    raise table.error(
-        f"row {far[0] + 1}, columns {columns}: the marker moved by {moved_mm:.4g} mm under load; "
-        "are columns swapped? expected positions without and with load, in the same frame"
-    )
-
-
-def _markers(table: PoseTable) -> Array:
-    """Offsets (m, 3) of the markers [m]; zero where the file says nothing of markers."""
-    if any(column in table for column in MARKER_COLUMNS):
-        return table.vectors(MARKER_COLUMNS) / 1e3
-    return np.zeros((len(table), 3))

@@ -23,8 +23,8 @@ def sheet_noise(table: PoseTable, sigma: Array) -> tuple[Array, CorrelatedNoise 
 
     Args:
         table: The sheet.
-        sigma: Noise (rows,) of each measured row of the study [m, rad], which the sheet overrides
-            for positions.
+        sigma: Noise (rows,) of each measured row of the study, or that of each row of the sheet
+            (m, rows) [m, rad], which the sheet overrides for positions.
 
     Returns:
         Standard deviations (m, rows) [m, rad]; and the noise where its errors are correlated, else
@@ -33,7 +33,7 @@ def sheet_noise(table: PoseTable, sigma: Array) -> tuple[Array, CorrelatedNoise 
     Raises:
         PoseFileError: Names the row and column of a noise that is none, or of two kinds of them.
     """
-    noise = np.tile(sigma, (len(table), 1))
+    noise = np.array(np.broadcast_to(sigma, (len(table), np.shape(sigma)[-1])))
     given = [[column for column in kind if column in table] for kind in NOISE_COLUMNS]
     kinds = [columns for columns in given if columns]
     if len(kinds) > 1:

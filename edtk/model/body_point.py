@@ -13,7 +13,8 @@ class BodyPoint:
     """A point of the tool, or of the body that a joint moves.
 
     Attributes:
-        offset: Offset (3,) from the tool point in the tool frame, or in the joint's frame [m].
+        offset: Offset (3,) from the tool point in the tool frame, or in the joint's frame [m]; for
+            a point that is elsewhere in each pose, one a pose (3, ...).
         joint: Index of the joint that moves the body, among all joints of the chain; None for the
             tool.
     """
@@ -37,6 +38,10 @@ class BodyPoint:
             return frames.position + self._lever(frames.rotation)
         rotation, origin = frames.bodies[self.joint]
         return origin + self._lever(rotation)
+
+    def orientation(self, frames: Frames) -> Array:
+        """The frame of the body (3, 3, ...): its k-th unit vector is the k-th entry."""
+        return frames.rotation if self.joint is None else frames.bodies[self.joint][0]
 
     def linear(self, frames: Frames) -> Array:
         """Velocity of the point per joint (N, 3, ...) [m/rad, or 1 if prismatic].
@@ -62,4 +67,4 @@ class BodyPoint:
 
     def _lever(self, rotation: Array) -> Array:
         """The offset (3, ...) in world axes [m]."""
-        return np.einsum("k,kc...->c...", self.offset, rotation)
+        return np.einsum("k...,kc...->c...", self.offset, rotation)

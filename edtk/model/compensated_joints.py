@@ -39,8 +39,12 @@ def compensated_joints(
     q0 = np.asarray(q0, dtype=float)
     W = np.asarray(wrench, dtype=float)
     k = np.asarray(k, dtype=float)
-    J = model.robot.jacobian(q0)[..., model.joints]
-    turn = k * (np.swapaxes(J, -1, -2) @ W[..., None])[..., 0]
+    if model.is_plain:
+        J = model.robot.jacobian(q0)[..., model.joints]
+        turn = k * (np.swapaxes(J, -1, -2) @ W[..., None])[..., 0]
+    else:
+        torque = model.torque_of(model.frames(q0), W)[model.joints]
+        turn = k * np.moveaxis(torque, 0, -1)
     q = np.array(np.broadcast_to(q0, (*turn.shape[:-1], model.robot.n)))
     q[..., model.joints] -= turn
     return q

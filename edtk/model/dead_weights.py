@@ -73,6 +73,15 @@ class DeadWeights:
         """Joint loads (n, ...) [N m, or N if prismatic]."""
         return dot(self.linear(frames), self.force(frames))
 
+    def torque_derivative(self, frames: Frames) -> Array:
+        """``dtau_j/dq_k`` (n, n, ...), symmetric as the Hessian of a potential."""
+        bent = cross(self.linear(frames), self.force(frames))
+        H = np.einsum("kc...,jc...->jk...", frames.angular, bent)
+        n = self.joints
+        later = np.triu_indices(n, 1)
+        H[later] = H[later[::-1]]
+        return H
+
     def torque_slope(self, frames: Frames, s: Array) -> Array:
         """Derivatives (n, ...) of ``sum_j s_j tau_j`` by all joints, weights s (n, ...) held fixed.
 

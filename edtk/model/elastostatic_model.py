@@ -12,6 +12,8 @@ from edtk.model.columns_slope import columns_slope, dot
 from edtk.model.dead_weights import DeadWeights
 from edtk.model.force_and_torque import force_and_torque
 from edtk.model.frames import Frames
+from edtk.model.loading import Loading
+from edtk.model.parameter_names import parameter_names
 from edtk.model.regressor_at_tool_point import regressor_at_tool_point
 from edtk.model.robot import Robot
 from edtk.model.sensors.marker import Marker
@@ -29,8 +31,7 @@ class ElastostaticModel:
     """A robot with compliant joints, loaded and measured at its tool point, or elsewhere.
 
     A measurement is a function y(q) of the joints, and a load turns joint j by ``k_j tau_j(q)``.
-    So column j of the regressor is ``dy/dq_j tau_j``, of which `motion_of` gives the first factor
-    and `torque_of` the second.
+    So column j of the regressor is ``dy/dq_j tau_j``, see `motion_of` and `torque_of`.
 
     Args:
         robot: The chain; its tool frame is where the wrench acts and the deflection is measured.
@@ -40,6 +41,8 @@ class ElastostaticModel:
         sensors: Instruments whose rows are measured instead, one after another; none by default.
         load_point: Where the wrench acts; the tool point by default.
         weights: Weights that load the joints besides the wrench; None for none.
+        own_weights: Weights that bend the robot with and without the load, so that displacements
+            see them to the second order only, at a loaded equilibrium; None for none.
 
     Raises:
         ValueError: An index is out of range or repeated.
@@ -51,6 +54,7 @@ class ElastostaticModel:
     sensors: tuple[Sensor, ...] = ()
     load_point: BodyPoint = field(default_factory=BodyPoint)
     weights: DeadWeights | None = None
+    own_weights: DeadWeights | None = None
 
     def __post_init__(self) -> None:
         unknown = tuple(range(self.robot.n)) if self.unknown is None else tuple(self.unknown)
@@ -70,12 +74,7 @@ class ElastostaticModel:
     @property
     def parameters(self) -> tuple[str, ...]:
         """Names of the parameters: k2 for joint q2, and k_NAME for a joint of another name."""
-        names = [self.robot.joint_names[j] for j in self.joints]
-        numbered = [name[:1] == "q" and name[1:].isdigit() for name in names]
-        return tuple(
-            f"k{name[1:]}" if number else f"k_{name}"
-            for name, number in zip(names, numbered, strict=True)
-        )
+        return parameter_names([self.robot.joint_names[j] for j in self.joints])
 
     @property
     def units(self) -> tuple[str, ...]:
@@ -85,7 +84,7 @@ class ElastostaticModel:
 
     @property
     def unit(self) -> str:
-        """The unit of all parameters, or the units where they differ."""
+        """The unit of all parameters, or their units."""
         return " or ".join(sorted(set(self.units), reverse=True))
 
     @property
@@ -113,6 +112,13 @@ class ElastostaticModel:
         """The model under the wrench alone, whose regressors are linear in it."""
         return self if self.weights is None else replace(self, weights=None)
 
+    @property
+    def loading(self) -> Loading:
+        """What loads the joints at a loaded equilibrium, besides the wrench itself."""
+        both = [weights for weights in (self.weights, self.own_weights) if weights is not None]
+        every = both[0].with_more(both[1]) if len(both) > 1 else next(iter(both), None)
+        return Loading(self.load_point, every)
+
     @cached_property
     def bodies(self) -> tuple[int, ...]:
         """Joints whose bodies' frames the model needs, see `Robot.frames`."""
@@ -131,7 +137,7 @@ class ElastostaticModel:
     def motion_of(self, frames: Frames) -> Array:
         """Derivatives ``dy/dq`` (n, rows, ...) of the measured rows by all joints [m/rad, 1]."""
         motion = [
-            without_rounding(frames.folded(sensor.motion(frames)), self._reach_of(sensor.point))
+            without_rounding(frames.folded(sensor.motion(frames)), self.reach_of(sensor.point))
             for sensor in self.instruments
         ]
         return motion[0] if len(motion) == 1 else np.concatenate(motion, axis=1)
@@ -154,7 +160,7 @@ class ElastostaticModel:
             wrench: Forces and torques (..., 6) or (6,) at the load point [N, N m].
         """
         F, T = force_and_torque(wrench, frames)
-        reach = self._reach_of(self.load_point)
+        reach = self.reach_of(self.load_point)
         torque = dot(without_rounding(self.load_point.linear(frames), reach), F)
         if T.any():
             torque += dot(self.load_point.angular(frames), T)
@@ -176,9 +182,9 @@ class ElastostaticModel:
             slope += self.weights.torque_slope(frames, s)
         return frames.folded(slope)
 
-    def _reach_of(self, point: BodyPoint) -> float:
+    def reach_of(self, point: BodyPoint) -> float:
         """An upper bound on the distance of a point from the world's origin [m]."""
-        return self.robot.reach + float(np.linalg.norm(point.offset))
+        return self.robot.reach + float(np.linalg.norm(point.offset, axis=0).max())
 
     def regressor(self, q: ArrayLike, wrench: ArrayLike) -> Array:
         """Eq. (4): ``A = [J_1 J_1' W, ..., J_n J_n' W]``, so that the deflection is ``A k``.
@@ -195,15 +201,7 @@ class ElastostaticModel:
         return np.moveaxis(self.regressor_of(self.frames(q), wrench), (0, 1), (-1, -2))
 
     def regressor_of(self, frames: Frames, wrench: ArrayLike) -> Array:
-        """Regressors of poses whose frames are at hand, component first.
-
-        Args:
-            frames: The poses, by `frames`.
-            wrench: Forces and torques (..., 6) or (6,) [N, N m].
-
-        Returns:
-            Regressors (p, rows, ...).
-        """
+        """Regressors (p, rows, ...) of poses whose frames are at hand, component first."""
         joints = self.joints
         if self.is_plain:
             turns = self.rows == "pose"

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from edtk.model.frames import cross
+from edtk.model.loading import Loading
 from edtk.model.robot import Robot
 from edtk.system.typing import Array, Mask
 
@@ -17,6 +18,7 @@ ITERATIONS = 30  # Newton steps per load step; a handful is the rule
 LONGEST = 0.5  # Newton step [rad or m]; beyond, the derivative says nothing about the arm
 CONVERGED = 1e-12  # Newton step, relative to the deflection, that is rounding
 TINY = 1e-300  # a denominator that divides nothing by zero
+AT_TOOL_POINT = Loading()
 
 
 class NoEquilibriumError(ValueError):
@@ -58,7 +60,12 @@ class Equilibrium:
 
 
 def equilibrium(
-    robot: Robot, q: ArrayLike, wrench: ArrayLike, k: ArrayLike, signed: bool = False
+    robot: Robot,
+    q: ArrayLike,
+    wrench: ArrayLike,
+    k: ArrayLike,
+    signed: bool = False,
+    loading: Loading = AT_TOOL_POINT,
 ) -> Equilibrium:
     """Solve ``theta = k * tau(q + theta)`` with ``tau = J(q + theta)' W``.
 
@@ -75,46 +82,51 @@ def equilibrium(
     Eq. (2).
 
     Args:
-        robot: The chain; its tool frame is where the wrench acts.
+        robot: The chain; its tool frame is where the wrench acts, unless `loading` says otherwise.
         q: Commanded joint variables (..., n) [rad or m].
         wrench: Forces and torques (..., 6) or (6,) at the tool point in the world frame [N, N m].
         k: Compliances (..., n) or (n,) of all joints, zero for rigid ones [rad/(N m)], or [m/N] if
             prismatic.
         signed: Allow negative compliances. No joint has one, but an estimate of a small compliance
             may, and the equation has a solution there too.
+        loading: Where the wrench acts, and weights that load the joints besides it.
 
     Raises:
         NoEquilibriumError: Names the first pose that has none.
         ValueError: Shapes do not fit, or a compliance is negative or not finite.
     """
     batch, flat = _checked(robot, q, wrench, k, signed)
-    theta, found = _follow(robot, 1, *flat)
+    theta, found = _follow(robot, loading, 1, *flat)
     hard = np.flatnonzero(~found | (np.abs(theta) > FAR).any(axis=-1))
     if len(hard):
-        theta[hard], found[hard] = _follow(robot, STEPS, *(x[hard] for x in flat))
+        theta[hard], found[hard] = _follow(robot, loading, STEPS, *(x[hard] for x in flat))
     if not found.all():
         raise NoEquilibriumError(int(np.argmin(found)))
     displacement = _displacement(robot, flat[0], theta)
     return Equilibrium(theta.reshape(*batch, robot.n), displacement.reshape(*batch, 6))
 
 
-def torque_and_derivative(robot: Robot, q: Array, wrench: Array) -> tuple[Array, Array]:
+def torque_and_derivative(
+    robot: Robot, q: Array, wrench: Array, loading: Loading = AT_TOOL_POINT, part: float = 1.0
+) -> tuple[Array, Array]:
     """Joint loads and their derivatives under a constant wrench.
 
     As in `ElastostaticModel.regressor_slope`: ``dJ_j/dq_l = (w_l x v_j, w_l x w_j)`` for l <= j and
     ``(w_j x v_l, 0)`` for l > j, with the linear and angular columns v and w of the Jacobian.
 
     Args:
-        robot: The chain; its tool frame is where the wrench acts.
+        robot: The chain; its tool frame is where the wrench acts, unless `loading` says otherwise.
         q: Joint variables (N, n) [rad or m].
         wrench: Forces and torques (N, 6) [N, N m].
+        loading: Where the wrench acts, and weights that load the joints besides it.
+        part: Share of the weights that acts.
 
     Returns:
         ``tau = J'W`` (N, n) [N m, or N if prismatic], and ``H_jl = dtau_j/dq_l`` (N, n, n).
     """
-    frames = robot.frames(q)
-    v = frames.linear_of_each
-    w = frames.angular_of_each
+    frames = robot.frames(q, loading.bodies)
+    v = loading.point.linear(frames)
+    w = loading.point.angular(frames)
     F = wrench[:, :3].T
     T = wrench[:, 3:].T
     tau = np.einsum("jcN,cN->Nj", v, F) + np.einsum("jcN,cN->Nj", w, T)
@@ -123,6 +135,9 @@ def torque_and_derivative(robot: Robot, q: Array, wrench: Array) -> tuple[Array,
     twisted = np.einsum("lcN,jcN->Njl", w, cross(w, T[None]), optimize=True)
     H = np.tril(forced + twisted)
     H += np.swapaxes(np.tril(forced, -1), -1, -2)
+    if loading.weights is not None:
+        tau = tau + part * loading.weights.torque(frames).T
+        H = H + part * np.moveaxis(loading.weights.torque_derivative(frames), -1, 0)
     if frames.ties is None:
         return tau, H
     P = frames.ties.matrix
@@ -157,7 +172,9 @@ def _displacement(robot: Robot, q: Array, theta: Array) -> Array:
     return np.concatenate([after[:, :3, 3] - before[:, :3, 3], rotation], axis=-1)
 
 
-def _follow(robot: Robot, steps: int, q: Array, W: Array, k: Array) -> tuple[Array, Mask]:
+def _follow(
+    robot: Robot, loading: Loading, steps: int, q: Array, W: Array, k: Array
+) -> tuple[Array, Mask]:
     """Raise the load in equal steps.
 
     Returns:
@@ -167,12 +184,14 @@ def _follow(robot: Robot, steps: int, q: Array, W: Array, k: Array) -> tuple[Arr
     good = np.ones(len(q), dtype=bool)
     for part in np.linspace(0, 1, steps + 1)[1:]:
         at = np.flatnonzero(good)
-        theta[at], good[at] = _newton(robot, q[at], part * W[at], k[at], theta[at])
+        theta[at], good[at] = _newton(robot, loading, part, q[at], W[at], k[at], theta[at])
     return theta, good
 
 
-def _newton(robot: Robot, q: Array, W: Array, k: Array, theta: Array) -> tuple[Array, Mask]:
-    """Solve from a start theta (N, n), each pose until it has converged.
+def _newton(
+    robot: Robot, loading: Loading, part: float, q: Array, W: Array, k: Array, theta: Array
+) -> tuple[Array, Mask]:
+    """Solve for a part of the load from a start theta (N, n), each pose until it has converged.
 
     Returns:
         Deflections (N, n), and whether each is a converged, stable equilibrium (N,).
@@ -184,7 +203,8 @@ def _newton(robot: Robot, q: Array, W: Array, k: Array, theta: Array) -> tuple[A
     for _ in range(ITERATIONS):
         if not len(moving):
             break
-        tau, H = torque_and_derivative(robot, q[moving] + theta[moving], W[moving])
+        loaded = q[moving] + theta[moving]
+        tau, H = torque_and_derivative(robot, loaded, part * W[moving], loading, part)
         slope = eye - k[moving, :, None] * H
         # At a buckling point the derivative is singular: such a pose is given up.
         regular = np.abs(np.linalg.det(slope)) > np.finfo(float).eps

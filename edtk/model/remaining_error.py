@@ -32,7 +32,8 @@ def remaining_error(
         NoEquilibriumError: A pose buckles under the load.
     """
     q = compensated_joints(model, q0, wrench, believed)
-    loaded = q + equilibrium(model.robot, q, wrench, all_compliances(model, true)).theta
+    k = all_compliances(model, true)
+    loaded = q + equilibrium(model.robot, q, wrench, k, loading=model.loading).theta
     reached = model.robot.forward(loaded)[..., :3, 3]
     desired = model.robot.forward(q0)[..., :3, 3]
     return np.asarray(reached - desired)

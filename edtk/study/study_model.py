@@ -33,6 +33,7 @@ def study_model(study: "StudyObjects", unknown: tuple[int, ...]) -> Elastostatic
         sensors=_sensors(study),
         load_point=_load_point(study),
         weights=_weights(study),
+        own_weights=None if study.is_absolute else _links(study),
     )
 
 
@@ -114,9 +115,14 @@ def link_weights(study: "StudyObjects") -> DeadWeights | None:
 
     Differences of a loaded and an unloaded reading do not see them, as they bend the robot in both.
     """
-    if study.specification.measurement.reference == "unloaded":
-        return None
+    return _links(study) if study.is_absolute else None
+
+
+def _links(study: "StudyObjects") -> DeadWeights | None:
+    """The weights of the links; None where they are not known."""
     links = {joint: link for joint, link in enumerate(study.robot.links) if link.mass}
+    if not links:
+        return None
     centers = tuple(BodyPoint(link.center, joint) for joint, link in links.items())
     return DeadWeights(tuple(link.mass for link in links.values()), centers, len(study.robot.chain))
 

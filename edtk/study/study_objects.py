@@ -80,6 +80,11 @@ class StudyObjects:
         return {names.index(name): float(values[names.index(name)]) for name in given}
 
     @property
+    def is_absolute(self) -> bool:
+        """Whether displacements are counted from the nominal robot, not from the unloaded one."""
+        return self.specification.measurement.reference == "nominal"
+
+    @property
     def sigma(self) -> Array:
         """Standard deviation of each measured row (rows,) of an experiment [m, rad].
 

@@ -125,6 +125,12 @@ class PoseTable:
             raise self.error(f"column {missing[0]!r} is missing; expected {', '.join(columns)}")
         return np.stack([self.numbers(column) for column in columns], axis=-1)
 
+    def texts(self, column: str) -> list[str]:
+        """One column as texts, without blanks at their ends."""
+        if isinstance(self.cells, dict):
+            return [f"{number:g}" for number in self.cells[column]]
+        return [str(cell).strip() for cell in self.cells[column]]
+
     def _finite(self, column: str) -> Array:
         """The numbers of a data frame's column, each checked."""
         import pandas as pd

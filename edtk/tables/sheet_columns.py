@@ -6,6 +6,10 @@ UNLOADED_COLUMNS = ("x0_mm", "y0_mm", "z0_mm")
 LOADED_COLUMNS = ("x_mm", "y_mm", "z_mm")
 # Rotation of the tool under load, a small rotation vector in the world frame.
 ROTATION_COLUMNS = ("drx_deg", "dry_deg", "drz_deg")
+# The same of a distance: its change, or both readings.
+DISTANCE_CHANGE_COLUMN = "d_distance_mm"
+UNLOADED_DISTANCE_COLUMN = "distance0_mm"
+LOADED_DISTANCE_COLUMN = "distance_mm"
 # Standard deviation of each coordinate of a displacement.
 SIGMA_COLUMN = "sigma_mm"
 # The same where it is not that of every axis: a laser tracker measures distances best.
@@ -23,6 +27,8 @@ COVARIANCE_COLUMNS = (
 MARKER_COLUMNS = ("marker_x_mm", "marker_y_mm", "marker_z_mm")
 # Number of the visit of a pose: readings within a visit share the errors of the joints.
 VISIT_COLUMN = "visit"
+# Name of the marker, or of the distance, that a row is of.
+MARKER_NAME_COLUMN = "marker"
 
 # Columns of a measurement sheet that are there together or not at all.
 MEASURED_TOGETHER = (
@@ -34,6 +40,9 @@ MEASURED_TOGETHER = (
     COVARIANCE_COLUMNS,
     MARKER_COLUMNS,
     (VISIT_COLUMN,),
+    (MARKER_NAME_COLUMN,),
+    (DISTANCE_CHANGE_COLUMN,),
+    (UNLOADED_DISTANCE_COLUMN, LOADED_DISTANCE_COLUMN),
 )
 SHEET_COLUMNS = tuple(column for group in MEASURED_TOGETHER for column in group)
 

@@ -1,7 +1,6 @@
 """`edtk.bias`: the cost of identifying with the linear model."""
 
 from edtk.calibration.plan_bias import PlanBias, plan_bias
-from edtk.study.require_plain import require_plain
 from edtk.verbs.inputs import PlanLike, StudyLike, as_plan, as_study, errors_in, name_of
 
 
@@ -22,7 +21,6 @@ def bias(study: StudyLike, plan: PlanLike) -> PlanBias:
         UserError: A file is not valid, the plan leaves parameters open, or a pose buckles.
     """
     question = as_study(study)
-    require_plain(question, "the bias of the linear model")
     where = name_of(plan, "plan")
     with errors_in(where):
         return plan_bias(question, as_plan(question, plan), where)

@@ -6,7 +6,6 @@ from edtk.calibration.calibrate import calibrate
 from edtk.calibration.calibration import Calibration
 from edtk.calibration.inference_data import inference_data
 from edtk.report.calibration_files import NAMES, calibration_files
-from edtk.study.require_plain import require_plain
 from edtk.system.atomic_file import Content, write_files
 from edtk.verbs.inputs import PlanLike, StudyLike, as_plan, as_study
 from edtk.verbs.require_output import require_folder, require_output
@@ -48,7 +47,6 @@ def identify(
         UserError: A file is not valid, or the measurements cannot be used; one line says why.
     """
     question = as_study(study)
-    require_plain(question, "an identification")
     sampling = bayes if isinstance(bayes, Sampling) else Sampling()
     inputs = (*question.reads, measurements, plan if isinstance(plan, str | Path) else None)
     sampling.require_writable(*inputs)

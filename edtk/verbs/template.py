@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 from edtk.calibration.require_empty import require_empty
 from edtk.calibration.template import template as empty_sheet
 from edtk.calibration.template import write_template
-from edtk.study.require_plain import require_plain
+from edtk.study.study import Study
 from edtk.system.atomic_file import is_standard_output
-from edtk.system.errors import UserError
+from edtk.system.errors import ArgumentError, UserError
 from edtk.verbs.inputs import PlanLike, StudyLike, as_plan, as_study, name_of
 from edtk.verbs.require_output import require_output
 
@@ -46,12 +46,12 @@ def template(
         UserError: A file is not valid, the plan is too long, or `out` holds something else.
     """
     question = as_study(study)
-    require_plain(question, "a template")
+    _require_one_kind(question, markers)
     measured = as_plan(question, plan)
     if out is not None and not is_standard_output(out):
         require_output(out, *question.reads, plan if isinstance(plan, str | Path) else None)
         require_empty(Path(out))
-    rows = measured.experiments * (markers or 1)
+    rows = measured.experiments * (markers or len(question.model.instruments))
     if rows > MOST_ROWS:
         raise UserError(
             f"a sheet of {rows} rows, one for each repetition and marker; "
@@ -62,3 +62,18 @@ def template(
     if out is not None:
         write_template(table, out)
     return table
+
+
+def _require_one_kind(study: Study, markers: int | None) -> None:
+    """Check that the instruments of a study fit into the rows of a sheet.
+
+    Raises:
+        UserError: They measure different rows, or `markers` counts them too.
+    """
+    sensors = study.model.sensors
+    if sensors and markers is not None:
+        message = f"the study has {len(sensors)} instruments of its own; leave this out"
+        raise ArgumentError(message, argument="markers", given=markers)
+    if len({sensor.rows for sensor in sensors}) > 1:
+        key = "distance" if study.specification.distance else "marker"
+        raise study.error(key, "a sheet holds instruments that measure the same rows only")

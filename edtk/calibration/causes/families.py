@@ -95,14 +95,12 @@ def _drifts(A: Array) -> Iterator[Family]:
 
 def _by_sign(model: ElastostaticModel, data: Measurements, A: Array) -> Iterator[Family]:
     """A joint, or every one, whose compliance or position depends on the sign of its load."""
-    whole = ElastostaticModel(model.robot, model.unknown, "pose")
-    J = np.swapaxes(model.robot.jacobian(data.q)[..., model.joints], 1, 2)
-    torque = (J @ data.wrench[..., None])[..., 0]
+    torque = _torque(model, data)
     sign = np.sign(torque)[:, None]  # (m, 1, p)
     # The motion of the marker by a unit of each joint, from the motion by a unit of its torque.
     unit = np.divide(A, torque[:, None], out=np.zeros_like(A), where=torque[:, None] != 0)
-    names = [model.robot.joint_names[index] for index in whole.joints]
-    kinds_of = [model.robot.joints[index].kind for index in whole.joints]
+    names = [model.robot.joint_names[index] for index in model.joints]
+    kinds_of = [model.robot.joints[index].kind for index in model.joints]
     both = (torque > 0).any(axis=0) & (torque < 0).any(axis=0)
     every = np.ones(model.p, dtype=bool)
     # One joint that has torques of both signs, or all joints alike: arms are built of equal gears.
@@ -117,6 +115,14 @@ def _by_sign(model: ElastostaticModel, data: Measurements, A: Array) -> Iterator
             scale = ("deg", DEGREES) if kind == "revolute" else ("mm", MM)
             predict = _loose(A, (unit * sign * chosen).sum(axis=-1))
             yield Family("backlash", *scale, 1, USUAL_PLAY[kind], predict, tries, name)
+
+
+def _torque(model: ElastostaticModel, data: Measurements) -> Array:
+    """Loads (m, p) of the unknown joints [N m, or N if prismatic]."""
+    if not model.is_plain:
+        return model.torque_of(model.frames(data.q), data.wrench)[model.joints].T
+    J = np.swapaxes(model.robot.jacobian(data.q)[..., model.joints], 1, 2)
+    return np.asarray((J @ data.wrench[..., None])[..., 0])
 
 
 def _stiffer(A: Array, sign: Array) -> Callable[[Array], tuple[Array, Array]]:

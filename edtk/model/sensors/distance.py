@@ -41,6 +41,20 @@ class Distance(Sensor):
         across = (moved - direction * (direction * moved).sum(axis=0)) / length
         return turned + dot(linear, across[None])
 
+    def place(self, frames: Frames) -> Array:
+        """Distance (1, ...) [m]."""
+        return self._wire(frames)[1][None]
+
+    def change(self, before: Frames, after: Frames) -> Array:
+        """Change of the distance (1, ...) [m]."""
+        # The difference of the squares over the sum: two large distances would cancel.
+        first = self.point.position(before)
+        moved = self.point.position(after) - first
+        anchor = self.anchor.reshape(3, *[1] * (first.ndim - 1))
+        longer = (moved * (moved + 2 * (first - anchor))).sum(axis=0)
+        lengths = self._wire(before)[1] + self._wire(after)[1]
+        return (longer / lengths)[None]
+
     def _wire(self, frames: Frames) -> tuple[Array, Array]:
         """Direction (3, ...) from the anchor to the point, and distance (...) [m]."""
         position = self.point.position(frames)

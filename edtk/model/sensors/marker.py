@@ -24,3 +24,11 @@ class Marker(Sensor):
     def motion_slope(self, frames: Frames, B: Array) -> Array:
         """See `columns_slope`."""
         return columns_slope(self.point.linear(frames), self.point.angular(frames), B)
+
+    def place(self, frames: Frames) -> Array:
+        """Position (3, ...) [m]."""
+        return self.point.position(frames)
+
+    def change(self, before: Frames, after: Frames) -> Array:
+        """Displacement (3, ...) [m]."""
+        return self.point.position(after) - self.point.position(before)

@@ -6,6 +6,7 @@ import numpy as np
 
 from edtk.model.columns_slope import columns_slope
 from edtk.model.frames import Frames
+from edtk.model.rotation_vector import inverse_left_jacobian, rotation_vector
 from edtk.model.sensors.sensor import Sensor
 from edtk.system.typing import Array
 
@@ -27,3 +28,29 @@ class PoseMarker(Sensor):
         """See `columns_slope`."""
         linear = self.point.linear(frames)
         return columns_slope(linear, self.point.angular(frames), B[:, :3], B[:, 3:])
+
+    def place(self, frames: Frames) -> Array:
+        """Position (3, ...) [m]."""
+        return self.point.position(frames)
+
+    def change(self, before: Frames, after: Frames) -> Array:
+        """Displacement and rotation vector (6, ...) [m, rad]."""
+        moved = self.point.position(after) - self.point.position(before)
+        return np.concatenate([moved, rotation_vector(self._turn(before, after))])
+
+    def change_derivative(self, before: Frames, after: Frames, start: Array, end: Array) -> Array:
+        """A rotation vector r changes by ``J_l(r)^-1 (w_after - R w_before)``, R the rotation."""
+        rows = np.einsum("nr...,np...->rp...", after.folded(self.motion(after)), end)
+        turn = self._turn(before, after)
+        if start.any():
+            first = np.einsum("nr...,np...->rp...", before.folded(self.motion(before)), start)
+            rows[:3] -= first[:3]
+            rows[3:] -= np.einsum("ij...,jp...->ip...", turn, first[3:])
+        inverse = inverse_left_jacobian(np.moveaxis(rotation_vector(turn), 0, -1))
+        rows[3:] = np.einsum("...ij,jp...->ip...", inverse, rows[3:])
+        return rows
+
+    def _turn(self, before: Frames, after: Frames) -> Array:
+        """Rotations (3, 3, ...) from the one orientation to the other, in world axes."""
+        axes = (self.point.orientation(before), self.point.orientation(after))
+        return np.einsum("kj...,ki...->ij...", *axes)

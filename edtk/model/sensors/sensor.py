@@ -3,6 +3,8 @@
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from edtk.model.body_point import BodyPoint
 from edtk.model.frames import Frames
 from edtk.system.typing import Array
@@ -32,3 +34,25 @@ class Sensor(ABC):
     @abstractmethod
     def motion_slope(self, frames: Frames, B: Array) -> Array:
         """Derivatives (n, ...) of ``<B, dy/dq>`` by all joints, weights B (n, rows, ...) fixed."""
+
+    @abstractmethod
+    def place(self, frames: Frames) -> Array:
+        """What the instrument shows of a robot: a position (3, ...), or a distance (1, ...) [m]."""
+
+    @abstractmethod
+    def change(self, before: Frames, after: Frames) -> Array:
+        """What the rows (rows, ...) show when the robot moves from some poses to others."""
+
+    def change_derivative(self, before: Frames, after: Frames, start: Array, end: Array) -> Array:
+        """Derivatives (rows, p, ...) of `change` by parameters that move the robot.
+
+        Args:
+            before: Poses at the start of the motion.
+            after: Poses at its end.
+            start: Derivatives (n, p, ...) of the joint variables at the start.
+            end: The same at the end.
+        """
+        at_end = np.einsum("nr...,np...->rp...", after.folded(self.motion(after)), end)
+        if not start.any():
+            return at_end
+        return at_end - np.einsum("nr...,np...->rp...", before.folded(self.motion(before)), start)

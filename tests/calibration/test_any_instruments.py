@@ -1,0 +1,209 @@
+"""Sheets of markers, distances and poses, loads anywhere and links with weight, identified."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.spatial.transform import Rotation
+
+from edtk.calibration.calibrate import calibrate
+from edtk.calibration.template import template
+from edtk.design.plan import Plan
+from edtk.model.load_robot import load_robot
+from edtk.model.robot import Robot
+from edtk.model.robot_to_dict import robot_to_dict
+from edtk.model.transform import transform
+from edtk.study.study import Study
+from edtk.system.errors import UserError
+
+G = 9.80665
+K = np.array([0.2, 0.3, 0.4, 2.8, 2.9, 2.1]) * 1e-6
+MASSES = np.array([400.0, 300.0, 220.0, 90.0, 60.0, 30.0])
+CENTERS = np.array([[0.1, 0.02 * i, -0.05 + 0.03 * i] for i in range(6)])
+
+
+def robot_with_links():
+    content = robot_to_dict(load_robot("kuka_kr270"))
+    for joint, mass, center in zip(content["joints"], MASSES, CENTERS, strict=True):
+        joint |= {"mass_kg": mass, "center_m": center.tolist()}
+    return content
+
+
+PLAIN = {
+    "robot": "kuka_kr270",
+    "tool": {"position_mm": [611.5, 0, -460]},
+    "load": {"F_N": [300, -200, -2500]},
+    "measurement": {"sigma_mm": 0.03, "sigma_deg": 0.002},
+    "joints": {"unknown": ["q1", "q2", "q3", "q4", "q5", "q6"]},
+}
+MARKERS = [
+    {"position_mm": [0, 100, 50]},
+    {"name": "side", "position_mm": [50, -100, 50]},
+    {"name": "forearm", "joint": "q4", "position_mm": [-300, 50, 100]},
+]
+PAYLOAD = {"mass_kg": 250.0, "center_mm": [300.0, 40.0, -200.0]}
+VERTICAL = {"unknown": ["q2", "q3", "q4", "q5", "q6"]}  # no weight turns joint 1
+CASES = {
+    "markers": {"marker": MARKERS},
+    "payload": {"load": None, "payload": PAYLOAD, "marker": MARKERS[:2], "joints": VERTICAL},
+    "load and payload": {
+        "load": {"F_N": [300, -200, -1000], "at_mm": [0, 50, 100]},
+        "payload": PAYLOAD,
+    },
+    "poses": {"marker": [one | {"rows": "pose"} for one in MARKERS]},
+    "distances": {
+        "distance": [
+            {"anchor_mm": [3000, 0, 0]},
+            {"anchor_mm": [0, 3000, 500], "position_mm": [0, 100, 50]},
+            {"anchor_mm": [1000, 500, 4000], "name": "wire"},
+        ]
+    },
+    "differences with links": {"robot": robot_with_links(), "marker": MARKERS},
+    "absolute": {
+        "robot": robot_with_links(),
+        "load": None,
+        "payload": PAYLOAD,
+        "measurement": {"sigma_mm": 0.03, "reference": "nominal"},
+        "marker": MARKERS,
+        "joints": VERTICAL,
+    },
+}
+
+
+class Bench:
+    """An independent robot at rest: energies by products of transforms, slopes by differences."""
+
+    def __init__(self, study):
+        given = study.specification
+        tool = np.array(given.tool.position_mm) / 1e3
+        self.robot = load_robot("kuka_kr270").with_tool(transform(tool))
+        self.payload = given.payload
+        self.load = given.load
+        self.links = bool(study.robot.links)
+        self.absolute = given.measurement.reference == "nominal"
+        self.k = K * np.isin(study.robot.joint_names, given.joints.unknown)
+
+    def body(self, q, joint):
+        """Transforms of the body of a joint; None for the tool."""
+        if joint is None:
+            return self.robot.forward(q)
+        part = Robot("part", self.robot.joints[: joint + 1], self.robot.base)
+        return part.forward(q[..., : joint + 1])
+
+    def at(self, q, joint, offset_mm):
+        """A point of a body in the world."""
+        return (self.body(q, joint) @ np.append(np.array(offset_mm) / 1e3, 1))[..., :3]
+
+    def energy(self, q, wrench, loaded):
+        """Potential energies (...) of loads and weights in poses (..., 6)."""
+        total = np.zeros(q.shape[:-1])
+        for j in range(6 if self.links else 0):
+            total += G * MASSES[j] * self.at(q, j, 1e3 * CENTERS[j])[..., 2]
+        if loaded and self.payload is not None:
+            weight = G * self.payload.mass_kg
+            total += weight * self.at(q, 5, self.payload.center_mm)[..., 2]
+        if loaded and self.load is not None:
+            total -= self.at(q, None, self.load.at_mm) @ wrench[:3]
+        return total
+
+    def rest(self, q, wrench, loaded):
+        """``theta = k tau(q + theta)`` by repetition, with tau from differences of the energy."""
+        if not loaded and (self.absolute or not self.links):
+            return q
+        theta = np.zeros(6)
+        step = 1e-3
+        shifts = step * np.array([2.0, 1.0, -1.0, -2.0])[:, None, None] * np.eye(6)
+        for _ in range(6):
+            ends = self.energy(q + theta + shifts, wrench, loaded)
+            theta = self.k * (np.array([1.0, -8.0, 8.0, -1.0]) @ ends) / (12 * step)
+        return q + theta
+
+    def rows(self, ends, sensor, joint):
+        """Cells of one row of a sheet."""
+        start, end = ends
+        offset = np.array(sensor.get("position_mm", [0, 0, 0]))
+        before = self.body(start, joint)
+        after = self.body(end, joint)
+        first = self.at(start, joint, offset)
+        moved = self.at(end, joint, offset) - first
+        if "anchor_mm" in sensor:
+            anchor = np.array(sensor["anchor_mm"]) / 1e3
+            change = np.linalg.norm(first + moved - anchor) - np.linalg.norm(first - anchor)
+            return {"d_distance_mm": 1e3 * change}
+        if self.absolute:
+            return dict(zip(["x_mm", "y_mm", "z_mm"], 1e3 * (first + moved), strict=True))
+        cells = dict(zip(["dx_mm", "dy_mm", "dz_mm"], 1e3 * moved, strict=True))
+        if sensor.get("rows") == "pose":
+            turn = Rotation.from_matrix(after[:3, :3] @ before[:3, :3].T).as_rotvec()
+            cells |= dict(zip(["drx_deg", "dry_deg", "drz_deg"], np.rad2deg(turn), strict=True))
+        return cells
+
+
+def filled(keys, study, poses=6):
+    """The template of a random plan, filled in by the bench."""
+    rng = np.random.default_rng(1)
+    x = study.space.draw(rng.random((poses, len(study.space.drawn))))
+    once = np.ones(poses, dtype=int)
+    plan = Plan(x[:, :6].round(3), study.space.plan(x, once).wrench, once)
+    sheet = template(study, plan, positions=study.is_absolute)
+    bench = Bench(study)
+    sensors = keys.get("marker", []) + keys.get("distance", []) or [{}]
+    rows = []
+    for i, row in sheet.iterrows():
+        sensor = sensors[i % len(sensors)]
+        joint = None if "joint" not in sensor else int(sensor["joint"][1]) - 1
+        if i % len(sensors) == 0:
+            q = np.deg2rad([row[f"q{j}_deg"] for j in range(1, 7)])
+            wrench = np.array([row[c] for c in ("Fx_N", "Fy_N", "Fz_N")])
+            ends = [bench.rest(q, wrench, loaded) for loaded in (False, True)]
+        rows.append(bench.rows(ends, sensor, joint))
+    cells = pd.DataFrame(rows)
+    assert set(cells) <= set(sheet)
+    return sheet.assign(**{name: cells[name] for name in cells})
+
+
+@pytest.mark.parametrize("keys", CASES.values(), ids=CASES)
+def test_a_simulated_robot_is_identified(tmp_path, keys):
+    """The compliances of an independently simulated robot come back, from a filled-in template."""
+    study = Study(**(PLAIN | keys))
+    path = tmp_path / "sheet.csv"
+    filled(keys, study).to_csv(path, index=False, float_format="%.15g")
+    found = calibrate(study, path)
+    assert found.fitted.nonlinear
+    true = K[list(study.model.joints)]
+    np.testing.assert_allclose(found.fit.k, true, rtol=1e-4)
+    assert np.abs(found.fit.residual[:, :3]).max() < 2e-9  # [m]
+
+
+@pytest.mark.parametrize(
+    ("keys", "change", "message"),
+    [
+        (
+            CASES["markers"],
+            {"marker": None},
+            "column 'marker' is missing; expected which of",
+        ),
+        (CASES["markers"], {"marker": "nose"}, "no marker 'nose' in the study; expected one of"),
+        (CASES["absolute"], {"x0_mm": 1.0}, "column 'x0_mm': the study counts from the nominal"),
+        (CASES["absolute"], {"x_mm": 9e3}, "mm from the nominal robot; expected positions in the"),
+        (CASES["distances"], {"d_distance_mm": None}, "column 'd_distance_mm' is missing"),
+    ],
+)
+def test_wrong_sheets(tmp_path, keys, change, message):
+    """A sheet that does not say which instrument a row is of, or of what, is one line."""
+    study = Study(**(PLAIN | keys))
+    sheet = filled(keys, study, poses=1).assign(**change)
+    path = tmp_path / "sheet.csv"
+    sheet.dropna(axis="columns", how="all").to_csv(path, index=False)
+    with pytest.raises(UserError) as caught:
+        calibrate(study, path)
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_mixed_instruments_are_designed_only(tmp_path):
+    """A sheet has rows of one kind; a study that mixes them says so."""
+    study = Study(**(PLAIN | CASES["markers"] | {"distance": [{"anchor_mm": [3000, 0, 0]}]}))
+    path = tmp_path / "sheet.csv"
+    filled(CASES["markers"], Study(**(PLAIN | CASES["markers"])), 1).to_csv(path, index=False)
+    with pytest.raises(UserError, match="marker 1 and distance 1 measure different rows"):
+        calibrate(study, path)
