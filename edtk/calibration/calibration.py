@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from edtk.calibration.calibration_budget import propagation_of
 from edtk.calibration.cause_of import cause_of
 from edtk.calibration.causes.cause import Cause
 from edtk.calibration.check_posterior import check_posterior
@@ -27,6 +28,7 @@ from edtk.inference.sample_posterior import SamplingOptions
 from edtk.inference.task_accuracy import TaskAccuracy
 from edtk.model.error_budget import ErrorBudget
 from edtk.model.expected_error import ExpectedError, expected_error
+from edtk.model.tasks import Tasks
 from edtk.study.accuracy_of_tasks import accuracy_of_tasks
 from edtk.study.study import Study
 from edtk.study.study_prior import study_prior
@@ -136,9 +138,22 @@ class Calibration(Presented):
 
     @cached_property
     def tasks(self) -> TaskAccuracy | None:
-        """Errors to expect in each of several test poses; None for one or none."""
+        """Errors to expect in each of several test poses; None for one or none.
+
+        Where there is a budget, they have the total of all its parts, too.
+        """
         fit = self.fit
-        return accuracy_of_tasks(self.study, fit.covariance, fit.k, fit.covariance_dof)
+        tasks = self.study.tasks
+        found = accuracy_of_tasks(self.study, fit.covariance, fit.k, fit.covariance_dof)
+        if found is None or self.budget is None:
+            return found
+        propagation = propagation_of(self.fitted)
+        bias = np.zeros(len(fit.k)) if self.bias is None else self.bias
+        totals = [
+            propagation.budget(Tasks([task]), float(np.linalg.norm(task.target @ bias))).total
+            for task in tasks
+        ]
+        return replace(found, total=np.array(totals))
 
     @property
     def rho0_bias(self) -> float | None:

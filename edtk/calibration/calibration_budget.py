@@ -2,9 +2,10 @@
 
 import numpy as np
 
-from edtk.calibration.error_budget import Uncertainty, error_budget
 from edtk.calibration.fitted_data import FittedData
+from edtk.calibration.propagation import Propagation
 from edtk.calibration.some_rows import some_rows
+from edtk.calibration.uncertainty import Uncertainty
 from edtk.model.elastostatic_model import ElastostaticModel
 from edtk.model.error_budget import ErrorBudget
 from edtk.study.study import Study
@@ -16,9 +17,6 @@ MOST_ROWS = 5000  # measurements over which the circumstances are propagated
 def calibration_budget(fitted: FittedData, rho0_bias: float | None) -> ErrorBudget | None:
     """Propagate what is uncertain to the study's task; None without a test pose.
 
-    Of very many measurements some are taken, by chance, each of which stands for several: what the
-    circumstances do is a mean over the measurements, known to about a per cent from so many.
-
     Args:
         fitted: The measurements and their fit.
         rho0_bias: Error that the linear model leaves in the test pose [m]; None if it is unknown.
@@ -26,21 +24,27 @@ def calibration_budget(fitted: FittedData, rho0_bias: float | None) -> ErrorBudg
     study = fitted.study
     if not study.tasks or not has_budget(study.model):
         return None
+    return propagation_of(fitted).budget(study.tasks, rho0_bias or 0.0)
+
+
+def propagation_of(fitted: FittedData) -> Propagation:
+    """How what is uncertain moves the estimates of a calibration.
+
+    Of very many measurements some are taken, by chance, each of which stands for several: what the
+    circumstances do is a mean over the measurements, known to about a per cent from so many.
+
+    Args:
+        fitted: The measurements and their fit.
+    """
     data = fitted.data
     repeats = None
     if len(data) > MOST_ROWS:
         repeats = np.full(MOST_ROWS, len(data) / MOST_ROWS)
         data = data[some_rows(len(data), MOST_ROWS)]
-    return error_budget(
-        study.model,
-        data,
-        study.tasks,
-        fitted.fit.k,
-        fitted.fit.covariance,
-        uncertainty_of(study, fitted.fit.k),
-        rho0_bias or 0.0,
-        repeats,
-    )
+    k = fitted.fit.k
+    uncertainty = uncertainty_of(fitted.study, k)
+    model = fitted.study.model
+    return Propagation.of(model, data, k, fitted.fit.covariance, uncertainty, repeats)
 
 
 def has_budget(model: ElastostaticModel) -> bool:

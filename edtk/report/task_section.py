@@ -12,10 +12,14 @@ SIZE = (6.8, 3.6)  # of the picture [inch]
 def task_section(found: TaskAccuracy) -> str:
     """What error to expect where along the path, or in which test pose."""
     figure = new_figure(*SIZE)
-    task_errors(found, "root mean square error", {}, figure.add_subplot())
+    label = "root mean square error" if found.total is None else "by noise alone"
+    task_errors(found, label, {}, figure.add_subplot())
     figure.legend(loc="outside lower center", ncols=2, fontsize=8, frameon=False)
     place = "along the path" if found.is_path else "in each test pose"
-    caption = f"Error to expect {place} after compensation, with the range of 95 % of the errors."
+    caption = (
+        f"Error to expect {place} after compensation, and the range in which 95 % of the errors "
+        "by noise lie."
+    )
     return section(
         f"What error to expect {place}?",
         paragraph(task_sentence(found)),

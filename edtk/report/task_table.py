@@ -3,7 +3,7 @@
 import numpy as np
 
 from edtk.inference.task_accuracy import TaskAccuracy
-from edtk.system.typing import Indices
+from edtk.system.typing import Array, Indices
 
 MOST_ROWS = 60  # of a table that a person reads
 
@@ -11,8 +11,8 @@ MOST_ROWS = 60  # of a table that a person reads
 def task_table(found: TaskAccuracy) -> tuple[list[str], list[list[str]]]:
     """Header and rows, of very many poses some that are evenly spread, and the worst one.
 
-    Lengths along the path stand there for a path, weights where they differ, and displacements
-    without compensation where compliances are known.
+    Lengths along the path stand there for a path, weights where they differ, displacements without
+    compensation where compliances are known, and total errors where circumstances are.
 
     Args:
         found: The accuracy.
@@ -25,16 +25,22 @@ def task_table(found: TaskAccuracy) -> tuple[list[str], list[list[str]]]:
         header.append("weight")
     if found.before is not None:
         header.append("without compensation [mm]")
-    header += ["error [mm]", "95 % of the errors [mm]"]
+    by_noise = ["error [mm]", "95 % of the errors [mm]"]
+    if found.total is not None:
+        header.append("total error [mm]")
+        by_noise = ["by noise [mm]", "95 % of those [mm]"]
+    header += by_noise
     rows = []
     for i in shown_poses(found):
-        row = [f"{i + 1}{' (worst)' if i == found.worst else ''}"]
+        row = [f"{i + 1}{' (worst)' if i == _marked(found) else ''}"]
         if found.is_path:
             row.append(f"{1e3 * found.along[i]:.0f}")
         if weighted:
             row.append(f"{found.weight[i]:g}")
         if found.before is not None:
             row.append(_millimetres(found.before[i]))
+        if found.total is not None:
+            row.append(_millimetres(found.total[i]))
         low, high = 1e3 * found.band[i]
         rows.append([*row, _millimetres(found.error[i]), f"{low:.2g} to {high:.2g}"])
     return header, rows
@@ -51,7 +57,12 @@ def shown_poses(found: TaskAccuracy) -> Indices:
     if count <= MOST_ROWS:
         return np.arange(count)
     spread = np.linspace(0, count - 1, MOST_ROWS - 1).astype(int)
-    return np.union1d(spread, found.worst)
+    return np.union1d(spread, _marked(found))
+
+
+def _marked(found: TaskAccuracy) -> int:
+    """The worst pose, by the total error where that is known."""
+    return found.worst_of(found.error if found.total is None else found.total)
 
 
 def task_sentence(found: TaskAccuracy) -> str:
@@ -60,9 +71,25 @@ def task_sentence(found: TaskAccuracy) -> str:
     count = len(found.error)
     some = "" if shown == count else f" The table shows {shown} of the {count} poses."
     weighted = ", weighted" if len(set(found.weight.tolist())) > 1 else ""
+    noise = found.error
+    over = f"over the {count} poses (root mean square{weighted})"
+    if found.total is None:
+        return (
+            "The error of the tool point after compensation is "
+            f"{_mean_and_worst(found, noise, over)}. It comes from the noise of the measurements "
+            f"alone.{some}"
+        )
     return (
-        f"The error of the tool point after compensation is {1e3 * found.mean:.3g} mm over the "
-        f"{count} poses (root mean square{weighted}), and {1e3 * found.error[found.worst]:.3g} mm "
-        f"in the worst of them, pose {found.worst + 1}. It comes from the noise of the "
-        f"measurements alone.{some}"
+        "The total error of the tool point after compensation is "
+        f"{_mean_and_worst(found, found.total, over)}. The noise of the measurements alone makes "
+        f"{_mean_and_worst(found, noise, 'of it')}.{some}"
+    )
+
+
+def _mean_and_worst(found: TaskAccuracy, errors: Array, over: str) -> str:
+    """The mean of some errors (t,), and the worst with its pose."""
+    worst = found.worst_of(errors)
+    return (
+        f"{1e3 * found.mean_of(errors):.3g} mm {over}, and {1e3 * errors[worst]:.3g} mm in the "
+        f"worst of them, pose {worst + 1}"
     )

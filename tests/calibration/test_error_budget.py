@@ -8,11 +8,14 @@ from readings import PLAN, STUDY
 from scipy.spatial.transform import Rotation
 
 from edtk.calibration import calibration_budget as module
-from edtk.calibration.error_budget import Uncertainty, error_budget
+from edtk.calibration.error_budget import error_budget
 from edtk.calibration.fitted_data import FittedData
+from edtk.calibration.propagation import Propagation
+from edtk.calibration.uncertainty import Uncertainty
 from edtk.inference.least_squares import Whitened
 from edtk.inference.measurements import Measurements
 from edtk.model.elastostatic_model import ElastostaticModel
+from edtk.model.tasks import Tasks
 
 MODEL = STUDY.model
 K = STUDY.compliances
@@ -33,7 +36,7 @@ SURE = Uncertainty(0, 0, 0, 0, 0)
 
 def budget(**uncertain):
     """The parts for one source of uncertainty."""
-    return error_budget(MODEL, DATA, STUDY.task, K, FIT.covariance, replace(SURE, **uncertain))
+    return error_budget(MODEL, DATA, STUDY.tasks, K, FIT.covariance, replace(SURE, **uncertain))
 
 
 def noise(rng):
@@ -133,3 +136,14 @@ def test_budget_of_very_many_measurements(monkeypatch):
     assert some["noise"] == whole["noise"]
     for name, part in whole.items():
         assert some[name] == pytest.approx(part, rel=0.15, abs=1e-9), name
+
+
+def test_each_of_several_poses_has_a_budget_of_its_own():
+    """The squares of the poses' totals have the total of all of them as their mean."""
+    pose = STUDY.to_dict()["test_pose"]
+    poses = [pose, pose | {"q_deg": [0, -60, 90, 10, 45, 30], "weight": 3}]
+    tasks = STUDY.replace(test_pose=poses, published=None).tasks
+    found = Propagation.of(MODEL, DATA, K, FIT.covariance, Uncertainty())
+    each = [found.budget(Tasks([task])).total for task in tasks]
+    together = found.budget(tasks).total
+    assert together == pytest.approx(np.sqrt((each[0] ** 2 + 3 * each[1] ** 2) / 4), rel=1e-9)

@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from edtk.inference.task_accuracy import TaskAccuracy
-from edtk.report.palette import BLUE, COLOURS, GREY, MARKERS
+from edtk.report.palette import BLUE, COLOURS, GREY, MARKERS, ORANGE
 from edtk.report.plain import plain
 from edtk.system.errors import shortened
+from edtk.system.typing import Array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -47,6 +48,8 @@ def task_errors(
     else:
         ax.bar(at, high - low, 2 * HALF, low, **band)
         ax.hlines(error, at - HALF, at + HALF, color=BLUE, linewidth=2.0, label=plain(label))
+    if found.total is not None:
+        _total(found, at, ax)
     for i, (name, other) in enumerate(others.items(), start=1):
         ax.plot(
             at,
@@ -58,12 +61,23 @@ def task_errors(
             linewidth=1.0,
             markersize=5,
         )
-    mean = 1e3 * found.mean
+    shown = found.error if found.total is None else found.total
+    mean = 1e3 * found.mean_of(shown)
     ax.axhline(mean, color=GREY, linestyle="--", linewidth=1.0, label="over all poses")
-    worst = found.worst
+    worst = found.worst_of(shown)
     name = f"worst, pose {worst + 1}"
-    ax.plot(at[worst], error[worst], color="black", marker="o", linestyle="", label=name)
+    ax.plot(at[worst], 1e3 * shown[worst], color="black", marker="o", linestyle="", label=name)
     _scales(found, at, ax)
+
+
+def _total(found: TaskAccuracy, at: Array, ax: "Axes") -> None:
+    """The error with all that else is uncertain, on top."""
+    assert found.total is not None
+    total = 1e3 * found.total
+    if found.is_path:
+        ax.plot(at, total, color=ORANGE, linewidth=2.0, label="total error")
+    else:
+        ax.hlines(total, at - HALF, at + HALF, color=ORANGE, linewidth=2.0, label="total error")
 
 
 def _line(found: TaskAccuracy, name: str) -> str:
@@ -73,7 +87,7 @@ def _line(found: TaskAccuracy, name: str) -> str:
     return ":" if name == "random" else "-"
 
 
-def _scales(found: TaskAccuracy, at: np.ndarray, ax: "Axes") -> None:
+def _scales(found: TaskAccuracy, at: Array, ax: "Axes") -> None:
     """Names of the axes; errors begin at zero."""
     ax.set_ylim(bottom=0)
     ax.set_ylabel("error of the tool point [mm]")
