@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from edtk.verbs.bayes import bayes as bayes
     from edtk.verbs.bias import bias as bias
     from edtk.verbs.compensate import compensate as compensate
+    from edtk.verbs.controller import controller as controller
     from edtk.verbs.evaluate import evaluate as evaluate
     from edtk.verbs.identify import identify as identify
     from edtk.verbs.load_study import load_study as load_study
@@ -53,6 +54,7 @@ if TYPE_CHECKING:
 
 _HOME = {
     # verbs, in the order of a day's work
+    "controller": "edtk.verbs.controller",
     "new": "edtk.verbs.new",
     "load_study": "edtk.verbs.load_study",
     "plan": "edtk.verbs.plan",

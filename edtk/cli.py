@@ -6,6 +6,7 @@ from edtk.commands import (
     bayes,
     bias,
     compensate,
+    controller,
     criteria,
     evaluate,
     identify,
@@ -20,6 +21,7 @@ from edtk.commands.one_line import OneLine
 from edtk.version import __version__
 
 COMMANDS = (
+    controller,
     new,
     plan,
     run,

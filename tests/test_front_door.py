@@ -22,6 +22,7 @@ ROOT = Path(__file__).parents[1]
 PATH = ROOT / "studies" / "kr270_milling.toml"
 PLAN = ROOT / "studies" / "plans" / "table_4_3.csv"
 VERBS = {
+    "controller",
     "new",
     "load_study",
     "plan",

@@ -1,0 +1,1 @@
+"""How a controller counts the joints, from measured positions."""

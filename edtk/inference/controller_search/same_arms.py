@@ -1,0 +1,129 @@
+"""Ways to count the joints that make the same arm, but for its base frame and its tool."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from edtk.inference.controller_search.descend import descend
+from edtk.inference.controller_search.fits import Fits
+from edtk.inference.controller_search.place_frames import place_frames
+from edtk.inference.controller_search.positions import Positions
+from edtk.model.robot import Robot
+from edtk.system.typing import Array, Mask
+
+POSES = 5
+MARKERS = 4
+STEPS = 40
+SAME = 1e-6  # of the reach: rms of an arm that is the same
+AGREE = 1e-9  # of invariants of two arms that are the same
+QUARTERS = 90.0  # steps of offsets that are tried [deg]
+MOST = 20_000  # ways that are tried; of more, only those with half turns
+
+
+@dataclass(frozen=True, eq=False)
+class SameArm:
+    """Another way to count: ``q' = sign q + offset`` describes the same arm.
+
+    Attributes:
+        sign: 1 or -1 (n,).
+        offset: Offsets (n,) of the joints between the first and the last [rad].
+        turn: Rotation (3, 3) of the base frame that goes with it.
+    """
+
+    sign: Array
+    offset: Array
+    turn: Array
+
+
+def same_arms(robot: Robot, moving: Sequence[int] | None = None) -> tuple[SameArm, ...]:
+    """Find the ways to count that no measurement of positions can tell from the robot's own.
+
+    An arm whose base frame and tool are unknown is determined by the motions between its poses,
+    ``X_ab = T_a^-1 T_b``, up to one conjugation: by rotations' traces, by the shift along each
+    screw axis, and by the same of products. A spherical wrist with its middle joint reversed is the
+    classical case: the joints before and after are half a turn away.
+
+    Args:
+        robot: The chain.
+        moving: Indices of the joints that move; by default all do.
+
+    Returns:
+        The ways, the robot's own first: one for each choice of signs, with offsets of quarter
+        turns.
+    """
+    n = robot.n
+    moving = list(range(n)) if moving is None else list(moving)
+    signs = np.ones((2 ** len(moving), n))
+    signs[:, moving] = list(product((1.0, -1.0), repeat=len(moving)))
+    between = [j for j in moving[1:-1] if robot.joints[j].kind != "prismatic"]
+    steps = 4 if len(signs) * 4 ** len(between) <= MOST else 2
+    turns = np.deg2rad(np.arange(steps) * 360 / steps)
+    offsets = np.zeros((steps ** len(between), n))
+    offsets[:, between] = list(product(turns, repeat=len(between)))
+    q = _poses(n, moving, 0)
+    own = _invariants(robot, q[None])[0]
+    found = []
+    for sign in signs:
+        same = _agree(_invariants(robot, sign * q + offsets[:, None]), own)
+        found += [(sign, offset) for offset in offsets[same]]
+    sign, offset = (np.array(part) for part in zip(*found, strict=True))
+    fits = _fit(robot, sign, offset, moving)
+    kept = np.flatnonzero(fits.rms <= SAME * robot.reach).tolist()
+    first = {tuple(sign[i]): i for i in reversed(kept)}
+    return tuple(SameArm(sign[i], offset[i], fits.turn[i]) for i in sorted(first.values()))
+
+
+def _poses(n: int, moving: list[int], seed: int) -> Array:
+    """Poses (p, n) in which joints that do not move are at zero."""
+    q = np.zeros((POSES, n))
+    q[:, moving] = np.random.default_rng(seed).uniform(-2, 2, (POSES, len(moving)))
+    return q
+
+
+def _fit(robot: Robot, sign: Array, offset: Array, moving: list[int]) -> Fits:
+    """Fit frame and tool of ways to count (w, n) to markers where the arm itself sees them.
+
+    The invariants are blind for what lies between parallel axes, and for arms that only slide.
+    """
+    q = _poses(robot.n, moving, 1)
+    rng = np.random.default_rng(2)
+    markers = robot.reach * rng.uniform(-0.3, 0.3, (MARKERS, 3))
+    T = robot.forward(q)
+    seen = (T[:, None, :3, :3] @ markers[..., None])[..., 0] + T[:, None, :3, 3]
+    names = [str(k) for k in range(MARKERS)] * POSES
+    positions = Positions.of_rows(np.repeat(q, MARKERS, axis=0), seen.reshape(-1, 3), names)
+    ways = Fits.at(sign[:, :, None] * np.eye(robot.n), offset, MARKERS)
+    return descend(robot, place_frames(robot, ways, positions), positions, [], STEPS)
+
+
+def _agree(invariants: Array, own: Array) -> Mask:
+    """Which invariants (b, i) are those of the arm itself (i,)."""
+    return np.asarray((np.abs(invariants - own) <= AGREE * (1 + np.abs(own))).all(axis=1))
+
+
+def _invariants(robot: Robot, q: Array) -> Array:
+    """Numbers (b, i) of poses q (b, p, n) that neither base nor tool change."""
+    T = robot.forward(q)
+    R = T[..., :3, :3]
+    first = np.swapaxes(R[:, :1], -1, -2)
+    rotation = first @ R[:, 1:]
+    shift = (first @ (T[:, 1:, :3, 3] - T[:, :1, :3, 3])[..., None])[..., 0]
+    size = max(robot.reach, 1e-12)
+    words = [(rotation[:, i], shift[:, i] / size) for i in range(POSES - 1)]
+    pairs = [_product(words[i], words[j]) for i in range(POSES - 1) for j in range(i)]
+    triple = _product(pairs[0], words[-1])
+    return np.concatenate([_of_motion(*word) for word in (*words, *pairs, triple)], axis=1)
+
+
+def _product(a: tuple[Array, Array], b: tuple[Array, Array]) -> tuple[Array, Array]:
+    """One motion after another."""
+    return a[0] @ b[0], a[1] + (a[0] @ b[1][..., None])[..., 0]
+
+
+def _of_motion(rotation: Array, shift: Array) -> Array:
+    """Trace, and shift along the axis (b, 2) of motions; a mirror image has the opposite shift."""
+    skew = rotation - np.swapaxes(rotation, 1, 2)
+    axis = np.stack([skew[:, 2, 1], skew[:, 0, 2], skew[:, 1, 0]], axis=-1)
+    return np.stack([np.trace(rotation, axis1=1, axis2=2), (axis * shift).sum(axis=-1)], axis=-1)

@@ -1,0 +1,46 @@
+"""`edtk.controller`: how a robot's controller counts the joints."""
+
+from pathlib import Path
+
+from edtk.inference.controller_search.find_controller import find_controller
+from edtk.inference.controller_search.found_controller import FoundController
+from edtk.inference.controller_search.positions import Positions
+from edtk.model.load_robot import load_robot
+from edtk.model.robot import Robot
+from edtk.system.errors import UserError
+from edtk.tables.position_table import PositionTable
+from edtk.verbs.inputs import name_of
+
+
+def controller(
+    robot: Robot | Path | str,
+    positions: PositionTable | Path | str,
+    *,
+    base: str | None = None,
+    tip: str | None = None,
+) -> FoundController:
+    """Find sign, zero and coupling of the joints from a handful of measured positions.
+
+    Neither the place of the instrument nor that of the markers need be known.
+
+    Args:
+        robot: A robot, the name of a built-in one, or the path of a robot's file (TOML or URDF).
+        positions: Measured positions, or the path of their CSV file: joint values as the
+            controller shows them, `x_mm y_mm z_mm`, and `marker` if there are several.
+        base: Link of a URDF that stands in the world; defaults to its root.
+        tip: Link of a URDF that carries the tool; defaults to its leaf, where it has one only.
+
+    Returns:
+        The table `controller` of the best way to count, and how sure it is.
+
+    Raises:
+        UserError: A file is not valid, or there are too few positions.
+    """
+    arm = robot if isinstance(robot, Robot) else load_robot(str(robot), base=base, tip=tip)
+    table = positions
+    if not isinstance(table, PositionTable):
+        table = PositionTable.read(table, arm)
+    try:
+        return find_controller(arm, Positions.of_rows(table.shown, table.measured, table.markers))
+    except UserError as error:
+        raise UserError(error.message, where=name_of(positions, "positions")) from error

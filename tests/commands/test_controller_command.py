@@ -1,0 +1,108 @@
+"""`edtk controller`: what is printed, and what is refused."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import edtk
+from edtk.cli import main
+from edtk.model.robot_from_dict import robot_from_dict
+from edtk.model.robot_to_dict import robot_to_dict
+from edtk.study.toml_text import toml_text
+
+JOINTS = (
+    ([0, 0, 0.4], [0, 0, 1]),
+    ([0.1, 0, 0], [0, 1, 0]),
+    ([0, 0, 0.7], [0, 1, 0]),
+)
+ROBOT = {
+    "name": "arm",
+    "source": "made up",
+    "joints": [
+        {"name": f"q{i + 1}", "origin_m": origin, "axis": axis, "limits_deg": [-170, 170]}
+        for i, (origin, axis) in enumerate(JOINTS)
+    ],
+}
+TABLE = {"sign": {"q3": -1}, "zero_deg": {"q2": -90}}
+
+
+@pytest.fixture
+def files(tmp_path: Path) -> tuple[Path, Path]:
+    """A robot's file, and positions of two markers."""
+    robot = robot_from_dict(ROBOT | {"controller": TABLE})
+    q = np.random.default_rng(0).uniform(-1.2, 1.2, (6, 3))
+    shown = np.rad2deg(robot.shown(q)).round(4)
+    T = robot.forward(robot.of_shown(np.deg2rad(shown)))
+    lines = ["q1_deg,q2_deg,q3_deg,x_mm,y_mm,z_mm,marker"]
+    for name, offset in (("A", [0.1, 0.2, 0.6]), ("B", [-0.1, 0, 0.7])):
+        points = 1e3 * (T[:, :3, :3] @ offset + T[:, :3, 3])
+        lines += [
+            ",".join(map(str, (*c, *p.round(3), name))) for c, p in zip(shown, points, strict=True)
+        ]
+    (tmp_path / "arm.toml").write_text(toml_text(robot_to_dict(robot_from_dict(ROBOT))))
+    (tmp_path / "positions.csv").write_text("\n".join(lines))
+    return tmp_path / "arm.toml", tmp_path / "positions.csv"
+
+
+def run(*words: object) -> tuple[int, str, str]:
+    """Exit code and output of the program."""
+    result = CliRunner().invoke(main, ["controller", *map(str, words)])
+    return result.exit_code, result.stdout, result.stderr
+
+
+def test_a_table_to_paste(files: tuple[Path, Path]) -> None:
+    """The text ends with a table that a study takes; JSON is that of the call."""
+    code, shown, error = run(*files)
+    assert (code, error) == (0, "")
+    assert "the answer is clear" in shown
+    assert shown.rstrip().endswith("[controller]\nsign = { q3 = -1 }\nzero_deg = { q2 = -90.0 }")
+    code, shown, _ = run(*files, "--json")
+    assert code == 0
+    assert json.loads(shown)["controller"] == edtk.controller(*files).best.table()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("x_mm", "x_m", "unknown column 'x_m'; expected q1_deg"),
+        (",z_mm", ",Fx_N", "column 'z_mm' is missing; expected x_mm, y_mm, z_mm"),
+        ("q1_deg", "q4_deg", "unknown column 'q4_deg'"),
+    ],
+)
+def test_what_is_wrong_with_the_file(
+    files: tuple[Path, Path], old: str, new: str, message: str
+) -> None:
+    """One line that names the column, and exit code 2."""
+    robot, positions = files
+    positions.write_text(positions.read_text().replace(old, new, 1))
+    code, shown, error = run(robot, positions)
+    assert (code, shown) == (2, "")
+    assert message in error
+    assert error.count("\n") == 1
+
+
+def test_too_few_rows_are_refused(files: tuple[Path, Path]) -> None:
+    """The message counts what there is and what is looked for."""
+    robot, positions = files
+    positions.write_text("\n".join(positions.read_text().splitlines()[:3]))
+    code, _, error = run(robot, positions)
+    assert code == 2
+    assert "positions.csv: 6 coordinates are too few for the instrument" in error
+
+
+def test_metres_are_suspected(files: tuple[Path, Path]) -> None:
+    """Positions that no way to count explains are said to be far off."""
+    robot, positions = files
+    lines = positions.read_text().splitlines()
+    rng = np.random.default_rng(1)
+    changed = [
+        ",".join([*line.split(",")[:3], *rng.uniform(0, 900, 3).round(1).astype(str), "A"])
+        for line in lines[1:]
+    ]
+    positions.write_text("\n".join([lines[0], *changed]))
+    code, _, error = run(robot, positions)
+    assert code == 0
+    assert "is it this robot, are positions in millimetres" in error
