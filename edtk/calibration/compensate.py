@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from edtk.calibration.robot_of_task import robot_of_task
+from edtk.calibration.robot_of_task import robot_of_task, weights_of_task
 from edtk.design.plan import Plan
 from edtk.inference.error_quantiles import error_quantiles
 from edtk.inference.offset_error_quantiles import offset_error_quantiles
@@ -20,7 +20,6 @@ from edtk.model.rigid_joints import rigid_joints, rigid_joints_in_words
 from edtk.model.robot import Robot
 from edtk.model.shown_limit import shown_limits
 from edtk.study.study import Study
-from edtk.study.study_model import link_weights
 from edtk.system.atomic_file import write_text
 from edtk.system.errors import UserError
 from edtk.system.presented import Presented
@@ -155,7 +154,7 @@ def compensate(study: Study, found: Compliances, task: Plan, path: Path | str) -
     found = found.including(study.specification.joints.known_rad_per_Nm)
     robot = robot_of_task(study)
     joints = tuple(map(robot.joint_names.index, found.joints))
-    model = ElastostaticModel(robot, joints, weights=link_weights(study))
+    model = ElastostaticModel(robot, joints, weights=weights_of_task(study))
     q = compensated_joints(model, task.q, task.wrench, found.k)
     _require_within_limits(robot, task.q, "desired", path)
     _require_within_limits(robot, q, "commanded", path)
@@ -176,7 +175,7 @@ def compensate(study: Study, found: Compliances, task: Plan, path: Path | str) -
         linear=None if offset is None else np.linalg.norm(offset, axis=-1),
         rho0_bias=found.rho0_bias,
         verdict=found.verdict,
-        rigid=rigid_joints_in_words(rigid_joints(robot, task.q, task.wrench, found.joints)),
+        rigid=rigid_joints_in_words(rigid_joints(model, task.q, task.wrench, found.joints)),
         rotation=_rotation_after(model, task, found) if turned else None,
     )
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from edtk.model.dead_weights import DeadWeights
 from edtk.model.robot import Robot
 from edtk.study.study import Study
 
@@ -23,3 +24,18 @@ def robot_of_task(study: Study) -> Robot:
         message = "the test poses have different tools; expected one, as commands are for one tool"
         raise study.error("test_pose", message)
     return robot
+
+
+def weights_of_task(study: Study) -> DeadWeights | None:
+    """Find what loads the robot in all tasks of a study besides their wrenches; None for nothing.
+
+    Args:
+        study: The study, which has a task.
+
+    Raises:
+        UserError: The robot carries different payloads in the tasks.
+    """
+    if len({pose.payload for pose in study.specification.test_poses}) > 1:
+        message = "the test poses have different payloads; expected one, as commands are for one"
+        raise study.error("test_pose", message)
+    return study.tasks[0].dead_weights

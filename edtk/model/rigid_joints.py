@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from edtk.model.robot import Robot
+from edtk.model.elastostatic_model import ElastostaticModel
 from edtk.system.typing import Array
 
 # The order of an industrial robot's joint compliances: the example by which the effect is judged.
@@ -27,12 +27,12 @@ class RigidJoint:
 
 
 def rigid_joints(
-    robot: Robot, q: Array, wrench: Array, known: tuple[str, ...]
+    model: ElastostaticModel, q: Array, wrench: Array, known: tuple[str, ...]
 ) -> tuple[RigidJoint, ...]:
     """Find the joints whose unknown compliance would matter in a task.
 
     Args:
-        robot: The chain with the task's tool.
+        model: The robot with the task's tool, and weights that load it.
         q: Task poses (t, n) [rad or m].
         wrench: Their wrenches (t, 6) [N, N m].
         known: Names of the joints whose compliances are known.
@@ -40,8 +40,11 @@ def rigid_joints(
     Returns:
         The revolute joints without a known compliance that the load turns, from base to tip.
     """
+    robot = model.robot
     J = robot.jacobian(q)
     torque = np.einsum("tij,ti->tj", J, wrench)
+    if model.weights is not None:
+        torque = torque + model.torque_of(model.frames(q), np.zeros(6)).T
     moved = EXAMPLE * np.linalg.norm(J[:, :3] * torque[:, None], axis=1).max(axis=0)
     return tuple(
         RigidJoint(joint.name, float(displacement))

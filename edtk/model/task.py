@@ -98,4 +98,4 @@ class Task:
         q = self.q.reshape(-1, self.robot.n)
         wrench = np.broadcast_to(self.wrench, (*self.q.shape[:-1], 6)).reshape(-1, 6)
         known = tuple(self.robot.joint_names[j] for j in (*self.unknown, *self.known))
-        return rigid_joints(self.model.robot, q, wrench, known)
+        return rigid_joints(self.model, q, wrench, known)

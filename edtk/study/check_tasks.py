@@ -35,7 +35,7 @@ def check_tasks(study: "Study") -> None:
                 f"has {len(pose.q_deg)} entries, expected {study.robot.n}, one per joint",
             )
         # rho0 has no meaning where errors of compliances do no harm.
-        if not any((*pose.load.F_N, *pose.load.T_Nm)):
+        if pose.payload is None and not any((*pose.load.F_N, *pose.load.T_Nm)):
             raise study.error(
                 f"{key}.load", "a test pose without load has nothing to compensate; expected a load"
             )

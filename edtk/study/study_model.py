@@ -11,6 +11,7 @@ from edtk.model.sensors.distance import Distance
 from edtk.model.sensors.marker import Marker
 from edtk.model.sensors.pose_marker import PoseMarker
 from edtk.model.sensors.sensor import Sensor
+from edtk.study.payload_table import PayloadTable
 from edtk.system.finite import Vector3
 from edtk.system.typing import Array
 
@@ -99,15 +100,25 @@ def _load_point(study: "StudyObjects") -> BodyPoint:
     return _payload_point(study)
 
 
-def _payload_point(study: "StudyObjects") -> BodyPoint:
-    """The payload's centre of mass, on the body of the last joint: a longer tool does not move it.
+def _payload_point(study: "StudyObjects", payload: PayloadTable | None = None) -> BodyPoint:
+    """A payload's centre of mass, on the body of the last joint: a longer tool does not move it.
 
     Tools and payloads are given in the frame of the flange.
     """
-    payload = study.specification.payload
+    payload = payload or study.specification.payload
     assert payload is not None
     flange = study.robot.flange
     return BodyPoint(flange[:3, :3] @ payload.center + flange[:3, 3], len(study.robot.chain) - 1)
+
+
+def task_weights(study: "StudyObjects", payload: PayloadTable | None) -> DeadWeights | None:
+    """All that loads the joints in a task besides its wrench.
+
+    Args:
+        study: The study.
+        payload: What the robot carries in the task; None for nothing.
+    """
+    return _held(study, payload, link_weights(study))
 
 
 def link_weights(study: "StudyObjects") -> DeadWeights | None:
@@ -129,9 +140,16 @@ def _links(study: "StudyObjects") -> DeadWeights | None:
 
 def _weights(study: "StudyObjects") -> DeadWeights | None:
     """All that loads the joints besides the wrench: a payload beside a load, and the links."""
-    payload = study.specification.payload
-    links = link_weights(study)
-    if payload is None or study.specification.load is None:
+    payload = None if study.specification.load is None else study.specification.payload
+    return _held(study, payload, link_weights(study))
+
+
+def _held(
+    study: "StudyObjects", payload: PayloadTable | None, links: DeadWeights | None
+) -> DeadWeights | None:
+    """The weights of a payload and of links, either of which there may not be."""
+    if payload is None:
         return links
-    held = DeadWeights((payload.mass_kg,), (_payload_point(study),), len(study.robot.chain))
+    point = _payload_point(study, payload)
+    held = DeadWeights((payload.mass_kg,), (point,), len(study.robot.chain))
     return held if links is None else held.with_more(links)

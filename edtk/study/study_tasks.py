@@ -7,7 +7,7 @@ import numpy as np
 from edtk.design.plan import Plan
 from edtk.model.task import Task
 from edtk.model.tasks import Tasks
-from edtk.study.study_model import link_weights
+from edtk.study.study_model import task_weights
 from edtk.study.test_pose import TestPose
 from edtk.tables.in_file_units import of_file_units
 
@@ -40,7 +40,7 @@ def _of_table(study: "StudyObjects", pose: TestPose) -> Task:
         within=float(np.deg2rad(pose.robust_deg)),
         lever=pose.lever_mm / 1e3,
         weight=pose.weight,
-        dead_weights=link_weights(study),
+        dead_weights=task_weights(study, pose.payload),
     )
 
 
@@ -57,7 +57,7 @@ def _of_file(study: "StudyObjects") -> Tasks:
             f"{-(-len(plan.q) // MOST_POSES)}th of them",
         )
     tool = given.tool.build()
-    weights = link_weights(study)
+    weights = task_weights(study, given.payload)
     return Tasks(
         Task(
             q=q,

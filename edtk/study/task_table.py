@@ -2,6 +2,7 @@
 
 from pydantic import Field
 
+from edtk.study.payload_table import PayloadTable
 from edtk.study.table import Table
 from edtk.study.test_pose import Lever, Robust
 from edtk.study.tool import Load, Tool
@@ -14,6 +15,9 @@ class TaskTable(Table):
         min_length=1,
         description="Poses of the path, a row each, with their wrenches (CSV, as `edtk compensate` "
         "reads them); path beside the study",
+    )
+    payload: PayloadTable | None = Field(
+        None, description="What the robot carries along the path, besides other loads"
     )
     tool: Tool = Field(description="Tool of the task")
     load: Load | None = Field(

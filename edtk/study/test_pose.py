@@ -1,12 +1,14 @@
 """Where the robot shall be accurate, as the keys of a table `test_pose` of a study."""
 
-from typing import Annotated
+from typing import Annotated, Any
 
-from pydantic import Discriminator, Field, Tag
+from pydantic import Discriminator, Field, Tag, ValidationInfo, field_validator
+from pydantic_core import PydanticCustomError
 
+from edtk.study.payload_table import PayloadTable
 from edtk.study.table import Table
 from edtk.study.tool import Load, Tool
-from edtk.system.finite import Finite
+from edtk.system.finite import ZERO, Finite
 
 Robust = Annotated[Finite, Field(ge=0, le=180)]
 Lever = Annotated[Finite, Field(ge=0, le=1e6)]
@@ -20,8 +22,19 @@ class TestPose(Table):
     q_deg: tuple[Finite, ...] = Field(
         description="Joint variables, one per joint [deg; mm for a prismatic joint]"
     )
-    tool: Tool = Field(description="Tool of the task")
-    load: Load = Field(description="Load of the task")
+    payload: PayloadTable | None = Field(
+        None, description="What the robot carries in the task, besides `load` or instead of it"
+    )
+    tool: Tool = Field(
+        None,
+        validate_default=True,
+        description="Tool of the task; with a payload it defaults to the frame of the last joint",
+    )
+    load: Load = Field(
+        None,
+        validate_default=True,
+        description="Load of the task; with a payload there may be none",
+    )
     robust_deg: Robust = Field(
         0.0,
         description="Design for all poses whose joints are within this of the test pose: rho0 is "
@@ -37,6 +50,16 @@ class TestPose(Table):
         1.0,
         description="How much the pose counts beside others; one of weight 0 is only reported [-]",
     )
+
+    @field_validator("tool", "load", mode="before")
+    @classmethod
+    def _payload_stands_in(cls, given: Any, info: ValidationInfo) -> Any:
+        """A payload needs neither a load nor a tool."""
+        if given is not None:
+            return given
+        if info.data.get("payload") is None:
+            raise PydanticCustomError("missing", "this key is required")
+        return Tool(position_mm=ZERO) if info.field_name == "tool" else Load(F_N=ZERO)
 
 
 def _form(given: object) -> str:

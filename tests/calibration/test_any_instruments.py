@@ -6,6 +6,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from edtk.calibration.calibrate import calibrate
+from edtk.calibration.compensate import compensate
 from edtk.calibration.template import template
 from edtk.design.plan import Plan
 from edtk.model.load_robot import load_robot
@@ -14,6 +15,7 @@ from edtk.model.robot_to_dict import robot_to_dict
 from edtk.model.transform import transform
 from edtk.study.study import Study
 from edtk.system.errors import UserError
+from edtk.tables.compliances import Compliances
 
 G = 9.80665
 K = np.array([0.2, 0.3, 0.4, 2.8, 2.9, 2.1]) * 1e-6
@@ -207,3 +209,24 @@ def test_mixed_instruments_are_designed_only(tmp_path):
     filled(CASES["markers"], Study(**(PLAIN | CASES["markers"])), 1).to_csv(path, index=False)
     with pytest.raises(UserError, match="marker 1 and distance 1 measure different rows"):
         calibrate(study, path)
+
+
+@pytest.mark.parametrize("links", [False, True], ids=["payload", "payload and links"])
+def test_commands_under_a_payload(links):
+    """A command for a payload brings the independently loaded robot to the desired pose."""
+    pose = {"q_deg": [10, -56.9, 60.3, 45.1, 76, 57.2], "payload": PAYLOAD}
+    keys = {"load": None, "payload": PAYLOAD, "joints": VERTICAL, "test_pose": pose}
+    if links:
+        keys |= {"robot": robot_with_links(), "measurement": CASES["absolute"]["measurement"]}
+    study = Study(**(PLAIN | keys))
+    joints = study.specification.joints.unknown
+    compliances = Compliances(joints, K[1:], K[1:], None)
+    desired = study.tasks[0].q
+    task = Plan(desired[None], np.zeros((1, 6)), np.ones(1, dtype=int))
+    found = compensate(study, compliances, task, "task")
+    loaded = Bench(study).rest(found.command[0], np.zeros(3), True)
+    np.testing.assert_allclose(loaded, desired, atol=1e-9)
+    unhelped = Bench(study).rest(desired, np.zeros(3), True)
+    ends = [study.robot.with_tool(transform()).forward(q)[:3, 3] for q in (unhelped, desired)]
+    assert found.uncompensated[0] == pytest.approx(np.linalg.norm(ends[0] - ends[1]), rel=1e-6)
+    assert (found.uncompensated[0] > 4e-3) == links

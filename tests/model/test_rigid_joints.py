@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from edtk.model.elastostatic_model import ElastostaticModel
 from edtk.model.load_robot import load_robot
 from edtk.model.rigid_joints import rigid_joints, rigid_joints_in_words
 
@@ -14,7 +15,7 @@ WRENCH = np.tile([0.0, 0, -1000, 0, 0, 0], (2, 1))
 def test_displacements_are_those_of_the_linear_model():
     """Displacements are lengths of ``J_j tau_j`` by 1e-7 rad/(N m), in the worst pose."""
     J = ROBOT.jacobian(Q)
-    found = rigid_joints(ROBOT, Q, WRENCH, ("q3",))
+    found = rigid_joints(ElastostaticModel(ROBOT), Q, WRENCH, ("q3",))
     assert "q2" in {joint.name for joint in found}
     assert "q3" not in {joint.name for joint in found}
     for joint in found:
@@ -25,7 +26,7 @@ def test_displacements_are_those_of_the_linear_model():
 
 def test_words():
     """The sentence names each joint with its displacement in mm; nothing is said of none."""
-    found = rigid_joints(ROBOT, Q, WRENCH, ("q1", "q3", "q4", "q5", "q6"))
+    found = rigid_joints(ElastostaticModel(ROBOT), Q, WRENCH, ("q1", "q3", "q4", "q5", "q6"))
     text = rigid_joints_in_words(found)
     assert f"rigid: q2 ({1e3 * found[0].displacement:.2g} mm); in brackets" in text
     assert "each 1e-07 rad/(N m)" in text

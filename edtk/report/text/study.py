@@ -1,5 +1,6 @@
 """Text of a study."""
 
+from edtk.study.describe_measured import describe_measured
 from edtk.study.describe_noise import describe_noise
 from edtk.study.study import Study
 
@@ -15,7 +16,6 @@ def study(asked: Study) -> str:
 def study_rows(asked: Study) -> list[tuple[str, str]]:
     """Names and values of the main keys, in words."""
     specification = asked.specification
-    measurement = specification.measurement
     noise = describe_noise(specification)
     joints = specification.joints
     known = [f"{name} = {k:g} rad/(N m)" for name, k in joints.known_rad_per_Nm.items()]
@@ -30,7 +30,7 @@ def study_rows(asked: Study) -> list[tuple[str, str]]:
         ("prior", "counts in designs" if specification.prior.in_design else ""),
         ("fixed", ", ".join(fixed)),
         ("experiment", specification.describe_load()),
-        ("measured", f"{measurement.rows}, {noise}"),
+        ("measured", f"{describe_measured(asked)}, {noise}"),
         ("workspace", "; ".join(labels)),
         ("task", _task(asked)),
         ("optimised for", ", ".join(specification.optimise)),
