@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from edtk.model.joint import Joint as Joint
     from edtk.model.load_robot import load_robot as load_robot
     from edtk.model.robot import Robot as Robot
+    from edtk.model.robot_overview import RobotOverview as RobotOverview
     from edtk.study.evaluate import Evaluation as Evaluation
     from edtk.study.study import Study as Study
     from edtk.study.study_run import StudyRun as StudyRun
@@ -47,6 +48,7 @@ if TYPE_CHECKING:
     from edtk.verbs.new import new as new
     from edtk.verbs.plan import plan as plan
     from edtk.verbs.relax import relax as relax
+    from edtk.verbs.robot import robot as robot
     from edtk.verbs.run import run as run
     from edtk.verbs.sampling import Sampling as Sampling
     from edtk.verbs.template import template as template
@@ -57,6 +59,7 @@ _HOME = {
     "controller": "edtk.verbs.controller",
     "new": "edtk.verbs.new",
     "load_study": "edtk.verbs.load_study",
+    "robot": "edtk.verbs.robot",
     "plan": "edtk.verbs.plan",
     "relax": "edtk.verbs.relax",
     "run": "edtk.verbs.run",
@@ -71,6 +74,7 @@ _HOME = {
     "Study": "edtk.study.study",
     "Robot": "edtk.model.robot",
     "Joint": "edtk.model.joint",
+    "RobotOverview": "edtk.model.robot_overview",
     "load_robot": "edtk.model.load_robot",
     "Plan": "edtk.design.plan",
     "ExactPlan": "edtk.design.exact.exact_plan",

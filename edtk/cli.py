@@ -13,6 +13,7 @@ from edtk.commands import (
     new,
     plan,
     relax,
+    robot,
     run,
     template,
     verify,
@@ -21,6 +22,7 @@ from edtk.commands.one_line import OneLine
 from edtk.version import __version__
 
 COMMANDS = (
+    robot,
     controller,
     new,
     plan,

@@ -1,41 +1,26 @@
 """Joints that follow others: a chain with ties is the free chain, folded."""
 
 import json
-from dataclasses import replace
 
 import numpy as np
 import pytest
-from chains import mixed_chain
+from chains import mixed_chain, tied_chain
 
 from edtk.model.body_point import BodyPoint
 from edtk.model.dead_weights import DeadWeights
 from edtk.model.elastostatic_model import ElastostaticModel
 from edtk.model.equilibrium import equilibrium, torque_and_derivative
-from edtk.model.robot import Robot
 from edtk.model.robot_from_dict import RobotFileError, robot_from_dict
 from edtk.model.robot_to_dict import robot_to_dict
 from edtk.model.sensors.distance import Distance
 from edtk.model.sensors.marker import Marker
 from edtk.model.sensors.pose_marker import PoseMarker
-from edtk.model.tied_joint import TiedJoint
 
 FREE = mixed_chain(6)
+ROBOT = tied_chain()
 WRENCH = np.array([30.0, -20.0, 50.0, 4.0, -3.0, 2.0])
 
 
-def tied_chain() -> Robot:
-    """Six joints, of which the second follows the fifth, and the fourth the first."""
-    ties = {1: ("q5", -0.7, 0.2), 3: ("q1", 1.5, -0.4)}
-    tied = tuple(
-        TiedJoint(joint.name, joint.origin, joint.axis, joint.kind, place, *ties[place])
-        for place, joint in enumerate(FREE.joints)
-        if place in ties
-    )
-    joints = tuple(joint for place, joint in enumerate(FREE.joints) if place not in ties)
-    return replace(FREE, joints=joints, tied=tied)
-
-
-ROBOT = tied_chain()
 Q = np.random.default_rng(1).uniform(-1.5, 1.5, size=(5, 4))
 
 

@@ -1,9 +1,12 @@
 """A chain on which the tests of this folder rest: nothing in it is parallel, square or centred."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from edtk.model.joint import Joint
 from edtk.model.robot import Robot
+from edtk.model.tied_joint import TiedJoint
 from edtk.model.transform import transform
 
 KINDS = ("revolute", "prismatic", "revolute", "revolute", "prismatic", "revolute", "revolute")
@@ -24,3 +27,16 @@ def mixed_chain(n: int = len(KINDS)) -> Robot:
     )
     base = transform([0.3, -0.2, 0.5], [0.4, -0.7, 1.1])
     return Robot("mixed", joints, base, transform([0.2, 0.1, -0.3], [1.0, 0.2, -0.5]))
+
+
+def tied_chain() -> Robot:
+    """Six joints, of which the second follows the fifth, and the fourth the first."""
+    free = mixed_chain(6)
+    ties = {1: ("q5", -0.7, 0.2), 3: ("q1", 1.5, -0.4)}
+    tied = tuple(
+        TiedJoint(joint.name, joint.origin, joint.axis, joint.kind, place, *ties[place])
+        for place, joint in enumerate(free.joints)
+        if place in ties
+    )
+    joints = tuple(joint for place, joint in enumerate(free.joints) if place not in ties)
+    return replace(free, joints=joints, tied=tied)

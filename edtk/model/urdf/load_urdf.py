@@ -22,6 +22,23 @@ from edtk.system.read_text import read_text
 from edtk.system.typing import Array
 
 
+class OpenLimitsError(RobotFileError):
+    """A robot's file leaves limits open.
+
+    Args:
+        message: What is missing, and how to give it.
+        where: The file.
+        joints: Kinds of these joints, by name.
+
+    Attributes:
+        joints: As given.
+    """
+
+    def __init__(self, message: str, *, where: str, joints: dict[str, Kind]) -> None:
+        super().__init__(message, where=where, key="limits")
+        self.joints = joints
+
+
 def load_urdf(
     path: Path,
     base: str | None = None,
@@ -152,7 +169,8 @@ class _Moving:
                 f"the file has no range for {names}; expected limits from the study, as "
                 f"[joints] limits_{unit} = {{ {asked[0].name} = [LOWER, UPPER] }}"
             )
-            raise RobotFileError(message, where=self.where, key="limits")
+            kinds = {joint.name: _kind(joint) for joint in asked}
+            raise OpenLimitsError(message, where=self.where, joints=kinds)
         return {name: limits for name, limits in found.items() if limits is not None}
 
 

@@ -5,15 +5,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from edtk.model.frames import Frames
 from edtk.model.robot import Robot
-from edtk.report.palette import BLUE, GREEN, ORANGE
+from edtk.report.draw.arm import COLOURS, arm
+from edtk.report.draw.joint_labels import joint_labels
+from edtk.report.palette import GREY, ORANGE
 from edtk.report.plain import plain
 from edtk.system.typing import Array
 
-AXIS = 0.12  # length of a joint's axis, over the size of the picture
-MARKERS = {"revolute": "o", "prismatic": "s"}
-COLOURS = {"revolute": BLUE, "prismatic": GREEN}
+MARGIN = 0.12  # around the arm, over its size
+VIEW = (22.0, -58.0)  # elevation and azimuth from which it is seen [deg]
 
 
 def robot(result: Robot, ax: Any = None, q: ArrayLike | None = None) -> Any:
@@ -33,39 +33,56 @@ def robot(result: Robot, ax: Any = None, q: ArrayLike | None = None) -> Any:
         ax = pyplot.figure(figsize=(6.4, 6.0)).add_subplot(projection="3d")
     variables = np.clip(0.0, *result.limits) if q is None else np.asarray(q, dtype=float)
     frames = result.frames(variables)
-    chain = np.vstack([result.base[:3, 3], frames.origins, frames.position])
-    size = max(float(np.ptp(chain, axis=0).max()), 1e-3)
-    ax.plot(*chain.T, color="black", linewidth=2.5, alpha=0.6)
-    _joints(result, frames, AXIS * size, ax)
-    ax.plot(*frames.position[:, None], marker="^", color=ORANGE, linestyle="", label="tool point")
-    _cube(chain, size, ax)
+    arm(result, frames, ax)
+    points = np.vstack([result.base[:3, 3], frames.origins, frames.position])
+    _fit(points, ax)
+    ax.view_init(*VIEW)
     ax.set(xlabel="x [m]", ylabel="y [m]", zlabel="z [m]")
     ax.set_title(plain(result.name), fontsize=10)
-    _legend(ax)
+    _quiet(ax)
+    _legend(result, ax)
+    joint_labels(result, frames, ax)
     return ax
 
 
-def _joints(result: Robot, frames: Frames, length: float, ax: Any) -> None:
-    """A marker for each joint, on a line along its axis."""
-    for joint, origin, axis in zip(result.chain, frames.origins, frames.axes, strict=True):
-        line = origin + length * np.outer([-1, 1], axis)
-        colour = COLOURS[joint.kind]
-        ax.plot(*line.T, color=colour, linewidth=1.2)
-        marker = MARKERS[joint.kind]
-        ax.plot(*origin[:, None], marker=marker, color=colour, linestyle="", label=joint.kind)
-        ax.text(*(origin + length * axis), plain(joint.name), fontsize=8)
+def _fit(points: Array, ax: Any) -> None:
+    """Equal scales along all axes, and no more room than the arm needs."""
+    low = points.min(axis=0)
+    high = points.max(axis=0)
+    size = max(float((high - low).max()), 1e-3)
+    # A flat arm needs some depth too.
+    thin = np.maximum(0.0, 0.35 * size - (high - low)) / 2
+    low = low - thin - MARGIN * size
+    high = high + thin + MARGIN * size
+    for limits, first, last in zip((ax.set_xlim, ax.set_ylim, ax.set_zlim), low, high, strict=True):
+        limits(first, last)
+    ax.set_box_aspect(high - low)
 
 
-def _cube(chain: Array, size: float, ax: Any) -> None:
-    """Equal scales along all axes."""
-    middle = (chain.min(axis=0) + chain.max(axis=0)) / 2
-    half = 0.55 * size
-    for limits, centre in zip((ax.set_xlim, ax.set_ylim, ax.set_zlim), middle, strict=True):
-        limits(centre - half, centre + half)
-    ax.set_box_aspect((1, 1, 1))
+def _quiet(ax: Any) -> None:
+    """Walls and grid behind the arm, not in front of it."""
+    from matplotlib.ticker import MaxNLocator
+
+    for axis in (ax.xaxis, ax.yaxis, ax.zaxis):
+        axis.set_pane_color((0.97, 0.97, 0.98, 1.0))
+        axis.line.set_color("#b0b4b8")
+        axis.set_major_locator(MaxNLocator(4))
+    ax.tick_params(labelsize=7)
 
 
-def _legend(ax: Any) -> None:
-    """Each kind of marker once."""
-    handles = dict(zip(*reversed(ax.get_legend_handles_labels()), strict=True))
-    ax.legend(handles.values(), handles.keys(), fontsize=8, frameon=False, loc="upper right")
+def _legend(result: Robot, ax: Any) -> None:
+    """What each colour is."""
+    from matplotlib.lines import Line2D
+
+    kinds = {joint.kind for joint in result.joints}
+    entries: dict[str, tuple[str, str]] = {
+        kind: ("o" if kind == "revolute" else "s", COLOURS[kind]) for kind in sorted(kinds)
+    }
+    if result.tied:
+        entries["follows another joint"] = ("o", GREY)
+    entries["tool point"] = ("o", ORANGE)
+    handles = [
+        Line2D([], [], marker=marker, color=colour, linestyle="", label=label)
+        for label, (marker, colour) in entries.items()
+    ]
+    ax.legend(handles=handles, fontsize=7, frameon=False, loc="upper left")

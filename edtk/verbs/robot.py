@@ -1,0 +1,48 @@
+"""`edtk.robot`: a robot, what it can do, and what loads its joints."""
+
+from pathlib import Path
+
+from edtk.model.load_robot import load_robot
+from edtk.model.robot_overview import RobotOverview
+from edtk.model.urdf.load_urdf import OpenLimitsError
+from edtk.verbs.require_output import require_output
+
+STAND_IN = {"revolute": (-3.141592653589793, 3.141592653589793), "prismatic": (-1.0, 1.0)}
+
+
+def robot(
+    name: Path | str,
+    *,
+    base: str | None = None,
+    tip: str | None = None,
+    plot: Path | str | None = None,
+) -> RobotOverview:
+    """Read a robot and look at it before a study is made of it.
+
+    Args:
+        name: Name of a built-in robot, or the path of a robot's file (TOML or URDF).
+        base: Link of a URDF that stands in the world; defaults to its root.
+        tip: Link of a URDF that carries the tool; defaults to its leaf, where it has one only.
+        plot: Picture to write (PNG, SVG or PDF, by its ending).
+
+    Returns:
+        Joints, reach and loads. Joints whose limits a file leaves open are listed in `open`.
+
+    Raises:
+        UserError: The robot or the picture's name is not valid.
+        OSError: The picture cannot be written.
+    """
+    from edtk.report.picture_file import picture_file, require_picture
+
+    if plot is not None:
+        require_picture(plot)
+        require_output(plot, name)
+    try:
+        found = RobotOverview(load_robot(name, base=base, tip=tip))
+    except OpenLimitsError as error:
+        limits = {joint: STAND_IN[kind] for joint, kind in error.joints.items()}
+        arm = load_robot(name, base=base, tip=tip, limits=limits)
+        found = RobotOverview(arm, tuple(limits))
+    if plot is not None:
+        picture_file(found, plot)
+    return found
