@@ -20,7 +20,7 @@ test: $(VENV)/.installed
 
 # The fast part of the tests: laws, textbook optima and messages, without searches and subprocesses.
 quick: $(VENV)/.installed
-	$(PYTEST) -m "not slow"
+	$(PYTEST) -m "not slow and not zoo"
 
 docs: $(VENV)/.installed
 	$(BIN)/sphinx-build -W -n -q -b html docs results/docs

@@ -25,6 +25,7 @@ VERBS = {
     "controller",
     "new",
     "load_study",
+    "robot",
     "plan",
     "relax",
     "run",

@@ -156,7 +156,7 @@ def test_a_robot_in_a_pose(results):
     q = PLAN.q[0]
     ax = results["robot"].plot(q=q)
     expected = STUDY.robot.forward(q)[:3, 3]
-    (marker,) = [line for line in ax.get_lines() if line.get_marker() == "^"]
+    (marker,) = [line for line in ax.get_lines() if line.get_marker() == "o"]
     np.testing.assert_allclose(np.ravel(marker.get_data_3d()), expected, atol=1e-12)
 
 
