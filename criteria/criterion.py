@@ -6,6 +6,7 @@ from typing import Any, Literal, Self, final
 import numpy as np
 from numpy.typing import ArrayLike
 
+from criteria.linalg.estimable import range_whitener
 from criteria.linalg.inverse import guarded_inverse
 from criteria.linalg.null_space import open_directions
 from criteria.linalg.typing import Array, Mask
@@ -126,6 +127,10 @@ class Criterion(ABC):
             of the matrices of finite cost.
         """
         return guarded_inverse(M)
+
+    def whitener(self, M: Array) -> Array:
+        """T (p, r) with ``T' M T = I``, which brings the parts of M that count to order one."""
+        return range_whitener(M)
 
     def missing(self, M: Array, parameters: tuple[str, ...]) -> tuple[str, ...]:
         """What M (p, p) leaves open of all that this criterion needs, in words.

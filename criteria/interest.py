@@ -9,6 +9,7 @@ from criteria.criterion import Criterion
 from criteria.criterion_error import CriterionError
 from criteria.linalg.combination import combination
 from criteria.linalg.estimable import estimable_inverse, open_columns
+from criteria.linalg.inverse import whitener
 from criteria.linalg.null_space import open_directions
 from criteria.linalg.typing import Array, Mask
 from criteria.relaxable import Formulation, Relaxable
@@ -86,6 +87,12 @@ class Interest(Relaxable):
     def inverse(self, M: Array) -> tuple[Array, Array, Mask]:
         """A generalised inverse, and the mask of the matrices that tell all combinations."""
         return estimable_inverse(M, self.K)
+
+    def whitener(self, M: Array) -> Array:
+        """``T = G K F`` (p, s) with ``F' V F = I`` for ``V = K'G K``: ``T' M T = I``."""
+        _, cov, _ = self.inverse(M)
+        side = cov @ self.K
+        return side @ whitener(self.K.T @ side)
 
     def missing(self, M: Array, parameters: tuple[str, ...]) -> tuple[str, ...]:
         """The combinations that M leaves open, each with the directions that hide it."""

@@ -1,6 +1,7 @@
 """A few poses that a design may rest on, with the relaxation over them."""
 
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
@@ -66,8 +67,14 @@ class ActiveSet:
         """
         support = self.support
         weights = self.weights
-        T = range_whitener(support.problem.information(weights))
-        for alike, least in MERGING:
+        M = support.problem.information(weights)
+        criterion = self.relaxation.criterion
+        # Poses that tell the same of what counts may differ in what else they tell, which may be
+        # needed to know what counts: the second choice.
+        whiteners = [criterion.whitener(M)]
+        if not criterion.needs_all:
+            whiteners.append(range_whitener(M))
+        for (alike, least), T in product(MERGING, whiteners):
             heavy = np.flatnonzero(weights > least * weights.max())
             last_first = support[heavy[::-1]]
             trials = [last_first] if found is None else [last_first, found + last_first]
