@@ -70,7 +70,7 @@ def calibrate(
     except (SingularPlanError, NothingLeftError, SigmaTooSmallError) as error:
         raise UserError(str(error), where=path) from error
     found = Calibration(fitted, (), path, _bias(fitted), origin=origin)
-    budget = None if fitted.untold else calibration_budget(fitted, found.rho0_bias)
+    budget = calibration_budget(fitted, found.rho0_bias)
     named = diagnostics(fitted, found.rho0_bias, budget)
     found = replace(found, diagnostics=named, budget=budget)
     wrong = None if as_is else find_input_error(fitted)

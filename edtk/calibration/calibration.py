@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from edtk.calibration.calibration_budget import propagation_of
+from edtk.calibration.calibration_budget import calibration_budget, propagation_of
 from edtk.calibration.cause_of import cause_of
 from edtk.calibration.causes.cause import Cause
 from edtk.calibration.check_posterior import check_posterior
 from edtk.calibration.diagnostics.diagnostic import Diagnostic, Severity
 from edtk.calibration.diagnostics.diagnostics import diagnostics
 from edtk.calibration.diagnostics.posterior_diagnostics import posterior_diagnostics
+from edtk.calibration.finding import Kind
 from edtk.calibration.fitted_data import FittedData
 from edtk.calibration.origin import Origin
 from edtk.calibration.posterior_check import PosteriorCheck
@@ -53,8 +54,7 @@ class Calibration(Presented):
         path: Where the measurements are.
         bias: By how far the linear model makes the compliances (p,) too large, to the first order
             [rad/(N m)]; zero where the loaded equilibrium was fitted, None if it is unknown.
-        budget: The error to expect in the task, in parts; None without a test pose, or where the
-            estimate rests on a prior.
+        budget: The error to expect in the task, in parts; None without a test pose.
         check: The posterior; None where it was not sampled.
         origin: The file as it was read, and what was asked for.
     """
@@ -292,17 +292,21 @@ class Calibration(Presented):
         vague = prior.earlier is None and flat
         estimated = vague and noise.normal and not self.fit.known and not self.fit.robust
         fitted = self.fitted
+        budget = self.budget
         found = self.diagnostics
         if fitted.untold:
             names = self.study.model.parameters
             posterior = Estimate(check.posterior.mean, check.posterior.covariance, names)
             fitted = fitted.described_by(posterior)
-            found = diagnostics(fitted)
+            budget = calibration_budget(fitted, None)
+            found = diagnostics(fitted, None, budget)
         added = posterior_diagnostics(fitted, prior, check.posterior)
+        rest = (one for one in found if one.kind is not Kind.PRIOR_CONTRADICTED)
         return replace(
             self,
             fitted=fitted,
-            diagnostics=tuple(sorted([*added, *found], key=lambda one: -one.severity)),
+            budget=budget,
+            diagnostics=tuple(sorted([*added, *rest], key=lambda one: -one.severity)),
             check=replace(check, sigma_estimated=estimated),
         )
 

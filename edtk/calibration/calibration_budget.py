@@ -43,8 +43,16 @@ def propagation_of(fitted: FittedData) -> Propagation:
         data = data[some_rows(len(data), MOST_ROWS)]
     k = fitted.fit.k
     uncertainty = uncertainty_of(fitted.study, k)
-    model = fitted.study.model
-    return Propagation.of(model, data, k, fitted.fit.covariance, uncertainty, repeats)
+    return Propagation.of(
+        fitted.study.model,
+        data,
+        k,
+        fitted.fit.covariance,
+        uncertainty,
+        repeats,
+        fitted.study.known,
+        fitted.told_before if fitted.untold else None,
+    )
 
 
 def has_budget(model: ElastostaticModel) -> bool:

@@ -1,8 +1,11 @@
 """What is uncertain in a calibration, propagated to the error in the task."""
 
+from collections.abc import Mapping
+
 from edtk.calibration.propagation import Propagation
 from edtk.calibration.uncertainty import Uncertainty
 from edtk.inference.measurements import Measurements
+from edtk.inference.prior_rows import PriorRows
 from edtk.model.elastostatic_model import ElastostaticModel
 from edtk.model.error_budget import ErrorBudget
 from edtk.model.tasks import Tasks
@@ -18,6 +21,8 @@ def error_budget(
     uncertainty: Uncertainty,
     model_error: float = 0.0,
     repeats: Indices | Array | None = None,
+    known: Mapping[int, float] | None = None,
+    prior: PriorRows | None = None,
 ) -> ErrorBudget:
     """Propagate what is uncertain in a calibration to the error in the task, to first order.
 
@@ -35,9 +40,11 @@ def error_budget(
         uncertainty: How well the circumstances are known.
         model_error: Error that the linear model leaves [m].
         repeats: Repetitions (m,) that each row stands for; one by default.
+        known: Compliances of further joints, by their index [rad/(N m)].
+        prior: What else is known of the compliances, where the estimate rests on that, too.
 
     Raises:
         SingularPlanError: The poses do not identify all parameters.
     """
-    found = Propagation.of(model, data, k, covariance, uncertainty, repeats)
+    found = Propagation.of(model, data, k, covariance, uncertainty, repeats, known, prior)
     return found.budget(tasks, model_error)

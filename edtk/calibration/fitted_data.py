@@ -26,12 +26,15 @@ from edtk.inference.lack_of_fit import LackOfFit, lack_of_fit
 from edtk.inference.least_squares import Estimate, SingularPlanError, Whitened
 from edtk.inference.linearise import linearise
 from edtk.inference.measurements import Measurements
-from edtk.inference.prior import Prior
+from edtk.inference.prior import Flat, Prior
+from edtk.inference.prior_rows import PriorRows
 from edtk.inference.visit_residuals import visit_residuals
 from edtk.inference.whiten import RowNoise, whiten
 from edtk.model.all_compliances import all_compliances
 from edtk.model.equilibrium import NoEquilibriumError
 from edtk.study.study import Study
+from edtk.study.study_prior import study_prior
+from edtk.system.errors import UserError
 from edtk.system.typing import Array, Indices
 
 BIAS = 0.1  # of the linear model, in standard deviations, from which the equilibrium is fitted
@@ -242,8 +245,6 @@ class FittedData:
     @cached_property
     def causes(self) -> tuple[Cause, ...]:
         """Faults that explain the residuals, the likeliest first; empty where noise does."""
-        if self.untold:
-            return ()  # every fault needs a fit without a prior
         if self.data.deflection.shape[1] == 1:
             return ()  # most faults have a direction, which distances have not
         if self.fit.robust:
@@ -256,7 +257,32 @@ class FittedData:
         )
         # Less what the loaded equilibrium adds: residuals of the fit, under the linear model.
         measured = self.fit.residual[rows] + self.linear_regressor[rows] @ self.fit.unbounded
-        return find_causes(self.study.model, self.data[rows], measured, self.fit.k, typed)
+        return find_causes(
+            self.study.model, self.data[rows], measured, typed, self.study.known, self.told_before
+        )
+
+    @cached_property
+    def prior(self) -> Prior | None:
+        """The study's [prior]; None where it says nothing, or cannot be read.
+
+        Only a posterior needs one: its file may still be to be written.
+        """
+        try:
+            prior = study_prior(self.study)
+        except UserError:
+            return None
+        says = prior.earlier is not None or any(not isinstance(m, Flat) for m in prior.marginals)
+        return prior if says else None
+
+    @cached_property
+    def told_before(self) -> PriorRows | None:
+        """What the [prior] says of the size of compliances; None if it says nothing."""
+        if self.prior is None:
+            return None
+        found = PriorRows.near(self.prior, self.fit.k)
+        if self.untold:
+            found = found.with_weak(self.prior)
+        return found if len(found) else None
 
     @property
     def structural_causes(self) -> tuple[Cause, ...]:

@@ -1,14 +1,15 @@
 """How what is uncertain in a calibration moves its compliances, and with them the tool point."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from edtk.calibration.causes.families import families
+from edtk.calibration.causes.families_with_known import families_with_known
+from edtk.calibration.least_squares_inverse import LeastSquaresInverse
 from edtk.calibration.uncertainty import Uncertainty
-from edtk.inference.least_squares import Whitened
 from edtk.inference.measurements import Measurements
+from edtk.inference.prior_rows import PriorRows
 from edtk.model.elastostatic_model import ElastostaticModel
 from edtk.model.error_budget import ErrorBudget
 from edtk.model.tasks import Tasks
@@ -40,21 +41,25 @@ class Propagation:
         k: The compliances (p,) [rad/(N m)].
         covariance: Their covariance (p, p) by the noise.
         uncertainty: How well the circumstances are known.
+        load: By the size of the load, as a share (p,).
         direction: By the direction of the load [rad/(N m) per rad].
         tool: By the tool point, along each axis.
         drift: By a shift between unloaded and loaded readings.
         readings: By shifts of every reading: a root (p, p) of what they add to the covariance.
         bent: The joints that count as rigid.
+        known: Further joints, by index, with their known compliances [rad/(N m)].
     """
 
     k: Array
     covariance: Array
     uncertainty: Uncertainty
+    load: Array
     direction: Array
     tool: tuple[Array, ...]
     drift: Array
     readings: tuple[Array, Array]
     bent: tuple[Bent, ...]
+    known: tuple[tuple[int, float], ...] = ()
 
     @classmethod
     def of(
@@ -65,27 +70,36 @@ class Propagation:
         covariance: Array,
         uncertainty: Uncertainty,
         repeats: Indices | Array | None = None,
+        known: Mapping[int, float] | None = None,
+        prior: PriorRows | None = None,
     ) -> "Propagation":
         """Propagate to the estimates, see `error_budget`."""
         A = data.regressor(model)
-        whitened = Whitened.of(A, data.noise, model.parameters)
+        inverse = LeastSquaresInverse.of(model, data, A, prior)
 
         def moved(change: Array) -> Array:
             """Shift (p, c) of the estimates by changes (m, rows, c) of readings."""
-            return whitened.solve(np.moveaxis(change, -1, 0)).T
+            return inverse.solve(np.moveaxis(change, -1, 0)).T
 
-        faults = {family.cause: family for family in families(model, data, A, k)}
+        told = prior is not None
+        every = families_with_known(model, data, A, k, known or {}, told)
+        faults = {family.cause: family for family in every}
+        load = k  # compliances take up a load of another size in full
+        if "load_size" in faults:
+            load = moved(faults["load_size"].derivative_at_zero(k))[:, 0]
         shift = np.zeros((*data.sigma.shape, 3))
         shift[:, :3] = np.eye(3)
         return cls(
             k=k,
             covariance=covariance,
             uncertainty=uncertainty,
+            load=load,
             direction=moved(faults["load_direction"].derivative_at_zero(k)),
             tool=tuple(moved(faults[name].derivative_at_zero(k)) for name in TOOL),
             drift=moved(shift),
-            readings=_readings(whitened, repeats),
-            bent=_bent(model, data, whitened, uncertainty),
+            readings=_readings(inverse, repeats),
+            bent=_bent(model, data, inverse, uncertainty),
+            known=tuple((known or {}).items()),
         )
 
     def budget(self, tasks: Tasks, model_error: float = 0.0) -> ErrorBudget:
@@ -97,9 +111,7 @@ class Propagation:
         """
         A0 = tasks.target
         given = self.uncertainty
-        # Compliances take up a load of another size in full: they come out as much too large.
-        displacement = float(np.linalg.norm(A0 @ self.k))
-        scaled = given.load_size * displacement
+        scaled = given.load_size * float(np.linalg.norm(A0 @ self.load))
         rigid, bends = self._rigid(tasks)
         gram, inverse = self.readings
         T = A0 @ inverse
@@ -111,8 +123,15 @@ class Propagation:
             rigid_joints=rigid,
             drift=given.drift * _length(A0, [self.drift]),
             repeatability=given.repeatability * float(np.sqrt(np.trace(T @ gram @ T.T))),
-            uncompensated=float(np.hypot(displacement, bends)),
+            uncompensated=float(np.hypot(self._displacement(tasks), bends)),
         )
+
+    def _displacement(self, tasks: Tasks) -> float:
+        """What the load moves the tool point by in the task, joints of known compliance too [m]."""
+        joints = tuple(joint for joint, _ in self.known)
+        k = np.append(self.k, [compliance for _, compliance in self.known])
+        target = tasks.with_unknown((*tasks[0].unknown, *joints)).target if joints else tasks.target
+        return float(np.linalg.norm(target @ k))
 
     def _rigid(self, tasks: Tasks) -> tuple[float, float]:
         """Error by joints that count as rigid, after compensation and without any [m]."""
@@ -133,21 +152,25 @@ def _length(A0: Array, shifts: Sequence[Array]) -> float:
 
 
 def _bent(
-    model: ElastostaticModel, data: Measurements, whitened: Whitened, uncertainty: Uncertainty
+    model: ElastostaticModel,
+    data: Measurements,
+    inverse: LeastSquaresInverse,
+    uncertainty: Uncertainty,
 ) -> tuple[Bent, ...]:
     """What the estimates absorb of joints that count as rigid."""
     found = []
     for name, compliance in uncertainty.rigid:
         joint = model.robot.joint_names.index(name)
         bent = data.regressor(replace(model, unknown=(joint,)))[..., 0]
-        found.append(Bent(joint, compliance, whitened.solve(bent)))
+        found.append(Bent(joint, compliance, inverse.solve(bent)))
     return tuple(found)
 
 
-def _readings(whitened: Whitened, repeats: Indices | Array | None) -> tuple[Array, Array]:
+def _readings(inverse: LeastSquaresInverse, repeats: Indices | Array | None) -> tuple[Array, Array]:
     """Two factors (p, p) by which independent shifts of every reading move the estimates."""
     # A row's shift u enters the whitened measurements as W u, and the estimate by Q.
-    Q = whitened.by_reading()[:, :3]
+    Q = inverse.by_reading()[:, :3]
+    whitened = inverse.whitened
     if repeats is not None:
         Q = Q / np.sqrt(repeats[:, None, None])
     gram = np.einsum("mrp,mrq->pq", Q, Q)

@@ -14,6 +14,7 @@ from edtk.calibration.propagation import Propagation
 from edtk.calibration.uncertainty import Uncertainty
 from edtk.inference.least_squares import Whitened
 from edtk.inference.measurements import Measurements
+from edtk.inference.prior_rows import PriorRows
 from edtk.model.elastostatic_model import ElastostaticModel
 from edtk.model.tasks import Tasks
 
@@ -147,3 +148,30 @@ def test_each_of_several_poses_has_a_budget_of_its_own():
     each = [found.budget(Tasks([task])).total for task in tasks]
     together = found.budget(tasks).total
     assert together == pytest.approx(np.sqrt((each[0] ** 2 + 3 * each[1] ** 2) / 4), rel=1e-9)
+
+
+def test_a_known_joint_holds_a_heavier_load():
+    """With a joint known, the error by the load's size is that of a refit under another load."""
+    known = {MODEL.joints[0]: float(K[0])}
+    rest = replace(MODEL, unknown=MODEL.joints[1:])
+    study = STUDY.tasks.with_unknown(rest.joints)
+    fit = Whitened.of(DATA.regressor(rest), DATA.sigma, rest.parameters)
+    uncertain = replace(SURE, load_size=0.01)
+    found = error_budget(rest, DATA, study, K[1:], fit.covariance, uncertain, known=known)
+    without = A[..., :1] @ K[:1]
+    error = fit.solve(1.01 * A @ K - without) - K[1:]
+    assert found.load == pytest.approx(float(np.linalg.norm(study.target @ error)))
+    assert found.uncompensated == pytest.approx(float(np.linalg.norm(STUDY.target @ K)))
+
+
+def test_a_prior_takes_its_part():
+    """With a prior of an estimate, drift moves it as it moves the fit of all rows."""
+    prior = PriorRows(np.diag(10 / K), np.full(len(K), 10.0))
+    uncertain = replace(SURE, drift=5e-5)
+    found = error_budget(MODEL, DATA, STUDY.tasks, K, FIT.covariance, uncertain, prior=prior)
+    X = np.concatenate([(A / DATA.sigma[..., None]).reshape(-1, len(K)) * K, 10 * np.eye(len(K))])
+    moved = []
+    for axis in np.eye(3):
+        shift = np.tile(5e-5 * axis / STUDY.sigma, len(A))
+        moved.append(K * np.linalg.lstsq(X, np.append(shift, np.zeros(len(K))))[0])
+    assert found.drift == pytest.approx(float(np.linalg.norm(STUDY.target @ np.transpose(moved))))

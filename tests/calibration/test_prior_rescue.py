@@ -67,7 +67,7 @@ def test_one_pose_and_a_prior():
     assert "alone do not tell k2, k3" in found.diagnostics[0].text
     assert "rests on the prior" in found.summary()
     answer = found.to_dict()
-    assert answer["budget_mm"] is None
+    assert answer["budget_mm"]["noise"] == pytest.approx(1e3 * answer["rho0"]["value"])
     assert np.isfinite(answer["rho0"]["value"])
     # The posterior is inside the prior, and right within its width.
     assert (np.abs(np.log(posterior.mean / K0)) < 3 * np.log(3)).all()

@@ -1,14 +1,15 @@
 """Which fault explains the residuals best, if any does."""
 
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 
 import numpy as np
 
 from edtk.calibration.causes.cause import NOISE, OUTLIER, Cause
-from edtk.calibration.causes.families import families
+from edtk.calibration.causes.families_with_known import families_with_known
 from edtk.calibration.causes.family import fit_family
+from edtk.calibration.causes.plain_fit import PlainFit
 from edtk.calibration.causes.shifted import SEEN, shifted
 from edtk.calibration.causes.tried import Tried
 from edtk.calibration.causes.wrong_pose import wrong_pose
@@ -16,10 +17,10 @@ from edtk.inference.distributions import chi_square_tail, fisher_tail
 from edtk.inference.error_strata import ErrorStrata
 from edtk.inference.estimate_noise import yardstick
 from edtk.inference.lack_of_fit import LackOfFit, lack_of_fit
-from edtk.inference.least_squares import SingularPlanError, Whitened
+from edtk.inference.least_squares import SingularPlanError
 from edtk.inference.measurements import Measurements
+from edtk.inference.prior_rows import PriorRows
 from edtk.inference.visit_residuals import visit_residuals
-from edtk.inference.whiten import whiten
 from edtk.model.elastostatic_model import ElastostaticModel
 from edtk.system.typing import Array
 
@@ -27,7 +28,8 @@ LEVEL = 0.01  # probability that any fault is named in good data
 MOST = 2  # causes that are named
 COMMON = "common_noise"
 POSE = "pose"
-NO_FAULTS = (COMMON, OUTLIER)  # of the day; they keep others from being blamed
+PRIOR = "prior"
+NO_FAULTS = (COMMON, OUTLIER, PRIOR)  # of the day; they keep others from being blamed
 # Tested whatever is looked at beside them, at a share of the level: any cause is then named in less
 # than 2 % of good data.
 ALWAYS = {NOISE: 1.5, COMMON: 1.0}
@@ -42,8 +44,9 @@ def find_causes(
     model: ElastostaticModel,
     data: Measurements,
     measured: Array,
-    k: Array,
     typed: tuple[int, ...] = (),
+    known: Mapping[int, float] | None = None,
+    prior: PriorRows | None = None,
 ) -> tuple[Cause, ...]:
     """Refit the measurements with each fault that is known, and name those that explain them.
 
@@ -55,21 +58,22 @@ def find_causes(
     Args:
         model: The robot with its calibration tool, and the measured rows.
         data: The measurements.
-        measured: Deflections (m, rows) as the linear model about k sees them [m, rad].
-        k: Fitted compliances (p,) [rad/(N m)].
+        measured: Deflections (m, rows) as the linear model about the fitted compliances sees them,
+            less those that joints of known compliance make [m, rad].
         typed: Revolute joints whose values were written by hand, in which a pose may be wrong.
+        known: Compliances of further joints, by their index [rad/(N m)].
+        prior: What is known of the compliances besides, linearised about the fitted ones.
 
     Returns:
         The best cause, and a second one that is about as likely; none if noise explains all.
     """
-    A = data.regressor(model)
+    told = prior if prior is not None and len(prior) else None
     try:
-        whitened = Whitened.of(A, data.noise, model.parameters)
+        plain = PlainFit.of(model, data, measured, known or {}, told)
     except SingularPlanError:
         return ()  # of very many measurements some do not identify all parameters
-    if measured.size <= len(k):
+    if plain.dof < 1:
         return ()
-    plain = _PlainFit.of(model, data, measured, A, whitened)
     likely = _likely(_tried(plain))
     likely.sort(key=plain.score)
     likely = _with_joints(plain, likely, typed)
@@ -81,67 +85,21 @@ def find_causes(
     return tuple(replace(one.cause, explained=_explained(one, plain)) for one in best)
 
 
-@dataclass(frozen=True, eq=False)
-class _PlainFit:
-    """Measurements without any fault, with which others are compared.
-
-    Attributes:
-        model: The robot with its calibration tool, and the measured rows.
-        data: The measurements.
-        measured: Deflections (m, rows) [m, rad].
-        A: Their regressors (m, rows, p).
-        whitened: The factors of A in units of the noise.
-        k: Least-squares estimates (p,) [rad/(N m)].
-        z: Residuals (m, rows) in units of sigma.
-    """
-
-    model: ElastostaticModel
-    data: Measurements
-    measured: Array
-    A: Array
-    whitened: Whitened
-    k: Array
-    z: Array
-
-    @classmethod
-    def of(
-        cls,
-        model: ElastostaticModel,
-        data: Measurements,
-        measured: Array,
-        A: Array,
-        whitened: Whitened,
-    ) -> "_PlainFit":
-        """Fit the compliances alone."""
-        k = whitened.solve(measured)
-        return cls(model, data, measured, A, whitened, k, whiten(measured - A @ k, data.noise))
-
-    @property
-    def chi2(self) -> float:
-        """Sum of squares of the residuals over sigma."""
-        return float((self.z**2).sum())
-
-    @property
-    def dof(self) -> int:
-        """Degrees of freedom, at least one."""
-        return self.measured.size - len(self.k)
-
-    def score(self, one: Tried) -> float:
-        """The less, the likelier is the fault."""
-        return one.score(self.measured.size)
-
-
-def _tried(plain: _PlainFit) -> list[Tried]:
+def _tried(plain: PlainFit) -> list[Tried]:
     """All faults, each fitted."""
     data = plain.data
-    test = lack_of_fit(plain.z, data.places, len(plain.k))
+    test = None
+    if plain.alone is not None:
+        test = lack_of_fit(plain.z, data.places, len(plain.k))
     strata = _strata(plain)
+    shared = _common_noise(test) if strata is None else _shared(strata)
     return [
         *_smooth(plain),
         *shifted(plain.whitened, plain.measured, plain.chi2, data.pose, POSE),
         *_outliers(plain),
-        *_noise(plain.chi2, plain.dof, repeated=test is not None),
-        *(_common_noise(test) if strata is None else _shared(strata)),
+        *_noise(plain, repeated=test is not None),
+        *(replace(one, deviance=one.deviance + plain.by_prior) for one in shared),
+        *_prior(plain),
     ]
 
 
@@ -156,7 +114,7 @@ def _likely(tried: list[Tried]) -> list[Tried]:
     return likely
 
 
-def _with_joints(plain: _PlainFit, likely: list[Tried], typed: tuple[int, ...]) -> list[Tried]:
+def _with_joints(plain: PlainFit, likely: list[Tried], typed: tuple[int, ...]) -> list[Tried]:
     """The same faults; wrong poses near the likeliest fault with the joint that explains them.
 
     A joint value has fewer parameters than a shift, so that such a pose comes further ahead.
@@ -165,30 +123,37 @@ def _with_joints(plain: _PlainFit, likely: list[Tried], typed: tuple[int, ...]) 
     poses = [one for one in likely if one.cause.cause == POSE]
     near = [one for one in poses if plain.score(one) < plain.score(likely[0]) + WITHIN_REACH]
     for one in near[:MOST]:
-        found[found.index(one)] = wrong_pose(plain.model, plain.data, plain.measured, one, typed)
+        measured = plain.measured_rows(plain.measured)
+        found[found.index(one)] = wrong_pose(
+            plain.model, plain.data, measured, one, typed, plain.by_prior
+        )
     return found
 
 
-def _settles(one: Tried, plain: _PlainFit) -> bool:
+def _settles(one: Tried, plain: PlainFit) -> bool:
     """Whether noise explains the rest; noise that repetitions share explains all by itself.
 
     A reading that is little off may as well be one of noise that is larger than stated.
     """
     if one.cause.cause == COMMON:
         return True
+    if one.cause.cause == PRIOR:
+        return float(chi_square_tail(one.deviance, max(plain.alone_dof, 1))) > LEVEL
     rest = float(chi_square_tail(one.deviance, max(plain.dof - one.dims, 1)))
     return plain.chi2 - one.deviance > CLEARLY_OFF**2 and rest > LEVEL
 
 
-def _explained(one: Tried, plain: _PlainFit) -> float:
+def _explained(one: Tried, plain: PlainFit) -> float:
     """Share of the misfit that a fault explains."""
     return min(1.0, max(0.0, plain.chi2 - one.deviance) / max(plain.chi2 - plain.dof, 1e-9))
 
 
-def _smooth(plain: _PlainFit) -> Iterator[Tried]:
+def _smooth(plain: PlainFit) -> Iterator[Tried]:
     """Faults of any size."""
-    for family in families(plain.model, plain.data, plain.A, plain.k):
-        fit = fit_family(family, plain.measured, plain.data.noise, plain.k)
+    told = plain.prior is not None
+    found = families_with_known(plain.model, plain.data, plain.A, plain.k, plain.known, told)
+    for family in found:
+        fit = fit_family(plain.below(family), plain.measured, plain.noise, plain.k)
         if fit is None:
             continue
         size = float(np.linalg.norm(fit.c)) if family.dims > 1 else float(fit.c[0])
@@ -208,14 +173,14 @@ def _smooth(plain: _PlainFit) -> Iterator[Tried]:
         yield Tried(cause, fit.chi2, family.dims, family.tries, rarity)
 
 
-def _outliers(plain: _PlainFit) -> Iterator[Tried]:
+def _outliers(plain: PlainFit) -> Iterator[Tried]:
     """One reading is off, or one coordinate of it; where no pose is repeated it is that pose."""
     whitened = plain.whitened
     rows = np.arange(len(plain.data))
     if len(np.unique(plain.data.pose)) < len(rows):
         yield from shifted(whitened, plain.measured, plain.chi2, rows, OUTLIER)
-    residual = whitened.residual(plain.measured)
-    left = 1 - (whitened.Q**2).sum(axis=-1)
+    residual = plain.measured_rows(whitened.residual(plain.measured))
+    left = 1 - (plain.measured_rows(whitened.Q) ** 2).sum(axis=-1)
     drop = np.divide(residual**2, left, out=np.zeros_like(left), where=left > SEEN)
     most = float(drop.max())
     cause = Cause(OUTLIER, math.sqrt(most), "sigma", None, float(chi_square_tail(most, 1)))
@@ -232,13 +197,13 @@ def _common_noise(found: LackOfFit | None) -> Iterator[Tried]:
     yield Tried(Cause(COMMON, found.common, "times stated", None, found.p), deviance, 2, 1)
 
 
-def _strata(plain: _PlainFit) -> ErrorStrata | None:
+def _strata(plain: PlainFit) -> ErrorStrata | None:
     """Residuals split by what moves together, where that is not stated and can be seen."""
     data = plain.data
     if data.tracker is not None:
         return None
     joints = np.ones(plain.model.robot.n)
-    seen = visit_residuals(plain.model, data, plain.A, plain.measured, joints)
+    seen = visit_residuals(plain.model, data, plain.A, plain.measured_rows(plain.measured), joints)
     if seen is None or len(seen.residual) < len(data):
         return None
     strata = ErrorStrata.of(seen)
@@ -261,13 +226,26 @@ def _shared(strata: ErrorStrata) -> Iterator[Tried]:
     yield Tried(cause, deviance, len(strata.all), 1)
 
 
-def _noise(chi2: float, dof: int, repeated: bool) -> Iterator[Tried]:
+def _noise(plain: PlainFit, repeated: bool) -> Iterator[Tried]:
     """The noise is not as stated; by how much is only believed where repetitions confirm it."""
+    chi2 = plain.chi2 - plain.by_prior
+    dof = plain.alone_dof
+    if dof < 1:
+        return
     scale = chi2 / dof
     if scale > LOUDEST**2 and not repeated:
         return
     p = float(chi_square_tail(chi2, dof))
     p = min(p, UNASKED * (1 - p))
-    deviance = dof * (math.log(max(scale, 1e-300)) + 1)
+    deviance = dof * (math.log(max(scale, 1e-300)) + 1) + plain.by_prior
     std = math.sqrt(scale / (2 * dof))
     yield Tried(Cause(NOISE, math.sqrt(scale), "times stated", std, p), deviance, 1, 1)
+
+
+def _prior(plain: PlainFit) -> Iterator[Tried]:
+    """What was known of the compliances is wrong, whatever of it, and the measurements are not."""
+    if plain.prior is None or plain.alone is None:
+        return
+    dims = len(plain.prior)
+    p = float(chi_square_tail(plain.by_prior, dims))
+    yield Tried(Cause(PRIOR, 1.0, "", None, p), plain.alone, dims, 1)

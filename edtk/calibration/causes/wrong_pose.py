@@ -20,6 +20,7 @@ def wrong_pose(
     measured: Array,
     tried: Tried,
     typed: tuple[int, ...],
+    by_prior: float = 0.0,
 ) -> Tried:
     """Explain the shift of a pose by one of its joint values.
 
@@ -32,6 +33,7 @@ def wrong_pose(
         measured: Deflections (m, rows) [m, rad].
         tried: The pose with any shift.
         typed: Revolute joints whose values were written by hand.
+        by_prior: What a prior adds to the sum of squares.
 
     Returns:
         The pose, with the joint if a single one explains it. A pose that was measured once and
@@ -50,7 +52,7 @@ def wrong_pose(
         kind = tried.cause.cause if len(rows) > 1 else OUTLIER
         return replace(tried, cause=replace(tried.cause, cause=kind))
     z = whiten(measured[others] - A @ k, data.noise[others])
-    deviance = float((z**2).sum()) + found.misfit
+    deviance = float((z**2).sum()) + found.misfit + by_prior
     cause = tried.cause
     if found.alone:
         name = model.robot.joint_names[found.joint]

@@ -7,6 +7,7 @@ from edtk.calibration.diagnostics.input_diagnostics import input_diagnostics
 from edtk.calibration.diagnostics.noise_diagnostics import noise_diagnostics
 from edtk.calibration.diagnostics.outlier_diagnostics import outlier_diagnostics
 from edtk.calibration.diagnostics.pose_diagnostics import pose_diagnostics
+from edtk.calibration.diagnostics.prior_diagnostics import prior_diagnostics
 from edtk.calibration.diagnostics.sign_diagnostics import sign_diagnostics
 from edtk.calibration.diagnostics.structure_diagnostics import structure_diagnostics
 from edtk.calibration.diagnostics.unit_diagnostics import unit_diagnostics
@@ -34,6 +35,8 @@ def diagnostics(
         found += noise_diagnostics(fitted)
         found += cause_diagnostics(fitted)
         found += outlier_diagnostics(fitted)
+        if fitted.prior is not None and not fitted.untold:
+            found += prior_diagnostics(fitted.fit, fitted.prior)
         found += structure_diagnostics(fitted, rho0_bias)
         found += budget_diagnostics(budget)
     found += pose_diagnostics(fitted)

@@ -5,22 +5,14 @@ from collections.abc import Iterator
 import numpy as np
 
 from edtk.calibration.diagnostics.diagnostic import Diagnostic, Severity
+from edtk.calibration.diagnostics.prior_diagnostics import prior_diagnostics
 from edtk.calibration.finding import Finding, Kind
 from edtk.calibration.fitted_data import FittedData
-from edtk.inference.distributions import (
-    chi_square_tail,
-    fisher_tail,
-    normal_quantile,
-    student_below,
-)
-from edtk.inference.identification import Identification
 from edtk.inference.posterior import Posterior
-from edtk.inference.prior import Flat, Prior
+from edtk.inference.prior import Prior
 
-CONTRADICTION = 1e-3  # probability of so large a distance between prior and estimate
 FAR = 2.0  # posterior standard deviations between mean and least squares that are worth a line
 WIDER = 2.0  # standard deviation of the fit over the posterior's, where the prior says more
-QUANTILES = 2001  # of a prior, over which the distribution of an estimate is averaged
 
 
 def posterior_diagnostics(
@@ -38,9 +30,8 @@ def posterior_diagnostics(
         finding = Finding(Kind.RESTS_ON_PRIOR, parameters=fitted.untold)
         yield Diagnostic(Severity.WARNING, finding)
         return
-    contradicted = list(_contradictions(fitted.fit, prior))
-    for finding in contradicted:
-        yield Diagnostic(Severity.WARNING, finding)
+    contradicted = list(prior_diagnostics(fitted.fit, prior))
+    yield from contradicted
     fit = fitted.fit
     distance = np.abs(posterior.mean - fit.k) / posterior.std
     i = int(distance.argmax())
@@ -63,48 +54,3 @@ def posterior_diagnostics(
     # Where the prior simply says more than few measurements, nothing is wrong.
     severity = Severity.NOTE if reason == "prior" else Severity.WARNING
     yield Diagnostic(severity, finding)
-
-
-def _contradictions(fit: Identification, prior: Prior) -> Iterator[Finding]:
-    """Priors under which the least-squares estimate is improbable.
-
-    The estimate is normal about the compliances, with the covariance of the fit, and these are
-    distributed as the prior says: the distance to an earlier calibration is Mahalanobis's, under
-    the sum of both covariances. One of p marginals counts if its probability is below a p-th.
-    """
-    p = len(fit.k)
-    if prior.earlier is not None:
-        probability = _far_from_earlier(fit, prior)
-        if probability < CONTRADICTION:
-            data = {"p": probability, "earlier": True}
-            yield Finding(Kind.PRIOR_CONTRADICTED, parameters=fit.parameters, data=data)
-    middle = (np.arange(QUANTILES) + 0.5) / QUANTILES
-    z = normal_quantile(middle)
-    named = []
-    least = 1.0
-    for name, marginal, k, std in zip(
-        fit.parameters, prior.marginals, fit.unbounded, fit.std, strict=True
-    ):
-        if isinstance(marginal, Flat):
-            continue
-        below = float(np.mean(student_below((k - marginal.of_normal(z)) / std, fit.covariance_dof)))
-        probability = 2 * min(below, 1 - below)
-        if probability < CONTRADICTION / p:
-            named.append(name)
-            least = min(least, probability)
-    if named:
-        data = {"p": least, "earlier": False}
-        yield Finding(Kind.PRIOR_CONTRADICTED, parameters=tuple(named), data=data)
-
-
-def _far_from_earlier(fit: Identification, prior: Prior) -> float:
-    """Probability of an estimate that is as far from the earlier calibration's."""
-    assert prior.earlier is not None
-    off = fit.unbounded - prior.earlier.mean
-    covariance = fit.covariance + prior.earlier.covariance
-    scale = np.sqrt(np.diag(covariance))
-    square = (off / scale) @ np.linalg.solve(covariance / np.outer(scale, scale), off / scale)
-    p = len(off)
-    if np.isinf(fit.covariance_dof):
-        return float(chi_square_tail(square, p))
-    return float(fisher_tail(square / p, p, fit.covariance_dof))

@@ -44,7 +44,7 @@ def binomial_tail(count, trials, share):
 
 def causes(data):
     """What explains the residuals."""
-    return find_causes(MODEL, data, data.deflection, STUDY.compliances, TYPED)
+    return find_causes(MODEL, data, data.deflection, TYPED)
 
 
 def rotation(axis, degrees):

@@ -1,0 +1,66 @@
+"""A prior that measurements contradict."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from edtk.calibration.diagnostics.diagnostic import Diagnostic, Severity
+from edtk.calibration.finding import Finding, Kind
+from edtk.inference.distributions import (
+    chi_square_tail,
+    fisher_tail,
+    normal_quantile,
+    student_below,
+)
+from edtk.inference.identification import Identification
+from edtk.inference.prior import Flat, Prior
+
+CONTRADICTION = 1e-3  # probability of so large a distance between prior and estimate
+QUANTILES = 2001  # of a prior, over which the distribution of an estimate is averaged
+
+
+def prior_diagnostics(fit: Identification, prior: Prior) -> Iterator[Diagnostic]:
+    """Priors under which the least-squares estimate is improbable.
+
+    The estimate is normal about the compliances, with the covariance of the fit, and these are
+    distributed as the prior says: the distance to an earlier calibration is Mahalanobis's, under
+    the sum of both covariances. One of p marginals counts if its probability is below a p-th.
+    """
+    p = len(fit.k)
+    if prior.earlier is not None:
+        probability = _far_from_earlier(fit, prior)
+        if probability < CONTRADICTION:
+            data = {"p": probability, "earlier": True}
+            finding = Finding(Kind.PRIOR_CONTRADICTED, parameters=fit.parameters, data=data)
+            yield Diagnostic(Severity.WARNING, finding)
+    middle = (np.arange(QUANTILES) + 0.5) / QUANTILES
+    z = normal_quantile(middle)
+    named = []
+    least = 1.0
+    for name, marginal, k, std in zip(
+        fit.parameters, prior.marginals, fit.unbounded, fit.std, strict=True
+    ):
+        if isinstance(marginal, Flat):
+            continue
+        below = float(np.mean(student_below((k - marginal.of_normal(z)) / std, fit.covariance_dof)))
+        probability = 2 * min(below, 1 - below)
+        if probability < CONTRADICTION / p:
+            named.append(name)
+            least = min(least, probability)
+    if named:
+        data = {"p": least, "earlier": False}
+        finding = Finding(Kind.PRIOR_CONTRADICTED, parameters=tuple(named), data=data)
+        yield Diagnostic(Severity.WARNING, finding)
+
+
+def _far_from_earlier(fit: Identification, prior: Prior) -> float:
+    """Probability of an estimate that is as far from the earlier calibration's."""
+    assert prior.earlier is not None
+    off = fit.unbounded - prior.earlier.mean
+    covariance = fit.covariance + prior.earlier.covariance
+    scale = np.sqrt(np.diag(covariance))
+    square = (off / scale) @ np.linalg.solve(covariance / np.outer(scale, scale), off / scale)
+    p = len(off)
+    if np.isinf(fit.covariance_dof):
+        return float(chi_square_tail(square, p))
+    return float(fisher_tail(square / p, p, fit.covariance_dof))
