@@ -270,7 +270,7 @@ def _require_within_limits(robot: Robot, q: Array, which: str, path: Path | str)
     Raises:
         UserError: A pose is not; names row and column.
     """
-    lower, upper = robot.limits
+    lower, upper = robot.hard_limits
     outside = np.argwhere((q < lower - ROUNDING) | (q > upper + ROUNDING))
     if not len(outside):
         return

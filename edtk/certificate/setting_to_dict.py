@@ -81,6 +81,7 @@ def _robot(robot: Robot) -> dict[str, Any]:
             "origin": joint.origin.tolist(),
             "axis": joint.axis.tolist(),
             "limits": list(joint.limits),
+            **({"continuous": True} if joint.continuous else {}),
             **({"follows": follows[joint.name]} if joint.name in follows else {}),
         }
         for joint in robot.chain

@@ -16,6 +16,8 @@ from edtk.model.noise.whitener import Whitener
 from edtk.model.workspace import Workspace
 from edtk.system.typing import Array, Indices
 
+TURNS = 2.0  # to which a joint that turns without end is bounded in a descent
+
 
 @dataclass(frozen=True, eq=False)
 class DesignSpace:
@@ -51,7 +53,7 @@ class DesignSpace:
     noise: VisitNoise | None = None
 
     def __post_init__(self) -> None:
-        lower, upper = self.workspace.robot.limits
+        lower, upper = self.workspace.robot.hard_limits
         outside = (self.fixed < lower) | (self.fixed > upper)
         outside[self.free] = False
         if outside.any():
@@ -61,7 +63,10 @@ class DesignSpace:
     @cached_property
     def limits(self) -> Array:
         """Bounds (2, v) of the design variables."""
-        return np.concatenate([self.workspace.robot.limits, self.load.limits], axis=1)
+        robot = self.workspace.robot
+        # A descent may go on where one turn ends: what is behind is no other pose.
+        turns = np.where(robot.continuous, TURNS, 1.0)
+        return np.concatenate([turns * robot.limits, self.load.limits], axis=1)
 
     @property
     def size(self) -> int:
@@ -112,7 +117,8 @@ class DesignSpace:
     def plan(self, x: Array, repeats: Indices) -> Plan:
         """Make a plan of the experiments x (k, v) with repetitions (k,)."""
         n = len(self.fixed)
-        return Plan(x[:, :n], np.array(self.load.wrench(x[:, n:])), repeats)
+        q = self.workspace.robot.within_one_turn(x[:, :n])
+        return Plan(q, np.array(self.load.wrench(x[:, n:])), repeats)
 
     def information(self, plan: Plan) -> Array:
         """Information matrix (p, p) of a plan under the plan's own wrenches."""

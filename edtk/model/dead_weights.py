@@ -76,7 +76,7 @@ class DeadWeights:
     def torque_derivative(self, frames: Frames) -> Array:
         """``dtau_j/dq_k`` (n, n, ...), symmetric as the Hessian of a potential."""
         bent = cross(self.linear(frames), self.force(frames))
-        H = np.einsum("kc...,jc...->jk...", frames.angular, bent)
+        H = np.einsum("kc...,jc...->jk...", frames.angular_of_each, bent)
         n = self.joints
         later = np.triu_indices(n, 1)
         H[later] = H[later[::-1]]

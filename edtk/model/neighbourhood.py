@@ -35,7 +35,7 @@ def neighbourhood(robot: Robot, q: Array, within: float) -> Array:
             for joint in robot.joints
         ]
     )
-    lower, upper = robot.limits
+    lower, upper = robot.hard_limits
     # A test pose beyond a limit stays in its own neighbourhood.
     low = np.minimum(q, np.maximum(lower, q - travel))
     high = np.maximum(q, np.minimum(upper, q + travel))

@@ -141,6 +141,17 @@ class Robot(Presented):
         """Mask (n,) of the joints that turn without end."""
         return np.array([joint.continuous for joint in self.joints])
 
+    @property
+    def hard_limits(self) -> Array:
+        """Limits (2, n) at which joints end: infinite for those that turn without end."""
+        return np.where(self.continuous, [[-np.inf], [np.inf]], self.limits)
+
+    def within_one_turn(self, q: Array) -> Array:
+        """The same poses q (..., n), joints that turn without end between -180 and 180 deg."""
+        if not self.continuous.any():
+            return q
+        return np.where(self.continuous, q - 2 * np.pi * np.round(q / (2 * np.pi)), q)
+
     @cached_property
     def reach(self) -> float:
         """An upper bound on the distance of any point of the chain from the world's origin [m]."""

@@ -43,7 +43,7 @@ class Workspace:
     @property
     def everything(self) -> tuple[Constraint, ...]:
         """The given constraints, and the joint limits."""
-        return (*self.constraints, JointLimits(self.robot.limits))
+        return (*self.constraints, JointLimits(self.robot.hard_limits))
 
     @property
     def inequalities(self) -> tuple[Inequality, ...]:

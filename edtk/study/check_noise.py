@@ -121,7 +121,7 @@ def _distance_of_marker(
         frames = study.model.frames(q)
         away = sensor.point.position(frames) - tracker[:, None]
         least = min(least, float(np.sqrt(np.square(away).sum(axis=0).min())))
-        J = sensor.point.linear(frames).transpose(2, 1, 0) * movable
+        J = frames.folded(sensor.point.linear(frames)).transpose(2, 1, 0) * movable
         normal = J @ J.transpose(0, 2, 1) + damping * np.eye(3)
         step = (J.transpose(0, 2, 1) @ np.linalg.solve(normal, away.T[..., None]))[..., 0]
         q = np.clip(q - step, lower, upper)

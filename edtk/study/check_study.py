@@ -62,7 +62,7 @@ def _check_fixed_joints(study: "Study", specification: Specification, robot: Rob
     _check_fixed_leaders(study, robot)
     for j, value in study.fixed.items():
         joint = robot.joints[j]
-        low, high = joint.limits
+        low, high = robot.hard_limits[:, j]
         if not low <= value <= high:
             key = f"joints.{KEY_OF_KIND[joint.kind]}.{joint.name}"
             raise study.error(key, "the value is outside the joint's limits")

@@ -67,7 +67,7 @@ def _check_weights(study: "Study") -> None:
 
 def _check_limits(study: "Study") -> None:
     """Every pose of the tasks is one that the robot can take."""
-    lower, upper = study.robot.limits
+    lower, upper = study.robot.hard_limits
     for i, task in enumerate(study.tasks):
         outside = np.flatnonzero((task.q < lower - ROUNDING) | (task.q > upper + ROUNDING))
         if len(outside):

@@ -10,6 +10,7 @@ from edtk.model.body_point import BodyPoint
 from edtk.model.dead_weights import DeadWeights
 from edtk.model.elastostatic_model import ElastostaticModel
 from edtk.model.equilibrium import equilibrium, torque_and_derivative
+from edtk.model.loading import Loading
 from edtk.model.robot_from_dict import RobotFileError, robot_from_dict
 from edtk.model.robot_to_dict import robot_to_dict
 from edtk.model.sensors.distance import Distance
@@ -95,6 +96,17 @@ def test_loads_and_their_derivatives_fold(derivative):
     rest = equilibrium(ROBOT, Q, WRENCH, k)
     linear = ElastostaticModel(ROBOT).deflection(Q, WRENCH, k)
     np.testing.assert_allclose(rest.displacement[:, :3], linear, rtol=0.05, atol=1e-5)
+
+
+def test_weights_and_loads_elsewhere_fold_too(derivative):
+    """The derivative of all loads by the free joints, links and load point on bodies included."""
+    model = everything()
+    loading = Loading(model.load_point, model.weights)
+    tau, H = torque_and_derivative(ROBOT, Q, np.tile(WRENCH, (5, 1)), loading)
+    for q, load, slope in zip(Q, tau, H, strict=True):
+        np.testing.assert_allclose(load, model.torque_of(model.frames(q), WRENCH), atol=1e-10)
+        numeric = derivative(lambda x: model.torque_of(model.frames(x), WRENCH), q)
+        np.testing.assert_allclose(slope, numeric, atol=1e-6)
 
 
 def test_ties_are_written_and_read():

@@ -26,7 +26,7 @@ def _limits(fitted: FittedData) -> Iterator[Diagnostic]:
     robot = fitted.study.robot
     factors = pose_factors(robot)
     slack = pose_resolution(fitted.study) * factors
-    lower, upper = robot.limits
+    lower, upper = robot.hard_limits
     q = fitted.data.q
     beyond = np.argwhere((q < lower - slack) | (q > upper + slack))
     if len(beyond):

@@ -27,6 +27,8 @@ class Chain:
         slides: Which joints (N,) are prismatic.
         limits: Lower and upper limits (2, n) [rad or m].
         tool: Transform (4, 4) of the tool after the last joint [m].
+        endless: Which free joints (n,) turn without end: they draw within their limits, and may
+            stand beyond.
         ties: P (N, n) and b (N,), the identity and zero for free joints.
         free: Indices (n,) of the free joints among all.
     """
@@ -37,6 +39,7 @@ class Chain:
     slides: Mask
     limits: Array
     tool: Array
+    endless: Mask
     ties: tuple[Array, Array]
     free: list[int]
 
@@ -54,7 +57,7 @@ class Chain:
             raise ValueError(f"{where}.joints: expected at least one")
         places = [f"{where}.joints[{j}]" for j in range(len(joints))]
         for joint, place in zip(joints, places, strict=True):
-            table(joint, JOINT, place, ("follows",))
+            table(joint, JOINT, place, ("follows", "continuous"))
         kinds = [
             text(joint["kind"], ("revolute", "prismatic"), f"{place}.kind")
             for joint, place in zip(joints, places, strict=True)
@@ -77,6 +80,7 @@ class Chain:
             slides=np.array([kind == "prismatic" for kind in kinds]),
             limits=limits[free].T,
             tool=_rigid(robot["tool"], f"{where}.tool"),
+            endless=np.array([joints[j].get("continuous") is True for j in free]),
             ties=_ties(joints, free, places),
             free=free,
         )
@@ -85,6 +89,11 @@ class Chain:
     def n(self) -> int:
         """Number of free joints."""
         return len(self.free)
+
+    @property
+    def ends(self) -> Array:
+        """Limits (2, n) at which joints end: infinite for those that turn without end."""
+        return np.where(self.endless, [[-np.inf], [np.inf]], self.limits)
 
     @property
     def prismatic(self) -> Mask:

@@ -24,8 +24,8 @@ def neighbourhood(chain: Chain, q: Array, within: float) -> Array:
     ranges = chain.limits[1] - chain.limits[0]
     most = np.where(chain.prismatic, ranges * within / (2 * np.pi), within)
     # The test pose belongs to the box even where it is beyond a limit.
-    lower = np.minimum(np.clip(q - most, chain.limits[0], None), q)
-    upper = np.maximum(np.clip(q + most, None, chain.limits[1]), q)
+    lower = np.minimum(np.clip(q - most, chain.ends[0], None), q)
+    upper = np.maximum(np.clip(q + most, None, chain.ends[1]), q)
     poses = [q]
     for i in range(LEVELS):
         levels = [i]

@@ -87,8 +87,9 @@ class Workspace:
 
     def _violations(self, q: Array) -> Array:
         """Violations (k, c) of the joint limits and the bounds on the tool [m or rad]."""
-        lower, upper = self.chain.limits
-        found = [lower - q, q - upper]
+        ending = ~self.chain.endless
+        lower, upper = self.chain.limits[:, ending]
+        found = [lower - q[:, ending], q[:, ending] - upper]
         point, axis = self.chain.tool_point_and_axis(q)
         if self.height is not None:
             found.append(self.height - point[:, 2:])

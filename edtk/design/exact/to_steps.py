@@ -18,7 +18,7 @@ def to_steps(space: DesignSpace, x: Array) -> Array:
     """
     n = len(space.fixed)
     q = rounded(space.workspace.robot, x[:, :n])
-    lower, upper = space.workspace.robot.limits
+    lower, upper = space.workspace.robot.hard_limits
     # A limit in degrees may have been converted with another last bit.
     within = np.clip(q, lower, upper)
     return np.where(np.abs(within - q) <= LIMIT, within, q)
