@@ -56,8 +56,8 @@ if TYPE_CHECKING:
 
 _HOME = {
     # verbs, in the order of a day's work
-    "controller": "edtk.verbs.controller",
     "new": "edtk.verbs.new",
+    "controller": "edtk.verbs.controller",
     "load_study": "edtk.verbs.load_study",
     "robot": "edtk.verbs.robot",
     "plan": "edtk.verbs.plan",

@@ -23,8 +23,8 @@ from edtk.version import __version__
 
 COMMANDS = (
     robot,
-    controller,
     new,
+    controller,
     plan,
     run,
     relax,

@@ -12,15 +12,31 @@ from edtk.commands.shared import FilePath, print_out, warn_about
 @click.option("--out", type=FilePath, required=True, help="Study to write (TOML).")
 @click.option("--base", help="Link of a URDF that stands in the world [default: its root].")
 @click.option("--tip", help="Link of a URDF that carries the tool [default: its only leaf].")
+@click.option(
+    "--limit",
+    "limits",
+    type=(str, float, float),
+    multiple=True,
+    metavar="JOINT LOWER UPPER",
+    help="Limits of a joint that its file leaves open [deg, mm]; once for each joint.",
+)
 @click.option("--force", is_flag=True, help="Replace a file that exists.")
-def command(robot: str, out: Path, base: str | None, tip: str | None, force: bool) -> None:
+def command(
+    robot: str,
+    out: Path,
+    base: str | None,
+    tip: str | None,
+    limits: tuple[tuple[str, float, float], ...],
+    force: bool,
+) -> None:
     """Write a commented study of a robot, which runs as it is.
 
     Tool, load, space and test pose suit the robot's size. "DECIDE:" marks what only you know.
     """
     from edtk.verbs.new import new
 
-    study = new(robot, out, base=base, tip=tip, force=force)
+    given = {joint: (lower, upper) for joint, lower, upper in limits}
+    study = new(robot, out, base=base, tip=tip, limits=given, force=force)
     lines = out.read_text(encoding="utf-8").splitlines()
     marked = [str(i) for i, line in enumerate(lines, 1) if "DECIDE: " in line]
     print_out(f"{study.summary()}\n\n{out}: decide lines {', '.join(marked)}")

@@ -1,5 +1,6 @@
 """The commented text of a new study, which runs as it is."""
 
+from collections.abc import Mapping
 from typing import Any
 
 from edtk.model.robot import Robot
@@ -15,7 +16,12 @@ Links = tuple[str | None, str | None]
 
 
 def new_study_text(
-    robot: Robot, found: FirstChoices, name: str, file: str, links: Links = (None, None)
+    robot: Robot,
+    found: FirstChoices,
+    name: str,
+    file: str,
+    links: Links = (None, None),
+    limits: Mapping[str, tuple[float, float]] | None = None,
 ) -> str:
     """Write a study that runs as it is, with what is to be decided marked.
 
@@ -25,12 +31,13 @@ def new_study_text(
         name: How the study names the robot.
         file: Name of the study's file, for the commands in its comments.
         links: Base and tip link of a URDF, where they are given.
+        limits: Lower and upper limits by joint that take the place of the file's [deg, mm].
     """
     sections = (
         _head(robot, found, name, file, links),
         _controller(robot),
         _circumstances(found),
-        _joints(robot, found),
+        _joints(robot, found, limits or {}),
         _workspace(found),
         _task(found),
         _simulation(found),
@@ -92,7 +99,9 @@ def _circumstances(found: FirstChoices) -> list[str]:
     ]
 
 
-def _joints(robot: Robot, found: FirstChoices) -> list[str]:
+def _joints(
+    robot: Robot, found: FirstChoices, limits: Mapping[str, tuple[float, float]]
+) -> list[str]:
     """Unknown compliances and joints that stay."""
     lines = ["[joints]", _line("unknown", list(found.compliance))]
     for key, slides in (("fixed_deg", False), ("fixed_mm", True)):
@@ -104,6 +113,14 @@ def _joints(robot: Robot, found: FirstChoices) -> list[str]:
         if fixed:
             text = f"{key} = {inline(_plain(fixed))}"
             lines.append(_comment(text, "the load turns none of these in any pose"))
+    for key, slides in (("limits_deg", False), ("limits_mm", True)):
+        own = {
+            joint.name: list(limits[joint.name])
+            for joint in robot.joints
+            if joint.name in limits and (joint.kind == "prismatic") == slides
+        }
+        if own:
+            lines.append(f"{key} = {inline(_plain(own))}")
     lines.append("# Limits; limits_deg and limits_mm in this table would take their place:")
     rows = zip(robot.joints, shown_limits(robot), pose_factors(robot), strict=True)
     for joint, shown, factor in rows:

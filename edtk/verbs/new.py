@@ -1,9 +1,13 @@
 """`edtk.new`: a study of a robot to begin with."""
 
 import os
+from collections.abc import Mapping
 from pathlib import Path
 
+import numpy as np
+
 from edtk.model.load_robot import builtin_robots, load_robot
+from edtk.model.robot import Robot
 from edtk.study.first_choices import first_choices
 from edtk.study.new_study_text import new_study_text
 from edtk.study.study import Study, load_study
@@ -12,6 +16,8 @@ from edtk.system.errors import UserError
 from edtk.verbs.inputs import errors_in
 from edtk.verbs.require_output import require_file, require_output
 
+Limits = dict[str, tuple[float, float]]
+
 
 def new(
     robot: Path | str,
@@ -19,6 +25,7 @@ def new(
     *,
     base: str | None = None,
     tip: str | None = None,
+    limits: Mapping[str, tuple[float, float]] | None = None,
     force: bool = False,
 ) -> Study:
     """Write a study of a robot that runs as it is, with what must be decided marked in it.
@@ -31,6 +38,8 @@ def new(
         out: File to write (TOML); it names the robot's file relative to its own folder.
         base: Link of a URDF that stands in the world; defaults to its root.
         tip: Link of a URDF that carries the tool; defaults to its leaf, where it has one only.
+        limits: Lower and upper limit by joint [deg; mm for a prismatic joint], in place of those of
+            the file, which may leave them open.
         force: Whether a file that exists is replaced.
 
     Returns:
@@ -46,11 +55,36 @@ def new(
         require_output(path, None if is_builtin else robot)
         if path.exists() and not force:
             raise UserError("exists; expected a new file, or --force to replace it", where=path)
-        arm = load_robot(str(robot), base=base, tip=tip)
+        given = dict(limits or {})
+        arm = _load(str(robot), base, tip, given)
         name = str(robot) if is_builtin else _relative(Path(robot), path.parent)
-        text = new_study_text(arm, first_choices(arm), name, path.name, (base, tip))
+        text = new_study_text(arm, first_choices(arm), name, path.name, (base, tip), given)
         write_text(path, text)
     return load_study(path)
+
+
+def _load(name: str, base: str | None, tip: str | None, limits: Limits) -> Robot:
+    """The robot, with limits in degrees and millimetres.
+
+    Raises:
+        UserError: It cannot be read, or its limits are open and not given.
+    """
+    try:
+        # Which joints slide is known only when the file has been read.
+        in_degrees = {joint: np.deg2rad(pair).tolist() for joint, pair in limits.items()}
+        robot = load_robot(name, base=base, tip=tip, limits=in_degrees)
+        slides = {joint.name for joint in robot.joints if joint.kind == "prismatic"}
+        if not slides & set(limits):
+            return robot
+        lengths = {
+            joint: (np.array(limits[joint]) / 1e3).tolist() for joint in slides & set(limits)
+        }
+        return load_robot(name, base=base, tip=tip, limits=in_degrees | lengths)
+    except UserError as error:
+        if error.key != "limits":
+            raise
+        message = f"{error.message.partition('; expected')[0]}; expected --limit NAME LOWER UPPER"
+        raise UserError(message, where=error.where, key="limits") from error
 
 
 def _relative(path: Path, folder: Path) -> str:

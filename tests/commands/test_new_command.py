@@ -4,6 +4,7 @@ import shutil
 import tomllib
 from pathlib import Path
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 from urdf_text import written
@@ -85,3 +86,20 @@ def test_an_unknown_robot_is_one_line(tmp_path: Path) -> None:
     assert "kuka_kr270" in error
     assert error.count("\n") == 1
     assert list(tmp_path.iterdir()) == []
+
+
+def test_limits_that_a_file_leaves_open_are_given(tmp_path: Path) -> None:
+    """Without them one line names the option; with them they stand in the study."""
+    limit = '<limit lower="-1" upper="2" effort="1" velocity="1"/>'
+    arm = written(tmp_path, (limit, ""), ('<limit lower="0.1" upper="0.4"/>', ""))
+    words = ("new", "--robot", arm, "--tip", "flange", "--out", tmp_path / "study.toml")
+    code, _, error = run(*words)
+    assert code == 2
+    assert "no range for bend, slide; expected --limit NAME LOWER UPPER" in error
+    code, _, _ = run(*words, "--limit", "bend", -60, 90, "--limit", "slide", 100, 400)
+    assert code == 0
+    study = edtk.load_study(tmp_path / "study.toml")
+    assert study.specification.joints.limits_deg == {"bend": (-60, 90)}
+    assert study.specification.joints.limits_mm == {"slide": (100, 400)}
+    bend = study.robot.joint_names.index("bend")
+    assert np.rad2deg(study.robot.joints[bend].limits) == pytest.approx([-60, 90])

@@ -19,6 +19,7 @@ from edtk.system.errors import UserError
 from edtk.verbs.compensate import compensate
 from edtk.verbs.identify import identify
 from edtk.verbs.plan import plan
+from edtk.verbs.verify import verify
 
 COUPLED: dict[str, Any] = {
     "sign": {"q1": -1},
@@ -171,3 +172,18 @@ def test_the_table_of_a_wrong_joint_is_refused_by_the_command(tmp_path: Path) ->
     assert result.exit_code == 2
     assert result.stdout == ""
     assert "controller.sign: no joint 'q7'; this robot has q1, q2" in result.stderr
+
+
+def test_the_study_says_how_the_controller_counts() -> None:
+    """A line of the summary; without a table there is none."""
+    text = coupled().summary()
+    assert "counts q1 the other way round; shows q1 = 12.345 deg, q2 = -90 deg at the" in text
+    assert "q2 follows q1" in text
+    assert "controller" not in study().summary()
+
+
+def test_a_certificate_of_a_study_with_a_controller_holds(tmp_path: Path) -> None:
+    """It speaks of the model's joints, and every claim is recomputed from them."""
+    path = tmp_path / "proof.json"
+    plan(coupled(), size=3, criterion="D", seed=1, workers=1, certificate=path)
+    assert verify(path).valid

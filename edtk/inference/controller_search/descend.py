@@ -33,7 +33,7 @@ def descend(robot: Robot, fits: Fits, positions: Positions, free: list[int], ste
     residual = fits.residual(points, positions)
     fits = fits.with_rms(residual, positions)
     for _ in range(steps):
-        J = jacobian(robot, fits, positions, frames, rotation, points, free)
+        J = jacobian(fits, positions, frames, rotation, points, free)
         step = _step(J, residual, positions, damping)
         tried = moved(fits, step, free)
         _, tried_points = tried.arms(tried.frames(robot, positions), positions)
@@ -48,7 +48,6 @@ def descend(robot: Robot, fits: Fits, positions: Positions, free: list[int], ste
 
 
 def jacobian(
-    robot: Robot,
     fits: Fits,
     positions: Positions,
     frames: Frames,
@@ -65,12 +64,11 @@ def jacobian(
     f = len(free)
     J = np.zeros((*points.shape, f + 6 + 3 * markers))
     back = np.swapaxes(fits.turn, 1, 2)
+    arm = points - np.moveaxis(frames.position, 0, -1)[:, positions.pose]
     for column, j in enumerate(free):
-        motion = np.moveaxis(frames.axes[j], 0, -1)[:, positions.pose]
-        if robot.joints[j].kind != "prismatic":
-            origin = np.moveaxis(frames.origins[j], 0, -1)[:, positions.pose]
-            motion = np.cross(motion, points - origin)
-        J[..., column] = motion @ back
+        turn = np.moveaxis(frames.angular[j], 0, -1)[:, positions.pose]
+        of_flange = np.moveaxis(frames.linear[j], 0, -1)[:, positions.pose]
+        J[..., column] = (of_flange + np.cross(turn, arm)) @ back
     seen = points @ back
     for i, axis in enumerate(np.eye(3)):
         J[..., f + i] = np.cross(axis, seen)

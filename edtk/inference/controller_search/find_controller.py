@@ -157,7 +157,7 @@ def _columns(robot: Robot, fit: Fits, positions: Positions) -> Array:
     """Derivatives (3m, n + 6 + 3k) of the positions by all numbers, of unit length."""
     frames = fit.frames(robot, positions)
     rotation, points = fit.arms(frames, positions)
-    J = jacobian(robot, fit, positions, frames, rotation, points, list(range(robot.n)))
+    J = jacobian(fit, positions, frames, rotation, points, list(range(robot.n)))
     J = J.reshape(-1, J.shape[-1])
     return np.asarray(J / np.maximum(np.linalg.norm(J, axis=0), 1e-300))
 
@@ -218,7 +218,7 @@ def _zero_std(
     """Standard deviations (n,) of the zeros [deg, mm]; zero where a zero is not told."""
     frames = fit.frames(robot, positions)
     rotation, points = fit.arms(frames, positions)
-    J = jacobian(robot, fit, positions, frames, rotation, points, told)
+    J = jacobian(fit, positions, frames, rotation, points, told)
     J = J.reshape(-1, J.shape[-1])
     residual = fit.residual(points, positions)
     scale = np.linalg.norm(J, axis=0)

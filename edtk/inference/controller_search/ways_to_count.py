@@ -65,7 +65,8 @@ def _moved(sign: Array, moving: list[int]) -> tuple[float, ...]:
 
 def _couplings(robot: Robot) -> list[Follows]:
     """Joints that may follow one before them."""
-    axes = robot.frames(np.zeros(robot.n)).axes
+    frames = robot.frames(np.zeros(robot.n))
+    axes = frames.axes if frames.ties is None else frames.axes[frames.ties.free]
     turns = [joint.kind != "prismatic" for joint in robot.joints]
     found = []
     for j in range(1, robot.n):

@@ -24,6 +24,7 @@ def study_rows(asked: Study) -> list[tuple[str, str]]:
     labels = [label for c in asked.space.workspace.constraints for label in c.labels(asked.robot)]
     rows = [
         ("robot", f"{asked.robot.name}, {asked.robot.n} joints"),
+        ("controller", _controller(asked)),
         ("unknown", ", ".join(joints.unknown)),
         ("of interest", ", ".join(asked.interest_names)),
         ("known", ", ".join(known)),
@@ -39,6 +40,25 @@ def study_rows(asked: Study) -> list[tuple[str, str]]:
         ("seed", str(specification.seed)),
     ]
     return [(name, value) for name, value in rows if value]
+
+
+def _controller(asked: Study) -> str:
+    """How the controller counts otherwise than the model; empty if it does not."""
+    robot = asked.robot
+    controller = robot.controller
+    if controller is None:
+        return ""
+    names = robot.joint_names
+    turned = [name for name, sign in zip(names, controller.sign, strict=True) if sign < 0]
+    zeros = [
+        f"{joint.name} = {zero:g} {'mm' if joint.kind == 'prismatic' else 'deg'}"
+        for joint, zero in zip(robot.joints, controller.zero, strict=True)
+        if zero
+    ]
+    parts = [f"counts {', '.join(turned)} the other way round"] if turned else []
+    parts += [f"shows {', '.join(zeros)} at the model's zero"] if zeros else []
+    parts += [f"{names[one.joint]} follows {names[one.leader]}" for one in controller.follows]
+    return "; ".join(parts)
 
 
 def _task(asked: Study) -> str:

@@ -161,14 +161,23 @@ def test_repeated_positions_are_averaged() -> None:
     assert found.count.tolist() == [2, 1, 1]
 
 
-@pytest.mark.parametrize("markers", [1, 3])
-def test_derivatives_are_those_of_differences(markers: int) -> None:
-    """Columns of the Jacobian are central differences of the predicted positions."""
-    robot = load_robot("kuka_kr270").with_tool(np.eye(4))
+def tied() -> Robot:
+    """The KUKA whose third joint follows the second one, as in a parallelogram."""
+    content = robot_to_dict(load_robot("kuka_kr270"))
+    third = {key: value for key, value in content["joints"][2].items() if "limits" not in key}
+    content["joints"][2] = third | {"mimic": {"joint": "q2", "factor": -0.7, "offset_rad": 0.4}}
+    return robot_from_dict(content)
+
+
+@pytest.mark.parametrize(("markers", "robot"), [(1, tied()), (3, load_robot("kuka_kr270"))])
+def test_derivatives_are_those_of_differences(markers: int, robot: Robot) -> None:
+    """Columns of the Jacobian are central differences, where a joint is tied to another too."""
+    robot = robot.with_tool(np.eye(4))
+    n = robot.n
     positions = measured(robot, 4, markers)
     rng = np.random.default_rng(3)
     free = [1, 2, 4]
-    fits = Fits.at(np.eye(6)[None], rng.uniform(-1, 1, (1, 6)), markers)
+    fits = Fits.at(np.eye(n)[None], rng.uniform(-1, 1, (1, n)), markers)
     turn = Rotation.from_rotvec([[0.3, -0.2, 0.5]]).as_matrix()
     fits = replace(fits, turn=turn, marker=rng.uniform(-1, 1, (1, markers, 3)))
 
@@ -178,7 +187,7 @@ def test_derivatives_are_those_of_differences(markers: int) -> None:
         return other.residual(points, positions).ravel()
 
     frames = fits.frames(robot, positions)
-    J = jacobian(robot, fits, positions, frames, *fits.arms(frames, positions), free)
+    J = jacobian(fits, positions, frames, *fits.arms(frames, positions), free)
     J = J.reshape(-1, J.shape[-1])
     for column, unit in enumerate(1e-6 * np.eye(J.shape[1])):
         slope = (residual(unit) - residual(-unit)) / 2e-6
