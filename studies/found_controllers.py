@@ -28,7 +28,7 @@ from edtk.system.typing import Array
 
 HERE = Path(__file__).parent
 POSES = (5, 8, 12)
-TRIALS = 20
+TRIALS = 10
 NOISE = 5e-5  # [m]
 PART = 0.7  # of the joints' ranges, from which poses are drawn
 MARKERS = np.array([[0.15, 0.05, 0.2], [-0.1, 0.12, 0.15], [0.02, -0.14, 0.18]])

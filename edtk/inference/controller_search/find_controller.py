@@ -18,6 +18,7 @@ from edtk.system.errors import UserError
 from edtk.system.typing import Array, Indices
 
 POLISH = 40  # steps of the best fits
+MOST_JOINTS = 8  # that move; each doubles the signs to try
 MANY = 12  # positions from which a part is enough to tell signs
 RANK = 1e-7  # share of a column that others do not explain, from which it is told
 CLEAR = 3.0  # factor of the rms by which every other way has to be worse
@@ -40,8 +41,13 @@ def find_controller(robot: Robot, positions: Positions) -> FoundController:
         positions: Measured positions, with what the controller showed.
 
     Raises:
-        UserError: There are too few positions to tell anything.
+        UserError: There are too few positions to tell anything, or too many joints move.
     """
+    if len(positions.moving) > MOST_JOINTS:
+        raise UserError(
+            f"{len(positions.moving)} joints move, which have too many signs to try; expected "
+            f"{MOST_JOINTS} at most, with the others at rest"
+        )
     arm = replace(robot, controller=None).with_tool(np.eye(4))
     told = _told(arm, positions)
     unknowns = len(told) + 6 + 3 * len(positions.names)

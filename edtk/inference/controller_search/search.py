@@ -20,6 +20,7 @@ BEGIN = 64
 SHORT = 6
 FINISH = 6
 LONG = 30
+MOST_TOGETHER = 100_000  # fits times positions: each takes some kilobytes
 
 
 def search(
@@ -44,9 +45,14 @@ def search(
         begun = place_frames(robot, Fits.at(counting, offsets, markers), positions)
         lots.append(begun[np.argsort(begun.rms)[:BEGIN]])
     size = len(lots[0])
-    short = descend(robot, Fits.joined(lots), positions, free, SHORT)
-    long = descend(robot, _best(short, size, FINISH), positions, free, LONG)
-    return _best(long, min(size, FINISH), 1)
+    together = max(1, MOST_TOGETHER // (size * len(positions)))
+    found = []
+    for first in range(0, len(lots), together):
+        begun = Fits.joined(lots[first : first + together])
+        short = descend(robot, begun, positions, free, SHORT)
+        long = descend(robot, _best(short, size, FINISH), positions, free, LONG)
+        found.append(_best(long, min(size, FINISH), 1))
+    return Fits.joined(found)
 
 
 def _best(fits: Fits, size: int, kept: int) -> Fits:

@@ -249,3 +249,11 @@ def test_a_heavy_robot_by_five_poses() -> None:
     assert any(one.get("sign") == table["sign"] for one in tables)
     assert all(one["follows"] == {"q3": "q2"} for one in tables)
     assert len(found.same) == 3
+
+
+def test_too_many_joints_are_refused() -> None:
+    """Signs double with each joint; the message says what to do."""
+    joints = [([0.3, 0, 0.1], [float(i % 3 == axis) for axis in range(3)]) for i in range(9)]
+    robot = arm(*joints)
+    with pytest.raises(UserError, match=r"^9 joints move, .* expected 8 at most, with the others"):
+        find_controller(robot, measured(robot, 10))
