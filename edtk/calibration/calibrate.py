@@ -13,13 +13,17 @@ from edtk.calibration.input_errors.find_input_error import find_input_error
 from edtk.calibration.input_errors.input_error import InputError
 from edtk.calibration.linear_model_bias import linear_model_bias
 from edtk.calibration.origin import Origin
+from edtk.calibration.stated_noise import stated_noise
 from edtk.design.plan import Plan
+from edtk.inference.correlated_noise import NotPositiveDefiniteError
 from edtk.inference.fit_huber import SigmaTooSmallError
 from edtk.inference.identify import NothingLeftError
 from edtk.inference.least_squares import SingularPlanError
 from edtk.inference.measurements import Measurements
+from edtk.inference.visit_covariance import TooManyVisitsError
 from edtk.model.loads.fixed_load import FixedLoad
 from edtk.study.study import Study
+from edtk.study.study_model import study_sigma
 from edtk.study.study_prior import study_prior
 from edtk.system.errors import UserError
 from edtk.system.typing import Array
@@ -62,8 +66,15 @@ def calibrate(
     load = study.space.load
     wrench = load.always if isinstance(load, FixedLoad) else None
     data = Measurements.from_csv(
-        path, study.robot, study.fixed, wrench, study.sigma, study.model, study.is_absolute
+        path,
+        study.robot,
+        study.fixed,
+        wrench,
+        study_sigma(study),
+        study.model,
+        study.is_absolute,
     )
+    data = _with_noise(study, data, path)
     origin = Origin.of(path, linear, as_is)
     try:
         fitted = _fitted(study, data, plan, robust, known, linear, bayes)
@@ -88,6 +99,18 @@ def _bias(fitted: FittedData) -> Array | None:
     if fitted.study.target is None:
         return None
     return linear_model_bias(fitted.study, fitted.data, fitted.A, fitted.fit.k)
+
+
+def _with_noise(study: Study, data: Measurements, path: Path) -> Measurements:
+    """The measurements with the noise that the study's [noise] states.
+
+    Raises:
+        UserError: A measurement has no noise in some direction, or too many share an error.
+    """
+    try:
+        return stated_noise(study, data)
+    except (NotPositiveDefiniteError, TooManyVisitsError) as error:
+        raise UserError(str(error), where=path) from error
 
 
 def _fitted(

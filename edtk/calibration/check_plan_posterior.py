@@ -6,6 +6,7 @@ import numpy as np
 
 from edtk.calibration.check_posterior import check_posterior
 from edtk.calibration.first_estimate import first_estimate
+from edtk.calibration.plan_noise import visits_noise
 from edtk.calibration.posterior_check import PosteriorCheck
 from edtk.design.plan import Plan
 from edtk.inference.noise import Noise
@@ -44,9 +45,9 @@ def check_plan_posterior(
         ChainFileError: The file is no chain, or of another problem.
     """
     A = np.repeat(study.model.regressor(plan.q, plan.wrench), plan.repeats, axis=0)
-    measured = simulate(A, study.compliances, study.sigma, rng)[0]
-    fit, untold = first_estimate(study, A, measured, study.sigma)
-    sigma = np.broadcast_to(study.sigma, measured.shape)
+    sigma = visits_noise(study, plan)
+    measured = simulate(A, study.compliances, sigma, rng)[0]
+    fit, untold = first_estimate(study, A, measured, sigma)
     found = check_posterior(study, A, measured, sigma, fit, rng, noise=noise, options=options)
     table = found.table.assign(reference=study.compliances)
     if untold:

@@ -168,8 +168,11 @@ def _joined(first: Measurements, second: Measurements) -> Measurements:
         """One column of both."""
         return np.concatenate([getattr(first, name), getattr(second, name)])
 
+    noise = None
+    if first.covariance is not None and second.covariance is not None:
+        noise = first.covariance.and_then(second.covariance)
     return Measurements(
-        both("q"), both("wrench"), both("deflection"), both("sigma"), both("marker")
+        both("q"), both("wrench"), both("deflection"), both("sigma"), both("marker"), noise
     )
 
 

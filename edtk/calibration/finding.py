@@ -38,6 +38,7 @@ class Kind(Enum):
     LINEAR_MODEL = auto()
     LACK_OF_FIT = auto()
     MOVING_JOINTS = auto()
+    REPEATABILITY = auto()
     CAUSE = auto()
     DO_NOT_COMPENSATE = auto()
     GAINS_LITTLE = auto()

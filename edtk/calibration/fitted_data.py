@@ -11,7 +11,12 @@ from edtk.calibration.equal_rows import EqualRows, equal_rows
 from edtk.calibration.input_errors.explanation import Explanation, explanation
 from edtk.calibration.known_part import known_part
 from edtk.calibration.match_plan import PlanMatch, match_plan
-from edtk.calibration.moving_joints import joint_unit, moving_joints, visits_lack_of_fit
+from edtk.calibration.moving_joints import (
+    joint_unit,
+    moving_joints,
+    shared_by_repetitions,
+    visits_lack_of_fit,
+)
 from edtk.calibration.some_poses import some_poses
 from edtk.calibration.some_rows import some_rows
 from edtk.design.plan import Plan
@@ -178,30 +183,24 @@ class FittedData:
         return replace(self, A=seen.A, measured=seen.measured, fit=again, nonlinear=True)
 
     def _with_common_noise(self) -> "FittedData":
-        """The same with the noise that repetitions share, where no fault explains it."""
-        if self.noise_estimate is not None:
-            return self._with_moving_joints(self.noise_estimate)
+        """The same with the noise that repetitions or visits share, where no fault explains it."""
+        if self.data.tracker is not None or self.fit.robust:
+            return self  # the study says what visits share
+        found = self.noise_estimate
         test = self.lack_of_fit
-        if test is None or not test.seen or self.fit.robust or self.structural_causes:
-            return self
-        seen, fit = fit_common_noise(
-            LinearisedData(self.A, self.measured),
-            self.data.sigma,
-            self._repetitions,
-            test,
-            self.fit,
-        )
-        return replace(self, A=seen.A, measured=seen.measured, fit=fit, common_noise=True)
-
-    def _with_moving_joints(self, found: NoiseEstimate) -> "FittedData":
-        """The same with motions of the joints among the noise, where these are seen."""
-        believed = self.data.tracker is not None
-        test = self.lack_of_fit
-        shared = found.moves or (test is not None and test.seen)
-        if believed or not shared or self.fit.robust or self.structural_causes:
+        shared = (test is not None and test.seen) or (found is not None and found.moves)
+        if not shared or self.structural_causes:
             return self
         seen = LinearisedData(self.A, self.measured)
-        again = moving_joints(self.study, self.data, seen, found, self.fit)
+        again = None
+        if found is not None:
+            again = moving_joints(self.study, self.data, seen, found, self.fit)
+        elif test is not None and self.data.covariance is not None:
+            again = shared_by_repetitions(self.data, seen, test, self.fit)
+        elif test is not None:
+            groups = self._repetitions
+            seen, fit = fit_common_noise(seen, self.data.sigma, groups, test, self.fit)
+            return replace(self, A=seen.A, measured=seen.measured, fit=fit, common_noise=True)
         if again is None:
             return self
         return replace(self, fit=again[1], common_noise=True, estimated=again[0])

@@ -47,17 +47,48 @@ def moving_joints(
         noise = _noise(study, data, found, found.discrepancy)
     except TooManyVisitsError:
         return None
-    again = identify(seen.A, seen.measured, noise, study.model.parameters)
-    refit = replace(
+    return noise, _refit(seen, noise, fit, found.common_dof)
+
+
+def shared_by_repetitions(
+    data: Measurements, seen: LinearisedData, test: LackOfFit, fit: Identification
+) -> tuple[CorrelatedNoise, Identification] | None:
+    """Fit again with the estimated noise that repetitions share, where rows have covariances.
+
+    Args:
+        data: The measurements.
+        seen: Their linear model.
+        test: How much repetitions scatter, and share.
+        fit: The fit with the stated noise, whose chi-square stays.
+
+    Returns:
+        The noise, and the fit; None where a pose is repeated more often than a computer likes.
+    """
+    own = test.pure_error**2 * own_covariance(data.own_noise, data.sigma.shape)
+    still = np.zeros((*data.sigma.shape, 1))
+    try:
+        noise = visit_covariance(
+            data, CorrelatedNoise.by_row(own), still, test.common * data.own_sigma
+        )
+    except TooManyVisitsError:
+        return None
+    return noise, _refit(seen, noise, fit, float(test.dof[0]))
+
+
+def _refit(
+    seen: LinearisedData, noise: CorrelatedNoise, fit: Identification, dof: float
+) -> Identification:
+    """The fit with an estimated noise; chi-square and scale stay those of the stated one."""
+    again = identify(seen.A, seen.measured, noise, fit.parameters)
+    return replace(
         again,
         chi2=fit.chi2,
         p_value=fit.p_value,
         scale=fit.scale,
-        covariance_dof=float(found.common_dof),
+        covariance_dof=float(dof),
         known=fit.known,
         too_few_for_robust=fit.too_few_for_robust,
     )
-    return noise, refit
 
 
 def visits_lack_of_fit(
@@ -100,8 +131,20 @@ def joint_unit(study: Study) -> Array:
     """Standard deviations (n,) of what joints add to a row, for a variance of one [rad or m].
 
     Joints err by as many degrees each, or millimetres where they slide, as nothing tells them apart
-    beforehand. A displacement is the difference of two readings, to each of which the robot comes
-    anew.
+    beforehand; where the study states several sizes, these keep their proportions. A displacement
+    is the difference of two readings, to each of which the robot comes anew.
     """
     readings = 2 if study.specification.measurement.reference == "unloaded" else 1
-    return np.sqrt(readings) * pose_factors(study.robot)
+    unit = pose_factors(study.robot)
+    stated = stated_repeatability(study)
+    if study.noise is not None and stated is not None:
+        unit = study.noise.repeatability / stated
+    return np.asarray(np.sqrt(readings) * unit)
+
+
+def stated_repeatability(study: Study) -> float | None:
+    """Root mean square of the stated repeatabilities [deg, mm]; None where none is stated."""
+    if study.noise is None or not study.noise.repeatability.any():
+        return None
+    sizes = study.noise.repeatability / pose_factors(study.robot)
+    return float(np.sqrt(np.mean(sizes**2)))

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from edtk.calibration.plan_noise import plan_noise
 from edtk.design.plan import Plan
 from edtk.inference.bias import Bias, linearisation_bias
 from edtk.model.compensation_accuracy import compensation_accuracy
@@ -106,8 +107,8 @@ def plan_bias(study: Study, plan: Plan, path: Path | str) -> PlanBias:
         SingularPlanError: The plan cannot identify all parameters; names them.
     """
     k = _assumed_compliances(study)
-    # The mean of r repetitions has r times the information of one: counts need no rows.
-    sigma = study.sigma / np.sqrt(plan.repeats)[:, None]
+    # The mean of repetitions has all their information: counts need no rows.
+    sigma = plan_noise(study, plan)
     try:
         found = linearisation_bias(study.model, plan.q, plan.wrench, sigma, k, study.known)
     except NoEquilibriumError as error:

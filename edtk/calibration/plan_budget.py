@@ -24,8 +24,6 @@ def plan_budget(study: Study, plan: Plan) -> ErrorBudget | None:
         The budget; None without a test pose or a [simulation], or if the plan leaves a compliance
         open.
     """
-    if study.noise is not None:
-        return None  # the budget knows white noise only
     if not study.tasks or study.specification.simulation is None:
         return None
     if not has_budget(study.model):

@@ -15,7 +15,12 @@ from edtk.study.study import Study
 from edtk.system.atomic_file import write_text
 from edtk.tables.csv_text import csv_text
 from edtk.tables.in_file_units import rounded
-from edtk.tables.sheet_columns import MARKER_COLUMNS, MARKER_NAME_COLUMN, ROTATION_COLUMNS
+from edtk.tables.sheet_columns import (
+    MARKER_COLUMNS,
+    MARKER_NAME_COLUMN,
+    ROTATION_COLUMNS,
+    VISIT_COLUMN,
+)
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -25,6 +30,7 @@ def template(study: Study, plan: Plan, positions: bool = False, markers: int = 0
     """Make the empty sheet of a plan: a row per repetition, in an order of little joint travel.
 
     Repetitions of a pose come one after another. Angles have the digits that a controller takes.
+    Where a visit has several rows, or errors of its own, a column numbers the visits.
 
     Args:
         study: Says which rows are measured.
@@ -42,8 +48,11 @@ def template(study: Study, plan: Plan, positions: bool = False, markers: int = 0
     plan = replace(plan, q=rounded(study.robot, plan.q))
     table = plan.to_frame(study.robot).iloc[visiting_order(plan.q, upper - lower)]
     sensors = study.model.sensors
-    times = table.pop("repeats") * (len(sensors) or max(markers, 1))
+    rows = len(sensors) or max(markers, 1)
+    times = table.pop("repeats") * rows
     table = table.loc[table.index.repeat(times)].reset_index(drop=True)
+    if rows > 1 or study.noise is not None:
+        table[VISIT_COLUMN] = np.arange(len(table)) // rows + 1
     if sensors:
         for column, values in _points(sensors, len(table) // len(sensors)).items():
             table[column] = values

@@ -1,7 +1,7 @@
 """Noise whose errors are correlated, within a measurement or among the measurements of a visit."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -174,6 +174,12 @@ class CorrelatedNoise:
             block.members[np.isin(block.members, rows).any(axis=1)].ravel() for block in self.blocks
         ]
         return np.sort(np.concatenate(found))
+
+    def and_then(self, other: "CorrelatedNoise") -> "CorrelatedNoise":
+        """The noise of these measurements, and of others behind them."""
+        m = self.shape[0]
+        behind = (replace(block, members=block.members + m) for block in other.blocks)
+        return CorrelatedNoise((*self.blocks, *behind), (m + other.shape[0], self.shape[1]))
 
     def __getitem__(self, rows: Indices | slice) -> "CorrelatedNoise":
         """The noise of some measurements, each of which is taken once."""

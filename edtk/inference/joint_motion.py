@@ -10,13 +10,12 @@ from edtk.system.typing import Array
 def joint_motion(model: ElastostaticModel, data: Measurements) -> Array:
     """Derivatives (m, rows, n) of the measured rows by all joints [m/rad, or 1].
 
-    A marker at an offset o from the tool point moves by ``d + r x o`` where the tool moves by d and
-    turns by r. Columns of the regressor are these, times the loads of the joints: so whatever the
-    model explains of a visit is a motion of the joints.
+    Columns of the regressor are these, times the loads of the joints: so whatever the model
+    explains of a visit is a motion of the joints.
 
     Args:
         model: The robot with its calibration tool, and the measured rows.
-        data: Poses and markers.
+        data: Poses, instruments and markers.
     """
     motion = data.motion_of(model, model.frames(data.q))
-    return np.moveaxis(motion, (0, 1), (-1, -2))
+    return np.ascontiguousarray(np.moveaxis(motion, (0, 1), (-1, -2)))

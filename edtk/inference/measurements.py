@@ -72,7 +72,7 @@ class Measurements(Presented):
         """The chosen measurements."""
         names = (f.name for f in fields(self) if f.name != "stated")
         columns = {name: getattr(self, name) for name in names}
-        if self.visit is None and self.marker.any():
+        if self.visit is None and (self.marker.any() or self.sensor is not None):
             columns["visit"] = self.visits  # Without its other rows a visit is not told any more.
         return replace(self, **{n: c[rows] for n, c in columns.items() if c is not None})
 

@@ -84,7 +84,9 @@ def _stated_noise(data: Measurements) -> str:
     """The stated sigma of positions and of rotations, and whether errors are correlated."""
     sigma = data.sigma
     text = f"{_range(1e3 * sigma[:, :3])} mm for each coordinate"
-    if data.covariance is not None:
+    if data.tracker is not None:
+        text = f"{text}, correlated within a visit as the study's [noise] states"
+    elif data.covariance is not None:
         text = f"{text}, correlated within a row as the sheet states"
     if sigma.shape[1] == 3:
         return text

@@ -16,7 +16,7 @@ def residual_causes(found: Calibration) -> list[str]:
         parts.append(paragraph("Causes are not looked for, as the fit is robust."))
     elif found.causes:
         parts.append(table(HEADER, [_row(cause) for cause in found.causes], full=True))
-    elif found.fit.p_value is not None and found.fit.p_value < UNLIKELY:
+    elif found.fit.p_value is not None and found.fit.p_value < UNLIKELY and not _told(found):
         text = "None of the faults that are known explains the residuals: load, tool, measuring "
         more = (
             "frame, drift, units, columns, a wrong pose, backlash or stiffness by sign of torque."
@@ -25,16 +25,26 @@ def residual_causes(found: Calibration) -> list[str]:
     return parts
 
 
+def _told(found: Calibration) -> bool:
+    """Whether errors of joints or model, which visits tell, explain the residuals."""
+    return found.noise is not None and found.fitted.common_noise
+
+
 def _repetitions(found: Calibration, test: LackOfFit) -> str:
     """Whether repetitions agree among themselves better than with the model."""
     numbers = f"F = {test.F:.3g} for {test.dof[0]} and {test.dof[1]} degrees of freedom"
     numbers = f"{numbers}, p = {test.p:.2g}"
+    who = "Repetitions of a pose"
+    if found.noise is not None:
+        who = "Visits of a pose" if found.noise.revisited else "Markers of a visit"
     if not test.seen:
-        return f"Repetitions of a pose agree with the model as well as with each other ({numbers})."
+        return f"{who} agree with the model as well as with each other ({numbers})."
+    if found.noise is not None:
+        return f"{who} agree with each other better than with the model ({numbers})."
     sigma = 1e3 * float(found.data.sigma[:, :3].mean())
     used = ", which all standard deviations take into account" if found.fitted.common_noise else ""
     return (
-        f"Repetitions of a pose agree with each other better than with the model ({numbers}): they "
+        f"{who} agree with each other better than with the model ({numbers}): they "
         f"scatter by {test.pure_error * sigma:.2g} mm, and share {test.common * sigma:.2g} mm "
         f"that the model does not explain{used}."
     )

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from edtk.calibration.calibrate import calibrate
+from edtk.calibration.diagnostics.diagnostic import Severity
 from edtk.calibration.template import template
 from edtk.report.calibration_facts import calibration_facts
 from edtk.tables.sheet_columns import AXIS_SIGMA_COLUMNS, COVARIANCE_COLUMNS, DEFLECTION_COLUMNS
@@ -69,7 +70,8 @@ def test_a_covariance_by_row_is_used(fitted):
     assert 0.001 < found.fit.p_value < 0.999
     ignored = fitted(table.drop(columns=list(COVARIANCE_COLUMNS)))
     assert np.all(found.fit.std < 0.8 * ignored.fit.std)
-    assert all("linear model" in one.text for one in found.diagnostics)
+    doubts = [one.text for one in found.diagnostics if one.severity > Severity.NOTE]
+    assert all("linear model" in text for text in doubts)
 
 
 @pytest.mark.parametrize("options", [{"robust": True}, {"known": False}])
@@ -82,3 +84,18 @@ def test_an_outlier_in_correlated_rows(fitted, options):
     off = 8 * 0.005 * np.linalg.eigh(covariance[7])[1][:, 0]
     table.loc[7, list(DEFLECTION_COLUMNS)] += off
     assert fitted(table, **options).fit.outliers.tolist() == [7]
+
+
+def test_noise_that_repetitions_share(fitted):
+    """With a covariance in each row, noise common to a pose is estimated, and widens intervals."""
+    covariance = np.tile(0.03**2 * (np.eye(3) + 0.5 * np.ones((3, 3))), (24, 1, 1))
+    table = sheet(covariance)
+    table[list(COVARIANCE_COLUMNS)] = covariance[:, *UPPER]
+    before = fitted(table)
+    shared = 0.06 * np.random.default_rng(3).standard_normal((12, 3))
+    table[list(DEFLECTION_COLUMNS)] += np.repeat(shared, 2, axis=0)
+    found = fitted(table)
+    assert found.fitted.common_noise
+    assert np.all(found.fit.std > 1.5 * before.fit.std)
+    off = np.abs(found.fit.unbounded - STUDY.compliances) / found.fit.std
+    assert off.max() < 4

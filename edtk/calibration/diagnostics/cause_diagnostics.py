@@ -5,6 +5,10 @@ from collections.abc import Iterator
 from edtk.calibration.diagnostics.diagnostic import Diagnostic, Severity
 from edtk.calibration.finding import Finding, Kind
 from edtk.calibration.fitted_data import FittedData
+from edtk.calibration.moving_joints import stated_repeatability
+from edtk.inference.distributions import chi_square_tail
+from edtk.inference.estimate_noise import NoiseEstimate
+from edtk.inference.lack_of_fit import UNLIKELY
 
 
 def cause_diagnostics(fitted: FittedData) -> Iterator[Diagnostic]:
@@ -25,16 +29,32 @@ def cause_diagnostics(fitted: FittedData) -> Iterator[Diagnostic]:
 
 
 def _moving_joints(fitted: FittedData) -> Iterator[Diagnostic]:
-    """Markers of a visit that move together."""
+    """Markers of a visit that move together, more or less than the study's [noise] states."""
     found = fitted.noise_estimate
-    if found is None or not found.moves:
+    if found is None:
         return
-    data = {
-        "F": found.F,
-        "p": found.p,
-        "joints": found.joints,
-        "moved": found.by_joints * float(fitted.data.own_sigma[:, :3].mean()),
-        "used": fitted.common_noise,
-        "revisited": found.revisited,
-    }
-    yield Diagnostic(Severity.WARNING, Finding(Kind.MOVING_JOINTS, data=data))
+    stated = stated_repeatability(fitted.study)
+    if stated is not None:
+        yield from _repeatability(found, stated)
+    elif found.moves:
+        data = {
+            "F": found.F,
+            "p": found.p,
+            "joints": found.joints,
+            "moved": found.by_joints * float(fitted.data.own_sigma[:, :3].mean()),
+            "used": fitted.common_noise,
+            "revisited": found.revisited,
+        }
+        yield Diagnostic(Severity.WARNING, Finding(Kind.MOVING_JOINTS, data=data))
+
+
+def _repeatability(found: NoiseEstimate, stated: float) -> Iterator[Diagnostic]:
+    """An estimate of the joints' repeatability that contradicts the stated one [deg]."""
+    dof = found.relative_dof(1)
+    if not found.joints > 0 or not dof >= 1:
+        return
+    tail = float(chi_square_tail(dof * (found.joints / stated) ** 2, dof))
+    p = 2 * min(tail, 1 - tail)
+    if p < UNLIKELY:
+        data = {"joints": found.joints, "std": found.std[1], "stated": stated, "p": p}
+        yield Diagnostic(Severity.WARNING, Finding(Kind.REPEATABILITY, data=data))
