@@ -34,9 +34,11 @@ class OpenLimitsError(RobotFileError):
         joints: As given.
     """
 
-    def __init__(self, message: str, *, where: str, joints: dict[str, Kind]) -> None:
+    def __init__(
+        self, message: str, *, where: str | None = None, joints: Mapping[str, Kind] | None = None
+    ) -> None:
         super().__init__(message, where=where, key="limits")
-        self.joints = joints
+        self.joints = dict(joints or {})
 
 
 def load_urdf(
