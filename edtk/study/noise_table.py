@@ -130,7 +130,10 @@ class NoiseTable(Table):
             span = f"{joints[0]:g}" + (f" to {joints[-1]:g}" if len(joints) > 1 else "")
             parts.append(f"joints repeat within {span} deg")
         if self.discrepancy_mm:
-            parts.append(f"discrepancy {self.discrepancy_mm:g} mm")
+            parts.append(
+                f"discrepancy {self.discrepancy_mm:g} mm, shared by poses within "
+                f"{self.discrepancy_within_deg:g} deg"
+            )
         return ", ".join(parts)
 
 

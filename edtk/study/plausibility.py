@@ -14,6 +14,7 @@ from edtk.model.dead_weights import GRAVITY
 from edtk.model.expected_error import WITHIN
 from edtk.model.neighbourhood import neighbourhood
 from edtk.study.check_tasks import key_of
+from edtk.study.least_error import least_error
 from edtk.system.typing import Array, Indices
 
 if TYPE_CHECKING:
@@ -130,7 +131,7 @@ def _unit_of_pose(study: "Study", q_deg: Array, key: str) -> Iterator[str]:
 
 def _noise(study: "Study") -> Iterator[str]:
     """Noise beside the deflection under load, which is what is measured."""
-    sigma = _least_error(study)
+    sigma = least_error(study, _anywhere(study)[:, : study.robot.n])
     name = "measurement.sigma_mm" if study.noise is None else "noise"
     key = f"{name}: {1e3 * sigma:.3g} mm"
     if sigma < INTERFEROMETER:
@@ -149,15 +150,6 @@ def _noise(study: "Study") -> Iterator[str]:
             f"{key} is more than the load bends the robot: {1e3 * bent:.2g} mm at most with "
             f"compliances {by}; check {name.split('.')[-1]} and load"
         )
-
-
-def _least_error(study: "Study") -> float:
-    """The least standard deviation of a measured length in any pose [m]."""
-    if study.noise is None:
-        return float(study.sigma[0])
-    frames = study.model.frames(_anywhere(study)[:, : study.robot.n])
-    Sigma = study.noise.covariance_of(study.model, frames)
-    return float(np.sqrt(np.einsum("rrk->rk", Sigma)[:3].min()))
 
 
 def _axes(study: "Study") -> Iterator[str]:

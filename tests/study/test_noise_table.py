@@ -71,7 +71,7 @@ def test_in_words():
     text = study_text(noisy(repeatability_deg=0.002, discrepancy_mm=0.1))
     assert (
         "tracker at (4000, -3000, 1200) mm with MPE 10 um + 5 um/m along and 15 um + 6 um/m across "
-        "its beam, joints repeat within 0.002 deg, discrepancy 0.1 mm"
+        "its beam, joints repeat within 0.002 deg, discrepancy 0.1 mm, shared by poses within 5 deg"
     ) in text
 
 

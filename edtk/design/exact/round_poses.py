@@ -16,7 +16,7 @@ SAME_LOAD = 1e-6  # of the range of the load: a smaller difference is none
 
 
 def round_poses(
-    space: DesignSpace, criterion: Criterion, x: Array, repeats: Array
+    space: DesignSpace, criterion: Criterion, x: Array, repeats: Array, merge: bool = True
 ) -> tuple[Array, Array]:
     """Round the poses of a plan to the steps of a controller, and merge those that are then equal.
 
@@ -28,6 +28,7 @@ def round_poses(
         criterion: The criterion that the plan is good for.
         x: Design variables (k, v) of its experiments, all feasible.
         repeats: Their repetitions (k,).
+        merge: Whether poses that are then equal are merged.
 
     Returns:
         Design variables and repetitions of the same kind, of perhaps fewer experiments.
@@ -37,7 +38,7 @@ def round_poses(
     x[:, space.free] = to_steps(space, x)[:, space.free]
     for i in np.flatnonzero(~space.at(x).feasible).tolist():
         x[i] = _nearby(space, criterion, x, repeats, i, exact[i])
-    return _merged(space, x, repeats)
+    return _merged(space, x, repeats) if merge else (x, repeats)
 
 
 def _nearby(

@@ -39,7 +39,9 @@ def tidy(space: DesignSpace, criterion: Criterion, best: Plans, cost: float) -> 
     used = best.repeats[0] > 0
     x = best.x[0, used]
     repeats = best.repeats[0, used].astype(float)
-    for alike in ALIKE:
+    # Poses whose repeats share an error are worth more apart, even where they are alike.
+    shares = space.noise is not None and space.noise.shares
+    for alike in () if shares else ALIKE:
         problem = space.problem(x)
         kept = distinct(problem.blocks(), range_whitener(problem.mean), alike)
         if len(kept) == len(x):
@@ -51,7 +53,7 @@ def tidy(space: DesignSpace, criterion: Criterion, best: Plans, cost: float) -> 
             repeats = fewer
             break
     x = refine(space, criterion, x[None], repeats[None], FINEST, SHARPEST)[0][0]
-    x, repeats = round_poses(space, criterion, x, repeats)
+    x, repeats = round_poses(space, criterion, x, repeats, merge=not shares)
     order = np.lexsort((*np.round(x.T[::-1], DIGITS), -repeats))
     return x[order], repeats[order]
 

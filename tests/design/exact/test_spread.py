@@ -4,12 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from arm import arm
 from noisy import NOISY
 
 import criteria
 from edtk.design.exact.spread import divided, spread
 from edtk.design.sample_feasible import sample_feasible
 from edtk.model.joint_distance import joint_distance
+from edtk.study.plan_study import plan_study
 
 CRITERION = criteria.create("D")
 
@@ -62,3 +64,19 @@ def test_divided_many():
     assert times.sum() == 4001
     assert set(times) <= {10.0, 11.0, 9.0}
     np.testing.assert_array_equal(np.unique(many, axis=0), x[[0, 2]])
+
+
+@pytest.mark.slow
+def test_limited_poses():
+    """Three poses for four visits are three poses: two that would come out equal keep apart."""
+    noise = {
+        "tracker_position_mm": [4000, -3000, 1200],
+        "along": [10, 5],
+        "across": [15, 6],
+        "discrepancy_mm": 0.1,
+    }
+    found = plan_study(arm(measurement={}, noise=noise), 4, "D", distinct=3)
+    assert sorted(found.plan.repeats) == [1, 1, 2]
+    q = found.plan.q
+    away = [joint_distance(q, own, np.zeros(2, dtype=bool)) for own in q]
+    assert (np.array(away) + 9 * np.eye(3)).min() >= np.deg2rad(5)
