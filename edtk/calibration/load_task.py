@@ -9,7 +9,7 @@ from edtk.design.plan import Plan
 from edtk.study.study import Study
 
 
-def load_task(study: Study, path: Path | str) -> Plan:
+def load_task(study: Study, path: Path | str | None = None) -> Plan:
     """Read task poses, columns as in a plan; without wrench columns, the test pose's load acts.
 
     A file without them goes with test poses of one and the same load.
@@ -18,13 +18,17 @@ def load_task(study: Study, path: Path | str) -> Plan:
 
     Args:
         study: Robot and test pose.
-        path: The CSV file.
+        path: The CSV file; None for the poses of the study itself.
 
     Raises:
         UserError: The study has no test pose, or some with different tools, or the file cannot be
             read; names the row and the column.
     """
     robot_of_task(study)
+    if path is None:
+        poses = np.array([task.q for task in study.tasks])
+        wrenches = np.array([task.wrench for task in study.tasks])
+        return Plan(poses, wrenches, np.ones(len(poses), dtype=int))
     wrench = study.tasks[0].wrench
     same = all(np.array_equal(task.wrench, wrench) for task in study.tasks)
     return Plan.from_csv(path, study.robot, study.fixed, wrench if same else None)

@@ -10,14 +10,15 @@ from edtk.commands.shared import FilePath, json_option, show, warn
 @click.command("compensate", short_help="Correct commands for the load.")
 @click.argument("study", type=FilePath)
 @click.argument("k", type=FilePath, metavar="K.json")
-@click.argument("task", type=FilePath)
+@click.argument("task", type=FilePath, required=False)
 @json_option
 @click.option("--out", type=FilePath, help="Write commands and errors (CSV, - to print).")
-def command(study: Path, k: Path, task: Path, as_json: bool, out: Path | None) -> None:
+def command(study: Path, k: Path, task: Path | None, as_json: bool, out: Path | None) -> None:
     """Compute joint angles to command, so that the loaded robot is where TASK (CSV) wants it.
 
     K.json holds the compliances, as `edtk identify` writes them. The tool is that of the test pose
-    of STUDY (TOML); so is the load where TASK has no wrench columns.
+    of STUDY (TOML); so is the load where TASK has no wrench columns. Without TASK the poses are the
+    study's own: its test poses, or its path.
     """
     from edtk.verbs.compensate import compensate
 

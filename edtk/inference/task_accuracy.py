@@ -92,23 +92,24 @@ class TaskAccuracy:
 
 
 def task_accuracy(
-    tasks: Tasks, cov: Array, k: Array | None = None, dof: float = np.inf, is_path: bool = False
+    tasks: Tasks,
+    cov: Array,
+    before: Array | None = None,
+    dof: float = np.inf,
+    is_path: bool = False,
 ) -> TaskAccuracy:
     """Find the error to expect in each pose of the tasks.
 
     Args:
         tasks: The poses, with their tools and loads.
         cov: Covariance (p, p) of the compliances.
-        k: Compliances (p,), for the displacement without compensation; None if they are not known.
+        before: Displacement (t,) in each without compensation [m]; None if it is not known.
         dof: Degrees of freedom of the covariance; inf where sigma is known.
         is_path: Whether the poses follow each other along a path.
     """
     harms = [task.harm(task.q) for task in tasks]
     points = np.array([task.model.robot.forward(task.q)[:3, 3] for task in tasks])
     steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    before = None
-    if k is not None:
-        before = np.array([np.linalg.norm(task.regressor @ k) for task in tasks])
     return TaskAccuracy(
         along=np.append(0.0, np.cumsum(steps)),
         weight=np.array([task.weight for task in tasks]),

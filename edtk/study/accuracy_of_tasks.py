@@ -26,5 +26,14 @@ def accuracy_of_tasks(
         return None
     if k is None and study.specification.simulation is not None:
         k = study.compliances
+    before = None if k is None else _displacements(study, k)
     is_path = study.specification.task is not None
-    return task_accuracy(study.tasks, cov, k, dof, is_path)
+    return task_accuracy(study.tasks, cov, before, dof, is_path)
+
+
+def _displacements(study: Study, k: Array) -> Array:
+    """Displacement (t,) of the tool point by the load of each task, with the known joints [m]."""
+    known = study.known
+    tasks = study.tasks.with_unknown((*study.unknown, *known))
+    every = np.concatenate([k, list(known.values())])
+    return np.array([np.linalg.norm(task.regressor @ every) for task in tasks])

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 from edtk.calibration.compensate import Compensation
 from edtk.calibration.compensate import compensate as compensate_task
 from edtk.calibration.load_task import load_task
+from edtk.design.plan import Plan
 from edtk.study.study import Study
 from edtk.tables.compliances import Compliances, load_compliances
 from edtk.verbs.inputs import PlanLike, StudyLike, as_study, name_of
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 def compensate(
     study: StudyLike,
     compliances: "Compliances | Calibration | Path | str",
-    task: PlanLike,
+    task: PlanLike | None = None,
     *,
     out: Path | str | None = None,
 ) -> Compensation:
@@ -28,7 +29,8 @@ def compensate(
         study: A study, or the path of a study file; its test pose gives the tool, and the load
             where the task names none.
         compliances: A calibration, or the path of a k.json file.
-        task: The desired poses and wrenches, or the path of their CSV file.
+        task: The desired poses and wrenches, or the path of their CSV file; defaults to the test
+            poses, or the path, of the study itself.
         out: File to write commands and errors to (CSV); "-" is standard output.
 
     Returns:
@@ -40,9 +42,10 @@ def compensate(
     question = as_study(study)
     read = [given for given in (compliances, task) if isinstance(given, str | Path)]
     require_output(out, *question.reads, *read)
-    poses = load_task(question, task) if isinstance(task, str | Path) else task
+    poses = task if isinstance(task, Plan) else load_task(question, task)
     known = _compliances(question, compliances)
-    found = compensate_task(question, known, poses, name_of(task, "task"))
+    where = name_of(question.where if task is None else task, "task")
+    found = compensate_task(question, known, poses, where)
     if out is not None:
         found.to_csv(out)
     return found

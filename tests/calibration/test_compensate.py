@@ -22,7 +22,9 @@ from edtk.model.equilibrium import equilibrium
 from edtk.model.remaining_error import remaining_error
 from edtk.study.evaluate import evaluate
 from edtk.study.study import load_study
+from edtk.system.errors import UserError
 from edtk.tables.compliances import Compliances
+from edtk.verbs.compensate import compensate as commands
 
 pytestmark = pytest.mark.slow
 
@@ -270,3 +272,24 @@ def test_a_joint_without_compliance_is_named(given):
     assert said == pytest.approx(1e3 * np.linalg.norm(moved, axis=1).max(), rel=0.1)
     k.write_text(json.dumps({"q1": 1e-7, **K}), encoding="utf-8")
     assert "rigid" not in edtk(PATH, k, task).stdout
+
+
+def test_without_a_file_the_poses_are_those_of_the_study(tmp_path):
+    """One test pose or several, with their own loads; several tools are refused in one line."""
+    pose = STUDY.to_dict()["test_pose"]
+    other = pose | {"q_deg": [0, -60, 90, 10, 45, 30], "load": {"F_N": [300, -200, 100]}}
+    both = STUDY.replace(test_pose=[pose, other], published=None)
+    truth = {"k": STUDY.specification.simulation.compliance_rad_per_Nm}
+    k = Compliances.from_dict(truth, STUDY.robot.joint_names, STUDY.specification.joints.unknown)
+    found = commands(both, k)
+    assert found.wrench[:, :3].tolist() == [pose["load"]["F_N"], [300, -200, 100]]
+    np.testing.assert_array_equal(found.desired[0], STUDY.task.q)
+    np.testing.assert_array_equal(commands(STUDY, k).command[0], found.command[0])
+    different = other | {"tool": {"position_mm": [900, 0, 0]}}
+    with pytest.raises(UserError, match="test_pose: the test poses have different tools"):
+        commands(both.replace(test_pose=[pose, different]), k)
+    # Without wrench columns the load is that of the test poses, if they have one.
+    path = tmp_path / "task.csv"
+    path.write_text("q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n0,-60,90,10,45,30\n")
+    with pytest.raises(UserError, match="Fx_N"):
+        commands(both, k, path)

@@ -8,7 +8,9 @@ from edtk.calibration.compensate import Compensation
 from edtk.report.palette import BLUE, ORANGE
 from edtk.report.panels import panels
 from edtk.report.plain import plain
+from edtk.system.typing import Array
 
+MOST_BARS = 20  # poses up to which each has bars of its own
 SHIFT = 0.2  # of the two bars of a pose, which are twice as wide
 
 
@@ -19,7 +21,23 @@ def compensation(found: Compensation, ax: Any = None) -> Any:
         The axes.
     """
     ax = panels(ax, 1, 1, (6.8, 3.8))[0, 0]
-    pose = np.arange(1, len(found.command) + 1)
+    pose = np.arange(1.0, len(found.command) + 1)
+    if len(pose) <= MOST_BARS:
+        _bars(found, pose, ax)
+    else:
+        _lines(found, pose, ax)
+    ax.set_yscale("log")
+    ax.set_xlabel("task pose")
+    ax.set_ylabel("error of the tool point [mm]")
+    ax.set_title(plain(found.headline()), fontsize=10)
+    ax.grid(axis="y", alpha=0.3)
+    ax.set_axisbelow(True)
+    ax.legend(fontsize=8, frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5))
+    return ax
+
+
+def _bars(found: Compensation, pose: Array, ax: Any) -> None:
+    """Two bars for each of a few poses."""
     before = 1e3 * found.uncompensated
     ax.bar(pose - SHIFT, before, 2 * SHIFT, color=ORANGE, label="before")
     if found.remaining is not None and found.band is not None:
@@ -30,12 +48,14 @@ def compensation(found: Compensation, ax: Any = None) -> Any:
         reach = np.maximum(np.abs(ends - after), 0.0)
         middle = pose + SHIFT
         ax.errorbar(middle, after, reach, fmt="none", color="black", capsize=4, label="95 % band")
-    ax.set_yscale("log")
     ax.set_xticks(pose)
-    ax.set_xlabel("task pose")
-    ax.set_ylabel("error of the tool point [mm]")
-    ax.set_title(plain(found.headline()), fontsize=10)
-    ax.grid(axis="y", alpha=0.3)
-    ax.set_axisbelow(True)
-    ax.legend(fontsize=8, frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5))
-    return ax
+
+
+def _lines(found: Compensation, pose: Array, ax: Any) -> None:
+    """Lines over many poses, which are those of a path."""
+    ax.plot(pose, 1e3 * found.uncompensated, color=ORANGE, label="before")
+    if found.remaining is not None and found.band is not None:
+        low, high = 1e3 * found.band.T
+        ax.fill_between(pose, low, high, color=BLUE, alpha=0.18, linewidth=0, label="95 % band")
+        ax.plot(pose, 1e3 * found.remaining, color=BLUE, label="after, root mean square")
+    ax.set_xlim(1, len(pose))
