@@ -35,12 +35,11 @@ from edtk.study.study import Study
 from edtk.study.study_prior import study_prior
 from edtk.system.presented import Presented
 from edtk.system.typing import Array
-from edtk.tables.sheet_columns import DEFLECTION_COLUMNS, ROTATION_COLUMNS
+from edtk.tables.coordinate_columns import coordinate_columns
 
 if TYPE_CHECKING:
     import pandas as pd
 
-COORDINATES = (*DEFLECTION_COLUMNS, *ROTATION_COLUMNS)
 VERDICTS = {Severity.NOTE: "good", Severity.WARNING: "usable", Severity.ALARM: "bad"}
 
 
@@ -245,7 +244,7 @@ class Calibration(Presented):
             {
                 "row": np.repeat(np.arange(1, m + 1), rows),
                 "pose": np.repeat(self.data.pose + 1, rows),
-                "coordinate": np.tile(COORDINATES[:rows], m),
+                "coordinate": np.tile(coordinate_columns(rows), m),
                 "residual": (self.fit.residual * units).ravel(),
                 "leverage": self.fit.leverage.ravel(),
                 "standardised": self.fit.standardised.ravel(),

@@ -57,7 +57,8 @@ def _pairs(number: np.ndarray) -> float:
 
 def _steps(data: Measurements) -> Array:
     """Resolution (rows,) of the readings [m, rad]."""
-    steps = [np.full(3, _resolution(data.deflection[:, :3] * 1e3) / 1e3)]
+    lengths = data.deflection[:, :3]
+    steps = [np.full(lengths.shape[1], _resolution(lengths * 1e3) / 1e3)]
     if data.deflection.shape[1] == 6:
         per_radian = 180 / np.pi
         turned = _resolution(data.deflection[:, 3:] * per_radian) / per_radian

@@ -71,7 +71,9 @@ def command(
     measured; optionally sigma_mm, of the displacement (the difference of the positions), or
     sigma_x_mm sigma_y_mm sigma_z_mm, or its covariance in the world frame, cov_xx_mm2 cov_xy_mm2
     cov_xz_mm2 cov_yy_mm2 cov_yz_mm2 cov_zz_mm2; and the marker's offset from the tool point in
-    the tool frame, marker_x_mm marker_y_mm marker_z_mm.
+    the tool frame, marker_x_mm marker_y_mm marker_z_mm. A study with several
+    markers or distances has their names in the column marker; a distance has
+    d_distance_mm, or distance0_mm distance_mm.
     `edtk template` makes such a sheet.
 
     With --bayes priors are those of the [prior] of STUDY, errors Student-t if --robust, sigma

@@ -5,6 +5,7 @@ import numpy as np
 from edtk.calibration.calibration import Calibration
 from edtk.inference.measurements import Measurements
 from edtk.report.page import facts, section
+from edtk.study.describe_measured import describe_measured
 from edtk.system.typing import Array
 from edtk.version import __version__
 
@@ -24,6 +25,7 @@ def _measured(found: Calibration) -> list[tuple[str, str]]:
     poses = int(data.pose.max()) + 1
     coordinates = data.deflection.shape[1]
     tool = found.study.specification.tool
+    payload = found.study.specification.payload
     turned = f", turned by {_vector(tool.rpy_deg)} deg (rpy)" if any(tool.rpy_deg) else ""
     rows = [
         ("File", found.path.name),
@@ -34,7 +36,9 @@ def _measured(found: Calibration) -> list[tuple[str, str]]:
         ("Estimated noise", _estimated_noise(found)),
         ("Load", _load(data.wrench)),
         ("Tool", f"{_vector(tool.position_mm)} mm from the last joint{turned}"),
-        ("Marker", _marker(data.marker)),
+        ("Marker", _marker(found)),
+        ("Payload", "" if payload is None else payload.describe()),
+        ("Displacements", "from the nominal robot" if found.study.is_absolute else ""),
     ]
     return [(name, text) for name, text in rows if text]
 
@@ -88,7 +92,7 @@ def _stated_noise(data: Measurements) -> str:
         text = f"{text}, correlated within a visit as the study's [noise] states"
     elif data.covariance is not None:
         text = f"{text}, correlated within a row as the sheet states"
-    if sigma.shape[1] == 3:
+    if sigma.shape[1] <= 3:
         return text
     return f"{text}, {_range(np.rad2deg(sigma[:, 3:]))} deg for each rotation"
 
@@ -104,7 +108,7 @@ def _estimated_noise(found: Calibration) -> str:
 def _rows(count: int, poses: int, coordinates: int) -> str:
     """How much was measured."""
     several = f"{count} measurement{'s' * (count > 1)} in {poses} pose{'s' * (poses > 1)}"
-    return f"{several}, {coordinates} coordinates each"
+    return f"{several}, {coordinates} coordinate{'s' * (coordinates > 1)} each"
 
 
 def _load(wrench: Array) -> str:
@@ -118,8 +122,13 @@ def _load(wrench: Array) -> str:
     return f"{len(different)} different ones, with forces of {_range(forces)} N"
 
 
-def _marker(marker: Array) -> str:
-    """How far the markers are from the tool point; empty for none."""
+def _marker(found: Calibration) -> str:
+    """The instruments of the study, or how far markers are from the tool point; empty for none."""
+    sensors = found.study.model.sensors
+    if sensors:
+        names = ", ".join(sensor.name for sensor in sensors)
+        return f"{describe_measured(found.study)}: {names}"
+    marker = found.data.marker
     if not marker.any():
         return ""
     lengths = 1e3 * np.linalg.norm(np.unique(marker, axis=0), axis=1)

@@ -19,11 +19,11 @@ from edtk.report.page import Page, paragraph, picture, section, table
 from edtk.report.posterior_report import posterior_report
 from edtk.report.residual_causes import residual_causes
 from edtk.report.task_section import task_section
+from edtk.tables.coordinate_columns import coordinate_names
 
 SHOWN = 8  # rows of the table of residuals
 WIDTH = 4.4  # of a picture [inch]: letters can be read on a phone, and on a desk two have room
 UNITLESS = ("parameter", "std [%]")  # columns that do not have the parameters' unit
-AXES = ("x", "y", "z", "rotation x", "rotation y", "rotation z")
 
 
 def calibration_report(found: Calibration) -> str:
@@ -92,17 +92,18 @@ def _worst(found: Calibration) -> str:
     """A table of the measurements that fit least."""
     fit = found.fit
     z = np.abs(fit.standardised)
+    names = coordinate_names(z.shape[1])
     rows = []
     for i in np.argsort(-z.max(axis=1), kind="stable")[:SHOWN]:
         j = int(z[i].argmax())
         positions = [f"{1e3 * r:+.4f}" for r in fit.residual[i, :3]]
         rotations = [f"{np.rad2deg(r):+.4f}" for r in fit.residual[i, 3:]]
-        largest = f"{z[i, j]:.2f} ({AXES[j]})"
+        largest = f"{z[i, j]:.2f} ({names[j]})"
         leverage = f"{fit.leverage[i].max():.2f}"
         flag = "yes" if i in fit.outliers else "no"
         pose = found.data.pose[i] + 1
         rows.append([i + 1, pose, *positions, *rotations, largest, leverage, flag])
-    units = [f"{axis} [{'mm' if j < 3 else 'deg'}]" for j, axis in enumerate(AXES[: z.shape[1]])]
+    units = [f"{axis} [{'mm' if j < 3 else 'deg'}]" for j, axis in enumerate(names)]
     return table(["row", "pose", *units, "largest [sigma]", "leverage", "outlier"], rows, full=True)
 
 
@@ -120,7 +121,7 @@ def _intervals(found: Calibration) -> str:
 
 def _residuals(fit: Identification) -> str:
     """The picture of the residuals, those of rotations below those of positions."""
-    parts = fit.residual.shape[1] // 3
+    parts = -(-fit.residual.shape[1] // 3)
     figure = new_figure(WIDTH, 0.8 + 2.6 * parts)
     residuals(fit, figure.subplots(parts, 1, sharex=True, squeeze=False)[:, 0])
     caption = (

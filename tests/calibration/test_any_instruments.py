@@ -13,6 +13,7 @@ from edtk.model.load_robot import load_robot
 from edtk.model.robot import Robot
 from edtk.model.robot_to_dict import robot_to_dict
 from edtk.model.transform import transform
+from edtk.report.calibration_report import calibration_report
 from edtk.study.study import Study
 from edtk.system.errors import UserError
 from edtk.tables.compliances import Compliances
@@ -230,3 +231,21 @@ def test_commands_under_a_payload(links):
     ends = [study.robot.with_tool(transform()).forward(q)[:3, 3] for q in (unhelped, desired)]
     assert found.uncompensated[0] == pytest.approx(np.linalg.norm(ends[0] - ends[1]), rel=1e-6)
     assert (found.uncompensated[0] > 4e-3) == links
+
+
+def test_reports_of_distances(tmp_path):
+    """A sheet of distances has a report with pictures, and one that is turned round is named."""
+    study = Study(**(PLAIN | CASES["distances"]))
+    path = tmp_path / "sheet.csv"
+    sheet = filled(CASES["distances"], study)
+    rng = np.random.default_rng(2)
+    sheet["d_distance_mm"] += 0.03 * rng.standard_normal(len(sheet))
+    sheet.to_csv(path, index=False)
+    found = calibrate(study, path)
+    page = calibration_report(found)
+    assert "3 distances: distance 1, distance 2, wire" in page
+    assert "distance [mm]" in page
+    assert set(found.residuals()["coordinate"]) == {"d_distance_mm"}
+    sheet.assign(d_distance_mm=-sheet["d_distance_mm"]).to_csv(path, index=False)
+    with pytest.raises(UserError, match="loaded and unloaded positions look swapped"):
+        calibrate(study, path)

@@ -28,15 +28,18 @@ def readings(study: Study, data: Measurements, only_signs: bool = False) -> Iter
         only_signs: Whether only signs and axes of the displacements are read in other ways.
     """
     yield Reading(Finding(Kind.WRONG_SIGN), replace(data, deflection=-data.deflection))
+    directed = data.deflection.shape[1] > 1  # distances have no axes to exchange
     if not only_signs:
-        yield from _displacements(data)
+        if directed:
+            yield from _displacements(data)
         yield from _joint_signs(study, data)
         yield from _joints(study, data)
         yield from _wrenches(data)
         yield from _wrench_signs(data)
         yield from _rotations(data)
         yield from _markers(data)
-    yield from _other_axes(data)
+    if directed:
+        yield from _other_axes(data)
     if not only_signs:
         yield from _joint_offsets(study, data)
 

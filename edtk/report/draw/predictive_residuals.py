@@ -8,11 +8,11 @@ from edtk.calibration.posterior_check import PosteriorCheck
 from edtk.inference.whiten import whiten, whiten_columns
 from edtk.report.palette import BLUE, ORANGE
 from edtk.system.typing import Array, Indices
+from edtk.tables.coordinate_columns import coordinate_names
 
 MOST_MEASUREMENTS = 200  # that are drawn
 MOST_SAMPLES = 4000  # from which the bands are computed
 FEW = 24  # measurements that all have a tick
-NAMES = ("x", "y", "z", "rot x", "rot y", "rot z")
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,6 +78,7 @@ def _errors(
 def predictive_residuals(found: PredictiveResiduals, axes: np.ndarray) -> None:
     """Draw residuals over their bands, a panel for each measured coordinate."""
     m = len(found.shown)
+    names = [name.replace("rotation", "rot") for name in coordinate_names(found.residual.shape[1])]
     x = found.shown + 1
     width = max(1.5, 350 / m)
     size = 5 if m <= 60 else 3
@@ -87,7 +88,7 @@ def predictive_residuals(found: PredictiveResiduals, axes: np.ndarray) -> None:
         ax.vlines(x, low, high, color=BLUE, alpha=0.25, linewidth=width)
         ax.axhline(0, color="black", linewidth=0.6)
         ax.plot(x, found.residual[:, row], "o", color=ORANGE, markersize=size)
-        ax.set_ylabel(f"{NAMES[row]}  [sigma]", fontsize=9)
+        ax.set_ylabel(f"{names[row]}  [sigma]", fontsize=9)
         ax.tick_params(labelsize=8)
     axes[-1].set_xlabel("measurement")
     some = np.unique(np.linspace(1, found.shown[-1] + 1, 12).astype(int))

@@ -8,11 +8,11 @@ import numpy as np
 from edtk.inference.identification import Identification
 from edtk.report.palette import COLOURS, ORANGE
 from edtk.system.typing import Indices
+from edtk.tables.coordinate_columns import coordinate_names
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-AXES = "xyz"
 MARKERS = "osD"
 MOST = 4000  # measurements that are drawn evenly, and as many of the largest residuals
 UNITS = ((1e3, "mm"), (180 / np.pi, "deg"))
@@ -49,9 +49,9 @@ def drawn_rows(residual: np.ndarray) -> Indices:
 
 
 def _coordinates(residual: np.ndarray, standardised: np.ndarray, ax: "Axes") -> None:
-    """Three coordinates, over a band of twice the noise."""
+    """Three coordinates, or a distance, over a band of twice the noise."""
     shown = drawn_rows(residual)
-    for j in range(3):
+    for j, name in enumerate(coordinate_names(residual.shape[1])):
         ax.plot(
             shown + 1,
             residual[shown, j],
@@ -59,7 +59,7 @@ def _coordinates(residual: np.ndarray, standardised: np.ndarray, ax: "Axes") -> 
             marker=MARKERS[j],
             markersize=4,
             color=COLOURS[j],
-            label=AXES[j],
+            label=name,
         )
     noise = np.median(np.abs(residual / np.where(standardised == 0, 1, standardised)))
     band = 2 * float(noise)

@@ -2,13 +2,14 @@
 
 import numpy as np
 
-from edtk.calibration.calibration import COORDINATES, Calibration
+from edtk.calibration.calibration import Calibration
 from edtk.calibration.diagnostics.diagnostic import Severity
 from edtk.calibration.row_names import row_names
 from edtk.inference.estimate_noise import NoiseEstimate
 from edtk.report.digits import digits
 from edtk.report.text.error_budget import error_budget
 from edtk.report.text_table import name_width
+from edtk.tables.coordinate_columns import coordinate_columns
 
 
 def calibration(found: Calibration) -> str:
@@ -90,9 +91,10 @@ def _rows(found: Calibration) -> list[str]:
     worst = int(of_pose.argmax())
     size = f"{1e3 * np.sqrt(of_pose[worst]):.4g} mm"
     i, j = np.unravel_index(fit.leverage.argmax(), fit.leverage.shape)
+    column = coordinate_columns(fit.residual.shape[1])[j]
     lines = [
         f"largest residuals in pose {worst + 1}: {size} root mean square",
-        f"largest leverage {fit.leverage[i, j]:.3f}: row {i + 1}, {COORDINATES[j]}",
+        f"largest leverage {fit.leverage[i, j]:.3f}: row {i + 1}, {column}",
     ]
     if len(fit.outliers):
         rows = row_names(fit.outliers.tolist())
