@@ -23,6 +23,7 @@ from edtk.inference.measurements import Measurements
 from edtk.inference.run_chain import Demand
 from edtk.inference.sample_posterior import SamplingOptions
 from edtk.inference.simulate import simulate
+from edtk.model.robot_overview import RobotOverview
 from edtk.report.draw.correlation import correlation
 from edtk.report.draw.heat_map import heat_map
 from edtk.report.draw.joint_variables import joint_variables
@@ -43,6 +44,7 @@ NAMES = (
     "relaxation",
     "relaxed_plan",
     "robot",
+    "robot_overview",
 )
 
 
@@ -84,6 +86,7 @@ def results():
         "relaxation": relax(Problem(blocks), criteria.create("D")),
         "relaxed_plan": relax_study(STUDY, "A", candidates=200),
         "robot": STUDY.robot,
+        "robot_overview": RobotOverview(STUDY.robot),
     }
 
 
@@ -113,6 +116,7 @@ def test_axes_have_labels_with_units(results, name):
         "relaxation": r"weight \[share of the experiments\]",
         "relaxed_plan": r"weight \[share of the experiments\]",
         "robot": r"x \[m\]",
+        "robot_overview": r"z \[m\]",
     }
     assert re.search(expected[name], text)
 

@@ -46,7 +46,13 @@ def joint_labels(robot: Robot, frames: Frames, ax: Any) -> None:
                 va="center",
                 fontsize=8,
                 bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.0},
-                arrowprops={"arrowstyle": "-", "color": COLOUR, "linewidth": 0.6, "shrinkB": 3},
+                arrowprops={
+                    "arrowstyle": "-",
+                    "color": COLOUR,
+                    "linewidth": 0.6,
+                    "shrinkB": 3,
+                    "relpos": (1.0 if is_left else 0.0, 0.5),
+                },
                 annotation_clip=False,
             )
 

@@ -8,7 +8,6 @@ from edtk.model.robot_overview import RobotOverview
 from edtk.report.palette import BLUE, ORANGE
 from edtk.report.plain import plain
 from edtk.report.plot.robot import robot
-from edtk.system.typing import Array
 
 SIZE = (10.0, 5.6)  # [inch]
 ARM = "#30343a"
@@ -42,20 +41,30 @@ def robot_overview(found: RobotOverview, ax: Any = None) -> Any:
     side = figure.add_subplot(grid[0, 1])
     above = figure.add_subplot(grid[1, 1])
     points = found.tool_points
-    _view(found, points[:, [0, 2]], (0, 2), side)
-    _view(found, points[:, [0, 1]], (0, 1), above)
-    side.set(ylabel="z [m]", title="reach from the side and from above")
+    # The side from which the tool point is seen to move more.
+    widest = int(np.ptp(points[:, :2], axis=0).round(6).argmax())
+    _view(found, (widest, 2), side)
+    _view(found, (0, 1), above)
+    side.set(xlabel=f"{'xy'[widest]} [m]", ylabel="z [m]")
+    side.set_title("reach from the side and from above")
     side.title.set_fontsize(9)
     above.set(xlabel="x [m]", ylabel="y [m]")
     return np.array([space, side, above])
 
 
-def _view(found: RobotOverview, points: Array, axes: tuple[int, int], ax: Any) -> None:
-    """Tool points (k, 2) of all poses, and the arm at zero before them."""
+def _view(found: RobotOverview, axes: tuple[int, int], ax: Any) -> None:
+    """Tool points of all poses as two of the world's axes show them, before them the arm."""
     arm = found.robot
     frames = arm.frames(np.clip(0.0, *arm.limits))
-    chain = np.vstack([arm.base[:3, 3], frames.origins, frames.position])[:, axes]
-    ax.plot(*points.T, ".", markersize=1.2, color=BLUE, alpha=0.35, rasterized=True)
+    chain = np.vstack([arm.base[:3, 3], frames.origins, frames.position])[:, list(axes)]
+    ax.plot(
+        *found.tool_points[:, list(axes)].T,
+        ".",
+        markersize=1.2,
+        color=BLUE,
+        alpha=0.35,
+        rasterized=True,
+    )
     ax.plot(*chain.T, color=ARM, linewidth=2.0, marker="o", markersize=3)
     ax.plot(*chain[-1:].T, "o", markersize=4.5, color=ORANGE)
     ax.set_aspect("equal", adjustable="datalim")

@@ -13,7 +13,7 @@ def robot_overview(found: RobotOverview) -> str:
     lines = [robot.name, text_table(*overview_rows(found)), ""]
     lines += [f"{tied.name} {_tie(found, tied.name)}" for tied in robot.tied]
     lines.append(f"reach    {found.reach:.3f} m from the base to the tool point")
-    mass = "unknown: the file has no masses" if found.mass is None else f"{found.mass:.3g} kg"
+    mass = "unknown: the file has no masses" if found.mass is None else f"{_digits(found.mass)} kg"
     lines.append(f"moves    {mass}")
     lines += overview_sentences(found)
     return "\n".join([*lines, *([f"source: {robot.source}"] if robot.source else [])])
@@ -52,7 +52,7 @@ def overview_rows(found: RobotOverview) -> tuple[list[str], list[list[str]]]:
             unit = "N" if joint.kind == "prismatic" else "N m"
             mass = masses[joint.name].mass
             felt = weight > NOTHING * robot.reach * (found.mass or 0.0)
-            row += [f"{weight:.3g} {unit}" if felt else "none", f"{mass:.3g} kg"]
+            row += [f"{_digits(weight)} {unit}" if felt else "none", f"{_digits(mass)} kg"]
     return header, rows
 
 
@@ -84,6 +84,11 @@ def overview_sentences(found: RobotOverview) -> list[str]:
 def _lever(value: float, kind: str) -> str:
     """The largest load of a joint by a force, over the force."""
     return f"{100 * value:.3g} %" if kind == "prismatic" else f"{1e3 * value:.4g} mm"
+
+
+def _digits(value: float) -> str:
+    """Three digits, or all before the point."""
+    return f"{value:.3g}" if value < 1000 else f"{value:.0f}"
 
 
 def _tie(found: RobotOverview, name: str) -> str:
