@@ -20,7 +20,10 @@ PAYLOAD_PER_REACH = 14.0  # [kg/m^3]
 PAYLOAD_PER_MASS = 0.15  # payload beside the mass of the moving links, where that is known
 PAYLOADS = (0.5, 1000.0)  # [kg]
 LEVER = 0.12  # of the tool point from the last axis, and along it, beside the reach
-UNLOADED = 1e-6  # motion of the tool by way of a joint, beside the largest, that is rounding
+BELIEVED = (0.1, 10.0)  # payload by mass beside that by reach; else masses are placeholders
+# Motion of the tool by way of a joint, beside the largest: below it an axis is upright but for the
+# digits of its file, as with a quarter turn of 1.5708.
+UNLOADED = 1e-4
 HEIGHTS = (0.15, 0.0)  # least heights of the tool point beside the reach, the first that leaves
 RADII = (0.25, 0.1)  # room; and least distances from the vertical axis through the base
 ROOM = 0.15  # share of the poses that a constraint has to leave
@@ -104,7 +107,7 @@ def first_choices(robot: Robot) -> FirstChoices:
         fixed=fixed,
         compliance=_compliance(robot, q, force, free),
         height_mm=height,
-        radius_mm=least_radius,
+        radius_mm=least_radius or None,  # of small arms it may round to 0, which bounds nothing
         q_deg=_test_pose(robot, q[room], force, free),
     )
 
@@ -146,9 +149,12 @@ def _tool(robot: Robot, flange: Frames, reach: float) -> tuple[float, ...]:
 
 def _payload(robot: Robot, reach: float) -> tuple[float, bool]:
     """A mass that such an arm carries, with one digit [kg], and whether the links tell it."""
-    mass = sum(link.mass for link in robot.links)
-    size = PAYLOAD_PER_MASS * mass if mass else PAYLOAD_PER_REACH * reach**3
-    return float(f"{np.clip(size, *PAYLOADS):.1g}"), mass > 0
+    by_reach = PAYLOAD_PER_REACH * reach**3
+    by_mass = PAYLOAD_PER_MASS * sum(link.mass for link in robot.links)
+    least, most = BELIEVED
+    from_mass = least * by_reach <= by_mass <= most * by_reach
+    size = by_mass if from_mass else by_reach
+    return float(f"{np.clip(size, *PAYLOADS):.1g}"), from_mass
 
 
 def _force(robot: Robot, q: Array, payload: float) -> Array:

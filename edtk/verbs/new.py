@@ -13,6 +13,7 @@ from edtk.study.new_study_text import new_study_text
 from edtk.study.study import Study, load_study
 from edtk.system.atomic_file import write_text
 from edtk.system.errors import UserError
+from edtk.system.parse_toml import parse_toml
 from edtk.verbs.inputs import errors_in
 from edtk.verbs.require_output import require_file, require_output
 
@@ -59,6 +60,7 @@ def new(
         arm = _load(str(robot), base, tip, given)
         name = str(robot) if is_builtin else _relative(Path(robot), path.parent)
         text = new_study_text(arm, first_choices(arm), name, path.name, (base, tip), given)
+        Study(folder=path.parent, **parse_toml(text))  # nothing is written that does not run
         write_text(path, text)
     return load_study(path)
 

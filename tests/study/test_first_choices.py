@@ -121,6 +121,9 @@ def test_the_load_suits_the_robot() -> None:
     for joint in content["joints"]:
         joint |= {"mass_kg": 5.0, "center_m": [0, 0, 0]}
     assert first_choices(robot_from_dict(content)).payload == 4  # 15 % of 30 kg, one digit
+    for joint in content["joints"]:
+        joint["mass_kg"] = 0.01  # a placeholder
+    assert first_choices(robot_from_dict(content)).payload == first_choices(ROBOTS["ur10"]).payload
 
 
 def test_a_controllers_angles() -> None:
@@ -140,3 +143,11 @@ def test_a_robot_without_reach_is_refused() -> None:
     """A single joint whose flange lies on its axis has no size to go by."""
     with pytest.raises(UserError, match="the flange does not move; expected a robot with links"):
         first_choices(robot_of(([0, 0, 1], [0, 0, 1], TURN)))
+
+
+def test_an_axis_that_is_upright_but_for_its_digits() -> None:
+    """A quarter turn of 1.5708 makes no joint that a weight turns."""
+    content = robot_to_dict(ROBOTS["ur10"])
+    content["joints"][0] |= {"rpy_deg": np.rad2deg([1.5708, 0, 0]).tolist(), "axis": [0, 1, 0]}
+    content["joints"][1] |= {"rpy_deg": np.rad2deg([-1.5708, 0, 0]).tolist()}
+    assert set(first_choices(robot_from_dict(content)).fixed) == {"q1"}
