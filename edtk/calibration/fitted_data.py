@@ -14,6 +14,7 @@ from edtk.calibration.match_plan import PlanMatch, match_plan
 from edtk.calibration.moving_joints import (
     joint_unit,
     moving_joints,
+    own_of_visits,
     shared_by_repetitions,
     visits_lack_of_fit,
 )
@@ -210,8 +211,10 @@ class FittedData:
         """Errors of tracker, joints and model, by what visits share; None if not to be told."""
         if self.untold:
             return None
-        joints = joint_unit(self.study)
-        seen = visit_residuals(self.study.model, self.data, self.A, self.measured, joints)
+        study = self.study
+        own = own_of_visits(study, self.data)
+        joints = joint_unit(study)
+        seen = visit_residuals(study.model, self.data, self.A, self.measured, joints, own)
         return None if seen is None else estimate_noise(seen)
 
     @property

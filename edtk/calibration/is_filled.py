@@ -9,6 +9,8 @@ from edtk.system.read_text import BYTE_ORDER_MARKS
 from edtk.tables.sheet_columns import (
     DEFLECTION_COLUMNS,
     LOADED_COLUMNS,
+    MARKER_COLUMNS,
+    MARKER_NAME_COLUMN,
     ROTATION_COLUMNS,
     SHEET_COLUMNS,
     UNLOADED_COLUMNS,
@@ -17,8 +19,8 @@ from edtk.tables.sheet_columns import (
 
 # A sheet has at least one of these; a plan has none.
 OF_A_SHEET = {*DEFLECTION_COLUMNS, *LOADED_COLUMNS, *UNLOADED_COLUMNS, *ROTATION_COLUMNS}
-# The number of a visit is written beforehand.
-TO_FILL_IN = set(SHEET_COLUMNS) - {VISIT_COLUMN}
+# The number of a visit is written beforehand, and markers where the study names them.
+BEFOREHAND = {VISIT_COLUMN, MARKER_NAME_COLUMN, *MARKER_COLUMNS}
 LONGEST_HEADER = 10_000  # characters; any file may be asked about, such as a chain without lines
 
 
@@ -41,7 +43,9 @@ def is_filled(path: Path) -> bool | None:
         columns = [name.strip() for name in next(csv.reader([header], delimiter=separator), [])]
         if not set(columns) & OF_A_SHEET:
             return None
-        places = [i for i, name in enumerate(columns) if name in TO_FILL_IN]
+        written = BEFOREHAND if MARKER_NAME_COLUMN in columns else {VISIT_COLUMN}
+        to_fill_in = set(SHEET_COLUMNS) - written
+        places = [i for i, name in enumerate(columns) if name in to_fill_in]
         lines = (line for line in file if not line.startswith("#"))
         try:
             return _has_content(csv.reader(lines, delimiter=separator), places)

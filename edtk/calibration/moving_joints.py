@@ -18,6 +18,7 @@ from edtk.inference.visit_covariance import (
     own_covariance,
     visit_covariance,
 )
+from edtk.inference.whiten import RowNoise
 from edtk.study.study import Study
 from edtk.system.typing import Array
 from edtk.tables.pose_table import pose_factors
@@ -140,6 +141,23 @@ def joint_unit(study: Study) -> Array:
     if study.noise is not None and stated is not None:
         unit = study.noise.repeatability / stated
     return np.asarray(np.sqrt(readings) * unit)
+
+
+def own_of_visits(study: Study, data: Measurements) -> RowNoise:
+    """The noise of each measurement by itself, against which motions of the joints are seen.
+
+    Where no pose is visited twice, nothing tells the discrepancy from errors of the tracker: a
+    stated one is then taken as such.
+    """
+    own = data.own_noise
+    if data.alone or study.noise is None or not study.noise.shares:
+        return own
+    if data.visits.max() > data.pose.max():
+        return own
+    lengths = np.arange(data.sigma.shape[1]) < 3
+    size = np.where(lengths, float(study.noise.discrepancy.max()), 0.0)
+    whole = own_covariance(own, data.sigma.shape) + np.diag(size**2)
+    return CorrelatedNoise.by_row(whole)
 
 
 def stated_repeatability(study: Study) -> float | None:

@@ -72,7 +72,7 @@ class Measurements(Presented):
         """The chosen measurements."""
         names = (f.name for f in fields(self) if f.name != "stated")
         columns = {name: getattr(self, name) for name in names}
-        if self.visit is None and (self.marker.any() or self.sensor is not None):
+        if self.visit is None and not self.alone:
             columns["visit"] = self.visits  # Without its other rows a visit is not told any more.
         return replace(self, **{n: c[rows] for n, c in columns.items() if c is not None})
 
@@ -101,6 +101,11 @@ class Measurements(Presented):
         """Number (m,) of each row's pose, load, instrument and marker, counted from 0."""
         instrument = [] if self.sensor is None else [self.sensor[:, None]]
         return row_numbers(self.q, self.wrench, self.marker, *instrument)
+
+    @property
+    def alone(self) -> bool:
+        """Whether each row is a visit of its own, as one point is measured and none is numbered."""
+        return self.visit is None and self.sensor is None and not self.marker.any()
 
     @cached_property
     def visits(self) -> Indices:

@@ -6,7 +6,7 @@ from edtk.inference.joint_motion import joint_motion
 from edtk.inference.least_squares import SingularPlanError, Whitened
 from edtk.inference.measurements import Measurements
 from edtk.inference.visited import Visited
-from edtk.inference.whiten import whiten_columns
+from edtk.inference.whiten import RowNoise, whiten_columns
 from edtk.model.elastostatic_model import ElastostaticModel
 from edtk.system.typing import Array, Indices
 
@@ -15,7 +15,12 @@ MOST_IN_POSE = 150  # measurements of one pose; of more, the first ones
 
 
 def visit_residuals(
-    model: ElastostaticModel, data: Measurements, A: Array, measured: Array, joints: Array
+    model: ElastostaticModel,
+    data: Measurements,
+    A: Array,
+    measured: Array,
+    joints: Array,
+    own: RowNoise | None = None,
 ) -> Visited | None:
     """Fit with the tracker's noise alone, and keep what joints and model may have added.
 
@@ -25,16 +30,19 @@ def visit_residuals(
         A: Regressors (m, rows, p).
         measured: Deflections (m, rows) [m, rad].
         joints: Standard deviations (n,) of the joints for a variance of one [rad or m].
+        own: Noise of each measurement by itself; that of the measurements by default.
 
     Returns:
         The residuals; None where no visit has more than one measurement, so that nothing tells
         motions of the joints from errors of the tracker, or compliances are left open.
     """
+    if data.alone:
+        return None
     rows = _some_visits(data)
     some = data[rows]
     if len(np.unique(some.visits)) == len(some):
         return None
-    noise = some.own_noise
+    noise = (data.own_noise if own is None else own)[rows]
     try:
         whitened = Whitened.of(A[rows], noise, model.parameters)
     except SingularPlanError:

@@ -6,6 +6,7 @@ import pytest
 from edtk.calibration.calibrate import calibrate
 from edtk.calibration.diagnostics.diagnostic import Severity
 from edtk.calibration.finding import Kind
+from edtk.calibration.is_filled import is_filled
 from edtk.calibration.plan_budget import plan_budget
 from edtk.calibration.plan_noise import plan_noise, visits_noise
 from edtk.calibration.planned_measurements import planned_measurements
@@ -107,6 +108,21 @@ def test_from_the_template_to_the_result(study_of, tmp_path):
     np.testing.assert_allclose(found.fit.std, np.sqrt(np.diag(expected)), rtol=1e-5)
     assert found.fit.p_value > 0.01
     assert not [one for one in found.diagnostics if one.severity > Severity.NOTE]
+
+
+def test_a_stated_discrepancy_is_no_error_of_the_tracker(study_of, tmp_path):
+    """Where poses are visited once, the discrepancy cannot be told, and the stated one is taken."""
+    study = study_of(markers=True)
+    found = calibrate(study, filled(study, PLAN, tmp_path / "sheet.csv"), linear=True)
+    assert found.noise.told == (True, True, False)
+    assert found.noise.tracker == pytest.approx(1.0, abs=0.5)
+
+
+def test_an_empty_sheet_is_written_again(study_of, tmp_path):
+    """Visits, names and places of markers are no measurements."""
+    path = tmp_path / "sheet.csv"
+    template(study_of(), PLAN).to_csv(path, index=False)
+    assert is_filled(path) is False
 
 
 def test_a_sheet_speaks_for_its_tracker(study_of, tmp_path):
