@@ -160,6 +160,11 @@ class Robot(Presented):
         slides = [max(map(abs, joint.limits)) for joint in sliding]
         return float(sum(np.linalg.norm(T[:3, 3]) for T in links) + sum(slides))
 
+    @property
+    def tool_is_from(self) -> str:
+        """From where tools are given, in words."""
+        return "last joint" if np.array_equal(self.flange, np.eye(4)) else "flange"
+
     def with_tool(self, tool: Array) -> "Robot":
         """The same chain with another tool transform (4, 4) in the frame of the flange [m]."""
         tool = np.array(tool, dtype=float)

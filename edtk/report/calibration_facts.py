@@ -25,6 +25,7 @@ def _measured(found: Calibration) -> list[tuple[str, str]]:
     poses = int(data.pose.max()) + 1
     coordinates = data.deflection.shape[1]
     tool = found.study.specification.tool
+    place = found.study.robot.tool_is_from
     payload = found.study.specification.payload
     turned = f", turned by {_vector(tool.rpy_deg)} deg (rpy)" if any(tool.rpy_deg) else ""
     rows = [
@@ -35,7 +36,7 @@ def _measured(found: Calibration) -> list[tuple[str, str]]:
         ("Stated noise", _stated_noise(data)),
         ("Estimated noise", _estimated_noise(found)),
         ("Load", _load(data.wrench)),
-        ("Tool", f"{_vector(tool.position_mm)} mm from the last joint{turned}"),
+        ("Tool", f"{_vector(tool.position_mm)} mm from the {place}{turned}"),
         ("Marker", _marker(found)),
         ("Payload", "" if payload is None else payload.describe()),
         ("Displacements", "from the nominal robot" if found.study.is_absolute else ""),

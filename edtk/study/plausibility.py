@@ -101,7 +101,8 @@ def _tools(study: "Study") -> Iterator[str]:
     links = _links(study)
     for key, tool in tools.items():
         length = float(np.linalg.norm(tool[:3, 3]))
-        where = f"{key}.position_mm: the tool point is {1e3 * length:.3g} mm from the last joint"
+        place = study.robot.tool_is_from
+        where = f"{key}.position_mm: the tool point is {1e3 * length:.3g} mm from the {place}"
         if 0 < length < SHORTEST_TOOL and links > SMALL_ARM:
             yield f"{where}; is it given in metres?"
         elif length > LONGEST_TOOL * links > 0:

@@ -10,9 +10,11 @@ from edtk.system.typing import Array
 
 
 class Tool(Table):
-    """Tool frame after the last joint."""
+    """Tool frame after the last joint, or after the flange: the tip link of a URDF."""
 
-    position_mm: Vector3 = Field(description="Tool point in the last joint's frame [mm]")
+    position_mm: Vector3 = Field(
+        description="Tool point in the last joint's frame, or in a URDF's tip link [mm]"
+    )
     rpy_deg: Vector3 = Field(
         ZERO, description="Roll, pitch and yaw about the fixed axes of that frame [deg]"
     )
