@@ -53,10 +53,8 @@ def _root(tree: Urdf, where: str | None) -> str:
     if len(roots) == 1:
         return roots[0]
     if not roots:
-        message = (
-            "every link is moved by another one; expected a root" if tree.links else "no links"
-        )
-        raise RobotFileError(message, where=where)
+        found = "every link is moved by a joint" if tree.links else "has no <link>"
+        raise RobotFileError(f"{found}; expected a tree of links", where=where)
     message = f"has {len(roots)} roots; expected one of {_listed(roots)}"
     raise RobotFileError(message, where=where, key="base_link")
 

@@ -4,6 +4,7 @@ from edtk.model.robot_from_dict import RobotFileError
 from edtk.model.urdf.urdf import Mimic, Urdf
 
 LEAST = 1e-6  # factor of a tie; a smaller one, or one beyond its reciprocal, is a slip of the pen
+MOST_TIES = 100  # from a joint to the one that it follows in the end
 UNKNOWN = ("floating", "planar")  # joints without one variable that could be followed
 
 
@@ -38,6 +39,9 @@ def resolve_tie(tree: Urdf, name: str, where: str | None = None) -> Mimic:
             message = f"follows {master!r} (mimic), which follows it; expected no circle"
             raise RobotFileError(message, where=where, key=f"joint {joint.name}")
         seen.add(master)
+        if len(seen) > MOST_TIES:
+            message = f"follows another joint by way of more than {MOST_TIES} others (mimic)"
+            raise RobotFileError(message, where=where, key=f"joint {name}")
         joint = tree.joints[master]
     if factor and not LEAST <= abs(factor) <= 1 / LEAST:
         message = f"moves by {factor:g} for one unit of {joint.name!r}, which it follows (mimic)"

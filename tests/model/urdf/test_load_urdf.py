@@ -291,6 +291,23 @@ def test_wrong_ties_are_one_line(tmp_path, changes, expected):
     assert expected in refusal(tmp_path, *changes)
 
 
+@pytest.mark.parametrize(
+    ("links", "expected"),
+    [
+        ("", "has no <link>; expected a tree of links"),
+        ('<link name="a"/>', "no joint moves a link below 'a'; expected a revolute or"),
+        ('<link name="a"/><link name="b"/>{ab}{ba}', "every link is moved by a joint; expected a"),
+    ],
+)
+def test_a_file_without_a_chain_is_one_line(tmp_path, links, expected):
+    """No links, one link, and a ring of links."""
+    joint = '<joint name="{0}{1}" type="continuous"><parent link="{0}"/><child link="{1}"/></joint>'
+    text = links.format(ab=joint.format("a", "b"), ba=joint.format("b", "a"))
+    (tmp_path / "arm.urdf").write_text(f"<robot>{text}</robot>")
+    with pytest.raises(RobotFileError, match=expected):
+        load_robot(tmp_path / "arm.urdf")
+
+
 def test_links_go_with_a_urdf(tmp_path):
     """A robot that has no links is asked for none."""
     with pytest.raises(RobotFileError, match="tip_link: has no links; 'x' goes with a URDF file"):
