@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from criteria.convex_criterion import ConvexCriterion
+from criteria.covariance_criterion import CovarianceCriterion
 from criteria.linalg.inverse import power_trace
 from criteria.linalg.typing import Array
 from criteria.registry import register
@@ -14,7 +15,7 @@ if TYPE_CHECKING:
 
 
 @register
-class AOptimality(ConvexCriterion):
+class AOptimality(CovarianceCriterion, ConvexCriterion):
     """Sum of the parameters' variances, ``trace(cov)`` (Table 1). Gradient: ``-cov^2``."""
 
     name = "A"
@@ -32,6 +33,10 @@ class AOptimality(ConvexCriterion):
         import cvxpy as cp
 
         return cp.matrix_frac(np.eye(M.shape[0]) if T is None else T.T, M)
+
+    def covariance_slope(self, cov: Array) -> Array:
+        """The identity."""
+        return np.broadcast_to(np.eye(cov.shape[-1]), cov.shape)
 
     def _cost(self, M: Array, cov: Array) -> Array:
         return np.trace(cov, axis1=-2, axis2=-1)

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from criteria.convex_criterion import ConvexCriterion
+from criteria.covariance_criterion import CovarianceCriterion
 from criteria.kinked_criterion import KinkedCriterion
 from criteria.linalg.soft_maximum import soft_maximum
 from criteria.linalg.spectrum import bounded_below, conjugate
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 
 
 @register
-class EOptimality(KinkedCriterion, ConvexCriterion):
+class EOptimality(KinkedCriterion, CovarianceCriterion, ConvexCriterion):
     """Least eigenvalue of the information matrix, ``lambda_min(M)`` (Table 1).
 
     The cost is ``lambda_max(cov)``, or ``trace(cov^s)^(1/s)`` with sharpness s. A subgradient is
@@ -39,6 +40,11 @@ class EOptimality(KinkedCriterion, ConvexCriterion):
     ) -> Formulation:
         """The least sum of weights u with ``sum u_i M_i >= I``, which is ``1/lambda_min``."""
         return total, [bounded_below(M, T)]
+
+    def covariance_slope(self, cov: Array) -> Array:
+        """``v v'`` for the unit eigenvector of the largest variance, or a soft maximum's slopes."""
+        variances, V = np.linalg.eigh(cov)
+        return conjugate(V, soft_maximum(variances, self.sharpness)[1])
 
     def _cost(self, M: Array, cov: Array) -> Array:
         return soft_maximum(np.linalg.eigvalsh(cov), self.sharpness)[0]

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from criteria.convex_criterion import ConvexCriterion
+from criteria.covariance_criterion import CovarianceCriterion
 from criteria.kinked_criterion import KinkedCriterion
 from criteria.linalg.inverse import power_trace, whitener
 from criteria.linalg.soft_maximum import soft_maximum
@@ -22,7 +23,7 @@ NEGLIGIBLE = (
 
 
 @register
-class GOptimality(KinkedCriterion, ConvexCriterion):
+class GOptimality(KinkedCriterion, CovarianceCriterion, ConvexCriterion):
     """Largest variance of a parameter, ``max diag(cov)``; Table 1's "diag(k)" means diag(cov(k)).
 
     This is the paper's G. Elsewhere G means the largest variance of a prediction over the
@@ -60,6 +61,11 @@ class GOptimality(KinkedCriterion, ConvexCriterion):
 
         rows = np.eye(M.shape[0]) if T is None else T
         return cp.max(cp.hstack([cp.matrix_frac(t, M) for t in rows]))
+
+    def covariance_slope(self, cov: Array) -> Array:
+        """One at the largest diagonal entry, or the slopes of the soft maximum."""
+        _, slopes = soft_maximum(np.diagonal(cov, axis1=-2, axis2=-1), self.sharpness)
+        return slopes[..., None] * np.eye(cov.shape[-1])
 
     def _cost(self, M: Array, cov: Array) -> Array:
         return soft_maximum(np.diagonal(cov, axis1=-2, axis2=-1), self.sharpness)[0]

@@ -5,13 +5,15 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
+from criteria.covariance_criterion import CovarianceCriterion
 from criteria.criterion import Criterion
 from criteria.criterion_error import CriterionError
+from criteria.determinant_criterion import DeterminantCriterion
 from criteria.linalg.combination import combination
 from criteria.linalg.estimable import estimable_inverse, open_columns
 from criteria.linalg.inverse import whitener
 from criteria.linalg.null_space import open_directions
-from criteria.linalg.typing import Array, Mask
+from criteria.linalg.typing import Array, Indices, Mask
 from criteria.relaxable import Formulation, Relaxable
 
 if TYPE_CHECKING:
@@ -49,6 +51,7 @@ class Interest(Relaxable):
     def __init__(self, base: Criterion, K: ArrayLike, names: tuple[str, ...] | None = None) -> None:
         self.base = _monotone(base)
         self.K = _combinations(K)
+        self._chosen = _chosen(self.K)
         self.names = _default_names(self.K) if names is None else names
         self.name = base.name
         self.title = f"{base.title} of {', '.join(self.names)}"
@@ -91,8 +94,7 @@ class Interest(Relaxable):
     def whitener(self, M: Array) -> Array:
         """``T = G K F`` (p, s) with ``F' V F = I`` for ``V = K'G K``: ``T' M T = I``."""
         _, cov, _ = self.inverse(M)
-        side = cov @ self.K
-        return side @ whitener(self.K.T @ side)
+        return self.side(cov) @ whitener(self.variance(cov))
 
     def missing(self, M: Array, parameters: tuple[str, ...]) -> tuple[str, ...]:
         """The combinations that M leaves open, each with the directions that hide it."""
@@ -103,13 +105,24 @@ class Interest(Relaxable):
         words = [combination(column, parameters) for column in self.K.T[is_open]]
         return tuple(f"{each} (open: {hidden})" if each != hidden else each for each in words)
 
-    def information(self, M: Array, cov: Array) -> tuple[Array, Array]:
-        """``C_K`` and its inverse (..., s, s), given an inverse cov (..., p, p) of M."""
-        variance = self.K.T @ cov @ self.K
-        # Combinations in different units would cost digits, hence the scaling to a unit diagonal.
-        d = np.sqrt(np.diagonal(variance, axis1=-2, axis2=-1))
-        dd = d[..., :, None] * d[..., None, :]
-        return np.linalg.inv(variance / dd) / dd, variance
+    def side(self, cov: Array) -> Array:
+        """``cov K`` (..., p, s); any rows (..., n, p) may stand for cov."""
+        return cov @ self.K if self._chosen is None else cov[..., self._chosen]
+
+    def variance(self, cov: Array) -> Array:
+        """Covariance ``K' cov K`` (..., s, s) of what is of interest."""
+        side = self.side(cov)
+        return self.K.T @ side if self._chosen is None else side[..., self._chosen, :]
+
+    def cost_of_variance(self, variance: Array) -> Array:
+        """Costs (...) of what is of interest with covariances (..., s, s)."""
+        base = self.base
+        if isinstance(base, DeterminantCriterion):
+            log_det = -np.linalg.slogdet(variance).logabsdet
+            return base.cost_of_log_determinant(log_det, variance.shape[-1])
+        if isinstance(base, CovarianceCriterion):
+            return base.cost_of_regular(variance, variance)
+        return base.cost_of_regular(_inverse(variance), variance)
 
     def formulation(
         self, M: "cp.Expression", total: "cp.Expression", T: Array, unit: float
@@ -133,7 +146,8 @@ class Interest(Relaxable):
     def lower_bound(self, Z: Array, t: Array, M: Array) -> float:
         """The base's for ``K'Z K``: as ``X >= K C_K(X) K'``, ``<K'Z K, C_K(X)> <= <Z, X> <= t``."""
         _, cov, _ = self.inverse(M)
-        return self.base.lower_bound(self.K.T @ Z @ self.K, t, self.information(M, cov)[0])
+        N = _inverse(self.variance(cov))
+        return self.base.lower_bound(self.K.T @ Z @ self.K, t, N)
 
     def _with(self, base: Criterion) -> Self:
         """Another base for the same combinations; this object itself for the same base."""
@@ -141,12 +155,21 @@ class Interest(Relaxable):
         return self if base is self.base else type(self)(base, self.K, self.names)
 
     def _cost(self, M: Array, cov: Array) -> Array:
-        return self.base.cost_of_regular(*self.information(M, cov))
+        return self.cost_of_variance(self.variance(cov))
 
     def _gradient(self, M: Array, cov: Array) -> Array:
-        N, variance = self.information(M, cov)
-        L = N @ self.K.T @ cov
-        return np.swapaxes(L, -1, -2) @ self.base.gradient_of_regular(N, variance) @ L
+        side = self.side(cov)
+        variance = self.variance(cov)
+        if isinstance(self.base, CovarianceCriterion):
+            slope = -self.base.covariance_slope(variance)
+        elif isinstance(self.base, DeterminantCriterion):
+            # A function of det N has a gradient along N^-1, and <gradient, N> = -degree cost.
+            factor = -self.degree / variance.shape[-1] * self.cost_of_variance(variance)
+            slope = factor[..., None, None] * _inverse(variance)
+        else:
+            N = _inverse(variance)
+            slope = N @ self.base.gradient_of_regular(N, variance) @ N
+        return side @ slope @ np.swapaxes(side, -1, -2)
 
 
 def _monotone(base: Criterion) -> Relaxable:
@@ -188,6 +211,21 @@ def _combinations(K: ArrayLike) -> Array:
         )
     found.flags.writeable = False
     return found
+
+
+def _chosen(K: Array) -> Indices | None:
+    """The parameters (s,) that the columns of K choose; None if one is a true combination."""
+    if not np.isin(K, (0.0, 1.0)).all() or not (K.sum(axis=0) == 1).all():
+        return None
+    return K.argmax(axis=0)
+
+
+def _inverse(variance: Array) -> Array:
+    """Inverse (..., s, s) of covariances."""
+    # Combinations in different units would cost digits, hence the scaling to a unit diagonal.
+    d = np.sqrt(np.diagonal(variance, axis1=-2, axis2=-1))
+    dd = d[..., :, None] * d[..., None, :]
+    return np.linalg.inv(variance / dd) / dd
 
 
 def _default_names(K: Array) -> tuple[str, ...]:

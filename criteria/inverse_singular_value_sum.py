@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from criteria.convex_criterion import ConvexCriterion
+from criteria.covariance_criterion import CovarianceCriterion
 from criteria.linalg.inverse import power_trace
 from criteria.linalg.spectrum import conjugate
 from criteria.linalg.typing import Array
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 
 
 @register
-class InverseSingularValueSum(ConvexCriterion):
+class InverseSingularValueSum(CovarianceCriterion, ConvexCriterion):
     """``sum 1/s_i = trace M^(-1/2)`` (Table 1), s the singular values of A/sigma.
 
     Convex, since t^(-1/2) is operator convex. Gradient: ``-1/2 M^(-3/2)``.
@@ -53,6 +54,12 @@ class InverseSingularValueSum(ConvexCriterion):
         # cvxpy cannot tell that Q M Q' is symmetric, and asks for it.
         square = cp.bmat([[0.5 * (turned + turned.T), B], [B.T, np.diag(e**2)]])
         return cp.matrix_frac(np.diag(e), R) / p, [square >> 0, total == 1]
+
+    def covariance_slope(self, cov: Array) -> Array:
+        """``cov^(-1/2) / 2``."""
+        variances, V = np.linalg.eigh(cov)
+        positive = np.maximum(variances, np.finfo(float).tiny)
+        return 0.5 * conjugate(V, positive**-0.5)
 
     def _cost(self, M: Array, cov: Array) -> Array:
         # Rounding can leave an eigenvalue of cov a little below zero, which has no root.

@@ -173,7 +173,7 @@ def _interest(study: Study, M: Array) -> dict[str, float]:
         return {}
     found = criteria.Interest(criteria.create("A"), study.interest, study.interest_names)
     _, cov, _ = found.inverse(M)
-    variance = found.information(M, cov)[1]
+    variance = found.variance(cov)
     return dict(zip(found.names, np.sqrt(np.diag(variance)).tolist(), strict=True))
 
 

@@ -2,9 +2,10 @@
 
 import numpy as np
 
-from criteria import Criterion
+from criteria import Criterion, Interest
 from criteria.determinant_criterion import DeterminantCriterion
 from criteria.linalg.inverse import guarded_inverse
+from criteria.linalg.log_determinant import log_determinant
 from edtk.system.typing import Array, Mask
 
 # The inverse of R is updated only where its least eigenvalue, at unit diagonal, is above this, and
@@ -20,8 +21,9 @@ def exchange_costs(
     """Compute the costs of ``R_i + r_i U_ij' U_ij``, by an update wherever it is accurate.
 
     ``det(R + r U' U) = det(R) det(I + r U R^-1 U')`` serves criteria of the determinant alone, and
-    ``(R + r U' U)^-1 = R^-1 - R^-1 U' (I/r + U R^-1 U')^-1 U R^-1`` serves all others. Where R is
-    nearly singular, the sum is formed and inverted itself.
+    ``(R + r U' U)^-1 = R^-1 - R^-1 U' (I/r + U R^-1 U')^-1 U R^-1`` serves all others. Of a part of
+    the parameters only their covariance is updated. Where R is nearly singular, the sum is formed
+    and inverted itself.
 
     Args:
         criterion: The criterion.
@@ -60,6 +62,8 @@ def _updated_costs(
 ) -> Array:
     """Costs (k, n) by the lemmas, where the inverses ``cov = R^-1`` (k, p, p) are accurate."""
     r = times[:, None, None, None]
+    if isinstance(criterion, Interest) and isinstance(criterion.base, DeterminantCriterion):
+        return _determinants_of_interest(criterion, criterion.base, cov, factors, r)
     W = factors @ cov[:, None]
     S = W @ np.swapaxes(factors, -1, -2)
     eye = np.eye(factors.shape[-2])
@@ -68,5 +72,32 @@ def _updated_costs(
         return criterion.cost_of_log_determinant(
             log_det + np.linalg.slogdet(eye + r * S).logabsdet, rest.shape[-1]
         )
+    if isinstance(criterion, Interest):
+        told = criterion.side(W)
+        fall = np.swapaxes(told, -1, -2) @ np.linalg.solve(eye / r + S, told)
+        return criterion.cost_of_variance(criterion.variance(cov)[:, None] - fall)
     updated = cov[:, None] - np.swapaxes(W, -1, -2) @ np.linalg.solve(eye / r + S, W)
     return criterion.cost_of_regular(rest[:, None] + r * joined, updated)
+
+
+def _determinants_of_interest(
+    criterion: Interest, base: DeterminantCriterion, cov: Array, factors: Array, r: Array
+) -> Array:
+    """Costs (k, n) of a criterion of ``det C_K``, by the determinant lemma alone.
+
+    With the covariance V of K'k under R, and what remains of R^-1 for the nuisance parameters,
+    ``P = R^-1 - R^-1 K V^-1 K' R^-1``, the determinant becomes
+    ``det C_K det(I + r U R^-1 U') / det(I + r U P U')``.
+    """
+    variance = criterion.variance(cov)
+    side = criterion.side(cov)
+    P = cov - side @ np.linalg.solve(variance, np.swapaxes(side, -1, -2))
+    # One product for both, and determinants written out: the lemma is as fast as that of det R.
+    both = factors @ np.concatenate([cov, P], axis=-1)[:, None]
+    p = cov.shape[-1]
+    U = np.swapaxes(factors, -1, -2)
+    eye = np.eye(factors.shape[-2])
+    log_det = -np.linalg.slogdet(variance).logabsdet[:, None]
+    log_det = log_det + log_determinant(eye + r * (both[..., :p] @ U))
+    log_det = log_det - log_determinant(eye + r * (both[..., p:] @ U))
+    return base.cost_of_log_determinant(log_det, variance.shape[-1])
