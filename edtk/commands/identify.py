@@ -73,7 +73,7 @@ def command(
     cov_xz_mm2 cov_yy_mm2 cov_yz_mm2 cov_zz_mm2; and the marker's offset from the tool point in
     the tool frame, marker_x_mm marker_y_mm marker_z_mm. A study with several
     markers or distances has their names in the column marker; a distance has
-    d_distance_mm, or distance0_mm distance_mm.
+    change_mm, or before_mm after_mm.
     `edtk template` makes such a sheet.
 
     With --bayes priors are those of the [prior] of STUDY, errors Student-t if --robust, sigma

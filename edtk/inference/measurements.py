@@ -131,7 +131,7 @@ class Measurements(Presented):
         for index in np.unique(self.sensor):
             rows = np.flatnonzero(self.sensor == index)
             sensor = model.instruments[index]
-            yield rows, replace(sensor, point=replace(sensor.point, offset=self.marker[rows].T))
+            yield rows, sensor.at(replace(sensor.point, offset=self.marker[rows].T))
 
     def regressor(self, model: ElastostaticModel) -> Array:
         """Regressors (m, rows, p) of what was measured [m/(rad/(N m))].
@@ -218,7 +218,7 @@ class Measurements(Presented):
         tracker states the covariance of each displacement, in the world frame; ``marker_x_mm
         marker_y_mm marker_z_mm``; and ``visit``, a number that readings of one visit share.
         Where a study has several instruments, ``marker`` names that of a row; a distance has
-        ``d_distance_mm``, or ``distance0_mm distance_mm``.
+        ``change_mm``, or ``before_mm after_mm``.
 
         Args:
             path: The CSV file; rows are counted from 1, the header left out.

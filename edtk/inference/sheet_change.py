@@ -5,13 +5,13 @@ import numpy as np
 from edtk.system.typing import Array
 from edtk.tables.pose_table import PoseTable
 from edtk.tables.sheet_columns import (
+    AFTER_COLUMN,
+    BEFORE_COLUMN,
+    CHANGE_COLUMN,
     DEFLECTION_COLUMNS,
-    DISTANCE_CHANGE_COLUMN,
     LOADED_COLUMNS,
-    LOADED_DISTANCE_COLUMN,
     ROTATION_COLUMNS,
     UNLOADED_COLUMNS,
-    UNLOADED_DISTANCE_COLUMN,
 )
 
 # A marker that moves by more than this share of the robot's reach was not moved by its load.
@@ -25,9 +25,9 @@ MICROMETRES = 3e4
 # Columns of a change, and of what there was without and with load.
 POSITIONS: tuple[tuple[str, ...], ...] = (DEFLECTION_COLUMNS, UNLOADED_COLUMNS, LOADED_COLUMNS)
 DISTANCES: tuple[tuple[str, ...], ...] = (
-    (DISTANCE_CHANGE_COLUMN,),
-    (UNLOADED_DISTANCE_COLUMN,),
-    (LOADED_DISTANCE_COLUMN,),
+    (CHANGE_COLUMN,),
+    (BEFORE_COLUMN,),
+    (AFTER_COLUMN,),
 )
 
 

@@ -16,6 +16,7 @@ def check_markers(study: "StudyObjects") -> None:
     """
     _check_names(study)
     _check_bodies(study)
+    _check_rows(study)
     measurement = study.specification.measurement
     kinds = {marker.rows or measurement.rows for marker in study.specification.marker}
     if "pose" in (kinds or {measurement.rows}) and measurement.sigma_deg is None:
@@ -56,3 +57,12 @@ def _check_bodies(study: "StudyObjects") -> None:
             raise study.error(
                 f"{key}.joint", f"no joint {joint!r}; this robot has {', '.join(known)}"
             )
+
+
+def _check_rows(study: "StudyObjects") -> None:
+    """The rows of a sheet can be told apart: "a x" is a coordinate of a marker "a"."""
+    names = [sensor.name for sensor in study.model.sensors]
+    for i, name in enumerate(names):
+        if name in names[:i]:
+            key = "distance" if name in distance_names(study) else "marker"
+            raise study.error(key, f"{name!r} is the name of a row in sheets; expected another one")

@@ -2,9 +2,6 @@
 
 from typing import TYPE_CHECKING
 
-from edtk.model.sensors.distance import Distance
-from edtk.model.sensors.pose_marker import PoseMarker
-
 if TYPE_CHECKING:
     from edtk.study.study_objects import StudyObjects
 
@@ -19,9 +16,11 @@ def describe_measured(study: "StudyObjects") -> str:
     since = ", from the nominal robot" if study.is_absolute else ""
     if not model.sensors:
         return f"{model.rows}{since}"
-    distances = sum(isinstance(sensor, Distance) for sensor in model.sensors)
-    poses = sum(isinstance(sensor, PoseMarker) for sensor in model.sensors)
-    positions = len(model.sensors) - distances - poses
+    given = study.specification
+    kinds = [marker.rows or given.measurement.rows for marker in given.marker]
+    poses = kinds.count("pose")
+    positions = kinds.count("position")
+    distances = len(given.distance)
     parts = [
         f"{count} {kind}{'s' if count > 1 else ''}"
         for count, kind in ((positions, "position"), (poses, "pose"), (distances, "distance"))

@@ -9,11 +9,14 @@ from edtk.model.dead_weights import DeadWeights
 from edtk.model.elastostatic_model import ElastostaticModel, Rows
 from edtk.model.sensors.distance import Distance
 from edtk.model.sensors.marker import Marker
+from edtk.model.sensors.one_row import OneRow
 from edtk.model.sensors.pose_marker import PoseMarker
 from edtk.model.sensors.sensor import Sensor
 from edtk.study.payload_table import PayloadTable
 from edtk.system.finite import Vector3
 from edtk.system.typing import Array
+
+AXES = "xyz"
 
 if TYPE_CHECKING:
     from edtk.study.study_objects import StudyObjects
@@ -83,6 +86,20 @@ def _sensors(study: "StudyObjects") -> tuple[Sensor, ...]:
         if distance.marker is not None:
             point = points[names.index(distance.marker)]
         found.append(Distance(point, name, np.array(distance.anchor_mm) / 1e3))
+    return _in_rows(found) if given.noise is None else tuple(found)
+
+
+def _in_rows(sensors: list[Sensor]) -> tuple[Sensor, ...]:
+    """Instruments, those of positions and distances by single rows, which a sheet can hold."""
+    if {type(sensor) for sensor in sensors} != {Marker, Distance}:
+        return tuple(sensors)
+    found: list[Sensor] = []
+    for sensor in sensors:
+        if isinstance(sensor, Marker):
+            names = [f"{sensor.name} {axis}" for axis in AXES]
+            found += [OneRow(sensor.point, name, sensor, i) for i, name in enumerate(names)]
+        else:
+            found.append(sensor)
     return tuple(found)
 
 

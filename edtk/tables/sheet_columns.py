@@ -6,10 +6,10 @@ UNLOADED_COLUMNS = ("x0_mm", "y0_mm", "z0_mm")
 LOADED_COLUMNS = ("x_mm", "y_mm", "z_mm")
 # Rotation of the tool under load, a small rotation vector in the world frame.
 ROTATION_COLUMNS = ("drx_deg", "dry_deg", "drz_deg")
-# The same of a distance: its change, or both readings.
-DISTANCE_CHANGE_COLUMN = "d_distance_mm"
-UNLOADED_DISTANCE_COLUMN = "distance0_mm"
-LOADED_DISTANCE_COLUMN = "distance_mm"
+# The same of a distance, or of a single coordinate: its change, or both readings.
+CHANGE_COLUMN = "change_mm"
+BEFORE_COLUMN = "before_mm"
+AFTER_COLUMN = "after_mm"
 # Standard deviation of each coordinate of a displacement.
 SIGMA_COLUMN = "sigma_mm"
 # The same where it is not that of every axis: a laser tracker measures distances best.
@@ -41,8 +41,8 @@ MEASURED_TOGETHER = (
     MARKER_COLUMNS,
     (VISIT_COLUMN,),
     (MARKER_NAME_COLUMN,),
-    (DISTANCE_CHANGE_COLUMN,),
-    (UNLOADED_DISTANCE_COLUMN, LOADED_DISTANCE_COLUMN),
+    (CHANGE_COLUMN,),
+    (BEFORE_COLUMN, AFTER_COLUMN),
 )
 SHEET_COLUMNS = tuple(column for group in MEASURED_TOGETHER for column in group)
 

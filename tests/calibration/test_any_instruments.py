@@ -44,6 +44,7 @@ MARKERS = [
     {"name": "forearm", "joint": "q4", "position_mm": [-300, 50, 100]},
 ]
 PAYLOAD = {"mass_kg": 250.0, "center_mm": [300.0, 40.0, -200.0]}
+WIRE = {"anchor_mm": [1000, 500, 4000], "marker": "side", "sigma_mm": 0.01}
 VERTICAL = {"unknown": ["q2", "q3", "q4", "q5", "q6"]}  # no weight turns joint 1
 CASES = {
     "markers": {"marker": MARKERS},
@@ -60,6 +61,7 @@ CASES = {
             {"anchor_mm": [1000, 500, 4000], "name": "wire"},
         ]
     },
+    "markers and distances": {"marker": MARKERS, "distance": [WIRE]},
     "differences with links": {"robot": robot_with_links(), "marker": MARKERS},
     "absolute": {
         "robot": robot_with_links(),
@@ -129,9 +131,17 @@ class Bench:
         first = self.at(start, joint, offset)
         moved = self.at(end, joint, offset) - first
         if "anchor_mm" in sensor:
+            if sensor.get("marker") == "side":
+                offset = np.array(MARKERS[1]["position_mm"])
+                first = self.at(start, None, offset)
+                moved = self.at(end, None, offset) - first
             anchor = np.array(sensor["anchor_mm"]) / 1e3
             change = np.linalg.norm(first + moved - anchor) - np.linalg.norm(first - anchor)
-            return {"d_distance_mm": 1e3 * change}
+            return {"change_mm": 1e3 * change}
+        if "axis" in sensor:
+            place = self.absolute * first + moved
+            name = "after_mm" if self.absolute else "change_mm"
+            return {name: 1e3 * place[sensor["axis"]]}
         if self.absolute:
             return dict(zip(["x_mm", "y_mm", "z_mm"], 1e3 * (first + moved), strict=True))
         cells = dict(zip(["dx_mm", "dy_mm", "dz_mm"], 1e3 * moved, strict=True))
@@ -150,6 +160,9 @@ def filled(keys, study, poses=6):
     sheet = template(study, plan, positions=study.is_absolute)
     bench = Bench(study)
     sensors = keys.get("marker", []) + keys.get("distance", []) or [{}]
+    mixed = "marker" in keys and "distance" in keys
+    if mixed:
+        sensors = [one | {"axis": i} for one in keys["marker"] for i in range(3)] + keys["distance"]
     rows = []
     for i, row in sheet.iterrows():
         sensor = sensors[i % len(sensors)]
@@ -188,7 +201,7 @@ def test_a_simulated_robot_is_identified(tmp_path, keys):
         (CASES["markers"], {"marker": "nose"}, "no marker 'nose' in the study; expected one of"),
         (CASES["absolute"], {"x0_mm": 1.0}, "column 'x0_mm': the study counts from the nominal"),
         (CASES["absolute"], {"x_mm": 9e3}, "mm from the nominal robot; expected positions in the"),
-        (CASES["distances"], {"d_distance_mm": None}, "column 'd_distance_mm' is missing"),
+        (CASES["distances"], {"change_mm": None}, "column 'change_mm' is missing"),
     ],
 )
 def test_wrong_sheets(tmp_path, keys, change, message):
@@ -203,9 +216,28 @@ def test_wrong_sheets(tmp_path, keys, change, message):
     assert "\n" not in str(caught.value)
 
 
-def test_mixed_instruments_are_designed_only(tmp_path):
-    """A sheet has rows of one kind; a study that mixes them says so."""
-    study = Study(**(PLAIN | CASES["markers"] | {"distance": [{"anchor_mm": [3000, 0, 0]}]}))
+def test_positions_and_distances_have_rows_of_their_own(tmp_path):
+    """A sheet of markers and a wire has a row a coordinate, and the information of the design."""
+    keys = CASES["markers and distances"]
+    study = Study(**(PLAIN | keys))
+    sheet = filled(keys, study)
+    names = ["marker 1 x", "marker 1 y", "marker 1 z", "side x"]
+    assert sheet["marker"].tolist()[:4] == names
+    assert sheet["marker"].tolist()[9] == "distance 1"
+    sheet.to_csv(tmp_path / "sheet.csv", index=False)
+    found = calibrate(study, tmp_path / "sheet.csv", linear=True)
+    once = sheet.iloc[::10]
+    q = np.deg2rad(once[[f"q{j}_deg" for j in range(1, 7)]].to_numpy())
+    plan = Plan(q, np.tile([300, -200, -2500, 0, 0, 0], (6, 1)), np.ones(6, dtype=int))
+    M = study.space.information(plan)
+    A = found.data.regressor(study.model) / found.data.sigma[..., None]
+    np.testing.assert_allclose(np.einsum("mri,mrj->ij", A, A), M, rtol=1e-9, atol=1e-12 * M.max())
+
+
+def test_poses_and_distances_are_designed_only(tmp_path):
+    """Rotations are no lengths: a study that measures both with distances has no sheet yet."""
+    keys = CASES["poses"] | {"distance": [WIRE]}
+    study = Study(**(PLAIN | keys))
     path = tmp_path / "sheet.csv"
     filled(CASES["markers"], Study(**(PLAIN | CASES["markers"])), 1).to_csv(path, index=False)
     with pytest.raises(UserError, match="marker 1 and distance 1 measure different rows"):
@@ -239,13 +271,13 @@ def test_reports_of_distances(tmp_path):
     path = tmp_path / "sheet.csv"
     sheet = filled(CASES["distances"], study)
     rng = np.random.default_rng(2)
-    sheet["d_distance_mm"] += 0.03 * rng.standard_normal(len(sheet))
+    sheet["change_mm"] += 0.03 * rng.standard_normal(len(sheet))
     sheet.to_csv(path, index=False)
     found = calibrate(study, path)
     page = calibration_report(found)
     assert "3 distances: distance 1, distance 2, wire" in page
-    assert "distance [mm]" in page
-    assert set(found.residuals()["coordinate"]) == {"d_distance_mm"}
-    sheet.assign(d_distance_mm=-sheet["d_distance_mm"]).to_csv(path, index=False)
+    assert "change [mm]" in page
+    assert set(found.residuals()["coordinate"]) == {"change_mm"}
+    sheet.assign(change_mm=-sheet["change_mm"]).to_csv(path, index=False)
     with pytest.raises(UserError, match="loaded and unloaded positions look swapped"):
         calibrate(study, path)

@@ -1,7 +1,8 @@
 """The interface of an instrument: measured rows as a function of the joints."""
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Self
 
 import numpy as np
 
@@ -26,6 +27,10 @@ class Sensor(ABC):
     @abstractmethod
     def rows(self) -> int:
         """Number of measured rows."""
+
+    def at(self, point: BodyPoint) -> Self:
+        """The same instrument at another point."""
+        return replace(self, point=point)
 
     @abstractmethod
     def motion(self, frames: Frames) -> Array:

@@ -1,0 +1,56 @@
+"""A single row of another instrument, where a sheet has a row for each coordinate."""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from edtk.model.body_point import BodyPoint
+from edtk.model.frames import Frames
+from edtk.model.sensors.marker import Marker
+from edtk.model.sensors.sensor import Sensor
+from edtk.system.typing import Array
+
+
+@dataclass(frozen=True, eq=False)
+class OneRow(Sensor):
+    """One row: a coordinate of the position that another instrument measures.
+
+    Attributes:
+        whole: The other instrument, of the same point.
+        row: Its row.
+    """
+
+    whole: Sensor = field(default_factory=Marker)
+    row: int = 0
+
+    @property
+    def rows(self) -> int:
+        """One coordinate."""
+        return 1
+
+    def at(self, point: BodyPoint) -> "OneRow":
+        """The same row of the instrument at another point."""
+        return replace(self, point=point, whole=self.whole.at(point))
+
+    def motion(self, frames: Frames) -> Array:
+        """The row of the whole motion (n, 1, ...)."""
+        return self.whole.motion(frames)[:, self._only]
+
+    def motion_slope(self, frames: Frames, B: Array) -> Array:
+        """The slope of the whole motion, weighted in this row alone."""
+        weights = np.zeros((len(B), self.whole.rows, *B.shape[2:]))
+        weights[:, self._only] = B
+        return self.whole.motion_slope(frames, weights)
+
+    def place(self, frames: Frames) -> Array:
+        """Coordinate (1, ...) [m]."""
+        return self.whole.place(frames)[self._only]
+
+    def change(self, before: Frames, after: Frames) -> Array:
+        """Change of the coordinate (1, ...) [m]."""
+        return self.whole.change(before, after)[self._only]
+
+    @property
+    def _only(self) -> slice:
+        """The row, as a slice of all."""
+        return slice(self.row, self.row + 1)
