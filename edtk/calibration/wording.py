@@ -188,7 +188,8 @@ def _one_pose(found: Finding) -> str:
 def _linear_model(found: Finding) -> str:
     """A linear model that costs more than noise."""
     error = f"{1e3 * found.data['rho0_bias']:.2g} mm"
-    return f"the linear model leaves {error} in the test pose, more than noise: use lighter loads"
+    place = found.data.get("place", "in the test pose")
+    return f"the linear model leaves {error} {place}, more than noise: use lighter loads"
 
 
 def _lack_of_fit(found: Finding) -> str:

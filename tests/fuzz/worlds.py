@@ -105,7 +105,7 @@ candidates = 20
 sampling = "sobol"
 starts = 1
 optimise = ["rho0"]
-criteria = ["rho0", "A"]
+criteria = ["rho0", "rho_max", "A"]
 published = ["pub.csv"]
 
 [tool]
@@ -132,8 +132,8 @@ plan_resolution_deg = 0.1
 excluded = ["exclude.csv"]
 excluded_within_deg = 2
 
-[test_pose]
-q_deg = [10, -60, 80]
+[task]
+file = "task.csv"
 tool = { position_mm = [600, 0, 0], rpy_deg = [0, 0, 5] }
 load = { F_N = [0, 100, -200], T_Nm = [0, 1, 0] }
 
@@ -172,10 +172,16 @@ sigma_mm = 0.1
 unknown = ["shoulder", "elbow"]
 fixed_mm = { rail = 100 }
 
-[test_pose]
+[[test_pose]]
 q_deg = [500, -60, 80]
 tool = { position_mm = [600, 0, 0] }
 load = { F_N = [0, 100, -200] }
+
+[[test_pose]]
+q_deg = [200, -30, 100]
+tool = { position_mm = [600, 0, 0] }
+load = { F_N = [50, 0, -200] }
+weight = 3
 
 [simulation]
 compliance_rad_per_Nm = { shoulder = 1e-6, elbow = 3e-6 }

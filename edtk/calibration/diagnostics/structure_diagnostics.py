@@ -102,5 +102,7 @@ def _linear_model(fitted: FittedData, rho0_bias: float | None) -> Iterator[Diagn
     if target is None or rho0_bias is None:
         return
     if rho0_bias > fitted.fit.accuracy(target)[0]:
-        finding = Finding(Kind.LINEAR_MODEL, data={"rho0_bias": rho0_bias})
+        tasks = fitted.study.tasks
+        place = {"place": tasks.place} if len(tasks) > 1 else {}
+        finding = Finding(Kind.LINEAR_MODEL, data={"rho0_bias": rho0_bias, **place})
         yield Diagnostic(Severity.WARNING, finding)
