@@ -105,8 +105,14 @@ class Calibration(Presented):
 
     @property
     def noise(self) -> NoiseEstimate | None:
-        """Errors of tracker, joints and model by what visits share; None where nothing tells."""
-        return self.fitted.noise_estimate
+        """Errors of tracker, joints and model by what visits share; None where nothing tells.
+
+        Where no pose is visited twice, a fault that is named may have made what markers share.
+        """
+        found = self.fitted.noise_estimate
+        if found is None or found.revisited or not self.fitted.structural_causes:
+            return found
+        return None
 
     @property
     def k(self) -> dict[str, float]:

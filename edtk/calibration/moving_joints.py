@@ -124,7 +124,8 @@ def _noise(
     """
     own = found.tracker**2 * own_covariance(data.own_noise, data.sigma.shape)
     motion = joint_motion(study.model, data) * (joint_unit(study) * found.joints)
-    of_model = np.full(data.sigma.shape, discrepancy)
+    of_model = np.zeros(data.sigma.shape)
+    of_model[:, :3] = discrepancy
     return visit_covariance(data, CorrelatedNoise.by_row(own), motion, of_model)
 
 

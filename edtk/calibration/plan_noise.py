@@ -4,6 +4,7 @@ import numpy as np
 
 from edtk.design.plan import Plan
 from edtk.inference.correlated_noise import CorrelatedNoise, NoiseBlocks
+from edtk.inference.visit_covariance import MOST_COORDINATES
 from edtk.inference.whiten import RowNoise
 from edtk.model.noise.shared_visits import shared_visits
 from edtk.model.noise.visit_noise import VisitNoise
@@ -28,12 +29,24 @@ def plan_noise(study: Study, plan: Plan) -> RowNoise:
 
 
 def visits_noise(study: Study, plan: Plan) -> RowNoise:
-    """The noise of every single visit (sum of repeats, rows), those of a pose one after another."""
+    """The noise of every single visit (sum of repeats, rows), those of a pose one after another.
+
+    Raises:
+        UserError: Too many repeats of a pose share a discrepancy.
+    """
     visits = int(plan.repeats.sum())
     if study.noise is None:
         return np.broadcast_to(study.sigma, (visits, len(study.sigma)))
     scatter, shared = _parts(study, study.noise, plan)
     rows = scatter.shape[1]
+    if not study.noise.shares:
+        return CorrelatedNoise.by_row(np.repeat(scatter, plan.repeats, axis=0))
+    most = MOST_COORDINATES // rows
+    if plan.repeats.max() > most:
+        raise study.error(
+            "noise.discrepancy_mm",
+            f"{plan.repeats.max()} repeats of a pose share it; expected {most} at most here",
+        )
     first = np.cumsum(plan.repeats) - plan.repeats
     blocks = []
     for r in np.unique(plan.repeats):

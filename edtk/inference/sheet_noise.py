@@ -42,6 +42,11 @@ def sheet_noise(table: PoseTable, sigma: Array) -> tuple[Array, CorrelatedNoise 
             f"{', '.join(AXIS_SIGMA_COLUMNS)}, or {', '.join(COVARIANCE_COLUMNS)}, not both"
         )
     of_all, of_axes, covariance = given
+    if noise.shape[1] == 1 and (of_axes or covariance):
+        raise table.error(
+            f"column {(of_axes or covariance)[0]!r}: a distance has one noise; "
+            f"expected {SIGMA_COLUMN}"
+        )
     if covariance:
         return _covariance(table, noise)
     if of_all:

@@ -47,7 +47,9 @@ def visit_residuals(
         whitened = Whitened.of(A[rows], noise, model.parameters)
     except SingularPlanError:
         return None
-    unit = np.broadcast_to(np.eye(A.shape[1]), (len(some), A.shape[1], A.shape[1]))
+    # The discrepancy is one of lengths.
+    lengths = np.eye(A.shape[1])[:, :3]
+    unit = np.broadcast_to(lengths, (len(some), *lengths.shape))
     return Visited(
         residual=whitened.residual(measured[rows]),
         Q=whitened.Q,

@@ -17,7 +17,7 @@ class PoseErrors:
         Q: Orthonormal columns (N, p) of the regressors of all poses.
         motion: Motions (N, n) by errors of the joints that all visits share.
         apart: The same by errors of each visit (N, n visits).
-        shared: Displacements (N, rows places) of each marker that all visits share.
+        shared: Displacements (N, lengths places) of each marker that all visits share.
     """
 
     residual: Array
@@ -39,7 +39,7 @@ class Visited:
         pose: Number (m,) of each row's pose and load, from 0.
         visit: Number (m,) of its visit, from 0.
         place: Number (m,) of its pose, load and marker, from 0.
-        unit: What a unit of each coordinate of a measurement is, whitened (m, rows, rows) [1/m].
+        unit: What a unit of each length of a measurement is, whitened (m, rows, lengths) [1/m].
     """
 
     residual: Array

@@ -1,13 +1,20 @@
 """Markers that move together, as joints do not return exactly: found, sized, and accounted for."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from edtk.calibration.calibrate import calibrate
 from edtk.calibration.diagnostics.diagnostic import Severity
 from edtk.calibration.finding import Kind
+from edtk.calibration.fitted_data import FittedData
+from edtk.inference.joint_motion import joint_motion
+from edtk.inference.simulate import simulate
+from edtk.inference.visit_covariance import visit_covariance
 from edtk.report.noise_parts import noise_parts
 from edtk.report.text.calibration import calibration as in_text
+from edtk.study.study import load_study
 from tests.support.readings import STUDY
 from tests.support.visits import sheet, visited
 
@@ -78,3 +85,27 @@ def test_readings_within_a_visit(fitted):
     assert Kind.MOVING_JOINTS in kinds(found)
     assert found.noise.joints == pytest.approx(DEGREES, rel=0.5)
     assert found.noise.tracker == pytest.approx(1.0, rel=0.25)
+
+
+def test_poses_with_rotations(tmp_path):
+    """Where rotations are measured too, joints that move are found by both."""
+    text = STUDY.path.read_text(encoding="utf-8")
+    text = text[: text.index("published = [")] + text[text.index("[tool]") :]
+    path = tmp_path / "study.toml"
+    path.write_text(text.replace('rows = "position"', 'rows = "pose"\nsigma_deg = 0.0005'))
+    study = load_study(path)
+    data = visited(poses=8, visits=2, markers=2)
+    rotations = np.full((len(data), 3), study.sigma[3])
+    data = replace(
+        data,
+        deflection=np.zeros((len(data), 6)),
+        sigma=np.hstack([data.sigma, rotations]),
+    )
+    motion = joint_motion(study.model, data) * np.sqrt(2) * JOINTS
+    noise = visit_covariance(data, data.sigma, motion, np.zeros((len(data), 6)))
+    A = data.regressor(study.model)
+    moved = simulate(A, study.compliances, noise, np.random.default_rng(0))[0]
+    found = FittedData.of(study, replace(data, deflection=moved), linear=True)
+    assert found.common_noise
+    assert found.noise_estimate.joints == pytest.approx(DEGREES, rel=0.3)
+    assert found.noise_estimate.tracker == pytest.approx(1.0, rel=0.25)

@@ -16,6 +16,7 @@ from edtk.inference.least_squares import estimate
 from edtk.inference.simulate import simulate
 from edtk.inference.whiten import std_of
 from edtk.study.study import load_study
+from edtk.system.errors import UserError
 from edtk.tables.sheet_columns import (
     COVARIANCE_COLUMNS,
     DEFLECTION_COLUMNS,
@@ -155,6 +156,14 @@ def test_a_budget_and_a_tracker(study_of):
     along = np.sqrt(np.einsum("mi,mij,mj->m", u, own, u))
     expected = np.hypot(np.sqrt(2 / 3) * (10e-6 + 5e-6 * r), STUDY.sigma[0])
     np.testing.assert_allclose(along, expected, rtol=1e-9)
+
+
+def test_repeats_without_a_discrepancy_are_independent(study_of):
+    """Thousands of repeats are no trouble where they share nothing, and refused where they do."""
+    many = PLAN.repeated(1000)
+    assert visits_noise(study_of(False, discrepancy=0), many).shape == (12000, 3)
+    with pytest.raises(UserError, match=r"1000 repeats of a pose share it; expected 500 at most"):
+        visits_noise(study_of(False), many)
 
 
 def test_white_noise_is_left_alone():

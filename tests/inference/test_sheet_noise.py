@@ -1,6 +1,7 @@
 """Covariances of a tracker's file, from the sheet to the compliances."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,7 +9,9 @@ import pytest
 from edtk.calibration.calibrate import calibrate
 from edtk.calibration.diagnostics.diagnostic import Severity
 from edtk.calibration.template import template
+from edtk.inference.sheet_noise import sheet_noise
 from edtk.report.calibration_facts import calibration_facts
+from edtk.tables.pose_table import PoseFileError, PoseTable
 from edtk.tables.sheet_columns import AXIS_SIGMA_COLUMNS, COVARIANCE_COLUMNS, DEFLECTION_COLUMNS
 from tests.support.readings import PLAN, STUDY
 
@@ -99,3 +102,11 @@ def test_noise_that_repetitions_share(fitted):
     assert np.all(found.fit.std > 1.5 * before.fit.std)
     off = np.abs(found.fit.unbounded - STUDY.compliances) / found.fit.std
     assert off.max() < 4
+
+
+@pytest.mark.parametrize("columns", [AXIS_SIGMA_COLUMNS, COVARIANCE_COLUMNS])
+def test_a_distance_has_one_noise(columns):
+    """Axes mean nothing to a distance: such columns are refused by name."""
+    table = PoseTable(Path("sheet.csv"), {column: np.ones(2) for column in columns})
+    with pytest.raises(PoseFileError, match=f"'{columns[0]}': a distance has one noise"):
+        sheet_noise(table, np.array([1e-4]))

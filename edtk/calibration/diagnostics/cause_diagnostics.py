@@ -36,7 +36,7 @@ def _moving_joints(fitted: FittedData) -> Iterator[Diagnostic]:
     stated = stated_repeatability(fitted.study)
     if stated is not None:
         yield from _repeatability(found, stated)
-    elif found.moves:
+    elif found.moves and (found.revisited or not fitted.structural_causes):
         data = {
             "F": found.F,
             "p": found.p,
