@@ -21,3 +21,12 @@ def test_identification(script):
     reading, fitting = script("benchmarks/inference.py").identification(50, True, False)
     assert reading > 0
     assert fitting > 0
+
+
+@pytest.mark.slow
+def test_relaxation_of_several_tasks(script, monkeypatch):
+    """The study gets as many poses as it is asked for, and a line has a gap."""
+    benchmark = script("benchmarks/tasks.py")
+    monkeypatch.setattr(benchmark, "CANDIDATES", 60)
+    study = benchmark.around(benchmark.edtk.load_study(benchmark.STUDY), 3)
+    assert benchmark.row(study, "rho_max").startswith("| rho_max | 3 | ")
