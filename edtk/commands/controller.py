@@ -12,8 +12,16 @@ from edtk.commands.shared import FilePath, json_option, show, warn
 @click.argument("positions", type=FilePath)
 @click.option("--base", help="Link of a URDF that stands in the world [default: its root].")
 @click.option("--tip", help="Link of a URDF that carries the tool [default: its only leaf].")
+@click.option("--out", type=FilePath, help="Write the table (TOML), for edtk new --controller.")
 @json_option
-def command(robot: str, positions: Path, base: str | None, tip: str | None, as_json: bool) -> None:
+def command(
+    robot: str,
+    positions: Path,
+    base: str | None,
+    tip: str | None,
+    out: Path | None,
+    as_json: bool,
+) -> None:
     """Find how the controller of ROBOT counts the joints, from measured POSITIONS (CSV).
 
     ROBOT is a built-in name or a file (TOML or URDF). The CSV has joint values as the controller
@@ -22,8 +30,8 @@ def command(robot: str, positions: Path, base: str | None, tip: str | None, as_j
     """
     from edtk.verbs.controller import controller
 
-    found = controller(robot, positions, base=base, tip=tip)
-    show(found, as_json)
+    found = controller(robot, positions, base=base, tip=tip, out=out)
+    show(found, as_json, out)
     if found.far_off:
         warn(
             f"{positions}: the best way to count leaves {1e3 * found.best.rms:.3g} mm; is it this "

@@ -20,6 +20,11 @@ from edtk.commands.shared import FilePath, print_out, warn_about
     metavar="JOINT LOWER UPPER",
     help="Limits of a joint that its file leaves open [deg, mm]; once for each joint.",
 )
+@click.option(
+    "--controller",
+    type=FilePath,
+    help="Table [controller] (TOML), as edtk controller --out writes it.",
+)
 @click.option("--force", is_flag=True, help="Replace a file that exists.")
 def command(
     robot: str,
@@ -27,6 +32,7 @@ def command(
     base: str | None,
     tip: str | None,
     limits: tuple[tuple[str, float, float], ...],
+    controller: Path | None,
     force: bool,
 ) -> None:
     """Write a commented study of a robot, which runs as it is.
@@ -36,7 +42,7 @@ def command(
     from edtk.verbs.new import new
 
     given = {joint: (lower, upper) for joint, lower, upper in limits}
-    study = new(robot, out, base=base, tip=tip, limits=given, force=force)
+    study = new(robot, out, base=base, tip=tip, limits=given, controller=controller, force=force)
     lines = out.read_text(encoding="utf-8").splitlines()
     marked = [str(i) for i, line in enumerate(lines, 1) if "DECIDE: " in line]
     print_out(f"{study.summary()}\n\n{out}: decide lines {', '.join(marked)}")

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
+from edtk.model.controller_table import controller_to_dict
 from edtk.model.robot import Robot
 from edtk.model.shown_limit import shown_limits
 from edtk.study.first_choices import FirstChoices
@@ -22,6 +23,7 @@ def new_study_text(
     file: str,
     links: Links = (None, None),
     limits: Mapping[str, tuple[float, float]] | None = None,
+    own_controller: bool = False,
 ) -> str:
     """Write a study that runs as it is, with what is to be decided marked.
 
@@ -31,11 +33,13 @@ def new_study_text(
         name: How the study names the robot.
         file: Name of the study's file, for the commands in its comments.
         links: Base and tip link of a URDF, where they are given.
+        own_controller: Whether the study itself says how the controller counts, and not the
+            robot's file.
         limits: Lower and upper limits by joint that take the place of the file's [deg, mm].
     """
     sections = (
         _head(robot, found, name, file, links),
-        _controller(robot),
+        _controller(robot, own_controller),
         _circumstances(found),
         _joints(robot, found, limits or {}),
         _workspace(found),
@@ -68,8 +72,10 @@ def _head(robot: Robot, found: FirstChoices, name: str, file: str, links: Links)
     ]
 
 
-def _controller(robot: Robot) -> list[str]:
-    """How the controller counts, in comments unless the robot's file says it."""
+def _controller(robot: Robot, own: bool) -> list[str]:
+    """How the controller counts: the table, where it stands, or in comments."""
+    if own:
+        return toml_text({"controller": controller_to_dict(robot)}).strip().splitlines()
     if robot.controller is not None:
         return ["# How the controller counts the joints stands in the robot's file."]
     joint = robot.joints[min(1, robot.n - 1)]
@@ -79,6 +85,7 @@ def _controller(robot: Robot) -> list[str]:
         "# [controller]",
         _comment(f"# sign = {inline({joint.name: -1})}", "it counts the other way round"),
         _comment(f"# {zero} = {inline({joint.name: -90})}", "it shows this at the file's zero"),
+        "# Poses below then have to be written anew; `edtk new --controller` does that.",
     ]
 
 

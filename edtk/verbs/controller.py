@@ -7,9 +7,12 @@ from edtk.inference.controller_search.found_controller import FoundController
 from edtk.inference.controller_search.positions import Positions
 from edtk.model.load_robot import load_robot
 from edtk.model.robot import Robot
+from edtk.study.toml_text import toml_text
+from edtk.system.atomic_file import write_text
 from edtk.system.errors import UserError
 from edtk.tables.position_table import PositionTable
-from edtk.verbs.inputs import name_of
+from edtk.verbs.inputs import errors_in, name_of
+from edtk.verbs.require_output import require_output
 
 
 def controller(
@@ -18,6 +21,7 @@ def controller(
     *,
     base: str | None = None,
     tip: str | None = None,
+    out: Path | str | None = None,
 ) -> FoundController:
     """Find sign, zero and coupling of the joints from a handful of measured positions.
 
@@ -29,6 +33,7 @@ def controller(
             controller shows them, `x_mm y_mm z_mm`, and `marker` if there are several.
         base: Link of a URDF that stands in the world; defaults to its root.
         tip: Link of a URDF that carries the tool; defaults to its leaf, where it has one only.
+        out: File to write the table `controller` to (TOML), "-" for standard output.
 
     Returns:
         The table `controller` of the best way to count, and how sure it is.
@@ -36,6 +41,10 @@ def controller(
     Raises:
         UserError: A file is not valid, or there are too few positions.
     """
+    if out is not None:
+        with errors_in(out):
+            read = (given for given in (robot, positions) if isinstance(given, str | Path))
+            require_output(out, *read)
     arm = robot if isinstance(robot, Robot) else load_robot(str(robot), base=base, tip=tip)
     if arm.tied:
         message = (
@@ -45,7 +54,12 @@ def controller(
     table = positions
     if not isinstance(table, PositionTable):
         table = PositionTable.read(table, arm)
+    rows = Positions.of_rows(table.shown, table.measured, table.markers)
     try:
-        return find_controller(arm, Positions.of_rows(table.shown, table.measured, table.markers))
+        found = find_controller(arm, rows)
     except UserError as error:
         raise UserError(error.message, where=name_of(positions, "positions")) from error
+    if out is not None:
+        with errors_in(out):
+            write_text(out, toml_text({"controller": found.best.table()}))
+    return found

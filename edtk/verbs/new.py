@@ -2,17 +2,22 @@
 
 import os
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from pydantic import ValidationError
 
+from edtk.model.controller_table import ControllerTable
 from edtk.model.load_robot import builtin_robots, load_robot
 from edtk.model.robot import Robot
 from edtk.study.first_choices import first_choices
 from edtk.study.new_study_text import new_study_text
+from edtk.study.read_toml import read_toml
 from edtk.study.study import Study, load_study
 from edtk.system.atomic_file import write_text
 from edtk.system.errors import UserError
+from edtk.system.first_error import first_error
 from edtk.system.parse_toml import parse_toml
 from edtk.verbs.inputs import errors_in
 from edtk.verbs.require_output import require_file, require_output
@@ -27,6 +32,7 @@ def new(
     base: str | None = None,
     tip: str | None = None,
     limits: Mapping[str, tuple[float, float]] | None = None,
+    controller: Path | str | None = None,
     force: bool = False,
 ) -> Study:
     """Write a study of a robot that runs as it is, with what must be decided marked in it.
@@ -41,6 +47,8 @@ def new(
         tip: Link of a URDF that carries the tool; defaults to its leaf, where it has one only.
         limits: Lower and upper limit by joint [deg; mm for a prismatic joint], in place of those of
             the file, which may leave them open.
+        controller: File (TOML) with a table `controller`, as `edtk.controller` writes it: how the
+            controller counts the joints. Poses of the study are then in its values.
         force: Whether a file that exists is replaced.
 
     Returns:
@@ -53,16 +61,36 @@ def new(
     path = Path(out)
     is_builtin = str(robot) in builtin_robots()
     with errors_in(path):
-        require_output(path, None if is_builtin else robot)
+        require_output(path, None if is_builtin else robot, controller)
         if path.exists() and not force:
             raise UserError("exists; expected a new file, or --force to replace it", where=path)
         given = dict(limits or {})
         arm = _load(str(robot), base, tip, given)
+        if controller is not None:
+            arm = replace(arm, controller=_controller(Path(controller)).build(arm, str(controller)))
         name = str(robot) if is_builtin else _relative(Path(robot), path.parent)
-        text = new_study_text(arm, first_choices(arm), name, path.name, (base, tip), given)
+        text = new_study_text(
+            arm, first_choices(arm), name, path.name, (base, tip), given, controller is not None
+        )
         Study(folder=path.parent, **parse_toml(text))  # nothing is written that does not run
         write_text(path, text)
     return load_study(path)
+
+
+def _controller(path: Path) -> ControllerTable:
+    """The table of a file, beside which there may be others.
+
+    Raises:
+        UserError: The file is not valid, or has no such table.
+    """
+    content, _ = read_toml(path)
+    if "controller" not in content:
+        raise UserError("has no table [controller]", where=path)
+    try:
+        return ControllerTable.model_validate(content["controller"])
+    except ValidationError as error:
+        key, message = first_error(error, ControllerTable)
+        raise UserError(message, where=path, key=f"controller.{key}") from error
 
 
 def _load(name: str, base: str | None, tip: str | None, limits: Limits) -> Robot:

@@ -1,6 +1,7 @@
 """`edtk controller`: what is printed, and what is refused."""
 
 import json
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -59,9 +60,12 @@ def test_a_table_to_paste(files: tuple[Path, Path]) -> None:
     assert (code, error) == (0, "")
     assert "the answer is clear" in shown
     assert shown.rstrip().endswith("[controller]\nsign = { q3 = -1 }\nzero_deg = { q2 = -90.0 }")
-    code, shown, _ = run(*files, "--json")
+    out = files[0].parent / "controller.toml"
+    code, shown, _ = run(*files, "--json", "--out", out)
     assert code == 0
-    assert json.loads(shown)["controller"] == edtk.controller(*files).best.table()
+    assert json.loads(shown)["controller"] == TABLE
+    assert tomllib.loads(out.read_text()) == {"controller": TABLE}
+    assert edtk.new(files[0], out.parent / "study.toml", controller=out).robot.controller
 
 
 @pytest.mark.parametrize(

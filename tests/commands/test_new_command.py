@@ -103,3 +103,27 @@ def test_limits_that_a_file_leaves_open_are_given(tmp_path: Path) -> None:
     assert study.specification.joints.limits_mm == {"slide": (100, 400)}
     bend = study.robot.joint_names.index("bend")
     assert np.rad2deg(study.robot.joints[bend].limits) == pytest.approx([-60, 90])
+
+
+def test_a_study_in_the_controllers_angles(tmp_path: Path) -> None:
+    """A table that is given stands in the study, whose poses are the same in its angles."""
+    table = tmp_path / "controller.toml"
+    table.write_text("[controller]\nsign = { q2 = -1 }\nzero_deg = { q2 = -90 }\n")
+    plain = edtk.new("kuka_kr270", tmp_path / "plain.toml")
+    study = edtk.new("kuka_kr270", tmp_path / "study.toml", controller=table)
+    assert study.robot.controller is not None
+    assert study.task is not None
+    assert plain.task is not None
+    own = np.array(plain.specification.test_pose.q_deg)
+    shown = np.array(study.specification.test_pose.q_deg)
+    assert shown == pytest.approx(np.where(np.arange(6) == 1, -90 - own, own))
+    table.write_text("[controller]\nsign = { q9 = -1 }\n")
+    words = ("new", "--robot", "kuka_kr270", "--out", tmp_path / "other.toml")
+    code, _, error = run(*words, "--controller", table)
+    assert code == 2
+    assert "controller.sign: no joint 'q9'" in error
+    table.write_text("sign = { q2 = -1 }\n")
+    code, _, error = run(*words, "--controller", table)
+    assert code == 2
+    assert "has no table [controller]" in error
+    assert not (tmp_path / "other.toml").exists()
