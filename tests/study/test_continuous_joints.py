@@ -3,6 +3,7 @@
 import json
 
 import numpy as np
+import pytest
 from arm import KEYS, ROBOT, arm
 
 import edtk
@@ -71,3 +72,18 @@ def test_certificates_know_joints_without_end(tmp_path):
     assert edtk.verify(content).valid
     del content["setting"]["robot"]["joints"][0]["continuous"]
     assert not edtk.verify(content).valid
+
+
+@pytest.mark.slow
+def test_a_turn_of_the_base_about_a_joint_without_end_changes_no_plan():
+    """Wherever the angle is written anew, the best plan has the same value, and its poses turn."""
+    vertical = ENDLESS | {"axis": [0, 0, 1]}
+    third = SECOND | {"name": "q3"}
+    found = []
+    for yaw in (0, 137):
+        base = {"position_m": [0, 0, 0], "rpy_deg": [0, 0, yaw]}
+        robot = ROBOT | {"joints": [vertical, SECOND, third], "base": base}
+        names = ["q1", "q2", "q3"]
+        study = arm(robot=robot, joints={"unknown": names}, load={"F_N": [80, 0, -100]})
+        found.append(edtk.plan(study, size=2, seed=0, workers=1).value)
+    assert found[1] == pytest.approx(found[0], rel=1e-3)
