@@ -1,5 +1,6 @@
 """The checks of a study's noise that need its robot."""
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -129,15 +130,20 @@ def _distance_of_marker(
 
 
 def _check_regular(study: "StudyObjects", q: Array) -> None:
-    """No combination of measured rows is free of errors."""
+    """No combination of measured rows is free of errors, joints and discrepancy left aside.
+
+    In some poses a joint moves no marker along some direction; errors of the tracker, or white
+    noise, must be left there.
+    """
     noise = study.noise
     if noise is None:
         return
-    Sigma = np.moveaxis(noise.covariance_of(study.model, study.model.frames(q)), -1, 0)
-    size = np.sqrt(np.diagonal(Sigma, axis1=1, axis2=2))
-    scale = np.maximum(size, np.finfo(float).tiny)
-    correlation = Sigma / scale[:, :, None] / scale[:, None]
-    if np.linalg.eigvalsh(correlation).min() < LEAST_EIGENVALUE:
+    frames = study.model.frames(q)
+    size = np.sqrt(np.einsum("rrk->rk", noise.scatter_of(study.model, frames)))
+    size = np.maximum(size, np.finfo(float).tiny)
+    still = replace(noise, repeatability=np.zeros(study.robot.n))
+    scaled = still.scatter_of(study.model, frames) / size[:, None] / size
+    if np.linalg.eigvalsh(np.moveaxis(scaled, -1, 0)).min() < LEAST_EIGENVALUE:
         raise study.error(
             "noise",
             "some combination of the measured rows has next to no error; expected larger errors "

@@ -57,6 +57,17 @@ def test_rows():
     np.testing.assert_allclose(study.noise.discrepancy, [*[1e-4] * 3, 0, 0, 0, *[1e-4] * 3, 1e-4])
 
 
+def test_one_reading():
+    """Positions that are compared with the nominal robot are one reading each."""
+    joints = [joint | {"mass_kg": 5, "center_m": [0.3, 0, 0]} for joint in KEYS["robot"]["joints"]]
+    study = arm(
+        robot=KEYS["robot"] | {"joints": joints},
+        measurement={"reference": "nominal"},
+        noise=TRACKER,
+    )
+    assert study.noise.readings == 1
+
+
 def test_round_trip():
     """A study with noise is written and read as the same study, with the same information."""
     study = noisy(repeatability_deg=[0.002, 0.004], discrepancy_mm=0.1)
@@ -101,6 +112,10 @@ def test_white_studies_stay_white():
         ({"tracker_position_mm": [0, 0, 0]}, "inside the arm's reach"),
         ({"tracker_position_mm": [0.04, -0.03, 0.02]}, "is it given in metres?"),
         ({"along": [0, 0], "across": [0, 0]}, "noise: some combination of the measured rows"),
+        (
+            {"across": [0, 0], "repeatability_deg": 0.1, "discrepancy_mm": 0.1},
+            "noise: some combination of the measured rows",
+        ),
     ],
 )
 def test_refused(noise, message):
