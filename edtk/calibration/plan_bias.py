@@ -32,6 +32,7 @@ class PlanBias(Presented):
         unit: Of the parameters.
         rho0: Error by the noise in the test pose, Eq. (20) [m]; None without a test pose.
         rho0_bias: Length of the mean error by the bias in the test pose [m]; None without one.
+        poses: Number of test poses, over which both are roots of the mean of squares.
     """
 
     bias: Bias
@@ -41,6 +42,7 @@ class PlanBias(Presented):
     unit: str
     rho0: float | None
     rho0_bias: float | None
+    poses: int = 1
 
     def headline(self) -> str:
         """The largest bias in standard deviations."""
@@ -124,6 +126,7 @@ def plan_bias(study: Study, plan: Plan, path: Path | str) -> PlanBias:
         unit=study.model.unit,
         rho0=None if A0 is None else float(compensation_accuracy(A0, found.covariance)),
         rho0_bias=None if A0 is None else found.in_pose(A0),
+        poses=len(study.tasks),
     )
 
 

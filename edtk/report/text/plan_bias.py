@@ -23,8 +23,9 @@ def plan_bias(found: PlanBias) -> str:
     lines.append(f"compliances in {found.unit}")
     if found.rho0 is not None and found.rho0_bias is not None:
         both = float(np.hypot(found.rho0, found.rho0_bias))
+        place = f"{found.poses} test poses" if found.poses > 1 else "test pose"
         lines.append(
-            f"test pose: noise leaves rho0 = {1e3 * found.rho0:.4g} mm, the bias "
+            f"{place}: noise leaves rho0 = {1e3 * found.rho0:.4g} mm, the bias "
             f"{1e3 * found.rho0_bias:.4g} mm, both {1e3 * both:.4g} mm (root mean square)"
         )
     return "\n".join(lines)
