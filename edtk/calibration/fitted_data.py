@@ -41,7 +41,7 @@ from edtk.model.equilibrium import NoEquilibriumError
 from edtk.study.study import Study
 from edtk.study.study_prior import study_prior
 from edtk.system.errors import UserError
-from edtk.system.typing import Array, Indices
+from edtk.system.typing import Array
 
 BIAS = 0.1  # of the linear model, in standard deviations, from which the equilibrium is fitted
 MOST_ROWS = 1000  # measurements in which causes are looked for
@@ -199,8 +199,8 @@ class FittedData:
         elif test is not None and self.data.covariance is not None:
             again = shared_by_repetitions(self.data, seen, test, self.fit)
         elif test is not None:
-            groups = self._repetitions
-            seen, fit = fit_common_noise(seen, self.data.sigma, groups, test, self.fit)
+            places = self.data.places
+            seen, fit = fit_common_noise(seen, self.data.sigma, places, test, self.fit)
             return replace(self, A=seen.A, measured=seen.measured, fit=fit, common_noise=True)
         if again is None:
             return self
@@ -308,12 +308,7 @@ class FittedData:
             seen = LinearisedData(self.A, self.measured)
             return visits_lack_of_fit(self.study, self.data, seen, found)
         z = whiten(self.fit.residual, self.data.noise)
-        return lack_of_fit(z, self._repetitions, len(self.fit.k))
-
-    @property
-    def _repetitions(self) -> Indices:
-        """Number (m,) of each row's pose, load and marker."""
-        return self.data.places
+        return lack_of_fit(z, self.data.places, len(self.fit.k))
 
     @cached_property
     def unexplained(self) -> Array:
