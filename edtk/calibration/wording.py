@@ -206,8 +206,12 @@ def _lack_of_fit(found: Finding) -> str:
 def _cause(found: Finding) -> str:
     """A fault that explains the residuals."""
     cause = found.data["cause"]
-    share = f"{100 * cause.explained:.3g} % of the misfit"
-    return f"{cause_wording(cause)}: that explains {share} (p = {cause.p:.1g})"
+    others = found.data["others"]
+    share = f"{100 * cause.explained:.3g} % of the misfit (p = {cause.p:.1g})"
+    if not others:
+        return f"{cause_wording(cause)}: that explains {share}"
+    either = ", or ".join(cause_wording(one) for one in (cause, *others))
+    return f"{either}: these measurements cannot tell which; the first explains {share}"
 
 
 def _do_not_compensate(found: Finding) -> str:

@@ -60,6 +60,11 @@ class Estimate(Presented):
         """Standard deviations (p,) [rad/(N m)]."""
         return np.sqrt(np.diag(self.covariance))
 
+    @property
+    def correlation(self) -> Array:
+        """Correlations (p, p)."""
+        return np.asarray(self.covariance / np.outer(self.std, self.std))
+
 
 def unidentified(M: Array, parameters: tuple[str, ...]) -> tuple[str, ...]:
     """Names of the parameters that take part in a direction which M (p, p) does not excite."""

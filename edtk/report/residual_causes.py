@@ -15,7 +15,12 @@ def residual_causes(found: Calibration) -> list[str]:
     if found.fit.robust:
         parts.append(paragraph("Causes are not looked for, as the fit is robust."))
     elif found.causes:
-        parts.append(table(HEADER, [_row(cause) for cause in found.causes], full=True))
+        rows = [_row(cause) for cause in found.causes]
+        for row in rows[1:]:
+            row[0] = f"or {row[0]}"
+        parts.append(table(HEADER, rows, full=True))
+        if len(rows) > 1:
+            parts.append(paragraph(EITHER))
     elif found.fit.p_value is not None and found.fit.p_value < UNLIKELY and not _told(found):
         text = "None of the faults that are known explains the residuals: load, tool, measuring "
         more = (
@@ -50,6 +55,10 @@ def _repetitions(found: Calibration, test: LackOfFit) -> str:
     )
 
 
+EITHER = (
+    "These measurements cannot tell which of the causes it is, as both make nearly the same "
+    "residuals in these poses. Other poses can: edtk plan --detect names one."
+)
 HEADER = (
     "what explains the residuals",
     "size",

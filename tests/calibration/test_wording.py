@@ -19,4 +19,16 @@ from edtk.calibration.wording import wording
 def test_the_sign_of_a_size_is_a_word(cause, size, unit, words):
     """A person reads how much, and which way; not that something is minus ten per cent larger."""
     found = Cause(cause, size, unit, 1.0, 1e-9)
-    assert wording(Finding(Kind.CAUSE, data={"cause": found})).startswith(words)
+    assert wording(Finding(Kind.CAUSE, data={"cause": found, "others": ()})).startswith(words)
+
+
+def test_two_causes_are_one_or_the_other():
+    """Explanations that are about as likely are no two faults, and a person is told so."""
+    first = Cause("tool_z", 9.6, "mm", 0.8, 1e-9, explained=0.9)
+    second = Cause("tool_x", -12.0, "mm", 2.0, 1e-8)
+    text = wording(Finding(Kind.CAUSE, data={"cause": first, "others": (second,)}))
+    assert text == (
+        "the tool point looks 9.6 +- 0.8 mm further along the tool's z axis, or the tool point "
+        "looks 12 +- 2 mm further against the tool's x axis: these measurements cannot tell which; "
+        "the first explains 90 % of the misfit (p = 1e-09)"
+    )

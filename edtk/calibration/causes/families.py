@@ -17,7 +17,8 @@ AXES = "xyz"
 
 # Sizes that faults usually have, within a factor of a few.
 USUAL_TURN = np.deg2rad(2.0)  # of a load or a frame that was not aligned
-USUAL_TOOL = 10e-3  # error of a tool that was measured by hand [m]
+# Errors of a tool point that was measured by hand: flanges centre tools, whose lengths differ [m].
+USUAL_TOOL = (3e-3, 3e-3, 10e-3)
 USUAL_DRIFT = 0.05e-3  # motion of a tracker or a foundation within a few minutes [m]
 USUAL_SHARE = 0.3  # difference of a compliance between the two signs of its torque
 USUAL_PLAY = {"revolute": np.deg2rad(0.01), "prismatic": 0.05e-3}  # of a gear [rad, m]
@@ -64,7 +65,7 @@ def _tool(model: ElastostaticModel, data: Measurements) -> Iterator[Family]:
             other = replace(model, robot=replace(model.robot, tool=tool))
             return data.regressor(other), np.zeros(data.deflection.shape)
 
-        yield Family(f"tool_{AXES[i]}", "mm", MM, 1, USUAL_TOOL, predict)
+        yield Family(f"tool_{AXES[i]}", "mm", MM, 1, USUAL_TOOL[i], predict)
 
 
 def _frame(A: Array, k: Array) -> Family:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from edtk.inference.distributions import chi_square_tail
+from edtk.inference.least_squares import Estimate
 from edtk.inference.measurements import Measurements
 from edtk.inference.whiten import whiten
 from edtk.model.elastostatic_model import ElastostaticModel
@@ -40,7 +41,7 @@ def mistyped_joint(
     model: ElastostaticModel,
     data: Measurements,
     measured: Array,
-    k: Array,
+    others: Estimate,
     rows: Indices,
     joints: tuple[int, ...],
 ) -> MistypedJoint | None:
@@ -50,7 +51,7 @@ def mistyped_joint(
         model: The robot with its calibration tool.
         data: The measurements.
         measured: Deflections (m, rows) [m, rad].
-        k: Compliances (p,) from the other poses [rad/(N m)].
+        others: Compliances from the other poses, with their covariance.
         rows: Rows of the pose.
         joints: Joints that were written by hand: revolute ones.
 
@@ -63,7 +64,7 @@ def mistyped_joint(
 
         def misfit(change: Array, joint: int = joint) -> Array:
             """Sum of squares (c,) over sigma for changes (c,) of the joint [rad]."""
-            return _misfit(model, here, measured[rows], k, joint, change)
+            return _misfit(model, here, measured[rows], others, joint, change)
 
         on_grid = misfit(GRID)
         best = float(GRID[int(on_grid.argmin())])
@@ -83,20 +84,35 @@ def _misfit(
     model: ElastostaticModel,
     here: Measurements,
     measured: Array,
-    k: Array,
+    others: Estimate,
     joint: int,
     change: Array,
 ) -> Array:
-    """Sums of squares (c,) of a pose's residuals, for changes (c,) of one joint's shown value."""
+    """Sums of squares (c,) of a pose's residuals, for changes (c,) of one joint's shown value.
+
+    The other poses leave the compliances uncertain, ``k = k0 + T u`` with ``T T'`` their covariance
+    and u of size one: what remains of the residuals z with the regressors X is
+    ``min |z - X T u|^2 + |u|^2 = z'z - g' (I + B'B)^-1 g`` with ``B = X T`` and ``g = B'z``. It is
+    what the joint adds to the sum of squares of all rows where the compliances are fitted anew.
+    """
     m = len(here)
     which = np.tile(np.arange(m), len(change))
     many = replace(here, covariance=None)[which]
     shown = model.robot.shown(many.q).copy()
     shown[:, joint] += np.repeat(change, m)
     q = model.robot.of_shown(shown)
-    residual = measured[which] - replace(many, q=q).regressor(model) @ k
+    A = replace(many, q=q).regressor(model)
+    residual = measured[which] - A @ others.k
     z = whiten(residual.reshape(len(change), *measured.shape), here.noise)
-    return (z**2).reshape(len(change), -1).sum(axis=1)
+    z = z.reshape(len(change), -1)
+    std = others.std
+    B = A @ (std[:, None] * np.linalg.cholesky(others.correlation))
+    B = whiten(np.moveaxis(B, -1, 0).reshape(-1, len(change), *measured.shape), here.noise)
+    B = np.moveaxis(B, 0, -1).reshape(len(change), -1, len(std))
+    g = (B * z[..., None]).sum(axis=1)
+    gram = np.eye(len(std)) + np.swapaxes(B, 1, 2) @ B
+    taken = (g * np.linalg.solve(gram, g[..., None])[..., 0]).sum(axis=1)
+    return np.asarray((z**2).sum(axis=1) - taken)
 
 
 def _minimum(misfit: Callable[[Array], Array], centre: float) -> float:

@@ -7,11 +7,14 @@ import numpy as np
 from edtk.calibration.causes.cause import OUTLIER
 from edtk.calibration.causes.mistyped_joint import mistyped_joint
 from edtk.calibration.causes.tried import Tried
-from edtk.inference.least_squares import SingularPlanError, Whitened
+from edtk.inference.least_squares import Estimate, SingularPlanError, Whitened
 from edtk.inference.measurements import Measurements
 from edtk.inference.whiten import whiten
 from edtk.model.elastostatic_model import ElastostaticModel
 from edtk.system.typing import Array
+
+# Poses are mostly off by one joint value: how much rarer they are off otherwise, all repeats alike.
+UNEXPLAINED = 5
 
 
 def wrong_pose(
@@ -47,10 +50,12 @@ def wrong_pose(
     except SingularPlanError:
         return tried
     k = rest.solve(measured[others])
-    found = mistyped_joint(model, data, measured, k, rows, typed)
+    estimate = Estimate(k, rest.covariance)
+    found = mistyped_joint(model, data, measured, estimate, rows, typed)
     if found is None:
         kind = tried.cause.cause if len(rows) > 1 else OUTLIER
-        return replace(tried, cause=replace(tried.cause, cause=kind))
+        rare = tried.tries * UNEXPLAINED
+        return replace(tried, cause=replace(tried.cause, cause=kind), tries=rare)
     z = whiten(measured[others] - A @ k, data.noise[others])
     deviance = float((z**2).sum()) + found.misfit + by_prior
     cause = tried.cause

@@ -12,10 +12,14 @@ from edtk.inference.lack_of_fit import UNLIKELY
 
 
 def cause_diagnostics(fitted: FittedData) -> Iterator[Diagnostic]:
-    """Name what explains the residuals; noise of another size has findings of its own."""
-    for cause in fitted.structural_causes:
-        finding = Finding(Kind.CAUSE, cause.rows, data={"cause": cause})
-        yield Diagnostic(Severity.WARNING, finding)
+    """Name what explains the residuals; noise of another size has findings of its own.
+
+    Two causes are two explanations of the same residuals, and not two faults: a finding names both.
+    """
+    causes = fitted.structural_causes
+    if causes:
+        data = {"cause": causes[0], "others": causes[1:]}
+        yield Diagnostic(Severity.WARNING, Finding(Kind.CAUSE, causes[0].rows, data=data))
     yield from _moving_joints(fitted)
     test = fitted.lack_of_fit
     if fitted.noise_estimate is not None and not fitted.noise_estimate.revisited:
