@@ -12,6 +12,7 @@ from edtk.report.comparison.in_each_task import in_each_task
 from edtk.report.comparison.loss_of_others import loss_of_others
 from edtk.report.comparison.relaxation_table import relaxation_table
 from edtk.report.comparison.verdict import verdict
+from edtk.study.describe_measured import describe_measured
 from edtk.study.describe_noise import describe_noise
 from edtk.study.study_run import StudyRun
 
@@ -97,7 +98,7 @@ def _setting(run: StudyRun) -> str:
         f"Robot {_plain(run.study.robot.name)}; unknown compliances {unknown}{_interest(run)}"
         f"{_prior(run)}; "
         f"{specification.describe_load()}; "
-        f"{_noise(run)}; "
+        f"{_measured(run)}{_noise(run)}; "
         f"{specification.candidates} candidate poses; at most {least} descents per plan, "
         f"{most} for {main}.\n"
     )
@@ -113,6 +114,13 @@ def _interest(run: StudyRun) -> str:
     """Which compliances criteria are about, if not about all."""
     names = run.study.interest_names
     return f", criteria without a task are of {', '.join(names)} alone" if names else ""
+
+
+def _measured(run: StudyRun) -> str:
+    """What is measured, if not the position of the tool point."""
+    study = run.study
+    plain = not study.model.sensors and not study.is_absolute
+    return "" if plain else f"measured: {describe_measured(study)}; "
 
 
 def _noise(run: StudyRun) -> str:
