@@ -1,11 +1,12 @@
 """The exact plan that a study asks for."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from time import monotonic
 
 import numpy as np
 
-from edtk.design.design_space import DesignSpace
 from edtk.design.exact.exact_plan import ExactPlan
 from edtk.design.exact.find_plan import STARTS, SearchOptions, find_plan
 from edtk.design.exact.require_enough import TooFewExperimentsError, require_enough
@@ -55,13 +56,15 @@ def plan_study(
     since = monotonic()
     seconds = np.inf if budget is None else budget
     new = _new_experiments(size, distinct, kept)
-    with study_errors(study):
+    asked = study.criterion(criterion)
+    with study_errors(study), _enough(study, new, kept):
         space = planning_space(study, new, kept)
-        _require_enough(study, space, new, distinct, kept, criterion)
+        if asked.needs_all:  # else only the relaxation knows how few the right poses are
+            require_enough(space, new, new if distinct is None else distinct, asked)
         relaxed = relax_poses(
             source_of(study, options.seed, space),
             study.specification.candidates,
-            study.criterion(criterion),
+            asked,
             continuous=True,
             options=_relax_options(options, since + SHARE_OF_BOUND * seconds),
         )
@@ -123,22 +126,15 @@ def _new_experiments(size: int, distinct: int | None, kept: Plan | None) -> int:
     return new
 
 
-def _require_enough(
-    study: Study,
-    space: DesignSpace,
-    new: int,
-    distinct: int | None,
-    kept: Plan | None,
-    criterion: str | None,
-) -> None:
-    """Check that so many experiments can identify all parameters.
+@contextmanager
+def _enough(study: Study, new: int, kept: Plan | None) -> Iterator[None]:
+    """Turn the error of too few experiments or poses into one about the arguments.
 
     Raises:
-        ArgumentError: They cannot; says how many can.
+        ArgumentError: They are too few; says how many are enough.
     """
     try:
-        places = new if distinct is None else distinct
-        require_enough(space, new, places, study.criterion(criterion))
+        yield
     except TooFewExperimentsError as error:
         argument = "size" if new < error.least else "distinct"
         message = str(error)

@@ -131,6 +131,6 @@ def _accuracy(study: Study, plan: Plan | None) -> TaskAccuracy | None:
     if plan is None:
         return None
     try:
-        return accuracy_of_tasks(study, plan_covariance(study, study.space.information(plan)))
+        return accuracy_of_tasks(study, plan_covariance(study, study.information(plan)))
     except (SingularPlanError, UserError):
         return None

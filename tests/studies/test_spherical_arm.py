@@ -81,6 +81,16 @@ def test_d_optimum_is_found_as_weights_and_as_a_plan(arm):
 
 
 @pytest.mark.slow
+def test_one_experiment_is_a_plan_for_one_compliance(arm):
+    """In the right pose one experiment tells k1 and nothing else, which poses at random do not."""
+    study = arm.about(STUDY, ("q1",))
+    found = relax_study(study, "A", candidates=200, continuous=True, tolerance=1e-6)
+    plan = find_plan(found, 1, options=SearchOptions(starts=16))
+    assert plan.value == pytest.approx(1 / arm.unit(STUDY), rel=1e-4)  # the force is not refined
+    np.testing.assert_allclose(np.abs(np.rad2deg(plan.plan.q[0, 1:])), 90, atol=1e-9)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "joints"), [("A", ()), ("D", ("q1", "q3"))])
 def test_other_optima_are_found(arm, name, joints):
     """A-optimality of all, and D-optimality of a pair whose designs leave k2 open."""

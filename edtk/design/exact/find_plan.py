@@ -7,9 +7,11 @@ from time import monotonic
 import numpy as np
 
 from edtk.design.design_space import DesignSpace
+from edtk.design.exact.apportion import apportion
 from edtk.design.exact.batch import BATCH_SIZE, Batch
 from edtk.design.exact.exact_plan import ExactPlan
 from edtk.design.exact.require_enough import require_enough
+from edtk.design.exact.round_poses import round_poses
 from edtk.design.exact.search_record import SearchRecord
 from edtk.design.exact.spread import divided, spread
 from edtk.design.exact.tidy import tidy
@@ -87,7 +89,8 @@ def find_plan(
     searched = space.alone if places is None else space
     if places is None:
         places = _enough_places(space.model.p, m)
-    require_enough(space, m, places, relaxed.criterion)
+    if not _rounds_well(relaxed, m, places):
+        require_enough(space, m, places, relaxed.criterion)
     search = _Search(relaxed, searched, m, places, since + options.seconds, options)
     record = SearchRecord(searched)
     try:
@@ -104,6 +107,21 @@ def find_plan(
     starts = record.batches * BATCH_SIZE
     seconds = monotonic() - since
     return ExactPlan(relaxed, plan, kept, cost, starts, found, optima, seconds, ended)
+
+
+def _rounds_well(relaxed: RelaxedPlan, m: int, places: int) -> bool:
+    """Whether the rounded weights are a plan already that tells a part of the parameters.
+
+    Few poses may tell it, if they are the right ones: poses at random then need more.
+    """
+    criterion = relaxed.criterion
+    if criterion.needs_all:
+        return False
+    heaviest = np.argsort(-relaxed.weights, kind="stable")[:places]
+    repeats = apportion(relaxed.weights[heaviest], m).astype(float)
+    # A pose that isolates a parameter does so only where it is rounded to whole steps.
+    x, repeats = round_poses(relaxed.space, criterion, relaxed.x[heaviest], repeats)
+    return bool(np.isfinite(criterion.cost(relaxed.space.problem(x).information(repeats))))
 
 
 def _tidied(
