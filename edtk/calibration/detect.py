@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from edtk.calibration.causes.families import families
+from edtk.calibration.causes.families_with_known import families_with_known
 from edtk.calibration.causes.family import Family
 from edtk.calibration.planned_measurements import planned_measurements
 from edtk.design.detection import LEVEL, Detection
@@ -95,7 +95,7 @@ def detect(study: Study, plan: Plan, faults: tuple[SizedFault, ...]) -> tuple[De
     data = planned_measurements(study, plan)
     both = _joined(data, _candidates(study))
     A = both.regressor(study.model)
-    known = tuple(families(study.model, both, A, study.compliances))
+    known = tuple(families_with_known(study.model, both, A, study.compliances, study.known))
     return tuple(_detection(study, len(data), both, A, known, fault) for fault in faults)
 
 
@@ -112,8 +112,9 @@ def _detection(
     if named and not named[0].joint:
         named = named[:1]  # of the drifts the one that all readings share
     if not named:
-        # Compliances take up a load of another size in full, in every plan; and a fault that
-        # depends on the sign of a torque is not there where no torque changes its sign.
+        # Compliances take up a load of another size in full, in every plan, where none of them is
+        # known; and a fault that depends on the sign of a torque is not there where no torque
+        # changes its sign.
         return Detection(fault.name, fault.size, fault.unit, LEVEL, None, LEVEL)
     size = fault.size * UNITS[fault.unit]
 

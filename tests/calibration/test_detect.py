@@ -87,3 +87,20 @@ def test_without_assumed_compliances():
     """Faults are judged by the compliances of [simulation]."""
     with pytest.raises(UserError, match="simulation"):
         sized_faults(STUDY.replace(simulation=None), {"drift": "1mm"})
+
+
+def test_a_known_joint_shows_the_size_of_the_load():
+    """Where the compliance of a joint is known, a load of another size leaves residuals."""
+    joints = STUDY.specification.joints.model_dump()
+    known = {"unknown": joints["unknown"][1:], "known_rad_per_Nm": {"q2": float(K[0])}}
+    study = STUDY.replace(joints=joints | known)
+    (promised,) = detect(study, PLAN, sized_faults(study, {"load": "10%"}))
+    data = planned_measurements(study, PLAN)
+    whitened = Whitened.of(data.regressor(study.model), data.sigma, study.model.parameters)
+    first = data.regressor(STUDY.model)[..., 0] * K[0]
+    seen = (whitened.residual(0.1 * first) ** 2).sum()
+    threshold = chi_square_quantile(0.99, 1)
+    normal = np.random.default_rng(0).standard_normal(100_000)
+    assert promised.power == pytest.approx(
+        ((normal + np.sqrt(seen)) ** 2 > threshold).mean(), abs=0.01
+    )
