@@ -242,7 +242,7 @@ class Measurements(Presented):
         noise, covariance = sheet_noise(table, sigma)
         empty = cls(
             q=q,
-            wrench=_wrenches(table, wrench),
+            wrench=_wrenches(table, wrench, model is not None and model.weights is not None),
             deflection=np.zeros_like(noise),
             sigma=noise,
             marker=sheet_markers(table, sensors, index),
@@ -282,11 +282,11 @@ def _occurrence(number: Indices) -> Indices:
     return found
 
 
-def _wrenches(table: PoseTable, default: Array | None) -> Array:
-    """Forces and torques (m, 6) [N, N m], none of them zero."""
+def _wrenches(table: PoseTable, default: Array | None, weighs: bool) -> Array:
+    """Forces and torques (m, 6) [N, N m], none of them zero unless a weight loads the robot too."""
     wrenches = table.wrenches(default)
     unloaded = np.flatnonzero(~wrenches.any(axis=1))
-    if len(unloaded):
+    if len(unloaded) and not weighs:
         raise table.error(
             f"row {unloaded[0] + 1}, columns Fx_N to Tz_Nm: the wrench is zero; "
             "expected the load applied"

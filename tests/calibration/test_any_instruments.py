@@ -63,6 +63,13 @@ CASES = {
     },
     "markers and distances": {"marker": MARKERS, "distance": [WIRE]},
     "differences with links": {"robot": robot_with_links(), "marker": MARKERS},
+    "links alone": {
+        "robot": robot_with_links(),
+        "load": {"F_N": [0, 0, 0]},
+        "measurement": {"sigma_mm": 0.03, "reference": "nominal"},
+        "marker": MARKERS,
+        "joints": VERTICAL,
+    },
     "absolute": {
         "robot": robot_with_links(),
         "load": None,
