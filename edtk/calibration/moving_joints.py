@@ -4,14 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from edtk.inference.correlated_noise import CorrelatedNoise
+from edtk.inference.correlated_noise import CorrelatedNoise, NotPositiveDefiniteError
 from edtk.inference.estimate_noise import NoiseEstimate
 from edtk.inference.fit_equilibrium import LinearisedData
 from edtk.inference.identification import Identification
 from edtk.inference.identify import identify
 from edtk.inference.joint_motion import joint_motion
 from edtk.inference.lack_of_fit import LackOfFit, lack_of_fit
-from edtk.inference.least_squares import Whitened
+from edtk.inference.least_squares import SingularPlanError, Whitened
 from edtk.inference.measurements import Measurements
 from edtk.inference.visit_covariance import (
     TooManyVisitsError,
@@ -42,11 +42,12 @@ def moving_joints(
 
     Returns:
         The noise, and the fit: intervals have the degrees of freedom of what tells the largest
-        errors. None where a pose is visited more often than a computer likes.
+        errors. None where a pose is visited more often than a computer likes, or the tracker errs
+        next to nothing beside the joints.
     """
     try:
         noise = _noise(study, data, found, found.discrepancy)
-    except TooManyVisitsError:
+    except (TooManyVisitsError, NotPositiveDefiniteError):
         return None
     return noise, _refit(seen, noise, fit, found.common_dof)
 
@@ -71,7 +72,7 @@ def shared_by_repetitions(
         noise = visit_covariance(
             data, CorrelatedNoise.by_row(own), still, test.common * data.own_sigma
         )
-    except TooManyVisitsError:
+    except (TooManyVisitsError, NotPositiveDefiniteError):
         return None
     return noise, _refit(seen, noise, fit, float(test.dof[0]))
 
@@ -108,8 +109,11 @@ def visits_lack_of_fit(
     """
     if not found.revisited:
         return found.lack_of_fit
-    noise = _noise(study, data, found, 0.0)
-    whitened = Whitened.of(seen.A, noise, study.model.parameters)
+    try:
+        noise = _noise(study, data, found, 0.0)
+        whitened = Whitened.of(seen.A, noise, study.model.parameters)
+    except (TooManyVisitsError, NotPositiveDefiniteError, SingularPlanError):
+        return found.lack_of_fit
     z = found.tracker * whitened.residual(seen.measured)
     return lack_of_fit(z, data.places, study.model.p)
 
@@ -121,6 +125,7 @@ def _noise(
 
     Raises:
         TooManyVisitsError: A pose is visited more often than a computer likes.
+        NotPositiveDefiniteError: The tracker errs next to nothing beside the joints.
     """
     own = found.tracker**2 * own_covariance(data.own_noise, data.sigma.shape)
     motion = joint_motion(study.model, data) * (joint_unit(study) * found.joints)

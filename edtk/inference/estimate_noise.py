@@ -62,9 +62,9 @@ class NoiseEstimate:
 
     @property
     def common_dof(self) -> float:
-        """Degrees of freedom of the larger of the errors that a visit shares."""
+        """Degrees of freedom of the larger of the errors that a visit shares, one at least."""
         dof = self.relative_dof(1 if self.by_joints >= self.by_model else 2)
-        return dof if np.isfinite(dof) else float(self.strata.poses.dof)
+        return max(dof, 1.0) if np.isfinite(dof) else float(self.strata.poses.dof)
 
     def to_dict(self) -> dict[str, Any]:
         """The estimates, for JSON; one that cannot be told is null."""
@@ -112,7 +112,8 @@ def estimate_noise(seen: Visited) -> NoiseEstimate | None:
 
     Returns:
         The estimate; None where nothing but joints can have made the residuals, so that the
-        tracker's errors cannot be told from theirs, or nothing else is left.
+        tracker's errors cannot be told from theirs, or nothing else is left; or the residuals do
+        not tell variances.
     """
     strata = ErrorStrata.of(seen)
     rest = yardstick(strata)
@@ -120,7 +121,12 @@ def estimate_noise(seen: Visited) -> NoiseEstimate | None:
     if rest is None or moved.dof < 1 or rest.mean_square < ROUNDING**2:
         return None
     told = _told(strata)
-    v, covariance = fit_variances(seen, told)
+    try:
+        v, covariance = fit_variances(seen, told)
+    except np.linalg.LinAlgError:
+        return None
+    if not np.isfinite(v).all():
+        return None
     size = np.sqrt(v)
     std = np.divide(np.sqrt(np.diag(covariance)), 2 * size, out=np.full(3, np.nan), where=size > 0)
     F = moved.mean_square / rest.mean_square

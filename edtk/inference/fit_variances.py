@@ -21,7 +21,7 @@ def fit_variances(seen: Visited, told: Mask) -> tuple[Array, Array]:
 
         1/2 tr(P V_i P V_j) dv_j = 1/2 (z' P V_i P z - tr(P V_i)).
 
-    A variance that falls to nothing stays zero.
+    A variance that falls to nothing stays zero, but that of the tracker.
 
     Args:
         seen: The residuals.
@@ -29,6 +29,9 @@ def fit_variances(seen: Visited, told: Mask) -> tuple[Array, Array]:
 
     Returns:
         Variances (3,), and their covariance (3, 3); NaN where a variance is zero.
+
+    Raises:
+        numpy.linalg.LinAlgError: The residuals do not tell the variances apart.
     """
     poses = list(seen.poses())
     v = _start(poses, told)
@@ -39,6 +42,8 @@ def fit_variances(seen: Visited, told: Mask) -> tuple[Array, Array]:
         step = np.zeros(3)
         step[free] = np.linalg.solve(F[np.ix_(free, free)], slope[free])
         after = np.where(free, np.clip(v + step, v / FALL, v * GROWTH), v)
+        # Without any error of the tracker nothing could be whitened.
+        after[0] = max(after[0], least[0])
         gone = free & (after < least)
         after[gone] = 0.0
         free &= ~gone

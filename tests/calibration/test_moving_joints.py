@@ -109,3 +109,15 @@ def test_poses_with_rotations(tmp_path):
     assert found.common_noise
     assert found.noise_estimate.joints == pytest.approx(DEGREES, rel=0.3)
     assert found.noise_estimate.tracker == pytest.approx(1.0, rel=0.25)
+
+
+@pytest.mark.parametrize("wild", [1e3, 1e9])
+def test_one_wild_number(tmp_path, wild):
+    """With a reading that is far off there is an answer all the same, and the verdict is bad."""
+    path = tmp_path / "sheet.csv"
+    table = sheet(path, visited(poses=8, visits=2), joints=JOINTS)
+    table.loc[5, "dx_mm"] = wild
+    table.to_csv(path, index=False)
+    found = calibrate(STUDY, path, as_is=True, known=wild > 1e6)
+    assert found.verdict == "bad"
+    assert found.to_dict()["covariance_dof"] is None or found.fit.covariance_dof >= 1
