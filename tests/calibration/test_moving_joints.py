@@ -18,6 +18,8 @@ from edtk.study.study import load_study
 from tests.support.readings import STUDY
 from tests.support.visits import sheet, visited
 
+pytestmark = pytest.mark.slow
+
 JOINTS = 2e-5  # [rad], which moves markers by 50 um
 DEGREES = np.rad2deg(JOINTS)
 

@@ -28,6 +28,8 @@ from edtk.tables.sheet_columns import (
 from tests.support.readings import PLAN, STUDY
 from tests.support.visits import sheet, visited
 
+pytestmark = pytest.mark.slow
+
 MARKERS = """
 [[marker]]
 name = "a"

@@ -12,6 +12,8 @@ from edtk.inference.visited import Visited
 from tests.support.readings import STUDY
 from tests.support.visits import MODEL, TRACKER, motion_of, visited
 
+pytestmark = pytest.mark.slow
+
 JOINTS = 3e-5  # [rad], which moves markers by about 50 um
 DISCREPANCY = 3e-5  # [m]
 
