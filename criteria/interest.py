@@ -89,6 +89,7 @@ class Interest(Relaxable):
 
     def inverse(self, M: Array) -> tuple[Array, Array, Mask]:
         """A generalised inverse, and the mask of the matrices that tell all combinations."""
+        self._require_size(M.shape[-1])
         return estimable_inverse(M, self.K)
 
     def whitener(self, M: Array) -> Array:
@@ -98,6 +99,7 @@ class Interest(Relaxable):
 
     def missing(self, M: Array, parameters: tuple[str, ...]) -> tuple[str, ...]:
         """The combinations that M leaves open, each with the directions that hide it."""
+        self._require_size(M.shape[-1])
         is_open = open_columns(M, self.K)
         if not is_open.any():
             return ()
@@ -148,6 +150,18 @@ class Interest(Relaxable):
         _, cov, _ = self.inverse(M)
         N = _inverse(self.variance(cov))
         return self.base.lower_bound(self.K.T @ Z @ self.K, t, N)
+
+    def _require_size(self, p: int) -> None:
+        """Check that combinations are of so many parameters.
+
+        Raises:
+            CriterionError: They are not.
+        """
+        if len(self.K) != p:
+            raise CriterionError(
+                f"interest: combinations of {len(self.K)} parameters; expected {p}, as the "
+                "information matrix has"
+            )
 
     def _with(self, base: Criterion) -> Self:
         """Another base for the same combinations; this object itself for the same base."""

@@ -171,6 +171,14 @@ def test_powers_and_soft_maxima_keep_the_combinations():
     assert smooth.plan_criterion is smooth
 
 
+def test_combinations_of_other_parameters_are_refused():
+    """K has a row for each parameter of the information matrix."""
+    c = criteria.create("A", interest=np.eye(3)[:, :1])
+    for ask in (c.cost, c.gradient, lambda M: c.missing(M, ("k1",) * P)):
+        with pytest.raises(CriterionError, match="combinations of 3 parameters; expected 5"):
+            ask(np.eye(P))
+
+
 @pytest.mark.parametrize(
     ("name", "K", "expected"),
     [
