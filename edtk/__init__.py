@@ -30,6 +30,9 @@ if TYPE_CHECKING:
     from edtk.design.relaxation.relax_poses import PlanInterrupted as PlanInterrupted
     from edtk.design.relaxation.relaxation import Relaxation as Relaxation
     from edtk.design.relaxation.relaxed_plan import RelaxedPlan as RelaxedPlan
+    from edtk.inference.controller_search.found_controller import (
+        FoundController as FoundController,
+    )
     from edtk.model.joint import Joint as Joint
     from edtk.model.load_robot import load_robot as load_robot
     from edtk.model.robot import Robot as Robot
@@ -75,6 +78,7 @@ _HOME = {
     "Robot": "edtk.model.robot",
     "Joint": "edtk.model.joint",
     "RobotOverview": "edtk.model.robot_overview",
+    "FoundController": "edtk.inference.controller_search.found_controller",
     "load_robot": "edtk.model.load_robot",
     "Plan": "edtk.design.plan",
     "ExactPlan": "edtk.design.exact.exact_plan",
