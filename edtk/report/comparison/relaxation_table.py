@@ -10,7 +10,9 @@ def relaxation_table(run: StudyRun) -> str:
     rows = []
     for relaxed in run.relaxations.values():
         factor, unit = shown_unit(relaxed.criterion.name)
-        among = f", {relaxed.space.sharing} experiments" if relaxed.space.sharing else ""
+        sharing = relaxed.space.sharing
+        plural = "" if sharing == 1 else "s"
+        among = f", {sharing} experiment{plural}" if sharing else ""
         values = (relaxed.value, relaxed.proved_bound.value, relaxed.best_bound.value)
         gaps = (relaxed.gap, relaxed.best_bound.gap_to(relaxed.cost))
         rows.append(
