@@ -18,13 +18,13 @@ from edtk.calibration.finding import Kind
 from edtk.calibration.fitted_data import FittedData
 from edtk.calibration.origin import Origin
 from edtk.calibration.posterior_check import PosteriorCheck
+from edtk.calibration.residual_table import residual_table
 from edtk.inference.estimate_noise import NoiseEstimate
 from edtk.inference.identification import Identification
 from edtk.inference.lack_of_fit import LackOfFit
 from edtk.inference.least_squares import Estimate
 from edtk.inference.measurements import Measurements
 from edtk.inference.noise import Noise
-from edtk.inference.prior import Flat
 from edtk.inference.sample_posterior import SamplingOptions
 from edtk.inference.task_accuracy import TaskAccuracy
 from edtk.model.error_budget import ErrorBudget
@@ -35,7 +35,6 @@ from edtk.study.study import Study
 from edtk.study.study_prior import study_prior
 from edtk.system.presented import Presented
 from edtk.system.typing import Array
-from edtk.tables.coordinate_columns import coordinate_columns
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -242,20 +241,7 @@ class Calibration(Presented):
 
         `row` and `pose` count from 1; `coordinate` has the unit of `residual` in its name.
         """
-        import pandas as pd
-
-        m, rows = self.fit.residual.shape
-        units = np.where(np.arange(rows) < 3, 1e3, 180 / np.pi)
-        return pd.DataFrame(
-            {
-                "row": np.repeat(np.arange(1, m + 1), rows),
-                "pose": np.repeat(self.data.pose + 1, rows),
-                "coordinate": np.tile(coordinate_columns(rows), m),
-                "residual": (self.fit.residual * units).ravel(),
-                "leverage": self.fit.leverage.ravel(),
-                "standardised": self.fit.standardised.ravel(),
-            }
-        )
+        return residual_table(self.fitted)
 
     def sampled(
         self,
@@ -293,9 +279,7 @@ class Calibration(Presented):
             options=options,
         )
         prior = study_prior(self.study)
-        flat = all(isinstance(marginal, Flat) for marginal in prior.marginals)
-        vague = prior.earlier is None and flat
-        estimated = vague and noise.normal and not self.fit.known and not self.fit.robust
+        estimated = prior.is_flat and noise.normal and not self.fit.known and not self.fit.robust
         fitted = self.fitted
         budget = self.budget
         found = self.diagnostics

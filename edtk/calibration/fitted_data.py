@@ -5,6 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
+from edtk.calibration.bends_much import bends_much
 from edtk.calibration.causes.cause import NOISE, Cause
 from edtk.calibration.causes.find_causes import find_causes
 from edtk.calibration.equal_rows import EqualRows, equal_rows
@@ -18,7 +19,6 @@ from edtk.calibration.moving_joints import (
     shared_by_repetitions,
     visits_lack_of_fit,
 )
-from edtk.calibration.some_poses import some_poses
 from edtk.calibration.some_rows import some_rows
 from edtk.design.plan import Plan
 from edtk.inference.correlated_noise import CorrelatedNoise
@@ -29,10 +29,10 @@ from edtk.inference.fit_with_prior import fit_with_prior
 from edtk.inference.identification import Identification
 from edtk.inference.identify import identify
 from edtk.inference.lack_of_fit import LackOfFit, lack_of_fit
-from edtk.inference.least_squares import Estimate, SingularPlanError, Whitened
+from edtk.inference.least_squares import Estimate
 from edtk.inference.linearise import linearise
 from edtk.inference.measurements import Measurements
-from edtk.inference.prior import Flat, Prior
+from edtk.inference.prior import Prior
 from edtk.inference.prior_rows import PriorRows
 from edtk.inference.visit_residuals import visit_residuals
 from edtk.inference.whiten import RowNoise, whiten
@@ -43,7 +43,6 @@ from edtk.study.study_prior import study_prior
 from edtk.system.errors import UserError
 from edtk.system.typing import Array
 
-BIAS = 0.1  # of the linear model, in standard deviations, from which the equilibrium is fitted
 MOST_ROWS = 1000  # measurements in which causes are looked for
 
 
@@ -113,7 +112,7 @@ class FittedData:
         unexplained = data.deflection - known_part(study, data)
         fit = identify(A, unexplained, data.noise, names, robust, known)
         found = cls(study, data, A, unexplained, fit, plan=plan)
-        if not linear and found._bends_much():
+        if not linear and bends_much(study, data, A, fit):
             found = found._of_equilibrium()
         return found._with_common_noise()
 
@@ -227,23 +226,6 @@ class FittedData:
         """Compliances (n,) of all joints, zero for those that count as rigid [rad/(N m)]."""
         return all_compliances(self.study.model, self.fit.unbounded, self.study.known)
 
-    def _bends_much(self) -> bool:
-        """Whether the linear fit is biased by more than a tenth of a standard deviation.
-
-        The bias is the first step of the fit of the equilibrium, over some of very many poses.
-        """
-        rows = some_poses(self.data.pose)
-        some = self.data[rows]
-        try:
-            linear = linearise(self.study.model, some, self._complete)
-            whitened = Whitened.of(linear.A, some.noise, self.study.model.parameters)
-        except (NoEquilibriumError, SingularPlanError):
-            return False
-        linear_part = self.A[rows] @ self.fit.unbounded + known_part(self.study, some)
-        curved = linear.constant + linear.A @ self.fit.unbounded - linear_part
-        bias = np.abs(whitened.solve(curved)) / self.fit.std
-        return bool(bias.max() > BIAS)
-
     @cached_property
     def causes(self) -> tuple[Cause, ...]:
         """Faults that explain the residuals, the likeliest first; empty where noise does."""
@@ -273,8 +255,7 @@ class FittedData:
             prior = study_prior(self.study)
         except UserError:
             return None
-        says = prior.earlier is not None or any(not isinstance(m, Flat) for m in prior.marginals)
-        return prior if says else None
+        return None if prior.is_flat else prior
 
     @cached_property
     def told_before(self) -> PriorRows | None:

@@ -195,6 +195,11 @@ class Prior:
         )
 
     @property
+    def is_flat(self) -> bool:
+        """Whether nothing is known, but that compliances are positive."""
+        return self.earlier is None and all(isinstance(m, Flat) for m in self.marginals)
+
+    @property
     def proper(self) -> bool:
         """Whether every compliance has a prior of finite mass and moments."""
         return self.earlier is not None or not any(isinstance(m, Flat) for m in self.marginals)
