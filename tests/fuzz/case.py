@@ -11,7 +11,7 @@ from tests.fuzz.mutate_chain import mutate_chain
 from tests.fuzz.mutate_table import mutate_table
 from tests.fuzz.mutate_text import OF_BYTES, OF_TEXT
 from tests.fuzz.mutate_tree import mutate_json, mutate_toml
-from tests.fuzz.worlds import FIRST, WRITTEN, Files
+from tests.fuzz.worlds import ANY, FIRST, OF_TABLES, WRITTEN, Files
 
 Mutate = Callable[[bytes, Random], bytes]
 
@@ -49,7 +49,11 @@ SLOW = (lines.PLAN, lines.RUN)
 CHAIN = f"{lines.BAYES} --chain chain.h5"
 KINDS = {
     "study": Kind(("study.toml",), READ_STUDY, mutate_toml, share=16),
-    "robot": Kind(("robot.toml",), READ_STUDY, mutate_toml, share=10),
+    "robot": Kind(("robot.toml",), READ_STUDY, mutate_toml, OF_TABLES, share=10),
+    "urdf": Kind(
+        ("robot.urdf",), (*READ_STUDY, *(lines.ROBOT, lines.NEW) * 6), None, (ANY,), share=8
+    ),
+    "positions": Kind(("positions.csv",), (lines.CONTROLLER,), mutate_table, (ANY,), share=3),
     "plan": Kind(("plan.csv",), (*READ_PLAN, lines.BAYES), mutate_table, share=10),
     "sheet": Kind(("sheet.csv",), (lines.IDENTIFY,), mutate_table, share=14),
     "k": Kind(("k.json",), (lines.COMPENSATE,), mutate_json, share=8),
@@ -74,6 +78,7 @@ KINDS = {
     "options": Kind(
         (), (*CHEAP * 3, lines.VERIFY, lines.RELAX, lines.BAYES, lines.CRITERIA), share=14
     ),
+    "options of robots": Kind((), (lines.ROBOT, lines.NEW, lines.CONTROLLER), None, (ANY,)),
     "options of searches": Kind((), (lines.PLAN, lines.RUN, lines.RELAX, CHAIN), slow=True),
     "paths": Kind((), (*CHEAP * 3, lines.VERIFY, lines.RELAX, lines.BAYES, lines.RUN), share=6),
 }

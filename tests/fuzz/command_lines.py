@@ -20,6 +20,9 @@ PLAN = "plan study.toml --size 2 --distinct 1 --workers 1"
 RUN = "run study.toml --workers 1 --out out"
 BAYES = "bayes study.toml plan.csv --accuracy 0.5 --most 2000"
 CRITERIA = "criteria"
+ROBOT = "robot robot.urdf --tip flange"
+NEW = "new --robot robot.urdf --tip flange --out new.toml"
+CONTROLLER = "controller robot.urdf positions.csv --tip flange"
 VERBS = tuple(sorted(main.commands))
 
 # Words that may be added to each command; those that take long are left to the long campaign.
@@ -35,6 +38,9 @@ EXTRAS = {
     "run": ("--fresh",),
     "bayes": ("--json", "--nu normal", "--sigma-factor 1", "--seed 3"),
     "criteria": ("--json",),
+    "robot": ("--json", "--base base"),
+    "new": ("--force",),
+    "controller": ("--json",),
 }
 LONG_EXTRAS = {
     "identify": (

@@ -151,7 +151,7 @@ def _names_a_place(case: Case, line: str) -> bool:
     if PLACE.search(line) or FILE.match(line):
         return True
     names = [word.rpartition("=")[2] for word in case.words[1:]]
-    names += [*case.changed, "robot.toml", "pub.csv", "exclude.csv", "earlier.json"]
+    names += [*case.changed, "robot.toml", "robot.urdf", "pub.csv", "exclude.csv", "earlier.json"]
     # A long name is shown by its end, or without its middle.
     shown = [shortened(os.path.normpath(name), 200) for name in names]  # "" is "."
     return any(name[:20] in line or name[-20:] in line for name in shown)

@@ -11,6 +11,8 @@ import numpy as np
 
 import edtk
 from edtk.cli import main
+from edtk.study.load_plan import load_plan
+from tests.fuzz import cell_world
 
 Files = dict[str, bytes]
 
@@ -219,8 +221,17 @@ WRITTEN = {
     "arm": (ARM, ROBOT, PLAN, TASK, EXCLUDE),
     "pose": (POSE, ROBOT, PLAN, TASK, EXCLUDE),
     "rail": (RAIL, RAIL_ROBOT, RAIL_PLAN, RAIL_TASK, RAIL_EXCLUDE),
+    "cell": (
+        cell_world.STUDY,
+        cell_world.URDF,
+        cell_world.PLAN,
+        cell_world.TASK,
+        cell_world.EXCLUDE,
+    ),
 }
 FIRST = "arm"
+ANY = "cell"  # any robot and any task: a URDF, markers, a payload, noise
+OF_TABLES = ("arm", "pose", "rail")  # robots are in TOML files there
 NAMES = ("study.toml", "robot.toml", "plan.csv", "task.csv", "exclude.csv")
 
 
@@ -230,6 +241,8 @@ def world(name: str) -> Files:
     The first world has a finished run in the folder `run`, and a chain.
     """
     written = dict(zip(NAMES, WRITTEN[name], strict=True))
+    if name == ANY:
+        written["robot.urdf"] = written.pop("robot.toml")
     texts = {**written, "pub.csv": written["plan.csv"]}
     texts["earlier.json"] = EARLIER
     # One experiment that was made, so that there is another one to plan.
@@ -244,6 +257,8 @@ def world(name: str) -> Files:
             _edtk("relax", "study.toml", "--certificate", "certificate.json")
             if name == FIRST:
                 _search()
+            if name == ANY:
+                _measure_positions()
             found = {
                 str(path): path.read_bytes()
                 for path in sorted(Path().rglob("*"))
@@ -274,18 +289,45 @@ def _fill(path: Path) -> None:
     """Write the deflections of the simulated robot into an empty sheet, with some noise."""
     study = edtk.load_study("study.toml")
     header, *lines = path.read_text(encoding="utf-8").splitlines()
-    joints = study.robot.n
-    given = np.array([[float(cell) for cell in line.split(",")[: joints + 6]] for line in lines])
-    to_si = [1e-3 if name.endswith("_mm") else np.pi / 180 for name in header.split(",")[:joints]]
-    A = study.model.regressor(given[:, :joints] * to_si, given[:, joints:])
-    true = (A @ study.compliances).reshape(len(lines), -1)
-    noisy = true + np.random.default_rng(0).normal(0, 1e-4, true.shape)
+    A = study.model.regressor(*_poses(study, [header, *lines]))
+    true = A @ study.compliances
+    # A row of the sheet is one marker of a visit, whose markers stand one after another.
+    own = len(study.specification.marker) or 1
+    true = true.reshape(len(lines), own, -1)[np.arange(len(lines)), np.arange(len(lines)) % own]
+    sigma = 1e-4 if study.specification.noise is None else 3e-5
+    noisy = true + np.random.default_rng(0).normal(0, sigma, true.shape)
     printed = noisy * np.array([1e3] * 3 + [180 / np.pi] * 3)[: true.shape[1]]
     filled = [
-        ",".join([*line.split(",")[: joints + 6], *(f"{number:.4f}" for number in row)])
+        ",".join([line.rstrip(","), *(f"{number:.4f}" for number in row)])
         for line, row in zip(lines, printed, strict=True)
     ]
     path.write_text("\n".join([header, *filled]) + "\n", encoding="utf-8")
+
+
+def _poses(study: edtk.Study, sheet: list[str]) -> tuple[np.ndarray, np.ndarray]:
+    """Joint variables and wrenches of the lines of a sheet, each as a plan of its own."""
+    columns = study.robot.n + 6
+    found = []
+    for line in sheet[1:]:
+        Path("pose.csv").write_text(
+            "\n".join(",".join(row.split(",")[:columns]) for row in (sheet[0], line)) + "\n",
+            encoding="utf-8",
+        )
+        found.append(load_plan(study, "pose.csv"))
+    Path("pose.csv").unlink()
+    return np.concatenate([p.q for p in found]), np.concatenate([p.wrench for p in found])
+
+
+def _measure_positions() -> None:
+    """Make a file of measured positions of a marker, for `edtk controller`."""
+    study = edtk.load_study("study.toml")
+    rng = np.random.default_rng(0)
+    q = rng.uniform(-1, 0.5, (8, study.robot.n))
+    where = 1e3 * study.robot.forward(q)[:, :3, 3]
+    rows = np.concatenate([np.rad2deg(q), where], axis=1)
+    header = "turn_deg,lift_deg,bend_deg,x_mm,y_mm,z_mm"
+    text = "\n".join([header, *(",".join(f"{cell:.4f}" for cell in row) for row in rows)])
+    Path("positions.csv").write_text(text + "\n", encoding="utf-8")
 
 
 def _edtk(*arguments: str) -> None:
