@@ -21,7 +21,7 @@ NO_VARIANCE = 2
 
 
 class ImproperPosterior(Enum):
-    """Why a posterior has no standard deviations."""
+    """Why a posterior has no standard deviations, or cannot be sampled."""
 
     SIGMA_FROM_FEW_ROWS = (
         "with sigma unknown the measured rows must outnumber the compliances by {needed}, "
@@ -33,6 +33,10 @@ class ImproperPosterior(Enum):
     HEAVY_TAILS_FROM_FEW_ROWS = (
         "with Student-t errors {rows} measured rows that tell of a compliance, or of several "
         "together, are too few; measure more, or give every compliance a prior"
+    )
+    NO_DENSITY = (
+        "the prior and the measurements are so far apart that no compliance has a density which a "
+        "number can hold; correct the prior"
     )
 
 
@@ -111,6 +115,8 @@ def sample_posterior(
     _require_variances(prior, noise, data)
     density = PosteriorDensity.of(data, fit, prior, noise)
     start = density.start(data, rng, options.walkers)
+    if not np.isfinite(density.log_density(start)).all():
+        raise ImproperPosteriorError(ImproperPosterior.NO_DENSITY)
     seed = int(rng.integers(2**31))
     content = [A, measured, *numbers_of(sigma), start, np.array([seed])]
     file = density.file(options.chain, content)

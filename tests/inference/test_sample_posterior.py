@@ -226,3 +226,11 @@ def test_a_compliance_of_which_one_measurement_tells():
     words = "with Student-t errors 1 measured rows that tell of a compliance"
     with pytest.raises(ImproperPosteriorError, match=words):
         sample_posterior(B, measured, sigma, fit, np.random.default_rng(0), noise=Noise(nu=2.0))
+
+
+def test_a_prior_that_is_far_beyond_all_reason():
+    """Where prior and measurements leave no density that a number can hold, nothing is sampled."""
+    earlier = Normal(np.array([1.0, 1e50]), np.diag([1e-12, 1e-12]))
+    prior = Prior((HalfNormal(1e-5), HalfNormal(1e-5)), earlier)
+    with pytest.raises(ImproperPosteriorError, match="correct the prior"):
+        sample(0, prior=prior)
