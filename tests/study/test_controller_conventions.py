@@ -187,3 +187,18 @@ def test_a_certificate_of_a_study_with_a_controller_holds(tmp_path: Path) -> Non
     path = tmp_path / "proof.json"
     plan(coupled(), size=3, criterion="D", seed=1, workers=1, certificate=path)
     assert verify(path).valid
+
+
+def test_a_path_is_in_the_controllers_angles(tmp_path: Path) -> None:
+    """Poses of a task's file are read as those of a plan."""
+    header = "q1_deg,q2_deg,Fx_N,Fy_N,Fz_N\n"
+    for name, poses in (
+        ("own", [[9.0, 40.0], [20.0, 60.0]]),
+        ("coupled", [shown_deg([9, 40]), shown_deg([20, 60])]),
+    ):
+        rows = "".join(f"{first},{second},0,0,-50\n" for first, second in poses)
+        (tmp_path / f"{name}.csv").write_text(header + rows)
+    task = {"tool": {"position_mm": [400, 0, 0]}}
+    own = Study(**KEYS, folder=tmp_path, task=task | {"file": "own.csv"})
+    keys = KEYS | {"controller": COUPLED, "task": task | {"file": "coupled.csv"}}
+    assert Study(**keys, folder=tmp_path).target == pytest.approx(own.target, rel=1e-12)
