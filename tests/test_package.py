@@ -61,7 +61,7 @@ def test_wheel_works_from_another_folder(wheel: Path, tmp_path: Path) -> None:
     answer = subprocess.run(
         [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=True
     )
-    assert answer.stdout.split() == ["10", "6"]
+    assert answer.stdout.split() == ["11", "6"]
 
 
 def test_no_file_names_a_registry_or_a_machine_path() -> None:
