@@ -7,6 +7,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
+from edtk.model.aligned import aligned
+from edtk.model.combine import combine
 from edtk.model.controller import Controller
 from edtk.model.frames import Frames
 from edtk.model.joint import Joint
@@ -16,9 +18,6 @@ from edtk.model.ties import Ties
 from edtk.model.transform import transform
 from edtk.system.presented import Presented
 from edtk.system.typing import Array, Mask
-
-# Entries of a constant rotation that are this close to zero are the rounding of a right angle.
-ROUNDING = 1e-15
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,12 +197,12 @@ class Robot(Presented):
 
         They are those between frames whose z-axis is the joint axis, so that each joint turns its
         frame about z. A rotation about a coordinate axis is then a signed permutation, whose zeros
-        and ones `_combine` skips.
+        and ones `combine` skips.
         """
         links = []
         before = np.eye(3)
         for joint in self.chain:
-            F = _aligned(joint.axis)
+            F = aligned(joint.axis)
             links.append((before @ joint.origin[:3, :3] @ F, before @ joint.origin[:3, 3]))
             before = F.T
         links.append((before @ self.tool[:3, :3], before @ self.tool[:3, 3]))
@@ -241,8 +240,8 @@ class Robot(Presented):
         R = [self.base[:3, k][lift] for k in range(3)]
         p = self.base[:3, 3][lift]
         for j, (joint, (C, t)) in enumerate(zip(self.chain, self._links[:-1], strict=True)):
-            p = p + _combine(R, t)
-            R = [_combine(R, C[:, k]) for k in range(3)]  # type: ignore[misc]
+            p = p + combine(R, t)
+            R = [combine(R, C[:, k]) for k in range(3)]  # type: ignore[misc]
             axes[j] = R[2]
             origins[j] = p
             if joint.kind == "prismatic":
@@ -256,9 +255,9 @@ class Robot(Presented):
         C, t = self._links[-1]
         position = np.empty((3, *batch))
         rotation = np.empty((3, 3, *batch))
-        position[...] = p + _combine(R, t)
+        position[...] = p + combine(R, t)
         for k in range(3):
-            rotation[k] = _combine(R, C[:, k])
+            rotation[k] = combine(R, C[:, k])
         return Frames(q, axes, origins, rotation, position, self._prismatic, kept, self.ties)
 
     def forward(self, q: ArrayLike) -> Array:
@@ -291,30 +290,10 @@ class Robot(Presented):
         return np.moveaxis(J, (0, 1), (-1, -2))
 
 
-def _aligned(axis: Array) -> Array:
-    """A rotation (3, 3) whose third column is the axis.
-
-    For a coordinate axis it is a signed permutation.
-    """
-    x = np.eye(3)[np.argmin(np.abs(axis))]
-    x = x - axis * (axis @ x)
-    x /= np.linalg.norm(x)
-    return np.column_stack([x, np.cross(axis, x), axis])
-
-
 def _turned_back(columns: list[Array], axis: Array, batch: tuple[int, ...]) -> Array:
     """The joint's own frame (3, 3, ...) from that whose z-axis is the joint axis."""
-    F = _aligned(axis)
+    F = aligned(axis)
     rotation = np.empty((3, 3, *batch))
     for k in range(3):
-        rotation[k] = _combine(columns, F[k])
+        rotation[k] = combine(columns, F[k])
     return rotation
-
-
-def _combine(columns: list[Array], weights: Array) -> Array | float:
-    """Linear combination of frame columns (3, ...) with constant weights (3,), zeros skipped."""
-    total: Array | float = 0.0
-    for column, weight in zip(columns, weights, strict=True):
-        if abs(weight) > ROUNDING:
-            total = total + (column if weight == 1.0 else weight * column)
-    return total

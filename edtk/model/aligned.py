@@ -1,0 +1,16 @@
+"""A frame whose z-axis is a given axis."""
+
+import numpy as np
+
+from edtk.system.typing import Array
+
+
+def aligned(axis: Array) -> Array:
+    """A rotation (3, 3) whose third column is the axis.
+
+    For a coordinate axis it is a signed permutation.
+    """
+    x = np.eye(3)[np.argmin(np.abs(axis))]
+    x = x - axis * (axis @ x)
+    x /= np.linalg.norm(x)
+    return np.column_stack([x, np.cross(axis, x), axis])
