@@ -33,7 +33,8 @@ def sheet_noise(table: PoseTable, sigma: Array) -> tuple[Array, CorrelatedNoise 
     Raises:
         PoseFileError: Names the row and column of a noise that is none, or of two kinds of them.
     """
-    noise = np.array(np.broadcast_to(sigma, (len(table), np.shape(sigma)[-1])))
+    # Row by row: a copy in the broadcast's order would change the order of sums, and last digits.
+    noise = np.array(np.broadcast_to(sigma, (len(table), np.shape(sigma)[-1])), order="C")
     given = [[column for column in kind if column in table] for kind in NOISE_COLUMNS]
     kinds = [columns for columns in given if columns]
     if len(kinds) > 1:

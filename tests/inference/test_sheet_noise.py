@@ -110,3 +110,11 @@ def test_a_distance_has_one_noise(columns):
     table = PoseTable(Path("sheet.csv"), {column: np.ones(2) for column in columns})
     with pytest.raises(PoseFileError, match=f"'{columns[0]}': a distance has one noise"):
         sheet_noise(table, np.array([1e-4]))
+
+
+def test_one_noise_of_all_rows_is_laid_out_by_row():
+    """Sums over rows keep their order, and so their last digits, wherever the noise comes from."""
+    table = PoseTable(Path("sheet.csv"), {"dx_mm": np.ones(4)})
+    noise, _ = sheet_noise(table, np.array([1e-4, 2e-4, 3e-4]))
+    assert noise.flags.c_contiguous
+    np.testing.assert_array_equal(noise, np.tile([1e-4, 2e-4, 3e-4], (4, 1)))
