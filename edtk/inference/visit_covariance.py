@@ -9,8 +9,9 @@ from edtk.inference.measurements import Measurements
 from edtk.inference.whiten import RowNoise
 from edtk.system.typing import Array, Indices
 
-# Coordinates of one group, beyond which its matrix would take minutes.
-MOST_COORDINATES = 1500
+# Coordinates of one group. Its matrix is factored some dozen times in a calibration, each in a time
+# that grows with the cube: 0.1 s for these, 2 s for 1500.
+MOST_COORDINATES = 600
 
 
 class TooManyVisitsError(ValueError):

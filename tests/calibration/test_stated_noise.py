@@ -164,7 +164,7 @@ def test_repeats_without_a_discrepancy_are_independent(study_of):
     """Thousands of repeats are no trouble where they share nothing, and refused where they do."""
     many = PLAN.repeated(1000)
     assert visits_noise(study_of(False, discrepancy=0), many).shape == (12000, 3)
-    with pytest.raises(UserError, match=r"1000 repeats of a pose share it; expected 500 at most"):
+    with pytest.raises(UserError, match=r"1000 repeats of a pose share it; expected 200 at most"):
         visits_noise(study_of(False), many)
 
 
