@@ -88,7 +88,8 @@ class Study(StudyObjects, Presented):
             specification = specification.model_copy(update={"title": title})
         self._set(specification=specification)
         check_study(self)
-        self._set(digest=_digest(self.to_toml().encode()))
+        # The name of a file need not be UTF-8.
+        self._set(digest=_digest(self.to_toml().encode("utf-8", "surrogateescape")))
 
     def _set(self, **attributes: object) -> None:
         """Set attributes of a study that is not yet handed out."""

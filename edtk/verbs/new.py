@@ -1,6 +1,7 @@
 """`edtk.new`: a study of a robot to begin with."""
 
 import os
+import shlex
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -69,12 +70,21 @@ def new(
         if controller is not None:
             arm = replace(arm, controller=_controller(Path(controller)).build(arm, str(controller)))
         name = str(robot) if is_builtin else _relative(Path(robot), path.parent)
+        if not name.isprintable():
+            message = "its name has characters that a study cannot hold; expected a plain one"
+            raise UserError(message, where=robot)
+        file = _in_a_comment(path.name)
         text = new_study_text(
-            arm, first_choices(arm), name, path.name, (base, tip), given, controller is not None
+            arm, first_choices(arm), name, file, (base, tip), given, controller is not None
         )
         Study(folder=path.parent, **parse_toml(text))  # nothing is written that does not run
         write_text(path, text)
     return load_study(path)
+
+
+def _in_a_comment(name: str) -> str:
+    """A file's name as a comment may hold it, and as a shell reads it."""
+    return shlex.quote("".join(c if c.isprintable() else "?" for c in name))
 
 
 def _controller(path: Path) -> ControllerTable:

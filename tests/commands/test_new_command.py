@@ -127,3 +127,17 @@ def test_a_study_in_the_controllers_angles(tmp_path: Path) -> None:
     assert code == 2
     assert "has no table [controller]" in error
     assert not (tmp_path / "other.toml").exists()
+
+
+def test_names_of_files_with_odd_characters(tmp_path: Path) -> None:
+    """A study's own name stands in a comment as a shell reads it; a robot's must be plain."""
+    out = tmp_path / "a bell\x07.toml"
+    assert run("new", "--robot", "kuka_kr270", "--out", out)[0] == 0
+    assert "#   edtk run 'a bell?.toml'" in out.read_text()
+    odd = tmp_path / "arm\udcff.urdf"
+    shutil.copy(URDF, odd)
+    code, shown, error = run("new", "--robot", odd, "--out", tmp_path / "study.toml")
+    assert code == 2
+    assert not shown
+    assert "characters that a study cannot hold" in error
+    assert not (tmp_path / "study.toml").exists()
