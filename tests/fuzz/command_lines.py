@@ -46,7 +46,7 @@ LONG_EXTRAS = {
     "identify": (
         "--out out",
         "--bayes --accuracy 0.5 --most 2000",
-        "--bayes --accuracy 0.5 --chain new.h5",
+        "--bayes --accuracy 0.5 --most 2000 --chain new.h5",
     ),
     "relax": ("--continuous", "--criterion A"),
     "plan": ("--criterion A", "--certificate new.json", "--budget 0.1"),
