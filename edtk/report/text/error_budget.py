@@ -2,6 +2,12 @@
 
 from edtk.model.error_budget import ErrorBudget
 
+# Where something is measured, or loads the joints, that the budget does not know.
+NO_BUDGET = (
+    "no error budget: it knows neither distances and mixed instruments, nor weights beside a load; "
+    "load, tool and rigid joints may add more than the noise does"
+)
+
 
 def error_budget(found: ErrorBudget) -> str:
     """The expected error in the task, with its parts."""
