@@ -6,8 +6,14 @@ import criteria
 from criteria.linalg.estimable import estimable_inverse, open_columns
 from edtk.inference.least_squares import SingularPlanError, covariance
 from edtk.study.study import Study
-from edtk.system.errors import UserError
 from edtk.system.typing import Array
+
+
+class OpenInterestError(SingularPlanError):
+    """A plan cannot identify what is of interest."""
+
+    def __str__(self) -> str:
+        return f"the plan cannot identify {' or '.join(self.parameters)}, which is of interest"
 
 
 def plan_covariance(study: Study, M: Array) -> Array:
@@ -18,7 +24,7 @@ def plan_covariance(study: Study, M: Array) -> Array:
 
     Raises:
         SingularPlanError: All compliances are of interest, and the plan cannot identify them.
-        UserError: The plan cannot identify what is of interest; names it.
+        OpenInterestError: The plan cannot identify what is of interest; names it.
     """
     names = study.model.parameters
     if study.interest is None:
@@ -28,8 +34,7 @@ def plan_covariance(study: Study, M: Array) -> Array:
     except SingularPlanError:
         missing = criteria.create("A", interest=study.interest).missing(M, names)
         if missing:
-            message = f"the plan cannot identify {' or '.join(missing)}, which is of interest"
-            raise UserError(message) from None
+            raise OpenInterestError(tuple(missing)) from None
     everything = np.eye(len(M))
     is_open = open_columns(M, everything)
     cov = estimable_inverse(M, everything[:, ~is_open])[1].copy()

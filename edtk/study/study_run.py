@@ -19,7 +19,6 @@ from edtk.study.plan_accuracy import plan_accuracy
 from edtk.study.plan_covariance import plan_covariance
 from edtk.study.plausibility import plan_plausibility
 from edtk.study.study import Study
-from edtk.system.errors import UserError
 from edtk.system.presented import Presented
 
 if TYPE_CHECKING:
@@ -132,5 +131,5 @@ def _accuracy(study: Study, plan: Plan | None) -> TaskAccuracy | None:
         return None
     try:
         return accuracy_of_tasks(study, plan_covariance(study, study.information(plan)))
-    except (SingularPlanError, UserError):
+    except SingularPlanError:
         return None

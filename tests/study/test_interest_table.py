@@ -15,6 +15,7 @@ from edtk.model.joint import Joint
 from edtk.model.robot import Robot
 from edtk.report.text.evaluation import evaluation
 from edtk.study.evaluate import evaluate
+from edtk.study.plan_covariance import OpenInterestError
 from edtk.study.plan_study import plan_study
 from edtk.study.relax_study import relax_study
 from edtk.study.study import Study, load_study
@@ -170,7 +171,7 @@ def test_what_no_pose_tells_cannot_be_of_interest():
     with pytest.raises(UserError, match=r"interest: .*tells k1 - k3 \(open: k1\)"):
         relax_study(study)
     plan = Plan(PLAN.q[:2], PLAN.wrench[:2], PLAN.repeats[:2])
-    with pytest.raises(UserError, match=r"cannot identify k1 - k3 \(open: k1\), which is of inter"):
+    with pytest.raises(OpenInterestError, match=r"k1 - k3 \(open: k1\), which is of interest"):
         evaluate(study, plan)
 
 
