@@ -20,6 +20,7 @@ from edtk.study.joints_table import JointsTable
 from edtk.study.load_choice import LoadChoice
 from edtk.study.marker_table import DistanceTable, MarkerTable
 from edtk.study.noise_table import NoiseTable
+from edtk.study.payload_stands_in import payload_stands_in
 from edtk.study.payload_table import PayloadTable
 from edtk.study.prior_table import PriorTable
 from edtk.study.table import Compliance, Count, Sigma, Table
@@ -29,7 +30,6 @@ from edtk.study.tool import Tool
 from edtk.study.uncertainty_table import UncertaintyTable
 from edtk.study.workspace_table import WorkspaceTable
 from edtk.system.errors import UserError
-from edtk.system.finite import ZERO
 from edtk.system.first_error import first_error
 from edtk.system.line import Line
 
@@ -192,13 +192,9 @@ class Specification(Table):
 
     @field_validator("tool", "load", mode="before")
     @classmethod
-    def _payload_stands_in(cls, given: Any, info: ValidationInfo) -> Any:
+    def _without_a_load(cls, given: Any, info: ValidationInfo) -> Any:
         """A payload needs neither a load nor a tool."""
-        if given is not None:
-            return given
-        if info.data.get("payload") is None:
-            raise PydanticCustomError("missing", "this key is required")
-        return Tool(position_mm=ZERO) if info.field_name == "tool" else None
+        return payload_stands_in(given, info, no_load=None)
 
     @field_validator("criteria", "optimise", "sizes")
     @classmethod

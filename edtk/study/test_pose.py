@@ -3,8 +3,8 @@
 from typing import Annotated, Any
 
 from pydantic import Discriminator, Field, Tag, ValidationInfo, field_validator
-from pydantic_core import PydanticCustomError
 
+from edtk.study.payload_stands_in import payload_stands_in
 from edtk.study.payload_table import PayloadTable
 from edtk.study.table import Table
 from edtk.study.tool import Load, Tool
@@ -53,13 +53,9 @@ class TestPose(Table):
 
     @field_validator("tool", "load", mode="before")
     @classmethod
-    def _payload_stands_in(cls, given: Any, info: ValidationInfo) -> Any:
+    def _without_a_load(cls, given: Any, info: ValidationInfo) -> Any:
         """A payload needs neither a load nor a tool."""
-        if given is not None:
-            return given
-        if info.data.get("payload") is None:
-            raise PydanticCustomError("missing", "this key is required")
-        return Tool(position_mm=ZERO) if info.field_name == "tool" else Load(F_N=ZERO)
+        return payload_stands_in(given, info, no_load=Load(F_N=ZERO))
 
 
 def _form(given: object) -> str:

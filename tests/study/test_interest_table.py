@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from kr270 import REQUIRED
 
 from edtk.certificate.certificate import certificate
 from edtk.certificate.verify_certificate import verify_certificate
@@ -23,14 +24,7 @@ from edtk.system.errors import UserError
 from edtk.verbs.verify import verify
 
 ALL = load_study(Path(__file__).parents[2] / "studies" / "kr270_milling.toml")
-KEYS = {
-    "robot": "kuka_kr270",
-    "tool": {"position_mm": [611.5, 0, -460]},
-    "load": {"F_N": [0, 0, -2500]},
-    "measurement": {"sigma_mm": 0.03},
-    "joints": {"unknown": ["q2", "q3", "q4", "q5", "q6"], "fixed_deg": {"q1": 0}},
-    "candidates": 200,
-}
+KEYS = REQUIRED | {"candidates": 200}
 ABOUT = {"joints": ["q2"], "combinations": [{"q3": 1, "q4": -2}]}
 STUDY = Study(**KEYS, interest=ABOUT)
 PLAN = ALL.published_plans()["table_4_12"]

@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from kr270 import REQUIRED, TEST_POSE
 
 import edtk
 from edtk.certificate.certificate import certificate
@@ -14,14 +15,7 @@ from edtk.model.robot_to_dict import robot_to_dict
 from edtk.study.study import Study
 from edtk.system.errors import UserError
 
-KEYS = {
-    "robot": "kuka_kr270",
-    "tool": {"position_mm": [611.5, 0, -460]},
-    "load": {"F_N": [0, 0, -2500]},
-    "measurement": {"sigma_mm": 0.03},
-    "joints": {"unknown": ["q2", "q3", "q4", "q5", "q6"], "fixed_deg": {"q1": 0}},
-    "candidates": 200,
-}
+KEYS = REQUIRED | {"candidates": 200}
 MARKERS = [
     {"position_mm": [0, 100, 50]},
     {"name": "side", "position_mm": [50, -100, 50], "rows": "pose"},
@@ -101,21 +95,18 @@ def test_differences_do_not_see_the_links():
     same = study(robot=with_links())
     np.testing.assert_array_equal(same.model.regressor(Q, W), study().model.regressor(Q, W))
     nominal = study(
-        robot=with_links(), measurement={"sigma_mm": 0.03, "reference": "nominal"}, test_pose=POSE
+        robot=with_links(),
+        measurement={"sigma_mm": 0.03, "reference": "nominal"},
+        test_pose=TEST_POSE,
     )
     none = nominal.model.regressor(Q, np.zeros(6))
     assert np.abs(none).max() > 100
     np.testing.assert_allclose(nominal.model.regressor(Q, W), none + same.model.regressor(Q, W))
-    assert np.abs(nominal.target - study(test_pose=POSE).target).max() > 10
+    assert np.abs(nominal.target - study(test_pose=TEST_POSE).target).max() > 10
 
 
 Q = np.array([0.1, -1.2, 0.4, 0.5, 0.6, 0.7])
 W = np.array([0, 0, -2500.0, 0, 0, 0])
-POSE = {
-    "q_deg": [0, -56.9, 89.3, 45.1, 76, 57.2],
-    "tool": {"position_mm": [986, 0, 0]},
-    "load": {"F_N": [0, 280, -180]},
-}
 
 
 def test_slope_of_experiments(derivative):
@@ -203,7 +194,7 @@ def test_a_study_of_everything_is_written_and_read(tmp_path):
 )
 def test_certificates_know_what_is_measured(keys):
     """A second implementation confirms value and bound, and a mass that was changed is found."""
-    asked = study(**keys, test_pose=POSE)
+    asked = study(**keys, test_pose=TEST_POSE)
     found = edtk.relax(asked)
     content = json.loads(json.dumps(certificate(asked, found)))
     assert verify_certificate(content).valid
