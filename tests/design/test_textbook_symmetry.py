@@ -84,7 +84,7 @@ def test_trigonometric_regression(p, name):
 
 @pytest.mark.parametrize(("k", "name"), [*product((4, 6), EVERY), *product((8,), LARGE)])
 def test_first_order_on_the_cube(k, name):
-    """k factors at two levels: M = I, as no diagonal entry can be above one.
+    """Factors at two levels, k of them: M = I, as no diagonal entry can be above one.
 
     The centre of the cube is a candidate too, and gets no weight.
     """
@@ -114,7 +114,7 @@ def kiefer_moments(k):
 
 
 def log_det(k, u, v):
-    """log det of the full quadratic's information with moments u and v, and E x_i^4 = u.
+    """Compute log det M of the full quadratic with moments u and v, and E x_i^4 = u.
 
     The factors are k linear terms u, k(k-1)/2 products v, k - 1 contrasts of squares u - v, and
     constant and sum of squares together ``u + (k-1) v - k u^2``.
