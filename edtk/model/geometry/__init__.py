@@ -1,0 +1,1 @@
+"""Geometric errors of a chain: lengths, offsets and axes that differ from the drawing."""

@@ -1,0 +1,83 @@
+"""One parameter of the geometry or of the springs: its name, its words, its unit and its scale."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+Place = Literal["base", "joint", "tool", "compliance"]
+AXES = "xyz"
+SHIFTS = AXES
+TURNS = ("rx", "ry", "rz")
+COMPONENTS = (*SHIFTS, *TURNS)
+
+# One unit in which a parameter is of order one: a millimetre, a milliradian, a soft joint.
+MILLIMETRE = 1e-3
+MILLIRADIAN = 1e-3
+SOFTNESS = 1e-6  # [rad/(N m)]
+SLIDING_SOFTNESS = 1e-6  # [m/N]
+
+
+@dataclass(frozen=True)
+class GeometricParameter:
+    """One parameter.
+
+    Attributes:
+        place: What it moves: the base, the frame before a joint, a tool, or a spring.
+        of: Name of the joint or of the marker; empty for the base.
+        component: x y z for a shift, rx ry rz for a turn; empty for a compliance.
+        slides: Whether a compliance is that of a prismatic joint.
+        along: Whether the component is the one along the joint's own axis: a turn of a revolute
+            joint is the offset of its zero.
+    """
+
+    place: Place
+    of: str = ""
+    component: str = ""
+    slides: bool = False
+    along: bool = False
+
+    @property
+    def name(self) -> str:
+        """Name in files: `base.x`, `q2.rz`, `tool.A.x`, `k_q2`."""
+        if self.place == "compliance":
+            return f"k_{self.of}"
+        if self.place == "base":
+            return f"base.{self.component}"
+        if self.place == "tool":
+            return f"tool.{self.of}.{self.component}" if self.of else f"tool.{self.component}"
+        return f"{self.of}.{self.component}"
+
+    @property
+    def turns(self) -> bool:
+        """Whether it is an angle."""
+        return self.component in TURNS
+
+    @property
+    def scale(self) -> float:
+        """Size of one unit in which people read it, in SI units."""
+        if self.place == "compliance":
+            return SLIDING_SOFTNESS if self.slides else SOFTNESS
+        return MILLIRADIAN if self.turns else MILLIMETRE
+
+    @property
+    def unit(self) -> str:
+        """That unit in words."""
+        if self.place == "compliance":
+            return "1e-6 m/N" if self.slides else "1e-6 rad/(N m)"
+        return "mrad" if self.turns else "mm"
+
+    @property
+    def words(self) -> str:
+        """What it is, for people."""
+        axis = self.component[-1:]
+        if self.place == "compliance":
+            return f"the compliance of joint {self.of}"
+        if self.place == "base":
+            return f"the base's turn about {axis}" if self.turns else f"the base's {axis}"
+        if self.place == "tool":
+            tool = f"the tool of {self.of}" if self.of else "the tool"
+            return f"{tool}'s turn about {axis}" if self.turns else f"{tool} along {axis}"
+        if self.along:
+            return f"the zero of joint {self.of}"
+        if self.turns:
+            return f"the tilt about {axis} before joint {self.of}"
+        return f"the length along {axis} before joint {self.of}"
