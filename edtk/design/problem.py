@@ -7,13 +7,11 @@ from numpy.typing import ArrayLike
 
 from criteria import Criterion
 from criteria.linalg.null_space import open_directions
-from edtk.design.packed import order, pack, pack_gram, sensitivity_rows, unpack
+from edtk.design.packed import pack, sensitivity_rows
+from edtk.design.packed_information import PackedInformation
+from edtk.design.rows import Rows
 from edtk.system.presented import Presented
 from edtk.system.typing import Array, Indices, Mask
-
-# Relative size of a pivot below which a candidate's factorization ends: information is a sum of
-# products, and what rounding leaves of a zero pivot stays below this.
-NEGLIGIBLE_PIVOT = 1e-13
 
 
 class RankDeficientError(ValueError):
@@ -31,8 +29,9 @@ class RankDeficientError(ValueError):
 class Problem(Presented):
     """Candidate experiments of a linear (or linearised) model ``y_i = A_i k + noise``.
 
-    The information matrix of weights w is ``M = sum_i w_i (M0 + A_i' A_i / sigma^2)``. Of each
-    candidate only the information ``A_i' A_i / sigma^2`` is kept, packed as its upper triangle.
+    The information matrix of weights w is ``M = sum_i w_i (M0 + A_i' A_i / sigma^2)``. The rows
+    ``A_i / sigma`` are kept, so that sensitivities are sums of squares and lose no digits; a
+    problem made by `of_information` keeps packed upper triangles instead.
     M0 is the prior information: what other measurements tell about the parameters anyhow, per
     single experiment of the plan. It enters `information`, `mean` and `sensitivities`; `packed`,
     `blocks` and `factors` are of the candidates alone.
@@ -57,7 +56,7 @@ class Problem(Presented):
                [0., 8.]])
     """
 
-    packed: Array
+    kept: Rows | PackedInformation
     p: int
     parameters: tuple[str, ...]
     prior: Array | None
@@ -80,9 +79,9 @@ class Problem(Presented):
         _require_finite(np.isfinite(A).all(axis=(1, 2)))
         # A finite regressor may have a square that is not; it is named below without a warning.
         with np.errstate(over="ignore", invalid="ignore"):
-            packed = pack_gram(np.moveaxis(A / scale[:, None], 0, -1).swapaxes(0, 1))
-            _require_finite(np.isfinite(packed.sum(axis=0)))
-        self._set(packed, parameters, prior)
+            whitened = A / scale[:, None]
+            _require_finite(np.isfinite(np.einsum("irp,irp->i", whitened, whitened)))
+        self._set(Rows.of(whitened), parameters, prior)
 
     @classmethod
     def of_information(
@@ -108,15 +107,28 @@ class Problem(Presented):
             )
         # A sum is finite only if all its terms are, and needs no mask of the size of the input.
         _require_finite(np.isfinite(packed.sum(axis=0)))
+        return cls._of(PackedInformation(packed), parameters, prior)
+
+    @classmethod
+    def _of(
+        cls,
+        kept: Rows | PackedInformation,
+        parameters: tuple[str, ...] | None,
+        prior: ArrayLike | None,
+    ) -> "Problem":
+        """A problem of candidates that are known to be sound."""
         problem = cls.__new__(cls)
-        problem._set(packed, parameters, prior)
+        problem._set(kept, parameters, prior)
         return problem
 
     def _set(
-        self, packed: Array, parameters: tuple[str, ...] | None, prior: ArrayLike | None
+        self,
+        kept: Rows | PackedInformation,
+        parameters: tuple[str, ...] | None,
+        prior: ArrayLike | None,
     ) -> None:
-        self.packed = packed
-        self.p = order(len(packed))
+        self.kept = kept
+        self.p = kept.p
         default = tuple(f"k{i + 1}" for i in range(self.p))
         self.parameters = default if parameters is None else tuple(parameters)
         if len(self.parameters) != self.p:
@@ -133,53 +145,41 @@ class Problem(Presented):
     @property
     def n(self) -> int:
         """Number of candidates."""
-        return int(self.packed.shape[1])
+        return self.kept.n
+
+    @property
+    def packed(self) -> Array:
+        """Upper triangles (p(p+1)/2, n) of the candidates' information; of rows, made anew."""
+        return self.kept.packed()
 
     def __getitem__(self, chosen: Indices) -> "Problem":
         """The same problem with some of its candidates."""
-        return Problem.of_information(self.packed[:, chosen], self.parameters, self.prior)
+        return Problem._of(self.kept[chosen], self.parameters, self.prior)
 
     def __add__(self, others: "Problem") -> "Problem":
         """The same problem with the candidates of another one besides its own."""
-        packed = np.concatenate([self.packed, others.packed], axis=1)
-        return Problem.of_information(packed, self.parameters, self.prior)
+        kept: Rows | PackedInformation
+        if isinstance(self.kept, Rows) and isinstance(others.kept, Rows):
+            kept = self.kept + others.kept
+        else:
+            kept = PackedInformation(np.concatenate([self.packed, others.packed], axis=1))
+        return Problem._of(kept, self.parameters, self.prior)
+
+    def with_prior(self, prior: Array | None) -> "Problem":
+        """The same candidates with other prior information (p, p), or without any."""
+        return Problem._of(self.kept, self.parameters, prior)
 
     def blocks(self, chosen: ArrayLike = slice(None)) -> Array:  # type: ignore[assignment]
         """Information ``A_i' A_i / sigma^2`` (k, p, p) of some candidates, by default of all."""
-        return unpack(self.packed[:, chosen])  # type: ignore[index]
-
-    @cached_property
-    def _factors(self) -> Array:
-        """Factors of all candidates (n, r, p), computed when first asked for.
-
-        This is a Cholesky factorization with pivots, of all candidates at once: each step removes
-        the part that belongs to the largest remaining diagonal entry, until only rounding remains.
-        """
-        # At a diagonal of order one the size of a pivot tells the rank, whatever the units.
-        own = unpack(self.packed.mean(axis=1))
-        scale = np.sqrt(np.maximum(np.diag(own), np.finfo(float).tiny))
-        remaining = self.blocks() / np.outer(scale, scale)
-        diagonal = np.diagonal(remaining, axis1=1, axis2=2)
-        each = np.arange(self.n)
-        least = NEGLIGIBLE_PIVOT * diagonal.max(axis=1)
-        rows: list[Array] = []
-        while len(rows) < self.p:
-            top = diagonal.max(axis=1)
-            if not (top > least).any():
-                break
-            # An infinite pivot gives candidates of lower rank a row of zeros.
-            pivot = np.sqrt(np.where(top > least, top, np.inf))
-            row = remaining[each, diagonal.argmax(axis=1)] / pivot[:, None]
-            remaining -= row[:, :, None] * row[:, None]
-            rows.append(row)
-        return np.stack(rows or [np.zeros((self.n, self.p))], axis=1) * scale
+        return self.kept.blocks(chosen)
 
     def factors(self, chosen: ArrayLike = slice(None)) -> Array:  # type: ignore[assignment]
         """Factors U (k, r, p) with ``U' U = A' A/sigma^2`` of some candidates, by default of all.
 
-        The number r of rows is the largest rank among all candidates.
+        They are the rows ``A/sigma`` themselves where these are kept. Otherwise their number r is
+        the largest rank among all candidates.
         """
-        return self._factors[chosen]  # type: ignore[index]
+        return self.kept.factors(chosen)
 
     def information(self, weights: ArrayLike) -> Array:
         """Information matrix ``M = sum_i w_i (M0 + A_i' A_i / sigma^2)`` (p, p).
@@ -191,7 +191,7 @@ class Problem(Presented):
         support = np.flatnonzero(w)
         # Columns of the support are worth a copy only where they are few.
         few = 2 * len(support) < self.n
-        M = unpack(self.packed[:, support] @ w[support] if few else self.packed @ w)
+        M = self.kept[support].weighted(w[support]) if few else self.kept.weighted(w)
         return M if self.prior is None else M + w.sum() * self.prior
 
     def plan_information(self, chosen: Indices, repeats: Array) -> Array:
@@ -204,13 +204,13 @@ class Problem(Presented):
         Returns:
             Matrices (b, p, p), the prior included.
         """
-        M = np.einsum("bk,bkij->bij", repeats, self.blocks(chosen))
+        M = self.kept.weighted_plans(chosen, repeats)
         return M if self.prior is None else M + repeats.sum(axis=1)[:, None, None] * self.prior
 
     @cached_property
     def mean(self) -> Array:
         """Information matrix (p, p) of equal weights ``1/n``."""
-        M = unpack(self.packed.mean(axis=1))
+        M = self.kept.mean()
         return M if self.prior is None else M + self.prior
 
     def require_identifiable(self, criterion: Criterion | None = None) -> None:
@@ -250,9 +250,22 @@ class Problem(Presented):
         Returns:
             Array (..., n).
         """
-        rows = sensitivity_rows(Z)
-        own = np.asarray(rows @ self.packed)
-        return own if self.prior is None else own + (rows @ pack(self.prior))[..., None]
+        Z = np.asarray(Z, dtype=float)
+        own = self.kept.sensitivities(Z)
+        if self.prior is None:
+            return own
+        return own + (sensitivity_rows(Z) @ pack(self.prior))[..., None]
+
+    def sensitivities_to_root(self, B: Array) -> Array:
+        """Sensitivities (n,) to the multiplier ``Z = B B'`` of a factor B (p, q).
+
+        Of rows they are squared norms ``|A_i B|^2``. So they keep the digits that a Z in nearly
+        dependent parameters has lost, and those of low rank take less time.
+        """
+        own = self.kept.sensitivities_to_root(B)
+        if self.prior is None:
+            return own
+        return np.asarray(own + np.einsum("aq,ab,bq->", B, self.prior, B))
 
     def with_unit_trace(self) -> "Problem":
         """The same candidates, each scaled to information of trace one.
@@ -265,8 +278,12 @@ class Problem(Presented):
     @cached_property
     def _unit_trace(self) -> "Problem":
         trace = self.sensitivities(np.eye(self.p))
-        packed = self.packed if self.prior is None else self.packed + pack(self.prior)[:, None]
-        return Problem.of_information(packed / np.where(trace > 0, trace, 1.0), self.parameters)
+        kept = self.kept
+        if self.prior is not None:
+            kept = PackedInformation(self.packed).plus(self.prior)
+        return Problem._of(
+            kept.scaled(1.0 / np.where(trace > 0, trace, 1.0)), self.parameters, None
+        )
 
 
 def _require_finite(finite: Mask) -> None:

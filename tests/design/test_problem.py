@@ -106,8 +106,9 @@ def test_sensitivities_are_traces(blocks):
 def test_of_information_is_the_same_problem_without_a_copy(blocks):
     """A problem of packed information has the same blocks and names, and shares the memory."""
     problem = Problem(blocks, 0.5, ("a", "b", "c", "d"))
-    same = Problem.of_information(problem.packed, problem.parameters)
-    assert np.shares_memory(same.packed, problem.packed)
+    packed = problem.packed
+    same = Problem.of_information(packed, problem.parameters)
+    assert np.shares_memory(same.packed, packed)
     assert (same.n, same.p, same.parameters) == (7, 4, ("a", "b", "c", "d"))
     np.testing.assert_array_equal(same.blocks(), problem.blocks())
 

@@ -2,7 +2,9 @@
 
 import numpy as np
 
+from criteria.linalg.inverse import whitener
 from criteria.linalg.null_space import open_directions
+from criteria.linalg.root import root
 from edtk.design.problem import Problem
 from edtk.design.relaxation.experiment_blocks import experiment_blocks
 from edtk.system.typing import Array, Indices
@@ -33,19 +35,37 @@ def first_active_set(problem: Problem, size: int) -> Indices:
     every = np.arange(problem.n)
     for among in (sample, every):
         part = problem[among] if len(among) < problem.n else problem
-        M = REGULARISATION * problem.mean
-        chosen = _most_informative(part, M, min(max(size, problem.p), part.n))
+        chosen = _most_informative(part, problem.mean, min(max(size, problem.p), part.n))
         if not open_directions(experiment_blocks(part, chosen).mean(axis=0), problem.parameters):
             break
     return among[chosen]
 
 
-def _most_informative(problem: Problem, M: Array, size: int) -> Indices:
-    """Indices (size,) of candidates, each the one that raises det M most beside those before it."""
+def _most_informative(problem: Problem, mean: Array, size: int) -> Indices:
+    """Indices (size,) of candidates, each the one that raises det M most beside those before it.
+
+    After a candidate of information ``U'U`` the inverse C of M is ``C - B B'`` with
+    ``B = C U' F^-1``, ``F'F = I + U C U'``. So the sensitivities fall by those to ``B B'``, a
+    matrix of low rank, and no inverse is computed anew.
+    """
+    T = whitener(mean)
+    C = T @ T.T / REGULARISATION
+    gain = problem.sensitivities(C)
     chosen: list[int] = []
     for _ in range(size):
-        gain = problem.sensitivities(np.linalg.inv(M))
         gain[chosen] = -np.inf
-        chosen.append(int(gain.argmax()))
-        M = M + experiment_blocks(problem, np.array(chosen[-1:]))[0]
+        best = int(gain.argmax())
+        chosen.append(best)
+        B = _lost(C, problem, best)
+        C = C - B @ B.T
+        gain = gain - problem.sensitivities_to_root(B)
     return np.array(chosen)
+
+
+def _lost(C: Array, problem: Problem, chosen: int) -> Array:
+    """B (p, r): an inverse C (p, p) falls by ``B B'`` where a candidate joins."""
+    U = problem.factors(chosen)
+    if problem.prior is not None:
+        U = np.concatenate([U, root(problem.prior)])
+    F = np.linalg.cholesky(np.eye(len(U)) + U @ C @ U.T)
+    return np.asarray(np.linalg.solve(F, U @ C).T)

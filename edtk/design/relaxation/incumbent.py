@@ -4,6 +4,7 @@ import numpy as np
 
 from criteria import Relaxable
 from edtk.design.bound import Bound, BoundKind
+from edtk.design.packed import pack
 from edtk.design.problem import Problem
 from edtk.design.relaxation.column_generation import Step
 from edtk.design.relaxation.experiment_blocks import experiment_blocks
@@ -100,7 +101,7 @@ class Incumbent:
         """Weights (k,) of the active candidates as they were given, on as few as are needed."""
         weights = original_weights(problem, self.criterion, self.active, self.weights)
         blocks = experiment_blocks(problem, self.active)
-        few = sparse_weights(problem.packed[:, self.active], weights)
+        few = sparse_weights(pack(problem.blocks(self.active)), weights)
         cost = float(self.criterion.cost(np.tensordot(weights, blocks, axes=1)))
         cost_of_few = float(self.criterion.cost(np.tensordot(few, blocks, axes=1)))
         found = few if cost_of_few <= cost * (1 + SPARSE_LOSS * gap) else weights

@@ -27,7 +27,7 @@ def without_open_directions(problem: Problem) -> Problem:
     if not W.size:
         return problem
     prior = W @ W.T if problem.prior is None else problem.prior + W @ W.T
-    return Problem.of_information(problem.packed, problem.parameters, prior)
+    return problem.with_prior(prior)
 
 
 def proved_on(problem: Problem, found: Relaxation) -> Relaxation:
