@@ -18,7 +18,16 @@ from criteria.criterion_error import (
 )
 from criteria.interest import Interest
 from criteria.power_criterion import PowerCriterion
-from criteria.registry import available, create, get, load_all, register
+from criteria.registry import (
+    available,
+    create,
+    families,
+    from_dict,
+    get,
+    load_all,
+    parameters_of,
+    register,
+)
 from criteria.relaxable import Relaxable
 
 __all__ = [
@@ -34,7 +43,10 @@ __all__ = [
     "UnknownCriterionError",
     "available",
     "create",
+    "families",
+    "from_dict",
     "get",
     "load_all",
+    "parameters_of",
     "register",
 ]

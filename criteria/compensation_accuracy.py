@@ -1,6 +1,6 @@
 """rho0, the paper's criterion: accuracy of the compliance compensation in the test pose."""
 
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -44,6 +44,11 @@ class CompensationAccuracy(ConvexCriterion):
         if self.target.ndim != 2 or not np.isfinite(self.target).all() or not self.target.any():
             raise ValueError("rho0: the target A0 must be a finite, non-zero matrix (rows, p)")
         self.target.flags.writeable = False
+
+    @property
+    def arguments(self) -> dict[str, Any]:
+        """The target."""
+        return {"target": self.target.tolist()}
 
     def in_units(self, T: Array) -> Self:
         """The target becomes ``A0 T``."""

@@ -52,6 +52,9 @@ class Criterion(ABC):
         unit_free: Whether efficiencies do not depend on the parameters' units.
         needs_target: Whether the constructor takes the target matrix A0.
         needs_all: Whether the cost is finite only where M tells all parameters.
+        needs_parameters: Whether the constructor takes arguments that nobody can guess, such as W
+            or q. Such a criterion is used only where it is asked for with them.
+        takes_interest: Whether it can be about some of the parameters only, see `Interest`.
         per_task: Whether it takes a target of each task (tasks, rows, p) instead of one of all.
         shown: Factor and unit with which `value` is printed; the unit may be empty.
     """
@@ -68,6 +71,8 @@ class Criterion(ABC):
     needs_target: bool = False
     per_task: bool = False
     needs_all: bool = True
+    needs_parameters: bool = False
+    takes_interest: bool = True
     shown: tuple[float, str] = (1.0, "")
 
     @abstractmethod
@@ -77,6 +82,15 @@ class Criterion(ABC):
     @abstractmethod
     def _gradient(self, M: Array, cov: Array) -> Array:
         """G (..., p, p) with d cost = <G, dM>; at a kink, any subgradient."""
+
+    @property
+    def arguments(self) -> dict[str, Any]:
+        """What the constructor took, as plain numbers and lists: {"q": 2.0}; empty for nothing."""
+        return {}
+
+    def to_dict(self) -> dict[str, Any]:
+        """Name and arguments, for JSON: `criteria.from_dict` makes an equal criterion of them."""
+        return {"name": self.name, **self.arguments}
 
     @property
     def plan_criterion(self) -> "Criterion":

@@ -27,8 +27,9 @@ class GOptimality(KinkedCriterion, CovarianceCriterion, ConvexCriterion):
     """Largest variance of a parameter, ``max diag(cov)``; Table 1's "diag(k)" means diag(cov(k)).
 
     This is the paper's G. Elsewhere G means the largest variance of a prediction over the
-    candidates. The cost is ``(sum cov_ii^s)^(1/s)`` with sharpness s. A subgradient is ``-c c'``
-    for the column c of cov that holds the largest diagonal entry.
+    candidates, which is "prediction_G" here. The cost is ``(sum cov_ii^s)^(1/s)`` with
+    sharpness s. A subgradient is ``-c c'`` for the column c of cov that holds the largest diagonal
+    entry.
     """
 
     name = "G"

@@ -1,6 +1,7 @@
 """Criteria for some of the parameters, or for combinations of them; the others are nuisance."""
 
-from typing import TYPE_CHECKING, Self
+from copy import copy
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -47,12 +48,21 @@ class Interest(Relaxable):
     """
 
     needs_all = False
+    takes_interest = False
 
     def __init__(self, base: Criterion, K: ArrayLike, names: tuple[str, ...] | None = None) -> None:
-        self.base = _monotone(base)
-        self.K = _combinations(K)
-        self._chosen = _chosen(self.K)
-        self.names = _default_names(self.K) if names is None else names
+        self._fill(monotone(base), combinations_of(K), names)
+
+    def _fill(self, base: Relaxable, K: Array, names: tuple[str, ...] | None) -> None:
+        """Set all attributes, from arguments that are checked already."""
+        self.base = base
+        self.K = K
+        self._chosen = _chosen(K)
+        self.names = _default_names(K) if names is None else names
+        self._describe(base)
+
+    def _describe(self, base: Relaxable) -> None:
+        """Take over what the base declares."""
         self.name = base.name
         self.title = f"{base.title} of {', '.join(self.names)}"
         self.formula = base.formula
@@ -60,10 +70,14 @@ class Interest(Relaxable):
         self.degree = base.degree
         self.convex = base.convex
         self.smooth = base.smooth
-        self.monotone = True
         self.unit_free = base.unit_free
         self.shown = base.shown
-        self.expression_power = self.base.expression_power
+        self.expression_power = base.expression_power
+
+    @property
+    def arguments(self) -> dict[str, Any]:
+        """The base's, and the combinations."""
+        return {**self.base.arguments, "interest": self.K.tolist()}
 
     @property
     def label(self) -> str:
@@ -85,7 +99,7 @@ class Interest(Relaxable):
 
     def in_units(self, T: Array) -> Self:
         """The combinations of k are ``T'K`` of k', where k = T k'."""
-        return type(self)(self.base, T.T @ self.K, self.names)
+        return self._like(self.base, T.T @ self.K)
 
     def inverse(self, M: Array) -> tuple[Array, Array, Mask]:
         """A generalised inverse, and the mask of the matrices that tell all combinations."""
@@ -166,7 +180,15 @@ class Interest(Relaxable):
     def _with(self, base: Criterion) -> Self:
         """Another base for the same combinations; this object itself for the same base."""
         # The relaxation keeps compiled programs by object, so an equal one is not made anew.
-        return self if base is self.base else type(self)(base, self.K, self.names)
+        return self if base is self.base else self._like(base, self.K)
+
+    def _like(self, base: Criterion, K: Array) -> Self:
+        """A criterion of the same kind and names with another base or other combinations."""
+        # In other units combinations stay independent, though they may not look it any more: they
+        # are not checked again.
+        other = copy(self)
+        other._fill(monotone(base), K, self.names)
+        return other
 
     def _cost(self, M: Array, cov: Array) -> Array:
         return self.cost_of_variance(self.variance(cov))
@@ -186,7 +208,7 @@ class Interest(Relaxable):
         return side @ slope @ np.swapaxes(side, -1, -2)
 
 
-def _monotone(base: Criterion) -> Relaxable:
+def monotone(base: Criterion) -> Relaxable:
     """The criterion, if it may be applied to a part of the parameters.
 
     Raises:
@@ -197,6 +219,11 @@ def _monotone(base: Criterion) -> Relaxable:
             f"criterion {base.name!r} says by its target what is of interest; expected a criterion "
             "without a target"
         )
+    if not base.takes_interest:
+        raise CriterionError(
+            f"criterion {base.name!r} says by itself what is of interest; expected one that does "
+            "not, such as D or A"
+        )
     if not isinstance(base, Relaxable) or not base.monotone or not base.convex:
         raise CriterionError(
             f"criterion {base.name!r} is not monotone and convex; expected one that is, such as D "
@@ -205,7 +232,7 @@ def _monotone(base: Criterion) -> Relaxable:
     return base
 
 
-def _combinations(K: ArrayLike) -> Array:
+def combinations_of(K: ArrayLike) -> Array:
     """A frozen copy (p, s) of combinations.
 
     Raises:

@@ -19,7 +19,15 @@ if TYPE_CHECKING:
 
 HOOKS = ("expression", "polar", "formulation", "lower_bound", "subproblem")  # of relaxations
 TEXTS = ("title", "formula")
-FLAGS = ("convex", "smooth", "monotone", "unit_free", "needs_target", "per_task")
+FLAGS = (
+    "convex",
+    "smooth",
+    "monotone",
+    "unit_free",
+    "needs_target",
+    "per_task",
+    "needs_parameters",
+)
 # What a third party's code may raise: it may end the program instead of raising an error.
 FAILURES = (Exception, SystemExit)
 

@@ -47,12 +47,16 @@ class PowerCriterion(ConvexCriterion):
         """The power of the smoothed base."""
         # The relaxation keeps compiled programs by object, so an equal one is not made anew.
         base = self.base.smoothed(sharpness)
-        return self if base is self.base else type(self)(base)
+        return self if base is self.base else self._like(base)
 
     def in_units(self, T: Array) -> Self:
         """The power of the base in other units."""
         base = self.base.in_units(T)
-        return self if base is self.base else type(self)(base)
+        return self if base is self.base else self._like(base)
+
+    def _like(self, base: ConvexCriterion) -> Self:
+        """The same power of another base of the same kind."""
+        return type(self)(base)
 
     def polar(self, Z: Array, M: Array) -> float:
         """The power of the base's polar."""

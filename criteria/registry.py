@@ -4,9 +4,10 @@ import importlib
 import inspect
 import pkgutil
 import sys
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from numpy.typing import ArrayLike
 
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 GROUP = "edtk.criteria"
 # The order of Table 1, then those that it does not have.
 BUILTINS = ("A", "D", "E", "G", "O1", "O2", "O3", "O4", "O5", "rho0", "rho_max")
+FAMILIES = ("I", "c", "Ds", "phi", "prediction_G")  # the order in which they are listed
 _registered: dict[str, type[Criterion]] = {}
 C = TypeVar("C", bound=type[Criterion])
 
@@ -61,10 +63,20 @@ def register(cls: C) -> C:
 
 
 def available() -> tuple[str, ...]:
-    """Names of all criteria: built-ins, first those of the paper's Table 1, then plug-ins."""
+    """Names of all criteria: built-ins, first those of the paper's Table 1, then plug-ins.
+
+    Criteria that need parameters are not among them, see `families`.
+    """
     _load_builtins()
-    known = {*_registered, *_plugins()}
+    known = {*_registered, *_plugins()} - set(families())
     return (*(name for name in BUILTINS if name in known), *sorted(known - set(BUILTINS)))
+
+
+def families() -> tuple[str, ...]:
+    """Names of the criteria that `create` makes from parameters only, such as I from W."""
+    _load_builtins()
+    found = {name for name, cls in _registered.items() if cls.needs_parameters}
+    return (*(name for name in FAMILIES if name in found), *sorted(found - set(FAMILIES)))
 
 
 def get(name: str) -> type[Criterion]:
@@ -81,7 +93,8 @@ def get(name: str) -> type[Criterion]:
     claims = _plugins().get(name, ())
     if not claims:
         raise UnknownCriterionError(
-            f"unknown criterion {name!r}; available: {', '.join(available())}"
+            f"unknown criterion {name!r}; available: {', '.join(available())}, and with "
+            f"parameters {', '.join(families())}"
         )
     if len(claims) > 1:
         values = " and ".join(repr(point.value) for point in claims)
@@ -98,7 +111,10 @@ def load_all() -> Loaded:
     problems: dict[str, str] = {}
     for name in available():
         try:
-            classes[name] = get(name)
+            cls = get(name)
+            # A plug-in may turn out to need parameters only now that it is loaded.
+            if not cls.needs_parameters:
+                classes[name] = cls
         except CriterionError as error:
             problems[name] = str(error)
     for name, claims in _plugins().items():
@@ -117,26 +133,82 @@ def create(
     target: ArrayLike | None = None,
     interest: ArrayLike | None = None,
     targets: ArrayLike | None = None,
+    **parameters: Any,
 ) -> Criterion:
     """Construct a criterion by name.
 
+        >>> import criteria
+        >>> criteria.create("phi", q=1).value([[2.0, 0.0], [0.0, 4.0]])
+        0.375
+
     Args:
-        name: One of `available()`.
+        name: One of `available()`, or with parameters one of `families()`.
         target: The test pose's regressor A0 (rows, p) [m/(rad/(N m))], for criteria that need it.
         interest: Combinations K (p, s) of the parameters, one a column, about which alone the
             criterion shall be, see `Interest`; defaults to all parameters.
         targets: The regressors (tasks, rows, p) of several tasks, for criteria that look at each of
             them; without them `target` is the only task.
+        parameters: What a criterion of `families()` needs, such as W of I; its class describes it.
 
     Raises:
         MissingTargetError: The criterion needs a target and `target` is None.
-        CriterionError: The name is unknown, the class of a plug-in fails, or the criterion has no
-            meaning for combinations.
+        CriterionError: The name is unknown, the class of a plug-in fails, a parameter is missing,
+            unknown or wrong, or the criterion has no meaning for combinations.
     """
     cls = get(name)
+    known = _parameters_of(cls)
+    if interest is not None and "interest" in known:
+        parameters = {**parameters, "interest": interest}
+        interest = None
+    if parameters or cls.needs_parameters:
+        made = _with_parameters(cls, parameters, known)
+        return made if interest is None else Interest(made, interest)
     if interest is not None:
         return Interest(_create(cls, target, targets), interest)
     return _create(cls, target, targets)
+
+
+def from_dict(data: Mapping[str, Any]) -> Criterion:
+    """Make the criterion that `Criterion.to_dict` has written.
+
+    Raises:
+        CriterionError: There is no such criterion, or its arguments are wrong.
+    """
+    return create(**data)
+
+
+def parameters_of(name: str) -> tuple[str, ...]:
+    """Names of the parameters that `create` takes for a criterion; none but for `families()`.
+
+    Raises:
+        CriterionError: There is no such criterion.
+    """
+    return tuple(_parameters_of(get(name)))
+
+
+def _parameters_of(cls: type[Criterion]) -> dict[str, inspect.Parameter]:
+    """What the constructor of a class with parameters takes, by name; nothing for the others."""
+    return dict(inspect.signature(cls).parameters) if cls.needs_parameters else {}
+
+
+def _with_parameters(
+    cls: type[Criterion], given: Mapping[str, Any], known: Mapping[str, inspect.Parameter]
+) -> Criterion:
+    """Construct a criterion from its parameters.
+
+    Raises:
+        CriterionError: A parameter is unknown, or a required one is missing.
+    """
+    expected = ", ".join(known) or "none"
+    for key in given:
+        if key not in known:
+            raise CriterionError(
+                f"criterion {cls.name!r} has no parameter {key!r}; expected {expected}"
+            )
+    for key, parameter in known.items():
+        if parameter.default is inspect.Parameter.empty and key not in given:
+            raise CriterionError(f"criterion {cls.name!r} needs {key}; its parameters: {expected}")
+    return cls(**given)
 
 
 def _create(cls: type[Criterion], target: ArrayLike | None, targets: ArrayLike | None) -> Criterion:

@@ -1,7 +1,7 @@
 """rho_max: accuracy of the compliance compensation in the worst of several tasks."""
 
 from functools import cached_property
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -60,6 +60,11 @@ class WorstTaskAccuracy(KinkedCriterion, ConvexCriterion):
                 "rho_max: the targets must be finite matrices (tasks, rows, p), not all zero"
             )
         self.targets.flags.writeable = False
+
+    @property
+    def arguments(self) -> dict[str, Any]:
+        """The targets."""
+        return {"targets": self.targets.tolist()}
 
     def smoothed(self, sharpness: float) -> Self:
         """The same criterion with a soft maximum in place of the maximum."""

@@ -111,7 +111,11 @@ def edit(path: Path, old: str, new: str) -> Path:
 def test_criteria_lists_the_registry() -> None:
     """`edtk criteria --json` is the registry as JSON, and the table names every criterion."""
     listed = json.loads(process("criteria", "--json").stdout)
-    assert [row["name"] for row in listed] == list(criteria.available())
+    names = [row["name"] for row in listed]
+    assert names == [*criteria.available(), *criteria.families()]
+    assert {row["name"]: row["parameters"] for row in listed if "parameters" in row} == {
+        name: list(criteria.parameters_of(name)) for name in criteria.families()
+    }
     table = edtk("criteria").stdout
     assert all(row["title"] in table for row in listed)
 

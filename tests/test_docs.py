@@ -110,6 +110,8 @@ def test_every_criterion_is_explained() -> None:
     rows = re.findall(r"^\| (\w+) \|.*\| (min|max) \|", text, flags=re.MULTILINE)
     described = [criteria.get(name).describe() for name in criteria.available()]
     assert rows == [(d["name"], d["sense"]) for d in described]
+    families = re.findall(r"^\| `(\w+)` \|", text, flags=re.MULTILINE)
+    assert families == list(criteria.families())
 
 
 def test_commands_that_are_named_exist() -> None:

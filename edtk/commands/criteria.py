@@ -11,10 +11,15 @@ from edtk.system.json_text import json_text
 def command(as_json: bool) -> None:
     """List the criteria, built in or from plug-ins."""
     import criteria
-    from edtk.report.text.criteria_table import criteria_table
+    from edtk.report.text.criteria_table import criteria_table, families_table
 
     loaded = criteria.load_all()
     rows = [criterion.describe() for criterion in loaded.classes.values()]
-    print_out(json_text(rows) if as_json else criteria_table(rows))
+    families = [
+        {**criteria.get(name).describe(), "parameters": list(criteria.parameters_of(name))}
+        for name in criteria.families()
+    ]
+    table = f"{criteria_table(rows)}\n\n{families_table(families)}"
+    print_out(json_text([*rows, *families]) if as_json else table)
     for problem in loaded.problems.values():
         warn(f"left out: {problem}")

@@ -57,7 +57,8 @@ def test_unknown_name_lists_what_there_is():
     with pytest.raises(criteria.UnknownCriterionError, match="unknown criterion 'B'") as caught:
         criteria.get("B")
     message = str(caught.value)
-    assert message.endswith(", ".join(criteria.available()))
+    assert f"available: {', '.join(criteria.available())}, and" in message
+    assert message.endswith(f"with parameters {', '.join(criteria.families())}")
     assert "\n" not in message
 
 

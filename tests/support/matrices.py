@@ -19,13 +19,29 @@ SOLVER = 1e-9  # what the solver is asked for in `solve`, relative to an objecti
 def make(name: str, p: int) -> criteria.Criterion:
     """A criterion by name, with a random target, or those of four tasks, if it needs them.
 
-    The tasks are equally bad where all variances are one.
+    The tasks are equally bad where all variances are one. A criterion with parameters has random
+    ones; a number in its name is one of them: "phi 0.5".
     """
     rng = np.random.default_rng(p)
+    if name.split()[0] in criteria.families():
+        return with_parameters(rng, name, p)
     target = rng.normal(size=(3, p))
     targets = rng.normal(size=(4, 3, p))
     targets *= np.sqrt(p) / np.linalg.norm(targets, axis=(1, 2), keepdims=True)
     return criteria.create(name, target=target, targets=targets)
+
+
+def with_parameters(rng: np.random.Generator, name: str, p: int) -> criteria.Criterion:
+    """A criterion of `criteria.families()` with random parameters of order one."""
+    kind, *numbers = name.split()
+    given = {
+        "I": lambda: {"W": positive(rng, p)},
+        "c": lambda: {"c": rng.normal(size=p)},
+        "Ds": lambda: {"interest": rng.normal(size=(p, (p + 1) // 2))},
+        "phi": lambda: {"q": float(*numbers)},
+        "prediction_G": lambda: {"points": rng.normal(size=(6, p))},
+    }
+    return criteria.create(kind, **given[kind]())
 
 
 def balance(around: Array, share: float = 0.5) -> SpectralBalance:

@@ -1,0 +1,138 @@
+"""Kiefer's family phi_q, which leads from D (q = 0) over A (q = 1) towards E (q to infinity)."""
+
+from numbers import Real
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from criteria.a_optimality import AOptimality
+from criteria.convex_criterion import ConvexCriterion
+from criteria.covariance_criterion import CovarianceCriterion
+from criteria.criterion_error import CriterionError
+from criteria.d_optimality import DOptimality
+from criteria.linalg.inverse import guarded_inverse, power_trace
+from criteria.linalg.spectrum import conjugate
+from criteria.linalg.typing import Array
+from criteria.registry import register
+from criteria.relaxable import Formulation
+
+if TYPE_CHECKING:
+    import cvxpy as cp
+
+MOST = 50.0  # beyond it powers of eigenvalues leave the range of doubles, and E is as good
+
+
+@register
+class PhiOptimality(CovarianceCriterion, ConvexCriterion):
+    """``(trace(cov^q) / p)^(1/q)``, the mean of order q of the eigenvalues of cov (Kiefer 1974).
+
+    For q = 0 it is the geometric mean ``det(cov)^(1/p)``. With eigenvalues v of cov and the cost f
+    the gradient is ``-V diag(v^2 (v/f)^(q-1)) V' / p``.
+
+    Args:
+        q: Order of the mean, from 0 to 50.
+
+    Raises:
+        CriterionError: q is not such a number.
+    """
+
+    name = "phi"
+    title = "Kiefer's phi_q"
+    formula = "(trace(cov^q) / p)^(1/q)"
+    sense = "min"
+    degree = 1.0
+    needs_parameters = True
+
+    def __init__(self, q: float) -> None:
+        if not _is_number(q) or not 0 <= q <= MOST:
+            raise CriterionError(
+                f"criterion 'phi': expected q from 0 (D) over 1 (A) to {MOST:g}, not {q!r}; for "
+                "infinity, use E"
+            )
+        self.q = float(q)
+        self.unit_free = self.q == 0
+
+    @property
+    def label(self) -> str:
+        """Such as "phi (q = 2)"."""
+        return f"{self.name} (q = {self.q:g})"
+
+    @property
+    def arguments(self) -> dict[str, Any]:
+        """The order q."""
+        return {"q": self.q}
+
+    def polar(self, Z: Array, M: Array) -> float:
+        """``p (trace(Z^s)/p)^(1/s)``, ``s = q/(q+1)``, attained at a multiple of ``Z^(s-1)``.
+
+        It is Hoelder's inequality for traces; for q = 0 it is ``p det(Z)^(1/p)``.
+        """
+        p = len(Z)
+        if self.q == 0:
+            return DOptimality().polar(Z, M)
+        s = self.q / (self.q + 1)
+        return float(p * (power_trace(Z, s) / p) ** (1 / s))
+
+    def formulation(
+        self, M: "cp.Expression", total: "cp.Expression", T: Array, unit: float
+    ) -> Formulation:
+        """The mean of order -q of l, which the eigenvalues of ``X = T^-T M T^-1`` majorise.
+
+        A convex function that falls with each eigenvalue and does not know their order is least, of
+        all l with ``l_1 + .. + l_k <= sum of the k least eigenvalues of X``, at the eigenvalues
+        themselves (Ben-Tal and Nemirovski, Lectures on Modern Convex Optimization, 4.2).
+        """
+        import cvxpy as cp
+
+        p = len(T)
+        if self.q == 0:
+            return DOptimality().formulation(M, total, T, unit)
+        if self.q == 1:
+            return AOptimality().formulation(M, total, T, unit * p)
+        # The cost of a design in the unit `unit` is that of X unit; both then are of order one.
+        S = np.linalg.inv(T) * np.sqrt(unit)
+        X = S.T @ M @ S
+        X = 0.5 * (X + X.T)  # symmetric, which cvxpy cannot tell
+        least = cp.Variable(p, nonneg=True)
+        sums = [cp.sum(least[:k]) <= cp.lambda_sum_smallest(X, k) for k in range(1, p)]
+        order = [cp.diff(least) >= 0] if p > 1 else []
+        mean = cp.inv_pos(cp.pnorm(least, -self.q)) * p ** (-1 / self.q)
+        return mean, [*sums, cp.sum(least) <= cp.trace(X), *order, total == 1]
+
+    def covariance_slope(self, cov: Array) -> Array:
+        """``V diag((v/f)^(q-1)) V' / p``."""
+        if self.q == 0:  # the inverse of cov, which loses no digits in bad units
+            return self._cost(cov, cov)[..., None, None] / cov.shape[-1] * guarded_inverse(cov)[1]
+        variances, V = _spectrum(cov)
+        ratio = variances / self._mean(variances)[..., None]
+        return conjugate(V, ratio ** (self.q - 1)) / cov.shape[-1]
+
+    def _mean(self, variances: Array) -> Array:
+        """Mean of order q (...), above zero, of positive numbers (..., p)."""
+        # Divided by the largest, no power overflows, whatever the units are.
+        top = variances.max(axis=-1)
+        mean = ((variances / top[..., None]) ** self.q).mean(axis=-1)
+        return np.asarray(top * mean ** (1 / self.q))
+
+    def _cost(self, M: Array, cov: Array) -> Array:
+        if self.q == 0:  # eigenvalues lose digits in bad units, a determinant does not
+            return np.asarray(np.exp(np.linalg.slogdet(cov).logabsdet / cov.shape[-1]))
+        return self._mean(_spectrum(cov)[0])
+
+    def _gradient(self, M: Array, cov: Array) -> Array:
+        if self.q == 0:
+            return -self._cost(M, cov)[..., None, None] / M.shape[-1] * cov
+        variances, V = _spectrum(cov)
+        ratio = variances / self._mean(variances)[..., None]
+        return -conjugate(V, variances**2 * ratio ** (self.q - 1)) / M.shape[-1]
+
+
+def _is_number(q: object) -> bool:
+    return isinstance(q, Real) and not isinstance(q, bool)
+
+
+def _spectrum(cov: Array) -> tuple[Array, Array]:
+    """Eigenvalues (..., p), positive, and eigenvectors of covariances."""
+    variances, V = np.linalg.eigh(cov)
+    # Rounding can leave an eigenvalue a little below zero, which has no power.
+    return np.maximum(variances, np.finfo(float).tiny), V
