@@ -9,11 +9,13 @@ from designs import DESIGNS, KR270, STUDY
 
 from criteria import Criterion, create
 from criteria.linalg.inverse import whitener
+from edtk.certificate.verify_certificate import EXCESS
 from edtk.design.candidate_source import CandidateSource, EmptyFeasibleSetError
 from edtk.design.distinct import distinct
 from edtk.design.problem import RankDeficientError
 from edtk.design.relaxation.ascend import ascend
 from edtk.design.relaxation.capacity import MemoryLimitError, capacity
+from edtk.design.relaxation.normalised import is_normalised, normalised
 from edtk.design.relaxation.relax import relax
 from edtk.design.relaxation.relax_options import RelaxOptions
 from edtk.design.relaxation.relax_poses import PlanInterrupted, relax_poses
@@ -232,6 +234,20 @@ def test_a_bound_that_is_enough():
     assert short.searched_bound.cost < whole.searched_bound.cost
     assert short.searched_bound.cost <= whole.cost
     assert_proved_by_sensitivities(short)
+
+
+@pytest.mark.parametrize(("name", "seed"), [("rho0", 0), ("A", 3), ("E", 1)])
+def test_a_search_that_is_cut_short_is_sharp(name, seed):
+    """Its ends are uphill to a hundredth of the excess that a check of the claim tolerates."""
+    criterion = RHO0 if name == "rho0" else create(name)
+    options = RelaxOptions(stop=lambda: True)
+    short = relax_poses(CandidateSource(KR270, seed), 200, criterion, True, options)
+    largest = short.searched_sensitivities
+    multipliers = short.multipliers / largest.values[:, None, None]
+    ends = ascend(KR270, largest.x, multipliers, is_normalised(criterion), accuracy=1e-9)
+    found = normalised(KR270.problem(ends), criterion).sensitivities(multipliers).diagonal()
+    assert found.min() >= 1 - 1e-12
+    assert found.max() <= 1 + EXCESS / 100
 
 
 @pytest.fixture
