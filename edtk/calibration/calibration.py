@@ -175,7 +175,7 @@ class Calibration(Presented):
 
         It is the scale of the residuals times the root mean square of the given sigma.
         """
-        return float(self.fit.scale * np.sqrt(np.mean(self.data.sigma[:, :3] ** 2)))
+        return float(self.fit.scale * np.sqrt(np.mean(self.data.sigma[self.data.lengths] ** 2)))
 
     def to_dict(self) -> dict[str, Any]:
         """Plain numbers, SI, for JSON; a number that is not known is null."""

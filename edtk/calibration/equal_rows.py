@@ -5,8 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from edtk.inference.distributions import poisson_tail
-from edtk.inference.measurements import Measurements, row_numbers
-from edtk.system.typing import Array
+from edtk.inference.measurements import Measurements
+from edtk.inference.row_numbers import row_numbers
+from edtk.system.typing import Array, Indices
 
 MOST_DIGITS = 9  # decimals of a millimetre or a degree that a reading is looked at to
 SAME_DIGIT = 1e-4  # of a decimal step: below that a number is a multiple of it, but for rounding
@@ -43,10 +44,17 @@ def equal_rows(data: Measurements) -> EqualRows | None:
         return None
     later = int(np.flatnonzero(copies)[0])
     earlier = int(np.flatnonzero(row == row[later])[0])
-    agree = _steps(data) / (2 * np.sqrt(np.pi) * data.sigma.mean(axis=0))
-    expected = _pairs(pose) * np.minimum(agree, 1.0).prod()
+    turn = np.zeros(len(data), dtype=bool) if data.turn is None else data.turn
+    kinds = [np.flatnonzero(~turn), np.flatnonzero(turn)]
+    expected = sum(_agreeing(data[kind], pose[kind]) for kind in kinds if len(kind))
     chance = float(poisson_tail(_pairs(row) - 1, expected))
     return EqualRows(later, earlier, int(copies.sum()) - 1, chance)
+
+
+def _agreeing(data: Measurements, place: Indices) -> float:
+    """Expected number of pairs of repetitions of a place that agree, of at most."""
+    agree = _steps(data) / (2 * np.sqrt(np.pi) * data.sigma.mean(axis=0))
+    return float(_pairs(place) * np.minimum(agree, 1.0).prod())
 
 
 def _pairs(number: np.ndarray) -> float:
@@ -57,6 +65,9 @@ def _pairs(number: np.ndarray) -> float:
 
 def _steps(data: Measurements) -> Array:
     """Resolution (rows,) of the readings [m, rad]."""
+    if data.turn is not None and data.turn.all():
+        turned = _resolution(data.deflection * 180 / np.pi) * np.pi / 180
+        return np.full(1, turned)
     lengths = data.deflection[:, :3]
     steps = [np.full(lengths.shape[1], _resolution(lengths * 1e3) / 1e3)]
     if data.deflection.shape[1] == 6:

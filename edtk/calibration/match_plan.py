@@ -6,7 +6,8 @@ import numpy as np
 
 from edtk.calibration.pose_resolution import pose_resolution
 from edtk.design.plan import Plan
-from edtk.inference.measurements import Measurements, row_numbers
+from edtk.inference.measurements import Measurements
+from edtk.inference.row_numbers import row_numbers
 from edtk.study.study import Study
 from edtk.system.typing import Array, Indices
 from edtk.tables.pose_table import pose_factors

@@ -129,8 +129,7 @@ def _noise(
     """
     own = found.tracker**2 * own_covariance(data.own_noise, data.sigma.shape)
     motion = joint_motion(study.model, data) * (joint_unit(study) * found.joints)
-    of_model = np.zeros(data.sigma.shape)
-    of_model[:, :3] = discrepancy
+    of_model = np.where(data.lengths, discrepancy, 0.0)
     return visit_covariance(data, CorrelatedNoise.by_row(own), motion, of_model)
 
 
@@ -160,10 +159,8 @@ def own_of_visits(study: Study, data: Measurements) -> RowNoise:
         return own
     if data.visits.max() > data.pose.max():
         return own
-    lengths = np.arange(data.sigma.shape[1]) < 3
-    size = np.where(lengths, float(study.noise.discrepancy.max()), 0.0)
-    whole = own_covariance(own, data.sigma.shape) + np.diag(size**2)
-    return CorrelatedNoise.by_row(whole)
+    size = np.where(data.lengths, float(study.noise.discrepancy.max()), 0.0)
+    return CorrelatedNoise.of_any(own, data.sigma.shape).with_more(size)
 
 
 def stated_repeatability(study: Study) -> float | None:

@@ -5,6 +5,7 @@ import numpy as np
 from edtk.calibration.stated_noise import stated_noise
 from edtk.design.plan import Plan
 from edtk.inference.measurements import Measurements
+from edtk.inference.sheet_sensors import sheet_turns
 from edtk.study.study import Study
 from edtk.study.study_model import study_sigma
 from edtk.system.typing import Indices
@@ -44,11 +45,13 @@ def _of_sensors(study: Study, plan: Plan, repeats: Indices) -> Measurements:
     each = np.split(study_sigma(study), len(sensors))
     sigma = np.tile(each, (poses, 1)) / np.sqrt(_of_instruments(study, repeats))[:, None]
     offsets = [sensor.point.offset for sensor in sensors]
+    index = np.tile(np.arange(len(sensors)), poses)
     return Measurements(
         np.repeat(plan.q, len(sensors), axis=0),
         np.repeat(plan.wrench, len(sensors), axis=0),
         np.zeros_like(sigma),
         sigma,
         np.tile(offsets, (poses, 1)),
-        sensor=np.tile(np.arange(len(sensors)), poses),
+        sensor=index,
+        turn=sheet_turns(sensors, index),
     )

@@ -7,10 +7,10 @@ import numpy as np
 from edtk.inference.correlated_noise import CorrelatedNoise
 from edtk.inference.joint_motion import joint_motion
 from edtk.inference.measurements import Measurements
-from edtk.inference.visit_covariance import own_covariance, visit_covariance
+from edtk.inference.tracker_noise import tracker_noise
+from edtk.inference.visit_covariance import visit_covariance
 from edtk.model.noise.shared_visits import shared_visits
 from edtk.model.noise.visit_noise import VisitNoise
-from edtk.model.sensors.distance import Distance
 from edtk.study.study import Study
 from edtk.system.typing import Array, Indices
 
@@ -34,31 +34,15 @@ def stated_noise(study: Study, data: Measurements, repeats: Indices | None = Non
     if noise is None:
         return data
     times = np.ones(len(data), dtype=int) if repeats is None else repeats
-    own = own_covariance(data.noise, data.sigma.shape)
+    own = CorrelatedNoise.of_any(data.noise, data.sigma.shape)
     if noise.tracker is not None and not data.stated:
-        own = own + _of_tracker(study, noise, data)
-    tracker = CorrelatedNoise.by_row(own / times[:, None, None])
+        own = tracker_noise(study.model, data, noise.tracker, noise.readings)
+    tracker = own.over(times)
     joints = np.sqrt(noise.readings) * noise.repeatability
     motion = joint_motion(study.model, data) * joints / np.sqrt(times)[:, None, None]
     covariance = visit_covariance(data, tracker, motion, _discrepancy(study, noise, data, times))
     visit = data.visits.astype(float)
     return replace(data, covariance=covariance, sigma=covariance.std, tracker=tracker, visit=visit)
-
-
-def _of_tracker(study: Study, noise: VisitNoise, data: Measurements) -> Array:
-    """Covariances (m, rows, rows) that a tracker adds to positions; zero for distances [m^2]."""
-    m, rows = data.sigma.shape
-    found = np.zeros((m, rows, rows))
-    assert noise.tracker is not None
-    frames = study.model.frames(data.q)
-    for members, sensor in data.instruments(study.model):
-        if not isinstance(sensor, Distance):
-            points = sensor.place(frames[members])
-            T = noise.readings * noise.tracker.covariance(points[None])[0]
-            found[members[:, None, None], np.arange(3)[:, None], np.arange(3)] = T.transpose(
-                2, 0, 1
-            )
-    return found
 
 
 def _discrepancy(study: Study, noise: VisitNoise, data: Measurements, times: Indices) -> Array:
@@ -67,14 +51,12 @@ def _discrepancy(study: Study, noise: VisitNoise, data: Measurements, times: Ind
     Poses near each other share an unknown part of it. As in a design, the variance of a pose is
     counted as often as there are visits near it, over its own visits: that is never too little.
     """
-    m, rows = data.sigma.shape
     size = float(noise.discrepancy.max())
     if not size:
-        return np.zeros((m, rows))
+        return np.zeros(data.sigma.shape)
     first = np.unique(data.pose, return_index=True)[1]
     of_visit = np.unique(data.visits, return_index=True)[1]
     visits = np.bincount(data.pose[of_visit], times[of_visit])
     prismatic = np.array([joint.kind == "prismatic" for joint in study.robot.joints])
     near = shared_visits(data.q[first], visits, prismatic, noise.within)
-    lengths = np.arange(rows) < 3
-    return np.sqrt(near / visits)[data.pose, None] * np.where(lengths, size, 0.0)
+    return np.sqrt(near / visits)[data.pose, None] * np.where(data.lengths, size, 0.0)

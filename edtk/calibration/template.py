@@ -19,6 +19,7 @@ from edtk.tables.sheet_columns import (
     MARKER_COLUMNS,
     MARKER_NAME_COLUMN,
     ROTATION_COLUMNS,
+    TURN_COLUMN,
     VISIT_COLUMN,
 )
 
@@ -72,9 +73,11 @@ def _empty_columns(study: Study, positions: bool, markers: int) -> tuple[str, ..
     marker = MARKER_COLUMNS if markers else ()
     rows = study.model.instruments[0].rows
     changes, unloaded, loaded = DISTANCES if rows == 1 else POSITIONS
+    turns = any(not sensor.lengths.any() for sensor in study.model.sensors)
     before = () if study.is_absolute else unloaded
     position = (*before, *loaded) if positions else changes
-    return (*marker, *position, *(ROTATION_COLUMNS if rows == 6 else ()))
+    turned = ROTATION_COLUMNS if rows == 6 else (TURN_COLUMN,) * turns
+    return (*marker, *position, *turned)
 
 
 def write_template(table: "pd.DataFrame", path: Path | str) -> None:

@@ -7,7 +7,6 @@ from edtk.model.dead_weights import DeadWeights
 from edtk.model.elastostatic_model import ElastostaticModel
 from edtk.model.sensors.distance import Distance
 from edtk.model.sensors.marker import Marker
-from edtk.model.sensors.one_row import OneRow
 from edtk.model.sensors.pose_marker import PoseMarker
 from edtk.model.sensors.sensor import Sensor
 
@@ -24,7 +23,7 @@ def physics_to_dict(model: ElastostaticModel) -> dict[str, Any]:
         return {}
     return {
         "physics": {
-            "sensors": [_sensor(sensor) for sensor in _whole(model)],
+            "sensors": [_sensor(sensor) for sensor in model.whole_instruments],
             "load_point": _place(model.load_point),
             "weights": [] if model.weights is None else weights_to_list(model.weights),
         }
@@ -35,17 +34,6 @@ def weights_to_list(weights: DeadWeights) -> list[dict[str, Any]]:
     """Mass [kg] and centre of mass of each weight."""
     parts = zip(weights.masses, weights.centers, strict=True)
     return [{"mass": mass, **_place(center)} for mass, center in parts]
-
-
-def _whole(model: ElastostaticModel) -> list[Sensor]:
-    """The instruments; one whose rows stand for themselves once, as they follow each other."""
-    found: list[Sensor] = []
-    for sensor in model.instruments:
-        if not isinstance(sensor, OneRow):
-            found.append(sensor)
-        elif sensor.row == 0:
-            found.append(sensor.whole)
-    return found
 
 
 def _sensor(sensor: Sensor) -> dict[str, Any]:

@@ -139,6 +139,59 @@ class CorrelatedNoise:
             _ = block.whitener
         return found
 
+    @classmethod
+    def of_any(cls, noise: "Array | CorrelatedNoise", shape: tuple[int, int]) -> "CorrelatedNoise":
+        """The same noise, of standard deviations (m, rows) where it is none yet [m, rad].
+
+        A standard deviation may be zero here: more noise has to be added before anything is
+        whitened.
+        """
+        if isinstance(noise, CorrelatedNoise):
+            return noise
+        members = np.arange(shape[0])[:, None]
+        return cls((NoiseBlocks(members, noise[:, :, None] ** 2 * np.eye(shape[1])),), shape)
+
+    def with_more(self, std: Array) -> "CorrelatedNoise":
+        """The same with further errors of standard deviations (m, rows), all independent."""
+        blocks = []
+        for block in self.blocks:
+            more = std[block.members].reshape(len(block.members), -1) ** 2
+            whole = block.covariance + more[:, :, None] * np.eye(more.shape[1])
+            blocks.append(NoiseBlocks(block.members, whole))
+        return CorrelatedNoise.of(blocks, self.shape)
+
+    def over(self, times: Indices) -> "CorrelatedNoise":
+        """The noise of means of so many measurements (m,) each, the same within a group."""
+        blocks = [
+            NoiseBlocks(block.members, block.covariance / times[block.members[:, 0], None, None])
+            for block in self.blocks
+        ]
+        return CorrelatedNoise.of(blocks, self.shape)
+
+    def among(self, members: Indices) -> Array:
+        """Covariances (G, s, rows, s, rows) of groups of measurements (G, s).
+
+        Args:
+            members: The measurements; those whose errors hang together are in one group.
+        """
+        rows = self.shape[1]
+        G, s = members.shape
+        group = np.full(self.shape[0], -1)
+        slot = np.zeros(self.shape[0], dtype=int)
+        group[members] = np.arange(G)[:, None]
+        slot[members] = np.arange(s)
+        whole = np.zeros((G, s, rows, s, rows))
+        for block in self.blocks:
+            inside = np.flatnonzero(group[block.members[:, 0]] >= 0)
+            of_block = block.members[inside]
+            t = of_block.shape[1]
+            part = block.covariance[inside].reshape(-1, t, rows, t, rows)
+            g = group[of_block]
+            at = slot[of_block]
+            # Advanced indices on both sides of a slice come first.
+            whole[g[:, :, None], at[:, :, None], :, at[:, None]] = np.swapaxes(part, 2, 3)
+        return whole
+
     @cached_property
     def std(self) -> Array:
         """Standard deviations (m, rows) of single coordinates [m, rad]."""

@@ -8,9 +8,16 @@ from pathlib import Path
 import numpy as np
 
 from edtk.inference.correlated_noise import CorrelatedNoise
+from edtk.inference.occurrence import occurrence
+from edtk.inference.row_numbers import row_numbers
 from edtk.inference.sheet_change import sheet_change
 from edtk.inference.sheet_noise import NOISE_COLUMNS, sheet_noise
-from edtk.inference.sheet_sensors import sheet_markers, sheet_sensors, stated_sigma
+from edtk.inference.sheet_sensors import (
+    sheet_markers,
+    sheet_sensors,
+    sheet_turns,
+    stated_sigma,
+)
 from edtk.inference.whiten import RowNoise, std_of
 from edtk.model.body_point import BodyPoint
 from edtk.model.elastostatic_model import ElastostaticModel
@@ -18,11 +25,11 @@ from edtk.model.frames import Frames, cross
 from edtk.model.rest import Rest
 from edtk.model.robot import Robot
 from edtk.model.sensors.marker import Marker
-from edtk.model.sensors.pose_marker import PoseMarker
+from edtk.model.sensors.pose_marker import COORDINATES, PoseMarker
 from edtk.model.sensors.sensor import Sensor
 from edtk.model.without_rounding import without_rounding
 from edtk.system.presented import Presented
-from edtk.system.typing import Array, Indices
+from edtk.system.typing import Array, Indices, Mask
 from edtk.tables.pose_table import PoseTable
 from edtk.tables.sheet_columns import SHEET_COLUMNS, VISIT_COLUMN
 
@@ -46,6 +53,7 @@ class Measurements(Presented):
         stated: Whether a sheet states the noise of its displacements.
         sensor: Index (m,) of each row's instrument in the model, whose point it measures and in
             whose body's frame the marker's offset is; None where all rows are of the tool.
+        turn: Whether each row (m,) is a single rotation; None where none is.
     """
 
     q: Array
@@ -58,6 +66,7 @@ class Measurements(Presented):
     visit: Array | None = None
     stated: bool = False
     sensor: Indices | None = None
+    turn: Mask | None = None
 
     def headline(self) -> str:
         """How many measurements of how many poses."""
@@ -92,6 +101,13 @@ class Measurements(Presented):
         return std_of(self.own_noise)
 
     @cached_property
+    def lengths(self) -> Mask:
+        """Whether each measured coordinate (m, rows) is a length; the others are rotations."""
+        m, rows = self.sigma.shape
+        found = np.broadcast_to(np.arange(rows) < COORDINATES, (m, rows))
+        return found if self.turn is None else found & ~self.turn[:, None]
+
+    @cached_property
     def pose(self) -> Indices:
         """Number (m,) of each row's pose and load, counted from 0 in order of appearance."""
         return row_numbers(self.q, self.wrench)
@@ -115,7 +131,7 @@ class Measurements(Presented):
         repetitions of a marker are visits of their own, and different markers are of the same one:
         the third row of each is of the third visit.
         """
-        number = _occurrence(self.places) if self.visit is None else self.visit
+        number = occurrence(self.places) if self.visit is None else self.visit
         return row_numbers(self.pose[:, None], number[:, None])
 
     def instruments(self, model: ElastostaticModel) -> Iterator[tuple[Indices, Sensor]]:
@@ -218,7 +234,8 @@ class Measurements(Presented):
         tracker states the covariance of each displacement, in the world frame; ``marker_x_mm
         marker_y_mm marker_z_mm``; and ``visit``, a number that readings of one visit share.
         Where a study has several instruments, ``marker`` names that of a row; a distance has
-        ``change_mm``, or ``before_mm after_mm``.
+        ``change_mm``, or ``before_mm after_mm``, and so has a coordinate where instruments of
+        several kinds have a row for each; a rotation then has ``rotation_change_deg``.
 
         Args:
             path: The CSV file; rows are counted from 1, the header left out.
@@ -238,8 +255,9 @@ class Measurements(Presented):
         q = table.poses(robot, fixed)
         sensors = () if model is None else model.sensors
         index = sheet_sensors(table, sensors) if sensors else None
-        sigma = stated_sigma(table, sigma, sensors, index)
-        noise, covariance = sheet_noise(table, sigma)
+        sigma = stated_sigma(sigma, sensors, index)
+        turn = sheet_turns(sensors, index)
+        noise, covariance = sheet_noise(table, sigma, turn)
         empty = cls(
             q=q,
             wrench=_wrenches(table, wrench, model is not None and model.weights is not None),
@@ -250,36 +268,23 @@ class Measurements(Presented):
             visit=table.numbers(VISIT_COLUMN) if VISIT_COLUMN in table else None,
             stated=any(column in table for kind in NOISE_COLUMNS for column in kind),
             sensor=index,
+            turn=turn,
         )
         rigid = empty._rigid(model) if model is not None and nominal else None
-        change = sheet_change(table, robot.reach, noise.shape[1], rigid)
+        change = sheet_change(table, robot.reach, noise.shape[1], rigid, turn)
         return replace(empty, deflection=change)
 
     def _rigid(self, model: ElastostaticModel) -> Array:
-        """Positions (m, 3), or distances (m, 1), that the rigid robot would have [m]."""
+        """Positions (m, 3), or distances (m, 1), that the rigid robot would have [m].
+
+        Zero for single rotations.
+        """
         frames = model.frames(self.q)
-        found = np.zeros((len(self), min(self.deflection.shape[1], 3)))
+        found = np.zeros((len(self), min(self.deflection.shape[1], COORDINATES)))
         for rows, sensor in self.instruments(model):
-            found[rows] = sensor.place(frames[rows]).T
+            if sensor.lengths.any():
+                found[rows] = sensor.place(frames[rows]).T
         return found
-
-
-def row_numbers(*columns: Array | Indices) -> Indices:
-    """Numbers (m,) of rows, the same for equal ones, counted from 0 in order of appearance."""
-    import pandas as pd
-
-    # Adding zero makes -0.0 equal to 0.0, whose bytes differ.
-    keys = pd.util.hash_pandas_object(pd.DataFrame(np.hstack(columns) + 0.0), index=False)
-    return np.asarray(pd.factorize(keys)[0])
-
-
-def _occurrence(number: Indices) -> Indices:
-    """How many earlier rows (m,) have the same number."""
-    order = np.argsort(number, kind="stable")
-    count = np.bincount(number)
-    found = np.empty(len(number), dtype=int)
-    found[order] = np.arange(len(number)) - np.repeat(np.cumsum(count) - count, count)
-    return found
 
 
 def _wrenches(table: PoseTable, default: Array | None, weighs: bool) -> Array:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from edtk.system.typing import Array
+from edtk.system.typing import Array, Mask
 from edtk.tables.pose_table import PoseTable
 from edtk.tables.sheet_columns import (
     AFTER_COLUMN,
@@ -11,6 +11,7 @@ from edtk.tables.sheet_columns import (
     DEFLECTION_COLUMNS,
     LOADED_COLUMNS,
     ROTATION_COLUMNS,
+    TURN_COLUMN,
     UNLOADED_COLUMNS,
 )
 
@@ -32,7 +33,11 @@ DISTANCES: tuple[tuple[str, ...], ...] = (
 
 
 def sheet_change(
-    table: PoseTable, reach: float, coordinates: int, nominal: Array | None = None
+    table: PoseTable,
+    reach: float,
+    coordinates: int,
+    nominal: Array | None = None,
+    turn: Mask | None = None,
 ) -> Array:
     """Changes (m, coordinates) of positions, of positions and rotations, or of distances [m, rad].
 
@@ -42,10 +47,23 @@ def sheet_change(
         coordinates: 3 for positions, 6 for poses, 1 for distances.
         nominal: Positions (m, 3) or distances (m, 1) of the rigid robot [m], from which changes
             are counted; None where the unloaded robot was measured too.
+        turn: Whether each row (m,) is a single rotation; None where none is.
 
     Raises:
         PoseFileError: Columns are missing or contradict each other, or positions are too far apart.
     """
+    if turn is None:
+        if TURN_COLUMN in table:
+            raise table.error(f"column {TURN_COLUMN!r}: no row is of a single rotation")
+        return _changes(table, reach, coordinates, nominal)
+    turned = np.deg2rad(table.of_rows(turn).vectors((TURN_COLUMN,)))
+    if turn.all():
+        return turned
+    return turned + _changes(table.of_rows(~turn), reach, coordinates, nominal)
+
+
+def _changes(table: PoseTable, reach: float, coordinates: int, nominal: Array | None) -> Array:
+    """The same without single rotations."""
     columns = DISTANCES if coordinates == 1 else POSITIONS
     changes, unloaded, loaded = columns
     displacement = _displacement(table, changes, unloaded, loaded, nominal)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from edtk.inference.correlated_noise import CorrelatedNoise, NotPositiveDefiniteError
-from edtk.system.typing import Array
+from edtk.system.typing import Array, Mask
 from edtk.tables.pose_table import PoseTable
 from edtk.tables.sheet_columns import AXIS_SIGMA_COLUMNS, COVARIANCE_COLUMNS, SIGMA_COLUMN
 
@@ -18,13 +18,16 @@ VARIANCES = tuple(COVARIANCE_COLUMNS[i] for i in (0, 3, 5))
 NOISE_COLUMNS = ((SIGMA_COLUMN,), AXIS_SIGMA_COLUMNS, COVARIANCE_COLUMNS)
 
 
-def sheet_noise(table: PoseTable, sigma: Array) -> tuple[Array, CorrelatedNoise | None]:
+def sheet_noise(
+    table: PoseTable, sigma: Array, turn: Mask | None = None
+) -> tuple[Array, CorrelatedNoise | None]:
     """Read the noise of displacements: one of all axes, one of each, or a covariance.
 
     Args:
         table: The sheet.
         sigma: Noise (rows,) of each measured row of the study, or that of each row of the sheet
             (m, rows) [m, rad], which the sheet overrides for positions.
+        turn: Whether each row (m,) is a single rotation; None where none is.
 
     Returns:
         Standard deviations (m, rows) [m, rad]; and the noise where its errors are correlated, else
@@ -51,8 +54,10 @@ def sheet_noise(table: PoseTable, sigma: Array) -> tuple[Array, CorrelatedNoise 
     if covariance:
         return _covariance(table, noise)
     if of_all:
-        _require_noise(table, SIGMA_COLUMN, LEAST_SIGMA_MM)
-        noise[:, :3] = table.numbers(SIGMA_COLUMN)[:, None] / 1e3
+        lengths = table if turn is None else table.of_rows(~turn)
+        _require_noise(lengths, SIGMA_COLUMN, LEAST_SIGMA_MM)
+        stated = lengths.numbers(SIGMA_COLUMN)[:, None] / 1e3
+        noise[:, :3] = stated if turn is None else np.where(turn[:, None], noise[:, :3], stated)
     elif of_axes:
         noise[:, :3] = table.vectors(AXIS_SIGMA_COLUMNS) / 1e3
         for column in AXIS_SIGMA_COLUMNS:
@@ -83,7 +88,7 @@ def _covariance(table: PoseTable, noise: Array) -> tuple[Array, CorrelatedNoise]
 def _require_noise(table: PoseTable, column: str, least: float) -> None:
     """Refuse standard deviations or variances that are not positive."""
     values = table.numbers(column)
-    bad = np.flatnonzero(values < least)
+    bad = np.flatnonzero((values < least) & (True if table.only is None else table.only))
     if len(bad):
         raise table.error(
             f"row {bad[0] + 1}, column {column}: {values[bad[0]]:g} is not a positive "

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from edtk.model.sensors.sensor import Sensor
-from edtk.system.typing import Array, Indices
+from edtk.system.typing import Array, Indices, Mask
 from edtk.tables.pose_table import PoseTable
 from edtk.tables.sheet_columns import MARKER_COLUMNS, MARKER_NAME_COLUMN
 
@@ -57,25 +57,25 @@ def sheet_markers(
     return np.array([sensor.point.offset for sensor in sensors])[index]
 
 
-def stated_sigma(
-    table: PoseTable, sigma: Array, sensors: Sequence[Sensor], index: Indices | None
-) -> Array:
+def sheet_turns(sensors: Sequence[Sensor], index: Indices | None) -> Mask | None:
+    """Whether each row (m,) of a sheet is a single rotation; None where none is.
+
+    Args:
+        sensors: The instruments of the study; there may be none.
+        index: Index (m,) of each row's instrument; None without any.
+    """
+    if index is None:
+        return None
+    turn = np.array([not sensor.lengths.any() for sensor in sensors])[index]
+    return turn if turn.any() else None
+
+
+def stated_sigma(sigma: Array, sensors: Sequence[Sensor], index: Indices | None) -> Array:
     """The study's noise of each row of a sheet: (rows,), or (m, rows) of several instruments.
 
     Args:
-        table: The sheet, for messages.
         sigma: The study's noise, one instrument after another [m, rad].
-        sensors: The instruments of the study; there may be none.
+        sensors: The instruments of the study, which measure as many rows each; there may be none.
         index: Index (m,) of each row's instrument; None without any.
-
-    Raises:
-        PoseFileError: Instruments measure different rows.
     """
-    if index is None:
-        return sigma
-    rows = [sensor.rows for sensor in sensors]
-    if len(set(rows)) > 1:
-        other = next(sensor for sensor in sensors if sensor.rows != rows[0])
-        names = f"{sensors[0].name} and {other.name}"
-        raise table.error(f"{names} measure different rows; such a mix can only be designed yet")
-    return np.array(np.split(sigma, len(sensors)))[index]
+    return sigma if index is None else np.array(np.split(sigma, len(sensors)))[index]

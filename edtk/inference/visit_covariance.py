@@ -1,13 +1,12 @@
 """The covariance of a sheet's measurements: tracker, joints that move a visit, discrepancy."""
 
-from collections.abc import Iterator
-
 import numpy as np
 
 from edtk.inference.correlated_noise import CorrelatedNoise, NoiseBlocks
+from edtk.inference.groups_by_size import groups_by_size
 from edtk.inference.measurements import Measurements
 from edtk.inference.whiten import RowNoise
-from edtk.system.typing import Array, Indices
+from edtk.system.typing import Array
 
 # Coordinates of one group. Its matrix is factored some dozen times in a calibration, each in a time
 # that grows with the cube: on one core 0.04 s for these, 0.5 s for 1500.
@@ -41,13 +40,15 @@ def visit_covariance(
 ) -> CorrelatedNoise:
     """Covariances ``T + M M'`` within a visit, and ``d d'`` among all visits of a pose.
 
-    Each measurement has tracker noise T of its own. The motions M, of joints with their standard
+    Each measurement has tracker noise T of its own, or shares it with the other coordinates that
+    its instrument shows in a visit. The motions M, of joints with their standard
     deviations, are common to all measurements of a visit; the discrepancy d of a marker in a pose,
     under a load, is common to all visits, each coordinate by itself.
 
     Args:
         data: Poses, loads, markers and visits; measured values are not used.
-        tracker: Noise of each measurement by itself.
+        tracker: Noise of each measurement by itself, or of those of a visit that one instrument
+            makes.
         motion: Motions (m, rows, c) by independent errors of size one [m, rad].
         discrepancy: Standard deviations (m, rows) of the model's errors [m, rad].
 
@@ -56,17 +57,14 @@ def visit_covariance(
         TooManyVisitsError: A pose is visited more often than a computer likes.
     """
     m, rows = data.sigma.shape
-    own = own_covariance(tracker, (m, rows))
+    own = CorrelatedNoise.of_any(tracker, (m, rows))
     group = data.pose if discrepancy.any() else data.visits
     blocks = []
-    for members in _by_size(group):
+    for members in groups_by_size(group):
         G, s = members.shape
         if s * rows > MOST_COORDINATES:
             raise TooManyVisitsError(int(members[0, 0]), s, MOST_COORDINATES // rows)
-        whole = np.zeros((G, s, rows, s, rows))
-        diagonal = np.arange(s)
-        # Advanced indices on both sides of a slice come first.
-        whole[:, diagonal, :, diagonal] = np.swapaxes(own[members], 0, 1)
+        whole = own.among(members)
         M = motion[members]
         together = data.visits[members][:, :, None] == data.visits[members][:, None]
         moved = np.einsum("gsrc,gtqc->gsrtq", M, M)
@@ -91,13 +89,3 @@ def own_covariance(noise: RowNoise, shape: tuple[int, int]) -> Array:
         by_row = block.covariance.reshape(G, s, rows, s, rows)
         found[block.members] = np.moveaxis(np.diagonal(by_row, axis1=1, axis2=3), -1, 1)
     return found
-
-
-def _by_size(group: Indices) -> Iterator[Indices]:
-    """Members (G, s) of groups, those of one size together."""
-    order = np.argsort(group, kind="stable")
-    count = np.bincount(group)
-    first = np.cumsum(count) - count
-    for size in np.unique(count):
-        start = first[count == size]
-        yield order[start[:, None] + np.arange(size)]

@@ -48,8 +48,7 @@ def visit_residuals(
     except SingularPlanError:
         return None
     # The discrepancy is one of lengths.
-    lengths = np.eye(A.shape[1])[:, :3]
-    unit = np.broadcast_to(lengths, (len(some), *lengths.shape))
+    unit = some.lengths[:, :, None] * np.eye(A.shape[1])[:, :3]
     return Visited(
         residual=whitened.residual(measured[rows]),
         Q=whitened.Q,

@@ -19,6 +19,7 @@ from edtk.model.robot import Robot
 from edtk.model.sensors.marker import Marker
 from edtk.model.sensors.pose_marker import PoseMarker
 from edtk.model.sensors.sensor import Sensor
+from edtk.model.sensors.whole_instruments import whole_instruments
 from edtk.model.slope_at_tool_point import slope_at_tool_point
 from edtk.model.without_rounding import without_rounding
 from edtk.system.typing import Array
@@ -97,6 +98,11 @@ class ElastostaticModel:
         """All that is measured; the tool point where no sensors are given."""
         return self.sensors or (Marker() if self.rows == "position" else PoseMarker(),)
 
+    @cached_property
+    def whole_instruments(self) -> tuple[Sensor, ...]:
+        """The same, an instrument whose rows are listed one by one as a whole."""
+        return whole_instruments(self.instruments)
+
     @property
     def row_count(self) -> int:
         """Number of measured rows."""
@@ -131,14 +137,14 @@ class ElastostaticModel:
         return self.robot.frames(q, self.bodies)
 
     def points_of(self, frames: Frames) -> Array:
-        """Positions (s, 3, ...) of the points that the s instruments measure [m]."""
-        return np.stack([sensor.point.position(frames) for sensor in self.instruments])
+        """Positions (s, 3, ...) of the points that the s whole instruments measure [m]."""
+        return np.stack([sensor.point.position(frames) for sensor in self.whole_instruments])
 
     def motion_of(self, frames: Frames) -> Array:
         """Derivatives ``dy/dq`` (n, rows, ...) of the measured rows by all joints [m/rad, 1]."""
         motion = [
             without_rounding(frames.folded(sensor.motion(frames)), self.reach_of(sensor.point))
-            for sensor in self.instruments
+            for sensor in self.whole_instruments
         ]
         return motion[0] if len(motion) == 1 else np.concatenate(motion, axis=1)
 
@@ -146,7 +152,7 @@ class ElastostaticModel:
         """Derivatives (n, ...) of ``<B, dy/dq>`` by all joints, weights B (n, rows, ...) fixed."""
         total = np.zeros_like(frames.q)
         first = 0
-        for sensor in self.instruments:
+        for sensor in self.whole_instruments:
             last = first + sensor.rows
             total += frames.folded(sensor.motion_slope(frames, frames.spread(B[:, first:last])))
             first = last

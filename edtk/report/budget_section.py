@@ -76,7 +76,7 @@ def _assumed(found: Calibration) -> dict[str, str]:
 
 def _noise(found: Calibration) -> str:
     """The noise that the standard deviations are of."""
-    stated = 1e3 * float(np.sqrt(np.mean(found.data.sigma[:, :3] ** 2)))
+    stated = 1e3 * float(np.sqrt(np.mean(found.data.sigma[found.data.lengths] ** 2)))
     shared = ", and what repetitions share" if found.fitted.common_noise else ""
     if found.fit.known:
         return f"{stated:.3g} mm for each coordinate, as stated{shared}"

@@ -88,14 +88,18 @@ def _fit(found: Calibration) -> str:
 def _stated_noise(data: Measurements) -> str:
     """The stated sigma of positions and of rotations, and whether errors are correlated."""
     sigma = data.sigma
-    text = f"{_range(1e3 * sigma[:, :3])} mm for each coordinate"
+    turns = np.rad2deg(sigma[~data.lengths])
+    parts = []
+    if data.lengths.any():
+        parts.append(f"{_range(1e3 * sigma[data.lengths])} mm for each coordinate")
+    if len(turns):
+        parts.append(f"{_range(turns)} deg for each rotation")
+    text = ", ".join(parts)
     if data.tracker is not None:
         text = f"{text}, correlated within a visit as the study's [noise] states"
     elif data.covariance is not None:
         text = f"{text}, correlated within a row as the sheet states"
-    if sigma.shape[1] <= 3:
-        return text
-    return f"{text}, {_range(np.rad2deg(sigma[:, 3:]))} deg for each rotation"
+    return text
 
 
 def _estimated_noise(found: Calibration) -> str:
@@ -125,9 +129,9 @@ def _load(wrench: Array) -> str:
 
 def _marker(found: Calibration) -> str:
     """The instruments of the study, or how far markers are from the tool point; empty for none."""
-    sensors = found.study.model.sensors
-    if sensors:
-        names = ", ".join(sensor.name for sensor in sensors)
+    model = found.study.model
+    if model.sensors:
+        names = ", ".join(sensor.name for sensor in model.whole_instruments)
         return f"{describe_measured(found.study)}: {names}"
     marker = found.data.marker
     if not marker.any():

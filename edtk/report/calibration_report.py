@@ -12,7 +12,7 @@ from edtk.report.draw.correlation import correlation
 from edtk.report.draw.intervals import intervals
 from edtk.report.draw.name_ticks import room_for
 from edtk.report.draw.quantiles import quantiles
-from edtk.report.draw.residuals import drawn_rows, residuals
+from edtk.report.draw.residuals import ResidualPanel, drawn_rows, residuals
 from edtk.report.new_figure import new_figure
 from edtk.report.noise_parts import noise_parts
 from edtk.report.page import Page, paragraph, picture, section, table
@@ -38,7 +38,7 @@ def calibration_report(found: Calibration) -> str:
             paragraph(_noise(found)),
             *residual_causes(found),
             *noise_parts(found),
-            _residuals(found.fit),
+            _residuals(found),
             _quantiles(found.fit),
             paragraph("The measurements that fit least:"),
             _worst(found),
@@ -93,17 +93,23 @@ def _worst(found: Calibration) -> str:
     fit = found.fit
     z = np.abs(fit.standardised)
     names = coordinate_names(z.shape[1])
+    turn = found.data.turn
     rows = []
     for i in np.argsort(-z.max(axis=1), kind="stable")[:SHOWN]:
         j = int(z[i].argmax())
         positions = [f"{1e3 * r:+.4f}" for r in fit.residual[i, :3]]
         rotations = [f"{np.rad2deg(r):+.4f}" for r in fit.residual[i, 3:]]
-        largest = f"{z[i, j]:.2f} ({names[j]})"
+        if turn is not None:
+            turned = f"{np.rad2deg(fit.residual[i, 0]):+.4f}"
+            positions, rotations = ([""], [turned]) if turn[i] else (positions, [""])
+        name = names[j] if turn is None or not turn[i] else "rotation"
+        largest = f"{z[i, j]:.2f} ({name})"
         leverage = f"{fit.leverage[i].max():.2f}"
         flag = "yes" if i in fit.outliers else "no"
         pose = found.data.pose[i] + 1
         rows.append([i + 1, pose, *positions, *rotations, largest, leverage, flag])
     units = [f"{axis} [{'mm' if j < 3 else 'deg'}]" for j, axis in enumerate(names)]
+    units += ["rotation [deg]"] * (turn is not None)
     return table(["row", "pose", *units, "largest [sigma]", "leverage", "outlier"], rows, full=True)
 
 
@@ -119,11 +125,13 @@ def _intervals(found: Calibration) -> str:
     return picture(figure, caption)
 
 
-def _residuals(fit: Identification) -> str:
+def _residuals(found: Calibration) -> str:
     """The picture of the residuals, those of rotations below those of positions."""
-    parts = -(-fit.residual.shape[1] // 3)
-    figure = new_figure(WIDTH, 0.8 + 2.6 * parts)
-    residuals(fit, figure.subplots(parts, 1, sharex=True, squeeze=False)[:, 0])
+    fit = found.fit
+    parts = ResidualPanel.of(fit, found.data.turn)
+    figure = new_figure(WIDTH, 0.8 + 2.6 * len(parts))
+    axes = figure.subplots(len(parts), 1, sharex=True, squeeze=False)[:, 0]
+    residuals(fit, axes, parts)
     caption = (
         "Measured minus predicted, by measurement; grey: twice the noise; circles: flagged as "
         "outliers."

@@ -29,7 +29,7 @@ def _together(noise: NoiseEstimate) -> str:
 
 def _rows(found: Calibration, noise: NoiseEstimate) -> list[list[str]]:
     """Tracker, repeatability, and what remains."""
-    sigma = 1e3 * float(np.sqrt(np.mean(found.data.own_sigma[:, :3] ** 2)))
+    sigma = 1e3 * float(np.sqrt(np.mean(found.data.own_sigma[found.data.lengths] ** 2)))
     unit = "deg" if any(one.kind == "revolute" for one in found.study.robot.joints) else "mm"
     sizes = (noise.tracker, noise.by_joints, noise.by_model)
     coordinate = [f"{sigma * size:.2g}" for size in sizes]

@@ -46,7 +46,7 @@ def _repetitions(found: Calibration, test: LackOfFit) -> str:
         return f"{who} agree with the model as well as with each other ({numbers})."
     if found.noise is not None:
         return f"{who} agree with each other better than with the model ({numbers})."
-    sigma = 1e3 * float(found.data.sigma[:, :3].mean())
+    sigma = 1e3 * float(found.data.sigma[found.data.lengths].mean())
     used = ", which all standard deviations take into account" if found.fitted.common_noise else ""
     return (
         f"{who} agree with each other better than with the model ({numbers}): they "

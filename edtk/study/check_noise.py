@@ -81,7 +81,7 @@ def _check_place(study: "StudyObjects", q: Array) -> None:
     tracker = np.array(study.specification.noise.tracker_position_mm) / 1e3  # type: ignore[union-attr]
     frames = study.model.frames(q)
     near = _distance_of_arm(frames, study.robot.base[:3, 3], tracker)
-    for sensor in study.model.instruments:
+    for sensor in study.model.whole_instruments:
         near = min(near, _distance_of_marker(study, sensor, q, frames, tracker))
     if near < NEAREST:
         unit = "; is it given in metres?" if np.linalg.norm(tracker) < IN_METRES else ""

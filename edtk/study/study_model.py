@@ -16,7 +16,7 @@ from edtk.study.payload_table import PayloadTable
 from edtk.system.finite import Vector3
 from edtk.system.typing import Array
 
-AXES = "xyz"
+ROWS = ("x", "y", "z", "rx", "ry", "rz")
 
 if TYPE_CHECKING:
     from edtk.study.study_objects import StudyObjects
@@ -86,20 +86,20 @@ def _sensors(study: "StudyObjects") -> tuple[Sensor, ...]:
         if distance.marker is not None:
             point = points[names.index(distance.marker)]
         found.append(Distance(point, name, np.array(distance.anchor_mm) / 1e3))
-    return _in_rows(found) if given.noise is None else tuple(found)
+    return _in_rows(found)
 
 
 def _in_rows(sensors: list[Sensor]) -> tuple[Sensor, ...]:
-    """Instruments, those of positions and distances by single rows, which a sheet can hold."""
-    if {type(sensor) for sensor in sensors} != {Marker, Distance}:
+    """Instruments; of several kinds by single rows, which one sheet can hold."""
+    if len({type(sensor) for sensor in sensors}) < 2:
         return tuple(sensors)
     found: list[Sensor] = []
     for sensor in sensors:
-        if isinstance(sensor, Marker):
-            names = [f"{sensor.name} {axis}" for axis in AXES]
-            found += [OneRow(sensor.point, name, sensor, i) for i, name in enumerate(names)]
-        else:
+        if isinstance(sensor, Distance):
             found.append(sensor)
+        else:
+            names = [f"{sensor.name} {row}" for row in ROWS[: sensor.rows]]
+            found += [OneRow(sensor.point, name, sensor, i) for i, name in enumerate(names)]
     return tuple(found)
 
 

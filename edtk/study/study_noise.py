@@ -12,7 +12,6 @@ from edtk.tables.pose_table import pose_factors
 if TYPE_CHECKING:
     from edtk.study.study_objects import StudyObjects
 
-COORDINATES = 3  # of a marker; its other rows are rotations
 READINGS = {"unloaded": 2, "nominal": 1}  # by what a displacement is measured from
 
 
@@ -31,10 +30,10 @@ def study_noise(study: "StudyObjects") -> VisitNoise | None:
     tracker = table.tracker()
     lengths: list[bool] = []
     tracked: list[tuple[int, int]] = []
-    for point, sensor in enumerate(study.model.instruments):
+    for point, sensor in enumerate(study.model.whole_instruments):
         if tracker is not None and not isinstance(sensor, Distance):
             tracked.append((point, len(lengths)))
-        lengths += [row < COORDINATES for row in range(sensor.rows)]
+        lengths += sensor.lengths.tolist()
     return VisitNoise(
         tracker=tracker,
         tracked=tuple(tracked),

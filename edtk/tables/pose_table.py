@@ -8,7 +8,7 @@ import numpy as np
 
 from edtk.model.robot import Robot
 from edtk.system.read_text import read_text
-from edtk.system.typing import Array
+from edtk.system.typing import Array, Mask
 from edtk.tables.pose_columns import MARK, pose_columns, with_own_headers
 from edtk.tables.read_cells import PoseFileError, read_cells
 
@@ -33,10 +33,12 @@ class PoseTable:
     Args:
         path: Where the file is, for messages.
         cells: Its columns by name: finite numbers, or a data frame whose columns may hold anything.
+        only: The rows (k,) whose cells are looked at, by `of_rows`; None for all.
     """
 
     path: Path
     cells: Union["pd.DataFrame", dict[str, Array]]
+    only: Mask | None = None
 
     @classmethod
     def read(cls, path: Path | str, content: str) -> "PoseTable":
@@ -99,6 +101,15 @@ class PoseTable:
             return replace(self, cells=dict(zip(header, self.cells.values(), strict=True)))
         return replace(self, cells=self.cells.set_axis(header, axis="columns"))
 
+    def of_rows(self, rows: Mask | None) -> "PoseTable":
+        """The same table where numbers stand in some rows (k,) alone, and count as zero in others.
+
+        Args:
+            rows: The rows whose cells have numbers; those of the others must be empty. None for
+                all.
+        """
+        return replace(self, only=rows)
+
     def numbers(self, column: str) -> Array:
         """One column as finite numbers.
 
@@ -137,6 +148,12 @@ class PoseTable:
 
         assert not isinstance(self.cells, dict)
         cells = self.cells[column]
+        if self.only is not None:
+            filled = np.flatnonzero(~self.only & cells.notna().to_numpy())
+            if len(filled):
+                where = f"row {filled[0] + 1}, column {column}"
+                raise self.error("expected an empty cell in a row of this kind", where)
+            cells = cells.where(self.only, 0.0)
         digits = cells
         if cells.dtype == object:
             # Pandas ends in an OverflowError for whole numbers beyond the largest float.

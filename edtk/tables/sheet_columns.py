@@ -10,6 +10,8 @@ ROTATION_COLUMNS = ("drx_deg", "dry_deg", "drz_deg")
 CHANGE_COLUMN = "change_mm"
 BEFORE_COLUMN = "before_mm"
 AFTER_COLUMN = "after_mm"
+# The change of a single rotation.
+TURN_COLUMN = "rotation_change_deg"
 # Standard deviation of each coordinate of a displacement.
 SIGMA_COLUMN = "sigma_mm"
 # The same where it is not that of every axis: a laser tracker measures distances best.
@@ -43,6 +45,7 @@ MEASURED_TOGETHER = (
     (MARKER_NAME_COLUMN,),
     (CHANGE_COLUMN,),
     (BEFORE_COLUMN, AFTER_COLUMN),
+    (TURN_COLUMN,),
 )
 SHEET_COLUMNS = tuple(column for group in MEASURED_TOGETHER for column in group)
 

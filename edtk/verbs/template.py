@@ -46,7 +46,7 @@ def template(
         UserError: A file is not valid, the plan is too long, or `out` holds something else.
     """
     question = as_study(study)
-    _require_one_kind(question, markers)
+    _require_own(question, markers)
     measured = as_plan(question, plan)
     if out is not None and not is_standard_output(out):
         require_output(out, *question.reads, plan if isinstance(plan, str | Path) else None)
@@ -64,16 +64,13 @@ def template(
     return table
 
 
-def _require_one_kind(study: Study, markers: int | None) -> None:
-    """Check that the instruments of a study fit into the rows of a sheet.
+def _require_own(study: Study, markers: int | None) -> None:
+    """Check that markers are not counted where the study has instruments of its own.
 
     Raises:
-        UserError: They measure different rows, or `markers` counts them too.
+        ArgumentError: They are.
     """
     sensors = study.model.sensors
     if sensors and markers is not None:
         message = f"the study has {len(sensors)} instruments of its own; leave this out"
         raise ArgumentError(message, argument="markers", given=markers)
-    if len({sensor.rows for sensor in sensors}) > 1:
-        key = "distance" if study.specification.distance else "marker"
-        raise study.error(key, "a sheet holds instruments that measure the same rows only")

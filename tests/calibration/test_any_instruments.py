@@ -7,8 +7,10 @@ from scipy.spatial.transform import Rotation
 
 from edtk.calibration.calibrate import calibrate
 from edtk.calibration.compensate import compensate
+from edtk.calibration.planned_measurements import planned_measurements
 from edtk.calibration.template import template
 from edtk.design.plan import Plan
+from edtk.inference.whiten import whiten_columns
 from edtk.model.load_robot import load_robot
 from edtk.model.robot import Robot
 from edtk.model.robot_to_dict import robot_to_dict
@@ -19,6 +21,7 @@ from edtk.report.text.error_budget import NO_BUDGET
 from edtk.study.study import Study
 from edtk.system.errors import UserError
 from edtk.tables.compliances import Compliances
+from edtk.tables.sheet_columns import TURN_COLUMN
 
 G = 9.80665
 K = np.array([0.2, 0.3, 0.4, 2.8, 2.9, 2.1]) * 1e-6
@@ -47,6 +50,14 @@ MARKERS = [
 ]
 PAYLOAD = {"mass_kg": 250.0, "center_mm": [300.0, 40.0, -200.0]}
 WIRE = {"anchor_mm": [1000, 500, 4000], "marker": "side", "sigma_mm": 0.01}
+POSE = {"rows": "pose"}
+NOISE = {
+    "tracker_position_mm": [4000, -3000, 1200],
+    "along": [10, 5],
+    "across": [15, 6],
+    "repeatability_deg": 0.001,
+    "discrepancy_mm": 0.02,
+}
 VERTICAL = {"unknown": ["q2", "q3", "q4", "q5", "q6"]}  # no weight turns joint 1
 CASES = {
     "markers": {"marker": MARKERS},
@@ -64,6 +75,17 @@ CASES = {
         ]
     },
     "markers and distances": {"marker": MARKERS, "distance": [WIRE]},
+    "poses and positions": {"marker": [MARKERS[0] | POSE, *MARKERS[1:]]},
+    "poses, positions and distances": {
+        "marker": [MARKERS[0], MARKERS[1] | POSE, MARKERS[2]],
+        "distance": [WIRE],
+    },
+    "a mix with visits": {
+        "marker": [MARKERS[0] | POSE, *MARKERS[1:]],
+        "distance": [WIRE],
+        "noise": NOISE,
+    },
+    "markers and distances with visits": {"marker": MARKERS, "distance": [WIRE], "noise": NOISE},
     "differences with links": {"robot": robot_with_links(), "marker": MARKERS},
     "links alone": {
         "robot": robot_with_links(),
@@ -78,6 +100,14 @@ CASES = {
         "payload": PAYLOAD,
         "measurement": {"sigma_mm": 0.03, "reference": "nominal"},
         "marker": MARKERS,
+        "joints": VERTICAL,
+    },
+    "an absolute mix": {
+        "robot": robot_with_links(),
+        "load": None,
+        "payload": PAYLOAD,
+        "measurement": {"sigma_mm": 0.03, "sigma_deg": 0.002, "reference": "nominal"},
+        "marker": [MARKERS[0] | POSE, MARKERS[1]],
         "joints": VERTICAL,
     },
 }
@@ -147,6 +177,9 @@ class Bench:
             anchor = np.array(sensor["anchor_mm"]) / 1e3
             change = np.linalg.norm(first + moved - anchor) - np.linalg.norm(first - anchor)
             return {"change_mm": 1e3 * change}
+        turn = Rotation.from_matrix(after[:3, :3] @ before[:3, :3].T).as_rotvec()
+        if sensor.get("axis", 0) > 2:
+            return {TURN_COLUMN: np.rad2deg(turn[sensor["axis"] - 3])}
         if "axis" in sensor:
             place = self.absolute * first + moved
             name = "after_mm" if self.absolute else "change_mm"
@@ -155,7 +188,6 @@ class Bench:
             return dict(zip(["x_mm", "y_mm", "z_mm"], 1e3 * (first + moved), strict=True))
         cells = dict(zip(["dx_mm", "dy_mm", "dz_mm"], 1e3 * moved, strict=True))
         if sensor.get("rows") == "pose":
-            turn = Rotation.from_matrix(after[:3, :3] @ before[:3, :3].T).as_rotvec()
             cells |= dict(zip(["drx_deg", "dry_deg", "drz_deg"], np.rad2deg(turn), strict=True))
         return cells
 
@@ -169,9 +201,11 @@ def filled(keys, study, poses=6):
     sheet = template(study, plan, positions=study.is_absolute)
     bench = Bench(study)
     sensors = keys.get("marker", []) + keys.get("distance", []) or [{}]
-    mixed = "marker" in keys and "distance" in keys
-    if mixed:
-        sensors = [one | {"axis": i} for one in keys["marker"] for i in range(3)] + keys["distance"]
+    if len({("anchor_mm" in one, one.get("rows")) for one in sensors}) > 1:  # a mix
+        rows_of = {None: 3, "pose": 6}
+        sensors = [
+            one | {"axis": i} for one in keys["marker"] for i in range(rows_of[one.get("rows")])
+        ] + keys.get("distance", [])
     rows = []
     for i, row in sheet.iterrows():
         sensor = sensors[i % len(sensors)]
@@ -243,14 +277,90 @@ def test_positions_and_distances_have_rows_of_their_own(tmp_path):
     np.testing.assert_allclose(np.einsum("mri,mrj->ij", A, A), M, rtol=1e-9, atol=1e-12 * M.max())
 
 
-def test_poses_and_distances_are_designed_only(tmp_path):
-    """Rotations are no lengths: a study that measures both with distances has no sheet yet."""
-    keys = CASES["poses"] | {"distance": [WIRE]}
-    study = Study(**(PLAIN | keys))
+MIX = CASES["a mix with visits"]
+
+
+@pytest.mark.parametrize("discrepancy", [0.0, 0.02])
+def test_a_mix_has_the_information_of_its_design(discrepancy):
+    """Rows that share errors of tracker, joints and model tell as much as their design says."""
+    study = Study(**(PLAIN | MIX | {"noise": NOISE | {"discrepancy_mm": discrepancy}}))
+    rng = np.random.default_rng(1)
+    x = study.space.draw(rng.random((5, len(study.space.drawn))))
+    repeats = np.array([2, 1, 3, 1, 1])
+    plan = Plan(x[:, :6], study.space.plan(x, repeats).wrench, repeats)
+    data = planned_measurements(study, plan)
+    A = whiten_columns(data.regressor(study.model), data.noise)
+    M = study.space.information(plan)
+    size = np.sqrt(M.diagonal())
+    found = np.einsum("mri,mrj->ij", A, A)
+    np.testing.assert_allclose(found / size / size[:, None], M / size / size[:, None], atol=1e-12)
+
+
+def test_a_coordinate_that_was_not_measured(tmp_path):
+    """Each row tells by itself: a sheet may lack some coordinates of a marker."""
+    study = Study(**(PLAIN | MIX))
+    sheet = filled(MIX, study)
+    left = sheet.drop(index=[1, 5, 12, 20])
+    left.to_csv(tmp_path / "sheet.csv", index=False, float_format="%.15g")
+    found = calibrate(study, tmp_path / "sheet.csv")
+    np.testing.assert_allclose(found.fit.k, K, rtol=1e-4)
+
+
+def test_report_of_a_mix(tmp_path):
+    """Lengths and rotations have units, panels and columns of their own."""
+    study = Study(**(PLAIN | MIX))
+    sheet = filled(MIX, study)
     path = tmp_path / "sheet.csv"
-    filled(CASES["markers"], Study(**(PLAIN | CASES["markers"])), 1).to_csv(path, index=False)
-    with pytest.raises(UserError, match="marker 1 and distance 1 measure different rows"):
-        calibrate(study, path)
+    rng = np.random.default_rng(2)
+    sheet["change_mm"] += 0.03 * rng.standard_normal(len(sheet))
+    sheet[TURN_COLUMN] += 0.002 * rng.standard_normal(len(sheet))
+    sheet.to_csv(path, index=False)
+    found = calibrate(study, path)
+    assert found.fit.p_value > 1e-3
+    assert np.abs((found.fit.k - K) / found.fit.std).max() < 4
+    table = found.residuals()
+    turned = sheet["marker"].str.contains(" r")
+    assert (table["coordinate"] == np.where(turned, TURN_COLUMN, "change_mm")).all()
+    of_turns = np.rad2deg(found.fit.residual[turned.to_numpy(), 0])
+    np.testing.assert_allclose(table["residual"][turned], of_turns)
+    page = calibration_report(found)
+    assert "change [mm]" in page
+    assert "rotation [deg]" in page
+    assert "deg for each rotation" in page
+    assert len(found.plot()) == 3
+    assert "largest leverage" in calibration_text(found)
+
+
+@pytest.mark.parametrize(
+    ("row", "cells", "message"),
+    [
+        (
+            0,
+            {TURN_COLUMN: 0.1},
+            "row 1, column rotation_change_deg: expected an empty cell",
+        ),
+        (3, {"change_mm": 0.1}, "row 4, column change_mm: expected an empty cell"),
+        (
+            3,
+            {TURN_COLUMN: np.nan},
+            "row 4, column rotation_change_deg: an empty or NaN cell",
+        ),
+        (3, {"sigma_mm": 0.1}, "row 4, column sigma_mm: expected an empty cell"),
+        (0, {"sigma_mm": -0.1}, "row 1, column sigma_mm: -0.1 is not a positive"),
+    ],
+)
+def test_cells_of_a_mix_stand_in_their_own_columns(tmp_path, row, cells, message):
+    """A number in the column of the other kind is one line, which names row and column."""
+    study = Study(**(PLAIN | MIX))
+    sheet = filled(MIX, study, poses=1)
+    if "sigma_mm" in cells:
+        sheet["sigma_mm"] = sheet["change_mm"].where(sheet["change_mm"].isna(), 0.1)
+    for column, cell in cells.items():
+        sheet.loc[row, column] = cell
+    sheet.to_csv(tmp_path / "sheet.csv", index=False)
+    with pytest.raises(UserError) as caught:
+        calibrate(study, tmp_path / "sheet.csv")
+    assert message in str(caught.value)
 
 
 @pytest.mark.parametrize("links", [False, True], ids=["payload", "payload and links"])

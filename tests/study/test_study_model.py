@@ -43,7 +43,10 @@ def test_rows_stand_one_after_another():
     turn = np.deg2rad(1.0)
     expected = [3e-5] * 6 + [turn] * 3 + [3e-5] * 3 + [1e-5]
     np.testing.assert_allclose(mixed.sigma, expected)
-    assert [one.name for one in mixed.model.sensors] == ["marker 1", "side", "elbow", "distance 1"]
+    whole = mixed.model.whole_instruments
+    assert [one.name for one in whole] == ["marker 1", "side", "elbow", "distance 1"]
+    rows = [one.name for one in mixed.model.sensors]
+    assert rows[2:8] == ["marker 1 z", "side x", "side y", "side z", "side rx", "side ry"]
     assert mixed.model.row_count == len(expected)
 
 

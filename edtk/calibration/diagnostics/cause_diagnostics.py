@@ -25,7 +25,7 @@ def cause_diagnostics(fitted: FittedData) -> Iterator[Diagnostic]:
     if fitted.noise_estimate is not None and not fitted.noise_estimate.revisited:
         return  # the test of moving joints is that of lack of fit, too
     if test is not None and test.seen:
-        common = test.common * float(fitted.data.sigma[:, :3].mean())
+        common = test.common * float(fitted.data.sigma[fitted.data.lengths].mean())
         if fitted.noise_estimate is not None:
             common = fitted.noise_estimate.discrepancy
         data = {"F": test.F, "p": test.p, "common": common, "used": fitted.common_noise}
@@ -45,7 +45,7 @@ def _moving_joints(fitted: FittedData) -> Iterator[Diagnostic]:
             "F": found.F,
             "p": found.p,
             "joints": found.joints,
-            "moved": found.by_joints * float(fitted.data.own_sigma[:, :3].mean()),
+            "moved": found.by_joints * float(fitted.data.own_sigma[fitted.data.lengths].mean()),
             "used": fitted.common_noise,
             "revisited": found.revisited,
         }

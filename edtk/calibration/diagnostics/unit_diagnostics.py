@@ -10,7 +10,7 @@ from edtk.calibration.finding import Finding, Kind
 from edtk.calibration.fitted_data import FittedData
 from edtk.calibration.match_plan import OTHER_LOAD
 from edtk.model.loads.fixed_load import FixedLoad
-from edtk.system.typing import Array
+from edtk.system.typing import Array, Mask
 from edtk.tables.pose_table import WRENCH_COLUMNS
 
 USUAL_FORCES = 1.5  # factor up to which the median force is taken as the expected one
@@ -76,16 +76,19 @@ def _forces(fitted: FittedData) -> Iterator[Diagnostic]:
             yield Diagnostic(Severity.WARNING, Finding(Kind.OTHER_LOAD, rows, data=tolerance))
 
 
-def _ratio(fitted: FittedData, columns: slice) -> float | None:
-    """Size of measured columns over the predicted one; None without assumed compliances."""
+def _ratio(fitted: FittedData, chosen: Mask) -> float | None:
+    """Size of measured coordinates (m, rows) over the predicted one.
+
+    None without assumed compliances.
+    """
     specification = fitted.study.specification
     if specification.simulation is None:
         return None
     given = specification.simulation.compliance_rad_per_Nm
     if any(name not in given for name in specification.joints.unknown):
         return None
-    predicted = np.linalg.norm((fitted.linear_regressor @ fitted.study.compliances)[:, columns])
-    measured = np.linalg.norm(fitted.unexplained[:, columns])
+    predicted = np.linalg.norm((fitted.linear_regressor @ fitted.study.compliances)[chosen])
+    measured = np.linalg.norm(fitted.unexplained[chosen])
     return float(measured / predicted) if predicted > 0 else None
 
 
@@ -94,7 +97,7 @@ def _lengths(fitted: FittedData) -> Iterator[Diagnostic]:
 
     They are compared with the prediction; without one, the residuals are compared with sigma.
     """
-    ratio = _ratio(fitted, slice(3))
+    ratio = _ratio(fitted, fitted.data.lengths)
     predicted = ratio is not None
     if not predicted and fitted.fit.dof >= ENOUGH:
         ratio = fitted.fit.scale
@@ -115,9 +118,10 @@ def _lengths(fitted: FittedData) -> Iterator[Diagnostic]:
 
 def _rotations(fitted: FittedData) -> Iterator[Diagnostic]:
     """Rotations 57 times too small, within a factor of three."""
-    if fitted.data.deflection.shape[1] != 6:
+    turns = ~fitted.data.lengths
+    if not turns.any():
         return
-    ratio = _ratio(fitted, slice(3, 6))
+    ratio = _ratio(fitted, turns)
     if ratio is not None and 1 / ROTATION_FACTOR < ratio * 180 / np.pi < ROTATION_FACTOR:
         yield Diagnostic(Severity.ALARM, Finding(Kind.ROTATION_UNIT, data={"ratio": ratio}))
 

@@ -8,12 +8,12 @@ from edtk.model.body_point import BodyPoint
 from edtk.model.frames import Frames
 from edtk.model.sensors.marker import Marker
 from edtk.model.sensors.sensor import Sensor
-from edtk.system.typing import Array
+from edtk.system.typing import Array, Mask
 
 
 @dataclass(frozen=True, eq=False)
 class OneRow(Sensor):
-    """One row: a coordinate of the position that another instrument measures.
+    """One row: a coordinate, or a rotation about an axis, that another instrument measures.
 
     Attributes:
         whole: The other instrument, of the same point.
@@ -27,6 +27,11 @@ class OneRow(Sensor):
     def rows(self) -> int:
         """One coordinate."""
         return 1
+
+    @property
+    def lengths(self) -> Mask:
+        """Whether the row (1,) is a length."""
+        return self.whole.lengths[self._only]
 
     def at(self, point: BodyPoint) -> "OneRow":
         """The same row of the instrument at another point."""
@@ -43,12 +48,16 @@ class OneRow(Sensor):
         return self.whole.motion_slope(frames, weights)
 
     def place(self, frames: Frames) -> Array:
-        """Coordinate (1, ...) [m]."""
+        """Coordinate (1, ...) [m]; nothing (0, ...) for a rotation."""
         return self.whole.place(frames)[self._only]
 
     def change(self, before: Frames, after: Frames) -> Array:
-        """Change of the coordinate (1, ...) [m]."""
+        """Change of the coordinate (1, ...) [m, rad]."""
         return self.whole.change(before, after)[self._only]
+
+    def change_derivative(self, before: Frames, after: Frames, start: Array, end: Array) -> Array:
+        """The row of the whole derivative (1, p, ...)."""
+        return self.whole.change_derivative(before, after, start, end)[self._only]
 
     @property
     def _only(self) -> slice:

@@ -8,7 +8,9 @@ from edtk.model.columns_slope import columns_slope
 from edtk.model.frames import Frames
 from edtk.model.rotation_vector import inverse_left_jacobian, rotation_vector
 from edtk.model.sensors.sensor import Sensor
-from edtk.system.typing import Array
+from edtk.system.typing import Array, Mask
+
+COORDINATES = 3  # rows before those of rotations
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,6 +21,11 @@ class PoseMarker(Sensor):
     def rows(self) -> int:
         """Three coordinates and three angles."""
         return 6
+
+    @property
+    def lengths(self) -> Mask:
+        """Coordinates are lengths, and rotations are not."""
+        return np.arange(self.rows) < COORDINATES
 
     def motion(self, frames: Frames) -> Array:
         """Columns of the Jacobian at the point (n, 6, ...), linear ones first."""

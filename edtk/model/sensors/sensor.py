@@ -8,7 +8,7 @@ import numpy as np
 
 from edtk.model.body_point import BodyPoint
 from edtk.model.frames import Frames
-from edtk.system.typing import Array
+from edtk.system.typing import Array, Mask
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,6 +28,11 @@ class Sensor(ABC):
     def rows(self) -> int:
         """Number of measured rows."""
 
+    @property
+    def lengths(self) -> Mask:
+        """Whether each row (rows,) is a length; the others are angles."""
+        return np.ones(self.rows, dtype=bool)
+
     def at(self, point: BodyPoint) -> Self:
         """The same instrument at another point."""
         return replace(self, point=point)
@@ -42,7 +47,7 @@ class Sensor(ABC):
 
     @abstractmethod
     def place(self, frames: Frames) -> Array:
-        """What the instrument shows of a robot: a position (3, ...), or a distance (1, ...) [m]."""
+        """The lengths that it shows of a robot: position (3, ...), or distance (1, ...) [m]."""
 
     @abstractmethod
     def change(self, before: Frames, after: Frames) -> Array:

@@ -1,13 +1,14 @@
 """Residuals of a fit, measurement by measurement."""
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from edtk.inference.identification import Identification
 from edtk.report.palette import COLOURS, ORANGE
-from edtk.system.typing import Indices
+from edtk.system.typing import Indices, Mask
 from edtk.tables.coordinate_columns import coordinate_names
 
 if TYPE_CHECKING:
@@ -18,22 +19,61 @@ MOST = 4000  # measurements that are drawn evenly, and as many of the largest re
 UNITS = ((1e3, "mm"), (180 / np.pi, "deg"))
 
 
-def residuals(fit: Identification, axes: "Iterable[Axes]") -> None:
+@dataclass(frozen=True, eq=False)
+class ResidualPanel:
+    """What one panel shows.
+
+    Attributes:
+        rows: Measurements (k,), counted from 0.
+        columns: Their coordinates.
+        names: What these are called.
+        turns: Whether they are rotations.
+    """
+
+    rows: Indices
+    columns: slice
+    names: tuple[str, ...]
+    turns: bool
+
+    @classmethod
+    def of(cls, fit: Identification, turn: Mask | None = None) -> "tuple[ResidualPanel, ...]":
+        """Positions and rotations apart.
+
+        Args:
+            fit: The fit.
+            turn: Whether each measurement (m,) is a single rotation; None where none is.
+        """
+        m, count = fit.residual.shape
+        every = np.arange(m)
+        names = coordinate_names(count)
+        if turn is None:
+            parts = (slice(first, first + 3) for first in range(0, count, 3))
+            return tuple(cls(every, part, names[part], part.start > 0) for part in parts)
+        kinds = ((every[~turn], names, False), (every[turn], ("rotation",), True))
+        return tuple(
+            cls(rows, slice(0, 1), called, turns) for rows, called, turns in kinds if len(rows)
+        )
+
+
+def residuals(fit: Identification, axes: "Iterable[Axes]", parts: Iterable[ResidualPanel]) -> None:
     """Draw residuals of positions [mm] and, where they are measured, of rotations [deg].
 
     Args:
         fit: The fit.
-        axes: One for the positions, and one more where rotations are measured.
+        axes: One for each part.
+        parts: What each shows.
     """
     worst = np.abs(fit.standardised).argmax(axis=1)
-    for part, (ax, (factor, unit)) in enumerate(zip(axes, UNITS, strict=False)):
-        chosen = slice(3 * part, 3 * part + 3)
-        residual = factor * fit.residual[:, chosen]
-        _coordinates(residual, fit.standardised[:, chosen], ax)
-        flagged = fit.outliers[worst[fit.outliers] // 3 == part]
+    for ax, part in zip(axes, parts, strict=True):
+        factor, unit = UNITS[part.turns]
+        residual = factor * fit.residual[part.rows, part.columns]
+        _coordinates(part, residual, fit.standardised[part.rows, part.columns], ax)
+        column = worst[part.rows] - part.columns.start
+        here = (column >= 0) & (column < residual.shape[1])
+        flagged = np.flatnonzero(np.isin(part.rows, fit.outliers) & here)
         if len(flagged):
-            _circles(flagged, residual[flagged, worst[flagged] - 3 * part], ax)
-        ax.set_ylabel(f"{'rotation ' * part}residual [{unit}]")
+            _circles(part.rows[flagged], residual[flagged, column[flagged]], ax)
+        ax.set_ylabel(f"{'rotation ' * part.turns}residual [{unit}]")
         ax.grid(alpha=0.3)
         ax.legend(ncols=4, fontsize=9, frameon=False, loc="lower center", bbox_to_anchor=(0.5, 1.0))
     ax.set_xlabel("measurement (row of the file)")
@@ -48,12 +88,14 @@ def drawn_rows(residual: np.ndarray) -> Indices:
     return np.union1d(np.linspace(0, m - 1, MOST).astype(int), least)
 
 
-def _coordinates(residual: np.ndarray, standardised: np.ndarray, ax: "Axes") -> None:
+def _coordinates(
+    part: ResidualPanel, residual: np.ndarray, standardised: np.ndarray, ax: "Axes"
+) -> None:
     """Three coordinates, or a distance, over a band of twice the noise."""
     shown = drawn_rows(residual)
-    for j, name in enumerate(coordinate_names(residual.shape[1])):
+    for j, name in enumerate(part.names):
         ax.plot(
-            shown + 1,
+            part.rows[shown] + 1,
             residual[shown, j],
             linestyle="",
             marker=MARKERS[j],

@@ -4,7 +4,7 @@ from typing import Any
 
 from edtk.calibration.calibration import Calibration
 from edtk.report.draw.intervals import intervals
-from edtk.report.draw.residuals import residuals
+from edtk.report.draw.residuals import ResidualPanel, residuals
 from edtk.report.panels import panels
 
 
@@ -15,10 +15,10 @@ def calibration(found: Calibration, ax: Any = None) -> Any:
         The axes: intervals, residuals of positions [mm] and, where measured, of rotations [deg].
     """
     fit = found.fit
-    parts = fit.residual.shape[1] // 3
-    axes = panels(ax, 1 + parts, 1, (6.4, 2.6 + 2.8 * parts))[:, 0]
+    parts = ResidualPanel.of(fit, found.data.turn)
+    axes = panels(ax, 1 + len(parts), 1, (6.4, 2.6 + 2.8 * len(parts)))[:, 0]
     intervals(fit, found.study.model.parameters, found.study.model.units, axes[0])
-    residuals(fit, axes[1:])
+    residuals(fit, axes[1:], parts)
     axes[0].set_title(_title(found), fontsize=10)
     return axes
 

@@ -10,6 +10,7 @@ from edtk.report.digits import digits
 from edtk.report.text.error_budget import NO_BUDGET, error_budget
 from edtk.report.text_table import name_width
 from edtk.tables.coordinate_columns import coordinate_columns
+from edtk.tables.sheet_columns import TURN_COLUMN
 
 
 def calibration(found: Calibration) -> str:
@@ -88,12 +89,15 @@ def _rows(found: Calibration) -> list[str]:
     """The pose that fits least, the row that counts most, and the outliers."""
     fit = found.fit
     pose = found.data.pose
-    squares = (fit.residual[:, :3] ** 2).mean(axis=1)
-    of_pose = np.bincount(pose, squares) / np.bincount(pose)
+    lengths = found.data.lengths
+    squares = np.bincount(pose, np.where(lengths, fit.residual**2, 0.0).sum(axis=1))
+    of_pose = squares / np.maximum(np.bincount(pose, lengths.sum(axis=1)), 1)
     worst = int(of_pose.argmax())
     size = f"{1e3 * np.sqrt(of_pose[worst]):.4g} mm"
     i, j = np.unravel_index(fit.leverage.argmax(), fit.leverage.shape)
+    turn = found.data.turn
     column = coordinate_columns(fit.residual.shape[1])[j]
+    column = column if turn is None or not turn[i] else TURN_COLUMN
     lines = [
         f"largest residuals in pose {worst + 1}: {size} root mean square",
         f"largest leverage {fit.leverage[i, j]:.3f}: row {i + 1}, {column}",
