@@ -6,7 +6,7 @@ import numpy as np
 
 from criteria.convex_criterion import ConvexCriterion
 from criteria.covariance_criterion import CovarianceCriterion
-from criteria.linalg.inverse import power_trace
+from criteria.linalg.inverse import power_trace, power_trace_of_root
 from criteria.linalg.typing import Array
 from criteria.registry import register
 
@@ -27,6 +27,10 @@ class AOptimality(CovarianceCriterion, ConvexCriterion):
     def polar(self, Z: Array, M: Array) -> float:
         """``(trace Z^(1/2))^2``, attained at a multiple of ``Z^(-1/2)``."""
         return power_trace(Z, 0.5) ** 2
+
+    def polar_of_root(self, B: Array, W: Array) -> float:
+        """The square of the sum of the singular values of B."""
+        return power_trace_of_root(B, 0.5) ** 2
 
     def expression(self, M: "cp.Expression", T: Array | None = None) -> "cp.Expression":
         """``trace(T M^-1 T')`` as a matrix-fractional function."""

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from criteria.convex_criterion import ConvexCriterion
-from criteria.linalg.inverse import power_trace
+from criteria.linalg.inverse import lowered_root, power_trace_of_root
 from criteria.linalg.typing import Array
 from criteria.registry import register
 
@@ -54,9 +54,13 @@ class CompensationAccuracy(ConvexCriterion):
         """The target becomes ``A0 T``."""
         return type(self)(self.target @ T)
 
+    def transformed(self, T: Array) -> Self:
+        """The same target says the same of other parameters."""
+        return self.in_units(T)
+
     def polar(self, Z: Array, M: Array) -> float:
         """``trace (A0 Z A0')^(1/2)``, as of a weighted A-criterion."""
-        return power_trace(self.target @ Z @ self.target.T, 0.5)
+        return power_trace_of_root(self.target @ lowered_root(Z).T, 0.5)
 
     def expression(self, M: "cp.Expression", T: Array | None = None) -> "cp.Expression":
         """``rho0^2 = trace(A0 T M^-1 T' A0')`` as a matrix-fractional function."""

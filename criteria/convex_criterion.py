@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from criteria.linalg.inverse import whitener
+from criteria.linalg.semidefinite import is_semidefinite
 from criteria.linalg.typing import Array
 from criteria.relaxable import Formulation, Relaxable
 
@@ -67,11 +68,25 @@ class ConvexCriterion(Relaxable):
             least = self._least_expression(direction, T * cost ** (-0.5 / self.degree))
         return float(cost * least ** (1.0 / self.expression_power) * size**self.degree)
 
+    def polar_of_root(self, B: Array, W: Array) -> float:
+        """`polar` of ``Z = B B'``, for a criterion of parameters in which Z would lose digits.
+
+        Args:
+            B: A root (p, q) of the multiplier.
+            W: Whitens a design near which the bound shall be tight (p, p): ``W' M W = I``.
+        """
+        S = np.linalg.inv(W)
+        return self.polar(B @ B.T, S.T @ S)
+
     def lower_bound(self, Z: Array, t: Array, M: Array) -> float:
-        """The best of ``polar(Z_j) t_j^-degree``, which follows from homogeneity."""
+        """The best of ``polar(Z_j) t_j^-degree``, which follows from homogeneity.
+
+        A multiplier that is not semidefinite proves nothing.
+        """
+        proves = (t > 0) & (is_semidefinite(Z) if self.monotone else True)
         return max(
-            self.polar(z, M) * top**-self.degree if top > 0 else 0.0
-            for z, top in zip(Z, t, strict=True)
+            self.polar(z, M) * top**-self.degree if proved else 0.0
+            for z, top, proved in zip(Z, t, proves, strict=True)
         )
 
     def formulation(

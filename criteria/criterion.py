@@ -125,6 +125,22 @@ class Criterion(ABC):
         """
         return self
 
+    def transformed(self, T: Array) -> "Criterion | None":
+        """This criterion of k as a function of the information about k', where ``k = T k'``.
+
+        Its cost of ``T'M T`` is this one's of M, the same number, but computed without squares of
+        a T that brings an ill-conditioned M to order one.
+
+        Args:
+            T: Regular matrix (p, p).
+
+        Returns:
+            The criterion; None where there is none, as of one that cannot be relaxed.
+        """
+        from criteria.transformed import transformed  # it derives from this class
+
+        return transformed(self, T)
+
     @property
     def label(self) -> str:
         """The name that a person reads in a table: "D", or "D of k2, k3"."""

@@ -33,7 +33,12 @@ class DOptimality(DeterminantCriterion, ConvexCriterion):
 
     def polar(self, Z: Array, M: Array) -> float:
         """``p det(Z)^(1/p)``, attained at ``Z^-1 / p``."""
-        return float(len(Z) * np.exp(np.linalg.slogdet(Z).logabsdet / len(Z)))
+        sign, log_det = np.linalg.slogdet(Z)
+        return float(len(Z) * np.exp(log_det / len(Z))) if sign > 0 else 0.0
+
+    def polar_of_root(self, B: Array, W: Array) -> float:
+        """``p |det B|^(2/p)``."""
+        return float(len(B) * np.exp(2 * np.linalg.slogdet(B).logabsdet / len(B)))
 
     def expression(self, M: "cp.Expression", T: Array | None = None) -> "cp.Expression":
         """``exp(-log det(T^-T M T^-1) / p)``."""

@@ -7,7 +7,7 @@ import numpy as np
 from criteria.convex_criterion import ConvexCriterion
 from criteria.covariance_criterion import CovarianceCriterion
 from criteria.kinked_criterion import KinkedCriterion
-from criteria.linalg.inverse import power_trace, whitener
+from criteria.linalg.inverse import power_trace, power_trace_of_root, whitener
 from criteria.linalg.soft_maximum import soft_maximum
 from criteria.linalg.spectrum import conjugate
 from criteria.linalg.typing import Array
@@ -56,6 +56,17 @@ class GOptimality(KinkedCriterion, CovarianceCriterion, ConvexCriterion):
         on_largest = (np.arange(len(parts)) == variances.argmax()).astype(float)
         return max(_weighted_polar(Z, at_optimum), _weighted_polar(Z, on_largest))
 
+    def polar_of_root(self, B: Array, W: Array) -> float:
+        """The same, with singular values of ``U^(1/2) B`` in place of the roots of K."""
+        variances = np.square(W).sum(axis=1)
+        # M Z M = S'(S B)(S B)'S with M = S'S.
+        S = np.linalg.inv(W)
+        at_optimum = np.square(S.T @ (S @ B)).sum(axis=1)
+        parts = at_optimum * variances
+        at_optimum = np.where(parts > NEGLIGIBLE * parts.max(), at_optimum, 0.0)
+        on_largest = (np.arange(len(parts)) == variances.argmax()).astype(float)
+        return max(_best_of_root(B, at_optimum), _best_of_root(B, on_largest))
+
     def expression(self, M: "cp.Expression", T: Array | None = None) -> "cp.Expression":
         """``max_j t_j M^-1 t_j'`` over the rows t_j of T."""
         import cvxpy as cp
@@ -74,6 +85,19 @@ class GOptimality(KinkedCriterion, CovarianceCriterion, ConvexCriterion):
     def _gradient(self, M: Array, cov: Array) -> Array:
         _, slopes = soft_maximum(np.diagonal(cov, axis1=-2, axis2=-1), self.sharpness)
         return -conjugate(cov, slopes)
+
+
+def _best_of_root(B: Array, weights: Array) -> float:
+    """`_weighted_polar` of ``Z = B B'``."""
+    best = 0.0
+    for _ in range(STEPS):
+        if not weights.sum() > 0:
+            return best
+        scaled = np.sqrt(weights / weights.sum())[:, None] * B
+        best = max(best, power_trace_of_root(scaled, 0.5) ** 2)
+        U, s, _ = np.linalg.svd(scaled, full_matrices=False)
+        weights = np.square(U) @ s
+    return best
 
 
 def _weighted_polar(Z: Array, weights: Array) -> float:

@@ -14,6 +14,7 @@ from criteria.linalg.combination import combination
 from criteria.linalg.estimable import estimable_inverse, open_columns
 from criteria.linalg.inverse import whitener
 from criteria.linalg.null_space import open_directions
+from criteria.linalg.semidefinite import is_semidefinite
 from criteria.linalg.typing import Array, Indices, Mask
 from criteria.relaxable import Formulation, Relaxable
 
@@ -101,6 +102,10 @@ class Interest(Relaxable):
         """The combinations of k are ``T'K`` of k', where k = T k'."""
         return self._like(self.base, T.T @ self.K)
 
+    def transformed(self, T: Array) -> Self:
+        """The same combinations, told by the other parameters."""
+        return self.in_units(T)
+
     def inverse(self, M: Array) -> tuple[Array, Array, Mask]:
         """A generalised inverse, and the mask of the matrices that tell all combinations."""
         self._require_size(M.shape[-1])
@@ -163,7 +168,11 @@ class Interest(Relaxable):
         """The base's for ``K'Z K``: as ``X >= K C_K(X) K'``, ``<K'Z K, C_K(X)> <= <Z, X> <= t``."""
         _, cov, _ = self.inverse(M)
         N = _inverse(self.variance(cov))
-        return self.base.lower_bound(self.K.T @ Z @ self.K, t, N)
+        # K'Z K may be semidefinite although Z is not, and then proves nothing.
+        proves = is_semidefinite(Z)
+        if not proves.any():
+            return 0.0
+        return self.base.lower_bound(self.K.T @ Z[proves] @ self.K, t[proves], N)
 
     def _require_size(self, p: int) -> None:
         """Check that combinations are of so many parameters.

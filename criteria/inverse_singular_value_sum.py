@@ -6,7 +6,7 @@ import numpy as np
 
 from criteria.convex_criterion import ConvexCriterion
 from criteria.covariance_criterion import CovarianceCriterion
-from criteria.linalg.inverse import power_trace
+from criteria.linalg.inverse import power_trace, power_trace_of_root
 from criteria.linalg.spectrum import conjugate
 from criteria.linalg.typing import Array
 from criteria.registry import register
@@ -60,6 +60,19 @@ class InverseSingularValueSum(CovarianceCriterion, ConvexCriterion):
         variances, V = np.linalg.eigh(cov)
         positive = np.maximum(variances, np.finfo(float).tiny)
         return 0.5 * conjugate(V, positive**-0.5)
+
+    def polar_of_root(self, B: Array, W: Array) -> float:
+        """``(sum s_i^(2/3))^(3/2)`` of the singular values s of B."""
+        return power_trace_of_root(B, 1 / 3) ** 1.5
+
+    def cost_of_root(self, L: Array) -> Array:
+        """The sum of the singular values of L, which have the digits that eigenvalues lose."""
+        return np.asarray(np.linalg.svd(L, compute_uv=False).sum(axis=-1))
+
+    def slope_of_root(self, L: Array) -> Array:
+        """``(L'L)^(1/2) / 2``."""
+        _, s, rows = np.linalg.svd(L)
+        return 0.5 * conjugate(np.swapaxes(rows, -1, -2), s)
 
     def _cost(self, M: Array, cov: Array) -> Array:
         # Rounding can leave an eigenvalue of cov a little below zero, which has no root.

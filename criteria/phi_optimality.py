@@ -8,13 +8,15 @@ import numpy as np
 from criteria.a_optimality import AOptimality
 from criteria.convex_criterion import ConvexCriterion
 from criteria.covariance_criterion import CovarianceCriterion
+from criteria.criterion import Criterion
 from criteria.criterion_error import CriterionError
 from criteria.d_optimality import DOptimality
-from criteria.linalg.inverse import guarded_inverse, power_trace
+from criteria.linalg.inverse import guarded_inverse, power_trace, power_trace_of_root
 from criteria.linalg.spectrum import conjugate
 from criteria.linalg.typing import Array
 from criteria.registry import register
 from criteria.relaxable import Formulation
+from criteria.transformed import TransformedByFactor
 
 if TYPE_CHECKING:
     import cvxpy as cp
@@ -73,6 +75,14 @@ class PhiOptimality(CovarianceCriterion, ConvexCriterion):
         s = self.q / (self.q + 1)
         return float(p * (power_trace(Z, s) / p) ** (1 / s))
 
+    def polar_of_root(self, B: Array, W: Array) -> float:
+        """The same of the squared singular values of B."""
+        p = len(B)
+        if self.q == 0:
+            return DOptimality().polar_of_root(B, W)
+        s = self.q / (self.q + 1)
+        return float(p * (power_trace_of_root(B, s) / p) ** (1 / s))
+
     def formulation(
         self, M: "cp.Expression", total: "cp.Expression", T: Array, unit: float
     ) -> Formulation:
@@ -107,6 +117,22 @@ class PhiOptimality(CovarianceCriterion, ConvexCriterion):
         ratio = variances / self._mean(variances)[..., None]
         return conjugate(V, ratio ** (self.q - 1)) / cov.shape[-1]
 
+    def transformed(self, T: Array) -> Criterion | None:
+        """For q = 0 it is a function of the determinant."""
+        return TransformedByFactor(self, T) if self.q == 0 else super().transformed(T)
+
+    def cost_of_root(self, L: Array) -> Array:
+        """The mean of the squared singular values of L, for q above 0."""
+        return self._mean(_squares(np.asarray(np.linalg.svd(L, compute_uv=False))))
+
+    def slope_of_root(self, L: Array) -> Array:
+        """``V diag(v (v/f)^(q-1)) V' / p`` for the right singular vectors V of L, for q above 0."""
+        _, s, rows = np.linalg.svd(L)
+        variances = _squares(s)
+        ratio = variances / self._mean(variances)[..., None]
+        V = np.swapaxes(rows, -1, -2)
+        return conjugate(V, variances * ratio ** (self.q - 1)) / L.shape[-1]
+
     def _mean(self, variances: Array) -> Array:
         """Mean of order q (...), above zero, of positive numbers (..., p)."""
         # Divided by the largest, no power overflows, whatever the units are.
@@ -129,6 +155,11 @@ class PhiOptimality(CovarianceCriterion, ConvexCriterion):
 
 def _is_number(q: object) -> bool:
     return isinstance(q, Real) and not isinstance(q, bool)
+
+
+def _squares(s: Array) -> Array:
+    """Squares of singular values, above zero."""
+    return np.maximum(np.square(s), np.finfo(float).tiny)
 
 
 def _spectrum(cov: Array) -> tuple[Array, Array]:

@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING, ClassVar, Self
 
 from criteria.convex_criterion import ConvexCriterion
 from criteria.criterion import Criterion
+from criteria.determinant_criterion import DeterminantCriterion
 from criteria.linalg.typing import Array
 from criteria.relaxable import Formulation
 
@@ -53,6 +54,17 @@ class PowerCriterion(ConvexCriterion):
         """The power of the base in other units."""
         base = self.base.in_units(T)
         return self if base is self.base else self._like(base)
+
+    def transformed(self, T: Array) -> Criterion | None:
+        """The power of the base as a function of the information about other parameters."""
+        if isinstance(self, DeterminantCriterion):
+            return super().transformed(T)
+        base = self.base.transformed(T)
+        return None if base is None else self._like(base)  # type: ignore[arg-type]
+
+    def polar_of_root(self, B: Array, W: Array) -> float:
+        """The power of the base's."""
+        return float(self.base.polar_of_root(B, W) ** self.exponent)
 
     def _like(self, base: ConvexCriterion) -> Self:
         """The same power of another base of the same kind."""

@@ -74,6 +74,10 @@ class WorstTaskAccuracy(KinkedCriterion, ConvexCriterion):
         """The targets become ``A_i T``."""
         return type(self)(self.targets @ T, self.sharpness)
 
+    def transformed(self, T: Array) -> Self:
+        """The same target says the same of other parameters."""
+        return self.in_units(T)
+
     def polar(self, Z: Array, M: Array) -> float:
         """``trace (B Z B')^(1/2)``, ``B'B = sum l_i L_i``, for weights l of the tasks of sum one.
 

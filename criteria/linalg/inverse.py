@@ -58,14 +58,23 @@ def power_trace(Z: Array, power: float) -> float:
         Z: Symmetric positive semidefinite matrix (p, p).
         power: In (0, 1].
     """
-    p = len(Z)
+    # Singular values of a root of Z, formed after scaling, are exact for small eigenvalues of a Z
+    # in bad units; eigenvalues of Z itself are not.
+    return power_trace_of_root(lowered_root(Z), power)
+
+
+def lowered_root(Z: Array) -> Array:
+    """F (p, p) with ``F'F`` at most Z but for rounding, for a positive semidefinite Z (p, p)."""
     d = np.sqrt(np.maximum(np.diag(Z), 0.0))
     d = np.where(d > 0, d, 1.0)
     r, V = np.linalg.eigh(Z / np.outer(d, d))
     # An eigenvalue lost in rounding counts as zero: its root would be far larger than the rounding.
-    r = np.where(r > p * ROUNDING * r[-1], r, 0.0)
-    # Singular values of a root of Z, formed after scaling, are exact for small eigenvalues of a Z
-    # in bad units; eigenvalues of Z itself are not.
-    s = np.linalg.svd(np.sqrt(r)[:, None] * V.T * d, compute_uv=False)
-    lowered = np.maximum(s - 4 * p * EPS * s[0], 0.0)
+    r = np.where(r > len(Z) * ROUNDING * r[-1], r, 0.0)
+    return np.asarray(np.sqrt(r)[:, None] * V.T * d)
+
+
+def power_trace_of_root(F: Array, power: float) -> float:
+    """``trace((F'F)^power)`` of a root F (p, q), never overestimated by rounding."""
+    s = np.linalg.svd(F, compute_uv=False)
+    lowered = np.maximum(s - 4 * len(F) * EPS * s[0], 0.0)
     return float((lowered ** (2 * power)).sum())

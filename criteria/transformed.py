@@ -1,0 +1,205 @@
+"""Criteria of parameters that are ill-conditioned, computed in others that are not."""
+
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+
+from criteria.convex_criterion import ConvexCriterion
+from criteria.covariance_criterion import CovarianceCriterion
+from criteria.criterion import Criterion
+from criteria.determinant_criterion import DeterminantCriterion
+from criteria.linalg.inverse import lowered_root, whitener
+from criteria.linalg.semidefinite import is_semidefinite
+from criteria.linalg.typing import Array
+from criteria.relaxable import Formulation, Relaxable
+
+if TYPE_CHECKING:
+    import cvxpy as cp
+
+DECLARED = (
+    "name",
+    "title",
+    "formula",
+    "sense",
+    "degree",
+    "convex",
+    "smooth",
+    "monotone",
+    "unit_free",
+    "shown",
+    "expression_power",
+    "most_subproblems",
+)
+
+
+class Transformed(Relaxable):
+    """A criterion of k as a function of the information about k', where ``k = T k'``.
+
+    The information about k' is ``M' = T'M T``, and the cost is that of M to the last digit that T
+    allows: the covariance ``T cov' T'`` of k is a product, and nothing is inverted in parameters
+    where it could not be. A multiplier Z' of M' is the multiplier ``T Z' T'`` of M.
+
+    Args:
+        base: The criterion of k, whose cost needs all parameters.
+        T: Regular matrix (p, p).
+    """
+
+    def __init__(self, base: Relaxable, T: Array) -> None:
+        self.base = base
+        self.T = T
+        self.S = np.linalg.inv(T)
+        for key in DECLARED:
+            setattr(self, key, getattr(base, key))
+
+    @property
+    def label(self) -> str:
+        """The base's."""
+        return self.base.label
+
+    @property
+    def arguments(self) -> dict[str, Any]:
+        """The base's."""
+        return self.base.arguments
+
+    @property
+    def plan_criterion(self) -> Criterion:
+        """The base's, of the same parameters."""
+        return self.base.plan_criterion.transformed(self.T) or self
+
+    def cost_from_plan_criterion(self, cost: float) -> float:
+        """The base's."""
+        return self.base.cost_from_plan_criterion(cost)
+
+    def smoothed(self, sharpness: float) -> Self:
+        """The smoothed base, of the same parameters."""
+        base = self.base.smoothed(sharpness)
+        return self if base is self.base else type(self)(base, self.T)
+
+    def in_units(self, T: Array) -> Self:
+        """The base as a function of k'' where ``k' = T k''``."""
+        return type(self)(self.base, self.T @ T)
+
+    def transformed(self, T: Array) -> "Relaxable":
+        """The base as a function of k'' where ``k' = T k''``."""
+        return self.in_units(T)
+
+    def formulation(
+        self, M: "cp.Expression", total: "cp.Expression", T: Array, unit: float
+    ) -> Formulation:
+        """The base's; where T whitens a design of k', ``T_base T`` whitens it as one of k."""
+        return self.base.formulation(M, total, self.T @ T, unit)
+
+    def expression(self, M: "cp.Expression", T: Array | None = None) -> "cp.Expression":
+        """The base's, see `formulation`."""
+        assert isinstance(self.base, ConvexCriterion)
+        return self.base.expression(M, self.T if T is None else self.T @ T)
+
+    def polar(self, Z: Array, M: Array) -> float:
+        """The base's, of a root ``T F'`` of the multiplier, where ``F'F = Z``."""
+        assert isinstance(self.base, ConvexCriterion)
+        return self.base.polar_of_root(self.T @ lowered_root(Z).T, self.T @ whitener(M))
+
+    def lower_bound(self, Z: Array, t: Array, M: Array) -> float:
+        """The base's: of polars where it has them, else of the multipliers ``T Z T'``."""
+        if type(self.base).lower_bound is not ConvexCriterion.lower_bound:
+            return self.base.lower_bound(self._outward(Z), t, self._information(M))
+        proofs = zip(Z[is_semidefinite(Z)], t[is_semidefinite(Z)], strict=True)
+        return max((self.polar(z, M) * x**-self.degree for z, x in proofs if x > 0), default=0.0)
+
+    def subproblem(self, Z: Array, t: Array, M: Array) -> Relaxable:
+        """The base's, of the same parameters."""
+        found = self.base.subproblem(self._outward(Z), t, self._information(M))
+        return self if found is self.base else Transformed(found, self.T)
+
+    def _information(self, M: Array) -> Array:
+        """The information about k."""
+        return self.S.T @ M @ self.S
+
+    def _outward(self, Z: Array) -> Array:
+        """Multipliers, or covariances, of k."""
+        return self.T @ Z @ self.T.T
+
+    def _cost(self, M: Array, cov: Array) -> Array:
+        return self.base.cost_of_regular(self._information(M), self._outward(cov))
+
+    def _gradient(self, M: Array, cov: Array) -> Array:
+        G = self.base.gradient_of_regular(self._information(M), self._outward(cov))
+        return self.S @ G @ self.S.T
+
+
+class TransformedCovariance(Transformed, CovarianceCriterion):
+    """The same of a criterion that needs the covariance alone."""
+
+    def covariance_slope(self, cov: Array) -> Array:
+        """``T' slope T``."""
+        assert isinstance(self.base, CovarianceCriterion)
+        return self.T.T @ self.base.covariance_slope(self._outward(cov)) @ self.T
+
+    def _cost(self, M: Array, cov: Array) -> Array:
+        assert isinstance(self.base, CovarianceCriterion)
+        return self.base.cost_of_root(self.T @ _root(cov))
+
+    def _gradient(self, M: Array, cov: Array) -> Array:
+        assert isinstance(self.base, CovarianceCriterion)
+        L = _root(cov)
+        return -L @ self.base.slope_of_root(self.T @ L) @ np.swapaxes(L, -1, -2)
+
+
+class TransformedByFactor(Transformed):
+    """The same of a criterion of det M alone: it differs by a power of ``|det T|``, and no more."""
+
+    def __init__(self, base: Relaxable, T: Array) -> None:
+        super().__init__(base, T)
+        self._log = 2 * float(np.linalg.slogdet(T).logabsdet)
+        self._factor = float(np.exp(base.degree * self._log / len(T)))
+
+    def formulation(
+        self, M: "cp.Expression", total: "cp.Expression", T: Array, unit: float
+    ) -> Formulation:
+        """The base's of M' itself, in another unit."""
+        return self.base.formulation(M, total, T, unit / self._factor)
+
+    def polar(self, Z: Array, M: Array) -> float:
+        """The base's of Z' itself, times a number."""
+        assert isinstance(self.base, ConvexCriterion)
+        return self._factor * self.base.polar(Z, M)
+
+    def lower_bound(self, Z: Array, t: Array, M: Array) -> float:
+        """The base's of Z' itself, times a number."""
+        return self._factor * self.base.lower_bound(Z, t, M)
+
+    def _cost(self, M: Array, cov: Array) -> Array:
+        return self._factor * self.base.cost_of_regular(M, cov)
+
+    def _gradient(self, M: Array, cov: Array) -> Array:
+        return self._factor * self.base.gradient_of_regular(M, cov)
+
+
+class TransformedDeterminant(TransformedByFactor, DeterminantCriterion):
+    """The same of a `DeterminantCriterion`, which exchanges know how to update."""
+
+    def cost_of_log_determinant(self, log_det: Array, p: int) -> Array:
+        """The base's of ``log det M = log det M' - 2 log |det T|``."""
+        assert isinstance(self.base, DeterminantCriterion)
+        return self.base.cost_of_log_determinant(log_det - self._log, p)
+
+
+def transformed(base: Criterion, T: Array) -> Transformed | None:
+    """A criterion of k as a function of the information about k', where ``k = T k'``.
+
+    Returns:
+        The criterion; None for one that has no relaxation, or has inverses of its own.
+    """
+    if not isinstance(base, Relaxable) or not base.needs_all:
+        return None
+    if isinstance(base, DeterminantCriterion):
+        return TransformedDeterminant(base, T)
+    if isinstance(base, CovarianceCriterion):
+        return TransformedCovariance(base, T)
+    return Transformed(base, T)
+
+
+def _root(cov: Array) -> Array:
+    """L (..., p, p) with ``L L' = cov``."""
+    variances, V = np.linalg.eigh(cov)
+    return np.asarray(V * np.sqrt(np.maximum(variances, 0.0))[..., None, :])
