@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from criteria.linalg.inverse import whitener
-from criteria.linalg.semidefinite import is_semidefinite
+from criteria.linalg.is_semidefinite import is_semidefinite
 from criteria.linalg.typing import Array
 from criteria.relaxable import Formulation, Relaxable
 

@@ -13,8 +13,8 @@ from criteria.determinant_criterion import DeterminantCriterion
 from criteria.linalg.combination import combination
 from criteria.linalg.estimable import estimable_inverse, open_columns
 from criteria.linalg.inverse import whitener
+from criteria.linalg.is_semidefinite import is_semidefinite
 from criteria.linalg.null_space import open_directions
-from criteria.linalg.semidefinite import is_semidefinite
 from criteria.linalg.typing import Array, Indices, Mask
 from criteria.relaxable import Formulation, Relaxable
 

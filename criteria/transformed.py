@@ -9,7 +9,7 @@ from criteria.covariance_criterion import CovarianceCriterion
 from criteria.criterion import Criterion
 from criteria.determinant_criterion import DeterminantCriterion
 from criteria.linalg.inverse import lowered_root, whitener
-from criteria.linalg.semidefinite import is_semidefinite
+from criteria.linalg.is_semidefinite import is_semidefinite
 from criteria.linalg.typing import Array
 from criteria.relaxable import Formulation, Relaxable
 
