@@ -27,9 +27,11 @@ if TYPE_CHECKING:
     from edtk.design.exact.exchange import exchange as exchange
     from edtk.design.plan import Plan as Plan
     from edtk.design.problem import Problem as Problem
+    from edtk.design.region import Region as Region
     from edtk.design.relaxation.relax_poses import PlanInterrupted as PlanInterrupted
     from edtk.design.relaxation.relaxation import Relaxation as Relaxation
     from edtk.design.relaxation.relaxed_plan import RelaxedPlan as RelaxedPlan
+    from edtk.design.relaxation.relaxed_region import RelaxedRegion as RelaxedRegion
     from edtk.inference.controller_search.found_controller import (
         FoundController as FoundController,
     )
@@ -96,7 +98,9 @@ _HOME = {
     "PlanInterrupted": "edtk.design.relaxation.relax_poses",
     # any linear(ised) model
     "Problem": "edtk.design.problem",
+    "Region": "edtk.design.region",
     "Relaxation": "edtk.design.relaxation.relaxation",
+    "RelaxedRegion": "edtk.design.relaxation.relaxed_region",
     "apportion": "edtk.design.exact.apportion",
     "exchange": "edtk.design.exact.exchange",
 }

@@ -7,8 +7,10 @@ from typing import TYPE_CHECKING, overload
 if TYPE_CHECKING:
     from criteria import Criterion
     from edtk.design.problem import Problem
+    from edtk.design.region import Region
     from edtk.design.relaxation.relaxation import Relaxation
     from edtk.design.relaxation.relaxed_plan import RelaxedPlan
+    from edtk.design.relaxation.relaxed_region import RelaxedRegion
     from edtk.study.study import Study
     from edtk.verbs.inputs import StudyLike
 
@@ -36,8 +38,18 @@ def relax(
 def relax(question: "Problem", criterion: "Criterion | str | None" = None) -> "Relaxation": ...
 
 
+@overload
 def relax(
-    question: "StudyLike | Problem",
+    question: "Region",
+    criterion: "Criterion | str | None" = None,
+    candidates: int | None = None,
+    *,
+    progress: Progress = ...,
+) -> "RelaxedRegion": ...
+
+
+def relax(
+    question: "StudyLike | Problem | Region",
     criterion: "Criterion | str | None" = None,
     candidates: int | None = None,
     *,
@@ -48,15 +60,16 @@ def relax(
     out: Path | str | None = None,
     certificate: Path | str | None = None,
     progress: Progress = lambda stage, gap: None,
-) -> "RelaxedPlan | Relaxation":
+) -> "RelaxedPlan | Relaxation | RelaxedRegion":
     """Minimise a criterion over weights instead of whole experiments, and prove a bound.
 
     Args:
-        question: A study, the path of a study file, or a `Problem` of arrays. The options below
-            belong to studies.
-        criterion: Name of a criterion (a `Criterion` object is fine for a problem); defaults to
-            the study's main criterion, and to "D" for a problem.
-        candidates: Number of candidate poses; defaults to the study's.
+        question: A study, the path of a study file, a `Problem` of arrays, or a `Region` of points.
+            The options below belong to studies.
+        criterion: Name of a criterion (a `Criterion` object is fine for a problem or a region);
+            defaults to the study's main criterion, and to "D" for a problem or a region.
+        candidates: Number of candidate poses; defaults to the study's. Of a region, about the
+            number of points of the grid where ascents begin; defaults to 5000.
         continuous: Whether to search all feasible poses, beyond the candidates.
         size: Number of experiments that share a prior which counts in designs; defaults to the
             first of the study's sizes.
@@ -82,9 +95,14 @@ def relax(
         [-1.0, 0.0, 1.0]
     """
     from edtk.design.problem import Problem
+    from edtk.design.region import Region
 
     if isinstance(question, Problem):
         return _relax_problem(question, "D" if criterion is None else criterion)
+    if isinstance(question, Region):
+        return _relax_region(
+            question, "D" if criterion is None else criterion, candidates, progress
+        )
     from edtk.design.relaxation.relax_poses import PlanInterrupted
     from edtk.study.relax_study import relax_study
     from edtk.study.run_options import RunOptions
@@ -142,3 +160,17 @@ def _relax_problem(problem: "Problem", criterion: "Criterion | str") -> "Relaxat
     if isinstance(criterion, str):
         criterion = criteria.create(criterion)
     return relax_candidates(problem, criterion)
+
+
+def _relax_region(
+    region: "Region", criterion: "Criterion | str", candidates: int | None, progress: Progress
+) -> "RelaxedRegion":
+    """The relaxation over all points of a region."""
+    import criteria
+    from edtk.design.relaxation.region_grid import POINTS
+    from edtk.design.relaxation.relax_region import relax_region
+
+    if isinstance(criterion, str):
+        criterion = criteria.create(criterion)
+    points = POINTS if candidates is None else candidates
+    return relax_region(region, criterion, points, progress=progress)

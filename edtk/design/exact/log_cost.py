@@ -7,9 +7,10 @@ import numpy as np
 from criteria import Criterion
 from criteria.derivatives import derivatives
 from criteria.linalg.triangle import triangle
-from edtk.design.experiments import Experiments, weighted_information
+from edtk.design.experiments import weighted_information
 from edtk.design.interior_point.neighbourhood import Neighbourhood
 from edtk.design.interior_point.objective import Local, Objective
+from edtk.design.space import Points
 from edtk.system.typing import Array, Indices
 
 
@@ -28,7 +29,7 @@ class LogCost(Objective):
     criterion: Criterion
     repeats: Array
 
-    def value(self, here: Experiments, start: Indices) -> Array:
+    def value(self, here: Points, start: Indices) -> Array:
         """Values (b,), inf where the plan is singular."""
         return np.log(self.criterion.cost(here.information(self.repeats[start])))
 

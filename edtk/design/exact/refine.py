@@ -5,10 +5,9 @@ from collections.abc import Callable
 import numpy as np
 
 from criteria import Criterion
-from edtk.design.design_space import DesignSpace
 from edtk.design.exact.log_cost import LogCost
-from edtk.design.experiments import Experiments
 from edtk.design.interior_point.descend import descend
+from edtk.design.space import Points, Space
 from edtk.system.typing import Array
 
 SHARPNESS = (10.0, 50.0, 250.0)  # of the soft maxima for criteria with kinks, in turn
@@ -24,7 +23,7 @@ def never() -> bool:
 
 
 def refine(
-    space: DesignSpace,
+    space: Space,
     criterion: Criterion,
     x: Array,
     repeats: Array,
@@ -64,7 +63,7 @@ def refine(
     return np.array(stages)[best, each], costs[best, each]
 
 
-def _costs(experiments: Experiments, criterion: Criterion, repeats: Array) -> Array:
+def _costs(experiments: Points, criterion: Criterion, repeats: Array) -> Array:
     """Costs (b,) of plans (b, k), infinite where an experiment is not feasible."""
     feasible = experiments.feasible.all(axis=1)
     return np.where(feasible, criterion.cost(experiments.information(repeats)), np.inf)

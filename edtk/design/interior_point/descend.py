@@ -14,13 +14,13 @@ from functools import partial
 
 import numpy as np
 
-from edtk.design.design_space import DesignSpace
 from edtk.design.interior_point.inward import inward
 from edtk.design.interior_point.objective import Objective
 from edtk.design.interior_point.point import Point
 from edtk.design.interior_point.scaled_variables import ScaledVariables
 from edtk.design.interior_point.state import State
 from edtk.design.interior_point.step import step
+from edtk.design.space import Space
 from edtk.system.typing import Array, Indices
 
 # The least barrier holds the objective back by at most this part of the accuracy.
@@ -33,7 +33,7 @@ def never() -> bool:
 
 
 def descend(
-    space: DesignSpace,
+    space: Space,
     x: Array,
     objective: Objective,
     iterations: int = 200,
@@ -93,7 +93,7 @@ def _points(
     yield state.point
 
 
-def _values_of_moved(space: DesignSpace, objective: Objective, x: Array, inside: Array) -> Array:
+def _values_of_moved(space: Space, objective: Objective, x: Array, inside: Array) -> Array:
     """Values (b,) that an answer must beat: those of feasible starts that had to be moved inside.
 
     All others are inf: a start that was not moved is the first iterate, and an infeasible one is

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from edtk.design.design_space import DesignSpace
+from edtk.design.space import Space
 from edtk.system.typing import Array
 
 # An interior-point method cannot start on a constraint, where the barrier is infinite. Starts keep
@@ -13,7 +13,7 @@ OVERSHOOT = 1.5  # of the step to a constraint, so that a curved one is passed i
 RIDGE = 1e-9  # keeps the steps finite where gradients of violated constraints are dependent
 
 
-def inward(space: DesignSpace, x: Array) -> Array:
+def inward(space: Space, x: Array) -> Array:
     """Move experiments off bounds and constraints; those already inside stay as they are.
 
     Each round solves ``G dx = 1.5 (margin - s)`` for the slacks s that are below the margin, with

@@ -5,8 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from edtk.design.design_space import DesignSpace
-from edtk.design.experiments import Experiments
+from edtk.design.space import Points, Space
 from edtk.system.typing import Array
 
 # Distance to a neighbour, in parts of a variable's range. Differences of analytic slopes lose
@@ -27,7 +26,7 @@ class Neighbourhood:
         x: Design variables (b, k, v).
     """
 
-    space: DesignSpace
+    space: Space
     x: Array
 
     @cached_property
@@ -37,7 +36,7 @@ class Neighbourhood:
         return np.asarray(upper - lower)
 
     @cached_property
-    def experiments(self) -> Experiments:
+    def experiments(self) -> Points:
         """The experiments themselves and their neighbours (1 + d, b, k)."""
         move = self.space.movable
         neighbours = np.arange(1, 1 + len(move))

@@ -3,8 +3,8 @@
 from abc import ABC, abstractmethod
 from typing import NamedTuple
 
-from edtk.design.experiments import Experiments
 from edtk.design.interior_point.neighbourhood import Neighbourhood
+from edtk.design.space import Points
 from edtk.system.typing import Array, Indices
 
 
@@ -33,7 +33,7 @@ class Objective(ABC):
     """
 
     @abstractmethod
-    def value(self, here: Experiments, start: Indices) -> Array:
+    def value(self, here: Points, start: Indices) -> Array:
         """Values (b,) of experiments (b, k), some of which may be inf.
 
         Args:

@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from edtk.design.design_space import DesignSpace
+from edtk.design.space import Space
 from edtk.system.typing import Array, Indices
 
 
@@ -20,7 +20,7 @@ class ScaledVariables:
         x: Starts (n, k, v); the variables that do not move keep these values.
     """
 
-    space: DesignSpace
+    space: Space
     x: Array
 
     @cached_property

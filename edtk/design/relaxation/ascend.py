@@ -1,15 +1,15 @@
 """The way up to the largest sensitivity nearby."""
 
-from edtk.design.design_space import DesignSpace
 from edtk.design.interior_point.descend import descend
 from edtk.design.relaxation.sensitivity import Sensitivity
+from edtk.design.space import Space
 from edtk.system.typing import Array
 
 BARRIER = 0.1  # larger than for plans: one experiment is worth more than each of many
 
 
 def ascend(
-    space: DesignSpace,
+    space: Space,
     x: Array,
     Z: Array,
     per_trace: bool = False,

@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from edtk.design.experiments import Experiments
 from edtk.design.interior_point.neighbourhood import Neighbourhood
 from edtk.design.interior_point.objective import Local, Objective
 from edtk.design.packed import sensitivity_rows
+from edtk.design.space import Points
 from edtk.system.typing import Array, Indices
 
 
@@ -23,7 +23,7 @@ class Sensitivity(Objective):
     Z: Array
     per_trace: bool
 
-    def value(self, here: Experiments, start: Indices) -> Array:
+    def value(self, here: Points, start: Indices) -> Array:
         """Minus the sensitivities (b,) of experiments (b, 1)."""
         return -sensitivity_and_slope(here, self.Z[start], self.per_trace)[0][:, 0]
 
@@ -36,16 +36,14 @@ class Sensitivity(Objective):
         return Local(-value[0, :, 0], slope[0], own, together)
 
 
-def sensitivity_and_slope(
-    here: Experiments, Z: Array, per_trace: bool = False
-) -> tuple[Array, Array]:
+def sensitivity_and_slope(here: Points, Z: Array, per_trace: bool = False) -> tuple[Array, Array]:
     """Sensitivities ``<Z, M(x)>`` of experiments x, and their derivatives.
 
     With ``M(x) = M0 + A' A`` of whitened rows A the differential is ``d<Z, M> = 2 <A Z, dA>``. Per
     trace the sensitivity is ``<Z, M>/trace(M)``, with the quotient rule.
 
     Args:
-        here: Experiments (..., b, k).
+        here: Points (..., b, k).
         Z: Multipliers (b, p, p), one for each row of experiments.
         per_trace: Whether to divide by ``trace M(x)``: for criteria of degree zero.
 
@@ -65,5 +63,7 @@ def sensitivity_and_slope(
     if prior is not None:
         trace = trace + np.trace(prior)
     trace_slope = here.slope(2 * A)
+    # An experiment that tells nothing has no direction either; its sensitivity counts as zero.
+    trace = np.where(trace > 0, trace, 1.0)
     value = value / trace
     return value, (slope - value[..., None] * trace_slope) / trace[..., None]

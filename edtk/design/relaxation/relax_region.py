@@ -1,0 +1,209 @@
+"""The relaxation over a region: weights on a grid, then on the points that ascents find."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from criteria import Criterion, Relaxable
+from edtk.design.bound import Bound, BoundKind
+from edtk.design.candidates import Candidates
+from edtk.design.region import Region
+from edtk.design.relaxation.active_set import ActiveSet
+from edtk.design.relaxation.largest_sensitivities import LargestSensitivities
+from edtk.design.relaxation.polish import polish
+from edtk.design.relaxation.region_grid import POINTS, RegionGrid
+from edtk.design.relaxation.relax import relax, require_relaxable
+from edtk.design.relaxation.relaxed_region import RelaxedRegion
+from edtk.design.relaxation.search_region import search_region
+from edtk.system.typing import Array
+
+GAP = 1e-7
+FIRST = 600  # points of the first relaxation: it only has to find out where to look closer
+ROUNDS = 30  # searches at most; four or five are the rule
+ALIKE = 1e-9  # parts of a range up to which two points are one
+LOSS = 1e-12  # relative: a cost that is lower by less is the same but for rounding
+PATIENCE = 4  # rounds that must together shrink the gap to this part
+SLOW = 0.7
+SHARPER = 0.05  # gap of the next relaxation, in parts of the present one
+
+
+def relax_region(
+    region: Region,
+    criterion: Criterion,
+    candidates: int = POINTS,
+    gap: float = GAP,
+    progress: Callable[[str, float], object] = lambda stage, gap: None,
+) -> RelaxedRegion:
+    """Find the best weights over all points of a region, with a bound on every design.
+
+    The first relaxation is over a coarse grid. Then, round after round, ascents from all local
+    maxima on a finer grid find the points of largest sensitivity, which join the design's points,
+    until the bound that they leave is close enough (the exchange of Wynn and Fedorov, with several
+    points at a time and a whole relaxation in place of a step). Each design is polished: close
+    points merge, and points and weights move together.
+
+    Args:
+        region: The region.
+        criterion: A criterion that can be relaxed.
+        candidates: Number of points of the grid, about.
+        gap: Relative gap between cost and bound at which to stop. The gap of the result may be
+            larger.
+        progress: Called with the stage and its relative gap.
+
+    Raises:
+        NotImplementedError: The criterion cannot be relaxed.
+        RankDeficientError: The region cannot identify all parameters.
+        RelaxationError: No solver found a design.
+        UserError: No point is feasible, or the model fails.
+    """
+    relaxable = require_relaxable(criterion)
+    grid = RegionGrid.of(region, candidates)
+    first = RegionGrid.of(region, min(candidates, FIRST))
+    relaxation = relax(first.problem, relaxable)
+    progress("grid", relaxation.gap)
+    active = ActiveSet(Candidates(first.x, first.problem), relaxation, relaxation.iterations)
+    search = _Search(grid, relaxable)
+    for turn in range(ROUNDS):
+        away = search.after(active, gap)
+        progress("region", away)
+        if away <= gap or search.stuck(turn):
+            break
+        around = _apart(region, np.concatenate([search.points, active.support.x, search.found]))
+        active = active.over(around, max(0.3 * gap, SHARPER * away))
+    return search.result(active)
+
+
+class _Search:
+    """The best design and the best proof so far; they may come from different rounds.
+
+    Args:
+        grid: Where ascents begin.
+        criterion: What is minimised.
+    """
+
+    def __init__(self, grid: RegionGrid, criterion: Relaxable) -> None:
+        self.grid = grid
+        self.criterion = criterion
+        self.points = np.empty((0, grid.region.size))
+        self.weights = np.empty(0)
+        self.cost = np.inf
+        self.proof: _Proof | None = None
+        self.found = self.points
+        self._gaps: list[float] = []
+
+    @property
+    def gap(self) -> float:
+        """Relative gap between the best design and the best bound."""
+        return 1.0 if self.proof is None else 1 - self.proof.cost / self.cost
+
+    def after(self, active: ActiveSet, enough: float) -> float:
+        """Take over what is better of a relaxation, and search the region with its multipliers.
+
+        Args:
+            active: The relaxation.
+            enough: The gap that is asked for.
+
+        Returns:
+            The gap that remains.
+        """
+        support = active.support.x
+        x, weights, cost = polish(self.grid.region, self.criterion, support, active.weights)
+        # The first design of a few points is better than an equal one of many.
+        if cost < self.cost * (1 - LOSS) or (len(x) < len(self.points) and cost <= self.cost):
+            self.points, self.weights, self.cost = x, weights, cost
+        M = self.grid.region.problem(x).information(weights)
+        known = np.concatenate([x, support])
+        ends = []
+        for Z in self._trials(active, M):
+            proof, found = _Proof.of(self.grid, self.criterion, Z, known, M)
+            ends.append(found)
+            if self.proof is None or proof.cost > self.proof.cost:
+                self.proof = proof
+            # The second search is paid for only where the first one does not settle the matter.
+            if self.gap <= enough:
+                break
+        self.found = np.concatenate(ends)
+        self._gaps.append(self.gap)
+        return self.gap
+
+    def _trials(self, active: ActiveSet, M: Array) -> list[Array]:
+        """Multipliers (r, p, p) to search with: minus the gradient at a polished M, the solver's.
+
+        The first are exact where the design is, but only where the cost is smooth.
+        """
+        of_solver = active.relaxation.multipliers
+        if not self.criterion.smooth or self.criterion.most_subproblems > 1:
+            return [of_solver]
+        return [-self.criterion.gradient(M)[None], of_solver]
+
+    def stuck(self, turn: int) -> bool:
+        """Whether the last rounds have hardly closed the gap: a solver's accuracy is reached."""
+        return turn >= PATIENCE and self._gaps[-1] > SLOW * self._gaps[-1 - PATIENCE]
+
+    def result(self, active: ActiveSet) -> RelaxedRegion:
+        """The best design with the best bound, and what the same multipliers prove on the grid."""
+        criterion = self.criterion
+        best = self.proof
+        assert best is not None
+        region = self.grid.region
+        order = np.lexsort(np.round(self.points, 9).T[::-1])
+        x = self.points[order]
+        everything = Candidates(self.grid.x, self.grid.problem) + Candidates(x, region.problem(x))
+        proved = LargestSensitivities.over(everything, criterion, best.multipliers)
+        on_grid = float(criterion.lower_bound(best.multipliers, proved.values, best.M))
+        return RelaxedRegion(
+            region=region,
+            criterion=criterion,
+            points=x,
+            weights=self.weights[order],
+            cost=self.cost,
+            grid_bound=Bound.of(criterion, on_grid, self.cost, BoundKind.PROVED_ON_CANDIDATES),
+            searched_bound=Bound.of(criterion, best.cost, self.cost, BoundKind.SEARCHED),
+            multipliers=best.multipliers,
+            largest=best.largest,
+            grid_size=len(self.grid.x),
+            solver=active.relaxation.solver,
+            iterations=active.iterations,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class _Proof:
+    """What multipliers prove over the whole region.
+
+    Attributes:
+        cost: The bound on the cost.
+        multipliers: The multipliers (r, p, p).
+        largest: The largest sensitivities to them.
+        M: The design (p, p) that they belong to.
+    """
+
+    cost: float
+    multipliers: Array
+    largest: LargestSensitivities
+    M: Array
+
+    @classmethod
+    def of(
+        cls, grid: RegionGrid, criterion: Relaxable, Z: Array, known: Array, M: Array
+    ) -> "tuple[_Proof, Array]":
+        """Search the region with multipliers Z.
+
+        Returns:
+            The proof, and the points (n, d) where the ascents have ended.
+        """
+        largest, found = search_region(grid, criterion, Z, known)
+        bound = float(criterion.lower_bound(Z, largest.values, M))
+        return cls(bound if np.isfinite(bound) else 0.0, Z, largest, M), found.x
+
+
+def _apart(region: Region, points: Array) -> Candidates:
+    """The points that differ from all before them."""
+    low, high = region.limits
+    y = (points - low) / (high - low)
+    kept: list[int] = []
+    for i in range(len(y)):
+        if not kept or np.abs(y[kept] - y[i]).max(axis=1).min() > ALIKE:
+            kept.append(i)
+    return Candidates(points[kept], region.problem(points[kept]))

@@ -1,0 +1,100 @@
+"""A design over a region: points and weights, with bounds and what proves them."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from criteria import Relaxable
+from edtk.design.bound import Bound, BoundKind, printed_form
+from edtk.design.region import Region
+from edtk.design.relaxation.largest_sensitivities import LargestSensitivities
+from edtk.system.presented import Presented
+from edtk.system.typing import Array
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+@dataclass(frozen=True, eq=False)
+class RelaxedRegion(Presented):
+    """Points of a region and the share of the experiments that each should have.
+
+    Attributes:
+        region: The region.
+        criterion: What was minimised.
+        points: Points (k, d), in the order of their variables.
+        weights: Their shares (k,) of the experiments, of sum one.
+        cost: The criterion's cost.
+        grid_bound: Proved: no design over the grid and these points has a lower cost.
+        searched_bound: Not proved: no design over the region has a lower cost, provided that the
+            ascents have found the largest sensitivities.
+        multipliers: The proof of the bounds (r, p, p), see `Relaxable.lower_bound`.
+        largest: The largest sensitivities that were found in the region, and where.
+        grid_size: Number of points of the grid.
+        solver: The solver that found the weights.
+        iterations: Number of restricted master problems that were solved.
+    """
+
+    region: Region
+    criterion: Relaxable
+    points: Array
+    weights: Array
+    cost: float
+    grid_bound: Bound
+    searched_bound: Bound
+    multipliers: Array
+    largest: LargestSensitivities
+    grid_size: int
+    solver: str
+    iterations: int
+
+    def headline(self) -> str:
+        """Criterion, value, number of points, and gap with its kind."""
+        return (
+            f"{self.criterion.label} = {self.value:.6g} with weights on {len(self.points)} points, "
+            f"{self.kind.value} gap {max(self.gap, 0.0):.1e}"
+        )
+
+    @property
+    def value(self) -> float:
+        """The criterion as its formula prints it."""
+        return printed_form(self.cost, self.criterion.sense)
+
+    @property
+    def bound(self) -> float:
+        """The bound over the whole region as the criterion's formula prints it."""
+        return self.searched_bound.value
+
+    @property
+    def kind(self) -> BoundKind:
+        """What the claim of `bound` rests on."""
+        return self.searched_bound.kind
+
+    @property
+    def gap(self) -> float:
+        """Relative gap ``1 - bound/cost`` of the bound over the whole region."""
+        return self.searched_bound.gap_to(self.cost)
+
+    @property
+    def information(self) -> Array:
+        """Information matrix (p, p) of one experiment's worth of this design."""
+        return self.region.problem(self.points).information(self.weights)
+
+    def sensitivities(self, x: Array) -> Array:
+        """Sensitivities (r, n) of points x (n, d) in parts of the largest one.
+
+        At an optimum of a smooth criterion none is above one, and they are one at its points: the
+        equivalence theorem.
+        """
+        from edtk.design.relaxation.normalised import normalised
+
+        problem = normalised(self.region.problem(x), self.criterion)
+        return np.asarray(problem.sensitivities(self.multipliers) / self.largest.values[:, None])
+
+    def to_frame(self) -> "pd.DataFrame":
+        """Make a table with a point a row and its weight in the last column."""
+        import pandas as pd
+
+        frame = pd.DataFrame(self.points, columns=list(self.region.variables))
+        return frame.assign(weight=self.weights)

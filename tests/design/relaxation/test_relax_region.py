@@ -1,0 +1,150 @@
+"""The relaxation over a region: laws, the proof that it carries, and its pictures."""
+
+import numpy as np
+import pytest
+from matplotlib import pyplot
+
+import criteria
+import edtk
+from edtk.design.bound import BoundKind
+from edtk.design.problem import RankDeficientError
+from edtk.design.region import Region
+from edtk.design.relaxation.normalised import normalised
+from edtk.design.relaxation.onto_walls import onto_walls
+from edtk.design.relaxation.polish import polish
+from edtk.design.relaxation.relax import relax
+from edtk.system.errors import UserError
+
+
+def decay(x):
+    """Two sensors of a decay: rows (2, 2) at each time."""
+    t = x[:, 0]
+    first = np.stack([np.exp(-t), -t * np.exp(-t)], axis=-1)
+    return np.stack([first, 0.5 * first[:, ::-1]], axis=1)
+
+
+def parabola(x):
+    """A full quadratic."""
+    u, v = x.T
+    return np.stack([np.ones_like(u), u, v, u**2, u * v, v**2], axis=-1)
+
+
+def disc(x):
+    """Inside the unit circle."""
+    return 1 - (x**2).sum(axis=1)
+
+
+@pytest.mark.parametrize("name", ["D", "A", "E", "O2", "O4", "O5"])
+def test_no_denser_grid_is_better(name):
+    """The relaxation over 1000 points, lies between cost and bound of the region."""
+    region = Region(decay, 0, 6)
+    r = relax_of(region, name)
+    dense = relax(region.problem(np.linspace(0, 6, 1000)), r.criterion)
+    assert dense.cost >= r.searched_bound.cost * (1 - 1e-8)
+    assert r.cost <= dense.cost * (1 + 1e-7)
+    assert r.gap <= 1e-6
+
+
+def relax_of(region, name):
+    """The relaxation by the front door."""
+    return edtk.relax(region, name, candidates=400)
+
+
+def test_the_proof_stands_on_its_own():
+    """Multipliers and largest sensitivities give the bound, and no point of the region is above."""
+    region = Region(parabola, [-1, -1], [1, 1], constraints=disc)
+    r = relax_of(region, "D")
+    M = r.information
+    bound = r.criterion.lower_bound(r.multipliers, r.largest.values, M)
+    assert bound == pytest.approx(r.searched_bound.cost, rel=1e-12)
+    assert r.cost == pytest.approx(float(r.criterion.cost(M)), rel=1e-12)
+    angle = np.random.default_rng(0).uniform(0, 2 * np.pi, 3000)
+    radius = np.sqrt(np.random.default_rng(1).uniform(0, 1, 3000))
+    x = radius[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    assert r.sensitivities(x).max() <= 1
+    problem = normalised(region.problem(r.points), r.criterion)
+    own = problem.sensitivities(r.multipliers)[0]
+    # The equivalence theorem: at the points of a D-optimum the variance is p.
+    np.testing.assert_allclose(own / r.largest.values[0], 1, atol=1e-5)
+    assert r.searched_bound.kind is BoundKind.SEARCHED
+    assert r.grid_bound.kind is BoundKind.PROVED_ON_CANDIDATES
+    assert r.grid_bound.cost >= r.searched_bound.cost
+
+
+def test_another_scale_of_the_variable():
+    """A variable in other units moves the points alone, and parameters in others the cost of D."""
+    base = relax_of(Region(decay, 0, 6), "D")
+    units = np.array([1e-3, 40.0])
+    region = Region(lambda x: decay(x / 1e4) * units, 0, 6e4)
+    r = relax_of(region, "D")
+    np.testing.assert_allclose(r.points, 1e4 * base.points, atol=1e-6 * 6e4)
+    np.testing.assert_allclose(r.weights, base.weights, atol=1e-5)
+    assert r.cost * np.sqrt(units.prod()) ** 2 == pytest.approx(base.cost, rel=1e-8)
+
+
+def test_prior_information_counts():
+    """With a prior the bound holds, and a direction that the prior tells needs no experiment."""
+    prior = np.diag([0.0, 1e4])
+    r = edtk.relax(Region(decay, 0, 6, prior=prior), "D")
+    assert r.gap <= 1e-6
+    t = np.linspace(0, 6, 2001)[:, None]
+    alone = float(r.criterion.cost(r.region.problem(t[:1]).information([1.0])))
+    assert r.cost <= alone
+    # The first parameter alone is best measured where its row is longest: at the beginning.
+    assert r.points[r.weights.argmax(), 0] < 0.5
+
+
+def test_a_region_that_cannot_tell_a_parameter():
+    """The open direction is named as for problems."""
+    region = Region(lambda x: np.column_stack([x[:, 0], 2 * x[:, 0]]), 0, 1, parameters=("a", "b"))
+    with pytest.raises(RankDeficientError, match="a"):
+        edtk.relax(region)
+
+
+def test_walls_are_reached():
+    """Points a hair off bounds and a curved constraint come to lie on them; others stay."""
+    region = Region(parabola, [0, -1], [1, 1], constraints=disc)
+    x = np.array([[1e-7, 0.3], [0.6 - 1e-7, 0.8], [0.3, 0.3], [1e-8, 1 - 1e-7]])
+    moved = onto_walls(region, x)
+    assert moved[0].tolist() == [0, 0.3]
+    assert np.hypot(*moved[1]) == pytest.approx(1, abs=1e-14)
+    assert moved[2].tolist() == [0.3, 0.3]
+    assert moved[3].tolist() == [0, 1]
+
+
+def test_polishing_brings_the_last_digits():
+    """Points and weights nearby become the D-optimum of Michaelis and Menten, never worse."""
+
+    def rows(x):
+        s = x[:, 0]
+        return np.stack([s / (1 + s), -s / (1 + s) ** 2], axis=-1)
+
+    region = Region(rows, 0, 4)
+    criterion = criteria.create("D")
+    start = np.array([[0.6], [0.62], [3.9]])
+    x, w, cost = polish(region, criterion, start, np.array([0.2, 0.2, 0.6]))
+    np.testing.assert_allclose(x[:, 0], [2 / 3, 4], atol=1e-7)
+    np.testing.assert_allclose(w, 0.5, atol=1e-7)
+    assert cost < float(criterion.cost(region.problem(start).information([0.2, 0.2, 0.6])))
+    again = polish(region, criterion, x, w)
+    assert again[2] <= cost
+
+
+def test_it_can_be_read_and_drawn():
+    """Text, table and notebook name points and both bounds; one or two variables have a picture."""
+    line = edtk.relax(Region(decay, 0, 6, variables=("hours",)), "A", candidates=200)
+    assert "searched" in line.summary()
+    assert "proved on candidates" in line.summary()
+    assert "hours" in line._repr_html_()
+    assert list(line.to_frame().columns) == ["hours", "weight"]
+    assert line.to_frame()["weight"].sum() == pytest.approx(1)
+    assert "\n" not in repr(line)
+    assert line.value == line.cost
+    disc_design = relax_of(Region(parabola, [-1, -1], [1, 1], constraints=disc), "D")
+    for design in (line, disc_design):
+        axes = design.plot()
+        assert "bound" in axes.get_title()
+        pyplot.close("all")
+    cube = Region(lambda x: np.column_stack([np.ones(len(x)), x]), [0] * 3, [1] * 3)
+    with pytest.raises(UserError, match="3 variables has no picture"):
+        edtk.relax(cube).plot()

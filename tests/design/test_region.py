@@ -1,0 +1,154 @@
+"""A region of points: derivatives, feasibility, and errors that name the argument."""
+
+import numpy as np
+import pytest
+
+import edtk
+from edtk.design.inside_differences import inside_differences
+from edtk.design.region import Region
+from edtk.design.relaxation.region_grid import RegionGrid
+from edtk.system.errors import ArgumentError, UserError
+
+
+def waves(x):
+    """Two rows of three regressors at points (n, 2)."""
+    u, v = x.T
+    first = np.stack([np.ones_like(u), np.sin(u), u * v], axis=-1)
+    second = np.stack([v, np.cos(u + v), np.exp(v)], axis=-1)
+    return np.stack([first, second], axis=1)
+
+
+def waves_gradient(x):
+    """Its derivatives (n, 2, 3, 2)."""
+    u, v = x.T
+    zero = np.zeros_like(u)
+    by_u = [[zero, np.cos(u), v], [zero, -np.sin(u + v), zero]]
+    by_v = [[zero, zero, u], [zero + 1, -np.sin(u + v), np.exp(v)]]
+    return np.moveaxis(np.array([by_u, by_v]), (0, 3), (3, 0))
+
+
+def line(x):
+    """A straight line."""
+    return np.column_stack([np.ones(len(x)), x])
+
+
+def test_differences_inside_a_box():
+    """Ten digits of a derivative, in the middle and on the bounds, and no point outside."""
+    limits = np.array([[-1.0, 0.0], [1.0, 2.0]])
+
+    def function(x):
+        assert (x >= limits[0]).all()
+        assert (x <= limits[1]).all()
+        return waves(x)
+
+    x = np.array([[0.3, 0.7], [-1, 0], [1, 2], [-1, 1.1], [1 - 1e-7, 2 - 1e-9]])
+    found = inside_differences(function, x, limits)
+    np.testing.assert_allclose(found, waves_gradient(x), atol=2e-9)
+    np.testing.assert_allclose(found[0], waves_gradient(x)[0], atol=3e-10)
+
+
+def test_a_gradient_is_used_and_checked():
+    """With a gradient derivatives are exact, and a wrong one is found out."""
+    sigma = [0.5, 2.0]
+    x = np.array([[0.2, 0.4], [-1.0, 2.0]])
+    by_hand = Region(waves, [-1, 0], [1, 2], gradient=waves_gradient, sigma=sigma)
+    expected = waves_gradient(x) / np.array(sigma)[:, None, None]
+    np.testing.assert_array_equal(by_hand.derivative_at(x), expected)
+    by_difference = Region(waves, [-1, 0], [1, 2], sigma=sigma)
+    np.testing.assert_allclose(by_difference.derivative_at(x), expected, atol=1e-8)
+    with pytest.raises(ArgumentError, match="gradient: it is not the derivative of the rows"):
+        Region(waves, [-1, 0], [1, 2], gradient=lambda x: 2 * waves_gradient(x))
+
+
+def test_slopes_of_points():
+    """The slope of <B, A> is that of a difference, for points of any shape."""
+    region = Region(waves, [-1, 0], [1, 2], gradient=waves_gradient)
+    x = np.random.default_rng(0).uniform(0, 1, (4, 3, 2))
+    B = np.random.default_rng(1).normal(size=(4, 3, 2, 3))
+    slope = region.at(x).slope(B)
+    for i in range(2):
+        h = np.zeros(2)
+        h[i] = 1e-6
+        change = ((region.at(x + h).regressor - region.at(x - h).regressor) * B).sum(axis=(-1, -2))
+        np.testing.assert_allclose(slope[..., i], change / 2e-6, atol=1e-8)
+
+
+def test_information_is_that_of_a_problem():
+    """Rows, noise and prior mean the same as in a problem of arrays."""
+    prior = np.diag([1.0, 2.0, 3.0])
+    region = Region(waves, [-1, 0], [1, 2], sigma=[0.5, 2.0], prior=prior)
+    x = np.random.default_rng(0).uniform(0, 1, (5, 2))
+    w = np.array([1.0, 2, 0, 3, 1])
+    problem = edtk.Problem(waves(x), [0.5, 2.0], prior=prior)
+    expected = problem.information(w)
+    np.testing.assert_allclose(region.problem(x).information(w), expected)
+    np.testing.assert_allclose(region.at(x[None]).information(w[None])[0], expected)
+
+
+def test_a_grid_keeps_what_is_feasible():
+    """Corners, middle and points on a constraint are there, and nothing outside."""
+    region = Region(line, [-1, -1], [1, 1], constraints=lambda x: 1 - (x**2).sum(axis=1))
+    grid = RegionGrid.of(region, 500)
+    radius = np.linalg.norm(grid.x, axis=1)
+    assert radius.max() <= 1 + 1e-9
+    assert (np.abs(radius - 1) < 0.01).sum() > 20
+    assert radius.min() == 0
+    free = RegionGrid.of(Region(line, np.zeros(8), np.ones(8)), 1000)
+    corners = np.isin(free.x, (0.0, 1.0)).all(axis=1)
+    assert corners.sum() == 256
+    assert len(free.x) > 700
+
+
+def test_maxima_of_a_grid():
+    """The points that no neighbour exceeds, the largest first."""
+    grid = RegionGrid.of(Region(line, 0, 4 * np.pi), 1001)
+    values = np.sin(grid.x[:, 0]) * np.exp(-0.1 * grid.x[:, 0])
+    np.testing.assert_allclose(grid.maxima(values, 2)[:, 0], np.pi * np.array([0.5, 2.5]), atol=0.2)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"low": 1, "high": 1}, "low, high: bounds 1 and 1 of variable 1; expected low < high"),
+        ({"low": 0, "high": np.inf}, "low, high: a bound is not finite"),
+        ({"low": [0, 0], "high": 1}, "high: "),
+        ({"rows": lambda x: x[:, 0]}, "rows: values have the shape"),
+        ({"rows": lambda x: np.ones((1, 2))}, "rows: values have the shape"),
+        ({"rows": lambda x: 1 / (x - 0.5) * [1, 2]}, "rows: a value is not finite at x = 0.5"),
+        ({"rows": lambda x: line(x) * len(x)}, "rows: values of many points differ"),
+        ({"rows": lambda x: x @ np.ones(3)}, "rows: fails for points of shape"),
+        ({"constraints": lambda x: np.ones(2)}, "constraints: values have the shape"),
+        ({"constraints": lambda x: 1 - x.sum()}, "constraints: values have the shape"),
+        ({"gradient": lambda x: np.zeros((len(x), 2))}, "gradient: values have the shape"),
+        ({"variables": ("a", "b")}, "variables: a, b; expected 1 different names"),
+        ({"parameters": ("a", "b", "c")}, "3 names for 2 parameters"),
+        ({"sigma": -1.0}, "sigma must be finite and positive"),
+        ({"prior": np.eye(3)}, "the prior must be"),
+    ],
+)
+def test_what_is_wrong_is_named(arguments, message):
+    """One line says which argument is wrong, and where."""
+    given = {"rows": line, "low": 0, "high": 1} | arguments
+    with pytest.raises(ValueError, match=message) as caught:
+        Region(**given)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_model_that_fails_somewhere_names_the_point():
+    """A pole between the points where a model is tried is found when it is reached."""
+    region = Region(lambda x: line(x) / (x - 0.25), 0, 1)
+    with pytest.raises(UserError, match=r"rows: a value is not finite at x = 0\.25"):
+        region.problem([[0.1], [0.25]])
+
+
+def test_without_a_feasible_point():
+    """The constraint that excludes most of the grid is named."""
+    region = Region(line, [0, 0], [1, 1], constraints=[lambda x: x[:, 0], lambda x: -1 - x[:, 0]])
+    with pytest.raises(UserError, match=r"no feasible point among \d+; constraint 2 excludes 100%"):
+        edtk.relax(region)
+
+
+def test_it_shows_itself():
+    """The repr is one line with names, bounds and parameters."""
+    region = Region(line, 0, 4, parameters=("a", "b"), constraints=lambda x: x[:, 0])
+    assert repr(region) == "<Region: x in [0, 4] under 1 constraints; 2 parameters (a, b)>"
