@@ -41,7 +41,10 @@ class Identifiable:
 
 
 def identifiable(
-    scaled: Array, parameters: Sequence[GeometricParameter], stages: Sequence[Sequence[int]] = ()
+    scaled: Array,
+    parameters: Sequence[GeometricParameter],
+    stages: Sequence[Sequence[int]] = (),
+    least: float = 0.0,
 ) -> Identifiable:
     """Choose a minimal set of parameters by QR with column pivots.
 
@@ -54,6 +57,8 @@ def identifiable(
         scaled: Regressor (rows, p) in units of the parameters.
         parameters: What the columns are (p,).
         stages: Indices by stage; the rest are the last stage.
+        least: A column is kept only if what earlier ones leave of it is longer than this, in the
+            units of the rows: shorter ones are known worse than noise / least units.
     """
     order = _ordered(len(parameters), stages)
     length = np.linalg.norm(scaled, axis=0)
@@ -61,13 +66,15 @@ def identifiable(
     unit = np.divide(scaled, length, out=np.zeros_like(scaled), where=length > NEGLIGIBLE * largest)
     # The rows are compressed first: what follows is of p rows, however long the sheet is.
     remaining: Array = np.array(np.linalg.qr(unit, mode="r"))
+    floor = np.maximum(NEGLIGIBLE, least / np.where(length > 0, length, 1.0))
     kept: list[int] = []
     for stage in order:
         waiting = list(stage)
         while waiting:
             sizes = np.linalg.norm(remaining[:, waiting], axis=0)
+            sizes = np.where(sizes > floor[waiting], sizes, 0.0)
             best = int(np.argmax(sizes))
-            if sizes[best] <= NEGLIGIBLE:
+            if not sizes[best]:
                 break
             pivot = waiting.pop(best)
             kept.append(pivot)

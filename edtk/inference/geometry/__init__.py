@@ -1,0 +1,1 @@
+"""Geometry and springs from absolute positions of markers."""

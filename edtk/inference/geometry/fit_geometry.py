@@ -1,0 +1,295 @@
+"""Identify geometry and springs from absolute positions."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from edtk.inference.geometry.geometric_fit import (
+    MM,
+    FittedGeometry,
+    GeometricFit,
+    Loads,
+    resting_torque,
+    root_mean_square,
+)
+from edtk.inference.geometry.least_squares_fit import least_squares_fit
+from edtk.inference.geometry.marker_positions import MarkerPositions
+from edtk.inference.geometry.place_robot import place_robot
+from edtk.inference.geometry.position_noise import (
+    PositionNoise,
+    fit_model_error,
+    noise_of_repeats,
+)
+from edtk.model.geometry.geometric_model import GeometricModel
+from edtk.model.geometry.geometric_parameter import GeometricParameter
+from edtk.model.geometry.identifiable import Identifiable, identifiable
+from edtk.system.typing import Array
+
+POSES = 60  # random poses that show what any poses could tell
+ROUNDS = 8  # of fit and noise, in turn
+SETTLED = 1e-3  # relative change of the noise between rounds
+# A column that moves all coordinates by less than this, in millimetres for a millimetre or a
+# milliradian, is known worse than ten units where errors are of a tenth of a millimetre.
+LEAST = 0.01
+WHITE_SHARE = 0.5  # of the size of a pose's errors that weights count as white
+NU = 5.0  # degrees of freedom of a robust loss
+
+
+class TooFewPosesError(ValueError):
+    """A sheet has fewer coordinates than there are parameters.
+
+    Attributes:
+        missing: How many poses more are needed at least.
+    """
+
+    def __init__(self, coordinates: int, rank: int, missing: int) -> None:
+        poses = f"{missing} more pose{'s' if missing > 1 else ''}"
+        super().__init__(
+            f"{coordinates} measured coordinates for {rank} parameters that poses can tell apart; "
+            f"expected at least {poses}"
+        )
+        self.missing = missing
+
+
+def fit_geometry(
+    model: GeometricModel,
+    data: MarkerPositions,
+    stated: PositionNoise,
+    loads: Loads | None = None,
+    robust: bool = False,
+) -> GeometricFit:
+    """Fit all that the poses tell, by generalised least squares with fitted variances.
+
+    First base and tools are placed with the geometry of the drawing. Then a minimal set of
+    parameters is chosen (`identifiable`), and fitted in turns with the sizes of the errors: those
+    of a reading by repeated visits, and what the model leaves out by the residuals.
+
+    Args:
+        model: All parameters that are asked for; its base is where the search begins.
+        data: The positions.
+        stated: The noise of a reading.
+        loads: What loads the joints under a wrench.
+        robust: Whether poses that fit badly count less, as with multivariate t errors.
+
+    Raises:
+        TooFewPosesError: There are fewer coordinates than parameters.
+    """
+    means = data.means
+    placed, start = place_robot(model, means)
+    torque = resting_torque(np.zeros(model.robot.n), means.q, means.wrench, loads)
+    alone = means.measured - placed.see(start, means.q, derivatives=False).points
+    possible = _possible(placed, start, means, loads)
+    minimal = placed.with_parameters(tuple(placed.parameters[i] for i in possible.kept))
+    _require_enough(means, minimal.p)
+    begin = start[possible.kept]
+    told = identifiable(
+        _scaled(minimal, begin, means, torque), minimal.parameters, stages(minimal), LEAST
+    )
+    kept = minimal.with_parameters(tuple(minimal.parameters[i] for i in told.kept))
+    theta = least_squares_fit(kept, begin[told.kept], means, torque).theta
+    theta, noise, weights = _in_turns(kept, theta, data, stated, loads, robust)
+    opened = tuple(minimal.parameters[i] for i in told.left)
+    fit = _judged(kept, theta, noise, weights, data, loads, (opened, told.shares))
+    return replace(
+        fit,
+        structural=minimal.p,
+        redundant=possible.words,
+        open=told.words,
+        placed=root_mean_square(alone),
+    )
+
+
+def stages(model: GeometricModel) -> list[list[int]]:
+    """What is kept first: base and tools, then the zeros of the joints, springs, and the rest."""
+    order = {"base": 0, "tool": 0, "compliance": 2}
+    ranks = [1 if one.along else order.get(one.place, 3) for one in model.parameters]
+    return [[i for i, rank in enumerate(ranks) if rank == stage] for stage in range(4)]
+
+
+def _scaled(
+    model: GeometricModel, theta: Array, means: MarkerPositions, torque: Array | None
+) -> Array:
+    """The regressor (rows, p) of what was seen, in millimetres for a unit of each parameter."""
+    J = model.see(theta, means.q, torque).jacobian
+    assert J is not None
+    return MM * (J * model.scales)[means.seen].reshape(-1, model.p)
+
+
+def _possible(
+    model: GeometricModel, theta: Array, means: MarkerPositions, loads: Loads | None
+) -> Identifiable:
+    """What any poses could tell, under the loads of the sheet: random ones besides its own."""
+    rng = np.random.default_rng(0)
+    lower, upper = np.clip(model.robot.limits, -np.pi, np.pi)
+    q = rng.uniform(lower, upper, (POSES, model.robot.n))
+    wrench = means.wrench[rng.integers(0, len(means), POSES)]
+    wide = MarkerPositions(
+        np.concatenate([means.q, q]),
+        np.concatenate([means.wrench, wrench]),
+        np.zeros((len(means) + POSES, *means.measured.shape[1:])),
+        np.zeros((len(means) + POSES, len(means.markers)), dtype=int),
+        means.markers,
+    )
+    torque = resting_torque(np.zeros(model.robot.n), wide.q, wide.wrench, loads)
+    scaled = _scaled(model, theta, wide, torque)
+    return identifiable(scaled, model.parameters, stages(model))
+
+
+def _require_enough(means: MarkerPositions, rank: int) -> None:
+    """Check that there are as many coordinates as parameters.
+
+    Raises:
+        TooFewPosesError: There are not.
+    """
+    coordinates = 3 * means.count
+    if coordinates < rank:
+        missing = -(-(rank - coordinates) // (3 * len(means.markers)))
+        raise TooFewPosesError(coordinates, rank, missing)
+
+
+def _in_turns(
+    model: GeometricModel,
+    theta: Array,
+    data: MarkerPositions,
+    stated: PositionNoise,
+    loads: Loads | None,
+    robust: bool,
+) -> tuple[Array, PositionNoise, Array]:
+    """Fit parameters and noise in turns; parameters (p,), noise and weights (m,) of the poses."""
+    means = data.means
+    noise = stated
+    weights = np.ones(len(means))
+    last = np.zeros(2)
+    slides = np.array([joint.kind == "prismatic" for joint in model.robot.joints])
+    for turn in range(ROUNDS):
+        torque = resting_torque(model.compliances(theta), means.q, means.wrench, loads)
+        rows = _Rows.of(model, theta, means, torque)
+        if not turn:
+            noise = noise_of_repeats(data, rows.motion, stated)[0]
+        root = np.sqrt(weights)[:, None]
+        noise = fit_model_error(
+            noise,
+            rows.motion,
+            data.counts,
+            rows.residual * root,
+            rows.design * root[..., None],
+            slides,
+        )
+        V = noise.of_pose(rows.motion, data.counts)
+        if robust:
+            weights = _trusted(rows.residual, V, means)
+        whitening = np.linalg.inv(np.linalg.cholesky(working(V)))
+        whitening = whitening * np.sqrt(weights)[:, None, None]
+        theta = least_squares_fit(model, theta, means, torque, whitening).theta
+        now = np.array([noise.model_white, noise.model_joints.max(initial=0.0)])
+        if turn and np.abs(now - last).max() <= SETTLED * max(now.max(), noise.reading):
+            break
+        last = now
+    return theta, noise, weights
+
+
+def working(V: Array) -> Array:
+    """The covariances (m, r, r) that weight the coordinates of a pose: V and half its size, white.
+
+    Weights by V alone would trust what markers of a pose have in common as little as V says, and
+    their shape as much. That is best where V is true. Real robots err in other ways too: of poses
+    of two of them that were held out, weights by V alone predict up to a tenth worse from many
+    poses, and equal weights up to a twentieth worse from few. Covariances of parameters are those
+    of the estimate with these weights under V, so that they are right for any weights.
+    """
+    size = np.einsum("mrr->m", V) / V.shape[1]
+    return V + WHITE_SHARE * size[:, None, None] * np.eye(V.shape[1])
+
+
+def _trusted(residual: Array, V: Array, means: MarkerPositions) -> Array:
+    """Weights (m,) of poses with multivariate t errors, one at most (Lange et al. 1989)."""
+    z2 = np.einsum("mr,mr->m", residual, np.linalg.solve(V, residual[..., None])[..., 0])
+    weights = (NU + 3.0 * means.seen.sum(axis=1)) / (NU + z2)
+    return np.minimum(weights, 1.0)
+
+
+class _Rows:
+    """Residuals, columns and motions of the poses, in millimetres; zero where nothing was seen."""
+
+    def __init__(self, residual: Array, design: Array, motion: Array) -> None:
+        self.residual = residual
+        self.design = design
+        self.motion = motion
+
+    @classmethod
+    def of(
+        cls, model: GeometricModel, theta: Array, means: MarkerPositions, torque: Array | None
+    ) -> "_Rows":
+        """At parameters theta (p,)."""
+        seen = model.see(theta, means.q, torque)
+        assert seen.jacobian is not None
+        assert seen.by_joints is not None
+        m, k = means.seen.shape
+        there = means.seen[..., None]
+        z = np.where(there, means.measured - seen.points, 0.0)
+        design = np.where(there[..., None], seen.jacobian * model.scales, 0.0)
+        return cls(
+            MM * z.reshape(m, 3 * k),
+            MM * design.reshape(m, 3 * k, -1),
+            seen.by_joints.reshape(m, 3 * k, -1),
+        )
+
+
+def _judged(
+    model: GeometricModel,
+    theta: Array,
+    noise: PositionNoise,
+    weights: Array,
+    data: MarkerPositions,
+    loads: Loads | None,
+    opened: tuple[tuple[GeometricParameter, ...], Array],
+) -> GeometricFit:
+    """The fit with its covariance, and each pose as it is predicted without it.
+
+    With weighted columns ``Q R`` and the rows Q_b of a pose, its residual left out is
+    ``(I - Q_b Q_b')^-1 z_b``, which is exact where the model is linear: tests compare it with fits
+    without the pose. Parameters have the covariance ``R^-1 S R^-T``, ``S = sum_b Q_b' V_b Q_b``, of
+    any weighted least squares whose weights are not the inverse of V (Huber 1967).
+    """
+    means = data.means
+    torque = resting_torque(model.compliances(theta), means.q, means.wrench, loads)
+    rows = _Rows.of(model, theta, means, torque)
+    V = noise.of_pose(rows.motion, data.counts)
+    L = np.linalg.cholesky(working(V) / weights[:, None, None])
+    inverse_L = np.linalg.inv(L)
+    X = inverse_L @ rows.design
+    z = (inverse_L @ rows.residual[..., None])[..., 0]
+    own = inverse_L @ (V / weights[:, None, None]) @ np.swapaxes(inverse_L, 1, 2)
+    m, r = z.shape
+    Q, R = np.linalg.qr(X.reshape(m * r, -1))
+    Q = Q.reshape(m, r, -1)
+    S = np.einsum("mrp,mrs,msq->pq", Q, own, Q, optimize=True)
+    inverse = np.linalg.inv(R) if model.p else np.zeros((0, 0))
+    P = Q @ np.swapaxes(Q, 1, 2)
+    of_residual = own - P @ own - own @ P + Q @ S @ np.swapaxes(Q, 1, 2)
+    # A pose that alone tells something leaves nothing to compare it with.
+    hidden = np.linalg.pinv(np.eye(r) - P, rcond=1e-9, hermitian=True)
+    without = np.einsum("mrs,ms->mr", hidden, z)
+    of_without = hidden @ of_residual @ hidden
+    spread = np.einsum("mrs,mst,mrt->mr", L, of_without, L, optimize=True)
+    shape = (m, len(data.markers), 3)
+    blank = np.where(means.seen[..., None], 0.0, np.nan)
+    return GeometricFit(
+        fitted=FittedGeometry(model, theta, inverse @ S @ inverse.T, opened[0], opened[1], noise),
+        data=data,
+        structural=model.p,
+        redundant=(),
+        open=(),
+        placed=np.nan,
+        residual=rows.residual.reshape(shape) / MM + blank,
+        left_out=np.einsum("mrs,ms->mr", L, without).reshape(shape) / MM + blank,
+        left_out_std=np.sqrt(np.maximum(spread, 0.0)).reshape(shape) / MM + blank,
+        surprise=_surprise(without, of_without),
+        weights=weights,
+    )
+
+
+def _surprise(errors: Array, covariance: Array) -> Array:
+    """``e' C^+ e`` (m,) of errors (m, r) with covariances (m, r, r), some of which are singular."""
+    inverse = np.linalg.pinv(covariance, rcond=1e-9, hermitian=True)
+    return np.asarray(np.einsum("mr,mrs,ms->m", errors, inverse, errors))

@@ -1,0 +1,111 @@
+"""The place of the robot and of its markers, with the geometry of the drawing."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+
+from edtk.inference.geometry.least_squares_fit import MM, least_squares_fit
+from edtk.inference.geometry.linear_start import LinearStart, linear_start
+from edtk.inference.geometry.marker_positions import MarkerPositions
+from edtk.model.geometry.geometric_model import GeometricModel
+from edtk.model.geometry.geometric_parameter import GeometricParameter
+from edtk.model.geometry.rotation import rotation
+from edtk.system.typing import Array
+
+QUARTER = np.pi / 2
+GOOD = 0.02  # of the spread of positions: a place that fits as well is not searched further
+
+
+def first_place(model: GeometricModel, means: MarkerPositions) -> LinearStart:
+    """The linear solution for the place of robot and markers, see `linear_start`."""
+    return linear_start(model.robot.forward(means.q), means.measured, means.seen)
+
+
+def place_robot(model: GeometricModel, means: MarkerPositions) -> tuple[GeometricModel, Array]:
+    """Find the base and the tools with which the drawing fits best.
+
+    Starts are the linear solution, and where that does not lead near the positions, 24 orientations
+    of the robot with the tools of the drawing; the best descent counts.
+
+    Args:
+        model: Its parameters of base and tool are fitted, others stay zero.
+        means: A visit a pose.
+
+    Returns:
+        The model with its base at the place found, and parameters (p,) for it: those of the tools
+        are at their place, and all others zero.
+    """
+    places = {one.place for one in model.parameters}
+    placing = tuple(one for one in model.parameters if one.place in ("base", "tool"))
+    only = model.with_parameters(placing)
+    found: list[tuple[float, GeometricModel, Array]] = []
+    good = 0.5 * GOOD**2 * _spread(means)
+    for start, tools in _starts(only, means, "base" in places, "tool" in places):
+        there = replace(only, start=start)
+        values = [
+            tools[model.markers.index(one.of), "xyz".index(one.component)]
+            if one.place == "tool"
+            else 0.0
+            for one in placing
+        ]
+        fit = least_squares_fit(there, np.array(values), means)
+        found.append((fit.cost, there, fit.theta))
+        if fit.cost < good:
+            break
+    _, best, theta = min(found, key=lambda one: one[0])
+    at = dict(zip(best.parameters, theta, strict=True))
+    whole = replace(model, start=_moved(best, at))
+    values = [at[one] if one.place == "tool" else 0.0 for one in whole.parameters]
+    return whole, np.array(values)
+
+
+def _moved(model: GeometricModel, at: Mapping[GeometricParameter, float]) -> Array:
+    """The start of the base (4, 4), with its fitted motion."""
+    motion = np.array([value for one, value in at.items() if one.place == "base"])
+    start = model.start.copy()
+    if len(motion):
+        start[:3, 3] = start[:3, 3] + start[:3, :3] @ motion[:3]
+        start[:3, :3] = start[:3, :3] @ rotation(motion[3:])
+    return start
+
+
+def _spread(means: MarkerPositions) -> float:
+    """Sum of squared distances of all positions from their mean [mm^2]."""
+    x = MM * means.measured[means.seen]
+    return float(((x - x.mean(axis=0)) ** 2).sum())
+
+
+def _starts(
+    model: GeometricModel, means: MarkerPositions, base: bool, tool: bool
+) -> list[tuple[Array, Array]]:
+    """Places to descend from: the base (4, 4) and the shifts of the markers (k, 3)."""
+    nothing = np.zeros_like(model.offsets)
+    if not base:
+        return [(model.start, nothing)]
+    starts = []
+    if tool:
+        linear = first_place(model, means)
+        starts.append((linear.base, linear.tools - model.offsets))
+    points = model.see(np.zeros(model.p), means.q, derivatives=False).points
+    center = points[means.seen].mean(axis=0)
+    goal = means.measured[means.seen].mean(axis=0)
+    for R in _orientations():
+        start = np.eye(4)
+        start[:3, :3] = R
+        start[:3, 3] = goal - R @ center
+        starts.append((start, nothing))
+    return starts
+
+
+def _orientations() -> list[Array]:
+    """The 24 rotations of a cube."""
+    from scipy.spatial.transform import Rotation
+
+    every = [
+        Rotation.from_euler("xyz", np.array(turns) * QUARTER).as_matrix()
+        for turns in product(range(4), repeat=3)
+    ]
+    rounded = {tuple(np.round(R).astype(int).ravel().tolist()): R for R in every}
+    return [np.round(R) for R in rounded.values()]

@@ -1,0 +1,150 @@
+"""Sizes of the errors of positions: of the instrument, of joints that repeat, of the model."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from edtk.inference.geometry.fit_variances_of_blocks import BlockVariances, fit_variances_of_blocks
+from edtk.inference.geometry.marker_positions import MarkerPositions
+from edtk.system.typing import Array, Indices, Mask
+
+ENOUGH = 20  # degrees of freedom of repeats, from which they tell the noise of a reading
+ROUNDING = 1e-6  # [mm] no instrument reads better
+
+
+@dataclass(frozen=True, eq=False)
+class PositionNoise:
+    """Errors of a pose's positions, in millimetres and milliradians.
+
+    A reading of all markers has the covariance ``R = r^2 I + sum_j s_j^2 J_j J_j'`` with the motion
+    J_j of the markers by joint j: the joints move all of them together. Repeats average it out.
+    What the model leaves out, ``D = w^2 I + e^2 sum_j J_j J_j'``, they do not: it is as if each
+    joint were wrong by another small angle in each pose, as by gears that are not round.
+
+    Attributes:
+        reading: r [mm].
+        joints: s (n,) [mrad, or mm of a prismatic joint].
+        model_white: w [mm].
+        model_joints: e (n,) likewise, the same for all joints of a kind.
+        model_fit: The fitted variances of the model's part; None where none was fitted.
+        repeats: Degrees of freedom of the repeats that told r and s; zero where they were stated.
+    """
+
+    reading: float
+    joints: Array
+    model_white: float = 0.0
+    model_joints: Array = field(default_factory=lambda: np.zeros(0))
+    model_fit: BlockVariances | None = None
+    repeats: int = 0
+
+    def of_reading(self, motion: Array) -> Array:
+        """Covariances R (m, r, r) [mm^2] of one reading, for motions (m, r, n) [mm/mrad]."""
+        J = motion * self.joints
+        return self.reading**2 * np.eye(motion.shape[1]) + J @ np.swapaxes(J, 1, 2)
+
+    def of_model(self, motion: Array) -> Array:
+        """Covariances D (m, r, r) [mm^2] of what the model leaves out."""
+        J = motion * (self.model_joints if len(self.model_joints) else 0.0)
+        return self.model_white**2 * np.eye(motion.shape[1]) + J @ np.swapaxes(J, 1, 2)
+
+    def of_pose(self, motion: Array, counts: Indices) -> Array:
+        """Covariances (m, r, r) of means over some readings.
+
+        Args:
+            motion: Motions (m, r, n) of the coordinates [mm/mrad].
+            counts: Readings (m, k) of each marker; where there is none, the coordinates count as
+                independent and of size one.
+        """
+        size = np.sqrt(np.repeat(np.maximum(counts, 1), 3, axis=1).astype(float))
+        V = self.of_reading(motion) / (size[:, :, None] * size[:, None]) + self.of_model(motion)
+        return only_seen(V, counts > 0)
+
+
+def only_seen(V: Array, seen: Mask) -> Array:
+    """Covariances (m, 3k, 3k) in which markers that were not seen are independent, of size one."""
+    there = np.repeat(seen, 3, axis=1).astype(float)
+    absent = np.eye(V.shape[1]) * (1 - there)[:, None]
+    return V * there[:, :, None] * there[:, None] + absent
+
+
+def joint_kinds(slides: Mask) -> list[Mask]:
+    """Masks (n,) of the joints that share one size of the model's error: by kind."""
+    return [mask for mask in (~slides, slides) if mask.any()]
+
+
+def noise_of_repeats(
+    data: MarkerPositions, motion: Array, stated: PositionNoise
+) -> tuple[PositionNoise, BlockVariances | None]:
+    """Tell the noise of a reading from visits of the same pose.
+
+    Differences of the visits of a pose hold no model at all: ``v - 1`` orthonormal contrasts of v
+    visits have the covariance R of a reading each.
+
+    Args:
+        data: All visits.
+        motion: Motions (poses, 3k, n) of the coordinates by the joints [mm/mrad].
+        stated: The noise that counts where there are too few repeats.
+    """
+    contrasts, pose = contrasts_of(data)
+    if contrasts.size < ENOUGH:
+        return stated, None
+    J = motion[pose]
+    n = motion.shape[2]
+    eye = np.broadcast_to(np.eye(J.shape[1]), (len(J), J.shape[1], J.shape[1]))
+    kinds = [eye, *(J[:, :, [j]] @ np.swapaxes(J[:, :, [j]], 1, 2) for j in range(n))]
+    nothing = np.zeros((*contrasts.shape, 0))
+    found = fit_variances_of_blocks(ROUNDING**2 * eye, kinds, contrasts, nothing)
+    sizes = np.sqrt(found.variances)
+    told = PositionNoise(float(max(sizes[0], ROUNDING)), sizes[1:], repeats=contrasts.size)
+    return told, found
+
+
+def contrasts_of(data: MarkerPositions) -> tuple[Array, Indices]:
+    """Orthonormal contrasts (c, 3k) of whole visits of a pose [mm], and their poses (c,)."""
+    whole = data.seen.all(axis=1)
+    rows: list[Array] = []
+    poses: list[int] = []
+    for pose in range(data.poses):
+        visits = np.flatnonzero(whole & (data.pose == pose))
+        if len(visits) < 2:
+            continue
+        z = 1e3 * data.measured[visits].reshape(len(visits), -1)
+        # Helmert: each visit against the mean of those before it.
+        for i in range(1, len(visits)):
+            rows.append((z[i] - z[:i].mean(axis=0)) * np.sqrt(i / (i + 1)))
+            poses.append(pose)
+    width = 3 * len(data.markers)
+    return np.array(rows).reshape(-1, width), np.array(poses, dtype=int)
+
+
+def fit_model_error(
+    noise: PositionNoise,
+    motion: Array,
+    counts: Indices,
+    residual: Array,
+    design: Array,
+    slides: Mask,
+) -> PositionNoise:
+    """Tell what the model leaves out from the residuals of poses.
+
+    Args:
+        noise: The noise of a reading, which stays.
+        motion: Motions (m, 3k, n) [mm/mrad].
+        counts: Readings (m, k) of each marker.
+        residual: Residuals (m, 3k) [mm], zero where nothing was seen.
+        design: Columns (m, 3k, p) [mm per unit], zero there too.
+        slides: Which joints (n,) are prismatic.
+    """
+    plain = PositionNoise(noise.reading, noise.joints, repeats=noise.repeats)
+    seen = counts > 0
+    there = np.repeat(seen, 3, axis=1).astype(float)
+    J = motion * there[:, :, None]
+    eye = np.eye(J.shape[1]) * there[:, None]
+    masks = joint_kinds(slides)
+    kinds = [eye, *(J[:, :, mask] @ np.swapaxes(J[:, :, mask], 1, 2) for mask in masks)]
+    found = fit_variances_of_blocks(plain.of_pose(motion, counts), kinds, residual, design)
+    sizes = np.sqrt(found.variances)
+    joints = np.zeros(len(slides))
+    for mask, size in zip(masks, sizes[1:], strict=True):
+        joints[mask] = size
+    return PositionNoise(noise.reading, noise.joints, float(sizes[0]), joints, found, noise.repeats)
