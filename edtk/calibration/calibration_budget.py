@@ -6,9 +6,9 @@ from edtk.calibration.fitted_data import FittedData
 from edtk.calibration.propagation import Propagation
 from edtk.calibration.some_rows import some_rows
 from edtk.calibration.uncertainty import Uncertainty
-from edtk.model.elastostatic_model import ElastostaticModel
 from edtk.model.error_budget import ErrorBudget
 from edtk.study.study import Study
+from edtk.study.study_model import payload_beside_load
 from edtk.system.typing import Array
 
 MOST_ROWS = 5000  # measurements over which the circumstances are propagated
@@ -22,7 +22,7 @@ def calibration_budget(fitted: FittedData, rho0_bias: float | None) -> ErrorBudg
         rho0_bias: Error that the linear model leaves in the test pose [m]; None if it is unknown.
     """
     study = fitted.study
-    if not study.tasks or not has_budget(study.model):
+    if not study.tasks:
         return None
     return propagation_of(fitted).budget(study.tasks, rho0_bias or 0.0)
 
@@ -52,15 +52,8 @@ def propagation_of(fitted: FittedData) -> Propagation:
         repeats,
         fitted.study.known,
         fitted.told_before if fitted.untold else None,
+        payload_beside_load(fitted.study),
     )
-
-
-def has_budget(model: ElastostaticModel) -> bool:
-    """Whether the budget knows what is measured and what loads the joints.
-
-    The instruments measure positions or poses, and a load of another size makes all torques larger.
-    """
-    return model.weights is None and {sensor.rows for sensor in model.instruments} in ({3}, {6})
 
 
 def uncertainty_of(study: Study, k: Array) -> Uncertainty:

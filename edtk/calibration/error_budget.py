@@ -6,6 +6,7 @@ from edtk.calibration.propagation import Propagation
 from edtk.calibration.uncertainty import Uncertainty
 from edtk.inference.measurements import Measurements
 from edtk.inference.prior_rows import PriorRows
+from edtk.model.dead_weights import DeadWeights
 from edtk.model.elastostatic_model import ElastostaticModel
 from edtk.model.error_budget import ErrorBudget
 from edtk.model.tasks import Tasks
@@ -23,6 +24,7 @@ def error_budget(
     repeats: Indices | Array | None = None,
     known: Mapping[int, float] | None = None,
     prior: PriorRows | None = None,
+    payload: DeadWeights | None = None,
 ) -> ErrorBudget:
     """Propagate what is uncertain in a calibration to the error in the task, to first order.
 
@@ -42,9 +44,10 @@ def error_budget(
         repeats: Repetitions (m,) that each row stands for; one by default.
         known: Compliances of further joints, by their index [rad/(N m)].
         prior: What else is known of the compliances, where the estimate rests on that, too.
+        payload: A payload beside the load, whose mass is as uncertain as the load's size.
 
     Raises:
         SingularPlanError: The poses do not identify all parameters.
     """
-    found = Propagation.of(model, data, k, covariance, uncertainty, repeats, known, prior)
+    found = Propagation.of(model, data, k, covariance, uncertainty, repeats, known, prior, payload)
     return found.budget(tasks, model_error)

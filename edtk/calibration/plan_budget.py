@@ -2,13 +2,14 @@
 
 import numpy as np
 
-from edtk.calibration.calibration_budget import has_budget, uncertainty_of
+from edtk.calibration.calibration_budget import uncertainty_of
 from edtk.calibration.error_budget import error_budget
 from edtk.calibration.planned_measurements import planned_measurements
 from edtk.design.plan import Plan
 from edtk.inference.least_squares import SingularPlanError, covariance
 from edtk.model.error_budget import ErrorBudget
 from edtk.study.study import Study
+from edtk.study.study_model import payload_beside_load
 
 
 def plan_budget(study: Study, plan: Plan) -> ErrorBudget | None:
@@ -26,8 +27,6 @@ def plan_budget(study: Study, plan: Plan) -> ErrorBudget | None:
     """
     if not study.tasks or study.specification.simulation is None:
         return None
-    if not has_budget(study.model):
-        return None
     try:
         cov = np.asarray(covariance(study.information(plan), study.model.parameters))
     except SingularPlanError:
@@ -36,4 +35,13 @@ def plan_budget(study: Study, plan: Plan) -> ErrorBudget | None:
     data = planned_measurements(study, plan)
     uncertainty = uncertainty_of(study, k)
     repeats = np.repeat(plan.repeats, len(study.model.instruments))
-    return error_budget(study.model, data, study.tasks, k, cov, uncertainty, repeats=repeats)
+    return error_budget(
+        study.model,
+        data,
+        study.tasks,
+        k,
+        cov,
+        uncertainty,
+        repeats=repeats,
+        payload=payload_beside_load(study),
+    )

@@ -30,7 +30,9 @@ def planned_measurements(study: Study, plan: Plan) -> Measurements:
     poses = len(plan.q)
     sigma = study.sigma / np.sqrt(plan.repeats[:, None].astype(float))
     nothing = np.zeros((poses, len(study.sigma)))
-    return Measurements(plan.q, plan.wrench, nothing, sigma, np.zeros((poses, 3)))
+    return Measurements(
+        plan.q, plan.wrench, nothing, sigma, np.zeros((poses, 3)), absolute=study.is_absolute
+    )
 
 
 def _of_instruments(study: Study, values: Indices) -> Indices:
@@ -54,4 +56,5 @@ def _of_sensors(study: Study, plan: Plan, repeats: Indices) -> Measurements:
         np.tile(offsets, (poses, 1)),
         sensor=index,
         turn=sheet_turns(sensors, index),
+        absolute=study.is_absolute,
     )

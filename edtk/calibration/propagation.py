@@ -10,10 +10,11 @@ from edtk.calibration.least_squares_inverse import LeastSquaresInverse
 from edtk.calibration.uncertainty import Uncertainty
 from edtk.inference.measurements import Measurements
 from edtk.inference.prior_rows import PriorRows
+from edtk.model.dead_weights import DeadWeights
 from edtk.model.elastostatic_model import ElastostaticModel
 from edtk.model.error_budget import ErrorBudget
 from edtk.model.tasks import Tasks
-from edtk.system.typing import Array, Indices
+from edtk.system.typing import Array, Indices, Mask
 
 TOOL = ("tool_x", "tool_y", "tool_z")
 
@@ -42,24 +43,28 @@ class Propagation:
         covariance: Their covariance (p, p) by the noise.
         uncertainty: How well the circumstances are known.
         load: By the size of the load, as a share (p,).
+        payload: By the mass of a payload beside the load, as a share (p,).
         direction: By the direction of the load [rad/(N m) per rad].
         tool: By the tool point, along each axis.
         drift: By a shift between unloaded and loaded readings.
         readings: By shifts of every reading: a root (p, p) of what they add to the covariance.
         bent: The joints that count as rigid.
         known: Further joints, by index, with their known compliances [rad/(N m)].
+        absolute: Whether displacements are counted from the rigid robot.
     """
 
     k: Array
     covariance: Array
     uncertainty: Uncertainty
     load: Array
+    payload: Array
     direction: Array
     tool: tuple[Array, ...]
     drift: Array
     readings: tuple[Array, Array]
     bent: tuple[Bent, ...]
     known: tuple[tuple[int, float], ...] = ()
+    absolute: bool = False
 
     @classmethod
     def of(
@@ -72,6 +77,7 @@ class Propagation:
         repeats: Indices | Array | None = None,
         known: Mapping[int, float] | None = None,
         prior: PriorRows | None = None,
+        payload: DeadWeights | None = None,
     ) -> "Propagation":
         """Propagate to the estimates, see `error_budget`."""
         A = data.regressor(model)
@@ -81,25 +87,26 @@ class Propagation:
             """Shift (p, c) of the estimates by changes (m, rows, c) of readings."""
             return inverse.solve(np.moveaxis(change, -1, 0)).T
 
-        told = prior is not None
+        # Unknown compliances take up a load of another size where nothing else loads the joints.
+        told = prior is not None or model.weights is not None
         every = families_with_known(model, data, A, k, known or {}, told)
         faults = {family.cause: family for family in every}
-        load = k  # compliances take up a load of another size in full
+        load = k
         if "load_size" in faults:
             load = moved(faults["load_size"].derivative_at_zero(k))[:, 0]
-        shift = np.zeros((*data.sigma.shape, 3))
-        shift[:, :3] = np.eye(3)
         return cls(
             k=k,
             covariance=covariance,
             uncertainty=uncertainty,
             load=load,
+            payload=moved(_by_weights(model, data, k, known or {}, payload))[:, 0],
             direction=moved(faults["load_direction"].derivative_at_zero(k)),
             tool=tuple(moved(faults[name].derivative_at_zero(k)) for name in TOOL),
-            drift=moved(shift),
-            readings=_readings(inverse, repeats),
+            drift=moved(data.translations(model)),
+            readings=_readings(inverse, data.lengths, repeats),
             bent=_bent(model, data, inverse, uncertainty),
             known=tuple((known or {}).items()),
+            absolute=data.absolute,
         )
 
     def budget(self, tasks: Tasks, model_error: float = 0.0) -> ErrorBudget:
@@ -111,7 +118,7 @@ class Propagation:
         """
         A0 = tasks.target
         given = self.uncertainty
-        scaled = given.load_size * float(np.linalg.norm(A0 @ self.load))
+        scaled = given.load_size * _length(A0, [self.load[:, None], self.payload[:, None]])
         rigid, bends = self._rigid(tasks)
         gram, inverse = self.readings
         T = A0 @ inverse
@@ -124,6 +131,7 @@ class Propagation:
             drift=given.drift * _length(A0, [self.drift]),
             repeatability=given.repeatability * float(np.sqrt(np.trace(T @ gram @ T.T))),
             uncompensated=float(np.hypot(self._displacement(tasks), bends)),
+            absolute=self.absolute,
         )
 
     def _displacement(self, tasks: Tasks) -> float:
@@ -166,10 +174,27 @@ def _bent(
     return tuple(found)
 
 
-def _readings(inverse: LeastSquaresInverse, repeats: Indices | Array | None) -> tuple[Array, Array]:
+def _by_weights(
+    model: ElastostaticModel,
+    data: Measurements,
+    k: Array,
+    known: Mapping[int, float],
+    weights: DeadWeights | None,
+) -> Array:
+    """What weights alone make of the readings (m, rows, 1) [m, rad]; nothing without any."""
+    if weights is None:
+        return np.zeros((*data.deflection.shape, 1))
+    alone = replace(model, unknown=(*model.joints, *known), weights=weights)
+    unloaded = replace(data, wrench=np.zeros_like(data.wrench))
+    return unloaded.regressor(alone) @ np.append(k, list(known.values()))[:, None]
+
+
+def _readings(
+    inverse: LeastSquaresInverse, lengths: Mask, repeats: Indices | Array | None
+) -> tuple[Array, Array]:
     """Two factors (p, p) by which independent shifts of every reading move the estimates."""
     # A row's shift u enters the whitened measurements as W u, and the estimate by Q.
-    Q = inverse.by_reading()[:, :3]
+    Q = inverse.by_reading() * lengths[..., None]
     whitened = inverse.whitened
     if repeats is not None:
         Q = Q / np.sqrt(repeats[:, None, None])

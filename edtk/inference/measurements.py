@@ -54,6 +54,7 @@ class Measurements(Presented):
         sensor: Index (m,) of each row's instrument in the model, whose point it measures and in
             whose body's frame the marker's offset is; None where all rows are of the tool.
         turn: Whether each row (m,) is a single rotation; None where none is.
+        absolute: Whether displacements are counted from the rigid robot, not the unloaded one.
     """
 
     q: Array
@@ -67,6 +68,7 @@ class Measurements(Presented):
     stated: bool = False
     sensor: Indices | None = None
     turn: Mask | None = None
+    absolute: bool = False
 
     def headline(self) -> str:
         """How many measurements of how many poses."""
@@ -79,7 +81,7 @@ class Measurements(Presented):
 
     def __getitem__(self, rows: Indices | slice) -> "Measurements":
         """The chosen measurements."""
-        names = (f.name for f in fields(self) if f.name != "stated")
+        names = (f.name for f in fields(self) if f.name not in ("stated", "absolute"))
         columns = {name: getattr(self, name) for name in names}
         if self.visit is None and not self.alone:
             columns["visit"] = self.visits  # Without its other rows a visit is not told any more.
@@ -198,6 +200,18 @@ class Measurements(Presented):
             motion[..., rows] = without_rounding(own.folded(sensor.motion(own)), size)
         return motion
 
+    def translations(self, model: ElastostaticModel) -> Array:
+        """Derivatives (m, rows, 3) of the readings where the whole robot moves along the axes.
+
+        Args:
+            model: Says what is measured.
+        """
+        frames = model.frames(self.q)
+        found = np.empty((*self.deflection.shape, 3))
+        for rows, sensor in self.instruments(model):
+            found[rows] = np.moveaxis(sensor.translation(frames[rows]), -1, 0)
+        return found
+
     def changes(self, model: ElastostaticModel, rest: Rest) -> Array:
         """What the instruments would have shown (m, rows) of a robot at rest [m, rad].
 
@@ -269,6 +283,7 @@ class Measurements(Presented):
             stated=any(column in table for kind in NOISE_COLUMNS for column in kind),
             sensor=index,
             turn=turn,
+            absolute=nominal,
         )
         rigid = empty._rigid(model) if model is not None and nominal else None
         change = sheet_change(table, robot.reach, noise.shape[1], rigid, turn)

@@ -22,6 +22,8 @@ class ErrorBudget(Presented):
         repeatability: The robot does not stay where it was between two readings.
         uncompensated: The displacement of the task without any compensation, for comparison, with
             the joints that count as rigid.
+        absolute: Whether displacements were counted from the rigid robot, whose geometry and
+            place are then taken as exact.
     """
 
     noise: float
@@ -32,11 +34,13 @@ class ErrorBudget(Presented):
     drift: float
     repeatability: float
     uncompensated: float
+    absolute: bool = False
 
     @property
     def parts(self) -> dict[str, float]:
         """All parts by name [m]."""
-        names = [field.name for field in fields(self) if field.name != "uncompensated"]
+        others = ("uncompensated", "absolute")
+        names = [field.name for field in fields(self) if field.name not in others]
         return {name: getattr(self, name) for name in names}
 
     @property

@@ -8,7 +8,7 @@ from edtk.model.error_budget import ErrorBudget
 from edtk.report.draw.error_budget import error_budget
 from edtk.report.new_figure import new_figure
 from edtk.report.page import paragraph, picture, section, table
-from edtk.report.text.error_budget import ADVICE
+from edtk.report.text.error_budget import ADVICE, NOT_IN_IT
 
 SIZE = (4.4, 3.4)  # of the picture [inch]
 CAPTION = (
@@ -39,6 +39,7 @@ def _meaning(found: Calibration, budget: ErrorBudget) -> str:
         f"compensation, and {1e3 * budget.uncompensated:.2g} mm without. All errors are root mean "
         f"squares. Without the largest part, {budget.largest.replace('_', ' ')}, "
         f"{1e3 * rest:.2g} mm would remain. To improve first: {ADVICE[budget.largest]}."
+        + (f" Not in it are {NOT_IN_IT}." if budget.absolute else "")
     )
 
 

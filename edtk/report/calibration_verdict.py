@@ -6,7 +6,6 @@ from edtk.calibration.calibration import Calibration
 from edtk.calibration.finding import Kind
 from edtk.model.rigid_joints import EXAMPLE
 from edtk.report.page import verdict
-from edtk.report.text.error_budget import NO_BUDGET
 
 QUALITY = {
     "good": "Good calibration.",
@@ -75,10 +74,7 @@ def _expected(found: Calibration) -> str:
         k = np.maximum(np.abs(fit.k), LEAST)
         worst = int(np.argmax(fit.std / k))
         share = f"{100 * fit.std[worst] / k[worst]:.2g} %"
-        least = (
-            f"The least certain compliance is {found.study.model.parameters[worst]}, to {share}."
-        )
-        return f"{least} {_sentence(found, NO_BUDGET)}." if found.study.tasks else least
+        return f"The least certain compliance is {found.study.model.parameters[worst]}, to {share}."
     place = f" {found.study.tasks.place}" if found.study.tasks else ""
     return (
         f"Expect a total error of {1e3 * found.budget.total:.2g} mm{place} after compensation, "

@@ -157,8 +157,16 @@ def _links(study: "StudyObjects") -> DeadWeights | None:
 
 def _weights(study: "StudyObjects") -> DeadWeights | None:
     """All that loads the joints besides the wrench: a payload beside a load, and the links."""
-    payload = None if study.specification.load is None else study.specification.payload
-    return _held(study, payload, link_weights(study))
+    return _held(study, _beside_load(study), link_weights(study))
+
+
+def payload_beside_load(study: "StudyObjects") -> DeadWeights | None:
+    """The weight of a payload that a study has besides [load]; without one it is the load."""
+    return _held(study, _beside_load(study), None)
+
+
+def _beside_load(study: "StudyObjects") -> PayloadTable | None:
+    return None if study.specification.load is None else study.specification.payload
 
 
 def _held(

@@ -17,7 +17,6 @@ from edtk.model.robot_to_dict import robot_to_dict
 from edtk.model.transform import transform
 from edtk.report.calibration_report import calibration_report
 from edtk.report.text.calibration import calibration as calibration_text
-from edtk.report.text.error_budget import NO_BUDGET
 from edtk.study.study import Study
 from edtk.system.errors import UserError
 from edtk.tables.compliances import Compliances
@@ -400,15 +399,3 @@ def test_reports_of_distances(tmp_path):
     sheet.assign(change_mm=-sheet["change_mm"]).to_csv(path, index=False)
     with pytest.raises(UserError, match="loaded and unloaded positions look swapped"):
         calibrate(study, path)
-
-
-def test_what_has_no_budget_says_so(tmp_path):
-    """Of distances there is no error budget: text and report say it where a task is known."""
-    task = {"q_deg": [0, -60, 90, 40, 60, 50], "tool": PLAIN["tool"], "load": {"F_N": [0, 0, -900]}}
-    study = Study(**(PLAIN | CASES["distances"] | {"test_pose": task}))
-    path = tmp_path / "sheet.csv"
-    filled(CASES["distances"], study).to_csv(path, index=False)
-    found = calibrate(study, path)
-    assert found.budget is None
-    assert NO_BUDGET in calibration_text(found)
-    assert NO_BUDGET[1:] in calibration_report(found)

@@ -36,7 +36,7 @@ def families(model: ElastostaticModel, data: Measurements, A: Array, k: Array) -
     yield _load_direction(model, data)
     yield from _tool(model, data)
     yield _frame(A, k)
-    yield from _drifts(A)
+    yield from _drifts(model, data, A)
     yield from _by_sign(model, data, A)
 
 
@@ -56,16 +56,30 @@ def _load_direction(model: ElastostaticModel, data: Measurements) -> Family:
 
 
 def _tool(model: ElastostaticModel, data: Measurements) -> Iterator[Family]:
-    """The tool point is elsewhere, along one axis of the tool."""
+    """The tool point is elsewhere, along one axis of the tool.
+
+    Positions that are counted from the rigid robot see that at once.
+    """
+    shown = _shown_by_tool(model, data) if data.absolute else np.zeros((*data.deflection.shape, 3))
     for i in range(3):
 
         def predict(c: Array, axis: int = i) -> tuple[Array, Array]:
             tool = model.robot.tool.copy()
             tool[:3, 3] += c[0] * tool[:3, axis]
             other = replace(model, robot=replace(model.robot, tool=tool))
-            return data.regressor(other), np.zeros(data.deflection.shape)
+            return data.regressor(other), c[0] * shown[..., axis]
 
         yield Family(f"tool_{AXES[i]}", "mm", MM, 1, USUAL_TOOL[i], predict)
+
+
+def _shown_by_tool(model: ElastostaticModel, data: Measurements) -> Array:
+    """By how much readings grow (m, rows, 3) where the tool point moves along the tool's axes."""
+    axes = np.moveaxis(model.frames(data.q).rotation, -1, 0)  # (m, axis of the tool, 3)
+    found = np.einsum("mrc,mac->mra", data.translations(model), axes)
+    for rows, sensor in data.instruments(model):
+        if sensor.point.joint is not None:
+            found[rows] = 0.0
+    return found
 
 
 def _frame(A: Array, k: Array) -> Family:
@@ -81,12 +95,12 @@ def _frame(A: Array, k: Array) -> Family:
     return Family("frame_rotation", "deg", DEGREES, 3, USUAL_TURN, predict)
 
 
-def _drifts(A: Array) -> Iterator[Family]:
+def _drifts(model: ElastostaticModel, data: Measurements, A: Array) -> Iterator[Family]:
     """Something moves between the unloaded and the loaded reading: always, or more and more."""
-    m, rows = A.shape[:2]
+    m = len(A)
+    shift = data.translations(model)
     for growth in (np.ones(m), np.linspace(-1, 1, m)):
-        moved = np.zeros((m, rows, 3))
-        moved[:, :3] = growth[:, None, None] * np.eye(3)
+        moved = growth[:, None, None] * shift
 
         def predict(c: Array, moved: Array = moved) -> tuple[Array, Array]:
             return A, moved @ c

@@ -45,6 +45,10 @@ class Distance(Sensor):
         """Distance (1, ...) [m]."""
         return self._wire(frames)[1][None]
 
+    def translation(self, frames: Frames) -> Array:
+        """The direction from the anchor to the point."""
+        return self._wire(frames)[0][None]
+
     def change(self, before: Frames, after: Frames) -> Array:
         """Change of the distance (1, ...) [m]."""
         # The difference of the squares over the sum: two large distances would cancel.

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from edtk.model.columns_slope import columns_slope
 from edtk.model.frames import Frames
-from edtk.model.sensors.sensor import Sensor
+from edtk.model.sensors.sensor import Sensor, unit_translation
 from edtk.system.typing import Array
 
 
@@ -28,6 +28,10 @@ class Marker(Sensor):
     def place(self, frames: Frames) -> Array:
         """Position (3, ...) [m]."""
         return self.point.position(frames)
+
+    def translation(self, frames: Frames) -> Array:
+        """The identity."""
+        return unit_translation(frames, 3)
 
     def change(self, before: Frames, after: Frames) -> Array:
         """Displacement (3, ...) [m]."""

@@ -51,6 +51,10 @@ class OneRow(Sensor):
         """Coordinate (1, ...) [m]; nothing (0, ...) for a rotation."""
         return self.whole.place(frames)[self._only]
 
+    def translation(self, frames: Frames) -> Array:
+        """The row of the whole derivative (1, 3, ...)."""
+        return self.whole.translation(frames)[self._only]
+
     def change(self, before: Frames, after: Frames) -> Array:
         """Change of the coordinate (1, ...) [m, rad]."""
         return self.whole.change(before, after)[self._only]

@@ -7,7 +7,7 @@ import numpy as np
 from edtk.model.columns_slope import columns_slope
 from edtk.model.frames import Frames
 from edtk.model.rotation_vector import inverse_left_jacobian, rotation_vector
-from edtk.model.sensors.sensor import Sensor
+from edtk.model.sensors.sensor import Sensor, unit_translation
 from edtk.system.typing import Array, Mask
 
 COORDINATES = 3  # rows before those of rotations
@@ -39,6 +39,10 @@ class PoseMarker(Sensor):
     def place(self, frames: Frames) -> Array:
         """Position (3, ...) [m]."""
         return self.point.position(frames)
+
+    def translation(self, frames: Frames) -> Array:
+        """The identity, and nothing for rotations."""
+        return unit_translation(frames, 6)
 
     def change(self, before: Frames, after: Frames) -> Array:
         """Displacement and rotation vector (6, ...) [m, rad]."""

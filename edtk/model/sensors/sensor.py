@@ -50,6 +50,10 @@ class Sensor(ABC):
         """The lengths that it shows of a robot: position (3, ...), or distance (1, ...) [m]."""
 
     @abstractmethod
+    def translation(self, frames: Frames) -> Array:
+        """Derivatives (rows, 3, ...) of the rows where the whole robot moves along the axes."""
+
+    @abstractmethod
     def change(self, before: Frames, after: Frames) -> Array:
         """What the rows (rows, ...) show when the robot moves from some poses to others."""
 
@@ -66,3 +70,10 @@ class Sensor(ABC):
         if not start.any():
             return at_end
         return at_end - np.einsum("nr...,np...->rp...", before.folded(self.motion(before)), start)
+
+
+def unit_translation(frames: Frames, rows: int) -> Array:
+    """The identity above zeros (rows, 3, ...): positions move with the robot, rotations do not."""
+    shape = frames.position.shape[1:]
+    unit = np.eye(rows, 3).reshape(rows, 3, *[1] * len(shape))
+    return np.broadcast_to(unit, (rows, 3, *shape))

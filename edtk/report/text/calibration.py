@@ -7,7 +7,7 @@ from edtk.calibration.diagnostics.diagnostic import Severity
 from edtk.calibration.row_names import row_names
 from edtk.inference.estimate_noise import NoiseEstimate
 from edtk.report.digits import digits
-from edtk.report.text.error_budget import NO_BUDGET, error_budget
+from edtk.report.text.error_budget import error_budget
 from edtk.report.text_table import name_width
 from edtk.tables.coordinate_columns import coordinate_columns
 from edtk.tables.sheet_columns import TURN_COLUMN
@@ -77,8 +77,6 @@ def _accuracy(found: Calibration) -> list[str]:
         lines.append(str(found.expected))
     if found.budget is not None:
         lines.append(error_budget(found.budget))
-    elif found.study.tasks:
-        lines.append(NO_BUDGET)
     if found.rho0_bias and not found.fitted.nonlinear:
         bias = f"{1e3 * found.rho0_bias:.3g} mm"
         lines.append(f"beside it the linear model leaves an error of {bias}")

@@ -2,11 +2,8 @@
 
 from edtk.model.error_budget import ErrorBudget
 
-# Where something is measured, or loads the joints, that the budget does not know.
-NO_BUDGET = (
-    "no error budget: it knows neither distances and mixed instruments, nor weights beside a load; "
-    "load, tool and rigid joints may add more than the noise does"
-)
+# What the parts leave out where displacements are counted from the rigid robot.
+NOT_IN_IT = "errors of the robot's geometry, and of its place in the measuring frame"
 
 
 def error_budget(found: ErrorBudget) -> str:
@@ -14,10 +11,11 @@ def error_budget(found: ErrorBudget) -> str:
     parts = ", ".join(
         f"{name.replace('_', ' ')} {1e3 * part:.2g}" for name, part in found.parts.items()
     )
+    without = f"  not in it: {NOT_IN_IT}\n" if found.absolute else ""
     return (
         f"total expected error {1e3 * found.total:.2g} mm (root mean square), "
         f"{1e3 * found.uncompensated:.2g} mm without compensation\n"
-        f"  of it [mm]: {parts}\n"
+        f"  of it [mm]: {parts}\n{without}"
         f"  to improve first: {ADVICE[found.largest]}"
     )
 

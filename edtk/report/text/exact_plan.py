@@ -8,6 +8,7 @@ from edtk.report.text.error_budget import error_budget
 from edtk.report.text_table import number_columns
 from edtk.tables.in_file_units import in_file_units
 
+NO_BUDGET = "no error budget: it needs [simulation], and a plan that tells all compliances"
 CUT_OFF = 1e-3  # relative gap of a bound beyond which a person is told
 
 
@@ -27,12 +28,19 @@ def exact_plan(found: ExactPlan) -> str:
         f"  bound       {factor * found.bound:.6g}{unit}  ({_reach(found)})",
         f"  efficiency  {100 * found.efficiency:.2f} %",
         *([] if found.expected is None else [str(found.expected)]),
-        *([] if found.error_budget is None else [error_budget(found.error_budget)]),
+        *_budget(found),
         *(_detection(found.robot, detection) for detection in found.detections),
         f"{found.starts} starts in {found.seconds:.1f} s; {found.found} of the plans refined "
         f"to the end are this one, among {found.optima} different",
     ]
     return "\n".join([*lines, *_experiments(found)])
+
+
+def _budget(found: ExactPlan) -> list[str]:
+    """The error budget, or why there is none where a task asks for it."""
+    if found.error_budget is not None:
+        return [error_budget(found.error_budget)]
+    return [] if found.expected is None else [NO_BUDGET]
 
 
 def _detection(robot: Robot, found: Detection) -> str:
