@@ -7,6 +7,7 @@ import numpy as np
 from criteria.convex_criterion import ConvexCriterion
 from criteria.covariance_criterion import CovarianceCriterion
 from criteria.linalg.inverse import power_trace, power_trace_of_root
+from criteria.linalg.log_of_inverse import log_of_inverse
 from criteria.linalg.typing import Array
 from criteria.registry import register
 
@@ -23,6 +24,7 @@ class AOptimality(CovarianceCriterion, ConvexCriterion):
     formula = "trace(cov)"
     sense = "min"
     degree = 1.0
+    has_logarithm = True
 
     def polar(self, Z: Array, M: Array) -> float:
         """``(trace Z^(1/2))^2``, attained at a multiple of ``Z^(-1/2)``."""
@@ -37,6 +39,12 @@ class AOptimality(CovarianceCriterion, ConvexCriterion):
         import cvxpy as cp
 
         return cp.matrix_frac(np.eye(M.shape[0]) if T is None else T.T, M)
+
+    def log_information(
+        self, M: "cp.Expression", T: Array, unit: float
+    ) -> tuple["cp.Expression", list["cp.Constraint"]]:
+        """``-log(trace(T M^-1 T') / unit)``."""
+        return log_of_inverse(M, T, unit)
 
     def covariance_slope(self, cov: Array) -> Array:
         """The identity."""

@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike
 
 from criteria.convex_criterion import ConvexCriterion
 from criteria.linalg.inverse import lowered_root, power_trace_of_root
+from criteria.linalg.log_of_inverse import log_of_inverse
 from criteria.linalg.typing import Array
 from criteria.registry import register
 
@@ -33,6 +34,7 @@ class CompensationAccuracy(ConvexCriterion):
     formula = "sqrt(trace(A0 cov A0'))"
     sense = "min"
     degree = 0.5
+    has_logarithm = True
     unit_free = True
     needs_target = True
     shown = (1e3, "mm")
@@ -67,6 +69,12 @@ class CompensationAccuracy(ConvexCriterion):
         import cvxpy as cp
 
         return cp.matrix_frac(self.target.T if T is None else (self.target @ T).T, M)
+
+    def log_information(
+        self, M: "cp.Expression", T: Array, unit: float
+    ) -> tuple["cp.Expression", list["cp.Constraint"]]:
+        """``-log(rho0^2 / unit^2)``."""
+        return log_of_inverse(M, self.target @ T, unit**2)
 
     def _cost(self, M: Array, cov: Array) -> Array:
         return np.sqrt(np.einsum("ri,...ij,rj->...", self.target, cov, self.target))

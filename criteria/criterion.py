@@ -56,6 +56,7 @@ class Criterion(ABC):
             or q. Such a criterion is used only where it is asked for with them.
         takes_interest: Whether it can be about some of the parameters only, see `Interest`.
         per_task: Whether it takes a target of each task (tasks, rows, p) instead of one of all.
+        precision: Prior information (p, p) that the cost adds to M; None but for Bayesian criteria.
         shown: Factor and unit with which `value` is printed; the unit may be empty.
     """
 
@@ -73,6 +74,7 @@ class Criterion(ABC):
     needs_all: bool = True
     needs_parameters: bool = False
     takes_interest: bool = True
+    precision: Array | None = None
     shown: tuple[float, str] = (1.0, "")
 
     @abstractmethod
@@ -107,6 +109,20 @@ class Criterion(ABC):
         The function is increasing, so it turns lower bounds into lower bounds.
         """
         return cost
+
+    @property
+    def without_prior(self) -> "Criterion":
+        """The criterion of M + R that a Bayesian criterion is; the others are their own."""
+        return self
+
+    def for_size(self, size: float) -> Self:
+        """The criterion of one of `size` like experiments, such that
+
+            cost(size M) = size^-degree for_size(size).cost(M) .
+
+        It is the criterion itself, unless experiments share a prior.
+        """
+        return self
 
     def smoothed(self, sharpness: float) -> Self:
         """A smooth criterion whose cost is at least that of this one; this one if it is smooth.

@@ -25,6 +25,7 @@ class DOptimality(DeterminantCriterion, ConvexCriterion):
     formula = "det(M)^(1/p)"
     sense = "max"
     degree = 1.0
+    has_logarithm = True
     unit_free = True
 
     def cost_of_log_determinant(self, log_det: Array, p: int) -> Array:
@@ -47,6 +48,15 @@ class DOptimality(DeterminantCriterion, ConvexCriterion):
         # T enters as a constant: log det(T^-T M T^-1) = log det M - 2 log |det T|.
         units = 0.0 if T is None else 2 * np.linalg.slogdet(T).logabsdet
         return cp.exp((units - cp.log_det(M)) / M.shape[0])
+
+    def log_information(
+        self, M: "cp.Expression", T: Array, unit: float
+    ) -> tuple["cp.Expression", list["cp.Constraint"]]:
+        """``log det(T^-T M T^-1) / p + log unit``."""
+        import cvxpy as cp
+
+        units = 2 * np.linalg.slogdet(T).logabsdet
+        return (cp.log_det(M) - units) / M.shape[0] + np.log(unit), []
 
     def _gradient(self, M: Array, cov: Array) -> Array:
         return -self._cost(M, cov)[..., None, None] / M.shape[-1] * cov

@@ -60,6 +60,7 @@ class Interest(Relaxable):
         self.K = K
         self._chosen = _chosen(K)
         self.names = _default_names(K) if names is None else names
+        self.has_logarithm = base.has_logarithm
         self._describe(base)
 
     def _describe(self, base: Relaxable) -> None:
@@ -98,9 +99,13 @@ class Interest(Relaxable):
         """The smoothed base, for the same combinations."""
         return self._with(self.base.smoothed(sharpness))
 
+    def of(self, K: Array) -> Self:
+        """The same criterion of other combinations (p, s), as independent as its own."""
+        return self._like(self.base, K)
+
     def in_units(self, T: Array) -> Self:
         """The combinations of k are ``T'K`` of k', where k = T k'."""
-        return self._like(self.base, T.T @ self.K)
+        return self.of(T.T @ self.K)
 
     def transformed(self, T: Array) -> Self:
         """The same combinations, told by the other parameters."""
@@ -154,15 +159,30 @@ class Interest(Relaxable):
         ``Q N' Q' <= M``, and its solution is near the identity: N' is the information about theta'
         where ``theta = R' theta'``.
         """
+        N, R, below = self._part_of(M, T)
+        objective, constraints = self.base.formulation(N, total, R.T, unit)
+        return objective, [below, *constraints]
+
+    def log_information(
+        self, M: "cp.Expression", T: Array, unit: float
+    ) -> tuple["cp.Expression", list["cp.Constraint"]]:
+        """The base's for the same N."""
+        N, R, below = self._part_of(M, T)
+        objective, constraints = self.base.log_information(N, R.T, unit)
+        return objective, [below, *constraints]
+
+    def _part_of(
+        self, M: "cp.Expression", T: Array
+    ) -> tuple["cp.Variable", Array, "cp.Constraint"]:
+        """The variable N', with R and the constraint that holds it below M; see `formulation`."""
         import cvxpy as cp
 
         Q, R = np.linalg.qr(T.T @ self.K)
         s = self.K.shape[1]
         N = cp.Variable((s, s), symmetric=True)
-        objective, constraints = self.base.formulation(N, total, R.T, unit)
         # cvxpy cannot tell that Q N Q' is symmetric, and asks for it.
         part = Q @ N @ Q.T
-        return objective, [M - 0.5 * (part + part.T) >> 0, *constraints]
+        return N, R, M - 0.5 * (part + part.T) >> 0
 
     def lower_bound(self, Z: Array, t: Array, M: Array) -> float:
         """The base's for ``K'Z K``: as ``X >= K C_K(X) K'``, ``<K'Z K, C_K(X)> <= <Z, X> <= t``."""

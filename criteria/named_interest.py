@@ -3,6 +3,7 @@
 from typing import TYPE_CHECKING
 
 from criteria.interest import Interest
+from criteria.linalg.log_of_inverse import log_of_inverse
 from criteria.linalg.typing import Array
 from criteria.relaxable import Formulation, Relaxable
 
@@ -41,3 +42,9 @@ class SumOfVariances(NamedInterest):
         import cvxpy as cp
 
         return cp.matrix_frac(T.T @ self.K * unit**-0.5, M), [total == 1]
+
+    def log_information(
+        self, M: "cp.Expression", T: Array, unit: float
+    ) -> tuple["cp.Expression", list["cp.Constraint"]]:
+        """``-log(trace(K'T M^-1 T'K) / unit)``."""
+        return log_of_inverse(M, self.K.T @ T, unit)

@@ -44,6 +44,7 @@ class PhiOptimality(CovarianceCriterion, ConvexCriterion):
     sense = "min"
     degree = 1.0
     needs_parameters = True
+    has_logarithm = True
 
     def __init__(self, q: float) -> None:
         if not _is_number(q) or not 0 <= q <= MOST:
@@ -99,6 +100,31 @@ class PhiOptimality(CovarianceCriterion, ConvexCriterion):
             return DOptimality().formulation(M, total, T, unit)
         if self.q == 1:
             return AOptimality().formulation(M, total, T, unit * p)
+        least, constraints = self._least_eigenvalues(M, T, unit)
+        mean = cp.inv_pos(cp.pnorm(least, -self.q)) * p ** (-1 / self.q)
+        return mean, [*constraints, total == 1]
+
+    def log_information(
+        self, M: "cp.Expression", T: Array, unit: float
+    ) -> tuple["cp.Expression", list["cp.Constraint"]]:
+        """The log of the mean of order -q of the same numbers."""
+        import cvxpy as cp
+
+        p = len(T)
+        if self.q == 0:
+            return DOptimality().log_information(M, T, unit)
+        if self.q == 1:
+            return AOptimality().log_information(M, T, unit * p)
+        least, constraints = self._least_eigenvalues(M, T, unit)
+        return cp.log(cp.pnorm(least, -self.q)) + np.log(p) / self.q, constraints
+
+    def _least_eigenvalues(
+        self, M: "cp.Expression", T: Array, unit: float
+    ) -> tuple["cp.Variable", list["cp.Constraint"]]:
+        """Numbers l (p,), rising, that the eigenvalues of X unit majorise; see `formulation`."""
+        import cvxpy as cp
+
+        p = len(T)
         # The cost of a design in the unit `unit` is that of X unit; both then are of order one.
         S = np.linalg.inv(T) * np.sqrt(unit)
         X = S.T @ M @ S
@@ -106,8 +132,7 @@ class PhiOptimality(CovarianceCriterion, ConvexCriterion):
         least = cp.Variable(p, nonneg=True)
         sums = [cp.sum(least[:k]) <= cp.lambda_sum_smallest(X, k) for k in range(1, p)]
         order = [cp.diff(least) >= 0] if p > 1 else []
-        mean = cp.inv_pos(cp.pnorm(least, -self.q)) * p ** (-1 / self.q)
-        return mean, [*sums, cp.sum(least) <= cp.trace(X), *order, total == 1]
+        return least, [*sums, cp.sum(least) <= cp.trace(X), *order]
 
     def covariance_slope(self, cov: Array) -> Array:
         """``V diag((v/f)^(q-1)) V' / p``."""

@@ -34,6 +34,7 @@ class PowerCriterion(ConvexCriterion):
         # A base of its own kind is given where the base is smoothed or has other units.
         self.base = self.base_class() if base is None else base
         self.smooth = self.base.smooth
+        self.has_logarithm = self.base.has_logarithm
 
     @property
     def plan_criterion(self) -> Criterion:
@@ -87,6 +88,12 @@ class PowerCriterion(ConvexCriterion):
     ) -> Formulation:
         """The base's program: the unit is turned into one of the base's cost."""
         return self.base.formulation(M, total, T, unit ** (1.0 / self.exponent))
+
+    def log_information(
+        self, M: "cp.Expression", T: Array, unit: float
+    ) -> tuple["cp.Expression", list["cp.Constraint"]]:
+        """The base's: a power changes the logarithm and the degree by the same factor."""
+        return self.base.log_information(M, T, unit ** (1.0 / self.exponent))
 
     def _cost(self, M: Array, cov: Array) -> Array:
         return self.base.cost_of_regular(M, cov) ** self.exponent

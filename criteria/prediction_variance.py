@@ -12,6 +12,7 @@ from criteria.linalg.full_rank_root import full_rank_root
 from criteria.linalg.typing import Array
 from criteria.named_interest import SumOfVariances
 from criteria.registry import register
+from criteria.relaxable import Relaxable
 
 
 @register
@@ -54,7 +55,10 @@ class PredictionVariance(SumOfVariances):
             what = "points" if W is None else "W"
             raise CriterionError(f"criterion 'I': {what}: {error}") from error
         self._fill(AOptimality(), combinations_of(K), ())
-        self.needs_all = K.shape[0] == K.shape[1]
+
+    def _describe(self, base: Relaxable) -> None:
+        """What W decides."""
+        self.needs_all = self.K.shape[0] == self.K.shape[1]
 
     @property
     def label(self) -> str:

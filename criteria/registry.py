@@ -28,7 +28,17 @@ if TYPE_CHECKING:
 GROUP = "edtk.criteria"
 # The order of Table 1, then those that it does not have.
 BUILTINS = ("A", "D", "E", "G", "O1", "O2", "O3", "O4", "O5", "rho0", "rho_max")
-FAMILIES = ("I", "c", "Ds", "phi", "prediction_G")  # the order in which they are listed
+FAMILIES = (
+    "I",
+    "c",
+    "Ds",
+    "phi",
+    "prediction_G",
+    "bayes_D",
+    "bayes_A",
+    "compound",
+    "minimax",
+)  # the order in which they are listed
 _registered: dict[str, type[Criterion]] = {}
 C = TypeVar("C", bound=type[Criterion])
 

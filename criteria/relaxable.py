@@ -21,6 +21,7 @@ class Relaxable(Criterion):
 
     Attributes:
         expression_power: The program's objective is ``cost**expression_power``.
+        has_logarithm: Whether `log_information` is there.
         most_subproblems: How many convex programs may be solved one after another. One, unless the
             criterion is the least of a family of which `subproblem` names the members; then the
             multipliers of several members prove the bound together.
@@ -29,6 +30,7 @@ class Relaxable(Criterion):
     # A root such as rho0 has no convex program of its own kind; its square has.
     expression_power: float = 1.0
     most_subproblems: int = 1
+    has_logarithm: bool = False
 
     @abstractmethod
     def formulation(
@@ -44,6 +46,23 @@ class Relaxable(Criterion):
             T: Regular matrix (p, p) that whitens a design near the optimum.
             unit: The cost of that design. The objective is measured in this unit.
         """
+
+    def log_information(
+        self, M: "cp.Expression", T: Array, unit: float
+    ) -> tuple["cp.Expression", list["cp.Constraint"]]:
+        """A concave expression of ``-log(cost / unit) / degree``, and its constraints.
+
+        It serves compound criteria, whose logarithm is a sum of these; see `has_logarithm`.
+
+        Args:
+            M: See `formulation`.
+            T: See `formulation`.
+            unit: See `formulation`.
+
+        Raises:
+            NotImplementedError: The criterion has no such form.
+        """
+        raise NotImplementedError(f"criterion {self.name} has no logarithm of a convex form")
 
     @abstractmethod
     def lower_bound(self, Z: Array, t: Array, M: Array) -> float:

@@ -29,6 +29,7 @@ DECLARED = (
     "shown",
     "expression_power",
     "most_subproblems",
+    "has_logarithm",
 )
 
 
@@ -88,6 +89,12 @@ class Transformed(Relaxable):
     ) -> Formulation:
         """The base's; where T whitens a design of k', ``T_base T`` whitens it as one of k."""
         return self.base.formulation(M, total, self.T @ T, unit)
+
+    def log_information(
+        self, M: "cp.Expression", T: Array, unit: float
+    ) -> tuple["cp.Expression", list["cp.Constraint"]]:
+        """The base's, see `formulation`."""
+        return self.base.log_information(M, self.T @ T, unit)
 
     def expression(self, M: "cp.Expression", T: Array | None = None) -> "cp.Expression":
         """The base's, see `formulation`."""
@@ -158,6 +165,12 @@ class TransformedByFactor(Transformed):
     ) -> Formulation:
         """The base's of M' itself, in another unit."""
         return self.base.formulation(M, total, T, unit / self._factor)
+
+    def log_information(
+        self, M: "cp.Expression", T: Array, unit: float
+    ) -> tuple["cp.Expression", list["cp.Constraint"]]:
+        """The base's of M' itself, in another unit."""
+        return self.base.log_information(M, T, unit / self._factor)
 
     def polar(self, Z: Array, M: Array) -> float:
         """The base's of Z' itself, times a number."""

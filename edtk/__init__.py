@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from edtk.design.relaxation.relaxation import Relaxation as Relaxation
     from edtk.design.relaxation.relaxed_plan import RelaxedPlan as RelaxedPlan
     from edtk.design.relaxation.relaxed_region import RelaxedRegion as RelaxedRegion
+    from edtk.design.several_models import several_models as several_models
     from edtk.inference.controller_search.found_controller import (
         FoundController as FoundController,
     )
@@ -99,6 +100,7 @@ _HOME = {
     # any linear(ised) model
     "Problem": "edtk.design.problem",
     "Region": "edtk.design.region",
+    "several_models": "edtk.design.several_models",
     "Relaxation": "edtk.design.relaxation.relaxation",
     "RelaxedRegion": "edtk.design.relaxation.relaxed_region",
     "apportion": "edtk.design.exact.apportion",

@@ -35,7 +35,9 @@ def relax(
 
 
 @overload
-def relax(question: "Problem", criterion: "Criterion | str | None" = None) -> "Relaxation": ...
+def relax(
+    question: "Problem", criterion: "Criterion | str | None" = None, *, size: int | None = None
+) -> "Relaxation": ...
 
 
 @overload
@@ -65,14 +67,14 @@ def relax(
 
     Args:
         question: A study, the path of a study file, a `Problem` of arrays, or a `Region` of points.
-            The options below belong to studies.
+            The options below belong to studies, but for `size`.
         criterion: Name of a criterion (a `Criterion` object is fine for a problem or a region);
             defaults to the study's main criterion, and to "D" for a problem or a region.
         candidates: Number of candidate poses; defaults to the study's. Of a region, about the
             number of points of the grid where ascents begin; defaults to 5000.
         continuous: Whether to search all feasible poses, beyond the candidates.
         size: Number of experiments that share a prior which counts in designs; defaults to the
-            first of the study's sizes.
+            first of the study's sizes, and for a problem to one.
         seed: Seed of the candidates; defaults to the study's.
         memory_mb: Limit on memory [MB].
         out: File to write poses and weights to (CSV); "-" is standard output.
@@ -98,7 +100,7 @@ def relax(
     from edtk.design.region import Region
 
     if isinstance(question, Problem):
-        return _relax_problem(question, "D" if criterion is None else criterion)
+        return _relax_problem(question, "D" if criterion is None else criterion, size)
     if isinstance(question, Region):
         return _relax_region(
             question, "D" if criterion is None else criterion, candidates, progress
@@ -152,14 +154,16 @@ def _write(
     write_files(files)
 
 
-def _relax_problem(problem: "Problem", criterion: "Criterion | str") -> "Relaxation":
+def _relax_problem(
+    problem: "Problem", criterion: "Criterion | str", size: int | None
+) -> "Relaxation":
     """The relaxation over the candidates of a problem of arrays."""
     import criteria
     from edtk.design.relaxation.relax import relax as relax_candidates
 
     if isinstance(criterion, str):
         criterion = criteria.create(criterion)
-    return relax_candidates(problem, criterion)
+    return relax_candidates(problem, criterion.for_size(1 if size is None else size))
 
 
 def _relax_region(

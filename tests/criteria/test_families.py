@@ -18,6 +18,7 @@ def matrix(seed=0):
 def test_criteria_with_parameters_are_not_among_those_that_are_compared():
     """`available` lists what can be used as it is, `families` what needs parameters."""
     assert criteria.families()[:5] == ("I", "c", "Ds", "phi", "prediction_G")
+    assert criteria.families()[5:] == ("bayes_D", "bayes_A", "compound", "minimax")
     assert not set(criteria.families()) & set(criteria.available())
     assert not set(criteria.families()) & set(criteria.load_all().classes)
     assert all(criteria.get(name).needs_parameters for name in criteria.families())

@@ -9,7 +9,10 @@ from matrices import make, positive, slip
 
 import criteria
 
-NAMES = ("I", "c", "Ds", "phi 0", "phi 0.5", "phi 1", "phi 3", "prediction_G")
+NAMES = (
+    *("I", "c", "Ds", "phi 0", "phi 0.5", "phi 1", "phi 3"),
+    *("prediction_G", "compound", "minimax"),
+)
 # c and Ds are finite where what they ask for is estimable: see test_interest.py.
 ALL = tuple(name for name in NAMES if name not in ("c", "Ds"))
 SIZES = (1, 4)

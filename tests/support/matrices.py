@@ -40,6 +40,10 @@ def with_parameters(rng: np.random.Generator, name: str, p: int) -> criteria.Cri
         "Ds": lambda: {"interest": rng.normal(size=(p, (p + 1) // 2))},
         "phi": lambda: {"q": float(*numbers)},
         "prediction_G": lambda: {"points": rng.normal(size=(6, p))},
+        "bayes_D": lambda: {"precision": positive(rng, p)},
+        "bayes_A": lambda: {"precision": positive(rng, p)},
+        "compound": lambda: {"criteria": ["D", make("I", p), make("c", p)], "weights": [1, 2, 3]},
+        "minimax": lambda: {"criteria": ["D", make("phi 2", p), "O5"], "best": [1.5, 0.8, p]},
     }
     return criteria.create(kind, **given[kind]())
 

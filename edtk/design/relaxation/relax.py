@@ -1,8 +1,10 @@
 """The convex relaxation over candidates: weights instead of whole numbers of experiments."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 from criteria import Criterion, Relaxable
+from edtk.design.absorb_prior import absorb_prior
 from edtk.design.problem import Problem
 from edtk.design.relaxation.column_generation import ColumnGeneration
 from edtk.design.relaxation.incumbent import Incumbent
@@ -60,6 +62,10 @@ def relax(
         RelaxationInterrupted: Ctrl-C after a first certified design, which it carries.
     """
     criterion = require_relaxable(criterion)
+    if criterion.precision is not None:
+        plain, base = absorb_prior(problem, criterion)
+        found = relax(plain, base, gap, options, progress, multipliers)
+        return replace(found, criterion=criterion)
     problem.require_identifiable(criterion)
     closed = problem if criterion.needs_all else without_open_directions(problem)
     incumbent = Incumbent(normalised(closed, criterion), criterion, multipliers)

@@ -1,0 +1,129 @@
+"""Minimax over several criteria or models: the design whose worst efficiency is the best."""
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from criteria.criterion import Criterion
+from criteria.kinked_criterion import KinkedCriterion
+from criteria.linalg.soft_maximum import soft_maximum
+from criteria.linalg.triangle import triangle
+from criteria.linalg.typing import Array
+from criteria.registry import register
+from criteria.relaxable import Formulation
+from criteria.several_criteria import SeveralCriteria
+
+if TYPE_CHECKING:
+    import cvxpy as cp
+
+STEPS = 30  # towards the best shares of the criteria
+
+
+@register
+class Minimax(KinkedCriterion, SeveralCriteria):
+    """``max_j f_j``, the largest loss of several criteria.
+
+    With the best value of each, its inverse is the least efficiency, and the best design is the
+    standardised maximin design (Dette 1997). A subgradient is that of a criterion whose loss is the
+    largest, ``-f_j G_j`` with the slope ``G_j = -grad log f_j``. With parts Z_j of a multiplier,
+    ``max_j q_j / y_j`` is least, of all ``sum y_j <= 1``, where the y_j are in the ratios of the
+    q_j: the polar is at least ``sum q_j``.
+
+    Args:
+        criteria: See `SeveralCriteria`.
+        best: See `SeveralCriteria`.
+        sizes: See `SeveralCriteria`.
+
+    Raises:
+        CriterionError: An argument is not as described.
+    """
+
+    name = "minimax"
+    title = "Largest loss of several criteria"
+    formula = "max_j (cost_j / best_j)^(1 / d_j)"
+
+    def __init__(
+        self,
+        criteria: Sequence[Criterion | str | Mapping[str, Any]],
+        best: ArrayLike | None = None,
+        sizes: Sequence[int] | None = None,
+    ) -> None:
+        super().__init__()
+        self._fill(criteria, best, sizes)
+
+    def smoothed(self, sharpness: float) -> Self:
+        """The same criterion with a soft maximum in place of the maximum."""
+        other = self._copy()
+        KinkedCriterion.__init__(other, sharpness)
+        return other
+
+    def polar(self, Z: Array, M: Array) -> float:
+        """``sum q_j`` for parts of Z by the best shares that were found.
+
+        At the optimum Z is ``sum u_j G_j`` with shares u of sum one on the largest losses alone,
+        and ``q_j = u_j cost``. Hence non-negative least squares for the first shares, and the steps
+        ``u ~ q``; the second choice is all of Z for the worst criterion.
+        """
+        safe, cov, _ = self.inverse(M)
+        losses = self.losses(safe, cov)
+        starts = [
+            self._least_squares_shares(Z, safe, cov, losses),
+            np.eye(len(losses))[losses.argmax()],
+        ]
+        best = 0.0
+        for shares in starts:
+            for _ in range(STEPS):
+                q = self.part_polars(Z, M, shares)
+                total = float(q.sum())
+                best = max(best, total)
+                if not total > 0 or np.abs(q / total - shares).max() < 1e-14:
+                    break
+                shares = q / total
+        return best
+
+    def formulation(
+        self, M: "cp.Expression", total: "cp.Expression", T: Array, unit: float
+    ) -> Formulation:
+        """The largest of the losses' own programs, each in the same unit."""
+        import cvxpy as cp
+
+        losses = []
+        constraints = []
+        for part, best in zip(self.parts, self.best, strict=True):
+            size = float(best * unit**part.degree)
+            objective, more = part.formulation(M, total, T, size)
+            power = 1 / (part.expression_power * part.degree)
+            losses.append(objective if power == 1 else cp.power(objective, power))
+            constraints += more
+        return cp.max(cp.hstack(losses)), constraints
+
+    def _least_squares_shares(self, Z: Array, M: Array, cov: Array, losses: Array) -> Array:
+        """Shares (k,) of sum one with ``sum u_j G_j`` nearly proportional to Z."""
+        from scipy.optimize import nnls
+
+        T = self.whitener(M)
+        rows, columns = triangle(T.shape[1])
+        length = np.where(rows == columns, 1.0, np.sqrt(2.0))
+        S = np.linalg.pinv(T)
+        # Parts that are far from the largest loss must not stand in for those that have it.
+        penalty = 1 - losses / losses.max()
+        slopes = S @ self.slopes(M, cov) @ S.T
+        A = np.vstack([(slopes[:, rows, columns] * length).T, penalty])
+        turned = S @ Z @ S.T
+        size = max(float(np.trace(turned)), np.finfo(float).tiny)
+        try:
+            shares, _ = nnls(A, np.append(turned[rows, columns] * length / size, 0.0))
+        except RuntimeError:  # too many iterations: the other choice remains
+            shares = np.zeros(len(losses))
+        found = shares.sum()
+        return np.asarray(shares / found if found > 0 else np.full(len(shares), 1 / len(shares)))
+
+    def _cost(self, M: Array, cov: Array) -> Array:
+        return soft_maximum(self.losses(M, cov), self.sharpness)[0]
+
+    def _gradient(self, M: Array, cov: Array) -> Array:
+        losses = self.losses(M, cov)
+        _, slopes = soft_maximum(losses, self.sharpness)
+        return -np.einsum("...j,...jab->...ab", slopes * losses, self.slopes(M, cov))

@@ -1,0 +1,276 @@
+"""What criteria that are made of several others share: compound and minimax."""
+
+from abc import abstractmethod
+from collections.abc import Mapping, Sequence
+from copy import copy
+from functools import cached_property
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from criteria.criterion import Criterion
+from criteria.criterion_error import CriterionError
+from criteria.in_models import in_models
+from criteria.interest import Interest
+from criteria.linalg.estimable import estimable_inverse
+from criteria.linalg.full_rank_root import full_rank_root
+from criteria.linalg.inverse import ROUNDING, guarded_inverse
+from criteria.linalg.is_semidefinite import is_semidefinite
+from criteria.linalg.typing import Array, Mask
+from criteria.relaxable import Relaxable
+
+FLOOR = 1e-12  # least eigenvalue, of the largest, of what splits a multiplier into parts
+
+
+class SeveralCriteria(Relaxable):
+    """A criterion of the losses ``f_j(M) = (cost_j(M) / best_j)^(1/d_j)`` of several others.
+
+    With the least cost that can be had as best_j, the loss is the inverse of the efficiency: how
+    many times as many experiments this design needs as the best one for criterion j alone. A cost
+    that is convex and homogeneous of degree d has convex sublevel sets, so that ``1/f_j``, which is
+    homogeneous of degree one, is concave, and f_j is convex.
+
+    **Several models.** Let ``M = diag(M_1, .., M_k)`` be the information about k models side by
+    side, see `edtk.several_models`. With `sizes` the criterion j is about model j alone.
+
+    **Dual bound.** Of any parts ``Z_j >= 0`` with ``sum Z_j <= Z`` each bounds its own loss,
+    ``f_j(X) >= q_j / y_j`` where ``y_j = <Z_j, X>`` and q_j is the polar of f_j, and
+    ``sum y_j <= t`` bounds all of them together, see `_combined`.
+
+    Args:
+        criteria: Criteria, their names, or dictionaries of name and parameters. Each is convex,
+            monotone and smooth.
+        best: The best value of each (k,), as its formula prints it; defaults to one.
+        sizes: Number of parameters of the model that each criterion is about; by default all
+            criteria are about the same model.
+
+    Raises:
+        CriterionError: A criterion, the best values or the sizes are not such.
+    """
+
+    sense = "min"
+    degree = 1.0
+    needs_parameters = True
+    takes_interest = False
+
+    def _fill(
+        self,
+        criteria: Sequence[Criterion | str | Mapping[str, Any]],
+        best: ArrayLike | None,
+        sizes: Sequence[int] | None,
+    ) -> None:
+        """Check and keep what the constructors share."""
+        self._given = [_smooth(self.name, _made(each)) for each in criteria]
+        if not self._given:
+            raise CriterionError(f"criterion {self.name!r}: expected at least one criterion")
+        self.sizes = None if sizes is None else tuple(int(size) for size in sizes)
+        self.best = _best_costs(self.name, self._given, best)
+        self._take(self._given if self.sizes is None else in_models(self._given, self.sizes))
+
+    def _take(self, parts: Sequence[Relaxable]) -> None:
+        """Set the criteria, each about its part of the parameters."""
+        self.parts = tuple(parts)
+        self.needs_all = any(part.needs_all for part in parts)
+        self.unit_free = all(part.unit_free for part in parts)
+
+    @property
+    def label(self) -> str:
+        """Such as "minimax of D, A"."""
+        return f"{self.name} of {', '.join(part.label for part in self._given)}"
+
+    @property
+    def arguments(self) -> dict[str, Any]:
+        """What the constructor took, with the best values as costs' printed forms."""
+        found: dict[str, Any] = {"criteria": [part.to_dict() for part in self._given]}
+        values = [
+            float(cost if part.sense == "min" else 1 / cost)
+            for part, cost in zip(self._given, self.best, strict=True)
+        ]
+        found["best"] = values
+        return found if self.sizes is None else {**found, "sizes": list(self.sizes)}
+
+    def in_units(self, T: Array) -> Self:
+        """The parts in other units; a best cost that the units change is changed with them."""
+        other = self._copy()
+        parts = [part.in_units(T) for part in self.parts]
+        identity = np.eye(len(T))
+        factors = [
+            float(after.cost(T.T @ T) / before.cost(identity)) if before.unit_free else 1.0
+            for before, after in zip(self.parts, parts, strict=True)
+        ]
+        other.best = self.best * factors
+        other._take(parts)
+        return other
+
+    def transformed(self, T: Array) -> Self:
+        """The parts as functions of other parameters; what they cost stays as it is."""
+        parts = [part.transformed(T) for part in self.parts]
+        other = self._copy()
+        other._take([part for part in parts if isinstance(part, Relaxable)])
+        return other
+
+    def inverse(self, M: Array) -> tuple[Array, Array, Mask]:
+        """An inverse that is good enough for all parts."""
+        if self.needs_all:
+            return guarded_inverse(M)
+        return estimable_inverse(M, np.hstack([part.K for part in self.interests]))
+
+    def missing(self, M: Array, parameters: tuple[str, ...]) -> tuple[str, ...]:
+        """What each part misses, once."""
+        found = (word for part in self.parts for word in part.missing(M, parameters))
+        return tuple(dict.fromkeys(found))
+
+    def losses(self, M: Array, cov: Array) -> Array:
+        """The losses f_j (..., k) of regular M (..., p, p) with their inverses."""
+        found = [
+            (part.cost_of_regular(M, cov) / best) ** (1 / part.degree)
+            for part, best in zip(self.parts, self.best, strict=True)
+        ]
+        return np.stack(found, axis=-1)
+
+    def slopes(self, M: Array, cov: Array) -> Array:
+        """Minus the gradients of ``log f_j`` (..., k, p, p)."""
+        found = [
+            -part.gradient_of_regular(M, cov)
+            / (part.degree * part.cost_of_regular(M, cov))[..., None, None]
+            for part in self.parts
+        ]
+        return np.stack(found, axis=-3)
+
+    def lower_bound(self, Z: Array, t: Array, M: Array) -> float:
+        """The best of ``polar(Z_j) / t_j``.
+
+        Of parts that are about combinations, Q holds all of them: as ``X >= Q C_Q(X) Q'``, the
+        multiplier Q'Z Q bounds ``C_Q(X)``, which is regular where X need not be. See `Interest`.
+        """
+        if not self.needs_all:
+            Q, regular = self._about_all_combinations
+            _, cov, _ = self.inverse(M)
+            N = guarded_inverse(Q.T @ cov @ Q)[1]
+            # Q'Z Q may be semidefinite although Z is not, and then proves nothing.
+            within = np.where(is_semidefinite(Z)[:, None, None], Q.T @ Z @ Q, np.nan)
+            return regular.lower_bound(within, t, N)
+        proves = (t > 0) & is_semidefinite(Z)
+        return max(
+            self.polar(z, M) / top if proved else 0.0
+            for z, top, proved in zip(Z, t, proves, strict=True)
+        )
+
+    @cached_property
+    def _about_all_combinations(self) -> tuple[Array, Self]:
+        """Q (p, s) with the span of all combinations, and this criterion of Q'k."""
+        Q = full_rank_root(np.sum([part.K @ part.K.T for part in self.interests], axis=0))
+        unit = np.linalg.norm(Q, axis=1, keepdims=True)
+        unit = np.where(unit > 0, unit, 1.0)
+        other = self._copy()
+        other._take([part.of(_factors(Q / unit, part.K / unit)) for part in self.interests])
+        other.needs_all = True
+        return Q, other
+
+    @property
+    def interests(self) -> tuple[Interest, ...]:
+        """The parts that are about combinations."""
+        return tuple(part for part in self.parts if isinstance(part, Interest))
+
+    @abstractmethod
+    def polar(self, Z: Array, M: Array) -> float:
+        """A lower bound on the cost of every X with ``<Z, X> <= 1``."""
+
+    def part_polars(self, Z: Array, M: Array, shares: Array) -> Array:
+        """Polars q_j (k,) of the losses for parts Z_j of a multiplier Z (p, p) near a design M.
+
+        Let ``Z = R'R`` with R (r, p), and ``W_j = R^-T (u_j G_j) R^-1`` with the slopes G_j and the
+        shares u_j. Then ``Z_j = R' S W_j S R`` with ``S = (sum W_j)^(-1/2)`` are semidefinite and
+        add up to Z, whatever the shares are; where Z is ``sum u_j G_j``, S is the identity, and the
+        parts are what the optimality of M asks for.
+        """
+        R, inverse = _factor(Z)
+        if not len(R):
+            return np.zeros(len(self.parts))
+        safe, cov, _ = self.inverse(M)
+        W = inverse.T @ (shares[:, None, None] * self.slopes(safe, cov)) @ inverse
+        values, V = np.linalg.eigh(W.sum(axis=0))
+        if not values[-1] > 0:
+            return np.zeros(len(self.parts))
+        S = (V * np.maximum(values, FLOOR * values[-1]) ** -0.5) @ V.T
+        # A part that is zero in some parameters is so but for rounding: it is a square, which is
+        # semidefinite whatever rounding did.
+        w, U = np.linalg.eigh(W)
+        roots = np.sqrt(np.maximum(w, 0.0))[..., None] * np.swapaxes(U, 1, 2) @ S
+        # Nor must rounding let the parts add up to more than the whole.
+        whole = np.einsum("jai,jak->ik", roots, roots)
+        most = max(1.0, float(np.linalg.eigvalsh(whole)[-1])) * (1 + len(Z) * ROUNDING)
+        roots = roots @ R / np.sqrt(most)
+        parts = np.swapaxes(roots, 1, 2) @ roots
+        one = np.ones(1)
+        return np.array(
+            [
+                (criterion.lower_bound(z[None], one, M) / best) ** (1 / criterion.degree)
+                for criterion, z, best in zip(self.parts, parts, self.best, strict=True)
+            ]
+        )
+
+    def _copy(self) -> Self:
+        """An equal criterion, whose attributes may be changed."""
+        other = copy(self)
+        other.__dict__.pop("_about_all_combinations", None)
+        return other
+
+
+def _factor(Z: Array) -> tuple[Array, Array]:
+    """R (r, p) with ``R'R <= Z``, without what rounding leaves, and R^-1 (p, r) on its rows."""
+    d = np.sqrt(np.maximum(np.diag(Z), 0.0))
+    d = np.where(d > 0, d, 1.0)
+    r, V = np.linalg.eigh(Z / np.outer(d, d))
+    kept = r > len(Z) * ROUNDING * max(float(r[-1]), 0.0)
+    size = np.sqrt(r[kept])
+    return size[:, None] * V[:, kept].T * d, V[:, kept] / d[:, None] / size
+
+
+def _factors(Q: Array, K: Array) -> Array:
+    """B (s, r) with ``Q B = K``, where the columns of K lie in the range of Q."""
+    return np.asarray(np.linalg.lstsq(Q, K, rcond=None)[0])
+
+
+def _made(given: Criterion | str | Mapping[str, Any]) -> Criterion:
+    """A criterion from whatever names it."""
+    # Imported late: the registry loads this module.
+    from criteria.registry import create, from_dict
+
+    if isinstance(given, Criterion):
+        return given
+    if isinstance(given, str):
+        return create(given)
+    if isinstance(given, Mapping) and isinstance(given.get("name"), str):
+        return from_dict(given)
+    raise CriterionError(f"expected a criterion, its name or a table with a name, not {given!r}")
+
+
+def _smooth(name: str, part: Criterion) -> Relaxable:
+    """The criterion, if its loss has a convex form and its multiplier can be split.
+
+    Raises:
+        CriterionError: It has not.
+    """
+    obeys = part.smooth and part.convex and part.monotone and part.degree > 0
+    is_plain = part.precision is None and not isinstance(part, SeveralCriteria)
+    if not (isinstance(part, Relaxable) and obeys and is_plain):
+        raise CriterionError(
+            f"criterion {name!r}: {part.label!r} cannot be a part of it; expected smooth, convex "
+            "and monotone ones, such as D, A, I, c, Ds or phi"
+        )
+    return part
+
+
+def _best_costs(name: str, parts: Sequence[Criterion], best: ArrayLike | None) -> Array:
+    """The best costs (k,), from values as formulas print them."""
+    if best is None:
+        return np.ones(len(parts))
+    values = np.asarray(best, dtype=float)
+    if values.shape != (len(parts),) or not (np.isfinite(values) & (values > 0)).all():
+        raise CriterionError(
+            f"criterion {name!r}: best: expected a positive value of each of {len(parts)} criteria"
+        )
+    is_cost = np.array([part.sense == "min" for part in parts])
+    return np.where(is_cost, values, 1 / values)
