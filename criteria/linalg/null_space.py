@@ -19,20 +19,30 @@ def null_space(M: Array) -> tuple[Array, Array]:
     root = np.sqrt(np.maximum(np.diag(M), 0.0))
     d = np.where(root > 0, root, 1.0)
     r, V = np.linalg.eigh(M / np.outer(d, d))
-    N = V[:, r <= len(M) * ROUNDING * max(r[-1], 1.0)]
+    return _echelon(V[:, r <= len(M) * ROUNDING * max(r[-1], 1.0)]), d
+
+
+def _echelon(N: Array) -> Array:
+    """A basis (p, r) of the space of the columns of N, each of few parameters."""
+    N = N.copy()
     if N.shape[1]:
         # scipy is imported here, where it is needed: regular matrices are the rule.
         from scipy.linalg import qr
 
         _, triangle, pivots = qr(N.T, mode="economic", pivoting=True)
         N[pivots] = np.linalg.solve(triangle[:, : N.shape[1]], triangle).T
-    return np.where(np.abs(N) > SMALL, N, 0.0), d
+    return np.where(np.abs(N) > SMALL, N, 0.0)
 
 
 def open_directions(M: Array, parameters: tuple[str, ...]) -> tuple[str, ...]:
     """Words for each direction that M (p, p) does not excite, such as "k4" or "k2 - 0.5 k3"."""
     N, d = null_space(M)
     return tuple(_words(column, column / d, parameters) for column in N.T)
+
+
+def directions_in_words(V: Array, d: Array, parameters: tuple[str, ...]) -> tuple[str, ...]:
+    """Words for the space of directions V (p, r) of the scaled parameters ``d_i k_i``."""
+    return tuple(_words(column, column / d, parameters) for column in _echelon(V).T)
 
 
 def _words(scaled: Array, direction: Array, parameters: tuple[str, ...]) -> str:

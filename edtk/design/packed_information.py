@@ -78,6 +78,10 @@ class PackedInformation:
         """The same candidates with so many times the information (n,)."""
         return PackedInformation(self.triangles * factor)
 
+    def times(self, T: Array) -> "PackedInformation":
+        """The information ``T' M_i T`` about parameters k' where ``k = T k'``."""
+        return PackedInformation(pack(T.T @ unpack(self.triangles) @ T))
+
     def plus(self, M: Array) -> "PackedInformation":
         """The same candidates with M (p, p) besides."""
         return PackedInformation(self.triangles + pack(M)[:, None])

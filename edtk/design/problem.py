@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from criteria import Criterion
-from criteria.linalg.null_space import open_directions
+from criteria.linalg.root import root
+from edtk.design.conditioning import WELL, Conditioning
 from edtk.design.packed import pack, sensitivity_rows
 from edtk.design.packed_information import PackedInformation
 from edtk.design.rows import Rows
@@ -213,6 +214,32 @@ class Problem(Presented):
         M = self.kept.mean()
         return M if self.prior is None else M + self.prior
 
+    @cached_property
+    def conditioning(self) -> Conditioning:
+        """How well the candidates, and the prior, tell all parameters apart.
+
+        Of rows whose squares have lost too many digits it comes from a QR factorization.
+        """
+        found = Conditioning.of_information(self.mean)
+        if not isinstance(self.kept, Rows) or found.s[0] * WELL > found.s[-1]:
+            return found
+        parts = [self.kept.flat / np.sqrt(self.n)]
+        if self.prior is not None:
+            parts.append(root(self.prior))
+        return Conditioning.of_rows(parts, self.mean)
+
+    def in_units(self, T: Array) -> "Problem":
+        """The same candidates for parameters k' with ``k = T k'``; they have default names.
+
+        Args:
+            T: Regular matrix (p, p).
+        """
+        prior = self.prior
+        if prior is not None:
+            F = root(prior) @ T
+            prior = F.T @ F
+        return Problem._of(self.kept.times(T), None, prior)
+
     def require_identifiable(self, criterion: Criterion | None = None) -> None:
         """Check that the candidates and the prior together excite all that has to be known.
 
@@ -220,10 +247,19 @@ class Problem(Presented):
             criterion: Tells what that is; defaults to all directions of the parameters.
 
         Raises:
-            RankDeficientError: Some directions are open; the message names them.
+            RankDeficientError: Some directions are open; the message names them. Or the parameters
+                can hardly be told apart; the message has the condition number.
         """
+        if self.conditioning.fades:
+            how = "" if isinstance(self.kept, Rows) else ", or give rows instead of information"
+            raise RankDeficientError(
+                "the candidates together do not identify all parameters to working precision: "
+                f"their condition number is {self.conditioning.number:.1e}; centre or scale the "
+                f"regressors{how}"
+            )
         if criterion is not None and not criterion.needs_all:
-            missing = criterion.missing(self.mean, self.parameters)
+            M = self.mean if self.conditioning.is_well else self.conditioning.information()
+            missing = criterion.missing(M, self.parameters)
             if missing:
                 raise RankDeficientError(
                     "the candidates together cannot identify what is of interest: no candidate "
@@ -231,8 +267,8 @@ class Problem(Presented):
                     of_interest=True,
                 )
             return
-        directions = open_directions(self.mean, self.parameters)
-        if directions:
+        if self.conditioning.is_open.any():
+            directions = self.conditioning.directions(self.parameters)
             raise RankDeficientError(
                 "the candidates together cannot identify all parameters: no candidate excites "
                 f"{' or '.join(directions)}"

@@ -13,6 +13,7 @@ from edtk.system.typing import Array, Indices
 # Doubles in a product of many rows and a matrix: it stays in a core's cache, so that squaring it
 # costs little beside the product itself.
 AT_ONCE = 2**17
+EPS = float(np.finfo(float).eps)
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +66,7 @@ class Rows:
 
     def weighted(self, weights: Array) -> Array:
         """``sum_i w_i A_i' A_i`` (p, p) of weights (n,)."""
-        A = self._flat
+        A = self.flat
         M = A.T @ (np.repeat(weights, self.A.shape[1])[:, None] * A)
         # The two triangles of such a product differ by rounding.
         return np.asarray(0.5 * (M + M.T))
@@ -102,16 +103,25 @@ class Rows:
 
     def times(self, T: Array) -> "Rows":
         """The rows ``A_i T`` of parameters k' where ``k = T k'``."""
-        return Rows((self._flat @ T).reshape(self.A.shape))
+        return Rows((self.flat @ T).reshape(self.A.shape))
+
+    def rounding_of_times(self, T: Array) -> Array:
+        """Bounds (n,) on the rounding ``|E_i|`` of ``A_i T``: ``p eps | |A_i| |T| |`` (Frobenius).
+
+        It is Higham's bound of a product (Accuracy and Stability of Numerical Algorithms, 3.5).
+        """
+        size = np.abs(T)
+        squares = self._sums(lambda A: np.square(np.abs(A) @ size).sum(axis=1))
+        return self.p * EPS * np.sqrt(squares)
 
     @property
-    def _flat(self) -> Array:
+    def flat(self) -> Array:
         """All rows (n r, p), one below the other."""
         return self.A.reshape(-1, self.p)
 
     def _sums(self, of_rows: Callable[[Array], Array]) -> Array:
         """Sums (n,) over the rows of each candidate of a number of each row."""
-        flat = self._flat
+        flat = self.flat
         found = np.empty(len(flat))
         step = max(AT_ONCE // self.p, 1)
         for start in range(0, len(flat), step):

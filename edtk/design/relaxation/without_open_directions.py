@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from criteria.linalg.estimable import open_subspace
+from criteria.linalg.root import root
 from edtk.design.bound import Bound, BoundKind
 from edtk.design.problem import Problem
 from edtk.design.relaxation.relaxation import Relaxation
@@ -42,7 +43,9 @@ def proved_on(problem: Problem, found: Relaxation) -> Relaxation:
     """
     U, W = open_subspace(problem.mean)
     P = np.eye(problem.p) - U @ W.T
-    Z = P @ found.multipliers @ P.T
+    # A product of a root with itself is semidefinite, where P Z P' may leave a noise that is not.
+    roots = np.array([root(z) @ P.T for z in found.multipliers])
+    Z = np.swapaxes(roots, 1, 2) @ roots
     largest = problem.sensitivities(Z).max(axis=-1)
     cost = found.criterion.lower_bound(Z, largest, problem.information(found.weights))
     bound = Bound.of(found.criterion, cost, found.cost, BoundKind.PROVED_ON_CANDIDATES)

@@ -1,0 +1,104 @@
+"""How well candidates tell their parameters apart, and parameters in which they tell all alike."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from criteria.linalg.inverse import ROUNDING
+from criteria.linalg.null_space import directions_in_words
+from edtk.design.triangular_factor import triangular_factor
+from edtk.system.typing import Array, Mask
+
+EPS = float(np.finfo(float).eps)
+# Condition number up to which squares of rows are good enough: they lose its square in roundings.
+WELL = 1e3
+# Rows are known to rounding, and so are singular values beside the largest. From this multiple of
+# ``p eps`` on, a result has three digits at least.
+LOST = 1e3
+# A singular value above this is no part of a decline into rounding: what is below is exactly zero.
+# Squares decline twice as fast.
+CLEAR = 1e-8
+CLEAR_OF_SQUARES = 1e-4
+
+
+@dataclass(frozen=True, eq=False)
+class Conditioning:
+    """Singular values of the candidates' rows, each column scaled to length one.
+
+    Attributes:
+        scale: Length (p,) of each column in the mean of all candidates; one for a column of zeros.
+        s: Singular values (p,), ascending.
+        V: Their right singular vectors (p, p), as columns.
+        least: A singular value up to this one is lost in rounding.
+        clear: One above this is no part of a decline into rounding.
+    """
+
+    scale: Array
+    s: Array
+    V: Array
+    least: float
+    clear: float
+
+    @classmethod
+    def of_information(cls, mean: Array) -> "Conditioning":
+        """From the mean information (p, p), which has the squares of the singular values."""
+        scale = _root_of(np.diag(mean))
+        r, V = np.linalg.eigh(mean / np.outer(scale, scale))
+        least = np.sqrt(len(mean) * ROUNDING * max(float(r[-1]), 1.0))
+        return cls(scale, np.sqrt(np.maximum(r, 0.0)), V, float(least), CLEAR_OF_SQUARES)
+
+    @classmethod
+    def of_rows(cls, parts: Iterable[Array], mean: Array) -> "Conditioning":
+        """From the rows (k, p) themselves, part by part, whose mean information is given."""
+        scale = _root_of(np.diag(mean))
+        R = triangular_factor(parts, scale)
+        _, s, rows = np.linalg.svd(R)
+        least = len(mean) * LOST * EPS * max(float(s[0]), 1.0)
+        return cls(scale, s[::-1], rows[::-1].T, least, CLEAR)
+
+    @property
+    def is_open(self) -> Mask:
+        """Which directions (p,) no candidate tells, or none to working precision."""
+        return np.asarray(self.s <= self.least)
+
+    @property
+    def number(self) -> float:
+        """The condition number; inf where a direction is exactly open."""
+        return float(self.s[-1] / self.s[0]) if self.s[0] > 0 else float("inf")
+
+    @property
+    def is_well(self) -> bool:
+        """Whether squares of the rows have enough digits, apart from directions that are open."""
+        kept = self.s[~self.is_open]
+        return bool(not len(kept) or self.s[-1] <= WELL * kept[0])
+
+    @property
+    def fades(self) -> bool:
+        """Whether the singular values decline into rounding, instead of ending at zero."""
+        kept = self.s[~self.is_open]
+        return bool(self.is_open.any() and len(kept) and kept[0] < self.clear * self.s[-1])
+
+    @property
+    def whitener(self) -> Array:
+        """T (p, p) with ``k = T k'``, where candidates tell each k' as well as any other.
+
+        The last digits of T do not matter: whatever T is, the parameters k' are those of T. Open
+        directions keep a column of length one at the columns' scale.
+        """
+        s = np.where(self.is_open, 1.0, self.s)
+        return self.V / s / self.scale[:, None]
+
+    def directions(self, parameters: tuple[str, ...]) -> tuple[str, ...]:
+        """Words for each open direction, such as "k4" or "k2 - 0.5 k3"."""
+        return directions_in_words(self.V[:, self.is_open], self.scale, parameters)
+
+    def information(self) -> Array:
+        """Information (p, p) that leaves the same directions open, exactly, and no other nearly."""
+        kept = self.V[:, ~self.is_open] * self.scale[:, None]
+        return np.asarray(kept @ kept.T)
+
+
+def _root_of(diagonal: Array) -> Array:
+    """Root of each entry that is positive, and one for the others."""
+    return np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
