@@ -6,6 +6,7 @@ import numpy as np
 
 from criteria.convex_criterion import ConvexCriterion
 from criteria.covariance_criterion import CovarianceCriterion
+from criteria.curvature import Curvature, curvature_of_variances
 from criteria.linalg.inverse import power_trace, power_trace_of_root
 from criteria.linalg.log_of_inverse import log_of_inverse
 from criteria.linalg.typing import Array
@@ -45,6 +46,10 @@ class AOptimality(CovarianceCriterion, ConvexCriterion):
     ) -> tuple["cp.Expression", list["cp.Constraint"]]:
         """``-log(trace(T M^-1 T') / unit)``."""
         return log_of_inverse(M, T, unit)
+
+    def curvature(self, R: Array) -> Curvature:
+        """That of ``log trace(R R')``."""
+        return curvature_of_variances(R)
 
     def covariance_slope(self, cov: Array) -> Array:
         """The identity."""

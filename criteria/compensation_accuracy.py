@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from criteria.convex_criterion import ConvexCriterion
+from criteria.curvature import Curvature, curvature_of_variances
 from criteria.linalg.inverse import lowered_root, power_trace_of_root
 from criteria.linalg.log_of_inverse import log_of_inverse
 from criteria.linalg.typing import Array
@@ -75,6 +76,10 @@ class CompensationAccuracy(ConvexCriterion):
     ) -> tuple["cp.Expression", list["cp.Constraint"]]:
         """``-log(rho0^2 / unit^2)``."""
         return log_of_inverse(M, self.target @ T, unit**2)
+
+    def curvature(self, R: Array) -> Curvature:
+        """Half of that of ``log trace(A0 cov A0')``."""
+        return curvature_of_variances(self.target @ R).power(self.degree)
 
     def _cost(self, M: Array, cov: Array) -> Array:
         return np.sqrt(np.einsum("ri,...ij,rj->...", self.target, cov, self.target))

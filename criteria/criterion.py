@@ -6,6 +6,7 @@ from typing import Any, Literal, Self, final
 import numpy as np
 from numpy.typing import ArrayLike
 
+from criteria.curvature import Curvature
 from criteria.linalg.estimable import range_whitener
 from criteria.linalg.inverse import guarded_inverse
 from criteria.linalg.null_space import open_directions
@@ -161,6 +162,19 @@ class Criterion(ABC):
     def label(self) -> str:
         """The name that a person reads in a table: "D", or "D of k2, k3"."""
         return self.name
+
+    def curvature(self, R: Array) -> Curvature | None:
+        """First and second derivative of ``log cost`` in closed form, for Newton's method.
+
+        Without it a relaxation over many parameters takes far longer.
+
+        Args:
+            R: Root (p, p) of a covariance, ``R R' = cov``, at which the cost is smooth.
+
+        Returns:
+            The derivatives; None where the criterion has no such form.
+        """
+        return None
 
     def inverse(self, M: Array) -> tuple[Array, Array, Mask]:
         """The inverse that costs and gradients take, and which M are good enough for it.

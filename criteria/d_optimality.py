@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from criteria.convex_criterion import ConvexCriterion
+from criteria.curvature import Curvature
 from criteria.determinant_criterion import DeterminantCriterion
 from criteria.linalg.typing import Array
 from criteria.registry import register
@@ -57,6 +58,11 @@ class DOptimality(DeterminantCriterion, ConvexCriterion):
 
         units = 2 * np.linalg.slogdet(T).logabsdet
         return (cp.log_det(M) - units) / M.shape[0] + np.log(unit), []
+
+    def curvature(self, R: Array) -> Curvature:
+        """``trace(cov dM cov dM) / p``, the second derivative of ``-log det(M) / p``."""
+        p = len(R)
+        return Curvature(np.eye(p), np.full(p, 1.0 / p), np.full((p, p), 1.0 / p), 0.0)
 
     def _gradient(self, M: Array, cov: Array) -> Array:
         return -self._cost(M, cov)[..., None, None] / M.shape[-1] * cov

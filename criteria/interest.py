@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 from criteria.covariance_criterion import CovarianceCriterion
 from criteria.criterion import Criterion
 from criteria.criterion_error import CriterionError
+from criteria.curvature import Curvature
 from criteria.determinant_criterion import DeterminantCriterion
 from criteria.linalg.combination import combination
 from criteria.linalg.estimable import estimable_inverse, open_columns
@@ -193,6 +194,28 @@ class Interest(Relaxable):
         if not proves.any():
             return 0.0
         return self.base.lower_bound(self.K.T @ Z[proves] @ self.K, t[proves], N)
+
+    def curvature(self, R: Array) -> Curvature | None:
+        """The base's at C_K, and what the nuisance parameters add to it.
+
+        ``R'K = Q B`` with Q = (Q_1, Q_2) orthogonal gives the root B' of the covariance of K'k. Let
+        the base there have V, z and W. With ``(Q_1 V, Q_2)`` a change E of M changes C_K, in the
+        base's parameters, by the Schur complement of the second block of ``I + E``: by ``E_11`` in
+        first order and by ``-E_12 E_21`` in second. So each pair (a, b) of the two blocks weighs
+        z_a.
+        """
+        s = self.K.shape[1]
+        Q, B = np.linalg.qr(R.T @ self.K, mode="complete")
+        base = self.base.curvature(B[:s].T)
+        if base is None:
+            return None
+        p = len(R)
+        W = np.zeros((p, p))
+        W[:s, :s] = base.W
+        W[:s, s:] = base.z[:, None]
+        W[s:, :s] = base.z
+        z = np.concatenate([base.z, np.zeros(p - s)])
+        return Curvature(np.hstack([Q[:, :s] @ base.V, Q[:, s:]]), z, W, base.c)
 
     def _require_size(self, p: int) -> None:
         """Check that combinations are of so many parameters.

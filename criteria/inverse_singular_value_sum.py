@@ -6,6 +6,7 @@ import numpy as np
 
 from criteria.convex_criterion import ConvexCriterion
 from criteria.covariance_criterion import CovarianceCriterion
+from criteria.curvature import Curvature, curvature_of_spectrum
 from criteria.linalg.inverse import power_trace, power_trace_of_root
 from criteria.linalg.spectrum import conjugate
 from criteria.linalg.typing import Array
@@ -54,6 +55,10 @@ class InverseSingularValueSum(CovarianceCriterion, ConvexCriterion):
         # cvxpy cannot tell that Q M Q' is symmetric, and asks for it.
         square = cp.bmat([[0.5 * (turned + turned.T), B], [B.T, np.diag(e**2)]])
         return cp.matrix_frac(np.diag(e), R) / p, [square >> 0, total == 1]
+
+    def curvature(self, R: Array) -> Curvature:
+        """That of ``log trace(cov^(1/2))``."""
+        return curvature_of_spectrum(R, 0.5)
 
     def covariance_slope(self, cov: Array) -> Array:
         """``cov^(-1/2) / 2``."""

@@ -10,6 +10,7 @@ from criteria.convex_criterion import ConvexCriterion
 from criteria.covariance_criterion import CovarianceCriterion
 from criteria.criterion import Criterion
 from criteria.criterion_error import CriterionError
+from criteria.curvature import Curvature, curvature_of_spectrum
 from criteria.d_optimality import DOptimality
 from criteria.linalg.inverse import guarded_inverse, power_trace, power_trace_of_root
 from criteria.linalg.spectrum import conjugate
@@ -133,6 +134,12 @@ class PhiOptimality(CovarianceCriterion, ConvexCriterion):
         sums = [cp.sum(least[:k]) <= cp.lambda_sum_smallest(X, k) for k in range(1, p)]
         order = [cp.diff(least) >= 0] if p > 1 else []
         return least, [*sums, cp.sum(least) <= cp.trace(X), *order]
+
+    def curvature(self, R: Array) -> Curvature:
+        """The q-th part of that of ``log trace(cov^q)``; for q = 0 that of D."""
+        if self.q == 0:
+            return DOptimality().curvature(R)
+        return curvature_of_spectrum(R, self.q).power(1 / self.q)
 
     def covariance_slope(self, cov: Array) -> Array:
         """``V diag((v/f)^(q-1)) V' / p``."""

@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING, ClassVar, Self
 
 from criteria.convex_criterion import ConvexCriterion
 from criteria.criterion import Criterion
+from criteria.curvature import Curvature
 from criteria.determinant_criterion import DeterminantCriterion
 from criteria.linalg.typing import Array
 from criteria.relaxable import Formulation
@@ -78,6 +79,11 @@ class PowerCriterion(ConvexCriterion):
     def lower_bound(self, Z: Array, t: Array, M: Array) -> float:
         """The power of the base's bound."""
         return float(self.base.lower_bound(Z, t, M) ** self.exponent)
+
+    def curvature(self, R: Array) -> Curvature | None:
+        """The base's, times the exponent."""
+        found = self.base.curvature(R)
+        return None if found is None else found.power(self.exponent)
 
     def expression(self, M: "cp.Expression", T: Array | None = None) -> "cp.Expression":
         """The base's expression, which has another `expression_power` here."""

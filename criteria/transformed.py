@@ -7,6 +7,7 @@ import numpy as np
 from criteria.convex_criterion import ConvexCriterion
 from criteria.covariance_criterion import CovarianceCriterion
 from criteria.criterion import Criterion
+from criteria.curvature import Curvature
 from criteria.determinant_criterion import DeterminantCriterion
 from criteria.linalg.inverse import lowered_root, whitener
 from criteria.linalg.is_semidefinite import is_semidefinite
@@ -83,6 +84,10 @@ class Transformed(Relaxable):
     def transformed(self, T: Array) -> "Relaxable":
         """The base as a function of k'' where ``k' = T k''``."""
         return self.in_units(T)
+
+    def curvature(self, R: Array) -> Curvature | None:
+        """The base's at the root ``T R`` of the covariance of k."""
+        return self.base.curvature(self.T @ R)
 
     def formulation(
         self, M: "cp.Expression", total: "cp.Expression", T: Array, unit: float

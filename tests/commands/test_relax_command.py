@@ -16,7 +16,7 @@ from click.testing import CliRunner
 from edtk.cli import main
 from edtk.design.candidate_source import CandidateSource
 from edtk.design.relaxation.capacity import capacity
-from edtk.design.relaxation.restricted_master import CHAIN
+from edtk.design.relaxation.solver_options import SOLVERS_IN_TURN
 from edtk.study.study import load_study
 
 pytestmark = pytest.mark.slow
@@ -96,7 +96,7 @@ def test_json(name):
         500,
         None,
     )
-    assert answer["solver"] in CHAIN
+    assert answer["solver"] in SOLVERS_IN_TURN
     assert answer["iterations"] >= 1
     assert answer["seconds"]["solve"] > 0 == answer["seconds"]["continuous"]
     weights = support(answer)[1]

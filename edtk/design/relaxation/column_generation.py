@@ -6,19 +6,36 @@ from dataclasses import dataclass
 import numpy as np
 
 from criteria import Relaxable
+from criteria.linalg.estimable import range_whitener
 from criteria.linalg.inverse import whitener
 from edtk.design.problem import Problem
+from edtk.design.relaxation.active_information import ActiveInformation
 from edtk.design.relaxation.experiment_blocks import experiment_blocks
 from edtk.design.relaxation.first_active_set import first_active_set
-from edtk.design.relaxation.restricted_master import RelaxationError, restricted_master_for
-from edtk.design.relaxation.solver_options import SolverOptions
-from edtk.system.typing import Array, Indices
+from edtk.design.relaxation.newton_weights import NewtonError, newton_weights, suits_newton
+from edtk.design.relaxation.restricted_master import (
+    RelaxationError,
+    regular_weights,
+    restricted_master_for,
+)
+from edtk.design.relaxation.solver_options import LEAST_BATCH, NEWTON, SolverOptions
+from edtk.system.typing import Array, Indices, Mask
 
-# While the gap is above this, a program is solved to a few digits: its multiplier is good enough
+# While the gap is above this, cvxpy solves a program to a few digits: its multiplier is good enough
 # to say which candidates should enter, and the solver takes fewer iterations.
 FAR = 0.05
 # Gap that a program solved to a few digits can still prove; a smaller one needs an exact solution.
 COARSE = 1e-3
+# Accuracy of Newton's method in parts of the gap that the candidates outside leave, and where they
+# leave none.
+INNER = 0.05
+EXACT = 1e-10
+# A candidate leaves if its weight is below this part of the largest, and its sensitivity below the
+# mean by more than so many gaps.
+LIGHT = 1e-4
+GAPS = 2.0
+# Parameters from which on a program of cvxpy takes longer than anyone waits for the last digit.
+TOO_MANY = 40
 # Candidates per one that enters from which on the choice is spread over parts of the list.
 SPREAD = 20
 
@@ -62,13 +79,23 @@ class _Effort:
     """How accurately the next program is solved, and by which solvers in turn."""
 
     solvers: tuple[str, ...]
-    loose: bool
+    accuracy: float
 
-    def after(self, step: Step, inaccurate: bool, gap: float) -> "_Effort":
+    @property
+    def loose(self) -> bool:
+        """Whether an answer to a few digits will do."""
+        return self.accuracy > EXACT
+
+    def after(self, step: Step, inaccurate: bool, gap: float, p: int) -> "_Effort":
         """The effort for the next program: more where the last answer was too inaccurate."""
-        failed = inaccurate and not self.loose
-        left = self.solvers[self.solvers.index(step.solver) + 1 :] if failed else self.solvers
-        return _Effort(left, self.loose and not inaccurate and gap > FAR)
+        solvers = self.solvers
+        if inaccurate and not self.loose:
+            solvers = self.solvers[self.solvers.index(step.solver) + 1 :]
+            if step.solver == NEWTON and p > TOO_MANY:
+                solvers = ()
+        by_newton = step.solver == NEWTON
+        can_be_loose = self.loose and not inaccurate and (by_newton or gap > FAR)
+        return _Effort(solvers, max(INNER * gap, EXACT) if can_be_loose else EXACT)
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,16 +128,19 @@ class ColumnGeneration:
             RelaxationError: No solver can solve the first program, and there is no earlier design.
         """
         can_end = len(active) > 0
-        active = active if can_end else first_active_set(self.problem, self.options.batch)
-        around = experiment_blocks(self.problem, active).mean(axis=0)
+        active = active if can_end else self._first_active()
+        solvers = self.options.solvers
+        if not suits_newton(self.criterion, self.problem.p) and len(solvers) > 1:
+            solvers = tuple(solver for solver in solvers if solver != NEWTON)
         # Where the first program holds all candidates, it decides nothing but the answer itself.
         loose = self.criterion.convex and len(active) < self.problem.n
-        effort = _Effort(self.options.solvers, loose)
+        effort = _Effort(solvers, INNER if loose else EXACT)
+        start = np.full(len(active), 1.0 / len(active))
         step = None
         cost = np.inf
         for _ in range(self.options.rounds):
             try:
-                step, sensitivities = self._step(active, around, effort, step)
+                step, sensitivities = self._step(active, start, effort, step)
             except RelaxationError:
                 if can_end:
                     return
@@ -123,33 +153,105 @@ class ColumnGeneration:
                 return
             # After an exact solution a candidate outside has the largest sensitivity, unless the
             # gap is closed: where an active one has it, the solver was not accurate enough.
-            effort = effort.after(step, sensitivities.argmax() in active, gap)
+            inaccurate = gap <= self.gap or bool(sensitivities.argmax() in active)
+            effort = effort.after(step, inaccurate, gap, self.problem.p)
             if not effort.solvers:
                 return
-            entering = entering_candidates(sensitivities, active, self.options.batch)
-            active = np.concatenate([step.active, entering])
-            around = self._around(step.M, entering)
+            entering = entering_candidates(sensitivities, active, self._batch)
+            kept = self._kept(step, sensitivities, gap)
+            active = np.concatenate([step.active[kept], entering])
+            start = np.concatenate([step.weights[kept], np.zeros(len(entering))])
+
+    @property
+    def _batch(self) -> int:
+        """Candidates that enter per round."""
+        return self.options.batch_of(self.problem.p)
+
+    def _first_active(self) -> Indices:
+        """The candidates to begin with: some that tell all parameters, and the most sensitive."""
+        p = self.problem.p
+        chosen = first_active_set(self.problem, min(self._batch, max(p, LEAST_BATCH)))
+        missing = self._batch - len(chosen)
+        if missing <= 0 or len(chosen) == self.problem.n:
+            return chosen
+        T = range_whitener(self.problem.mean)
+        sensitivities = self.problem.sensitivities(T @ T.T)
+        return np.concatenate([chosen, entering_candidates(sensitivities, chosen, missing)])
+
+    def _kept(self, step: Step, sensitivities: Array, gap: float) -> Mask:
+        """Which active candidates (k,) of a step stay: those that have weight or may get some."""
+        if step.solver != NEWTON or not self.criterion.needs_all:
+            # The best design may be singular, and light candidates keep the others regular.
+            return np.ones(len(step.active), dtype=bool)
+        own = sensitivities[step.active]
+        mean = float(step.weights @ own)
+        near = own > (1 - GAPS * max(gap, self.gap)) * mean
+        return np.asarray((step.weights > LIGHT * step.weights.max()) | near)
 
     def _step(
-        self, active: Indices, around: Array, effort: _Effort, before: Step | None
+        self, active: Indices, start: Array, effort: _Effort, before: Step | None
     ) -> tuple[Step, Array]:
         """Solve the program over the active candidates.
 
         Returns:
             The step, and the sensitivities (n,) of all candidates to the program's multiplier.
         """
-        size = max(2 * self.options.batch, len(active))
-        program = restricted_master_for(self.criterion, around, size)
-        blocks = experiment_blocks(self.problem, active)
-        weights, Z, solver = program.solve_by_first(blocks, effort.solvers, effort.loose)
-        M = np.tensordot(weights, blocks, axes=1)
+        weights, Z, solver = self._solve(active, start, effort)
+        M = self.problem[active].information(weights)
         proof, sensitivities = self._prove(M, Z)
         if before is not None and not proof.lower_bound > before.proof.lower_bound:
             proof = before.proof
         carries = weights > 0
         return Step(active[carries], weights[carries], M, proof, solver), sensitivities
 
-    def _prove(self, M: Array, Z: Array) -> tuple[Proof, Array]:
+    def _solve(
+        self, active: Indices, start: Array, effort: _Effort
+    ) -> tuple[Array, Array | None, str]:
+        """Weights (k,) of the active candidates, their multiplier (p, p), and the solver.
+
+        Without a multiplier minus the gradient is one.
+        """
+        solvers = effort.solvers
+        failure = ""
+        if solvers[0] == NEWTON:
+            try:
+                return *self._by_newton(active, start, effort.accuracy), NEWTON
+            except RelaxationError as error:
+                if len(solvers) == 1:
+                    raise
+                failure = str(error)
+                solvers = solvers[1:]
+        blocks = experiment_blocks(self.problem, active)
+        size = max(2 * self._batch, len(active))
+        entering = start == 0
+        around = np.tensordot(start, blocks, axes=1)
+        # The design that the program is whitened by: near its optimum, and regular.
+        if entering.any():
+            around = 0.5 * (around + blocks[entering].mean(axis=0))
+        program = restricted_master_for(self.criterion, around, size)
+        try:
+            return program.solve_by_first(blocks, solvers, effort.loose)
+        except RelaxationError as error:
+            raise RelaxationError(f"{failure}; {error}" if failure else str(error)) from error
+
+    def _by_newton(
+        self, active: Indices, start: Array, accuracy: float
+    ) -> tuple[Array, Array | None]:
+        """Weights (k,) of a smooth criterion, and a multiplier if the gradient is none."""
+        try:
+            if not suits_newton(self.criterion, self.problem.p):
+                raise NewtonError(f"criterion {self.criterion.name} is not smooth")
+            information = ActiveInformation.of(self.problem, active)
+            found = newton_weights(self.criterion, information, start, accuracy)
+        except (np.linalg.LinAlgError, ValueError, ArithmeticError) as error:
+            raise RelaxationError(f"{NEWTON}: {' '.join(str(error).split())}") from error
+        weights = regular_weights(self.criterion, information, found, NEWTON)
+        if self.criterion.needs_all:
+            return weights, None
+        # Where the pruned design is singular, its gradient need not be a multiplier.
+        return weights, -self.criterion.gradient(information.information(found))
+
+    def _prove(self, M: Array, Z: Array | None) -> tuple[Proof, Array]:
         """Find what a solver's multiplier Z (p, p) proves near the design M (p, p).
 
         Returns:
@@ -168,13 +270,15 @@ class ColumnGeneration:
         proof = Proof(trials[best], float(largest[best]), float(bounds[best]))
         return proof, sensitivities[best]
 
-    def _trial_multipliers(self, M: Array, Z: Array) -> Array:
+    def _trial_multipliers(self, M: Array, Z: Array | None) -> Array:
         """Multipliers to try (r, p, p): the solver's, and minus the gradient at M of a smooth cost.
 
         A multiplier of a monotone criterion must be positive semidefinite. Its negative
         eigenvalues, which the solver's inaccuracy leaves, are cut off in the parameters that whiten
         M, where they are small beside the others.
         """
+        if Z is None:
+            return -self.criterion.gradient(M)[None]
         if self.criterion.monotone:
             T = whitener(M)
             S = np.linalg.inv(T)
@@ -183,12 +287,6 @@ class ColumnGeneration:
         if not self.criterion.smooth:
             return Z[None]
         return np.stack([Z, -self.criterion.gradient(M)])
-
-    def _around(self, M: Array, entering: Indices) -> Array:
-        """The design (p, p) that the next program is whitened by: near its optimum, and regular."""
-        if not len(entering):
-            return M
-        return 0.5 * (M + experiment_blocks(self.problem, entering).mean(axis=0))
 
 
 def entering_candidates(sensitivities: Array, active: Indices, batch: int) -> Indices:

@@ -10,6 +10,7 @@ import numpy as np
 from criteria import Relaxable
 from criteria.linalg.inverse import guarded_inverse, whitener
 from criteria.linalg.triangle import triangle
+from edtk.design.relaxation.active_information import ActiveInformation
 from edtk.system.typing import Array
 
 # Tolerances as sharp as the solvers can reach on programs of order one: a bound loses what they
@@ -110,7 +111,8 @@ class RestrictedMaster:
             ArithmeticError,
         ) as error:
             raise RelaxationError(f"{solver}: {' '.join(str(error).split())}") from error
-        return self._regular(weights, blocks, solver), Z
+        information = ActiveInformation.of_blocks(blocks)
+        return regular_weights(self.criterion, information, weights, solver), Z
 
     def solve_by_first(
         self, blocks: Array, solvers: Sequence[str], loose: bool
@@ -137,26 +139,6 @@ class RestrictedMaster:
         raise RelaxationError(
             f"no solver found a design for criterion {self.criterion.name} ({'; '.join(failures)})"
         )
-
-    def _regular(self, weights: Array, blocks: Array, solver: str) -> Array:
-        """Weights of sum one and of finite cost, without those that are only inaccuracy."""
-        weights = np.where(weights > PRUNE * weights.max(), weights, 0.0)
-        weights /= weights.sum()
-        if self._is_regular(np.tensordot(weights, blocks, axes=1)):
-            return weights
-        # The optimum may leave a direction of the parameters all but open. A little weight on every
-        # candidate closes it, and costs less than the gaps that are asked for.
-        weights = (1 - PRUNE) * weights + PRUNE / len(weights)
-        if self._is_regular(np.tensordot(weights, blocks, axes=1)):
-            return weights
-        raise RelaxationError(f"{solver}: the candidates leave a direction open")
-
-    def _is_regular(self, M: Array) -> bool:
-        """Whether a design M (p, p) can whiten the next program."""
-        if not self.criterion.needs_all:
-            # Its cost may be finite where M is singular, or too near to that to be whitened by.
-            return bool(guarded_inverse(M, NEARLY_SINGULAR)[2])
-        return bool(np.isfinite(self.criterion.cost(M)))
 
     def _solve(self, blocks: Array, solver: str, loose: bool) -> tuple[Array, Array]:
         """Weights (n,) and multiplier (p, p) by a solver of cvxpy's."""
@@ -213,6 +195,40 @@ class RestrictedMaster:
         weights = np.maximum(result.x, 0.0)
         M = np.tensordot(weights / weights.sum(), blocks, axes=1)
         return weights, -criterion.gradient(M)
+
+
+def regular_weights(
+    criterion: Relaxable, active: ActiveInformation, weights: Array, solver: str
+) -> Array:
+    """Weights of sum one and of finite cost, without those that are only inaccuracy.
+
+    Args:
+        criterion: What the weights minimise.
+        active: Information of the candidates (k).
+        weights: Weights (k,) as a solver gives them.
+        solver: Its name, for the message.
+
+    Raises:
+        RelaxationError: The candidates leave a direction open.
+    """
+    weights = np.where(weights > PRUNE * weights.max(), weights, 0.0)
+    weights /= weights.sum()
+    if _is_regular(criterion, active.information(weights)):
+        return weights
+    # The optimum may leave a direction of the parameters all but open. A little weight on every
+    # candidate closes it, and costs less than the gaps that are asked for.
+    weights = (1 - PRUNE) * weights + PRUNE / len(weights)
+    if _is_regular(criterion, active.information(weights)):
+        return weights
+    raise RelaxationError(f"{solver}: the candidates leave a direction open")
+
+
+def _is_regular(criterion: Relaxable, M: Array) -> bool:
+    """Whether a design M (p, p) can whiten the next program."""
+    if not criterion.needs_all:
+        # Its cost may be finite where M is singular, or too near to that to be whitened by.
+        return bool(guarded_inverse(M, NEARLY_SINGULAR)[2])
+    return bool(np.isfinite(criterion.cost(M)))
 
 
 class _Compiled(threading.local):

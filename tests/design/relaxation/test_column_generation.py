@@ -25,7 +25,7 @@ from edtk.design.problem import Problem
 from edtk.design.relaxation.column_generation import entering_candidates
 from edtk.design.relaxation.relax import relax
 from edtk.design.relaxation.restricted_master import CHAIN, SOLVERS, RelaxationError
-from edtk.design.relaxation.solver_options import SolverOptions
+from edtk.design.relaxation.solver_options import NEWTON, SolverOptions
 
 pytestmark = pytest.mark.slow
 
@@ -93,7 +93,7 @@ def test_all_problems(name, case):
     ("solver", "case"),
     [
         ("SCS", "uneven"),  # CLARABEL is the first of all solvers, and answers there
-        *((solver, case) for solver in SOLVERS for case in list(BADLY)[::2]),
+        *((solver, case) for solver in (*SOLVERS, NEWTON) for case in list(BADLY)[::2]),
     ],
 )
 @every_base
@@ -196,7 +196,7 @@ def test_broken_first_solver(monkeypatch, name, change):
     """
     problem = Problem(WELL["off-centre"])
     monkeypatch.setattr(cp.Problem, "solve", solve_then(change))
-    r = relax(problem, criterion_of(name), options=SolverOptions(batch=10))
+    r = relax(problem, criterion_of(name), options=SolverOptions(batch=10, solvers=CHAIN))
     check(r, problem, name)
     assert r.gap <= GAP
     assert r.cost == pytest.approx(solved(name, "off-centre").cost, rel=GAP)
@@ -216,7 +216,7 @@ def test_inaccurate_first_solver(monkeypatch, name, options, n):
     """A first solver that stops early is followed by the next, however few are active."""
     problem = Problem(off_centre(13, n))
     monkeypatch.setitem(SOLVERS, "CLARABEL", options)
-    r = relax(problem, criterion_of(name))
+    r = relax(problem, criterion_of(name), options=SolverOptions(solvers=CHAIN))
     check(r, problem, name)
     assert r.gap <= GAP
 
@@ -232,7 +232,7 @@ def test_no_solver_at_all(monkeypatch, name):
     problem = Problem(off_centre(13, 12))
     monkeypatch.setattr(cp.Problem, "solve", no_solver)
     if name in SMOOTH:
-        r = relax(problem, criterion_of(name))
+        r = relax(problem, criterion_of(name), options=SolverOptions(solvers=CHAIN))
         check(r, problem, name)
         assert r.gap <= GAP
         assert r.solver == "SLSQP"

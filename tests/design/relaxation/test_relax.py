@@ -35,6 +35,7 @@ from criteria import ConvexCriterion, Criterion, Relaxable
 from edtk.design.candidate_source import CandidateSource
 from edtk.design.problem import Problem, RankDeficientError
 from edtk.design.relaxation.relax import RelaxationInterrupted, relax
+from edtk.design.relaxation.restricted_master import CHAIN
 from edtk.design.relaxation.solver_options import SolverOptions
 
 pytestmark = pytest.mark.slow
@@ -362,7 +363,7 @@ def test_interrupt_within_a_solver(monkeypatch, calls):
     monkeypatch.setattr(cp.Problem, "solve", stand_in)
     problem = Problem(off_centre(12, 2000))
     with pytest.raises(KeyboardInterrupt) as caught:
-        relax(problem, criterion_of("A"), options=SolverOptions(batch=2))
+        relax(problem, criterion_of("A"), options=SolverOptions(batch=2, solvers=CHAIN))
     if calls == 1:
         assert not isinstance(caught.value, RelaxationInterrupted)
     else:

@@ -8,7 +8,10 @@ from edtk.design.relaxation.solver_options import SolverOptions
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"solvers": ("GUROBI",)}, "unknown solver 'GUROBI'; available: CLARABEL, SCS, SLSQP"),
+        (
+            {"solvers": ("GUROBI",)},
+            "unknown solver 'GUROBI'; available: NEWTON, CLARABEL, SCS, SLSQP",
+        ),
         ({"solvers": ()}, "there must be a solver"),
         ({"rounds": 0}, "rounds and batch must be at least one"),
         ({"batch": 0}, "rounds and batch must be at least one"),

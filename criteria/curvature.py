@@ -1,0 +1,76 @@
+"""The second derivative of a criterion in the form that a Newton step over many weights needs."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from criteria.linalg.typing import Array
+
+# Half the log of the ratio of two eigenvalues that count as one: its square is rounding.
+SAME = 1e-8
+
+
+@dataclass(frozen=True, eq=False)
+class Curvature:
+    """First and second derivative of ``log cost`` at an information matrix M.
+
+    Let ``T = R V`` for a root R of the covariance, ``R R' = cov``, so that ``T' M T = I``. A change
+    dM of M, which is ``E = T' dM T`` in these parameters, changes log cost by
+
+        -sum_a z_a E_aa + 1/2 ( sum_ab W_ab E_ab^2 - c (sum_a z_a E_aa)^2 )
+
+    up to third order. So the second derivative by the weights of k candidates is ``P'P`` for their
+    scaled upper triangles P (p(p+1)/2, k), less one square.
+
+    Attributes:
+        V: Orthogonal matrix (p, p).
+        z: The multiplier, which is diagonal in these parameters (p,); of the degree's sum.
+        W: Weights (p, p), symmetric and not negative.
+        c: The factor of the square of the slope.
+    """
+
+    V: Array
+    z: Array
+    W: Array
+    c: float
+
+    def power(self, exponent: float) -> "Curvature":
+        """That of the cost to the power of an exponent, whose log is a multiple."""
+        return replace(self, z=exponent * self.z, W=exponent * self.W, c=self.c / exponent)
+
+
+def curvature_of_variances(B: Array) -> Curvature:
+    """The curvature of ``log trace(A cov A')``, for rows ``B = A R`` (r, p).
+
+    The second derivative of ``f = <L, cov>``, ``L = A'A``, is ``2 <L, cov dM cov dM cov>``. With
+    the right singular vectors V of B, ``T'L T = diag(l)``, so that it is
+    ``sum_ab (l_a + l_b) E_ab^2``, and ``f = sum l``.
+    """
+    _, s, rows = np.linalg.svd(B)
+    l = np.zeros(len(rows))  # noqa: E741, the letter of the formula
+    l[: len(s)] = np.square(s / s[0])
+    z = l / l.sum()
+    return Curvature(rows.T, z, z[:, None] + z, 1.0)
+
+
+def curvature_of_spectrum(R: Array, power: float) -> Curvature:
+    """The curvature of ``log trace(cov^power)`` for a root R (p, p) of the covariance.
+
+    The second derivative of ``trace g(M)`` is ``sum_ab g'[x_a, x_b] dM_ab^2`` in the eigenvectors
+    of M, with divided differences of g' between eigenvalues (Bhatia, Matrix Analysis, V.3). They
+    are ``power (x_a^-e - x_b^-e)/(x_b - x_a)`` with ``e = power + 1``, and ``power e x^-(e+1)``
+    where both are the same.
+    """
+    _, s, rows = np.linalg.svd(R)
+    x = np.square(s[0] / s)
+    e = power + 1.0
+    # With x_a = m exp(h) and x_b = m exp(-h) the quotient is m^-(e+1) sinh(e h)/sinh(h), which has
+    # no cancellation where two eigenvalues are almost the same.
+    half = 0.5 * np.log(x[:, None] / x)
+    is_same = np.abs(half) < SAME
+    safe = np.where(is_same, 1.0, half)
+    quotient = np.where(is_same, e, np.sinh(e * safe) / np.sinh(safe))
+    # T scales each direction to information one, hence the factor x_a x_b.
+    W = power * quotient * np.sqrt(x[:, None] * x) ** -power
+    terms = x**-power
+    return Curvature(rows.T, power * terms / terms.sum(), W / terms.sum(), 1.0)

@@ -1,0 +1,205 @@
+"""The restricted master problem of a smooth criterion, by Newton's method."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from criteria import Relaxable
+from criteria.derivatives import derivatives
+from criteria.linalg.inverse import whitener
+from criteria.linalg.triangle import triangle
+from edtk.design.relaxation.active_information import ActiveInformation
+from edtk.design.relaxation.weight_equations import Solve, weight_equations
+from edtk.system.typing import Array
+
+STEPS = 60
+# Part of the way to the boundary that a step may take; it grows towards one with the accuracy.
+TOWARDS_BOUNDARY = 0.9
+# Slacks of the first weights, in parts of the degree: those of weights that are all alike.
+FIRST_SLACK = 0.3
+# How far below the central path a slack of a start may be.
+OFF_CENTRE = 0.1
+LEAST_SHRINKING = 1e-4  # of the product of weights and slacks in one step
+# Slacks further than so many gaps from the gradient are brought back to it before the next step:
+# near a singular optimum the gradient changes fast.
+ASTRAY = 10.0
+SUFFICIENT = 1e-4  # part of the linear decrease that a step must reach
+SHORTEST = 1e-6  # a shorter step counts as none
+# A criterion that breaks its homogeneity has another optimum than the method finds.
+HOMOGENEOUS = 1e-6
+# Order up to which differences of gradients stand in for a curvature in closed form.
+BY_DIFFERENCES = 40
+
+
+class NewtonError(ArithmeticError):
+    """Newton's method does not suit a criterion, or breaks down."""
+
+
+def suits_newton(criterion: Relaxable, p: int) -> bool:
+    """Whether a criterion of p parameters can be minimised by Newton's method."""
+    is_smooth = criterion.smooth and criterion.convex and criterion.degree > 0
+    if not is_smooth:
+        return False
+    return p <= BY_DIFFERENCES or criterion.curvature(np.eye(p)) is not None
+
+
+def newton_weights(
+    criterion: Relaxable, active: ActiveInformation, start: Array, accuracy: float
+) -> Array:
+    """Minimise a smooth criterion over the weights of a few candidates.
+
+    A cost of degree d is minimised over weights of sum one where ``log cost(M(w)) + d sum(w)`` is
+    minimised over ``w >= 0``; the sum then is one by itself. This function is convex, since the
+    criterion is convex and homogeneous: ``cost^(-1/d)`` is concave. Its gradient is the slack
+    ``v_i = d - <Z, M_i>`` for minus the gradient Z of log cost. A primal-dual interior point method
+    with Mehrotra's predictor and corrector follows ``w_i v_i = mu`` to mu near zero (Nocedal and
+    Wright, Numerical Optimization, chapter 14 and section 19.3).
+
+    Args:
+        criterion: A criterion that `suits_newton`.
+        active: Information of the candidates (k).
+        start: Weights (k,) to start from; those of zero are new.
+        accuracy: Relative excess of the largest sensitivity over the mean one at which to end.
+
+    Returns:
+        Weights (k,), positive, of sum one.
+
+    Raises:
+        NewtonError: The method has broken down.
+        LinAlgError: A matrix is singular.
+    """
+    point = _Point.at(criterion, active, *_first(criterion, active, start))
+    best = point
+    for _ in range(STEPS):
+        if best.excess <= accuracy:
+            break
+        step = point.step()
+        if step is None:
+            break
+        point = step
+        best = point if point.excess < best.excess else best
+    return best.weights / best.weights.sum()
+
+
+def _first(criterion: Relaxable, active: ActiveInformation, start: Array) -> tuple[Array, Array]:
+    """Weights and slacks (k,) near the central path, from weights some of which are zero."""
+    d = criterion.degree
+    carries = start > 0
+    M = active.information(start)
+    cost, G = criterion.cost_and_gradient(M)
+    if not np.isfinite(cost):
+        raise NewtonError("the first weights leave a direction open")
+    if abs(np.vdot(G, M) / cost + d) > HOMOGENEOUS * d:
+        raise NewtonError(f"criterion {criterion.name} is not homogeneous of degree {d:g}")
+    slack = d + active.sensitivities(G / cost)
+    if carries.all() and np.ptp(start) <= np.finfo(float).eps:
+        return start, np.full(len(start), FIRST_SLACK * d)
+    # How far the new candidates exceed the old ones says how far away the optimum is.
+    away = max(-slack.min() / d, np.finfo(float).eps)
+    mu = FIRST_SLACK * away * d / len(start)
+    size = np.maximum(np.abs(slack), FIRST_SLACK * away * d)
+    weights = np.where(carries, start, mu / size)
+    return weights, np.maximum(np.where(carries, slack, 0.0), OFF_CENTRE * mu / weights)
+
+
+@dataclass(frozen=True, eq=False)
+class _Point:
+    """Weights and slacks (k,), and what the criterion says about them."""
+
+    criterion: Relaxable
+    active: ActiveInformation
+    weights: Array
+    slacks: Array
+    M: Array
+    cost: float
+    sensitivities: Array
+
+    @classmethod
+    def at(
+        cls, criterion: Relaxable, active: ActiveInformation, weights: Array, slacks: Array
+    ) -> "_Point":
+        """A point, with cost and sensitivities computed."""
+        M = active.information(weights)
+        cost, G = criterion.cost_and_gradient(M)
+        if not np.isfinite(cost):
+            raise NewtonError("the weights leave a direction open")
+        found = active.sensitivities(G / -cost)
+        return cls(criterion, active, weights, slacks, M, float(cost), found)
+
+    @cached_property
+    def excess(self) -> float:
+        """How far the largest sensitivity exceeds the mean one, relatively."""
+        return float(self.sensitivities.max() * self.weights.sum() / self.criterion.degree - 1.0)
+
+    def objective(self, weights: Array) -> float:
+        """``log cost + d sum(w)`` of weights; inf where the cost is not finite."""
+        cost = float(self.criterion.cost(self.active.information(weights)))
+        if not np.isfinite(cost):
+            return np.inf
+        return float(np.log(cost) + self.criterion.degree * weights.sum())
+
+    def step(self) -> "_Point | None":
+        """The next point; None where no step makes progress."""
+        w = self.weights
+        v = self.slacks
+        gradient = self.criterion.degree - self.sensitivities
+        solve = self._equations()
+        mu = float(w @ v) / len(w)
+        # Predictor: how much a step straight to the optimum could gain.
+        dw = solve(-gradient)
+        dv = -v - v / w * dw
+        reached = (w + _along(w, dw, 1.0) * dw) @ (v + _along(v, dv, 1.0) * dv) / len(w)
+        target = mu * max(float(reached / mu) ** 3, LEAST_SHRINKING)
+        # Corrector: towards the central path, with the products that the predictor has left out.
+        products = target - dw * dv
+        if np.abs(gradient - v).max() > ASTRAY * len(w) * mu:
+            products = np.full(len(w), mu)
+        dw = solve(products / w - gradient)
+        dv = (products - v * dw) / w - v
+        most = max(TOWARDS_BOUNDARY, 1.0 - mu)
+        along = self._search(dw, float(gradient @ dw), mu, _along(w, dw, most))
+        if along == 0.0:
+            return None
+        slacks = v + _along(v, dv, most) * dv
+        return self.at(self.criterion, self.active, w + along * dw, slacks)
+
+    def _search(self, dw: Array, slope: float, mu: float, along: float) -> float:
+        """The length of a step that does not raise the objective beyond what the path allows."""
+        allowed = self.objective(self.weights) + len(dw) * mu
+        while along > SHORTEST:
+            decrease = SUFFICIENT * along * abs(slope)
+            if self.objective(self.weights + along * dw) <= allowed + decrease:
+                return along
+            along *= 0.5
+        return 0.0
+
+    def _equations(self) -> Solve:
+        """The equations of a Newton step."""
+        D = self.slacks / self.weights
+        rows, columns = triangle(len(self.M))
+        twice = np.where(rows == columns, 1.0, 2.0)
+        T = whitener(self.M)
+        found = self.criterion.curvature(T)
+        if found is None:
+            return weight_equations(self._by_differences(), D, self.sensitivities)
+        scale = np.sqrt(found.W[rows, columns] * twice)
+        lost = np.sqrt(found.c) * self.sensitivities if found.c else None
+        return weight_equations(self.active.triangles(T @ found.V, scale), D, lost)
+
+    def _by_differences(self) -> Array:
+        """P (q, k) with ``P'P`` the second derivative of the cost, in parts of the cost."""
+        rows, columns = triangle(len(self.M))
+        # Steps of order one in each entry, whatever the units.
+        d = np.sqrt(np.diag(self.M))
+        dd = d[rows] * d[columns]
+        _, _, K = derivatives(self.criterion, self.M[None])
+        values, V = np.linalg.eigh(K[0] * np.outer(dd, dd) / self.cost)
+        root = np.sqrt(np.maximum(values, 0.0))[:, None] * V.T
+        return np.asarray(root @ self.active.triangles(np.diag(1.0 / d), np.ones(len(rows))))
+
+
+def _along(x: Array, dx: Array, most: float) -> float:
+    """The length, at most one, of a step along dx (k,) that goes a part of the way to x = 0."""
+    fastest = -(dx / x).min(initial=0.0)
+    return float(min(1.0, most / fastest)) if fastest > 0 else 1.0

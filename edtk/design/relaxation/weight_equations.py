@@ -1,0 +1,74 @@
+"""The linear equations of a Newton step over the weights of candidates."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from edtk.system.typing import Array
+
+Solve = Callable[[Array], Array]
+# How many more candidates than entries of a triangle make the equations of the entries cheaper.
+MANY = 1.2
+
+
+def weight_equations(P: Array, D: Array, lost: Array | None = None) -> Solve:
+    """Prepare ``(P'P + diag(D) - l l') x = b`` for several right-hand sides.
+
+    For k candidates and q rows of P, either the (k, k) matrix is factorized, or the (q, q) matrix
+    ``I + P D^-1 P'`` of Woodbury's identity, whichever is smaller.
+
+    Args:
+        P: Matrix (q, k).
+        D: Positive numbers (k,).
+        lost: Vector l (k,) of a square that is taken away, after which the matrix must still be
+            positive definite; None for none.
+
+    Returns:
+        A function from b (k,) to x (k,).
+
+    Raises:
+        LinAlgError: The matrix is not positive definite to working precision.
+    """
+    solve = _many(P, D) if P.shape[1] > MANY * len(P) else _few(P, D)
+    if lost is None:
+        return solve
+    y = solve(lost)
+    rest = 1.0 - lost @ y
+    # Rounding may leave nothing of a rest that is positive in truth; then the square is not taken
+    # away, which makes the step shorter.
+    if rest <= np.finfo(float).eps:
+        return solve
+
+    def corrected(b: Array) -> Array:
+        return np.asarray(solve(b) + y * (y @ b / rest))
+
+    return corrected
+
+
+def _few(P: Array, D: Array) -> Solve:
+    """By the matrix of the candidates (k, k)."""
+    from scipy.linalg import cho_factor, cho_solve
+
+    H = P.T @ P
+    diagonal = np.diag_indices_from(H)
+    # Candidates that tell the same make H singular where D vanishes; rounding must not make it
+    # indefinite.
+    H[diagonal] += D + len(D) * np.finfo(float).eps * H[diagonal]
+    factor = cho_factor(H, lower=True, overwrite_a=True, check_finite=False)
+    return lambda b: np.asarray(cho_solve(factor, b, check_finite=False))
+
+
+def _many(P: Array, D: Array) -> Solve:
+    """By the matrix of the entries (q, q)."""
+    from scipy.linalg import cho_factor, cho_solve
+
+    scaled = P / np.sqrt(D)
+    K = scaled @ scaled.T
+    K[np.diag_indices_from(K)] += 1.0
+    factor = cho_factor(K, lower=True, overwrite_a=True, check_finite=False)
+
+    def solve(b: Array) -> Array:
+        x = b / D
+        return np.asarray(x - (P.T @ cho_solve(factor, P @ x, check_finite=False)) / D)
+
+    return solve

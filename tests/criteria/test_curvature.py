@@ -1,0 +1,88 @@
+"""The second derivative of log cost in closed form, against differences of the gradient."""
+
+import numpy as np
+import pytest
+from matrices import make, positive, symmetric
+
+import criteria
+from criteria.linalg.inverse import whitener
+
+NAMES = (*(n for n in criteria.available() if n != "phi"), "phi 0", "phi 2")
+CURVED = [n for n in NAMES if make(n, 3).curvature(np.eye(3)) is not None]
+KINKED = [n for n in NAMES if not make(n, 3).smooth]
+curved = pytest.mark.parametrize("name", CURVED)
+
+
+def log_slope(criterion, M, H):
+    """The derivative of log cost at M along H."""
+    cost, G = criterion.cost_and_gradient(M)
+    return np.vdot(G, H) / cost
+
+
+def check(criterion, M, H, derivative):
+    """The closed forms at M along H are the slope and its derivative."""
+    root = whitener(M)
+    found = criterion.curvature(root)
+    p = len(M)
+    np.testing.assert_allclose(found.V.T @ found.V, np.eye(p), atol=1e-12)
+    assert (found.W >= 0).all()
+    np.testing.assert_allclose(found.W, found.W.T, rtol=1e-12)
+    assert found.z.sum() == pytest.approx(criterion.degree)
+    T = root @ found.V
+    E = T.T @ H @ T
+    slope = log_slope(criterion, M, H)
+    assert -found.z @ np.diag(E) == pytest.approx(slope, rel=1e-9, abs=1e-12)
+    second = (found.W * E**2).sum() - found.c * slope**2
+    by_differences = derivative(
+        lambda t: log_slope(criterion, M + t[0] * H, H)[None], np.zeros(1), 1e-3
+    )[0, 0]
+    assert second == pytest.approx(by_differences, rel=1e-6, abs=1e-9)
+
+
+@curved
+@pytest.mark.parametrize("p", [1, 2, 5])
+def test_curvature(name, p, derivative):
+    """The second derivative of log cost along any direction is that of the closed form."""
+    rng = np.random.default_rng(p)
+    for _ in range(5):
+        M = positive(rng, p)
+        H = symmetric(rng, p)
+        check(make(name, p), M, 0.1 * H, derivative)
+
+
+@curved
+def test_equal_eigenvalues(name, derivative):
+    """Where eigenvalues are the same, the divided differences have their limits."""
+    rng = np.random.default_rng(0)
+    check(make(name, 4), np.diag([2.0, 2.0, 2.0 + 1e-9, 3.0]), 0.1 * symmetric(rng, 4), derivative)
+
+
+@pytest.mark.parametrize("name", ["A", "D", "O1", "O5"])
+@pytest.mark.parametrize("s", [1, 2, 4])
+def test_combinations(name, s, derivative):
+    """A criterion of combinations adds what the nuisance parameters do, for any combinations."""
+    rng = np.random.default_rng(s)
+    criterion = criteria.create(name, interest=rng.normal(size=(4, s)))
+    check(criterion, positive(rng, 4), 0.1 * symmetric(rng, 4), derivative)
+
+
+@pytest.mark.parametrize("name", ["A", "D", "O5", "rho0"])
+def test_other_parameters(name, derivative):
+    """As a function of other parameters a criterion has the curvature of the same function."""
+    rng = np.random.default_rng(1)
+    T = rng.normal(size=(4, 4))
+    check(make(name, 4).transformed(T), positive(rng, 4), 0.1 * symmetric(rng, 4), derivative)
+
+
+@pytest.mark.parametrize("q", [0, 0.5, 1, 2, 10])
+def test_phi(q, derivative):
+    """Kiefer's family has a curvature for each order."""
+    rng = np.random.default_rng(2)
+    criterion = criteria.create("phi", q=q)
+    check(criterion, positive(rng, 4), 0.1 * symmetric(rng, 4), derivative)
+
+
+@pytest.mark.parametrize("name", KINKED)
+def test_kinks_have_none(name):
+    """Where a cost has kinks, there is no second derivative to give."""
+    assert make(name, 3).curvature(np.eye(3)) is None
