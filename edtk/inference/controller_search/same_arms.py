@@ -70,9 +70,12 @@ def same_arms(robot: Robot, moving: Sequence[int] | None = None) -> tuple[SameAr
         found += [(sign, offset) for offset in offsets[same]]
     sign, offset = (np.array(part) for part in zip(*found, strict=True))
     fits = _fit(robot, sign, offset, moving)
-    kept = np.flatnonzero(fits.rms <= SAME * robot.reach).tolist()
+    # The first way is the robot's own, which is the same arm whatever a descent has reached.
+    kept = sorted({0, *np.flatnonzero(fits.rms <= SAME * robot.reach).tolist()})
     first = {tuple(sign[i]): i for i in reversed(kept)}
-    return tuple(SameArm(sign[i], offset[i], fits.turn[i]) for i in sorted(first.values()))
+    turn = fits.turn.copy()
+    turn[0] = np.eye(3)
+    return tuple(SameArm(sign[i], offset[i], turn[i]) for i in sorted(first.values()))
 
 
 def _poses(n: int, moving: list[int], seed: int) -> Array:

@@ -215,6 +215,21 @@ def test_arms_that_are_the_same() -> None:
     assert over.turn[2, 2] == pytest.approx(-1)
 
 
+def test_a_plane_may_lie_upside_down() -> None:
+    """Where parallel axes alone move, the arm is the same after half a turn about a line."""
+    along = np.array([np.cos(0.1), 0, -np.sin(0.1)])
+    joints = (
+        ([0, 0, 0.5], [0, 0, 1]),
+        ([0.1, 0, 0.3], [0, 1, 0]),
+        ((0.7 * along).tolist(), [0, 1, 0]),
+        ((0.6 * along).tolist(), [0, 0, 1]),
+    )
+    own, over = same_arms(arm(*joints), [1, 2])
+    assert own.sign.tolist() == [1, 1, 1, 1]
+    assert over.sign.tolist() == [1, -1, -1, 1]
+    assert over.turn[1, 1] == pytest.approx(-1)
+
+
 @pytest.mark.slow
 def test_a_spherical_wrist_turned_by_half_a_turn() -> None:
     """The classical case: the middle joint reversed, its neighbours half a turn away."""
