@@ -26,10 +26,9 @@ from edtk.inference.least_squares import Estimate
 from edtk.inference.measurements import Measurements
 from edtk.inference.noise import Noise
 from edtk.inference.sample_posterior import SamplingOptions
-from edtk.inference.task_accuracy import TaskAccuracy
 from edtk.model.error_budget import ErrorBudget
 from edtk.model.expected_error import ExpectedError, expected_error
-from edtk.model.tasks import Tasks
+from edtk.model.task_accuracy import TaskAccuracy
 from edtk.study.accuracy_of_tasks import accuracy_of_tasks
 from edtk.study.study import Study
 from edtk.study.study_prior import study_prior
@@ -151,13 +150,9 @@ class Calibration(Presented):
         found = accuracy_of_tasks(self.study, fit.covariance, fit.k, fit.covariance_dof)
         if found is None or self.budget is None:
             return found
-        propagation = propagation_of(self.fitted)
         bias = np.zeros(len(fit.k)) if self.bias is None else self.bias
-        totals = [
-            propagation.budget(Tasks([task]), float(np.linalg.norm(task.target @ bias))).total
-            for task in tasks
-        ]
-        return replace(found, total=np.array(totals))
+        left = np.array([float(np.linalg.norm(task.target @ bias)) for task in tasks])
+        return replace(found, total=propagation_of(self.fitted).totals(tasks, left))
 
     @property
     def rho0_bias(self) -> float | None:

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -107,7 +108,7 @@ def _detection(
     known: tuple[Family, ...],
     fault: SizedFault,
 ) -> Detection:
-    """The power of the first m rows, and with each of the rows behind them."""
+    """The power of the first m rows, and with each of the experiments behind them."""
     named = [family for family in known if family.cause == fault.name]
     if named and not named[0].joint:
         named = named[:1]  # of the drifts the one that all readings share
@@ -129,9 +130,10 @@ def _detection(
     planned = np.arange(m)
     powers = [power(planned, *pair) for pair in zip(named, changes, strict=True)]
     hardest = int(np.argmin(powers))
+    rows = len(study.model.instruments)  # of one experiment
     with_one = [
-        power(np.append(planned, extra), named[hardest], changes[hardest])
-        for extra in range(m, len(both))
+        power(np.append(planned, first + np.arange(rows)), named[hardest], changes[hardest])
+        for first in range(m, len(both), rows)
     ]
     best = int(np.argmax(with_one))
     helps = with_one[best] > powers[hardest]
@@ -140,7 +142,7 @@ def _detection(
         fault.size,
         fault.unit,
         powers[hardest],
-        both.q[m + best] if helps else None,
+        both.q[m + best * rows] if helps else None,
         max(with_one[best], powers[hardest]),
         named[hardest].joint,
     )
@@ -165,16 +167,17 @@ def _candidates(study: Study) -> Measurements:
 def _joined(first: Measurements, second: Measurements) -> Measurements:
     """The rows of both."""
 
-    def both(name: str) -> Array:
-        """One column of both."""
-        return np.concatenate([getattr(first, name), getattr(second, name)])
+    def both(name: str) -> Any:
+        """One column of both; None where there is none."""
+        columns = (getattr(first, name), getattr(second, name))
+        return None if columns[0] is None else np.concatenate(columns)
 
     noise = None
     if first.covariance is not None and second.covariance is not None:
         noise = first.covariance.and_then(second.covariance)
-    return Measurements(
-        both("q"), both("wrench"), both("deflection"), both("sigma"), both("marker"), noise
-    )
+    names = ("q", "wrench", "deflection", "sigma", "marker", "sensor", "turn")
+    columns = {name: both(name) for name in names}
+    return Measurements(**columns, covariance=noise, absolute=first.absolute)
 
 
 def _sized(name: str, size: str) -> SizedFault:

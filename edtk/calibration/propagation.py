@@ -10,6 +10,7 @@ from edtk.calibration.least_squares_inverse import LeastSquaresInverse
 from edtk.calibration.uncertainty import Uncertainty
 from edtk.inference.measurements import Measurements
 from edtk.inference.prior_rows import PriorRows
+from edtk.inference.translations import translations
 from edtk.model.dead_weights import DeadWeights
 from edtk.model.elastostatic_model import ElastostaticModel
 from edtk.model.error_budget import ErrorBudget
@@ -79,7 +80,27 @@ class Propagation:
         prior: PriorRows | None = None,
         payload: DeadWeights | None = None,
     ) -> "Propagation":
-        """Propagate to the estimates, see `error_budget`."""
+        """Propagate what is uncertain in a calibration to its estimates, to the first order.
+
+        A circumstance u changes the measurements by ``D u`` with ``D = d(A k)/du``, the estimate by
+        ``A+ D u`` with the weighted least-squares inverse A+, and the tool point after compensation
+        by ``A0 A+ D u``. A joint that counts as rigid, with compliance c, adds ``A_j c`` to the
+        measurements and ``A0_j c`` to the task: its error is ``(A0_j - A0 A+ A_j) c``.
+
+        Args:
+            model: The robot with its calibration tool, and the measured rows.
+            data: Poses, loads, markers and noise of the calibration; measured values are not used.
+            k: Compliances (p,), identified or assumed [rad/(N m)].
+            covariance: Their covariance (p, p) by the noise.
+            uncertainty: How well the circumstances are known.
+            repeats: Repetitions (m,) that each row stands for; one by default.
+            known: Compliances of further joints, by their index [rad/(N m)].
+            prior: What else is known of the compliances, where the estimate rests on that, too.
+            payload: A payload beside the load, whose mass is as uncertain as the load's size.
+
+        Raises:
+            SingularPlanError: The poses do not identify all parameters.
+        """
         A = data.regressor(model)
         inverse = LeastSquaresInverse.of(model, data, A, prior)
 
@@ -87,11 +108,9 @@ class Propagation:
             """Shift (p, c) of the estimates by changes (m, rows, c) of readings."""
             return inverse.solve(np.moveaxis(change, -1, 0)).T
 
-        # Unknown compliances take up a load of another size where nothing else loads the joints.
-        told = prior is not None or model.weights is not None
-        every = families_with_known(model, data, A, k, known or {}, told)
+        every = families_with_known(model, data, A, k, known or {}, prior is not None)
         faults = {family.cause: family for family in every}
-        load = k
+        load = k  # compliances take up a load of another size in full
         if "load_size" in faults:
             load = moved(faults["load_size"].derivative_at_zero(k))[:, 0]
         return cls(
@@ -102,7 +121,7 @@ class Propagation:
             payload=moved(_by_weights(model, data, k, known or {}, payload))[:, 0],
             direction=moved(faults["load_direction"].derivative_at_zero(k)),
             tool=tuple(moved(faults[name].derivative_at_zero(k)) for name in TOOL),
-            drift=moved(data.translations(model)),
+            drift=moved(translations(model, data)),
             readings=_readings(inverse, data.lengths, repeats),
             bent=_bent(model, data, inverse, uncertainty),
             known=tuple((known or {}).items()),
@@ -133,6 +152,16 @@ class Propagation:
             uncompensated=float(np.hypot(self._displacement(tasks), bends)),
             absolute=self.absolute,
         )
+
+    def totals(self, tasks: Tasks, model_errors: Array) -> Array:
+        """The total error (t,) in each task by itself [m].
+
+        Args:
+            tasks: Where the robot shall be accurate.
+            model_errors: Errors (t,) that the linear model leaves [m].
+        """
+        each = zip(tasks, model_errors, strict=True)
+        return np.array([self.budget(Tasks([task]), float(error)).total for task, error in each])
 
     def _displacement(self, tasks: Tasks) -> float:
         """What the load moves the tool point by in the task, joints of known compliance too [m]."""

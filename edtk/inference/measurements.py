@@ -200,16 +200,16 @@ class Measurements(Presented):
             motion[..., rows] = without_rounding(own.folded(sensor.motion(own)), size)
         return motion
 
-    def translations(self, model: ElastostaticModel) -> Array:
-        """Derivatives (m, rows, 3) of the readings where the whole robot moves along the axes.
+    def rigid(self, model: ElastostaticModel) -> Array:
+        """What the rigid robot would show: positions (m, 3), or lengths (m, 1) [m].
 
-        Args:
-            model: Says what is measured.
+        Zero for single rotations.
         """
         frames = model.frames(self.q)
-        found = np.empty((*self.deflection.shape, 3))
+        found = np.zeros((len(self), min(self.deflection.shape[1], COORDINATES)))
         for rows, sensor in self.instruments(model):
-            found[rows] = np.moveaxis(sensor.translation(frames[rows]), -1, 0)
+            if sensor.lengths.any():
+                found[rows] = sensor.place(frames[rows]).T
         return found
 
     def changes(self, model: ElastostaticModel, rest: Rest) -> Array:
@@ -285,21 +285,9 @@ class Measurements(Presented):
             turn=turn,
             absolute=nominal,
         )
-        rigid = empty._rigid(model) if model is not None and nominal else None
+        rigid = empty.rigid(model) if model is not None and nominal else None
         change = sheet_change(table, robot.reach, noise.shape[1], rigid, turn)
         return replace(empty, deflection=change)
-
-    def _rigid(self, model: ElastostaticModel) -> Array:
-        """Positions (m, 3), or distances (m, 1), that the rigid robot would have [m].
-
-        Zero for single rotations.
-        """
-        frames = model.frames(self.q)
-        found = np.zeros((len(self), min(self.deflection.shape[1], COORDINATES)))
-        for rows, sensor in self.instruments(model):
-            if sensor.lengths.any():
-                found[rows] = sensor.place(frames[rows]).T
-        return found
 
 
 def _wrenches(table: PoseTable, default: Array | None, weighs: bool) -> Array:

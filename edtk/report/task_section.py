@@ -1,6 +1,6 @@
 """The accuracy to expect in each test pose in a calibration's report: a picture and a table."""
 
-from edtk.inference.task_accuracy import TaskAccuracy
+from edtk.model.task_accuracy import TaskAccuracy
 from edtk.report.draw.task_errors import task_errors
 from edtk.report.new_figure import new_figure
 from edtk.report.page import paragraph, picture, section, table

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from edtk.inference.task_accuracy import TaskAccuracy
+from edtk.model.task_accuracy import TaskAccuracy
 from edtk.system.typing import Array, Indices
 
 MOST_ROWS = 60  # of a table that a person reads

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from edtk.inference.task_accuracy import TaskAccuracy, task_accuracy
+from edtk.inference.task_accuracy import task_accuracy
+from edtk.model.task_accuracy import TaskAccuracy
 from edtk.study.study import Study
 from edtk.system.typing import Array
 

@@ -9,8 +9,8 @@ import numpy as np
 
 import criteria
 from edtk.design.plan import Plan
-from edtk.inference.task_accuracy import TaskAccuracy
 from edtk.model.expected_error import ExpectedError
+from edtk.model.task_accuracy import TaskAccuracy
 from edtk.study.accuracy_of_tasks import accuracy_of_tasks
 from edtk.study.plan_accuracy import plan_accuracy
 from edtk.study.plan_covariance import plan_covariance

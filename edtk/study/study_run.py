@@ -10,8 +10,8 @@ from edtk.design.bound import Bound
 from edtk.design.plan import Plan
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
 from edtk.inference.least_squares import SingularPlanError
-from edtk.inference.task_accuracy import TaskAccuracy
 from edtk.model.expected_error import ExpectedError
+from edtk.model.task_accuracy import TaskAccuracy
 from edtk.study.accuracy_of_tasks import accuracy_of_tasks
 from edtk.study.bound_for import bound_for
 from edtk.study.case import Case

@@ -102,17 +102,20 @@ def _faults(study: Study, given: Mapping[str, str]) -> tuple["SizedFault", ...]:
     if not given:
         return ()
     from edtk.calibration.detect import sized_faults
-    from edtk.study.require_plain import require_plain
-
-    require_plain(study, "the search for faults")
 
     return sized_faults(study, given)
 
 
 def _judged(study: Study, found: ExactPlan, faults: tuple["SizedFault", ...]) -> ExactPlan:
-    """The plan with its error budget, and with the chances that faults would be noticed."""
+    """The plan with its errors in the task, and with the chances that faults would be noticed."""
     from edtk.calibration.detect import detect
     from edtk.calibration.plan_budget import plan_budget
+    from edtk.calibration.plan_tasks import plan_tasks
 
-    detections = detect(study, found.whole, faults)
-    return replace(found, error_budget=plan_budget(study, found.whole), detections=detections)
+    whole = found.whole
+    return replace(
+        found,
+        error_budget=plan_budget(study, whole),
+        detections=detect(study, whole, faults),
+        tasks=plan_tasks(study, whole),
+    )

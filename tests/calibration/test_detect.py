@@ -1,14 +1,21 @@
 """The chance that a plan shows a fault, before anything is measured."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from readings import PLAN, STUDY
+from scipy.special import chndtr
 
 from edtk.calibration.causes.families import families
 from edtk.calibration.detect import detect, sized_faults
 from edtk.calibration.planned_measurements import planned_measurements
+from edtk.design.plan import Plan
 from edtk.inference.distributions import chi_square_quantile
 from edtk.inference.least_squares import Whitened
+from edtk.inference.translations import translations
+from edtk.model.load_robot import load_robot
+from edtk.model.robot_to_dict import robot_to_dict
 from edtk.system.errors import ArgumentError, UserError
 
 K = STUDY.compliances
@@ -104,3 +111,68 @@ def test_a_known_joint_shows_the_size_of_the_load():
     assert promised.power == pytest.approx(
         ((normal + np.sqrt(seen)) ** 2 > threshold).mean(), abs=0.01
     )
+
+
+MARKED = {
+    "marker": [{"position_mm": [0, 100, 50]}, {"joint": "q4", "position_mm": [-300, 50, 100]}],
+}
+INSTRUMENTS = {
+    "markers": MARKED,
+    "distances": {"distance": [{"anchor_mm": [3000, 0, 0]}, {"anchor_mm": [0, 3000, 500]}]},
+    "mix": MARKED | {"distance": [{"anchor_mm": [3000, 0, 0]}]},
+    "payload beside the load": {"payload": {"mass_kg": 100}},
+    "visits": MARKED
+    | {
+        "noise": {
+            "tracker_position_mm": [4000, -3000, 1200],
+            "along": [10, 5],
+            "across": [15, 6],
+            "repeatability_deg": 0.001,
+        }
+    },
+}
+
+
+@pytest.mark.parametrize("keys", INSTRUMENTS.values(), ids=INSTRUMENTS)
+def test_any_instruments_show_faults(keys):
+    """The power is that of the noncentral chi-square of what fits of the readings leave."""
+    study = STUDY.replace(**keys)
+    plan = Plan(PLAN.q, PLAN.wrench, PLAN.repeats)
+    promised = detect(study, plan, sized_faults(study, {"drift": "0.05mm", "load": "20%"}))
+    data = planned_measurements(study, plan)
+    A = data.regressor(study.model)
+    whitened = Whitened.of(A, data.noise, study.model.parameters)
+    drift = translations(study.model, data) @ np.full(3, 0.05e-3 / np.sqrt(3))
+    heavier = replace(data, wrench=1.2 * data.wrench).regressor(study.model) @ K - A @ K
+    for change, dims, found in zip((drift, heavier), (3, 1), promised, strict=True):
+        seen = (whitened.residual(change) ** 2).sum()
+        power = 1 - chndtr(chi_square_quantile(0.99, dims), dims, seen)
+        assert found.power == pytest.approx(power, rel=1e-6)
+        assert found.power_with >= found.power
+    assert (promised[1].power > 0.011) == ("payload" in keys)
+    assert promised[0].better is not None
+
+
+@pytest.mark.parametrize("keys", [MARKED, INSTRUMENTS["mix"]], ids=["markers", "mix"])
+@pytest.mark.parametrize("reference", ["unloaded", "nominal"])
+def test_a_turned_frame_turns_what_instruments_show(keys, reference):
+    """The derivative is that of turned readings: all of a position, but no distance."""
+    content = robot_to_dict(load_robot("kuka_kr270"))
+    for joint in content["joints"]:
+        joint |= {"mass_kg": 100.0, "center_m": [0.1, 0, 0]}
+    measurement = {"sigma_mm": 0.03, "reference": reference}
+    study = STUDY.replace(**keys, robot=content, measurement=measurement)
+    data = planned_measurements(study, Plan(PLAN.q, PLAN.wrench, PLAN.repeats))
+    A = data.regressor(study.model)
+    every = families(study.model, data, A, K)
+    frame = next(one for one in every if one.cause == "frame_rotation")
+    D = frame.derivative_at_zero(K)
+    frames = study.model.frames(PLAN.q)
+    bent = np.moveaxis(study.model.regressor_of(frames, PLAN.wrench), (0, 1), (-1, -2)) @ K
+    shown = bent[:, :6].reshape(-1, 2, 3)
+    if reference == "nominal":
+        shown = shown + np.moveaxis(study.model.points_of(frames)[:2], -1, 0)
+    turned = np.stack([np.cross(axis, shown) for axis in np.eye(3)], axis=-1)
+    expected = np.zeros((len(PLAN.q), bent.shape[1], 3))
+    expected[:, :6] = turned.reshape(-1, 6, 3)
+    np.testing.assert_allclose(D.reshape(expected.shape), expected, atol=1e-9)

@@ -8,7 +8,6 @@ from readings import PLAN, STUDY
 from scipy.spatial.transform import Rotation
 
 from edtk.calibration import calibration_budget as module
-from edtk.calibration.error_budget import error_budget
 from edtk.calibration.fitted_data import FittedData
 from edtk.calibration.propagation import Propagation
 from edtk.calibration.uncertainty import Uncertainty
@@ -37,7 +36,8 @@ SURE = Uncertainty(0, 0, 0, 0, 0)
 
 def budget(**uncertain):
     """The parts for one source of uncertainty."""
-    return error_budget(MODEL, DATA, STUDY.tasks, K, FIT.covariance, replace(SURE, **uncertain))
+    sizes = replace(SURE, **uncertain)
+    return Propagation.of(MODEL, DATA, K, FIT.covariance, sizes).budget(STUDY.tasks)
 
 
 def noise(rng):
@@ -157,7 +157,7 @@ def test_a_known_joint_holds_a_heavier_load():
     study = STUDY.tasks.with_unknown(rest.joints)
     fit = Whitened.of(DATA.regressor(rest), DATA.sigma, rest.parameters)
     uncertain = replace(SURE, load_size=0.01)
-    found = error_budget(rest, DATA, study, K[1:], fit.covariance, uncertain, known=known)
+    found = Propagation.of(rest, DATA, K[1:], fit.covariance, uncertain, known=known).budget(study)
     without = A[..., :1] @ K[:1]
     error = fit.solve(1.01 * A @ K - without) - K[1:]
     assert found.load == pytest.approx(float(np.linalg.norm(study.target @ error)))
@@ -168,7 +168,8 @@ def test_a_prior_takes_its_part():
     """With a prior of an estimate, drift moves it as it moves the fit of all rows."""
     prior = PriorRows(np.diag(10 / K), np.full(len(K), 10.0))
     uncertain = replace(SURE, drift=5e-5)
-    found = error_budget(MODEL, DATA, STUDY.tasks, K, FIT.covariance, uncertain, prior=prior)
+    propagation = Propagation.of(MODEL, DATA, K, FIT.covariance, uncertain, prior=prior)
+    found = propagation.budget(STUDY.tasks)
     X = np.concatenate([(A / DATA.sigma[..., None]).reshape(-1, len(K)) * K, 10 * np.eye(len(K))])
     moved = []
     for axis in np.eye(3):

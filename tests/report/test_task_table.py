@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from edtk.inference.task_accuracy import TaskAccuracy
+from edtk.model.task_accuracy import TaskAccuracy
 from edtk.report.comparison.in_each_task import in_each_task
 from edtk.report.draw.task_errors import task_errors
 from edtk.report.task_section import task_section

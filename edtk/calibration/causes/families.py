@@ -6,7 +6,10 @@ from dataclasses import replace
 import numpy as np
 
 from edtk.calibration.causes.family import Family
+from edtk.calibration.whole_rows import whole_rows
+from edtk.inference.measured_points import measured_points
 from edtk.inference.measurements import Measurements
+from edtk.inference.translations import translations
 from edtk.model.elastostatic_model import ElastostaticModel
 from edtk.system.typing import Array
 
@@ -35,7 +38,7 @@ def families(model: ElastostaticModel, data: Measurements, A: Array, k: Array) -
     """
     yield _load_direction(model, data)
     yield from _tool(model, data)
-    yield _frame(A, k)
+    yield _frame(model, data, A)
     yield from _drifts(model, data, A)
     yield from _by_sign(model, data, A)
 
@@ -75,22 +78,38 @@ def _tool(model: ElastostaticModel, data: Measurements) -> Iterator[Family]:
 def _shown_by_tool(model: ElastostaticModel, data: Measurements) -> Array:
     """By how much readings grow (m, rows, 3) where the tool point moves along the tool's axes."""
     axes = np.moveaxis(model.frames(data.q).rotation, -1, 0)  # (m, axis of the tool, 3)
-    found = np.einsum("mrc,mac->mra", data.translations(model), axes)
+    found = np.einsum("mrc,mac->mra", translations(model, data), axes)
     for rows, sensor in data.instruments(model):
         if sensor.point.joint is not None:
             found[rows] = 0.0
     return found
 
 
-def _frame(A: Array, k: Array) -> Family:
-    """The measuring frame is turned about the world's axes."""
+def _frame(model: ElastostaticModel, data: Measurements, A: Array) -> Family:
+    """The measuring frame is turned about the world's axes.
+
+    So are displacements and rotations; and positions, where they are counted from the rigid robot.
+    Distances do not see it.
+    """
+    whole, own = whole_rows(model, data, A)
+    m, rows = A.shape[:2]
+    places = (
+        measured_points(model, data)[:, None, :, None] if data.absolute else np.zeros((m, 1, 3, 1))
+    )
 
     def predict(c: Array) -> tuple[Array, Array]:
-        turned = np.empty_like(A)
-        for first in range(0, A.shape[1], 3):
-            part = A[:, first : first + 3]
-            turned[:, first : first + 3] = np.moveaxis(_turned(c, np.moveaxis(part, 1, -1)), -1, 1)
-        return turned, np.zeros(A.shape[:2])
+        turned = np.moveaxis(_turned(c, np.moveaxis(whole, 2, -1)), -1, 2)
+        moved = np.moveaxis(_turned(c, np.moveaxis(places, 2, -1)), -1, 2) - places
+        offset = np.zeros((m, rows))
+        if own is None:
+            offset[:, :3] = moved[:, 0, :, 0]
+            return turned.reshape(A.shape), offset
+        seen = np.flatnonzero(own >= 0)
+        found = A.copy()
+        found[seen, 0] = turned[seen, 0, own[seen]]
+        lengths = seen[data.lengths[seen, 0]]
+        offset[lengths, 0] = moved[lengths, 0, own[lengths], 0]
+        return found, offset
 
     return Family("frame_rotation", "deg", DEGREES, 3, USUAL_TURN, predict)
 
@@ -98,7 +117,7 @@ def _frame(A: Array, k: Array) -> Family:
 def _drifts(model: ElastostaticModel, data: Measurements, A: Array) -> Iterator[Family]:
     """Something moves between the unloaded and the loaded reading: always, or more and more."""
     m = len(A)
-    shift = data.translations(model)
+    shift = translations(model, data)
     for growth in (np.ones(m), np.linspace(-1, 1, m)):
         moved = growth[:, None, None] * shift
 

@@ -25,7 +25,8 @@ def families_with_known(
     """List faults of the whole experiment, which change what known joints do, too.
 
     Unknown compliances take up a load of another size in full. Only where the compliance of some
-    joint is known, or something is known of the unknown ones, such a load is seen.
+    joint is known, or something is known of the unknown ones, or weights load the joints besides,
+    such a load is seen.
 
     Args:
         model: The robot with its calibration tool, and the measured rows.
@@ -37,7 +38,7 @@ def families_with_known(
     """
     if not known:
         yield from families(model, data, A, k)
-        if told:
+        if told or model.weights is not None:
             yield _load_size(model, data)
         return
     every = replace(model, unknown=(*model.joints, *known))

@@ -13,6 +13,7 @@ from edtk.design.relaxation.relaxed_plan import RelaxedPlan
 from edtk.model.error_budget import ErrorBudget
 from edtk.model.expected_error import ExpectedError
 from edtk.model.robot import Robot
+from edtk.model.task_accuracy import TaskAccuracy
 from edtk.system.presented import Presented
 from edtk.tables.in_file_units import in_file_units
 from edtk.tables.pose_table import WRENCH_COLUMNS
@@ -42,6 +43,7 @@ class ExactPlan(Presented):
             where no compliances are assumed.
         detections: The chances that faults would be noticed which somebody asked for.
         with_prior: Whether the study's prior counts beside the experiments.
+        tasks: Errors to expect in each of several test poses; None for one, or where nobody asked.
     """
 
     relaxed: RelaxedPlan
@@ -58,6 +60,7 @@ class ExactPlan(Presented):
     error_budget: ErrorBudget | None = None
     detections: tuple[Detection, ...] = ()
     with_prior: bool = False
+    tasks: TaskAccuracy | None = None
 
     @property
     def robot(self) -> Robot:
@@ -154,6 +157,7 @@ class ExactPlan(Presented):
             "budget_mm": None if self.error_budget is None else self.error_budget.to_dict(),
             "detect": [detection.to_dict() for detection in self.detections],
             **({"with_prior": True} if self.with_prior else {}),
+            **({} if self.tasks is None else {"tasks": self.tasks.to_dict()}),
             "plan": ([] if self.kept is None else self._rows(self.kept, kept=True))
             + self._rows(self.plan, kept=False),
             "exact": {

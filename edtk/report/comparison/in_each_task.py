@@ -1,6 +1,6 @@
 """What accuracy the largest plan promises in each of several test poses, and other plans beside."""
 
-from edtk.inference.task_accuracy import TaskAccuracy
+from edtk.model.task_accuracy import TaskAccuracy
 from edtk.report.markdown_table import markdown_table
 from edtk.report.task_table import task_sentence, task_table
 

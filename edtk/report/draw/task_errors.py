@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from edtk.inference.task_accuracy import TaskAccuracy
+from edtk.model.task_accuracy import TaskAccuracy
 from edtk.report.palette import BLUE, COLOURS, GREY, MARKERS, ORANGE
 from edtk.report.plain import plain
 from edtk.system.errors import shortened
