@@ -30,8 +30,8 @@ def place_frames(robot: Robot, fits: Fits, positions: Positions) -> Fits:
     U, size, V = _matched(points, positions.measured)
     flat = bool((size[:, 2] <= FLAT * size[:, 0]).any())
     tried = [
-        _placed(fits, frames, _rotation(U, V, signs), positions)
-        for signs in (product((1.0, -1.0), repeat=2) if flat else [(1.0, 1.0)])
+        _placed(fits, frames, _rotation(U, V, (first, second)), positions)
+        for first, second in (product((1.0, -1.0), repeat=2) if flat else [(1.0, 1.0)])
     ]
     best = tried[0]
     for other in tried[1:]:
