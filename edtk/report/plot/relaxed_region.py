@@ -31,15 +31,7 @@ def relaxed_region(found: RelaxedRegion, ax: Any = None) -> Any:
     Raises:
         UserError: The region has more than two variables.
     """
-    if found.region.size > 2:
-        raise UserError(
-            f"a region of {found.region.size} variables has no picture; expected one or two"
-        )
-    ax = panels(ax, 1, 1, (6.4, 4.0))[0, 0]
-    if found.region.size == 1:
-        _curve(found, ax)
-    else:
-        _map(found, ax)
+    ax = over_region(found, found.points, found.weights, "weight", ax)
     ax.set_title(
         f"{plain(found.criterion.label)} = {found.value:.5g}, bound {found.bound:.5g} "
         f"({found.kind.value})",
@@ -48,36 +40,60 @@ def relaxed_region(found: RelaxedRegion, ax: Any = None) -> Any:
     return ax
 
 
-def _curve(found: RelaxedRegion, ax: "Axes") -> None:
-    """The sensitivity over one variable, with a stem of its weight at each point."""
+def over_region(
+    found: RelaxedRegion, points: Array, shares: Array, label: str, ax: "Axes | None"
+) -> "Axes":
+    """Draw points over the sensitivity of a design.
+
+    Args:
+        found: The design.
+        points: Points (k, d).
+        shares: Their shares (k,) of the experiments.
+        label: What a share is called.
+        ax: Where to draw; a new figure where it is not given.
+
+    Raises:
+        UserError: The region has more than two variables.
+    """
+    if found.region.size > 2:
+        raise UserError(
+            f"a region of {found.region.size} variables has no picture; expected one or two"
+        )
+    axes: Axes = panels(ax, 1, 1, (6.4, 4.0))[0, 0]
+    draw = _curve if found.region.size == 1 else _map
+    draw(found, points, shares, label, axes)
+    return axes
+
+
+def _curve(found: RelaxedRegion, points: Array, shares: Array, label: str, ax: "Axes") -> None:
+    """The sensitivity over one variable, with a stem of its share at each point."""
     low, high = found.region.limits[:, 0]
     x = np.linspace(low, high, CURVE)
     ax.plot(x, _feasible(found, x[:, None]), color=BLUE, label="sensitivity / largest")
     ax.axhline(1.0, color=BLUE, linewidth=0.8, linestyle=":")
-    at = found.points[:, 0]
-    ax.vlines(at, 0, found.weights, color=ORANGE, linewidth=2)
-    ax.plot(at, found.weights, "o", color=ORANGE, label="weight", clip_on=False)
+    ax.vlines(points[:, 0], 0, shares, color=ORANGE, linewidth=2)
+    ax.plot(points[:, 0], shares, "o", color=ORANGE, label=label, clip_on=False)
     ax.set_ylim(bottom=0)
     ax.set_xlabel(plain(found.region.variables[0]))
     ax.legend(loc="best", fontsize=9)
 
 
-def _map(found: RelaxedRegion, ax: "Axes") -> None:
-    """The sensitivity over two variables, with a disc of its weight at each point."""
+def _map(found: RelaxedRegion, points: Array, shares: Array, label: str, ax: "Axes") -> None:
+    """The sensitivity over two variables, with a disc of its share at each point."""
     low, high = found.region.limits
     axes = [np.linspace(a, b, PICTURE) for a, b in zip(low, high, strict=True)]
     grid = np.stack(np.meshgrid(*axes), axis=-1)
     values = _feasible(found, grid.reshape(-1, 2)).reshape(grid.shape[:2])
     picture = ax.contourf(*axes, values, levels=np.linspace(0, 1, 11), cmap="viridis", extend="max")
     ax.scatter(
-        found.points[:, 0],
-        found.points[:, 1],
-        s=AREA * found.weights,
+        points[:, 0],
+        points[:, 1],
+        s=AREA * shares,
         color="w",
         edgecolor="k",
         clip_on=False,
         zorder=3,
-        label="points, area by weight",
+        label=f"points, area by {label}",
     )
     first, second = (plain(name) for name in found.region.variables)
     ax.set(xlabel=first, ylabel=second)

@@ -2,8 +2,10 @@
 
 import numpy as np
 
+from edtk.design.region import Region
 from edtk.design.relaxation.relaxed_region import RelaxedRegion
 from edtk.report.text_table import text_table
+from edtk.system.typing import Array
 
 SHOWN = 1e-6  # of a variable's range: what lies below is what a search leaves of a zero
 
@@ -33,10 +35,16 @@ def region_bounds(found: RelaxedRegion) -> list[str]:
 
 def region_rows(found: RelaxedRegion) -> tuple[list[str], list[list[str]]]:
     """Header and rows: the variables of a point, and its weight."""
+    rows = region_points(found.region, found.points)
+    weights = [f"{weight:.5f}" for weight in found.weights]
     header = [*found.region.variables, "weight"]
-    low, high = found.region.limits
+    return header, [[*row, weight] for row, weight in zip(rows, weights, strict=True)]
+
+
+def region_points(region: Region, points: Array) -> list[list[str]]:
+    """The variables of points (k, d), in words."""
+    low, high = region.limits
     unit = SHOWN * 10.0 ** np.ceil(np.log10(high - low))
     # Adding zero removes the sign of a zero.
-    shown = np.round(found.points / unit) * unit + 0.0
-    rows = [[f"{value:.6g}" for value in x] for x in shown]
-    return header, [[*row, f"{w:.5f}"] for row, w in zip(rows, found.weights, strict=True)]
+    shown = np.round(points / unit) * unit + 0.0
+    return [[f"{value:.6g}" for value in x] for x in shown]

@@ -1,0 +1,206 @@
+"""Exact plans in a region: exchange on a grid, then all points move to an optimum nearby."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from time import monotonic
+
+import numpy as np
+
+from criteria import Criterion
+from edtk.design.exact.apportion import apportion
+from edtk.design.exact.exchange import exchange
+from edtk.design.exact.refine import SHARPNESS, refine
+from edtk.design.exact.region_plan import RegionPlan
+from edtk.design.problem import Problem
+from edtk.design.region import Region
+from edtk.design.relaxation.onto_walls import onto_walls
+from edtk.design.relaxation.region_grid import RegionGrid
+from edtk.design.relaxation.relax_region import relax_region
+from edtk.system.errors import ArgumentError, UserError
+from edtk.system.typing import Array, Indices
+
+STARTS = 32
+GRID = 600  # points among which places are exchanged, besides those of the relaxation
+REFINED = 3  # plans of either kind that are refined one by one to the end
+APART = 24  # experiments up to which all plans are refined at once, each experiment as a point
+JITTER = 3e-3  # parts of a range by which repeats of a point are set apart
+ROUNDS = 4  # of exchange and refinement in turn; the second one seldom finds anything
+SAME = 1e-9  # relative difference of costs up to which two plans are one
+CLOSE = (0.03, 0.003, 1e-4)  # parts of a range up to which points are tried as one
+LOSS = 1e-9  # relative increase of the cost at which fewer points are still welcome
+FINE = (1000.0, 4000.0)  # last soft maxima of a criterion with kinks
+
+
+def plan_region(
+    region: Region,
+    size: int,
+    criterion: Criterion,
+    seed: int = 0,
+    starts: int | None = None,
+    progress: Callable[[str, float], object] = lambda stage, number: None,
+) -> RegionPlan:
+    """Find the best plan of some experiments in a region, and bound how much better any can be.
+
+    Starts are the apportioned weights of the relaxation, draws by these weights, and random points
+    of a grid. Exchanges bring each to a local optimum among the grid and the points of the
+    relaxation. The plans then leave the grid: all points of a plan move together (`refine`), once
+    with each experiment a point of its own and once with repeats kept. Points that end close are
+    one.
+
+    Args:
+        region: The region.
+        size: Number of experiments.
+        criterion: A criterion that can be relaxed.
+        seed: Seed of the starts; the same seed gives the same plan.
+        starts: Number of starts; defaults to 32.
+        progress: Called with the stage, and its gap or its best cost.
+
+    Raises:
+        ArgumentError: Size or starts are not positive.
+        UserError: No plan of so few experiments identifies all parameters.
+    """
+    number = STARTS if starts is None else starts
+    for name, given in (("size", size), ("starts", number)):
+        if given < 1:
+            raise ArgumentError("expected one or more", argument=name, given=given)
+    since = monotonic()
+    relaxed = relax_region(region, criterion, progress=progress)
+    search = _Search(region, criterion, np.random.default_rng(seed))
+    x = np.concatenate([relaxed.points, RegionGrid.of(region, GRID).x])
+    problem = region.problem(x)
+    places = search.starts(relaxed.weights, len(x), size, number)
+    # The points leave the grid afterwards, so that a look at all of it would be wasted on most.
+    places, costs = exchange(problem, criterion, places, thorough=False)
+    if not np.isfinite(costs).any():
+        raise UserError(
+            f"no plan of {size} experiments identifies what is asked for; expected more of them"
+        )
+    progress("exchange", float(np.min(costs)))
+    best = search.best_refined(x, places, costs)
+    progress("refine", best.cost)
+    order = np.lexsort(np.round(best.x, 9).T[::-1])
+    return RegionPlan(
+        relaxed=relaxed,
+        points=best.x[order],
+        counts=best.repeats[order].astype(int),
+        cost=best.cost,
+        starts=number,
+        found=int((costs <= costs.min() * (1 + SAME)).sum()),
+        seconds=monotonic() - since,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Plan:
+    """Points x (k, d) with whole repeats (k,), and the cost."""
+
+    x: Array
+    repeats: Array
+    cost: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Search:
+    """The parts of a search that stay the same."""
+
+    region: Region
+    criterion: Criterion
+    rng: np.random.Generator
+
+    def starts(self, weights: Array, n: int, size: int, number: int) -> Indices:
+        """Places (number, size) among n candidates, the first ones of which have weights."""
+        whole = np.repeat(np.arange(len(weights)), apportion(weights, size))
+        drawn = [whole]
+        for i in range(number - 1):
+            by_weight = self.rng.choice(len(weights), size, p=weights / weights.sum())
+            anywhere = self.rng.integers(n, size=size)
+            # From the relaxation's points alone to no weight on them, in turn.
+            keeps = self.rng.random(size) < 1 - (i % 4) / 3
+            drawn.append(np.where(keeps, by_weight, anywhere))
+        return np.array(drawn)
+
+    def best_refined(self, x: Array, places: Indices, costs: Array) -> _Plan:
+        """The best plan after refinement, and after exchanges for points of other plans."""
+        plans = self._different(x, places, costs)
+        apart = self._set_apart(plans) if places.shape[1] <= APART else []
+        apart.sort(key=lambda plan: plan.cost)
+        plans = [self._tidied(plan) for plan in (*apart[:REFINED], *plans[:REFINED])]
+        best = min(plans, key=lambda plan: plan.cost)
+        for _ in range(ROUNDS):
+            known = np.concatenate([best.x, *(plan.x for plan in plans), x])
+            start = np.repeat(np.arange(len(best.x)), best.repeats.astype(int))
+            again, cost = exchange(self.region.problem(known), self.criterion, start)
+            if not cost < best.cost * (1 - SAME):
+                break
+            best = self._tidied(self._grouped(known, again, float(cost)))
+        if self.criterion.smooth:
+            return best
+        return min(best, self._moved(best, FINE), key=lambda plan: plan.cost)
+
+    def _different(self, x: Array, places: Indices, costs: Array) -> list[_Plan]:
+        """The plans of finite cost whose costs differ, the best first."""
+        chosen: list[int] = []
+        for i in np.argsort(costs, kind="stable"):
+            is_new = not chosen or costs[i] > costs[chosen[-1]] * (1 + SAME)
+            if is_new and np.isfinite(costs[i]):
+                chosen.append(int(i))
+        return [self._grouped(x, places[i], float(costs[i])) for i in chosen]
+
+    def _set_apart(self, plans: list[_Plan]) -> list[_Plan]:
+        """The plans after each of their experiments has moved as a point of its own, all at once.
+
+        Repeats of a point begin a little apart: where they are, nothing would part them.
+        """
+        low, high = self.region.limits
+        each = np.array([np.repeat(plan.x, plan.repeats.astype(int), axis=0) for plan in plans])
+        off = each + JITTER * (high - low) * self.rng.uniform(-1, 1, each.shape)
+        once = np.ones(each.shape[:2])
+        x, costs = refine(self.region, self.criterion, np.clip(off, low, high), once)
+        return [_Plan(x[i], once[i], float(costs[i])) for i in range(len(plans))]
+
+    def _grouped(self, x: Array, places: Indices, cost: float) -> _Plan:
+        """A plan of places (size,), each point once."""
+        used, repeats = np.unique(places, return_counts=True)
+        return _Plan(x[used], repeats.astype(float), cost)
+
+    def _tidied(self, plan: _Plan) -> _Plan:
+        """The plan after a last refinement, with few points; never worse."""
+        best = min(plan, self._moved(plan), key=lambda each: each.cost)
+        for close in CLOSE:
+            fewer = self._merged(best, close)
+            if len(fewer.x) < len(best.x):
+                fewer = self._moved(fewer)
+                best = fewer if fewer.cost <= best.cost * (1 + LOSS) else best
+        return best
+
+    def _moved(self, plan: _Plan, sharpness: tuple[float, ...] = SHARPNESS) -> _Plan:
+        """The plan after one refinement, with its points on the walls that they almost touch."""
+        times = plan.repeats[None]
+        x = refine(self.region, self.criterion, plan.x[None], times, sharpness=sharpness)[0]
+        on_walls = onto_walls(self.region, x[0])
+        plans = [self._plan(points, plan.repeats) for points in (x[0], on_walls)]
+        best = min(plans, key=lambda each: each.cost)
+        # Walls are where people read a plan: they win where that costs nothing.
+        return plans[1] if plans[1].cost <= best.cost * (1 + LOSS) else best
+
+    def _plan(self, x: Array, repeats: Array) -> _Plan:
+        """A plan with its cost, inf where a point is not feasible."""
+        if not self.region.at(x).feasible.all():
+            return _Plan(x, repeats, np.inf)
+        problem: Problem = self.region.problem(x)
+        return _Plan(x, repeats, float(self.criterion.cost(problem.information(repeats))))
+
+    def _merged(self, plan: _Plan, close: float) -> _Plan:
+        """Points nearer than `close` as one, at the place of the one with most repeats."""
+        low, high = self.region.limits
+        y = (plan.x - low) / (high - low)
+        kept: list[int] = []
+        repeats: list[float] = []
+        for i in np.argsort(-plan.repeats, kind="stable"):
+            near = [j for j, k in enumerate(kept) if np.abs(y[i] - y[k]).max() <= close]
+            if near:
+                repeats[near[0]] += plan.repeats[i]
+            else:
+                kept.append(int(i))
+                repeats.append(float(plan.repeats[i]))
+        return _Plan(plan.x[kept], np.array(repeats), np.inf)

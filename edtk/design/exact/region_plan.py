@@ -1,0 +1,92 @@
+"""A plan of whole experiments at points of a region, and how far it is from the bound."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from criteria import Criterion
+from edtk.design.bound import Bound, printed_form
+from edtk.design.region import Region
+from edtk.design.relaxation.relaxed_region import RelaxedRegion
+from edtk.system.presented import Presented
+from edtk.system.typing import Array, Indices
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+@dataclass(frozen=True, eq=False)
+class RegionPlan(Presented):
+    """The best plan of some experiments in a region that a search has found.
+
+    Attributes:
+        relaxed: The relaxation that the search started from, with its bound.
+        points: Points (k, d), in the order of their variables.
+        counts: Number of experiments at each (k,).
+        cost: The criterion's cost of all experiments together.
+        starts: Number of starts of the search.
+        found: How many of them led to a plan as good as this one.
+        seconds: Duration of the search [s], the relaxation included.
+    """
+
+    relaxed: RelaxedRegion
+    points: Array
+    counts: Indices
+    cost: float
+    starts: int
+    found: int
+    seconds: float
+
+    def headline(self) -> str:
+        """Criterion, value, size and efficiency."""
+        return (
+            f"{self.criterion.label} = {self.value:.6g} with {self.size} experiments at "
+            f"{len(self.points)} points, efficiency {100 * self.efficiency:.2f} % "
+            f"({self.lower_bound.kind.value} bound)"
+        )
+
+    @property
+    def region(self) -> Region:
+        """The region."""
+        return self.relaxed.region
+
+    @property
+    def criterion(self) -> Criterion:
+        """What was minimised."""
+        return self.relaxed.criterion
+
+    @property
+    def size(self) -> int:
+        """Number of experiments."""
+        return int(self.counts.sum())
+
+    @property
+    def value(self) -> float:
+        """The criterion as its formula prints it, of all experiments together."""
+        return printed_form(self.cost, self.criterion.sense)
+
+    @property
+    def lower_bound(self) -> Bound:
+        """The bound on the cost of every plan of so many experiments."""
+        return self.relaxed.searched_bound.scaled(self.size)
+
+    @property
+    def bound(self) -> float:
+        """The bound in the criterion's printed form."""
+        return self.lower_bound.value
+
+    @property
+    def efficiency(self) -> float:
+        """``bound / cost`` as costs: one for a plan that cannot be improved."""
+        return self.lower_bound.efficiency(self.cost)
+
+    @property
+    def information(self) -> Array:
+        """Information matrix (p, p) of all experiments."""
+        return self.region.problem(self.points).information(self.counts)
+
+    def to_frame(self) -> "pd.DataFrame":
+        """Make a table with a point a row and its number of experiments in the last column."""
+        import pandas as pd
+
+        frame = pd.DataFrame(self.points, columns=list(self.region.variables))
+        return frame.assign(count=self.counts)

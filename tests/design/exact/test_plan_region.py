@@ -1,0 +1,115 @@
+"""Exact plans in regions: printed optima off any grid, laws, and what a person sees."""
+
+import numpy as np
+import pytest
+from matplotlib import pyplot
+
+import criteria
+from edtk.design.exact.plan_region import plan_region
+from edtk.design.region import Region
+from edtk.system.errors import ArgumentError, UserError
+
+D = criteria.create("D")
+
+
+def parabola(x):
+    """A full quadratic of two variables."""
+    u, v = x.T
+    return np.stack([np.ones_like(u), u, v, u**2, u * v, v**2], axis=-1)
+
+
+def poisson(x):
+    """Counts of mean exp(x)."""
+    root = np.exp(x[:, 0] / 2)
+    return np.stack([root, root * x[:, 0]], axis=-1)
+
+
+SQUARE = Region(parabola, [-1, -1], [1, 1])
+
+
+def test_box_and_draper_with_six():
+    """Box and Draper (Biometrika 58, 1971): three corners, (-d, -d), (1, 3d), (3d, 1).
+
+    With d = (4 - sqrt 13)/3 = 0.1315, up to the symmetries of the square.
+    """
+    d = (4 - np.sqrt(13)) / 3
+    points = np.array([[-1, -1], [1, -1], [-1, 1], [-d, -d], [1, 3 * d], [3 * d, 1]])
+    best = np.exp(2 * np.linalg.slogdet(parabola(points))[1] / 6)
+    r = plan_region(SQUARE, 6, D)
+    assert r.value == pytest.approx(best, rel=1e-8)
+    np.testing.assert_array_equal(r.counts, np.ones(6))
+    # The absolute coordinates are the same in all images of the plan.
+    found = np.sort(np.abs(r.points).ravel())
+    np.testing.assert_allclose(found, np.sort(np.abs(points).ravel()), atol=1e-5)
+
+
+def test_box_and_draper_with_seven():
+    """Printed: the corners, (-0.092, -0.092), (1, 0.067), (0.067, 1)."""
+    r = plan_region(SQUARE, 7, D)
+    expected = np.sort([*np.ones(8), 0.092, 0.092, 1, 0.067, 0.067, 1])
+    np.testing.assert_allclose(np.sort(np.abs(r.points).ravel()), expected, atol=6e-4)
+
+
+def test_nine_points_are_the_grid():
+    """With nine experiments the 3 x 3 grid is best: det M = 5184."""
+    r = plan_region(SQUARE, 9, D)
+    assert r.value == pytest.approx(5184 ** (1 / 6), rel=1e-9)
+    np.testing.assert_allclose(np.abs(r.points), np.round(np.abs(r.points)), atol=1e-7)
+
+
+@pytest.mark.parametrize("m", [2, 5, 8])
+def test_two_parameters_have_two_points(m):
+    """On two points det M is n (m - n) times the squared determinant of the rows: the points are
+    those of the relaxation, and the experiments are shared as evenly as possible.
+    """
+    region = Region(poisson, -10, 2)
+    r = plan_region(region, m, D)
+    # Points 0 and 2 = x_max - 2 and x_max; det of the rows is exp((0 + 2)/2) 2.
+    assert r.value == pytest.approx(2 * np.e * np.sqrt((m // 2) * (m - m // 2)), rel=1e-9)
+    np.testing.assert_allclose(r.points[:, 0], [0, 2], atol=1e-6)
+    assert r.counts.sum() == m
+    assert r.bound == pytest.approx(m * np.e, rel=1e-7)
+    assert r.efficiency == pytest.approx(r.value / r.bound)
+
+
+def test_points_stay_inside():
+    """On the disc a plan reaches its bound where weights are multiples of 1/m, and stays inside."""
+
+    def rows(x):
+        return np.column_stack([np.ones(len(x)), x])
+
+    region = Region(rows, [-1, -1], [1, 1], constraints=lambda x: 1 - (x**2).sum(axis=1))
+    r = plan_region(region, 6, D, starts=8)
+    assert np.linalg.norm(r.points, axis=1).max() <= 1 + 1e-9
+    assert r.efficiency == pytest.approx(1, abs=1e-6)
+
+
+def test_the_seed_decides():
+    """The same seed gives the same plan; the value hardly depends on it."""
+    first = plan_region(SQUARE, 8, D, seed=3, starts=12)
+    again = plan_region(SQUARE, 8, D, seed=3, starts=12)
+    other = plan_region(SQUARE, 8, D, seed=4, starts=12)
+    np.testing.assert_array_equal(first.points, again.points)
+    assert other.value == pytest.approx(first.value, rel=1e-3)
+
+
+def test_impossible_questions():
+    """Too few experiments, and numbers that are not positive, are named in one line."""
+    with pytest.raises(ArgumentError, match="size 0: expected one or more"):
+        plan_region(SQUARE, 0, D)
+    with pytest.raises(ArgumentError, match="starts 0: expected one or more"):
+        plan_region(SQUARE, 6, D, starts=0)
+    with pytest.raises(UserError, match="no plan of 5 experiments identifies"):
+        plan_region(SQUARE, 5, D, starts=2)
+
+
+def test_it_can_be_read_and_drawn():
+    """Text, table, notebook and picture show points and repeats, and what the bound rests on."""
+    region = Region(poisson, -10, 2, variables=("dose",))
+    r = plan_region(region, 5, D, starts=4)
+    assert "searched" in r.headline()
+    assert r.to_frame()["count"].tolist() == r.counts.tolist()
+    assert "dose" in r.summary()
+    assert "dose" in r._repr_html_()
+    assert "5 experiments" in r.plot().get_title()
+    pyplot.close("all")
