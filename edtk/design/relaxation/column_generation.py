@@ -15,6 +15,7 @@ from edtk.design.relaxation.first_active_set import first_active_set
 from edtk.design.relaxation.newton_weights import NewtonError, newton_weights, suits_newton
 from edtk.design.relaxation.restricted_master import (
     RelaxationError,
+    is_clearly_regular,
     regular_weights,
     restricted_master_for,
 )
@@ -186,7 +187,10 @@ class ColumnGeneration:
         own = sensitivities[step.active]
         mean = float(step.weights @ own)
         near = own > (1 - GAPS * max(gap, self.gap)) * mean
-        return np.asarray((step.weights > LIGHT * step.weights.max()) | near)
+        kept = np.asarray((step.weights > LIGHT * step.weights.max()) | near)
+        # The best design may be singular here too; light candidates keep the others regular.
+        part = self.problem[step.active[kept]].information(step.weights[kept])
+        return kept if is_clearly_regular(part) else np.ones_like(kept)
 
     def _step(
         self, active: Indices, start: Array, effort: _Effort, before: Step | None
@@ -228,6 +232,8 @@ class ColumnGeneration:
         # The design that the program is whitened by: near its optimum, and regular.
         if entering.any():
             around = 0.5 * (around + blocks[entering].mean(axis=0))
+        if not is_clearly_regular(around):
+            around = 0.5 * (around + self.problem.mean)
         program = restricted_master_for(self.criterion, around, size)
         try:
             return program.solve_by_first(blocks, solvers, effort.loose)

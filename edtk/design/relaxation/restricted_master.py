@@ -223,11 +223,16 @@ def regular_weights(
     raise RelaxationError(f"{solver}: the candidates leave a direction open")
 
 
+def is_clearly_regular(M: Array) -> bool:
+    """Whether a design M (p, p) is far enough from singular to whiten others."""
+    return bool(guarded_inverse(M, NEARLY_SINGULAR)[2])
+
+
 def _is_regular(criterion: Relaxable, M: Array) -> bool:
     """Whether a design M (p, p) can whiten the next program."""
     if not criterion.needs_all:
         # Its cost may be finite where M is singular, or too near to that to be whitened by.
-        return bool(guarded_inverse(M, NEARLY_SINGULAR)[2])
+        return is_clearly_regular(M)
     return bool(np.isfinite(criterion.cost(M)))
 
 
