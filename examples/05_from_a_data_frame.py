@@ -4,7 +4,7 @@ From a data frame
 
 Candidates often come as a table: what could be measured, a row each. This example chooses eight
 rows out of two hundred, so that a linear model with an interaction is estimated as well as
-possible.
+possible. Formulas need the package formulaic (`pip install 'edtk[frames]'`).
 """
 
 import numpy as np
@@ -23,25 +23,31 @@ table = pd.DataFrame(
 table.head()
 
 # %%
-# The model matrix: scale the columns to order one, then write one column for each parameter.
+# The model: columns that are scaled to order one, and their product. The columns of the model
+# matrix name the parameters.
 
-t = (table["temperature_C"] - 50) / 30
-p = (table["pressure_bar"] - 3) / 2
-model = pd.DataFrame({"1": 1.0, "temperature": t, "pressure": p, "interaction": t * p})
-problem = edtk.Problem(model.to_numpy()[:, None, :], parameters=tuple(model.columns))
+table["t"] = (table["temperature_C"] - 50) / 30
+table["p"] = (table["pressure_bar"] - 3) / 2
+problem = edtk.Problem.from_frame(table, "1 + t * p")
+problem.parameters
 
 # %%
-# Optimal weights give the bound; an exchange among the rows gives the plan.
+# Optimal weights give the bound, as rows of the table.
 
 design = edtk.relax(problem, "A")
+design.to_frame().round(3)
+
+# %%
+# The equivalence theorem as a picture: weight is only where the sensitivity is the largest.
+
+design.plot(x="t")
+
+# %%
+# An exchange among the rows gives the plan: the rows to measure, and how often.
+
 criterion = criteria.create("A")
 start = np.repeat(np.arange(problem.n), edtk.apportion(design.weights, 8))
 chosen, cost = edtk.exchange(problem, criterion, start)
 efficiency = design.bound / 8 / float(cost)
 print(f"efficiency {100 * efficiency:.1f} % of the best that is possible")
-
-# %%
-# The rows to measure, and how often.
-
-counts = pd.Series(chosen).value_counts().sort_index()
-table.loc[counts.index].assign(repeats=counts)
+problem.to_frame(np.bincount(chosen, minlength=problem.n), "repeats")

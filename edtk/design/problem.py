@@ -1,6 +1,7 @@
 """A design problem as arrays: the information of candidate experiments. It knows no robot."""
 
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,6 +14,11 @@ from edtk.design.packed_information import PackedInformation
 from edtk.design.rows import Rows
 from edtk.system.presented import Presented
 from edtk.system.typing import Array, Indices, Mask
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from edtk.design.frame_problem import FrameProblem
 
 
 class RankDeficientError(ValueError):
@@ -83,6 +89,48 @@ class Problem(Presented):
             whitened = A / scale[:, None]
             _require_finite(np.isfinite(np.einsum("irp,irp->i", whitened, whitened)))
         self._set(Rows.of(whitened), parameters, prior)
+
+    @classmethod
+    def from_frame(
+        cls,
+        frame: "pd.DataFrame",
+        formula: str,
+        sigma: ArrayLike = 1.0,
+        prior: ArrayLike | None = None,
+        experiment: str | None = None,
+    ) -> "FrameProblem":
+        """Make a problem of the rows of a data frame, each a candidate, and a model of its columns.
+
+        Formulas are those of the package formulaic: `1 + x + I(x**2)`, `x*z`, `C(group)`,
+        `np.log(x)`; as ever, squares need `I`, and there is a constant unless `0 +` says no. The
+        columns of the model matrix name the parameters.
+
+        Args:
+            frame: The candidates.
+            formula: The right-hand side of a formula.
+            sigma: Standard deviation of the noise, see `Problem`.
+            prior: Prior information (p, p), see `Problem`.
+            experiment: Column whose equal values join rows to one experiment of several
+                measurements; by default each row is an experiment.
+
+        Raises:
+            UserError: One line: formulaic is not installed, or formula and frame do not fit.
+
+        Example:
+            >>> import pandas as pd, edtk
+            >>> frame = pd.DataFrame({"x": [-1.0, -0.5, 0.0, 0.5, 1.0]})
+            >>> problem = edtk.Problem.from_frame(frame, "1 + x + I(x**2)")
+            >>> problem.parameters
+            ('Intercept', 'x', 'I(x ** 2)')
+            >>> edtk.relax(problem, "D").to_frame().round(4)
+                 x  weight
+            0 -1.0  0.3333
+            2  0.0  0.3333
+            4  1.0  0.3333
+        """
+        from edtk.design.frame_problem import FrameProblem  # it derives from this class
+
+        return FrameProblem(frame, formula, sigma, prior, experiment)
 
     @classmethod
     def of_information(

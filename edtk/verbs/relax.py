@@ -1,6 +1,7 @@
 """`edtk.relax`: the best weights over candidate experiments, with a bound on every design."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, overload
 
@@ -163,7 +164,8 @@ def _relax_problem(
 
     if isinstance(criterion, str):
         criterion = criteria.create(criterion)
-    return relax_candidates(problem, criterion.for_size(1 if size is None else size))
+    found = relax_candidates(problem, criterion.for_size(1 if size is None else size))
+    return replace(found, problem=problem)
 
 
 def _relax_region(

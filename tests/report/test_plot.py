@@ -4,6 +4,7 @@ import re
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from arm import ROBOT, arm
 from matplotlib import pyplot
@@ -11,6 +12,7 @@ from matplotlib.cbook import is_math_text
 from matplotlib.text import Text
 
 import criteria
+import edtk
 from edtk.calibration.calibration import Calibration
 from edtk.calibration.check_plan_posterior import check_plan_posterior
 from edtk.calibration.compensate import compensate
@@ -30,6 +32,7 @@ from edtk.report.draw.joint_variables import joint_variables
 from edtk.study.evaluate import evaluate
 from edtk.study.relax_study import relax_study
 from edtk.study.study import load_study
+from edtk.system.errors import ArgumentError
 from edtk.tables.compliances import Compliances
 
 STUDY = load_study(Path(__file__).parents[2] / "studies" / "kr270_milling.toml")
@@ -190,3 +193,53 @@ def test_no_name_is_taken_for_a_formula():
         assert not any(is_math_text(text) for text in texts if "frac" in text)
     three.figure.draw_without_rendering()
     pyplot.close("all")
+
+
+def candidates():
+    """A parabola over a data frame of 41 rows."""
+    pytest.importorskip("formulaic")
+    frame = pd.DataFrame({"dose": np.linspace(0, 10, 41), "batch": ["a"] * 41})
+    return edtk.Problem.from_frame(frame, "1 + dose + I(dose**2)")
+
+
+@pytest.mark.parametrize("name", ["D", "E", "O2", "O4"])
+def test_equivalence_theorem(name):
+    """The largest sensitivity is one, and the candidates that carry weight have it."""
+    design = edtk.relax(candidates(), name)
+    ax = design.plot()
+    curve = ax.get_lines()[0]
+    assert ax.get_xlabel() == "dose"
+    assert "sensitivity / largest" in ax.get_ylabel()
+    np.testing.assert_allclose(curve.get_xdata(), np.linspace(0, 10, 41))
+    heights = curve.get_ydata()
+    assert heights.max() == pytest.approx(1.0)
+    heavy = design.weights > 1e-3
+    np.testing.assert_allclose(heights[heavy], 1.0, atol=1e-4)
+    stems = ax.get_lines()[-1]
+    np.testing.assert_array_equal(stems.get_ydata(), design.weights[design.support])
+
+
+def test_equivalence_theorem_over_any_numbers():
+    """Candidates are drawn over their numbers, or over what is given; a million stay a picture."""
+    blocks = np.random.default_rng(0).normal(size=(20_000, 1, 2))
+    design = edtk.relax(edtk.Problem(blocks), "D")
+    ax = design.plot()
+    assert ax.get_xlabel() == "candidate"
+    assert len(ax.get_lines()[0].get_xdata()) == 5000
+    assert ax.get_lines()[0].get_ydata().max() == pytest.approx(1.0)
+    ax = design.plot(x=blocks[:, 0, 0])
+    assert ax.get_lines()[0].get_xdata()[0] == blocks[:, 0, 0].min()
+
+
+@pytest.mark.parametrize(
+    ("x", "expected"),
+    [("batch", "a column of numbers of the frame: dose"), ([1.0], "a number for each of 41")],
+)
+def test_places_that_candidates_do_not_have(x, expected):
+    """One line says what was expected."""
+    design = edtk.relax(candidates(), "D")
+    with pytest.raises(ArgumentError, match=expected):
+        design.plot(x=x)
+    plain = edtk.relax(edtk.Problem(np.eye(2)[:, None]), "D")
+    with pytest.raises(ArgumentError, match="do not come from a data frame"):
+        plain.plot(x="dose")

@@ -1,15 +1,20 @@
 """The result of a relaxation: weights of candidates with the proof of a bound."""
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from criteria import Relaxable
 from edtk.design.bound import Bound, printed_form
+from edtk.design.frame_problem import FrameProblem
 from edtk.design.problem import Problem
 from edtk.design.relaxation.normalised import normalised
 from edtk.system.presented import Presented
 from edtk.system.typing import Array, Indices
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,6 +29,7 @@ class Relaxation(Presented):
         multipliers: The proof of the bound (r, p, p), see `Relaxable.lower_bound`.
         solver: The solver that found the weights.
         iterations: Number of restricted master problems that were solved.
+        problem: The candidates; None where they are not kept.
     """
 
     criterion: Relaxable
@@ -33,6 +39,7 @@ class Relaxation(Presented):
     multipliers: Array
     solver: str
     iterations: int
+    problem: Problem | None = None
 
     def headline(self) -> str:
         """Criterion, value, number of candidates with weight, and gap."""
@@ -60,6 +67,18 @@ class Relaxation(Presented):
     def support(self) -> Indices:
         """Indices (k,) of the candidates that carry weight."""
         return np.flatnonzero(self.weights)
+
+    def to_frame(self) -> "pd.DataFrame":
+        """The candidates that carry weight, in the order of the problem, with their weights.
+
+        Candidates from a data frame are its rows; others are numbers from zero.
+        """
+        import pandas as pd
+
+        if isinstance(self.problem, FrameProblem):
+            return self.problem.to_frame(self.weights)
+        index = pd.Index(self.support, name="candidate")
+        return pd.DataFrame({"weight": self.weights[self.support]}, index=index)
 
     def certify(self, problem: Problem) -> tuple[float, float]:
         """Compute cost and bound anew from weights, multipliers and candidates alone.

@@ -1,0 +1,120 @@
+"""Candidates from data frames: formulas, names, experiments of several rows, and results back."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import criteria
+import edtk
+from edtk.system.errors import UserError
+
+pytest.importorskip("formulaic")
+
+X = np.linspace(-1, 1, 21)
+FRAME = pd.DataFrame({"x": X, "group": ["a", "b", "a"] * 7}, index=[f"row {i}" for i in range(21)])
+
+
+def test_formula_is_the_model_matrix():
+    """The rows are those of the formula, and the columns name the parameters."""
+    problem = edtk.Problem.from_frame(FRAME, "1 + x + I(x**2)", sigma=0.5)
+    assert problem.parameters == ("Intercept", "x", "I(x ** 2)")
+    expected = edtk.Problem(np.vander(X, 3, increasing=True)[:, None, :], sigma=0.5)
+    np.testing.assert_allclose(problem.mean, expected.mean, rtol=1e-14)
+    assert edtk.relax(problem, "D").value == pytest.approx(edtk.relax(expected, "D").value)
+
+
+def test_results_come_back_as_rows_of_the_frame():
+    """The rows that carry weight keep their columns and their names."""
+    problem = edtk.Problem.from_frame(FRAME, "1 + x + I(x**2)")
+    found = edtk.relax(problem, "D").to_frame()
+    assert found.index.tolist() == ["row 0", "row 10", "row 20"]
+    assert found.columns.tolist() == ["x", "group", "weight"]
+    np.testing.assert_allclose(found["weight"], 1 / 3, atol=1e-6)
+    counts = np.bincount([0, 0, 10], minlength=21)
+    assert problem.to_frame(counts, "repeats")["repeats"].tolist() == [2, 1]
+    named = edtk.Problem.from_frame(FRAME.assign(weight=3.0), "1 + x")
+    assert edtk.relax(named, "D").to_frame()["weight_"].sum() == pytest.approx(1)
+
+
+def test_without_a_frame_results_are_numbers_of_candidates():
+    """Candidates are counted from zero."""
+    problem = edtk.Problem(np.vander(X, 2, increasing=True)[:, None, :])
+    found = edtk.relax(problem, "D").to_frame()
+    assert found.index.name == "candidate"
+    assert found.index.tolist() == [0, 20]
+
+
+def test_categories_and_interactions():
+    """A factor takes a column for each level but the first."""
+    problem = edtk.Problem.from_frame(FRAME, "x * C(group)")
+    assert problem.parameters == ("Intercept", "x", "C(group)[T.b]", "x:C(group)[T.b]")
+
+
+def test_rows_of_one_experiment():
+    """Rows with the same value belong together; a shorter experiment has fewer measurements."""
+    frame = pd.DataFrame({"run": [7, 3, 7, 3, 3], "x": [1.0, 2, 3, 4, 5]})
+    problem = edtk.Problem.from_frame(frame, "0 + x", experiment="run")
+    np.testing.assert_allclose(problem.blocks().ravel(), [1 + 9, 4 + 16 + 25])
+    assert problem.frame["run"].tolist() == [7, 3]
+
+
+def test_regressors_at_other_places():
+    """The model at other rows is what a prediction variance is taken over, levels included."""
+    problem = edtk.Problem.from_frame(FRAME, "x + C(group)")
+    places = pd.DataFrame({"x": [5.0, 6.0], "group": ["b", "b"]})
+    np.testing.assert_allclose(problem.regressors(places), [[1, 5, 1], [1, 6, 1]])
+    c = criteria.create("I", points=problem.regressors(places))
+    assert edtk.relax(problem, c).gap < 1e-6
+
+
+@pytest.mark.parametrize(
+    ("frame", "formula", "expected"),
+    [
+        (FRAME, "1 + z", "formula: .*`z` is not present.* The frame has x, group"),
+        (FRAME, "1 + I(x", "formula: Formula ended before"),
+        (FRAME, "y ~ x", "right-hand side of a formula alone"),
+        (FRAME, 3, "right-hand side of a formula alone"),
+        (FRAME, "0", "formula: the formula has no terms"),
+        (FRAME.assign(x=np.nan), "x", "contains null values"),
+        (FRAME, "np.log(x + 1)", "is not finite in row row 0"),
+        (FRAME.iloc[:0], "x", "frame: expected a data frame with rows, not an empty one"),
+        ([1, 2], "x", "frame: expected a data frame with rows, not list"),
+    ],
+)
+@pytest.mark.filterwarnings("ignore:divide by zero")
+def test_wrong_frames_and_formulas_are_one_line(frame, formula, expected):
+    """The line names the argument and what was expected."""
+    with pytest.raises(UserError, match=expected) as caught:
+        edtk.Problem.from_frame(frame, formula)
+    assert "\n" not in str(caught.value)
+    assert "\x1b" not in str(caught.value)
+
+
+@pytest.mark.parametrize("experiment", ["runs", "gaps"])
+def test_wrong_column_of_experiments(experiment):
+    """It is there, and has a value in each row."""
+    frame = FRAME.assign(gaps=[np.nan, *range(20)])
+    with pytest.raises(UserError, match=r"experiment .*expected a column without gaps"):
+        edtk.Problem.from_frame(frame, "x", experiment=experiment)
+
+
+def test_names_of_the_calling_code_mean_nothing():
+    """A formula sees columns only."""
+    hidden = X  # noqa: F841, the formula must not see it
+    with pytest.raises(UserError, match="`hidden` is not present"):
+        edtk.Problem.from_frame(FRAME, "hidden")
+
+
+def test_without_formulaic_one_line_says_what_to_install():
+    """It is an extra, which nothing else needs."""
+    code = (
+        "import sys; sys.modules['formulaic'] = None\n"
+        "import edtk, pandas as pd\n"
+        "try: edtk.Problem.from_frame(pd.DataFrame({'x': [1.0]}), 'x')\n"
+        "except edtk.UserError as error: print(error)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip().endswith("pip install 'edtk[frames]'")
