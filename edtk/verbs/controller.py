@@ -46,11 +46,6 @@ def controller(
             read = (given for given in (robot, positions) if isinstance(given, str | Path))
             require_output(out, *read)
     arm = robot if isinstance(robot, Robot) else load_robot(str(robot), base=base, tip=tip)
-    if arm.tied:
-        message = (
-            f"joint {arm.tied[0].name} follows {arm.tied[0].master}; expected free joints only"
-        )
-        raise UserError(f"{message}: the search knows no ties yet", where=f"robot {arm.name}")
     table = positions
     if not isinstance(table, PositionTable):
         table = PositionTable.read(table, arm)

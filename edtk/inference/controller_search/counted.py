@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from edtk.inference.controller_search.ways_to_count import WayToCount
+from edtk.inference.controller_search.whole_turns import whole_turns
 from edtk.model.robot import Robot
 from edtk.system.typing import Array
 
@@ -58,10 +59,11 @@ class Counted:
             rms: What the fit leaves [m].
         """
         q = shown @ way.counting.T + offset
+        turning = whole_turns(robot)
         zero = np.zeros(robot.n)
         outside = 0
         for j, joint in enumerate(robot.joints):
-            turns = np.zeros(1) if joint.kind == "prismatic" else TURNS
+            turns = TURNS if turning[j] else np.zeros(1)
             of_leader = 0.0
             if way.follows is not None and way.follows.joint == j:
                 of_leader = way.follows.factor * zero[way.follows.leader]

@@ -10,6 +10,7 @@ from edtk.inference.controller_search.descend import descend
 from edtk.inference.controller_search.fits import Fits
 from edtk.inference.controller_search.place_frames import place_frames
 from edtk.inference.controller_search.positions import Positions
+from edtk.inference.controller_search.whole_turns import whole_turns
 from edtk.model.robot import Robot
 from edtk.system.typing import Array, Mask
 
@@ -57,11 +58,7 @@ def same_arms(robot: Robot, moving: Sequence[int] | None = None) -> tuple[SameAr
     moving = list(range(n)) if moving is None else list(moving)
     signs = np.ones((2 ** len(moving), n))
     signs[:, moving] = list(product((1.0, -1.0), repeat=len(moving)))
-    between = [j for j in moving[1:-1] if robot.joints[j].kind != "prismatic"]
-    steps = 4 if len(signs) * 4 ** len(between) <= MOST else 2
-    turns = np.deg2rad(np.arange(steps) * 360 / steps)
-    offsets = np.zeros((steps ** len(between), n))
-    offsets[:, between] = list(product(turns, repeat=len(between)))
+    offsets = _offsets(robot, moving, MOST // len(signs))
     q = _poses(n, moving, 0)
     own = _invariants(robot, q[None])[0]
     found = []
@@ -76,6 +73,40 @@ def same_arms(robot: Robot, moving: Sequence[int] | None = None) -> tuple[SameAr
     turn = fits.turn.copy()
     turn[0] = np.eye(3)
     return tuple(SameArm(sign[i], offset[i], turn[i]) for i in sorted(first.values()))
+
+
+def _offsets(robot: Robot, moving: list[int], most: int) -> Array:
+    """Offsets (o, n) that are tried: quarter turns, or half turns where these are too many.
+
+    Of the first joint and the last one base and tool take up any offset, unless others follow them.
+    Where one follows that has the variable c while its master is at zero, the image of both in a
+    mirror has an offset of the master of ``-2 c / factor``.
+    """
+    masters = {robot.joint_names.index(tied.master) for tied in robot.tied}
+    between = [
+        j
+        for j in moving
+        if robot.joints[j].kind != "prismatic"
+        and (j in masters or j not in (moving[0], moving[-1]))
+    ]
+    for steps in (4, 2):
+        turns = [_turns_of(robot, j, steps) for j in between]
+        if np.prod([float(len(one)) for one in turns]) <= most:
+            break
+    tried = list(product(*turns))
+    offsets = np.zeros((len(tried), robot.n))
+    offsets[:, between] = tried
+    return offsets
+
+
+def _turns_of(robot: Robot, j: int, steps: int) -> list[float]:
+    """Offsets of one joint [rad]; whole turns among them, where these make a difference."""
+    first = 0 if whole_turns(robot)[j] else -steps
+    last = steps if whole_turns(robot)[j] else steps + 1
+    turns = np.deg2rad(np.arange(first, last) * 360 / steps).tolist()
+    turns.sort(key=abs)  # the robot's own way comes first
+    followers = [tied for tied in robot.tied if tied.master == robot.joint_names[j]]
+    return [*turns, *(-2 * tied.offset / tied.factor for tied in followers if tied.offset)]
 
 
 def _poses(n: int, moving: list[int], seed: int) -> Array:

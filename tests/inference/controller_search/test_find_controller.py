@@ -19,6 +19,7 @@ from edtk.model.load_robot import load_robot
 from edtk.model.robot import Robot
 from edtk.model.robot_from_dict import robot_from_dict
 from edtk.model.robot_to_dict import robot_to_dict
+from edtk.model.tied_joint import TiedJoint
 from edtk.system.errors import UserError
 from edtk.system.json_text import json_text
 from edtk.system.typing import Array
@@ -97,6 +98,46 @@ def test_signs_zeros_and_coupling_are_found() -> None:
     assert found.second is not None
     assert found.second.rms > 20 * found.best.rms
     assert (found.coordinates, found.unknowns) == (24, 11)
+
+
+def with_ties(robot: Robot, *ties: tuple[str, str, float, float]) -> Robot:
+    """The same chain, of which some joints follow others by a factor and an offset."""
+    followers = []
+    for name, master, factor, offset in ties:
+        place = robot.joint_names.index(name)
+        one = robot.joints[place]
+        followers.append(
+            TiedJoint(name, one.origin, one.axis, one.kind, place, master, factor, offset)
+        )
+    names = [one.name for one in followers]
+    joints = tuple(joint for joint in robot.joints if joint.name not in names)
+    return replace(robot, joints=joints, tied=tuple(followers))
+
+
+@pytest.mark.parametrize(
+    "ties",
+    [
+        [("q3", "q2", -1.0, 0.5)],  # a parallelogram
+        [("q5", "q3", -1.0, 0.3)],  # the tip follows
+        [("q4", "q1", 0.5, 0.2)],  # a whole turn of the first joint makes a difference
+        [("q3", "q2", 2.0, -0.3), ("q5", "q4", 1.0, 0.0)],
+    ],
+)
+def test_joints_that_follow_others_move_with_them(
+    ties: list[tuple[str, str, float, float]],
+) -> None:
+    """Signs and zeros of the free joints are found, and followers need none of their own."""
+    robot = with_ties(arm(*ELBOW, ([0.2, 0, 0], [0, 1, 0])), *ties)
+    names = robot.joint_names
+    zeros = dict(zip(names, (20.0, -38.6, 57.3, -21.0), strict=False))
+    table = {"sign": {names[1]: -1}, "zero_deg": zeros}
+    robot = robot_from_dict(robot_to_dict(robot) | {"controller": table})
+    found = find_controller(robot, measured(robot, 9, 2))
+    assert found.clear
+    assert found.best.rms < 1.2e-4
+    assert_found(found, robot)
+    assert set(found.best.table()["zero_deg"]) == set(names) - set(found.untold)
+    assert names[1] not in found.untold
 
 
 def test_nothing_to_say_where_the_controller_counts_as_the_model() -> None:
