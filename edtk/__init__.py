@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from edtk.certificate.verification import Verification as Verification
     from edtk.design.bound import Bound as Bound
     from edtk.design.exact.apportion import apportion as apportion
+    from edtk.design.exact.counts.problem_plan import ProblemPlan as ProblemPlan
     from edtk.design.exact.exact_plan import ExactPlan as ExactPlan
     from edtk.design.exact.exchange import exchange as exchange
     from edtk.design.plan import Plan as Plan
@@ -102,6 +103,7 @@ _HOME = {
     "Region": "edtk.design.region",
     "several_models": "edtk.design.several_models",
     "Relaxation": "edtk.design.relaxation.relaxation",
+    "ProblemPlan": "edtk.design.exact.counts.problem_plan",
     "RelaxedRegion": "edtk.design.relaxation.relaxed_region",
     "apportion": "edtk.design.exact.apportion",
     "exchange": "edtk.design.exact.exchange",

@@ -1,24 +1,32 @@
 """`edtk.plan`: the best plan of exactly m experiments."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, overload
+
+from numpy.typing import ArrayLike
 
 from edtk.design.exact.exact_plan import ExactPlan
+from edtk.design.problem import Problem
 from edtk.study.plan_study import plan_study
 from edtk.study.run_options import Progress, RunOptions, no_progress
 from edtk.study.study import Study
 from edtk.system.atomic_file import Content, write_files
+from edtk.system.errors import ArgumentError
 from edtk.tables.csv_text import csv_text
 from edtk.verbs.inputs import PlanLike, StudyLike, as_plan, as_study, errors_in
+from edtk.verbs.plan_problem import plan_problem
 from edtk.verbs.require_output import require_different, require_output
 from edtk.verbs.workers_for import workers_for
 
 if TYPE_CHECKING:
+    from criteria import Criterion
     from edtk.calibration.detect import SizedFault
+    from edtk.design.exact.counts.problem_plan import ProblemPlan
 
 
+@overload
 def plan(
     study: StudyLike,
     size: int,
@@ -34,20 +42,83 @@ def plan(
     out: Path | str | None = None,
     certificate: Path | str | None = None,
     detect: Mapping[str, str] | None = None,
+    progress: Progress = ...,
+) -> ExactPlan: ...
+
+
+@overload
+def plan(
+    study: Problem,
+    size: int | None = None,
+    criterion: "Criterion | str | None" = None,
+    seed: int | None = None,
+    *,
+    starts: int | None = None,
+    keep: ArrayLike | Problem | None = None,
+    most: ArrayLike | None = None,
+    costs: ArrayLike | None = None,
+    cost_budget: float | None = None,
+    blocks: Sequence[int] | None = None,
+    block_variance: float = ...,
+    progress: Progress = ...,
+) -> "ProblemPlan": ...
+
+
+def plan(
+    study: StudyLike | Problem,
+    size: int | None = None,
+    criterion: "Criterion | str | None" = None,
+    seed: int | None = None,
+    *,
+    starts: int | None = None,
+    most: ArrayLike | None = None,
+    costs: ArrayLike | None = None,
+    cost_budget: float | None = None,
+    blocks: Sequence[int] | None = None,
+    block_variance: float = float("inf"),
+    keep: PlanLike | ArrayLike | Problem | None = None,
+    distinct: int | None = None,
+    exclude: Path | str | None = None,
+    budget: float | None = None,
+    workers: int | None = None,
+    dask: str | None = None,
+    out: Path | str | None = None,
+    certificate: Path | str | None = None,
+    detect: Mapping[str, str] | None = None,
     progress: Progress = no_progress,
-) -> ExactPlan:
+) -> "ExactPlan | ProblemPlan":
     """Search for the best plan of `size` experiments, and bound how much better any plan can be.
 
     The same seed gives the same plan on any number of workers. Ctrl-C, or the end of the budget,
     returns the best plan so far; `.ended` says so.
 
+    A `Problem` of arrays is searched over its candidates: plans from random places and from the
+    weights of the relaxation are improved by exchanges. The second list of arguments is about such
+    plans, the third about those of studies.
+
     Args:
-        study: A study, or the path of a study file.
-        size: Number of experiments m; kept experiments count.
-        criterion: Name of the criterion to optimise; defaults to the study's main criterion.
-        seed: Seed of the search; defaults to the study's.
+        study: A study, the path of a study file, or a `Problem`.
+        size: Number of experiments m; kept experiments count. A problem with a budget of costs
+            needs none.
+        criterion: Name of the criterion to optimise; defaults to the study's main criterion. A
+            problem takes an object as well, and defaults to "D".
+        seed: Seed of the search; defaults to the study's, and to 0 for a problem.
+        keep: A plan (or its CSV file) of experiments that were made already. For a problem:
+            indices of candidates, each as often as it was measured, or another `Problem` of which
+            every candidate was measured once.
+        progress: Called with a line about the current step, and its gap or its best cost.
+
+        starts: Number of starts; by default as many as bring improvements, and as many again.
+        most: How often each candidate may be measured, kept ones counted: a number (n,) for each,
+            or one for all; 1 is a plan without replacement. Defaults to no limit.
+        costs: Costs (n,) of one experiment with each candidate.
+        cost_budget: What the new experiments may cost together.
+        blocks: Sizes of the blocks in which the experiments are made, each with an unknown effect
+            of its own on all its readings. It is nuisance: only what differs within blocks counts.
+        block_variance: Variance of random effects of blocks, in units of the noise; infinite, the
+            default, are fixed effects, of which nothing is known.
+
         distinct: Distinct new poses at most; defaults to p(p+1)/2 + 1 for p parameters.
-        keep: A plan (or its CSV file) of experiments that were made already.
         exclude: A plan (CSV file) of poses to stay away from.
         budget: Seconds after which the search ends [s]; defaults to no limit.
         workers: Processes on this machine; defaults to one a core.
@@ -56,10 +127,10 @@ def plan(
         certificate: File to write what proves the numbers to (JSON), for `edtk.verify`; likewise.
         detect: Sizes of faults like {"tool_z": "5mm", "load_direction": "2deg"}: the plan tells how
             likely each would be noticed, and the experiment that would help most.
-        progress: Called with a line about the current step, and its gap or its best cost.
 
     Returns:
-        The plan with its `.value`, its `.bound`, and its `.efficiency` between 0 and 1.
+        The plan with its `.value`, its `.bound`, and its `.efficiency` between 0 and 1. That of a
+        problem has the `.counts` (n,) of the candidates.
 
     Raises:
         UserError: One line that says what cannot be done, and where.
@@ -68,7 +139,76 @@ def plan(
         >>> import edtk
         >>> found = edtk.plan("studies/kr270_milling.toml", size=4)  # doctest: +SKIP
         >>> found.plan.to_csv("plan.csv", found.robot)  # doctest: +SKIP
+
+        Six measurements of a parabola, at eleven places:
+
+        >>> import numpy as np
+        >>> x = np.linspace(-1.0, 1.0, 11)
+        >>> parabola = edtk.Problem(np.stack([np.ones(11), x, x**2], axis=-1)[:, None, :])
+        >>> edtk.plan(parabola, size=6, criterion="D").counts
+        array([2, 0, 0, 0, 0, 2, 0, 0, 0, 0, 2])
     """
+    of_problem = {
+        "starts": starts,
+        "most": most,
+        "costs": costs,
+        "cost_budget": cost_budget,
+        "blocks": blocks,
+    }
+    of_study = {
+        "distinct": distinct,
+        "exclude": exclude,
+        "budget": budget,
+        "workers": workers,
+        "dask": dask,
+        "out": out,
+        "certificate": certificate,
+        "detect": detect,
+    }
+    if isinstance(study, Problem):
+        _require_none(of_study, "a problem of arrays")
+        return plan_problem(
+            study,
+            size,
+            "D" if criterion is None else criterion,
+            0 if seed is None else seed,
+            keep=keep,  # type: ignore[arg-type]
+            block_variance=block_variance,
+            progress=progress,
+            **of_problem,  # type: ignore[arg-type]
+        )
+    _require_none(of_problem, "a study")
+    if size is None:
+        raise ArgumentError("expected the number of experiments", argument="size")
+    name = criterion if criterion is None or isinstance(criterion, str) else criterion.name
+    return _plan_study(study, size, name, seed, keep, progress, **of_study)  # type: ignore[arg-type]
+
+
+def _require_none(options: Mapping[str, object], what: str) -> None:
+    """Check that options of another kind of question are not given."""
+    for name, value in options.items():
+        if value is not None:
+            raise ArgumentError(f"is not for plans of {what}", argument=name)
+
+
+def _plan_study(
+    study: StudyLike,
+    size: int,
+    criterion: str | None,
+    seed: int | None,
+    keep: PlanLike | None,
+    progress: Progress,
+    *,
+    distinct: int | None,
+    exclude: Path | str | None,
+    budget: float | None,
+    workers: int | None,
+    dask: str | None,
+    out: Path | str | None,
+    certificate: Path | str | None,
+    detect: Mapping[str, str] | None,
+) -> ExactPlan:
+    """The plan of a study, and its files."""
     question = as_study(study) if exclude is None else as_study(study).excluding(exclude)
     faults = _faults(question, detect or {})
     kept = None if keep is None else as_plan(question, keep)

@@ -1,0 +1,138 @@
+"""Prices for every criterion, and for candidates of any number of rows."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from criteria import Criterion
+from edtk.design.exact.counts.limits import Limits
+from edtk.design.exact.counts.prices import Prices, Pricing
+from edtk.design.exact.counts.scatter import Scatter
+from edtk.design.exact.exchange_costs import exchange_costs
+from edtk.system.typing import Array, Indices, Mask
+
+AT_ONCE = 400_000  # entries of matrices that are updated together
+MOST_AT_ONCE = 64  # plans
+SHORTLISTS = (16, 64)  # numbers of candidates that are tried first, then next
+# Soft maximum whose gradient ranks the candidates for a criterion with kinks.
+GUIDE_SHARPNESS = 30.0
+
+
+@dataclass(frozen=True, eq=False)
+class AnyPricing(Pricing):
+    """Costs of exchanges by low-rank updates of the covariance, see `exchange_costs`.
+
+    Candidates of large sensitivity are tried first, all of them only when those no longer help.
+
+    Attributes:
+        criterion: The criterion to minimise.
+        scatter: The candidates' rows; a candidate of zeros at the end stands for an empty place.
+        mean: Mean information (p, p) of the candidates.
+    """
+
+    criterion: Criterion
+    scatter: Scatter
+    mean: Array
+    kicks = 2
+    patience = 32
+
+    def effort(self, limits: Limits) -> float:
+        """Some ten sweeps over short lists, and a few over all candidates, with p^2 for each."""
+        n, r, p = self.scatter.rows.shape
+        return 20.0 * limits.m * (SHORTLISTS[0] + n) * r * p * p
+
+    @property
+    def limits(self) -> Limits:
+        """What a plan must obey."""
+        return self.scatter.limits
+
+    @property
+    def candidates(self) -> int:  # type: ignore[override]
+        """Number of candidates without the empty place."""
+        n = len(self.scatter.rows)
+        return n if self.limits.sized else n - 1
+
+    @property
+    def batch(self) -> int:  # type: ignore[override]
+        """Number of plans whose shortlists are priced together."""
+        p = len(self.mean)
+        return int(min(MOST_AT_ONCE, max(1, AT_ONCE // (SHORTLISTS[0] * p * p))))
+
+    @property
+    def rounds(self) -> tuple[int, ...]:  # type: ignore[override]
+        """Lengths of the shortlists, the last one of all candidates."""
+        n = len(self.scatter.rows)
+        return (*(size for size in SHORTLISTS if size < n), n)
+
+    def information(self, places: Indices, ridge: float) -> Array:
+        """Information (b, p, p) of plans (b, m)."""
+        M = self.scatter.information(places)
+        return M + ridge * self.limits.m * self.mean if ridge else M
+
+    def prices(self, places: Indices, ridge: float, size: int) -> "AnyPrices":
+        """Prices of plans (b, m) for the candidates of largest sensitivity."""
+        return AnyPrices(self, places.copy(), ridge, size)
+
+
+class AnyPrices(Prices):
+    """Prices of plans on their way, see `AnyPricing`."""
+
+    def __init__(self, pricing: AnyPricing, places: Indices, ridge: float, size: int) -> None:
+        self.pricing = pricing
+        self.places = places
+        self.ridge = ridge
+        self.size = size
+        self.guide = pricing.criterion.smoothed(GUIDE_SHARPNESS)
+        self.M = pricing.information(places, ridge)
+        self.costs = np.asarray(pricing.criterion.cost(self.M)).reshape(-1)
+
+    def best(self, place: int, allowed: Mask | None) -> tuple[Indices, Array]:
+        """The candidate of the least cost, and the relative decrease."""
+        scatter = self.pricing.scatter
+        rest, center, scale = scatter.without(self.M, self.places, place)
+        candidates = self._candidates(center, scale, allowed)
+        width = candidates.shape[1]
+        entries = rest.size * width
+        least = np.full(len(rest), np.inf)
+        new = self.places[:, place].copy()
+        each = np.arange(len(rest))
+        for part in np.array_split(candidates, -(-entries // AT_ONCE), axis=1):
+            factors = np.sqrt(scale) * (scatter.rows[part] - center[:, None])
+            joined = np.swapaxes(factors, -1, -2) @ factors
+            times = np.ones(len(rest))
+            costs = exchange_costs(self.pricing.criterion, rest, joined, factors, times)
+            if allowed is not None:
+                costs = np.where(np.take_along_axis(allowed, part, axis=1), costs, np.inf)
+            lowest = np.nanargmin(np.where(np.isnan(costs), np.inf, costs), axis=1)
+            better = costs[each, lowest] < least
+            new[better] = part[each, lowest][better]
+            least[better] = costs[each, lowest][better]
+        with np.errstate(invalid="ignore"):
+            gain = np.where(np.isinf(self.costs), np.where(np.isfinite(least), 1.0, 0.0), 0.0)
+            finite = np.isfinite(self.costs)
+            gain[finite] = 1.0 - least[finite] / self.costs[finite]
+        return new, gain
+
+    def _candidates(self, center: Array, scale: float, allowed: Mask | None) -> Indices:
+        """Candidates (b, size) of largest sensitivity, or all of them."""
+        rows = self.pricing.scatter.rows
+        n = len(rows)
+        every = np.broadcast_to(np.arange(n), (len(center), n))
+        # A singular plan has no gradient, and therefore no short list.
+        if self.size >= n or not np.isfinite(self.costs).all():
+            return every
+        G = -self.guide.gradient(self.M)
+        flat = rows.reshape(n, -1)
+        # <G, (U - c)'(U - c)> without the term that is the same for all candidates.
+        squares = ((rows @ G[:, None]) * rows).sum(axis=(-2, -1))
+        cross = (center @ G).reshape(len(G), -1) @ flat.T
+        sensitivities = scale * (squares - 2 * cross)
+        if allowed is not None:
+            sensitivities = np.where(allowed, sensitivities, -np.inf)
+        return np.argpartition(-sensitivities, self.size, axis=1)[:, : self.size]
+
+    def replace(self, which: Indices, place: int, new: Indices) -> None:
+        """Take over an exchange; information and costs are computed anew, without a drift."""
+        self.places[which, place] = new
+        self.M[which] = self.pricing.information(self.places[which], self.ridge)
+        self.costs[which] = np.asarray(self.pricing.criterion.cost(self.M[which])).reshape(-1)

@@ -1,0 +1,164 @@
+"""The search for the best plan of whole experiments on the candidates of a problem."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from time import monotonic
+
+import numpy as np
+
+from criteria import Criterion
+from edtk.design.bound import Bound, BoundKind
+from edtk.design.exact.counts.beside_blocks import Question, beside_blocks
+from edtk.design.exact.counts.counts_search import CountsSearch
+from edtk.design.exact.counts.limits import Limits
+from edtk.design.exact.counts.pricing_for import pricing_for, working_parameters
+from edtk.design.exact.counts.problem_plan import ProblemPlan
+from edtk.design.exact.counts.relaxed_counts import RelaxedCounts, relaxed_counts, within_limits
+from edtk.design.exact.counts.scatter import Scatter
+from edtk.design.problem import Problem, RankDeficientError
+from edtk.design.relaxation.restricted_master import RelaxationError
+from edtk.system.errors import UserError
+from edtk.system.typing import Indices
+
+Progress = Callable[[int, float], object]
+
+
+def find_counts(
+    problem: Problem,
+    criterion: Criterion,
+    limits: Limits,
+    kept: Indices,
+    elsewhere: int = 0,
+    seed: int = 0,
+    starts: int | None = None,
+    progress: Progress = lambda starts, cost: None,
+) -> ProblemPlan:
+    """Search for the best plan within limits, and bound how much better any plan can be.
+
+    From random places, and from places drawn by the weights of the relaxation, plans are improved
+    by exchanges (`descend_places`), kicked out of their local optimum a few times, and improved
+    again. The same seed gives the same plan.
+
+    Args:
+        problem: The candidates; its prior is part of `Limits.base` already.
+        criterion: The criterion to minimise.
+        limits: Size, limits on counts, costs, blocks, and what every plan has.
+        kept: How often each candidate was measured already (n,); counts of the result have it too.
+        elsewhere: Number of kept experiments that are none of the candidates.
+        seed: Seed.
+        starts: Number of starts; None to go on until nothing better is found.
+        progress: Called with the number of starts so far and the best cost.
+
+    Raises:
+        UserError: No plan of so few experiments was found that identifies all parameters.
+        RankDeficientError: No plan of these candidates identifies all parameters.
+    """
+    since = monotonic()
+    bare = problem.with_prior(None)
+    plain = criterion.without_prior
+    if criterion.precision is not None:
+        limits = replace(limits, base=limits.base + criterion.precision)
+    bare.with_prior(limits.base / limits.m).require_identifiable(plain)
+    question = beside_blocks(bare, plain, limits)
+    _require_beside_blocks(question, limits, problem)
+    relaxed = _relaxed(question)
+    search = _search(bare, plain, limits, relaxed)
+    found = search.run(seed, starts, progress)
+    cost = float(search.criterion.cost(search.scatter.information(found.places[None])[0]))
+    _require_regular(cost, limits, problem)
+    counts = limits.counts(found.places[None], problem.n)[0]
+    if relaxed is not None and question is not None:
+        relaxed = within_limits(relaxed, *question, counts.astype(float))
+    return ProblemPlan(
+        problem=problem,
+        criterion=criterion,
+        counts=counts + kept,
+        cost=cost,
+        lower_bound=_bound(criterion, relaxed),
+        basis="no bound" if relaxed is None else relaxed.basis,
+        starts=found.starts,
+        found=found.found,
+        ended=found.ended,
+        seconds=monotonic() - since,
+        kept=kept,
+        elsewhere=elsewhere,
+        block_counts=_by_block(found.places, limits, problem.n),
+        spent=None if limits.costs is None else float(limits.costs @ counts),
+    )
+
+
+def _require_beside_blocks(question: Question | None, limits: Limits, problem: Problem) -> None:
+    """Check that effects of blocks leave what the criterion needs to be told."""
+    if question is None or not limits.blocks:
+        return
+    extended, criterion, free = question
+    M = extended.mean + free.base / free.m
+    names = (*problem.parameters, *(f"effect {i + 1}" for i in range(extended.p - problem.p)))
+    missing = criterion.missing(M, names)
+    if missing:
+        raise RankDeficientError(
+            f"beside fixed effects of blocks nothing tells {' or '.join(missing)}: leave such "
+            "parameters out of the model, or give a block_variance"
+        )
+
+
+def _relaxed(question: Question | None) -> RelaxedCounts | None:
+    """The relaxation, if there is one."""
+    if question is None:
+        return None
+    try:
+        return relaxed_counts(*question)
+    except RelaxationError:
+        return None
+
+
+def _search(
+    bare: Problem, criterion: Criterion, limits: Limits, relaxed: RelaxedCounts | None
+) -> CountsSearch:
+    """The search, in parameters of order one."""
+    rows = bare.factors()
+    T = working_parameters(criterion.plan_criterion, rows, limits)
+    transformed = criterion.transformed(T)
+    if transformed is None:
+        T = np.eye(bare.p)
+        transformed = criterion
+    mean = T.T @ (bare.mean + limits.base / limits.m) @ T
+    rows = rows @ T
+    if not limits.sized:
+        rows = np.concatenate([rows, np.zeros((1, *rows.shape[1:]))])
+    scatter = Scatter(rows, replace(limits, base=T.T @ limits.base @ T))
+    return CountsSearch(
+        criterion=transformed,
+        scatter=scatter,
+        pricing=pricing_for(transformed.plan_criterion, scatter, mean),
+        mean=mean,
+        relaxed=np.zeros(bare.n) if relaxed is None else relaxed.counts,
+        bound=0.0 if relaxed is None else relaxed.cost,
+    )
+
+
+def _require_regular(cost: float, limits: Limits, problem: Problem) -> None:
+    """Check that the best plan identifies what the criterion needs."""
+    if np.isfinite(cost):
+        return
+    blocks = f" in {len(limits.blocks)} blocks" if limits.blocks else ""
+    raise UserError(
+        f"no plan of {limits.m} new experiments{blocks} was found that identifies the "
+        f"{problem.p} parameters; more are needed"
+    )
+
+
+def _bound(criterion: Criterion, relaxed: RelaxedCounts | None) -> Bound:
+    """The bound as an object; zero, which says nothing, where there is none."""
+    cost = 0.0 if relaxed is None else relaxed.cost
+    gap = 1.0 if relaxed is None else relaxed.gap
+    kind = BoundKind.PROVED_ON_CANDIDATES
+    return Bound(cost, kind, criterion.degree, criterion.sense, gap)
+
+
+def _by_block(places: Indices, limits: Limits, n: int) -> Indices | None:
+    """Counts (b, n) of each block."""
+    if not limits.blocks:
+        return None
+    ends = np.cumsum(limits.blocks)[:-1]
+    return np.array([np.bincount(own, minlength=n) for own in np.split(places, ends)])

@@ -1,0 +1,91 @@
+"""What a plan of whole experiments must obey, as a search sees it."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from edtk.system.typing import Array, Indices, Mask
+
+# Part of the funds by which a sum of costs may exceed them: the rounding of such a sum.
+ROUNDING = 1e-12
+
+
+@dataclass(frozen=True, eq=False)
+class Limits:
+    """The size of a plan, and what else restricts its new experiments.
+
+    A plan chooses a candidate for each of m places. Without a given size a place may stay empty;
+    the empty place then counts as one more candidate, number n, that tells and costs nothing.
+
+    Attributes:
+        m: Number of places for new experiments.
+        base: Information (p, p) that every plan has: of kept experiments, and of the prior.
+        most: How often each candidate may be chosen (n,); None for no limit.
+        costs: Costs (n,) of one experiment each; None where they do not matter.
+        funds: What the new experiments may cost together.
+        sized: Whether all places must be filled.
+        blocks: Sizes of the blocks that the places are divided into, in order; none for no blocks.
+        block_variance: Variance of the blocks' effects, in units of the variance of the noise;
+            infinite where nothing is known about them (fixed effects).
+    """
+
+    m: int
+    base: Array
+    most: Indices | None = None
+    costs: Array | None = None
+    funds: float = np.inf
+    sized: bool = True
+    blocks: tuple[int, ...] = ()
+    block_variance: float = np.inf
+
+    @property
+    def restricts(self) -> bool:
+        """Whether a candidate may be forbidden at a place by what the others hold."""
+        return self.most is not None or self.costs is not None
+
+    @cached_property
+    def block_of(self) -> Indices:
+        """The block (m,) of each place."""
+        return np.repeat(np.arange(len(self.blocks)), self.blocks)
+
+    @cached_property
+    def shares(self) -> Array:
+        """What a block's own effect takes away (b,): a of ``X'X - a X'11'X``, see `Scatter`.
+
+        The rows X of a block of n experiments have the covariance ``I + v 11'``, whose inverse is
+        ``I - a 11'`` with ``a = v/(1 + n v)``; a is 1/n for an effect that nothing is known about.
+        """
+        sizes = np.array(self.blocks, dtype=float)
+        if np.isinf(self.block_variance):
+            return 1.0 / sizes
+        return self.block_variance / (1.0 + sizes * self.block_variance)
+
+    def counts(self, places: Indices, n: int) -> Indices:
+        """How often each of n candidates is chosen (b, n) at places (b, m)."""
+        width = n + 1
+        offsets = width * np.arange(len(places))[:, None]
+        counted = np.bincount((places + offsets).ravel(), minlength=width * len(places))
+        return counted.reshape(len(places), width)[:, :n]
+
+    def spent(self, places: Indices) -> Array:
+        """Costs (b,) of plans at places (b, m)."""
+        assert self.costs is not None
+        return np.asarray(np.append(self.costs, 0.0)[places].sum(axis=1))
+
+    def allowed(self, places: Indices, place: int, n: int) -> Mask | None:
+        """Which candidates (b, n) may take a place of plans (b, m); None for all.
+
+        Where a place may stay empty, its number n has the last column.
+        """
+        if not self.restricts:
+            return None
+        mask = np.ones((len(places), n), dtype=bool)
+        old = places[:, place]
+        if self.most is not None:
+            rest = np.delete(places, place, axis=1)
+            mask &= self.counts(rest, n) < self.most
+        if self.costs is not None:
+            room = self.funds - self.spent(places) + np.append(self.costs, 0.0)[old]
+            mask &= self.costs <= room[:, None] + ROUNDING * abs(self.funds)
+        return mask if self.sized else np.pad(mask, ((0, 0), (0, 1)), constant_values=True)

@@ -1,0 +1,73 @@
+"""What every candidate would be worth at a place of a plan, kept up to date from place to place."""
+
+from abc import ABC, abstractmethod
+
+from edtk.design.exact.counts.limits import Limits
+from edtk.system.typing import Array, Indices, Mask
+
+GAIN = 1e-10  # relative improvement that counts: less than this may be rounding
+
+
+class Prices(ABC):
+    """The best candidate for one place after another, of several plans at once.
+
+    The object belongs to plans on their way: `replace` tells it what was exchanged.
+    """
+
+    @abstractmethod
+    def best(self, place: int, allowed: Mask | None) -> tuple[Indices, Array]:
+        """Find the best candidate for a place of each plan.
+
+        Args:
+            place: The place.
+            allowed: Candidates (b, n) that may take it; None for all.
+
+        Returns:
+            Candidates (b,), and how much each would improve its plan (b,): the relative decrease
+            of the cost or of the determinant, whichever the criterion has.
+        """
+
+    @abstractmethod
+    def replace(self, which: Indices, place: int, new: Indices) -> None:
+        """Take over an exchange that `best` has found, right after it.
+
+        Args:
+            which: Plans (k,) in which the place was exchanged.
+            place: The place.
+            new: The candidates (k,) that took it.
+        """
+
+
+class Pricing(ABC):
+    """Makes `Prices` of plans: the problem, the criterion and the limits, ready for use.
+
+    Attributes:
+        candidates: Number of candidates n, without the empty place.
+        batch: Number of plans whose arrays stay in a core's cache.
+        rounds: Numbers of candidates that are looked at, in turn; the last one is all of them.
+        wave: Number of starts that are improved in step with each other.
+        kicks: How often a search kicks each of its plans out of a local optimum.
+        patience: Starts without an improvement that a search makes at least, time permitting.
+    """
+
+    candidates: int
+    batch: int
+    rounds: tuple[int, ...]
+    wave: int = 64
+    kicks: int
+    patience: int
+
+    @abstractmethod
+    def prices(self, places: Indices, ridge: float, size: int) -> Prices:
+        """Prices of plans, computed anew.
+
+        Args:
+            places: Candidates (b, m) at the places of b plans.
+            ridge: Part of the candidates' mean information, for each place, that is added to every
+                plan: a singular plan then has prices too.
+            size: One of `rounds`.
+        """
+
+    @abstractmethod
+    def effort(self, limits: Limits) -> float:
+        """About how many products a start takes, all its sweeps and kicks together."""

@@ -1,0 +1,94 @@
+"""The quickest way to price the candidates of a problem under a criterion."""
+
+import numpy as np
+
+from criteria import Criterion
+from criteria.determinant_criterion import DeterminantCriterion
+from edtk.design.exact.counts.any_prices import AnyPricing
+from edtk.design.exact.counts.determinant_prices import DeterminantPricing
+from edtk.design.exact.counts.limits import Limits
+from edtk.design.exact.counts.linear_prices import LinearPricing
+from edtk.design.exact.counts.prices import Pricing
+from edtk.design.exact.counts.scatter import Scatter
+from edtk.design.exact.counts.two_level_prices import TwoLevelPricing, two_levels
+from edtk.system.typing import Array
+
+SAME = 1e-9  # relative difference of two slopes that are the same
+FEWEST_CORNERS = 4096  # of a cube; all of fewer are priced as quickly as coordinates are exchanged
+
+
+def pricing_for(criterion: Criterion, scatter: Scatter, mean: Array) -> Pricing:
+    """Choose the prices for a criterion and candidates.
+
+    Args:
+        criterion: The criterion to minimise.
+        scatter: Rows of the candidates, in parameters of order one, with a candidate of zeros where
+            places may stay empty.
+        mean: Mean information (p, p) of a place, regular.
+    """
+    limits = scatter.limits
+    if scatter.rows.shape[1] > 1 or limits.blocks:
+        return AnyPricing(criterion, scatter, mean)
+    rows = scatter.rows[:, 0]
+    if isinstance(criterion, DeterminantCriterion):
+        corners = two_levels(rows) if may_be_corners(rows, limits) else None
+        if corners is not None:
+            return TwoLevelPricing(rows, limits, *corners)
+        return DeterminantPricing(rows, limits)
+    slope = constant_slope(criterion, mean)
+    if slope is None:
+        return AnyPricing(criterion, scatter, mean)
+    return LinearPricing(rows, limits, slope)
+
+
+def working_parameters(criterion: Criterion, rows: Array, limits: Limits) -> Array:
+    """T (p, p) for parameters k' with ``k = T k'``, in which a search works.
+
+    The mean information about k' is the identity. It comes from a QR of the rows (n, r, p), whose
+    condition number is the root of their information's. Corners of a cube are only scaled, so that
+    they remain corners.
+    """
+    flat = rows.reshape(-1, rows.shape[-1])
+    may_be = isinstance(criterion, DeterminantCriterion) and may_be_corners(flat, limits)
+    if may_be and rows.shape[1] == 1 and two_levels(flat) is not None:
+        return np.diag(1.0 / np.abs(flat).max(axis=0))
+    triangle = np.linalg.qr(flat, mode="r") / np.sqrt(len(rows))
+    if limits.base.any():
+        root = np.linalg.cholesky(triangle.T @ triangle + limits.base / limits.m)
+        triangle = root.T
+    return np.asarray(np.linalg.inv(triangle))
+
+
+def may_be_corners(rows: Array, limits: Limits) -> bool:
+    """Whether rows (n, p) are so many that it pays to look whether they are corners of a cube."""
+    return len(rows) >= FEWEST_CORNERS and not limits.restricts and not limits.blocks
+
+
+def constant_slope(criterion: Criterion, mean: Array) -> Array | None:
+    """W (p, p) where the criterion's cost is a power q of ``tr(W cov)``; None for other criteria.
+
+    The trace itself, ``cost^(1/q)`` with the degree q, has the gradient ``-cov W cov``. So minus M
+    times that times M is the same at every M, and its product with the covariance is the trace.
+
+    Args:
+        criterion: The criterion.
+        mean: A regular information matrix (p, p).
+    """
+    if not criterion.smooth or criterion.degree <= 0:
+        return None
+    L = np.linalg.cholesky(mean)
+    p = len(mean)
+    found = []
+    for spread in (np.ones(p), np.linspace(1.0, 2.0, p), np.linspace(3.0, 1.0, p) ** 2):
+        M = (L * spread) @ L.T
+        cost, G = criterion.cost_and_gradient(M)
+        trace = float(cost) ** (1.0 / criterion.degree)
+        own = -spread[:, None] * (L.T @ G @ L) * spread * trace / (criterion.degree * cost)
+        # The trace of the whitened slope with the covariance, which is diagonal here.
+        if not abs(float(np.sum(np.diag(own) / spread)) - trace) <= SAME * trace:
+            return None
+        found.append(own)
+    size = np.abs(found[0]).max()
+    if not all(np.abs(other - found[0]).max() <= SAME * size for other in found[1:]):
+        return None
+    return np.asarray(L @ found[0] @ L.T)

@@ -1,0 +1,105 @@
+"""A plan of whole experiments on the candidates of a problem, and how far it is from the bound."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from criteria import Criterion
+from edtk.design.bound import Bound, printed_form
+from edtk.design.problem import Problem
+from edtk.system.presented import Presented
+from edtk.system.typing import Array, Indices
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+@dataclass(frozen=True, eq=False)
+class ProblemPlan(Presented):
+    """The best plan of whole experiments that a search has found.
+
+    Attributes:
+        problem: The candidates.
+        criterion: What was minimised.
+        counts: How often each candidate is measured (n,), kept candidates included.
+        cost: The criterion's cost of all experiments together.
+        lower_bound: No plan within the same limits costs less; it is zero where there is no bound.
+        basis: What the bound is on, in words; "no bound" with the reason where there is none.
+        starts: Number of starts of the search.
+        found: How many of them led to a plan as good as this one.
+        ended: Why the search ended: "starts", "stagnation", "proved" or "interrupted".
+        seconds: Duration of the search [s], the relaxation included.
+        kept: How often each candidate was measured already (n,); zeros if nothing was kept.
+        elsewhere: Number of kept experiments that are none of the candidates.
+        block_counts: Counts (b, n) of each block; None without blocks.
+        spent: What the new experiments cost; None where costs do not matter.
+    """
+
+    problem: Problem
+    criterion: Criterion
+    counts: Indices
+    cost: float
+    lower_bound: Bound
+    basis: str
+    starts: int
+    found: int
+    ended: str
+    seconds: float
+    kept: Indices
+    elsewhere: int = 0
+    block_counts: Indices | None = None
+    spent: float | None = None
+
+    def headline(self) -> str:
+        """Criterion, value, size and efficiency."""
+        factor, unit = self.criterion.shown
+        value = f"{factor * self.value:.4g} {unit}".rstrip()
+        bounded = (
+            f"efficiency {100 * self.efficiency:.2f} %" if self.lower_bound.cost else "no bound"
+        )
+        return f"{self.criterion.label} = {value} with {self.size} experiments, {bounded}"
+
+    @property
+    def size(self) -> int:
+        """Number of experiments, kept ones included."""
+        return int(self.counts.sum()) + self.elsewhere
+
+    @property
+    def value(self) -> float:
+        """The criterion as printed in its formula, of all experiments together."""
+        return printed_form(self.cost, self.criterion.sense)
+
+    @property
+    def bound(self) -> float:
+        """The bound in the criterion's printed form."""
+        return self.lower_bound.value
+
+    @property
+    def efficiency(self) -> float:
+        """``bound / cost`` as costs: one for a plan that cannot be improved."""
+        return self.lower_bound.efficiency(self.cost)
+
+    @property
+    def support(self) -> Indices:
+        """Indices (k,) of the candidates that are measured."""
+        return np.flatnonzero(self.counts)
+
+    @property
+    def experiments(self) -> Indices:
+        """Indices (size,) of the candidates, each as often as it is measured; blocks in order."""
+        each = self.counts[None] if self.block_counts is None else self.block_counts
+        return np.concatenate([np.repeat(np.arange(self.problem.n), counts) for counts in each])
+
+    def to_frame(self) -> "pd.DataFrame":
+        """Make a table with a candidate a row: its number, its count, and its count by block."""
+        import pandas as pd
+
+        chosen = self.support
+        columns: dict[str, Array | Indices] = {"candidate": chosen, "count": self.counts[chosen]}
+        if self.kept.any():
+            columns["kept"] = self.kept[chosen]
+        if self.block_counts is not None:
+            for number, counts in enumerate(self.block_counts, start=1):
+                columns[f"block {number}"] = counts[chosen]
+        return pd.DataFrame(columns)

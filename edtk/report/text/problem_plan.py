@@ -1,0 +1,35 @@
+"""Text of a plan on the candidates of a problem."""
+
+import numpy as np
+
+from edtk.design.exact.counts.problem_plan import ProblemPlan
+from edtk.report.text_table import text_table
+
+
+def problem_plan(found: ProblemPlan) -> str:
+    """Value, bound, search, and a line for each candidate that is measured."""
+    bound = (
+        f"bound {found.bound:.7g} (proved, of {found.basis})"
+        if found.lower_bound.cost
+        else found.basis
+    )
+    spent = "" if found.spent is None else f"The new experiments cost {found.spent:g}.\n"
+    return (
+        f"{found.criterion.label}, {found.criterion.title}: {found.value:.7g}, {bound}\n"
+        f"{found.size} experiments; {found.found} of {found.starts} starts led to a plan as good "
+        f"({found.ended})\n{spent}"
+        f"{text_table(*problem_plan_rows(found))}"
+    )
+
+
+def problem_plan_rows(found: ProblemPlan) -> tuple[list[str], list[list[str]]]:
+    """Header and rows: candidate, counted from 0 as in the problem, and its counts."""
+    chosen = found.support
+    columns = {"candidate": chosen, "count": found.counts[chosen]}
+    if found.kept.any():
+        columns["kept"] = found.kept[chosen]
+    if found.block_counts is not None:
+        for number, counts in enumerate(found.block_counts, start=1):
+            columns[f"block {number}"] = counts[chosen]
+    rows = np.stack(list(columns.values()), axis=-1)
+    return list(columns), [[str(number) for number in row] for row in rows]

@@ -1,0 +1,210 @@
+"""`edtk.plan` of a problem of arrays: its arguments, checked."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+import criteria
+from criteria import Criterion
+from edtk.design.exact.counts.find_counts import find_counts
+from edtk.design.exact.counts.limits import ROUNDING, Limits
+from edtk.design.exact.counts.problem_plan import ProblemPlan
+from edtk.design.problem import Problem
+from edtk.design.rows import Rows
+from edtk.system.errors import ArgumentError
+from edtk.system.typing import Array, Indices
+
+MOST_PLACES = 5000  # experiments of a plan: a search looks at each of them in turn
+
+
+def plan_problem(
+    problem: Problem,
+    size: int | None = None,
+    criterion: Criterion | str = "D",
+    seed: int = 0,
+    *,
+    starts: int | None = None,
+    keep: ArrayLike | Problem | None = None,
+    most: ArrayLike | None = None,
+    costs: ArrayLike | None = None,
+    cost_budget: float | None = None,
+    blocks: Sequence[int] | None = None,
+    block_variance: float = np.inf,
+    progress: Callable[[str, float], object] = lambda label, cost: None,
+) -> ProblemPlan:
+    """Search for the best plan of whole experiments on the candidates of a problem.
+
+    The arguments are those of `edtk.plan`.
+
+    Raises:
+        ArgumentError: An argument is impossible, or does not fit another one.
+        UserError: So few experiments cannot identify the parameters.
+    """
+    if isinstance(criterion, str):
+        criterion = criteria.create(criterion)
+    if starts is not None and starts < 1:
+        raise ArgumentError("expected one or more", argument="starts", given=starts)
+    sizes = _block_sizes(blocks, block_variance, keep, problem)
+    if sizes and size is None:
+        size = sum(sizes)
+    if sizes and sum(sizes) != size:
+        message = f"blocks of {sum(sizes)} experiments in all, expected {size}, the size"
+        raise ArgumentError(message, argument="blocks")
+    kept, information, number = _kept(keep, problem)
+    left = _left(most, kept, problem.n)
+    prices, funds = _funds(costs, cost_budget, kept, problem.n)
+    m = _places(size, number, left, prices, funds)
+    base = information
+    if problem.prior is not None:
+        if size is None:
+            message = "a prior counts per experiment, so that a size is needed beside it"
+            raise ArgumentError(message, argument="size")
+        base = base + size * problem.prior
+    limits = Limits(m, base, left, prices, funds, size is not None, sizes, block_variance)
+    return find_counts(
+        problem,
+        criterion,
+        limits,
+        kept,
+        number - int(kept.sum()),
+        seed,
+        starts,
+        lambda number, cost: progress(f"start {number}", cost),
+    )
+
+
+def _block_sizes(
+    blocks: Sequence[int] | None, variance: float, keep: object, problem: Problem
+) -> tuple[int, ...]:
+    """Sizes of the blocks; none without blocks."""
+    if blocks is None:
+        return ()
+    sizes = tuple(int(b) for b in blocks)
+    if not sizes or any(b < 1 or b != given for b, given in zip(sizes, blocks, strict=True)):
+        raise ArgumentError("expected sizes of blocks, whole and positive", argument="blocks")
+    if not variance > 0:
+        raise ArgumentError("expected above 0", argument="block_variance", given=variance)
+    if keep is not None:
+        message = "experiments cannot be kept where others are put in blocks"
+        raise ArgumentError(message, argument="keep")
+    if not isinstance(problem.kept, Rows) or _is_triangular(problem.kept.A):
+        message = "blocks need the rows of the candidates as they are measured, p or fewer of each"
+        raise ArgumentError(message, argument="blocks")
+    return sizes
+
+
+def _is_triangular(A: Array) -> bool:
+    """Whether rows (n, r, p) were turned into p, so that their signs tell nothing."""
+    _, r, p = A.shape
+    return r == p > 1 and not np.tril(A, -1).any()
+
+
+def _kept(keep: ArrayLike | Problem | None, problem: Problem) -> tuple[Indices, Array, int]:
+    """Counts (n,) of kept candidates, information (p, p) and number of all kept experiments."""
+    nothing = np.zeros(problem.n, dtype=int)
+    if keep is None:
+        return nothing, np.zeros((problem.p, problem.p)), 0
+    if isinstance(keep, Problem):
+        if keep.p != problem.p:
+            message = f"kept experiments have {keep.p} parameters, expected {problem.p}"
+            raise ArgumentError(message, argument="keep")
+        return nothing, keep.with_prior(None).information(np.ones(keep.n)), keep.n
+    chosen = np.asarray(keep)
+    whole = chosen.ndim == 1 and np.issubdtype(chosen.dtype, np.integer)
+    if not whole or not ((chosen >= 0) & (chosen < problem.n)).all():
+        message = f"expected indices of candidates, from 0 to {problem.n - 1}, or a Problem"
+        raise ArgumentError(message, argument="keep")
+    counts = np.bincount(chosen, minlength=problem.n)
+    return counts, problem.with_prior(None).information(counts), len(chosen)
+
+
+def _left(most: ArrayLike | None, kept: Indices, n: int) -> Indices | None:
+    """How often each candidate may still be chosen (n,)."""
+    if most is None:
+        return None
+    given = np.asarray(most)
+    if given.shape not in ((), (n,)) or not np.issubdtype(given.dtype, np.integer):
+        message = f"expected a whole number, or one for each of {n} candidates"
+        raise ArgumentError(message, argument="most")
+    left = np.broadcast_to(given, (n,)) - kept
+    if (left < 0).any():
+        first = int(np.flatnonzero(left < 0)[0])
+        message = f"candidate {first} is kept {kept[first]} times, which is more"
+        raise ArgumentError(message, argument="most")
+    return left
+
+
+def _funds(
+    costs: ArrayLike | None, budget: float | None, kept: Indices, n: int
+) -> tuple[Array | None, float]:
+    """Costs (n,) of the candidates, and what the new experiments may cost together."""
+    if costs is None and budget is None:
+        return None, np.inf
+    if costs is None or budget is None:
+        missing = "costs" if costs is None else "cost_budget"
+        raise ArgumentError("expected beside the other one of the two", argument=missing)
+    prices = np.asarray(costs, dtype=float)
+    if prices.shape != (n,) or not (np.isfinite(prices) & (prices > 0)).all():
+        message = f"expected a positive number for each of {n} candidates"
+        raise ArgumentError(message, argument="costs")
+    if not (np.isfinite(budget) and budget > 0):
+        raise ArgumentError("expected above 0", argument="cost_budget", given=budget)
+    return prices, float(budget)
+
+
+def _places(
+    size: int | None, kept: int, left: Indices | None, prices: Array | None, funds: float
+) -> int:
+    """Number of new experiments, or the largest number where the funds decide.
+
+    Raises:
+        ArgumentError: There is no such number, or it is too large for a search.
+    """
+    if size is None and prices is None:
+        raise ArgumentError("expected, unless there are costs and a budget", argument="size")
+    m = _affordable(left, prices, funds) if size is None else int(size) - kept
+    if size is not None and (m != size - kept or m < 1):
+        beside = f" beside {kept} kept experiments" if kept else ""
+        raise ArgumentError(f"expected one or more{beside}", argument="size", given=size)
+    if left is not None and left.sum() < m:
+        message = f"allows {left.sum()} new experiments, expected {m} or more"
+        raise ArgumentError(message, argument="most")
+    if prices is not None and size is not None:
+        least = _cheapest(left, prices, m)
+        if least > funds * (1 + ROUNDING):
+            message = f"{m} new experiments cost {least:g} or more"
+            raise ArgumentError(message, argument="cost_budget", given=funds)
+    if m < 1:
+        message = f"the cheapest candidate costs {np.min(prices):g}"  # type: ignore[arg-type]
+        raise ArgumentError(message, argument="cost_budget", given=funds)
+    if m > MOST_PLACES:
+        message = f"plans of more than {MOST_PLACES} experiments are not searched for, here {m}"
+        raise ArgumentError(message, argument="cost_budget" if size is None else "size")
+    return m
+
+
+def _affordable(left: Indices | None, prices: Array | None, funds: float) -> int:
+    """The largest number of experiments that the funds allow."""
+    assert prices is not None
+    order = np.argsort(prices, kind="stable")
+    allowed = np.floor(funds * (1 + ROUNDING) / prices)
+    if left is not None:
+        allowed = np.minimum(allowed, left)
+    number = 0
+    for i in order:
+        bought = int(min(allowed[i], np.floor(funds * (1 + ROUNDING) / prices[i])))
+        number += bought
+        funds -= bought * prices[i]
+        if number > MOST_PLACES or bought < allowed[i]:
+            break
+    return number
+
+
+def _cheapest(left: Indices | None, prices: Array, m: int) -> float:
+    """The least cost of m experiments."""
+    ordered = np.sort(prices)
+    if left is None:
+        return float(m * ordered[0])
+    times = np.minimum(left[np.argsort(prices, kind="stable")], m)
+    return float(np.repeat(ordered, times)[:m].sum())

@@ -1,0 +1,268 @@
+"""`edtk.plan` of problems of arrays: enumeration, textbook optima, limits, and wrong arguments."""
+
+from itertools import combinations, combinations_with_replacement, product
+
+import numpy as np
+import pytest
+
+import criteria
+import edtk
+from edtk.system.errors import UserError
+
+RNG = np.random.default_rng(11)
+NAMES = ("A", "D", "E", "G", "O1", "O2", "O3", "O4", "O5")
+
+
+def quadratic(levels: int, factors: int) -> np.ndarray:
+    """Rows of the full quadratic model on a grid."""
+    x = np.array(list(product(np.linspace(-1, 1, levels), repeat=factors)))
+    pairs = [x[:, i] * x[:, j] for i, j in combinations(range(factors), 2)]
+    return np.column_stack([np.ones(len(x)), x, x**2, *pairs])
+
+
+def costs_of(problem, criterion, plans):
+    """Costs of plans given as lists of candidates."""
+    counts = np.array([np.bincount(plan, minlength=problem.n) for plan in plans])
+    return np.array([criterion.cost(problem.information(own)) for own in counts])
+
+
+@pytest.mark.parametrize("rows", [1, 2])
+@pytest.mark.parametrize("name", NAMES)
+def test_small_plans_are_the_best_of_all(name, rows):
+    """For every criterion the plan is the best of all plans, and the bound is below it."""
+    problem = edtk.Problem(np.random.default_rng(rows).normal(size=(7, rows, 3)))
+    criterion = criteria.create(name)
+    best = costs_of(problem, criterion, combinations_with_replacement(range(7), 4)).min()
+    found = edtk.plan(problem, size=4, criterion=name, starts=8)
+    assert found.cost == pytest.approx(best, rel=1e-9)
+    assert found.counts.sum() == 4
+    assert found.lower_bound.cost <= best * (1 + 1e-9)
+    assert found.efficiency == pytest.approx(found.lower_bound.cost / best)
+    assert found.value == pytest.approx(float(criterion.value(problem.information(found.counts))))
+
+
+@pytest.mark.parametrize(
+    ("levels", "factors", "size", "best"),
+    [(5, 3, 15, 0.4594898), (3, 4, 15, 0.4250473), (3, 4, 24, 0.4723634)],
+)
+def test_best_known_quadratic_plans_are_reached(levels, factors, size, best):
+    """Determinants of full quadratic models are those of the best plans that are known."""
+    rows = quadratic(levels, factors)
+    found = edtk.plan(edtk.Problem(rows[:, None, :]), size=size, seed=1, starts=48)
+    assert found.value / size >= best - 5e-8
+    assert found.bound >= found.value
+
+
+@pytest.mark.parametrize("k", [11, 12])
+def test_hadamard_matrices_are_found_and_proved(k):
+    """Twelve runs of eleven factors and a constant, and of twelve factors, reach the bound."""
+    bits = (np.arange(2**k)[:, None] >> np.arange(k)) & 1
+    rows = np.hstack([np.ones((2**k, 12 - k)), 2.0 * bits - 1.0])
+    found = edtk.plan(edtk.Problem(rows[:, None, :]), size=12)
+    assert found.value == pytest.approx(12.0, rel=1e-9)
+    assert found.ended == "proved"
+    assert found.efficiency == pytest.approx(1.0, abs=1e-9)
+
+
+def test_without_replacement_and_with_limits():
+    """Counts obey their limits, and the plan is the best of those that do."""
+    problem = edtk.Problem(RNG.normal(size=(8, 1, 3)))
+    criterion = criteria.create("D")
+    once = edtk.plan(problem, size=5, most=1, starts=16)
+    assert once.cost == pytest.approx(costs_of(problem, criterion, combinations(range(8), 5)).min())
+    assert once.counts.max() == 1
+    most = np.array([0, 2, 1, 0, 1, 2, 3, 1])
+    plans = [
+        plan
+        for plan in combinations_with_replacement(range(8), 5)
+        if (np.bincount(plan, minlength=8) <= most).all()
+    ]
+    found = edtk.plan(problem, size=5, most=most, starts=16)
+    assert found.cost == pytest.approx(costs_of(problem, criterion, plans).min(), rel=1e-9)
+    assert (found.counts <= most).all()
+    assert found.lower_bound.cost <= found.cost * (1 + 1e-9)
+
+
+def test_limits_make_a_sharper_bound():
+    """Where the best weights break the limits, the bound is that of weights within them."""
+    rows = quadratic(3, 2)
+    problem = edtk.Problem(rows[:, None, :])
+    free = edtk.plan(problem, size=8, starts=8)
+    once = edtk.plan(problem, size=8, most=1, starts=8)
+    assert once.basis == "weights within the limits"
+    assert once.value <= once.bound < free.bound * 0.999
+    best = costs_of(problem, criteria.create("D"), combinations(range(9), 8)).min()
+    assert once.cost == pytest.approx(best)
+
+
+@pytest.mark.parametrize("size", [None, 5])
+def test_costs_and_a_budget(size):
+    """The plan is the best of all that can be paid, whatever their size or of one size."""
+    problem = edtk.Problem(RNG.normal(size=(6, 1, 2)))
+    costs = np.array([1.0, 1.5, 2.0, 1.0, 3.0, 2.5])
+    criterion = criteria.create("A")
+    plans = [
+        plan
+        for m in (range(2, 8) if size is None else [size])
+        for plan in combinations_with_replacement(range(6), m)
+        if costs[list(plan)].sum() <= 7.5
+    ]
+    found = edtk.plan(problem, size, "A", costs=costs, cost_budget=7.5, starts=32)
+    assert found.cost == pytest.approx(costs_of(problem, criterion, plans).min(), rel=1e-9)
+    assert found.spent == pytest.approx(float(costs @ found.counts))
+    assert found.spent <= 7.5
+    assert found.lower_bound.cost <= found.cost * (1 + 1e-9)
+
+
+def test_kept_experiments_count():
+    """Kept candidates are part of the plan; as a problem of their own they tell the same."""
+    problem = edtk.Problem(RNG.normal(size=(7, 1, 3)), prior=0.01 * np.eye(3))
+    plans = [(2, 2, *plan) for plan in combinations_with_replacement(range(7), 3)]
+    best = costs_of(problem, criteria.create("D"), plans).min()
+    found = edtk.plan(problem, size=5, keep=[2, 2], starts=16)
+    assert found.cost == pytest.approx(best, rel=1e-9)
+    assert found.counts[2] >= 2
+    assert found.counts.sum() == found.size == 5
+    beside = edtk.plan(problem, size=5, keep=problem[np.array([2, 2])], starts=16)
+    assert beside.cost == pytest.approx(best, rel=1e-9)
+    assert beside.counts.sum() == 3
+    assert beside.size == 5
+
+
+def scatter(rows, blocks):
+    """Information of rows beside fixed effects of blocks, by centring each block."""
+    centred = [rows[list(block)] - rows[list(block)].mean(axis=0) for block in blocks]
+    return sum(own.T @ own for own in centred)
+
+
+def test_blocks_are_the_best_of_all():
+    """Six experiments in two blocks of three are the best of all such plans, with their bound."""
+    rows = RNG.normal(size=(5, 2))
+    each = list(combinations_with_replacement(range(5), 3))
+    criterion = criteria.create("D")
+    best = min(criterion.cost(scatter(rows, pair)) for pair in product(each, repeat=2))
+    found = edtk.plan(edtk.Problem(rows[:, None, :]), blocks=(3, 3), starts=8)
+    assert found.cost == pytest.approx(float(best), rel=1e-9)
+    assert found.block_counts.sum(axis=1).tolist() == [3, 3]
+    assert found.block_counts.sum(axis=0).tolist() == found.counts.tolist()
+    assert found.lower_bound.cost <= found.cost
+
+
+def test_given_experiments_are_divided_into_blocks():
+    """A factorial of two levels falls into blocks that lose an interaction, and nothing else."""
+    x = np.array(list(product((-1.0, 1.0), repeat=3)))
+    problem = edtk.Problem(x[:, None, :])
+    found = edtk.plan(problem, blocks=(4, 4), most=1, starts=16)
+    assert found.counts.tolist() == [1] * 8
+    assert found.value == pytest.approx(8.0)
+    assert found.efficiency == pytest.approx(1.0, abs=1e-6)
+
+
+def test_random_blocks_cost_less_than_fixed_ones():
+    """The variance of the effects leads from no blocks to fixed ones."""
+    problem = edtk.Problem(quadratic(3, 2)[:, None, 1:])
+    free = edtk.plan(problem, size=8, starts=8).value
+    values = [
+        edtk.plan(problem, blocks=(4, 4), block_variance=variance, starts=8).value
+        for variance in (1e-9, 0.5, 10.0, np.inf)
+    ]
+    assert values[0] == pytest.approx(free, rel=1e-6)
+    assert (np.diff(values) < 0).all()
+
+
+def test_bayesian_plans_may_be_smaller_than_the_model():
+    """A prior precision counts once for the whole plan, and makes few experiments enough."""
+    problem = edtk.Problem(RNG.normal(size=(6, 1, 4)))
+    criterion = criteria.create("bayes_D", precision=np.eye(4))
+    plans = list(combinations_with_replacement(range(6), 2))
+    best = costs_of(problem, criterion, plans).min()
+    found = edtk.plan(problem, size=2, criterion=criterion, starts=8)
+    assert found.cost == pytest.approx(best, rel=1e-9)
+    assert found.lower_bound.cost <= best * (1 + 1e-9)
+
+
+def test_the_same_seed_gives_the_same_plan():
+    """A plan depends on the seed and on nothing else."""
+    problem = edtk.Problem(quadratic(3, 3)[:, None, :])
+    first, again, other = (edtk.plan(problem, 12, seed=s, starts=8) for s in (4, 4, 5))
+    assert first.counts.tolist() == again.counts.tolist()
+    assert first.value == again.value
+    assert other.value == pytest.approx(first.value, rel=0.05)
+
+
+def test_units_of_the_parameters_do_not_matter():
+    """Parameters in other units, and a far origin, give the same plan."""
+    x = np.linspace(-1, 1, 21)
+    near = edtk.Problem(np.vander(x, 3, increasing=True)[:, None, :])
+    far = edtk.Problem(np.vander(2015 + 15 * x, 3, increasing=True)[:, None, :])
+    counts = [edtk.plan(problem, 7, starts=16).counts.tolist() for problem in (near, far)]
+    assert sorted(counts[0])[-3:] == [2, 2, 3]
+    assert np.flatnonzero(counts[0]).tolist() == np.flatnonzero(counts[1]).tolist() == [0, 10, 20]
+
+
+def test_it_shows_itself():
+    """A line, a text with the numbers, a table, a frame and a picture."""
+    problem = edtk.Problem(quadratic(3, 2)[:, None, :])
+    found = edtk.plan(problem, size=9, keep=[0], starts=4)
+    assert repr(found).startswith("<ProblemPlan: D = ")
+    assert "9 experiments" in found.headline()
+    assert "starts led to a plan as good" in found.summary()
+    assert "<table" in found._repr_html_()
+    frame = found.to_frame()
+    assert frame["count"].sum() == 9
+    assert frame["kept"].sum() == 1
+    assert len(found.experiments) == 9
+
+
+PROBLEM = edtk.Problem(RNG.normal(size=(5, 1, 2)))
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({}, "size: expected, unless there are costs and a budget"),
+        ({"size": 0}, "size 0: expected one or more"),
+        ({"size": 2.5}, "size 2.5: expected one or more"),
+        ({"size": 1}, "no plan of 1 new experiments was found"),
+        ({"size": 4, "starts": 0}, "starts 0: expected one or more"),
+        ({"size": 2, "keep": [1, 1]}, "expected one or more beside 2 kept experiments"),
+        ({"size": 4, "keep": [5]}, "keep: expected indices of candidates, from 0 to 4"),
+        ({"size": 9, "most": 1}, "most: allows 5 new experiments, expected 9 or more"),
+        ({"size": 4, "most": [1, 2]}, "most: expected a whole number, or one for each of 5"),
+        ({"size": 4, "most": 1, "keep": [0, 0]}, "candidate 0 is kept 2 times, which is more"),
+        ({"size": 4, "costs": [1] * 5}, "cost_budget: expected beside"),
+        ({"costs": [1, 1, 1, 1, 0], "cost_budget": 3.0}, "costs: expected a positive number"),
+        ({"costs": [1] * 5, "cost_budget": 0.5}, "cost_budget 0.5: the cheapest candidate costs 1"),
+        ({"size": 4, "costs": [1] * 5, "cost_budget": 3}, "4 new experiments cost 4 or more"),
+        ({"size": 5, "blocks": (2, 2)}, "blocks of 4 experiments in all, expected 5"),
+        ({"blocks": (2, 0)}, "expected sizes of blocks, whole and positive"),
+        ({"blocks": (2, 2), "keep": [0]}, "experiments cannot be kept where others are put in"),
+        ({"blocks": (2, 2), "block_variance": 0.0}, "block_variance 0.0: expected above 0"),
+        ({"size": 4, "workers": 2}, "workers: is not for plans of a problem of arrays"),
+        ({"size": 10**7}, "plans of more than 5000 experiments are not searched for"),
+    ],
+)
+def test_wrong_arguments_are_one_line(options, message):
+    """What cannot be done is named, and what was expected."""
+    with pytest.raises(UserError) as error:
+        edtk.plan(PROBLEM, **options)
+    assert message in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_a_constant_is_lost_beside_fixed_blocks():
+    """A constant cannot be told from effects of blocks, unless their variance is known."""
+    problem = edtk.Problem(quadratic(3, 1)[:, None, :], parameters=("one", "x", "xx"))
+    with pytest.raises(ValueError, match="beside fixed effects of blocks nothing tells one"):
+        edtk.plan(problem, blocks=(3, 3))
+    assert edtk.plan(problem, blocks=(3, 3), block_variance=1.0, starts=4).value > 0
+
+
+def test_blocks_need_rows():
+    """Packed information has lost the signs of its rows."""
+    packed = edtk.Problem.of_information(PROBLEM.packed)
+    with pytest.raises(UserError, match="blocks need the rows of the candidates"):
+        edtk.plan(packed, blocks=(2, 2))
+    assert edtk.plan(packed, size=4, starts=4).cost == pytest.approx(
+        edtk.plan(PROBLEM, size=4, starts=4).cost
+    )
