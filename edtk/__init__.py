@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from edtk.design.exact.counts.problem_plan import ProblemPlan as ProblemPlan
     from edtk.design.exact.exact_plan import ExactPlan as ExactPlan
     from edtk.design.exact.exchange import exchange as exchange
+    from edtk.design.exact.region_plan import RegionPlan as RegionPlan
     from edtk.design.plan import Plan as Plan
     from edtk.design.problem import Problem as Problem
     from edtk.design.region import Region as Region
@@ -105,6 +106,7 @@ _HOME = {
     "Relaxation": "edtk.design.relaxation.relaxation",
     "ProblemPlan": "edtk.design.exact.counts.problem_plan",
     "RelaxedRegion": "edtk.design.relaxation.relaxed_region",
+    "RegionPlan": "edtk.design.exact.region_plan",
     "apportion": "edtk.design.exact.apportion",
     "exchange": "edtk.design.exact.exchange",
 }

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from edtk.design.exact.exact_plan import ExactPlan
 from edtk.design.problem import Problem
+from edtk.design.region import Region
 from edtk.study.plan_study import plan_study
 from edtk.study.run_options import Progress, RunOptions, no_progress
 from edtk.study.study import Study
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from criteria import Criterion
     from edtk.calibration.detect import SizedFault
     from edtk.design.exact.counts.problem_plan import ProblemPlan
+    from edtk.design.exact.region_plan import RegionPlan
 
 
 @overload
@@ -64,8 +66,20 @@ def plan(
 ) -> "ProblemPlan": ...
 
 
+@overload
 def plan(
-    study: StudyLike | Problem,
+    study: Region,
+    size: int,
+    criterion: "Criterion | str | None" = None,
+    seed: int | None = None,
+    *,
+    starts: int | None = None,
+    progress: Progress = ...,
+) -> "RegionPlan": ...
+
+
+def plan(
+    study: StudyLike | Problem | Region,
     size: int | None = None,
     criterion: "Criterion | str | None" = None,
     seed: int | None = None,
@@ -86,7 +100,7 @@ def plan(
     certificate: Path | str | None = None,
     detect: Mapping[str, str] | None = None,
     progress: Progress = no_progress,
-) -> "ExactPlan | ProblemPlan":
+) -> "ExactPlan | ProblemPlan | RegionPlan":
     """Search for the best plan of `size` experiments, and bound how much better any plan can be.
 
     The same seed gives the same plan on any number of workers. Ctrl-C, or the end of the budget,
@@ -94,15 +108,16 @@ def plan(
 
     A `Problem` of arrays is searched over its candidates: plans from random places and from the
     weights of the relaxation are improved by exchanges. The second list of arguments is about such
-    plans, the third about those of studies.
+    plans, the third about those of studies. In a `Region`, exchanges on a grid come first, and then
+    all points of a plan move together; of the options it takes `starts` (32 by default).
 
     Args:
-        study: A study, the path of a study file, or a `Problem`.
+        study: A study, the path of a study file, a `Problem`, or a `Region`.
         size: Number of experiments m; kept experiments count. A problem with a budget of costs
             needs none.
         criterion: Name of the criterion to optimise; defaults to the study's main criterion. A
-            problem takes an object as well, and defaults to "D".
-        seed: Seed of the search; defaults to the study's, and to 0 for a problem.
+            problem or a region takes an object as well, and defaults to "D".
+        seed: Seed of the search; defaults to the study's, and to 0 for a problem or a region.
         keep: A plan (or its CSV file) of experiments that were made already. For a problem:
             indices of candidates, each as often as it was measured, or another `Problem` of which
             every candidate was measured once.
@@ -130,7 +145,8 @@ def plan(
 
     Returns:
         The plan with its `.value`, its `.bound`, and its `.efficiency` between 0 and 1. That of a
-        problem has the `.counts` (n,) of the candidates.
+        problem has the `.counts` (n,) of the candidates, that of a region `.points` (k, d) with
+        their `.counts` (k,).
 
     Raises:
         UserError: One line that says what cannot be done, and where.
@@ -177,9 +193,13 @@ def plan(
             progress=progress,
             **of_problem,  # type: ignore[arg-type]
         )
-    _require_none(of_problem, "a study")
     if size is None:
         raise ArgumentError("expected the number of experiments", argument="size")
+    if isinstance(study, Region):
+        others = {name: value for name, value in of_problem.items() if name != "starts"}
+        _require_none({**others, **of_study, "keep": keep}, "a region")
+        return _plan_region(study, size, criterion or "D", seed or 0, starts, progress)
+    _require_none(of_problem, "a study")
     name = criterion if criterion is None or isinstance(criterion, str) else criterion.name
     return _plan_study(study, size, name, seed, keep, progress, **of_study)  # type: ignore[arg-type]
 
@@ -189,6 +209,23 @@ def _require_none(options: Mapping[str, object], what: str) -> None:
     for name, value in options.items():
         if value is not None:
             raise ArgumentError(f"is not for plans of {what}", argument=name)
+
+
+def _plan_region(
+    region: Region,
+    size: int,
+    criterion: "Criterion | str",
+    seed: int,
+    starts: int | None,
+    progress: Progress,
+) -> "RegionPlan":
+    """The plan of a region."""
+    import criteria
+    from edtk.design.exact.plan_region import plan_region
+
+    if isinstance(criterion, str):
+        criterion = criteria.create(criterion)
+    return plan_region(region, size, criterion, seed, starts, progress)
 
 
 def _plan_study(

@@ -15,6 +15,10 @@ CLOSE = (0.03, 0.003, 3e-4, 0.0)
 SAME = 1e-5  # likewise, after a descent that has brought them together
 LOSS = 1e-9  # relative increase of the cost at which fewer points are still welcome
 NOTHING = 1e-7  # weight that is not worth a point
+# Parts of the largest weight, the boldest first, below which weights may only keep a design regular
+# that is best singular, and what dropping them may cost: there rounding blurs the cost.
+LIGHT = (1e-3, 1e-4, 1e-5, 1e-6)
+LOSS_OF_LIGHT = 1e-8
 MOST_VARIABLES = 120  # a step takes their third power
 ITERATIONS = 200
 FINEST = 1e-16  # of the logarithm of the cost, at which to end
@@ -59,12 +63,28 @@ def polish(
             best = (points, shares, found)
             if found <= cost * (1 + LOSS):
                 break
-    return best
+    return _without_light(region, criterion, best)
 
 
 def _cost(region: Region, criterion: Criterion, x: Array, weights: Array) -> float:
     """The cost of a design."""
     return float(criterion.cost(region.problem(x).information(weights)))
+
+
+def _without_light(
+    region: Region, criterion: Criterion, design: tuple[Array, Array, float]
+) -> tuple[Array, Array, float]:
+    """The design without the weights that its cost hardly needs, the boldest choice first."""
+    x, weights, cost = design
+    for light in LIGHT:
+        heavy = weights > light * weights.max()
+        if heavy.all():
+            break
+        share = weights[heavy] / weights[heavy].sum()
+        without = _cost(region, criterion, x[heavy], share)
+        if without <= cost * (1 + LOSS_OF_LIGHT):
+            return x[heavy], share, without
+    return design
 
 
 def _merged(region: Region, x: Array, weights: Array, close: float) -> tuple[Array, Array]:

@@ -23,7 +23,7 @@ FIRST = 600  # points of the first relaxation: it only has to find out where to 
 ROUNDS = 30  # searches at most; four or five are the rule
 ALIKE = 1e-9  # parts of a range up to which two points are one
 LOSS = 1e-12  # relative: a cost that is lower by less is the same but for rounding
-PATIENCE = 4  # rounds that must together shrink the gap to this part
+PATIENCE = 6  # rounds that must together shrink the gap to this part
 SLOW = 0.7
 SHARPER = 0.05  # gap of the next relaxation, in parts of the present one
 
@@ -123,7 +123,9 @@ class _Search:
             # The second search is paid for only where the first one does not settle the matter.
             if self.gap <= enough:
                 break
-        self.found = np.concatenate(ends)
+        # All ends of all rounds stay: each cuts off multipliers that overlook it. Where several
+        # multipliers fit the same design, without them the rounds would go in circles.
+        self.found = np.concatenate([*ends, self.found])
         self._gaps.append(self.gap)
         return self.gap
 

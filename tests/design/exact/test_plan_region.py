@@ -5,6 +5,7 @@ import pytest
 from matplotlib import pyplot
 
 import criteria
+import edtk
 from edtk.design.exact.plan_region import plan_region
 from edtk.design.region import Region
 from edtk.system.errors import ArgumentError, UserError
@@ -101,6 +102,19 @@ def test_impossible_questions():
         plan_region(SQUARE, 6, D, starts=0)
     with pytest.raises(UserError, match="no plan of 5 experiments identifies"):
         plan_region(SQUARE, 5, D, starts=2)
+
+
+def test_the_front_door():
+    """`edtk.plan` takes a region, D by default, and says which options are not for it."""
+    region = Region(poisson, -10, 2)
+    found = edtk.plan(region, 4, starts=2)
+    assert found.counts.tolist() == [2, 2]
+    assert found.criterion.name == "D"
+    assert edtk.plan(region, size=4, criterion=criteria.create("A"), starts=2).criterion.name == "A"
+    with pytest.raises(ArgumentError, match="most: is not for plans of a region"):
+        edtk.plan(region, 4, most=1)
+    with pytest.raises(ArgumentError, match="size: expected the number of experiments"):
+        edtk.plan(region)
 
 
 def test_it_can_be_read_and_drawn():
