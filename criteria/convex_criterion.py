@@ -89,6 +89,19 @@ class ConvexCriterion(Relaxable):
             for z, top, proved in zip(Z, t, proves, strict=True)
         )
 
+    def rests_on_solver(self, Z: Array, M: Array) -> bool:
+        """Unless the class has a polar of its own, or each Z is minus the gradient at M."""
+        cls = type(self)
+        has_form = cls.polar is not ConvexCriterion.polar
+        if has_form or cls.lower_bound is not ConvexCriterion.lower_bound:
+            return False
+        if not self.smooth:
+            return True
+        S = np.linalg.inv(whitener(M))
+        G = S @ self.gradient(M) @ S.T
+        whitened = S @ Z @ S.T
+        return not all(_is_parallel(z / np.trace(z), G) for z in whitened)
+
     def formulation(
         self, M: "cp.Expression", total: "cp.Expression", T: Array, unit: float
     ) -> Formulation:

@@ -87,6 +87,14 @@ class Criterion(ABC):
         """G (..., p, p) with d cost = <G, dM>; at a kink, any subgradient."""
 
     @property
+    def trace_root(self) -> Array | None:
+        """B (p, q) of the trace ``<B B', M>`` by which designs of degree zero are normalised.
+
+        None stands for the trace of M itself.
+        """
+        return None
+
+    @property
     def arguments(self) -> dict[str, Any]:
         """What the constructor took, as plain numbers and lists: {"q": 2.0}; empty for nothing."""
         return {}

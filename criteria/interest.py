@@ -185,6 +185,11 @@ class Interest(Relaxable):
         part = Q @ N @ Q.T
         return N, R, M - 0.5 * (part + part.T) >> 0
 
+    def rests_on_solver(self, Z: Array, M: Array) -> bool:
+        """Whether the base's bound does."""
+        _, cov, _ = self.inverse(M)
+        return self.base.rests_on_solver(self.K.T @ Z @ self.K, _inverse(self.variance(cov)))
+
     def lower_bound(self, Z: Array, t: Array, M: Array) -> float:
         """The base's for ``K'Z K``: as ``X >= K C_K(X) K'``, ``<K'Z K, C_K(X)> <= <Z, X> <= t``."""
         _, cov, _ = self.inverse(M)

@@ -85,6 +85,10 @@ class PowerCriterion(ConvexCriterion):
         found = self.base.curvature(R)
         return None if found is None else found.power(self.exponent)
 
+    def rests_on_solver(self, Z: Array, M: Array) -> bool:
+        """Whether the base's bound does."""
+        return self.base.rests_on_solver(Z, M)
+
     def expression(self, M: "cp.Expression", T: Array | None = None) -> "cp.Expression":
         """The base's expression, which has another `expression_power` here."""
         return self.base.expression(M, T)

@@ -76,6 +76,10 @@ class Relaxable(Criterion):
             M: A regular design (p, p), near which the bound shall be tight.
         """
 
+    def rests_on_solver(self, Z: Array, M: Array) -> bool:
+        """Whether `lower_bound` near M believes a solver's optimum, for any of multipliers Z."""
+        return False
+
     def subproblem(self, Z: Array, t: Array, M: Array) -> "Relaxable":
         """The problem to solve next: the criterion itself, or a member of its family.
 

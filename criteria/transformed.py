@@ -49,7 +49,7 @@ class Transformed(Relaxable):
     def __init__(self, base: Relaxable, T: Array) -> None:
         self.base = base
         self.T = T
-        self.S = np.linalg.inv(T)
+        self.S = np.asarray(np.linalg.inv(T), dtype=float)
         for key in DECLARED:
             setattr(self, key, getattr(base, key))
 
@@ -57,6 +57,11 @@ class Transformed(Relaxable):
     def label(self) -> str:
         """The base's."""
         return self.base.label
+
+    @property
+    def trace_root(self) -> Array:
+        """The inverse S of T: ``<S S', M'>`` is the trace of the information about k."""
+        return self.S
 
     @property
     def arguments(self) -> dict[str, Any]:
@@ -117,6 +122,10 @@ class Transformed(Relaxable):
             return self.base.lower_bound(self._outward(Z), t, self._information(M))
         proofs = zip(Z[is_semidefinite(Z)], t[is_semidefinite(Z)], strict=True)
         return max((self.polar(z, M) * x**-self.degree for z, x in proofs if x > 0), default=0.0)
+
+    def rests_on_solver(self, Z: Array, M: Array) -> bool:
+        """Whether the base's bound does."""
+        return self.base.rests_on_solver(self._outward(Z), self._information(M))
 
     def subproblem(self, Z: Array, t: Array, M: Array) -> Relaxable:
         """The base's, of the same parameters."""

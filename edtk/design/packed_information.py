@@ -6,6 +6,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
+from criteria.linalg.triangle import triangle
 from edtk.design.packed import order, pack, sensitivity_rows, unpack
 from edtk.system.typing import Array, Indices
 
@@ -73,6 +74,11 @@ class PackedInformation:
     def sensitivities_to_root(self, B: Array) -> Array:
         """``<B B', M_i>`` (n,) of B (p, q)."""
         return self.sensitivities(B @ B.T)
+
+    def largest(self) -> Array:
+        """The largest diagonal entries (p,) over all candidates."""
+        rows, columns = triangle(self.p)
+        return np.asarray([self.triangles[k].max() for k in np.flatnonzero(rows == columns)])
 
     def scaled(self, factor: Array) -> "PackedInformation":
         """The same candidates with so many times the information (n,)."""

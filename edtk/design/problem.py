@@ -11,6 +11,7 @@ from criteria.linalg.root import root
 from edtk.design.conditioning import WELL, Conditioning
 from edtk.design.packed import pack, sensitivity_rows
 from edtk.design.packed_information import PackedInformation
+from edtk.design.rank_deficient_error import RankDeficientError as RankDeficientError
 from edtk.design.rows import Rows
 from edtk.system.presented import Presented
 from edtk.system.typing import Array, Indices, Mask
@@ -19,18 +20,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from edtk.design.frame_problem import FrameProblem
-
-
-class RankDeficientError(ValueError):
-    """The candidates cannot identify all parameters; the message names the open directions.
-
-    Attributes:
-        of_interest: Whether a criterion asked for some of the parameters only.
-    """
-
-    def __init__(self, message: str, of_interest: bool = False) -> None:
-        super().__init__(message)
-        self.of_interest = of_interest
 
 
 class Problem(Presented):
@@ -156,16 +145,16 @@ class Problem(Presented):
             )
         # A sum is finite only if all its terms are, and needs no mask of the size of the input.
         _require_finite(np.isfinite(packed.sum(axis=0)))
-        return cls._of(PackedInformation(packed), parameters, prior)
+        return cls.of_kept(PackedInformation(packed), parameters, prior)
 
     @classmethod
-    def _of(
+    def of_kept(
         cls,
         kept: Rows | PackedInformation,
         parameters: tuple[str, ...] | None,
         prior: ArrayLike | None,
     ) -> "Problem":
-        """A problem of candidates that are known to be sound."""
+        """Make a problem of candidates that are kept in some form, and are known to be sound."""
         problem = cls.__new__(cls)
         problem._set(kept, parameters, prior)
         return problem
@@ -203,7 +192,7 @@ class Problem(Presented):
 
     def __getitem__(self, chosen: Indices) -> "Problem":
         """The same problem with some of its candidates."""
-        return Problem._of(self.kept[chosen], self.parameters, self.prior)
+        return Problem.of_kept(self.kept[chosen], self.parameters, self.prior)
 
     def __add__(self, others: "Problem") -> "Problem":
         """The same problem with the candidates of another one besides its own."""
@@ -212,11 +201,11 @@ class Problem(Presented):
             kept = self.kept + others.kept
         else:
             kept = PackedInformation(np.concatenate([self.packed, others.packed], axis=1))
-        return Problem._of(kept, self.parameters, self.prior)
+        return Problem.of_kept(kept, self.parameters, self.prior)
 
     def with_prior(self, prior: Array | None) -> "Problem":
         """The same candidates with other prior information (p, p), or without any."""
-        return Problem._of(self.kept, self.parameters, prior)
+        return Problem.of_kept(self.kept, self.parameters, prior)
 
     def blocks(self, chosen: ArrayLike = slice(None)) -> Array:  # type: ignore[assignment]
         """Information ``A_i' A_i / sigma^2`` (k, p, p) of some candidates, by default of all."""
@@ -286,7 +275,7 @@ class Problem(Presented):
         if prior is not None:
             F = root(prior) @ T
             prior = F.T @ F
-        return Problem._of(self.kept.times(T), None, prior)
+        return Problem.of_kept(self.kept.times(T), None, prior)
 
     def require_identifiable(self, criterion: Criterion | None = None) -> None:
         """Check that the candidates and the prior together excite all that has to be known.
@@ -351,21 +340,43 @@ class Problem(Presented):
             return own
         return np.asarray(own + np.einsum("aq,ab,bq->", B, self.prior, B))
 
-    def with_unit_trace(self) -> "Problem":
+    @cached_property
+    def largest(self) -> Array:
+        """The largest information (p,) of a candidate about each parameter, with the prior."""
+        own = self.kept.largest()
+        return own if self.prior is None else own + np.diag(self.prior)
+
+    def traces(self, root: Array | None = None) -> Array:
+        """Trace (n,) of each candidate's information with the prior, ``<B B', M0 + M_i>``.
+
+        Args:
+            root: B (p, q), which makes of the trace one in other parameters; defaults to I.
+        """
+        if root is None:
+            return self.sensitivities(np.eye(self.p))
+        return self.sensitivities_to_root(root)
+
+    def with_unit_trace(self, root: Array | None = None) -> "Problem":
         """The same candidates, each scaled to information of trace one.
 
         A candidate absorbs the prior before it is scaled, so that the result has no prior. One
         without any information stays as it is. The result is computed once and kept.
+
+        Args:
+            root: See `traces`.
         """
-        return self._unit_trace
+        return self._unit_trace if root is None else self._scaled_by(self.traces(root))
 
     @cached_property
     def _unit_trace(self) -> "Problem":
-        trace = self.sensitivities(np.eye(self.p))
+        return self._scaled_by(self.traces())
+
+    def _scaled_by(self, trace: Array) -> "Problem":
+        """The candidates with the prior, each divided by its trace (n,)."""
         kept = self.kept
         if self.prior is not None:
             kept = PackedInformation(self.packed).plus(self.prior)
-        return Problem._of(
+        return Problem.of_kept(
             kept.scaled(1.0 / np.where(trace > 0, trace, 1.0)), self.parameters, None
         )
 

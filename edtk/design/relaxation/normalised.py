@@ -27,7 +27,7 @@ def normalised(problem: Problem, criterion: Criterion) -> Problem:
     Returns:
         The problem itself, or the one of candidates of unit trace.
     """
-    return problem.with_unit_trace() if is_normalised(criterion) else problem
+    return problem.with_unit_trace(criterion.trace_root) if is_normalised(criterion) else problem
 
 
 def original_weights(
@@ -45,8 +45,6 @@ def original_weights(
         Weights (k,) of sum one, of a design whose information has the same direction.
     """
     if is_normalised(criterion):
-        trace = np.trace(problem.blocks(chosen), axis1=1, axis2=2)
-        if problem.prior is not None:
-            trace = trace + np.trace(problem.prior)
+        trace = problem[chosen].traces(criterion.trace_root)
         weights = np.divide(weights, trace, out=np.zeros_like(weights), where=trace > 0)
     return weights / weights.sum()

@@ -4,12 +4,14 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from criteria import Criterion, Relaxable
+from criteria.require_homogeneous import require_homogeneous
 from edtk.design.absorb_prior import absorb_prior
 from edtk.design.problem import Problem
 from edtk.design.relaxation.column_generation import ColumnGeneration
 from edtk.design.relaxation.incumbent import Incumbent
 from edtk.design.relaxation.normalised import normalised
 from edtk.design.relaxation.relaxation import Relaxation
+from edtk.design.relaxation.setting import Setting
 from edtk.design.relaxation.solver_options import SolverOptions
 from edtk.design.relaxation.without_open_directions import proved_on, without_open_directions
 from edtk.system.typing import Array
@@ -57,6 +59,7 @@ def relax(
 
     Raises:
         NotImplementedError: The criterion cannot be relaxed.
+        CriterionError: The criterion is not homogeneous of the degree that it declares.
         RankDeficientError: The candidates cannot identify all parameters.
         RelaxationError: No solver found a design.
         RelaxationInterrupted: Ctrl-C after a first certified design, which it carries.
@@ -67,21 +70,29 @@ def relax(
         found = relax(plain, base, gap, options, progress, multipliers)
         return replace(found, criterion=criterion)
     problem.require_identifiable(criterion)
-    closed = problem if criterion.needs_all else without_open_directions(problem)
-    incumbent = Incumbent(normalised(closed, criterion), criterion, multipliers)
+    setting = Setting.of(problem, criterion)
+    require_homogeneous(setting.criterion, setting.problem.mean)
+    closed = setting.problem
+    if not criterion.needs_all:
+        closed = without_open_directions(closed)
+    incumbent = Incumbent(
+        normalised(closed, setting.criterion), setting.criterion, setting.inward(multipliers)
+    )
     try:
         _improve(incumbent, gap, options, progress)
     except KeyboardInterrupt as interrupt:
         if not incumbent.iterations:
             raise
-        raise RelaxationInterrupted(_result(incumbent, problem, closed, gap)) from interrupt
-    return _result(incumbent, problem, closed, gap)
+        raise RelaxationInterrupted(_result(incumbent, setting, closed, gap)) from interrupt
+    return _result(incumbent, setting, closed, gap)
 
 
-def _result(incumbent: Incumbent, problem: Problem, closed: Problem, gap: float) -> Relaxation:
+def _result(incumbent: Incumbent, setting: Setting, closed: Problem, gap: float) -> Relaxation:
     """The relaxation of the candidates as they were given."""
-    found = incumbent.relaxation(problem, gap)
-    return found if closed is problem else proved_on(problem, found)
+    found = incumbent.relaxation(setting.problem, gap)
+    if closed is not setting.problem:
+        found = proved_on(setting.problem, found)
+    return setting.outward(found)
 
 
 def require_relaxable(criterion: Criterion) -> Relaxable:

@@ -9,12 +9,14 @@ from criteria import Relaxable
 from edtk.design.bound import Bound, printed_form
 from edtk.design.frame_problem import FrameProblem
 from edtk.design.problem import Problem
-from edtk.design.relaxation.normalised import normalised
+from edtk.design.relaxation.inner_proof import InnerProof
 from edtk.system.presented import Presented
 from edtk.system.typing import Array, Indices
 
 if TYPE_CHECKING:
     import pandas as pd
+
+VISIBLE = 1e-8  # a relative error above this is told beside the gap
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,6 +32,11 @@ class Relaxation(Presented):
         solver: The solver that found the weights.
         iterations: Number of restricted master problems that were solved.
         problem: The candidates; None where they are not kept.
+        accuracy: Relative error that rounding may have made in cost and bound, see
+            `relative_accuracy`.
+        rests_on_solver: Whether the bound rests on a solver's word, as of a criterion without a
+            dual form of its own; else closed forms prove it.
+        inner: The multipliers with more digits, of a model whose parameters are nearly dependent.
     """
 
     criterion: Relaxable
@@ -40,12 +47,17 @@ class Relaxation(Presented):
     solver: str
     iterations: int
     problem: Problem | None = None
+    accuracy: float = float("nan")
+    rests_on_solver: bool = False
+    inner: InnerProof | None = None
 
     def headline(self) -> str:
-        """Criterion, value, number of candidates with weight, and gap."""
+        """Criterion, value, number of candidates with weight, gap, and what doubts there are."""
+        proved = "gap by a solver's word" if self.rests_on_solver else "proved gap"
+        digits = f", numbers to {self.accuracy:.0e}" if self.accuracy > VISIBLE else ""
         return (
             f"{self.criterion.label} = {self.value:.4g}, weights on {len(self.support)} of "
-            f"{len(self.weights)} candidates, proved gap {max(self.gap, 0.0):.1e}"
+            f"{len(self.weights)} candidates, {proved} {max(self.gap, 0.0):.1e}{digits}"
         )
 
     @property
@@ -87,10 +99,12 @@ class Relaxation(Presented):
             problem: The candidates (n) of the weights.
 
         Returns:
-            Cost of the weights, and a lower bound on the cost of all weights.
+            Cost of the weights, and a lower bound on the cost of all weights; zero where the
+            multipliers prove none.
+
+        Raises:
+            ValueError: Weights or multipliers do not fit the problem, or are no such numbers.
         """
-        M = problem.information(self.weights)
-        largest = normalised(problem, self.criterion).sensitivities(self.multipliers).max(axis=-1)
-        return float(self.criterion.cost(M)), self.criterion.lower_bound(
-            self.multipliers, largest, M
-        )
+        from edtk.design.relaxation.certify import certify  # it makes results of this kind
+
+        return certify(problem, self.criterion, self.weights, self.multipliers, self.inner)

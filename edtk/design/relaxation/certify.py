@@ -1,0 +1,138 @@
+"""What a stored relaxation proves, judged as if an enemy had written it."""
+
+import numpy as np
+
+from criteria import Relaxable
+from criteria.linalg.is_semidefinite import least_scaled_eigenvalue
+from edtk.design.absorb_prior import absorb_prior
+from edtk.design.problem import Problem
+from edtk.design.relaxation.inner_proof import InnerProof
+from edtk.design.relaxation.normalised import normalised
+from edtk.design.relaxation.setting import Setting
+from edtk.system.typing import Array
+
+EPS = float(np.finfo(float).eps)
+SUM = 1e-9  # difference of a sum of weights from one that is rounding
+SYMMETRIC = 1e-9  # difference across the diagonal, at unit diagonal, that is rounding
+# Negative eigenvalue at unit diagonal that may be rounding. The multiplier is lifted by as much, so
+# that nothing is gained by it.
+NEGATIVE = 1e-9
+
+
+def certify(
+    problem: Problem,
+    criterion: Relaxable,
+    weights: Array,
+    multipliers: Array,
+    inner: InnerProof | None = None,
+) -> tuple[float, float]:
+    """Compute the cost of weights and the bound of multipliers, of which nothing is believed.
+
+    A multiplier proves a bound whatever it is, if it is positive semidefinite where the criterion
+    is monotone. One that is not proves nothing. One that is but for rounding is lifted until it is;
+    of other criteria sensitivities are rounded up, since their terms may cancel.
+
+    Args:
+        problem: The candidates (n).
+        criterion: What the weights minimise.
+        weights: Weights (n,).
+        multipliers: Multipliers (r, p, p).
+        inner: The same multipliers with more digits; what differs from `multipliers` is ignored.
+
+    Returns:
+        Cost, and a lower bound on the cost of all weights; zero where nothing is proved.
+
+    Raises:
+        ValueError: Weights or multipliers are not finite, of a wrong shape or not symmetric, or
+            weights are negative or have a sum that is not one.
+    """
+    plain, base = absorb_prior(problem, criterion)
+    assert isinstance(base, Relaxable)
+    w = _weights(weights, plain.n)
+    Z = _multipliers(multipliers, plain.p)
+    setting = _exact(plain, base, Z, inner)
+    if setting is not None and inner is not None:
+        Z = inner.Z
+    else:
+        setting = Setting.of(plain, base)
+        inside = setting.inward(Z)
+        assert inside is not None
+        Z = inside
+    M = setting.problem.information(w)
+    cost = float(setting.criterion.cost(M))
+    near = M if np.isfinite(cost) else setting.problem.mean
+    return cost, _bound(setting.problem, setting.criterion, Z, near)
+
+
+def _bound(problem: Problem, criterion: Relaxable, Z: Array, near: Array) -> float:
+    """The bound that multipliers (r, p, p) prove."""
+    judged = normalised(problem, criterion)
+    if criterion.monotone:
+        least = least_scaled_eigenvalue(Z)
+        proves = least >= -NEGATIVE * problem.p
+        lift = 2 * problem.p * EPS + np.maximum(-least[proves], 0.0)
+        own = np.diagonal(Z[proves], axis1=1, axis2=2)
+        Z = Z[proves] + (lift[:, None] * own)[:, :, None] * np.eye(problem.p)
+        t = judged.sensitivities(Z).max(axis=-1)
+    else:
+        size = np.abs(np.linalg.eigvalsh(Z)).max(axis=-1)
+        cancelled = 16 * problem.p * EPS * size[:, None] * judged.traces()
+        t = (judged.sensitivities(Z) + cancelled).max(axis=-1)
+    if not len(Z):
+        return 0.0
+    found = float(criterion.lower_bound(Z, t, near))
+    return max(found, 0.0) if np.isfinite(found) else 0.0
+
+
+def _exact(
+    problem: Problem, criterion: Relaxable, Z: Array, inner: InnerProof | None
+) -> Setting | None:
+    """The setting of multipliers with all digits; None where they are not those that are stated."""
+    if inner is None:
+        return None
+    p = problem.p
+    T = np.asarray(inner.T, dtype=float)
+    if T.shape != (p, p) or np.shape(inner.Z) != Z.shape:
+        return None
+    if not (np.isfinite(T).all() and np.isfinite(inner.Z).all()):
+        return None
+    if not np.array_equal(inner.outward(), Z) or np.linalg.matrix_rank(T, 0.0) < p:
+        return None
+    transformed = criterion.transformed(T)
+    if not isinstance(transformed, Relaxable):
+        return None
+    return Setting(problem.in_units(T), transformed, criterion, None)
+
+
+def _weights(weights: Array, n: int) -> Array:
+    """Weights (n,) of a design.
+
+    Raises:
+        ValueError: They are none.
+    """
+    w = np.asarray(weights, dtype=float)
+    if w.shape != (n,):
+        raise ValueError(f"weights of shape {w.shape}; expected ({n},), one for each candidate")
+    if not np.isfinite(w).all() or (w < 0).any():
+        raise ValueError("weights must be finite and not negative")
+    if abs(w.sum() - 1) > SUM:
+        raise ValueError(f"weights have the sum {w.sum():.9g}; expected 1")
+    return w
+
+
+def _multipliers(multipliers: Array, p: int) -> Array:
+    """Symmetric multipliers (r, p, p).
+
+    Raises:
+        ValueError: They are none.
+    """
+    Z = np.asarray(multipliers, dtype=float)
+    if Z.ndim != 3 or Z.shape[1:] != (p, p) or not len(Z):
+        raise ValueError(f"multipliers of shape {Z.shape}; expected (r, {p}, {p}), at least one")
+    if not np.isfinite(Z).all():
+        raise ValueError("multipliers must be finite")
+    transposed = np.swapaxes(Z, 1, 2)
+    size = np.abs(Z).max(axis=(1, 2), keepdims=True)
+    if (np.abs(Z - transposed) > SYMMETRIC * size).any():
+        raise ValueError("multipliers must be symmetric")
+    return 0.5 * (Z + transposed)

@@ -1,0 +1,68 @@
+"""How many digits of a cost and of a bound rounding has left."""
+
+import numpy as np
+
+from criteria import Relaxable
+from edtk.design.problem import Problem
+from edtk.system.typing import Array
+
+EPS = float(np.finfo(float).eps)
+
+
+def relative_accuracy(
+    problem: Problem,
+    criterion: Relaxable,
+    weights: Array,
+    multipliers: Array,
+    rounding: Array | None = None,
+) -> float:
+    """Bound the relative error that rounding makes in a cost and in its lower bound.
+
+    *Cost.* Let W whiten the part of the design M that counts, ``W'M W = I``, and let M be wrong by
+    dM. With ``delta = |W' dM W|`` the true matrix is between ``(1 - delta) M`` and
+    ``(1 + delta) M``, and a monotone cost of degree d is wrong by the factor ``(1 + delta)^d`` at
+    most. An entry of dM is a rounding of a sum of products, below ``p eps (M_ii M_jj)^(1/2)``.
+    Rows ``X_i = A_i T`` of transformed parameters are wrong by E_i besides, which adds
+    ``2 |W| (sum w_i |E_i|^2)^(1/2)`` to delta, as ``|X W| = 1``.
+
+    *Bound.* It is proportional to ``t^-d``, t the largest sensitivity ``<Z, M_i>``. Rounding of a
+    sensitivity is below ``2 p eps`` times that to ``p diag(Z)``; wrong rows add
+    ``2 |E_i| (|Z| t_i)^(1/2)``. Criteria that are not monotone round their bounds down themselves,
+    so that the gap has the loss; their costs are a product of an extreme of M and one of cov.
+
+    First-order terms are counted; numbers as they were given are taken to be exact.
+
+    Args:
+        problem: The candidates (n).
+        criterion: What was minimised.
+        weights: Weights (n,).
+        multipliers: Multipliers (r, p, p) of the bound.
+        rounding: Bounds (n,) on ``|E_i|``, if rows were transformed.
+
+    Returns:
+        The sum of both errors.
+    """
+    p = problem.p
+    M = problem.information(weights)
+    W = criterion.whitener(M)
+    spread = np.linalg.norm(np.sqrt(np.maximum(np.diag(M), 0.0))[:, None] * W, 2) ** 2
+    delta = p * p * EPS * spread
+    if rounding is not None:
+        delta += 2 * np.linalg.norm(W, 2) * np.sqrt(weights @ rounding**2)
+    lost = max((_lost(problem, M, Z, rounding) for Z in multipliers), default=0.0)
+    if criterion.monotone:
+        return float(criterion.degree * (delta + lost))
+    return float((1 + criterion.degree) * delta)
+
+
+def _lost(problem: Problem, M: Array, Z: Array, rounding: Array | None) -> float:
+    """Relative error of the largest sensitivity to Z (p, p)."""
+    p = problem.p
+    own = np.abs(np.diag(Z))
+    t = max(float(np.sum(Z * M)), np.finfo(float).tiny)  # a little below t itself
+    error = 2 * p * p * EPS * float(own @ problem.largest)
+    if rounding is not None:
+        norm = float(np.abs(np.linalg.eigvalsh(Z)).max())
+        along = np.sqrt(norm * np.maximum(problem.sensitivities(Z), 0.0))
+        error += 2 * float((rounding * along).max())
+    return error / t

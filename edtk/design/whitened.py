@@ -1,0 +1,45 @@
+"""A problem of rows in parameters that its candidates tell equally well."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from edtk.design.packed_information import PackedInformation
+from edtk.design.problem import Problem
+from edtk.design.rows import Rows
+from edtk.system.typing import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Whitened:
+    """A problem for parameters k' with ``k = T k'``.
+
+    Rows of a model such as a polynomial far from the origin are nearly dependent. Their information
+    has the square of their condition number, and no digits left. So k' replaces k before any
+    information is formed; its squares lose nothing.
+
+    Attributes:
+        problem: The candidates, for k'.
+        T: Regular matrix (p, p), from a QR factorization of the rows.
+        rounding: Bounds (n,) on the rounding ``|E_i|`` of the candidates' rows ``A_i T``.
+    """
+
+    problem: Problem
+    T: Array
+    rounding: Array
+
+    @classmethod
+    def of(cls, problem: Problem) -> "Whitened | None":
+        """Whiten a problem of rows; None where there are no rows, or squares are good enough."""
+        rows = problem.kept
+        if not isinstance(rows, Rows) or problem.conditioning.is_well:
+            return None
+        T = problem.conditioning.whitener
+        white = problem.in_units(T)
+        # Directions that no candidate tells have columns of rounding alone.
+        A = np.where(problem.conditioning.is_open, 0.0, white.factors())
+        kept: Rows | PackedInformation = Rows(A)
+        if 2 * A.shape[1] > white.p:  # squares are fewer numbers
+            kept = PackedInformation(Rows(A).packed())
+        problem = Problem.of_kept(kept, None, white.prior)
+        return cls(problem, T, rows.rounding_of_times(T))

@@ -1,0 +1,180 @@
+"""Models of nearly dependent parameters are solved like the same model in good parameters."""
+
+from fractions import Fraction
+from functools import cache
+
+import numpy as np
+import pytest
+
+import criteria
+from edtk.design.problem import Problem
+from edtk.design.relaxation.relax import relax
+
+CASES = {
+    "years": (2000, 2030, 2),
+    "cubic on [300, 310]": (300, 310, 3),
+    "degree 6 on [10, 11]": (10, 11, 6),
+    "degree 10 on [0, 1]": (0, 1, 10),
+    "degree 14 on [-1, 1]": (-1, 1, 14),
+}
+every_case = pytest.mark.parametrize("case", CASES)
+GAP = 1e-6
+
+
+@cache
+def monomials(case):
+    """Rows (101, p) of the powers of x."""
+    low, high, degree = CASES[case]
+    return np.vander(np.linspace(low, high, 101), degree + 1, increasing=True)
+
+
+@cache
+def orthogonal(case):
+    """Rows (101, p) of Legendre polynomials on the same points, which span the same functions."""
+    return np.polynomial.legendre.legvander(np.linspace(-1, 1, 101), CASES[case][2])
+
+
+@cache
+def solved(case, name):
+    """The relaxation of the monomials."""
+    return relax(Problem(monomials(case)[:, None, :]), criteria.create(name))
+
+
+def exact_information(rows, weights):
+    """The information of floating-point rows and weights in rational numbers, nothing rounded."""
+    p = rows.shape[1]
+    M = [[Fraction(0)] * p for _ in range(p)]
+    for i in np.flatnonzero(weights):
+        w = Fraction(float(weights[i]))
+        x = [Fraction(float(v)) for v in rows[i]]
+        for a in range(p):
+            for b in range(a + 1):
+                M[a][b] += w * x[a] * x[b]
+    return [[M[max(a, b)][min(a, b)] for b in range(p)] for a in range(p)]
+
+
+def exact_inverse(M):
+    """Inverse and determinant in rational numbers, by Gauss and Jordan."""
+    p = len(M)
+    A = [[*row, *(Fraction(int(i == j)) for j in range(p))] for i, row in enumerate(M)]
+    determinant = Fraction(1)
+    for k in range(p):
+        pivot = A[k][k]
+        determinant *= pivot
+        A[k] = [v / pivot for v in A[k]]
+        for i in range(p):
+            if i != k and A[i][k]:
+                factor = A[i][k]
+                A[i] = [u - factor * v for u, v in zip(A[i], A[k], strict=True)]
+    return [row[p:] for row in A], determinant
+
+
+@every_case
+@pytest.mark.parametrize("name", ["D", "A"])
+def test_costs_are_those_of_exact_arithmetic(case, name):
+    """The cost is wrong by less than the accuracy that is stated, by rational arithmetic."""
+    r = solved(case, name)
+    cov, determinant = exact_inverse(exact_information(monomials(case), r.weights))
+    p = len(cov)
+    if name == "D":
+        log = _log(determinant.numerator) - _log(determinant.denominator)
+        exact = np.exp(-log / p)
+    else:
+        exact = float(sum(cov[i][i] for i in range(p)))
+    assert abs(r.cost / exact - 1) <= r.accuracy
+    assert r.gap <= GAP
+
+
+def _log(number):
+    """Natural logarithm of a large whole number."""
+    shift = max(number.bit_length() - 100, 0)
+    return np.log(float(number >> shift)) + shift * np.log(2.0)
+
+
+@every_case
+def test_d_optimal_weights_are_those_of_orthogonal_polynomials(case):
+    """D does not depend on the parameters, so that weights for monomials are as good for others."""
+    good = Problem(orthogonal(case)[:, None, :])
+    criterion = criteria.create("D")
+    best = relax(good, criterion)
+    r = solved(case, "D")
+    assert criterion.cost(good.information(r.weights)) <= best.cost * (1 + 2 * GAP)
+
+
+@pytest.mark.parametrize(
+    ("case", "name"),
+    # G of fifteen parameters takes seconds.
+    [(case, name) for case in CASES for name in ("A", "E", "O3", "O5")] + [("years", "G")],
+)
+def test_criteria_in_units_are_those_of_the_monomials(case, name):
+    """Cost, bound and weights are those of the criterion of the monomials' own coefficients.
+
+    With orthogonal polynomials B and ``A = B R`` their coefficients are ``k = R^-1 c``. The cost of
+    other weights is not below the bound.
+    """
+    r = solved(case, name)
+    assert r.gap <= GAP
+    B = orthogonal(case)
+    R = np.linalg.lstsq(B, monomials(case), rcond=None)[0]
+    same = criteria.create(name).transformed(np.linalg.inv(R))
+    good = Problem(B[:, None, :])
+    slack = 2 * r.accuracy + 1e-9
+    assert same.cost(good.information(r.weights)) == pytest.approx(r.cost, rel=slack)
+    for weights in np.random.default_rng(0).dirichlet(np.full(101, 0.2), size=20):
+        assert same.cost(good.information(weights)) >= r.proved_bound.cost * (1 - slack)
+
+
+@every_case
+@pytest.mark.parametrize("name", ["D", "A", "E", "O5"])
+def test_certify_finds_the_same_numbers(case, name):
+    """Cost and bound are computed anew from weights and multipliers, with all digits."""
+    problem = Problem(monomials(case)[:, None, :])
+    r = solved(case, name)
+    cost, bound = r.certify(problem)
+    assert cost == pytest.approx(r.cost, rel=1e-9)
+    assert bound == pytest.approx(r.proved_bound.cost, rel=1e-9)
+
+
+@pytest.mark.parametrize("noise", [1e-5, 1e-6, 1e-8])
+@pytest.mark.parametrize("name", ["D", "A", "E"])
+def test_columns_that_differ_by_noise(noise, name):
+    """Of two columns that are nearly equal the optimum is that of their mean and difference."""
+    rng = np.random.default_rng(1)
+    A = rng.normal(size=(60, 3))
+    own = A.copy()
+    A[:, 2] = A[:, 1] + noise * A[:, 2]
+    criterion = criteria.create(name)
+    r = relax(Problem(A[:, None, :]), criterion)
+    # k = T c, where c_2 = k_2 + k_3 and c_3 = noise k_3.
+    T = np.array([[1, 0, 0], [0, 1, -1 / noise], [0, 0, 1 / noise]])
+    same = criterion.transformed(T)
+    good = relax(Problem(own[:, None, :]), same)
+    assert r.gap <= GAP
+    assert r.cost == pytest.approx(good.cost, rel=2 * GAP)
+    assert r.cost >= good.proved_bound.cost * (1 - r.accuracy - 1e-12)
+    assert r.accuracy < 1e-5
+
+
+def test_interest_beside_nearly_dependent_columns():
+    """The slope at the end of a cubic on [300, 310] is as well told as with centred powers."""
+    x = np.linspace(300, 310, 101)
+    u = x - 305
+    slope = np.array([0, 1, 2 * 310.0, 3 * 310.0**2])
+    centred = np.array([0, 1, 2 * 5.0, 3 * 25.0])
+    given = relax(
+        Problem(np.vander(x, 4, increasing=True)[:, None, :]), criteria.create("c", c=slope)
+    )
+    best = relax(
+        Problem(np.vander(u, 4, increasing=True)[:, None, :]), criteria.create("c", c=centred)
+    )
+    assert given.gap <= GAP
+    assert given.cost == pytest.approx(best.cost, rel=2 * GAP)
+
+
+def test_accuracy_is_told_where_it_shows():
+    """The headline has the accuracy of a model that doubles just hold, and of no other."""
+    assert ", numbers to " in solved("degree 6 on [10, 11]", "D").headline()
+    assert (
+        "numbers"
+        not in relax(Problem(orthogonal("years")[:, None, :]), criteria.create("D")).headline()
+    )
