@@ -49,17 +49,19 @@ def relative_accuracy(
     delta = p * p * EPS * spread
     if rounding is not None:
         delta += 2 * np.linalg.norm(W, 2) * np.sqrt(weights @ rounding**2)
+    if not criterion.monotone:
+        return float((1 + criterion.degree) * delta)
     lost = max((_lost(problem, M, Z, rounding) for Z in multipliers), default=0.0)
-    if criterion.monotone:
-        return float(criterion.degree * (delta + lost))
-    return float((1 + criterion.degree) * delta)
+    return float(criterion.degree * (delta + lost))
 
 
 def _lost(problem: Problem, M: Array, Z: Array, rounding: Array | None) -> float:
     """Relative error of the largest sensitivity to Z (p, p)."""
     p = problem.p
     own = np.abs(np.diag(Z))
-    t = max(float(np.sum(Z * M)), np.finfo(float).tiny)  # a little below t itself
+    t = float(np.sum(Z * M))  # a little below t itself
+    if not t > 0:
+        return float("inf")
     error = 2 * p * p * EPS * float(own @ problem.largest)
     if rounding is not None:
         norm = float(np.abs(np.linalg.eigvalsh(Z)).max())
