@@ -1,10 +1,12 @@
 """A region where experiments may lie: a model as a function of its points. It knows no robot."""
 
 from collections.abc import Callable, Sequence
+from copy import copy
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from edtk.design.box_limits import box_limits
 from edtk.design.inside_differences import inside_differences
 from edtk.design.problem import Problem
 from edtk.design.region_points import RegionPoints
@@ -73,7 +75,7 @@ class Region(Presented):
         prior: ArrayLike | None = None,
         variables: Sequence[str] | None = None,
     ) -> None:
-        self.limits = _limits(low, high)
+        self.limits = box_limits(low, high)
         self.variables = _names(variables, self.size, "variables", "x")
         self._rows = rows
         self._gradient = gradient
@@ -120,6 +122,12 @@ class Region(Presented):
         """Make a problem of arrays with the points x (n, d) as its candidates."""
         points = np.asarray(x, dtype=float).reshape(-1, self.size)
         return Problem(self.rows_at(points), 1.0, self.parameters, self.prior)
+
+    def with_prior(self, more: Array) -> "Region":
+        """The same region, of whose experiments each has more prior information (p, p)."""
+        other = copy(self)
+        other.prior = more if self.prior is None else self.prior + more
+        return other
 
     def rows_at(self, x: Array) -> Array:
         """Whitened rows (..., rows, p) at points x (..., d)."""
@@ -237,31 +245,6 @@ class Region(Presented):
                 "(n, rows, p, d) or (n, p, d), the variable last",
                 argument="gradient",
             )
-
-
-def _limits(low: ArrayLike, high: ArrayLike) -> Array:
-    """Bounds (2, d).
-
-    Raises:
-        ArgumentError: They are not finite, or one is not below the other.
-    """
-    lower = np.atleast_1d(np.asarray(low, dtype=float))
-    upper = np.atleast_1d(np.asarray(high, dtype=float))
-    if lower.ndim != 1 or lower.shape != upper.shape or not lower.size:
-        raise ArgumentError(
-            f"{upper.shape} beside low of {lower.shape}; expected one bound a variable",
-            argument="high",
-        )
-    limits = np.stack([lower, upper])
-    if not np.isfinite(limits).all():
-        raise ArgumentError("a bound is not finite; expected a box", argument="low, high")
-    if not (lower < upper).all():
-        i = int(np.argmin(upper - lower))
-        raise ArgumentError(
-            f"bounds {lower[i]:g} and {upper[i]:g} of variable {i + 1}; expected low < high",
-            argument="low, high",
-        )
-    return limits
 
 
 def _names(given: Sequence[str] | None, n: int, argument: str, letter: str) -> tuple[str, ...]:

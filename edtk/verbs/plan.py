@@ -18,6 +18,7 @@ from edtk.system.errors import ArgumentError
 from edtk.tables.csv_text import csv_text
 from edtk.verbs.inputs import PlanLike, StudyLike, as_plan, as_study, errors_in
 from edtk.verbs.plan_problem import plan_problem
+from edtk.verbs.plan_region import plan_region
 from edtk.verbs.require_output import require_different, require_output
 from edtk.verbs.workers_for import workers_for
 
@@ -74,6 +75,7 @@ def plan(
     seed: int | None = None,
     *,
     starts: int | None = None,
+    keep: Problem | None = None,
     progress: Progress = ...,
 ) -> "RegionPlan": ...
 
@@ -109,7 +111,7 @@ def plan(
     A `Problem` of arrays is searched over its candidates: plans from random places and from the
     weights of the relaxation are improved by exchanges. The second list of arguments is about such
     plans, the third about those of studies. In a `Region`, exchanges on a grid come first, and then
-    all points of a plan move together; of the options it takes `starts` (32 by default).
+    all points of a plan move together; of the options it takes `starts` (32 by default) and `keep`.
 
     Args:
         study: A study, the path of a study file, a `Problem`, or a `Region`.
@@ -120,7 +122,7 @@ def plan(
         seed: Seed of the search; defaults to the study's, and to 0 for a problem or a region.
         keep: A plan (or its CSV file) of experiments that were made already. For a problem:
             indices of candidates, each as often as it was measured, or another `Problem` of which
-            every candidate was measured once.
+            every candidate was measured once. For a region: a `Problem`.
         progress: Called with a line about the current step, and its gap or its best cost.
 
         starts: Number of starts; by default as many as bring improvements, and as many again.
@@ -197,8 +199,8 @@ def plan(
         raise ArgumentError("expected the number of experiments", argument="size")
     if isinstance(study, Region):
         others = {name: value for name, value in of_problem.items() if name != "starts"}
-        _require_none({**others, **of_study, "keep": keep}, "a region")
-        return _plan_region(study, size, criterion or "D", seed or 0, starts, progress)
+        _require_none({**others, **of_study}, "a region")
+        return plan_region(study, size, criterion or "D", seed or 0, starts, keep, progress)
     _require_none(of_problem, "a study")
     name = criterion if criterion is None or isinstance(criterion, str) else criterion.name
     return _plan_study(study, size, name, seed, keep, progress, **of_study)  # type: ignore[arg-type]
@@ -209,23 +211,6 @@ def _require_none(options: Mapping[str, object], what: str) -> None:
     for name, value in options.items():
         if value is not None:
             raise ArgumentError(f"is not for plans of {what}", argument=name)
-
-
-def _plan_region(
-    region: Region,
-    size: int,
-    criterion: "Criterion | str",
-    seed: int,
-    starts: int | None,
-    progress: Progress,
-) -> "RegionPlan":
-    """The plan of a region."""
-    import criteria
-    from edtk.design.exact.plan_region import plan_region
-
-    if isinstance(criterion, str):
-        criterion = criteria.create(criterion)
-    return plan_region(region, size, criterion, seed, starts, progress)
 
 
 def _plan_study(

@@ -47,6 +47,7 @@ def relax(
     criterion: "Criterion | str | None" = None,
     candidates: int | None = None,
     *,
+    size: int | None = None,
     progress: Progress = ...,
 ) -> "RelaxedRegion": ...
 
@@ -103,9 +104,7 @@ def relax(
     if isinstance(question, Problem):
         return _relax_problem(question, "D" if criterion is None else criterion, size)
     if isinstance(question, Region):
-        return _relax_region(
-            question, "D" if criterion is None else criterion, candidates, progress
-        )
+        return _relax_region(question, criterion or "D", candidates, size, progress)
     from edtk.design.relaxation.relax_poses import PlanInterrupted
     from edtk.study.relax_study import relax_study
     from edtk.study.run_options import RunOptions
@@ -169,7 +168,11 @@ def _relax_problem(
 
 
 def _relax_region(
-    region: "Region", criterion: "Criterion | str", candidates: int | None, progress: Progress
+    region: "Region",
+    criterion: "Criterion | str",
+    candidates: int | None,
+    size: int | None,
+    progress: Progress,
 ) -> "RelaxedRegion":
     """The relaxation over all points of a region."""
     import criteria
@@ -179,4 +182,5 @@ def _relax_region(
     if isinstance(criterion, str):
         criterion = criteria.create(criterion)
     points = POINTS if candidates is None else candidates
-    return relax_region(region, criterion, points, progress=progress)
+    of_one = criterion.for_size(1 if size is None else size)
+    return relax_region(region, of_one, points, progress=progress)

@@ -11,6 +11,7 @@ from scipy.optimize import brentq, minimize, minimize_scalar
 import criteria
 from edtk.design.bound import BoundKind
 from edtk.design.region import Region
+from edtk.design.relaxation.relax import relax
 from edtk.design.relaxation.relax_region import relax_region
 
 GAP = 1e-6
@@ -324,6 +325,28 @@ def test_quadratic_mixtures(q):
     region = Region(rows, np.zeros(q - 1), np.ones(q - 1), constraints=lambda x: 1 - x.sum(axis=1))
     r = check(region, "D", p * 16 ** (q * (q - 1) / 2 / p))
     assert len(r.points) == p
+
+
+def test_competitive_inhibition():
+    """V s/(K (1 + i/L) + s): for the inhibition constant L alone two points are best.
+
+    M is singular there, and many multipliers fit the design; a dense grid finds nothing better.
+    """
+    V, K, L = 1.0, 2.0, 0.5
+
+    def rows(x):
+        s, i = x.T
+        d = K * (1 + i / L) + s
+        return np.stack([s / d, -V * s * (1 + i / L) / d**2, V * s * K * i / L**2 / d**2], axis=-1)
+
+    region = Region(rows, [0, 0], [20, 5], parameters=("V", "K", "L"))
+    r = relax_region(region, criteria.create("A", interest=[0, 0, 1.0]))
+    dense = np.stack(np.meshgrid(np.linspace(0, 20, 81), np.linspace(0, 5, 81)), axis=-1)
+    on_grid = relax(region.problem(dense.reshape(-1, 2)), r.criterion)
+    assert r.gap <= GAP
+    assert len(r.points) == 2
+    assert r.searched_bound.cost <= on_grid.cost * (1 + ROUNDING)
+    assert r.cost <= on_grid.cost * (1 + ROUNDING)
 
 
 def test_wynn_quadrilateral():

@@ -11,7 +11,7 @@ from math import comb
 
 import numpy as np
 import pytest
-from scipy.optimize import minimize_scalar
+from scipy.optimize import minimize, minimize_scalar
 
 import criteria
 from edtk.design.problem import Problem
@@ -123,7 +123,7 @@ def log_det(k, u, v):
     return k * np.log(u) + comb(k, 2) * np.log(v) + (k - 1) * np.log(u - v) + np.log(together)
 
 
-@pytest.mark.parametrize("k", [2, 3, 4, pytest.param(5, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("k", [2, 3, 4, 5])
 def test_full_quadratic_d(k):
     """The full quadratic on 3^k: Kiefer's moments in closed form, of which det M is a function."""
     u, v = kiefer_moments(k)
@@ -137,6 +137,37 @@ def test_full_quadratic_d(k):
     r = check(rows(full_quadratic(x)), "D", np.exp(-best / p))
     assert r.weights @ x[:, 0] ** 2 == pytest.approx(u, abs=np.sqrt(GAP))
     assert r.weights @ (x[:, 0] * x[:, 1]) ** 2 == pytest.approx(v, abs=np.sqrt(GAP))
+
+
+@pytest.mark.parametrize("k", [2, 3, 4, 5])
+def test_full_quadratic_a(k):
+    """A on 3^k: the trace of the same blocks' inverses, at the best moments u and v.
+
+    Constant and squares have the inverse's trace ``(k-1)/(u-v)`` for the contrasts, and
+    ``(1 + e)/(e - k u^2)`` with ``e = u + (k-1) v`` for the two that are left.
+    """
+
+    def cost(moments):
+        u, v = moments
+        e = u + (k - 1) * v
+        if not (u > v > 0 and e > k * u**2):
+            return np.inf
+        return k / u + comb(k, 2) / v + (k - 1) / (u - v) + (1 + e) / (e - k * u**2)
+
+    options = {"xatol": 1e-10, "fatol": 1e-12}
+    best = minimize(cost, kiefer_moments(k), method="Nelder-Mead", options=options).fun
+    x = np.array(list(product((-1.0, 0.0, 1.0), repeat=k)))
+    check(rows(full_quadratic(x)), "A", best)
+
+
+@pytest.mark.parametrize("k", [2, 3, 4, pytest.param(5, marks=pytest.mark.slow)])
+def test_full_quadratic_e(k):
+    """E on 3^k: 1/5 for any k, as T_2(x_1) = 2 x_1^2 - 1 stays within +-1.
+
+    With the coefficients c of T_2, ``lambda_min <= c'M c/c'c = E T_2^2/5 <= 1/5``.
+    """
+    x = np.array(list(product((-1.0, 0.0, 1.0), repeat=k)))
+    check(rows(full_quadratic(x)), "E", 5.0)
 
 
 def mixture(points, order):
@@ -181,6 +212,35 @@ def test_higher_order_mixtures_d(q, order):
     x = np.concatenate([support, grid[apart]])
     r = check(rows(mixture(x, order)), "D", p * np.exp(-2 * log_det_of_rows / p))
     np.testing.assert_allclose(r.weights[:p], 1 / p, atol=np.sqrt(GAP))
+
+
+@pytest.mark.parametrize("q", [4, 5, 6])
+def test_second_order_mixtures_a(q):
+    """A for the quadratic, q >= 4: cost ``(q sqrt(4q-3) + 4 q(q-1)/2)^2`` (Galil and Kiefer 1977).
+
+    On vertices and midpoints ``b_i = y_i`` and ``b_ij = 4 y_ij - 2 y_i - 2 y_j``: the columns of
+    the inverse have the norms sqrt(1 + 4 (q-1)) and 4, and the best weights are in their ratio.
+    """
+    cost = (q * np.sqrt(4 * q - 3) + 4 * comb(q, 2)) ** 2
+    x = np.unique(np.concatenate([lattice(q, 4), centroids(q, 3)]), axis=0)
+    check(rows(mixture(x, 2)), "A", cost)
+
+
+@pytest.mark.parametrize("name", ["A", "c"])
+def test_one_interaction_of_a_mixture(name):
+    """The coefficient b_12 alone: variance ``(2 + 2 + 4)^2`` = 64, half the weight at the midpoint.
+
+    On the edge between the two components the model is a parabola, whose T_2 is extremal.
+    """
+    x = lattice(4, 4)
+    problem = rows(mixture(x, 2))
+    K = np.zeros(10)
+    K[4] = 1
+    criterion = criteria.create(name, **({"c": K} if name == "c" else {"interest": K}))
+    r = relax(problem, criterion)
+    assert r.gap <= GAP
+    assert r.cost == pytest.approx(64, rel=GAP)
+    assert r.weights[np.abs(x - [0.5, 0.5, 0, 0]).max(axis=1) < 1e-9].sum() == pytest.approx(0.5)
 
 
 def weighings(k):

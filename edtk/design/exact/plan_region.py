@@ -1,7 +1,7 @@
 """Exact plans in a region: exchange on a grid, then all points move to an optimum nearby."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from time import monotonic
 
 import numpy as np
@@ -37,6 +37,7 @@ def plan_region(
     criterion: Criterion,
     seed: int = 0,
     starts: int | None = None,
+    keep: Problem | None = None,
     progress: Callable[[str, float], object] = lambda stage, number: None,
 ) -> RegionPlan:
     """Find the best plan of some experiments in a region, and bound how much better any can be.
@@ -49,26 +50,27 @@ def plan_region(
 
     Args:
         region: The region.
-        size: Number of experiments.
+        size: Number of experiments; kept ones count.
         criterion: A criterion that can be relaxed.
         seed: Seed of the starts; the same seed gives the same plan.
         starts: Number of starts; defaults to 32.
+        keep: Experiments that were made already, once each.
         progress: Called with the stage, and its gap or its best cost.
 
     Raises:
-        ArgumentError: Size or starts are not positive.
+        ArgumentError: Size or starts are not positive, or kept experiments do not fit.
         UserError: No plan of so few experiments identifies all parameters.
     """
     number = STARTS if starts is None else starts
-    for name, given in (("size", size), ("starts", number)):
-        if given < 1:
-            raise ArgumentError("expected one or more", argument=name, given=given)
+    m = size - (0 if keep is None else keep.n)
+    _require(region, size, number, keep)
     since = monotonic()
-    relaxed = relax_region(region, criterion, progress=progress)
+    region, criterion, label = _beside(region, size, m, criterion, keep)
+    relaxed = replace(relax_region(region, criterion, progress=progress), label=label)
     search = _Search(region, criterion, np.random.default_rng(seed))
     x = np.concatenate([relaxed.points, RegionGrid.of(region, GRID).x])
     problem = region.problem(x)
-    places = search.starts(relaxed.weights, len(x), size, number)
+    places = search.starts(relaxed.weights, len(x), m, number)
     # The points leave the grid afterwards, so that a look at all of it would be wasted on most.
     places, costs = exchange(problem, criterion, places, thorough=False)
     if not np.isfinite(costs).any():
@@ -83,11 +85,50 @@ def plan_region(
         relaxed=relaxed,
         points=best.x[order],
         counts=best.repeats[order].astype(int),
+        kept=size - m,
         cost=best.cost,
         starts=number,
         found=int((costs <= costs.min() * (1 + SAME)).sum()),
         seconds=monotonic() - since,
     )
+
+
+def _require(region: Region, size: int, starts: int, keep: Problem | None) -> None:
+    """Check the numbers of a question.
+
+    Raises:
+        ArgumentError: See `plan_region`.
+    """
+    if starts < 1:
+        raise ArgumentError("expected one or more", argument="starts", given=starts)
+    if keep is not None and keep.p != region.p:
+        message = f"kept experiments have {keep.p} parameters, expected {region.p}"
+        raise ArgumentError(message, argument="keep")
+    kept = 0 if keep is None else keep.n
+    if size - kept < 1:
+        beside = f" beside {kept} kept experiments" if kept else ""
+        raise ArgumentError(f"expected one or more{beside}", argument="size", given=size)
+
+
+def _beside(
+    region: Region, size: int, m: int, criterion: Criterion, keep: Problem | None
+) -> tuple[Region, Criterion, str]:
+    """The region of m new experiments that share all that is known beside them.
+
+    Returns:
+        The region, whose prior holds an m-th part of it, the criterion without a precision of its
+        own, and the label of the one that was asked for.
+    """
+    shared = np.zeros((region.p, region.p))
+    if keep is not None:
+        shared = shared + keep.with_prior(None).information(np.ones(keep.n))
+        if region.prior is not None:
+            # The prior is per experiment of the plan, and kept ones are a part of the plan.
+            shared = shared + (size - m) * region.prior
+    if criterion.precision is not None:
+        shared = shared + criterion.precision
+    beside = region.with_prior(shared / m) if shared.any() else region
+    return beside, criterion.without_prior, criterion.label
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,7 +21,8 @@ class RegionPlan(Presented):
     Attributes:
         relaxed: The relaxation that the search started from, with its bound.
         points: Points (k, d), in the order of their variables.
-        counts: Number of experiments at each (k,).
+        counts: Number of new experiments at each (k,).
+        kept: Number of experiments that were made already.
         cost: The criterion's cost of all experiments together.
         starts: Number of starts of the search.
         found: How many of them led to a plan as good as this one.
@@ -31,6 +32,7 @@ class RegionPlan(Presented):
     relaxed: RelaxedRegion
     points: Array
     counts: Indices
+    kept: int
     cost: float
     starts: int
     found: int
@@ -39,25 +41,25 @@ class RegionPlan(Presented):
     def headline(self) -> str:
         """Criterion, value, size and efficiency."""
         return (
-            f"{self.criterion.label} = {self.value:.6g} with {self.size} experiments at "
+            f"{self.relaxed.label} = {self.value:.6g} with {self.size} experiments at "
             f"{len(self.points)} points, efficiency {100 * self.efficiency:.2f} % "
             f"({self.lower_bound.kind.value} bound)"
         )
 
     @property
     def region(self) -> Region:
-        """The region."""
+        """The region; what was kept and a Bayesian criterion's precision are part of its prior."""
         return self.relaxed.region
 
     @property
     def criterion(self) -> Criterion:
-        """What was minimised."""
+        """What was minimised, without the precision of a Bayesian criterion."""
         return self.relaxed.criterion
 
     @property
     def size(self) -> int:
-        """Number of experiments."""
-        return int(self.counts.sum())
+        """Number of experiments, kept ones included."""
+        return int(self.counts.sum()) + self.kept
 
     @property
     def value(self) -> float:
@@ -67,7 +69,8 @@ class RegionPlan(Presented):
     @property
     def lower_bound(self) -> Bound:
         """The bound on the cost of every plan of so many experiments."""
-        return self.relaxed.searched_bound.scaled(self.size)
+        # What was kept is part of the relaxation's prior, in equal parts for each new experiment.
+        return self.relaxed.searched_bound.scaled(int(self.counts.sum()))
 
     @property
     def bound(self) -> float:
@@ -81,7 +84,7 @@ class RegionPlan(Presented):
 
     @property
     def information(self) -> Array:
-        """Information matrix (p, p) of all experiments."""
+        """Information matrix (p, p) of all experiments and of all priors."""
         return self.region.problem(self.points).information(self.counts)
 
     def to_frame(self) -> "pd.DataFrame":

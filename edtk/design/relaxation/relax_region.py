@@ -57,6 +57,10 @@ def relax_region(
         RelaxationError: No solver found a design.
         UserError: No point is feasible, or the model fails.
     """
+    label = criterion.label
+    if criterion.precision is not None:
+        region = region.with_prior(criterion.precision)
+        criterion = criterion.without_prior
     relaxable = require_relaxable(criterion)
     grid = RegionGrid.of(region, candidates)
     first = RegionGrid.of(region, min(candidates, FIRST))
@@ -71,7 +75,7 @@ def relax_region(
             break
         around = _apart(region, np.concatenate([search.points, active.support.x, search.found]))
         active = active.over(around, max(0.3 * gap, SHARPER * away))
-    return search.result(active)
+    return search.result(active, label)
 
 
 class _Search:
@@ -143,8 +147,13 @@ class _Search:
         """Whether the last rounds have hardly closed the gap: a solver's accuracy is reached."""
         return turn >= PATIENCE and self._gaps[-1] > SLOW * self._gaps[-1 - PATIENCE]
 
-    def result(self, active: ActiveSet) -> RelaxedRegion:
-        """The best design with the best bound, and what the same multipliers prove on the grid."""
+    def result(self, active: ActiveSet, label: str) -> RelaxedRegion:
+        """The best design with the best bound, and what the same multipliers prove on the grid.
+
+        Args:
+            active: The last relaxation.
+            label: What was asked for, for people.
+        """
         criterion = self.criterion
         best = self.proof
         assert best is not None
@@ -157,6 +166,7 @@ class _Search:
         return RelaxedRegion(
             region=region,
             criterion=criterion,
+            label=label,
             points=x,
             weights=self.weights[order],
             cost=self.cost,

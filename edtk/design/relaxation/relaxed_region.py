@@ -21,8 +21,9 @@ class RelaxedRegion(Presented):
     """Points of a region and the share of the experiments that each should have.
 
     Attributes:
-        region: The region.
-        criterion: What was minimised.
+        region: The region; the prior precision of a Bayesian criterion is part of its prior.
+        criterion: What was minimised, without that precision.
+        label: What was asked for, for people.
         points: Points (k, d), in the order of their variables.
         weights: Their shares (k,) of the experiments, of sum one.
         cost: The criterion's cost.
@@ -38,6 +39,7 @@ class RelaxedRegion(Presented):
 
     region: Region
     criterion: Relaxable
+    label: str
     points: Array
     weights: Array
     cost: float
@@ -52,7 +54,7 @@ class RelaxedRegion(Presented):
     def headline(self) -> str:
         """Criterion, value, number of points, and gap with its kind."""
         return (
-            f"{self.criterion.label} = {self.value:.6g} with weights on {len(self.points)} points, "
+            f"{self.label} = {self.value:.6g} with weights on {len(self.points)} points, "
             f"{self.kind.value} gap {max(self.gap, 0.0):.1e}"
         )
 

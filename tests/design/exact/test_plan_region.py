@@ -104,6 +104,44 @@ def test_impossible_questions():
         plan_region(SQUARE, 5, D, starts=2)
 
 
+def test_kept_experiments_count():
+    """Beside two experiments at one point of the pair, two more go to the other one."""
+    region = Region(poisson, -10, 2)
+    kept = region.problem([[2.0], [2.0]])
+    r = plan_region(region, 4, D, starts=4, keep=kept)
+    assert r.size == 4
+    assert r.kept == 2
+    np.testing.assert_allclose(r.points, [[0.0]], atol=1e-6)
+    assert r.counts.tolist() == [2]
+    # The plan is the best one of four, of which two were made already.
+    assert r.value == pytest.approx(4 * np.e, rel=1e-9)
+    assert r.bound == pytest.approx(4 * np.e, rel=1e-6)
+    with pytest.raises(ArgumentError, match="size 2: expected one or more beside 2 kept"):
+        plan_region(region, 2, D, keep=kept)
+    with pytest.raises(ArgumentError, match="keep: kept experiments have 1 parameters, expected 2"):
+        plan_region(region, 4, D, keep=edtk.Problem(np.ones((1, 1, 1))))
+
+
+def test_a_bayesian_plan_has_the_prior_once():
+    """The precision R adds to the information of all experiments; one of them may be enough."""
+    R = np.diag([2.0, 5.0])
+    region = Region(poisson, -10, 2, parameters=("a", "b"))
+    criterion = criteria.create("bayes_D", precision=R)
+    one = edtk.plan(region, 1, criterion)
+    x = np.linspace(-10, 2, 2001)
+    posterior = region.problem(x[:, None]).blocks() + R
+    best = np.linalg.det(posterior).max() ** 0.5
+    assert one.value == pytest.approx(best, rel=1e-5)
+    assert one.value >= best * (1 - 1e-12)
+    three = edtk.plan(region, 3, criterion)
+    M = region.problem(three.points).information(three.counts) + R
+    assert three.value == pytest.approx(np.linalg.det(M) ** 0.5, rel=1e-12)
+    design = edtk.relax(region, criterion, size=3)
+    assert 3 * design.bound == pytest.approx(three.bound, rel=1e-7)
+    assert "bayes_D" in repr(design)
+    assert three.efficiency <= 1 + 1e-9
+
+
 def test_the_front_door():
     """`edtk.plan` takes a region, D by default, and says which options are not for it."""
     region = Region(poisson, -10, 2)
@@ -111,6 +149,8 @@ def test_the_front_door():
     assert found.counts.tolist() == [2, 2]
     assert found.criterion.name == "D"
     assert edtk.plan(region, size=4, criterion=criteria.create("A"), starts=2).criterion.name == "A"
+    with pytest.raises(ArgumentError, match="keep: expected a Problem"):
+        edtk.plan(region, 4, keep=[1, 2])
     with pytest.raises(ArgumentError, match="most: is not for plans of a region"):
         edtk.plan(region, 4, most=1)
     with pytest.raises(ArgumentError, match="size: expected the number of experiments"):

@@ -1,0 +1,32 @@
+"""`edtk.plan` of a region: its arguments, checked."""
+
+import criteria
+from criteria import Criterion
+from edtk.design.exact import plan_region as exact
+from edtk.design.exact.region_plan import RegionPlan
+from edtk.design.problem import Problem
+from edtk.design.region import Region
+from edtk.study.run_options import Progress
+from edtk.system.errors import ArgumentError
+
+
+def plan_region(
+    region: Region,
+    size: int,
+    criterion: Criterion | str,
+    seed: int,
+    starts: int | None,
+    keep: object,
+    progress: Progress,
+) -> RegionPlan:
+    """Search for the best plan in a region; the arguments are those of `edtk.plan`.
+
+    Raises:
+        ArgumentError: An argument is impossible.
+        UserError: So few experiments cannot identify the parameters.
+    """
+    if keep is not None and not isinstance(keep, Problem):
+        raise ArgumentError("expected a Problem of the experiments at hand", argument="keep")
+    if isinstance(criterion, str):
+        criterion = criteria.create(criterion)
+    return exact.plan_region(region, size, criterion, seed, starts, keep, progress)
