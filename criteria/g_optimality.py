@@ -46,6 +46,10 @@ class GOptimality(KinkedCriterion, CovarianceCriterion, ConvexCriterion):
         choice ``u ~ diag(M Z M)``; the steps ``u ~ diag(K^(1/2))`` never make it worse. The second
         choice is all weight on the largest variance.
         """
+        return power_trace(_scaled(Z, self.dual_weights(Z, M)), 0.5) ** 2
+
+    def dual_weights(self, Z: Array, M: Array) -> Array:
+        """The weights u (p,) of sum one that `polar` takes."""
         T = whitener(M)
         # M = S'S and cov = T T', so that no unit of a parameter costs digits.
         S = np.linalg.inv(T)
@@ -54,7 +58,8 @@ class GOptimality(KinkedCriterion, CovarianceCriterion, ConvexCriterion):
         parts = at_optimum * variances
         at_optimum = np.where(parts > NEGLIGIBLE * parts.max(), at_optimum, 0.0)
         on_largest = (np.arange(len(parts)) == variances.argmax()).astype(float)
-        return max(_weighted_polar(Z, at_optimum), _weighted_polar(Z, on_largest))
+        found = [_best_weights(Z, at_optimum), _best_weights(Z, on_largest)]
+        return max(found, key=lambda best: best[0])[1]
 
     def polar_of_root(self, B: Array, W: Array) -> float:
         """The same, with singular values of ``U^(1/2) B`` in place of the roots of K."""
@@ -88,7 +93,7 @@ class GOptimality(KinkedCriterion, CovarianceCriterion, ConvexCriterion):
 
 
 def _best_of_root(B: Array, weights: Array) -> float:
-    """`_weighted_polar` of ``Z = B B'``."""
+    """The best polar of `_best_weights` of ``Z = B B'``."""
     best = 0.0
     for _ in range(STEPS):
         if not weights.sum() > 0:
@@ -100,16 +105,26 @@ def _best_of_root(B: Array, weights: Array) -> float:
     return best
 
 
-def _weighted_polar(Z: Array, weights: Array) -> float:
-    """The best of the polars of weighted A-criteria on the way from given weights (p,)."""
+def _scaled(Z: Array, weights: Array) -> Array:
+    """``U^(1/2) Z U^(1/2)`` for weights (p,) on the diagonal of U."""
+    root = np.sqrt(weights)
+    return root[:, None] * Z * root
+
+
+def _best_weights(Z: Array, weights: Array) -> tuple[float, Array]:
+    """The best of the polars of weighted A-criteria on the way from given weights, and its own."""
     best = 0.0
+    best_weights = np.zeros_like(weights)
     if not weights.any():
-        return best  # no weights, no proof
+        return best, best_weights  # no weights, no proof
     # Each step is a fixed-point iteration of "weights are the diagonal of the root of K".
     for _ in range(STEPS):
-        root = np.sqrt(weights / weights.sum())
-        K = root[:, None] * Z * root
-        best = max(best, power_trace(K, 0.5) ** 2)
+        weights = weights / weights.sum()
+        K = _scaled(Z, weights)
+        found = power_trace(K, 0.5) ** 2
+        if found > best:
+            best = found
+            best_weights = weights
         values, V = np.linalg.eigh(K)
         weights = np.square(V) @ np.sqrt(np.maximum(values, 0.0))
-    return best
+    return best, best_weights

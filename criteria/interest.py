@@ -190,6 +190,11 @@ class Interest(Relaxable):
         _, cov, _ = self.inverse(M)
         return self.base.rests_on_solver(self.K.T @ Z @ self.K, _inverse(self.variance(cov)))
 
+    def dual_weights(self, Z: Array, M: Array) -> Array | None:
+        """The base's for ``K'Z K``, see `lower_bound`."""
+        _, cov, _ = self.inverse(M)
+        return self.base.dual_weights(self.K.T @ Z @ self.K, _inverse(self.variance(cov)))
+
     def lower_bound(self, Z: Array, t: Array, M: Array) -> float:
         """The base's for ``K'Z K``: as ``X >= K C_K(X) K'``, ``<K'Z K, C_K(X)> <= <Z, X> <= t``."""
         _, cov, _ = self.inverse(M)

@@ -66,18 +66,28 @@ class Minimax(KinkedCriterion, SeveralCriteria):
         and ``q_j = u_j cost``. Hence non-negative least squares for the first shares, and the steps
         ``u ~ q``; the second choice is all of Z for the worst criterion.
         """
+        return float(self.part_polars(Z, M, self.dual_weights(Z, M)).sum())
+
+    def dual_weights(self, Z: Array, M: Array) -> Array:
+        """The shares u (k,) of sum one that `polar` takes."""
+        if not self.needs_all:
+            Q, N, regular = self._regular(M)
+            return regular.dual_weights(Q.T @ Z @ Q, N)
         safe, cov, _ = self.inverse(M)
         losses = self.losses(safe, cov)
         starts = [
             self._least_squares_shares(Z, safe, cov, losses),
             np.eye(len(losses))[losses.argmax()],
         ]
-        best = 0.0
+        best = starts[-1]
+        most = 0.0
         for shares in starts:
             for _ in range(STEPS):
                 q = self.part_polars(Z, M, shares)
                 total = float(q.sum())
-                best = max(best, total)
+                if total > most:
+                    most = total
+                    best = shares
                 if not total > 0 or np.abs(q / total - shares).max() < 1e-14:
                     break
                 shares = q / total

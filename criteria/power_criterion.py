@@ -76,6 +76,10 @@ class PowerCriterion(ConvexCriterion):
         """The power of the base's polar."""
         return float(self.base.polar(Z, M) ** self.exponent)
 
+    def dual_weights(self, Z: Array, M: Array) -> Array | None:
+        """The base's."""
+        return self.base.dual_weights(Z, M)
+
     def lower_bound(self, Z: Array, t: Array, M: Array) -> float:
         """The power of the base's bound."""
         return float(self.base.lower_bound(Z, t, M) ** self.exponent)

@@ -47,6 +47,20 @@ class Relaxable(Criterion):
             unit: The cost of that design. The objective is measured in this unit.
         """
 
+    def dual_weights(self, Z: Array, M: Array) -> Array | None:
+        """The weights by which a criterion that is a maximum turns a multiplier into a bound.
+
+        They are stored with a certificate, so that a check needs no search for them.
+
+        Args:
+            Z: A multiplier (p, p).
+            M: A regular design (p, p), near which the bound shall be tight.
+
+        Returns:
+            Weights of sum one; None for a criterion that needs none.
+        """
+        return None
+
     def log_information(
         self, M: "cp.Expression", T: Array, unit: float
     ) -> tuple["cp.Expression", list["cp.Constraint"]]:

@@ -145,9 +145,7 @@ class SeveralCriteria(Relaxable):
         multiplier Q'Z Q bounds ``C_Q(X)``, which is regular where X need not be. See `Interest`.
         """
         if not self.needs_all:
-            Q, regular = self._about_all_combinations
-            _, cov, _ = self.inverse(M)
-            N = guarded_inverse(Q.T @ cov @ Q)[1]
+            Q, N, regular = self._regular(M)
             # Q'Z Q may be semidefinite although Z is not, and then proves nothing.
             within = np.where(is_semidefinite(Z)[:, None, None], Q.T @ Z @ Q, np.nan)
             return regular.lower_bound(within, t, N)
@@ -156,6 +154,12 @@ class SeveralCriteria(Relaxable):
             self.polar(z, M) / top if proved else 0.0
             for z, top, proved in zip(Z, t, proves, strict=True)
         )
+
+    def _regular(self, M: Array) -> tuple[Array, Array, Self]:
+        """Q (p, s), the regular ``C_Q(M)`` (s, s), and this criterion of Q'k."""
+        Q, regular = self._about_all_combinations
+        _, cov, _ = self.inverse(M)
+        return Q, guarded_inverse(Q.T @ cov @ Q)[1], regular
 
     @cached_property
     def _about_all_combinations(self) -> tuple[Array, Self]:

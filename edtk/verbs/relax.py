@@ -37,7 +37,12 @@ def relax(
 
 @overload
 def relax(
-    question: "Problem", criterion: "Criterion | str | None" = None, *, size: int | None = None
+    question: "Problem",
+    criterion: "Criterion | str | None" = None,
+    *,
+    size: int | None = None,
+    out: Path | str | None = None,
+    certificate: Path | str | None = None,
 ) -> "Relaxation": ...
 
 
@@ -69,7 +74,7 @@ def relax(
 
     Args:
         question: A study, the path of a study file, a `Problem` of arrays, or a `Region` of points.
-            The options below belong to studies, but for `size`.
+            The options below belong to studies; `size`, `out` and `certificate` to problems too.
         criterion: Name of a criterion (a `Criterion` object is fine for a problem or a region);
             defaults to the study's main criterion, and to "D" for a problem or a region.
         candidates: Number of candidate poses; defaults to the study's. Of a region, about the
@@ -102,7 +107,8 @@ def relax(
     from edtk.design.region import Region
 
     if isinstance(question, Problem):
-        return _relax_problem(question, "D" if criterion is None else criterion, size)
+        asked = "D" if criterion is None else criterion
+        return _relax_problem(question, asked, size, out, certificate)
     if isinstance(question, Region):
         return _relax_region(question, criterion or "D", candidates, size, progress)
     from edtk.design.relaxation.relax_poses import PlanInterrupted
@@ -155,16 +161,34 @@ def _write(
 
 
 def _relax_problem(
-    problem: "Problem", criterion: "Criterion | str", size: int | None
+    problem: "Problem",
+    criterion: "Criterion | str",
+    size: int | None,
+    out: Path | str | None,
+    certificate: Path | str | None,
 ) -> "Relaxation":
     """The relaxation over the candidates of a problem of arrays."""
     import criteria
     from edtk.design.relaxation.relax import relax as relax_candidates
+    from edtk.system.atomic_file import Content, write_files
+    from edtk.system.json_text import json_text
+    from edtk.tables.csv_text import csv_text
+    from edtk.verbs.require_output import require_different, require_output
 
     if isinstance(criterion, str):
         criterion = criteria.create(criterion)
+    require_different(out=out, certificate=certificate)
+    for path in (out, certificate):
+        require_output(path)
     found = relax_candidates(problem, criterion.for_size(1 if size is None else size))
-    return replace(found, problem=problem)
+    found = replace(found, problem=problem)
+    files: dict[Path, Content] = {}
+    if out is not None:
+        files[Path(out)] = csv_text(found.to_frame().reset_index())
+    if certificate is not None:
+        files[Path(certificate)] = json_text(found.to_dict()) + "\n"
+    write_files(files)
+    return found
 
 
 def _relax_region(

@@ -7,6 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 from edtk.certificate.verification import Claim, Verification
 from edtk.certificate.verify_certificate import verify_certificate
+from edtk.certificate.verify_problem import verify_problem
+from edtk.design.problem import Problem
+from edtk.design.relaxation.store import CERTIFICATE
 from edtk.system.errors import UserError
 from edtk.system.parse_json import parse_json
 from edtk.system.read_text import read_text
@@ -20,7 +23,7 @@ MOST_MB = 50.0
 
 
 def verify(
-    certificate: Path | str | dict[str, Any], study: "StudyLike | None" = None
+    certificate: Path | str | dict[str, Any], study: "StudyLike | Problem | None" = None
 ) -> Verification:
     """Recompute every claim of a certificate from its poses and multipliers alone.
 
@@ -31,7 +34,8 @@ def verify(
     Args:
         certificate: The file that `edtk.plan`, `edtk.relax` or `edtk.run` wrote, or its content.
         study: A study, or its file, whose setting the certificate must have; defaults to none, and
-            then the certificate's own setting is taken as given.
+            then the certificate's own setting is taken as given. A certificate of a `Problem`, as
+            `Relaxation.to_dict` makes it, needs that problem here.
 
     Returns:
         Each claim with the stated and the recomputed number; `.valid` if all hold.
@@ -50,6 +54,8 @@ def verify(
     else:
         where = str(certificate)
         content = parse_json(read_text(certificate, MOST_MB), where)
+    if isinstance(content, dict) and content.get("kind") == CERTIFICATE:
+        return _of_problem(content, study, where)
     if not isinstance(content, dict) or "proof" not in content:
         raise UserError("not a certificate; expected a file written by --certificate", where=where)
     try:
@@ -58,7 +64,24 @@ def verify(
         raise UserError(f"not a certificate: {error}", where=where) from error
     if study is None:
         return found
+    if isinstance(study, Problem):
+        message = "this is a certificate of poses; expected a study beside it, not a problem"
+        raise UserError(message, where=where)
     return replace(found, claims=(_same_study(content, study), *found.claims))
+
+
+def _of_problem(content: dict[str, Any], problem: object, where: str) -> Verification:
+    """Check a certificate of a problem of arrays."""
+    if not isinstance(problem, Problem):
+        raise UserError(
+            "this is a certificate of a problem of arrays; expected that problem beside it, in "
+            "Python: edtk.verify(certificate, problem)",
+            where=where,
+        )
+    try:
+        return verify_problem(content, problem)
+    except ValueError as error:
+        raise UserError(f"not a certificate: {error}", where=where) from error
 
 
 def _same_study(content: dict[str, Any], study: "StudyLike") -> Claim:

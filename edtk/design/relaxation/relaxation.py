@@ -1,7 +1,8 @@
 """The result of a relaxation: weights of candidates with the proof of a bound."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -91,6 +92,33 @@ class Relaxation(Presented):
             return self.problem.to_frame(self.weights)
         index = pd.Index(self.support, name="candidate")
         return pd.DataFrame({"weight": self.weights[self.support]}, index=index)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The certificate as plain data for JSON, which `edtk.verify` checks with the problem.
+
+        Raises:
+            ValueError: The relaxation does not hold its candidates.
+        """
+        from edtk.design.relaxation.store import store  # it makes results of this kind
+
+        if self.problem is None:
+            raise ValueError("this relaxation does not hold its candidates; edtk.relax keeps them")
+        return store(self, self.problem)
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any], problem: Problem) -> "Relaxation":
+        """Restore what `to_dict` has written; cost and bound are computed anew.
+
+        Args:
+            data: The certificate.
+            problem: Its candidates.
+
+        Raises:
+            ValueError: The candidates are others, or weights or multipliers do not fit them.
+        """
+        from edtk.design.relaxation.store import restore  # it makes results of this kind
+
+        return restore(data, problem)
 
     def certify(self, problem: Problem) -> tuple[float, float]:
         """Compute cost and bound anew from weights, multipliers and candidates alone.

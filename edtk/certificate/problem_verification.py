@@ -1,0 +1,34 @@
+"""The result of checking a certificate of a problem of arrays."""
+
+from dataclasses import dataclass
+from typing import Any
+
+from edtk.certificate.verification import Verification
+
+
+@dataclass(frozen=True, repr=False)
+class ProblemVerification(Verification):
+    """All claims of a certificate of a relaxation over a problem's candidates, checked.
+
+    Attributes:
+        about: The criterion as a person reads it, with its parameters.
+    """
+
+    about: str = ""
+
+    @property
+    def label(self) -> str:
+        """The criterion as a person reads it."""
+        return self.about
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data for JSON: `valid`, what the certificate is about, and the claims."""
+        return {
+            "valid": self.valid,
+            "criterion": self.criterion,
+            "about": self.about,
+            "kind": self.kind,
+            "candidates": self.candidates,
+            "support": self.poses,
+            "claims": [claim.to_dict() for claim in self.claims],
+        }
