@@ -8,14 +8,13 @@ from typing import Any
 
 from edtk.model.robot import Robot
 from edtk.model.robot_from_dict import RobotFileError, robot_from_dict
-from edtk.model.urdf.load_urdf import load_urdf
+from edtk.model.urdf.load_urdf import XACRO, load_urdf
 from edtk.system.errors import UserError
 from edtk.system.parse_toml import MOST_MB, parse_toml
 from edtk.system.read_text import read_text
 
 TOML = ".toml"
 URDF = ".urdf"
-XACRO = ".xacro"
 
 
 def builtin_robots() -> tuple[str, ...]:
@@ -32,12 +31,12 @@ def load_robot(
     tip: str | None = None,
     limits: Mapping[str, tuple[float, float]] | None = None,
 ) -> Robot:
-    """Read a built-in robot by its name, or a robot file (TOML or URDF) by its path.
+    """Read a built-in robot by its name, or a robot file (TOML, URDF or xacro) by its path.
 
     The keys of a TOML file are those of `edtk.model.robot_from_dict`.
 
     Args:
-        name: One of `builtin_robots()`, or a path ending in ".toml" or ".urdf".
+        name: One of `builtin_robots()`, or a path ending in ".toml", ".urdf" or ".xacro".
         folder: The folder to which a relative path is relative; defaults to the current one.
         base: Link of a URDF that stands in the world; defaults to its root.
         tip: Link of a URDF that carries the tool; defaults to its leaf, where it has one only.
@@ -47,12 +46,9 @@ def load_robot(
         RobotFileError: No such robot, or its file is not valid; one line that says where.
     """
     name = str(name)
-    if name.endswith(URDF):
+    if name.endswith((URDF, XACRO)):
         path = (folder or Path()) / name
         return _limited(load_urdf(path, base, tip, limits, name), limits)
-    if name.endswith(XACRO):
-        message = "is a xacro file; expected the URDF that `xacro FILE > FILE.urdf` makes of it"
-        raise RobotFileError(message, where=f"robot {name}")
     for key, link in (("base_link", base), ("tip_link", tip)):
         if link is not None:
             message = f"has no links; {link!r} goes with a URDF file"
@@ -64,7 +60,7 @@ def load_robot(
     else:
         raise RobotFileError(
             f"unknown robot {name!r}; built in: {', '.join(builtin_robots())}; "
-            "or give a path to a .toml or .urdf file"
+            "or give a path to a .toml, .urdf or .xacro file"
         )
     return _limited(robot_from_dict(content, where=f"robot {name}"), limits)
 

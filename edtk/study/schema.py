@@ -38,7 +38,7 @@ MORE_DESCENTS = 4
 ACCURACY = "rho0"  # the accuracy in the test pose, for which a calibration is usually made
 WITHOUT_A_TEST_POSE = "D"
 MOST_CANDIDATES = 10**9  # beyond them no machine would end
-ROBOT_FILE = (".toml", ".urdf")  # ends of a robot's file; names of built-in robots have none
+ROBOT_FILE = (".toml", ".urdf", ".xacro")  # ends of a file; names of built-in robots have none
 
 
 def _name_or_table(value: object) -> object:

@@ -17,9 +17,12 @@ from edtk.model.urdf.motion import motion
 from edtk.model.urdf.parse_urdf import parse_urdf
 from edtk.model.urdf.resolve_tie import resolve_tie
 from edtk.model.urdf.urdf import Mimic, Urdf, UrdfJoint
+from edtk.model.urdf.urdf_of_xacro import urdf_of_xacro
 from edtk.system.errors import UserError
 from edtk.system.read_text import read_text
 from edtk.system.typing import Array
+
+XACRO = ".xacro"
 
 
 class OpenLimitsError(RobotFileError):
@@ -56,7 +59,7 @@ def load_urdf(
     joint outside the chain, the first one is free.
 
     Args:
-        path: The file.
+        path: The file; the macros of one that ends in ".xacro" are expanded.
         base: Name of the base link; defaults to the root.
         tip: Name of the tip link; defaults to the leaf, where a joint moves one only.
         limits: Lower and upper limits by joint, which take the place of those of the file
@@ -67,11 +70,7 @@ def load_urdf(
         RobotFileError: One line that says which joint or link, and what was expected.
     """
     where = f"robot {name or path}"
-    try:
-        text = read_text(path)
-    except UserError as error:
-        raise RobotFileError(error.message, where=f"robot file {path}", key=error.key) from error
-    tree = parse_urdf(text, where)
+    tree = parse_urdf(_text(path, where), where)
     ends = chain(tree, base, tip, where)
     first = ends[0].parent
     last = ends[-1].child
@@ -91,6 +90,16 @@ def load_urdf(
         flange=flange,
         tied=tied,
     )
+
+
+def _text(path: Path, where: str) -> str:
+    """The text of the file, its macros expanded."""
+    if path.name.endswith(XACRO):
+        return urdf_of_xacro(path, where)
+    try:
+        return read_text(path)
+    except UserError as error:
+        raise RobotFileError(error.message, where=f"robot file {path}", key=error.key) from error
 
 
 def _without_constant_joints(tree: Urdf, joints: Sequence[UrdfJoint], where: str) -> Urdf:

@@ -39,7 +39,7 @@ def parse_urdf(text: str, where: str | None = None) -> Urdf:
         message = f"the root element is <{root.tag}>; expected <robot>"
         raise RobotFileError(message, where=where)
     if any(element.tag.startswith("xacro:") for element in root.everything()):
-        message = "is a xacro file; expected the URDF that `xacro FILE` makes of it"
+        message = "is a xacro file; expected a name that ends in .xacro"
         raise RobotFileError(message, where=where)
     return _Reader(where).robot(root)
 
