@@ -14,6 +14,7 @@ from edtk.calibration.input_errors.input_error import InputError
 from edtk.calibration.linear_model_bias import linear_model_bias
 from edtk.calibration.origin import Origin
 from edtk.calibration.stated_noise import stated_noise
+from edtk.calibration.told_part import told_part
 from edtk.design.plan import Plan
 from edtk.inference.correlated_noise import NotPositiveDefiniteError
 from edtk.inference.fit_huber import SigmaTooSmallError
@@ -52,7 +53,8 @@ def calibrate(
         linear: Whether the linear model is fitted where that of the loaded equilibrium would be,
             as it differs by more than a tenth of a standard deviation.
         bayes: Whether the posterior is to be sampled. Then the [prior] of the study may tell
-            compliances that the measurements alone do not.
+            compliances that the measurements alone do not. Otherwise they may leave open what is
+            not of interest, where the study says what is.
 
     Returns:
         Compliances by joint, the fit, and the diagnostics.
@@ -76,11 +78,18 @@ def calibrate(
     )
     data = _with_noise(study, data, path)
     origin = Origin.of(path, linear, as_is)
+    part = None
     try:
-        fitted = _fitted(study, data, plan, robust, known, linear, bayes)
+        try:
+            fitted = _fitted(study, data, plan, robust, known, linear, bayes)
+        except SingularPlanError:
+            if study.interest is None or bayes:
+                raise
+            part = told_part(study, data)
+            fitted = FittedData.of(part.study, data, plan, robust, known, linear)
     except (SingularPlanError, NothingLeftError, SigmaTooSmallError) as error:
         raise UserError(str(error), where=path) from error
-    found = Calibration(fitted, (), path, _bias(fitted), origin=origin)
+    found = Calibration(fitted, (), path, _bias(fitted), origin=origin, part=part)
     budget = calibration_budget(fitted, found.rho0_bias)
     named = diagnostics(fitted, found.rho0_bias, budget)
     found = replace(found, diagnostics=named, budget=budget)

@@ -19,6 +19,7 @@ from edtk.calibration.fitted_data import FittedData
 from edtk.calibration.origin import Origin
 from edtk.calibration.posterior_check import PosteriorCheck
 from edtk.calibration.residual_table import residual_table
+from edtk.calibration.told_part import ToldPart
 from edtk.inference.estimate_noise import NoiseEstimate
 from edtk.inference.identification import Identification
 from edtk.inference.lack_of_fit import LackOfFit
@@ -54,6 +55,8 @@ class Calibration(Presented):
         budget: The error to expect in the task, in parts; None without a test pose.
         check: The posterior; None where it was not sampled.
         origin: The file as it was read, and what was asked for.
+        part: What the measurements tell, where they leave compliances open that are not of
+            interest; None where they tell all.
     """
 
     fitted: FittedData
@@ -63,6 +66,7 @@ class Calibration(Presented):
     budget: ErrorBudget | None = None
     check: PosteriorCheck | None = None
     origin: Origin = Origin()  # noqa: RUF009  (frozen)
+    part: ToldPart | None = None
 
     def headline(self) -> str:
         """Number of measurements, the accuracy to expect, and the verdict."""
@@ -76,6 +80,26 @@ class Calibration(Presented):
     def study(self) -> Study:
         """The question."""
         return self.fitted.study
+
+    @property
+    def asked(self) -> Study:
+        """The question as it was given, of which the measurements may leave a part open."""
+        return self.study if self.part is None else self.part.asked
+
+    @property
+    def interest(self) -> dict[str, tuple[float, float]]:
+        """Estimate and standard deviation of each combination of interest; empty without any."""
+        if self.asked.interest is None:
+            return {}
+        joints = self.asked.specification.joints.unknown
+        rows = [joints.index(name) for name in self.study.specification.joints.unknown]
+        K = self.asked.interest[rows]
+        std = np.sqrt(np.einsum("ps,pq,qs->s", K, self.fit.covariance, K))
+        # A combination may be negative, and so may its estimate.
+        combined = self.part is not None and self.part.stands_for
+        k = self.fit.unbounded if combined else self.fit.k
+        pairs = zip((k @ K).tolist(), std.tolist(), strict=True)
+        return dict(zip(self.asked.interest_names, pairs, strict=True))
 
     @property
     def data(self) -> Measurements:
@@ -114,13 +138,24 @@ class Calibration(Presented):
 
     @property
     def k(self) -> dict[str, float]:
-        """Compliances by joint [rad/(N m), or m/N of a prismatic joint], not negative."""
+        """Compliances by joint [rad/(N m), or m/N of a prismatic joint], not negative.
+
+        NaN where the measurements do not tell one by itself.
+        """
         return self._by_joint(self.fit.k)
 
     @property
     def std(self) -> dict[str, float]:
         """Standard deviations of the compliances by joint, in their units."""
         return self._by_joint(self.fit.std)
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """What the estimates (p,) are of: a parameter each; or a combination, if some are open."""
+        words = {} if self.part is None else self.part.stands_for
+        joints = self.study.specification.joints.unknown
+        names = zip(joints, self.study.model.parameters, strict=True)
+        return tuple(words.get(joint, name) for joint, name in names)
 
     @property
     def verdict(self) -> str:
@@ -181,8 +216,8 @@ class Calibration(Presented):
             rho0 = {"value": value, "interval95": list(interval)}
         joints = self.study.specification.joints.unknown
         return {
-            "k": self.k,
-            "std": self.std,
+            "k": _known(self.k),
+            "std": _known(self.std),
             "correlation": fit.correlation.tolist(),
             "covariance_dof": fit.covariance_dof if np.isfinite(fit.covariance_dof) else None,
             "sigma_hat": self.sigma_hat if np.isfinite(fit.scale) else None,
@@ -205,10 +240,18 @@ class Calibration(Presented):
             "diagnostics": [diagnostic.to_dict() for diagnostic in self.diagnostics],
             "negative": [joints[i] for i in np.flatnonzero(fit.negative)],
             "known": dict(self.study.specification.joints.known_rad_per_Nm),
-            "k_unbounded": self._by_joint(fit.unbounded),
-            "k_bias": None if self.bias is None else self._by_joint(self.bias),
+            "k_unbounded": _known(self._by_joint(fit.unbounded)),
+            "k_bias": None if self.bias is None else _known(self._by_joint(self.bias)),
             "posterior": None if self.check is None else self.check.to_dict(),
+            **self._of_interest(),
         }
+
+    def _of_interest(self) -> dict[str, Any]:
+        """What is of interest, and what is not told; nothing where all compliances matter."""
+        if self.asked.interest is None:
+            return {}
+        found = {name: {"value": k, "std": std} for name, (k, std) in self.interest.items()}
+        return {"interest": found, "not_told": [] if self.part is None else list(self.part.open)}
 
     def to_frame(self) -> "pd.DataFrame":
         """A row for each compliance, SI units.
@@ -222,7 +265,7 @@ class Calibration(Presented):
         return pd.DataFrame(
             {
                 "joint": self.study.specification.joints.unknown,
-                "parameter": self.study.model.parameters,
+                "parameter": self.parameters,
                 "unit": self.study.model.units,
                 "k": fit.k,
                 "std": fit.std,
@@ -304,5 +347,11 @@ class Calibration(Presented):
         return noise
 
     def _by_joint(self, values: np.ndarray) -> dict[str, float]:
-        """Values (p,) by the names of the unknown joints."""
-        return dict(zip(self.study.specification.joints.unknown, values.tolist(), strict=True))
+        """Values (p,) by the names of the unknown joints; NaN for one that is not told."""
+        of = dict(zip(self.study.specification.joints.unknown, values.tolist(), strict=True))
+        return of if self.part is None else of | dict.fromkeys(self.part.stands_for, np.nan)
+
+
+def _known(values: dict[str, float]) -> dict[str, float | None]:
+    """The same, with None for no number, as JSON has it."""
+    return {name: None if np.isnan(value) else value for name, value in values.items()}

@@ -47,11 +47,12 @@ def _measured(found: Calibration) -> list[tuple[str, str]]:
 def _evaluated(found: Calibration) -> list[tuple[str, str]]:
     """The study, the options and the program."""
     study = found.study
-    name = f"{study.path.name}, " if study.path is not None else ""
+    asked = found.asked
+    name = f"{asked.path.name}, " if asked.path is not None else ""
     known = study.specification.joints.known_rad_per_Nm
     plan = found.fitted.plan
     rows = [
-        ("Study", f"{name}SHA-256 begins with {study.digest}"),
+        ("Study", f"{name}SHA-256 begins with {asked.digest}"),
         ("Robot", study.robot.name),
         ("Model", _model(found)),
         ("Fit", _fit(found)),

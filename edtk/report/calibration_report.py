@@ -32,7 +32,7 @@ def calibration_report(found: Calibration) -> str:
         calibration_verdict(found),
         *([] if found.budget is None else [budget_section(found, found.budget)]),
         *([] if found.tasks is None else [task_section(found.tasks)]),
-        section("Compliances", _compliances(found), _intervals(found)),
+        section("Compliances", _compliances(found), _intervals(found), *_interest(found)),
         section(
             "Do the residuals fit the noise?",
             paragraph(_noise(found)),
@@ -57,7 +57,7 @@ def _compliances(found: Calibration) -> str:
     low, high = fit.interval
     model = found.study.model
     rows = []
-    for i, name in enumerate(model.parameters):
+    for i, name in enumerate(found.parameters):
         k = fit.k[i]
         std = fit.std[i]
         relative = f"{100 * std / k:.2g}" if k > 0 else "-"
@@ -70,6 +70,26 @@ def _compliances(found: Calibration) -> str:
         return table([*header, "unit"], rows)
     unit = f"[{units.pop()}]"
     return table([name if name in UNITLESS else f"{name} {unit}" for name in header], rows)
+
+
+def _interest(found: Calibration) -> list[str]:
+    """What is of interest, where the study says so, and what is left open."""
+    if not found.interest:
+        return []
+    rows = [
+        [name, digits(value, std), f"{std:.1e}"] for name, (value, std) in found.interest.items()
+    ]
+    unit = f"[{found.asked.model.unit}]"
+    parts = [table(["of interest", f"estimate {unit}", f"std {unit}"], rows)]
+    if found.part is not None:
+        rigid = ", ".join(found.part.rigid)
+        parts.append(
+            paragraph(
+                f"The measurements do not tell {', '.join(found.part.open)} by themselves, and so "
+                f"{rigid} counts as rigid here. What is of interest does not depend on that."
+            )
+        )
+    return parts
 
 
 def _noise(found: Calibration) -> str:
@@ -117,7 +137,7 @@ def _intervals(found: Calibration) -> str:
     """The picture of the compliances."""
     figure = new_figure(WIDTH, 0.8 + 0.4 * len(found.fit.k))
     model = found.study.model
-    intervals(found.fit, model.parameters, model.units, figure.add_subplot())
+    intervals(found.fit, found.parameters, model.units, figure.add_subplot())
     caption = (
         "95 % intervals of the compliances, relative to the estimate; one that reaches to zero is "
         "written out."
@@ -152,7 +172,7 @@ def _quantiles(fit: Identification) -> str:
 def _correlation(found: Calibration) -> str:
     """The picture of the correlations."""
     p = len(found.fit.k)
-    names = found.study.model.parameters
+    names = found.parameters
     more = room_for(names)
     figure = new_figure(1.15 + 0.65 * p + more, 1.0 + 0.5 * p + more)
     correlation(found.fit.correlation, names, figure.add_subplot())
@@ -161,7 +181,7 @@ def _correlation(found: Calibration) -> str:
 
 def _pairs(found: Calibration) -> str:
     """A table of the pairs of parameters that depend on each other most."""
-    names = found.study.model.parameters
+    names = found.parameters
     above = np.stack(np.triu_indices(len(names), 1), axis=1)
     size = -np.abs(found.fit.correlation[above[:, 0], above[:, 1]])
     chosen = above[np.argsort(size, kind="stable")[:SHOWN]]

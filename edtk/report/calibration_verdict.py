@@ -62,7 +62,7 @@ def _rigid(found: Calibration) -> list[str]:
 def _sentence(found: Calibration, text: str) -> str:
     """The text with a capital letter, unless it begins with the name of a parameter."""
     text = text.replace("+-", "\N{PLUS-MINUS SIGN}")
-    if text.startswith(found.study.model.parameters):
+    if text.startswith(found.parameters):
         return text
     return f"{text[:1].upper()}{text[1:]}"
 
@@ -74,7 +74,7 @@ def _expected(found: Calibration) -> str:
         k = np.maximum(np.abs(fit.k), LEAST)
         worst = int(np.argmax(fit.std / k))
         share = f"{100 * fit.std[worst] / k[worst]:.2g} %"
-        return f"The least certain compliance is {found.study.model.parameters[worst]}, to {share}."
+        return f"The least certain compliance is {found.parameters[worst]}, to {share}."
     place = f" {found.study.tasks.place}" if found.study.tasks else ""
     return (
         f"Expect a total error of {1e3 * found.budget.total:.2g} mm{place} after compensation, "

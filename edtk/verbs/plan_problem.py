@@ -88,16 +88,20 @@ def _block_sizes(
     if keep is not None:
         message = "experiments cannot be kept where others are put in blocks"
         raise ArgumentError(message, argument="keep")
-    if not isinstance(problem.kept, Rows) or _is_triangular(problem.kept.A):
-        message = "blocks need the rows of the candidates as they are measured, p or fewer of each"
+    if not isinstance(problem.kept, Rows) or _are_not_as_measured(problem.kept.A):
+        message = "blocks need the rows of all candidates as measured, as many of each, at most p"
         raise ArgumentError(message, argument="blocks")
     return sizes
 
 
-def _is_triangular(A: Array) -> bool:
-    """Whether rows (n, r, p) were turned into p, so that their signs tell nothing."""
+def _are_not_as_measured(A: Array) -> bool:
+    """Whether rows (n, r, p) were turned into p triangular ones, or filled with rows of zeros.
+
+    Signs of the former tell nothing. The latter were not measured, and have no effect of a block.
+    """
     _, r, p = A.shape
-    return r == p > 1 and not np.tril(A, -1).any()
+    triangular = r == p > 1 and not np.tril(A, -1).any()
+    return triangular or (r > 1 and not A.any(axis=2).all())
 
 
 def _kept(keep: ArrayLike | Problem | None, problem: Problem) -> tuple[Indices, Array, int]:

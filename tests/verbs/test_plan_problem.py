@@ -214,6 +214,17 @@ def test_it_shows_itself():
     assert len(found.experiments) == 9
 
 
+def test_candidates_from_a_data_frame_come_back_as_its_rows():
+    """The plan is a frame of the candidates that are measured, with their counts."""
+    pd = pytest.importorskip("pandas")
+    pytest.importorskip("formulaic")
+    frame = pd.DataFrame({"x": np.linspace(-1, 1, 5)}, index=list("abcde"))
+    found = edtk.plan(edtk.Problem.from_frame(frame, "1 + x + I(x**2)"), size=6, keep=[0], starts=8)
+    assert found.to_frame().index.tolist() == ["a", "c", "e"]
+    assert found.to_frame()["count"].tolist() == [2, 2, 2]
+    assert found.to_frame()["kept"].tolist() == [1, 0, 0]
+
+
 PROBLEM = edtk.Problem(RNG.normal(size=(5, 1, 2)))
 
 
@@ -261,8 +272,12 @@ def test_a_constant_is_lost_beside_fixed_blocks():
 def test_blocks_need_rows():
     """Packed information has lost the signs of its rows."""
     packed = edtk.Problem.of_information(PROBLEM.packed)
-    with pytest.raises(UserError, match="blocks need the rows of the candidates"):
+    with pytest.raises(UserError, match="blocks need the rows of all candidates"):
         edtk.plan(packed, blocks=(2, 2))
+    filled = np.ones((4, 2, 3))
+    filled[0, 1] = 0.0
+    with pytest.raises(UserError, match="blocks need the rows of all candidates"):
+        edtk.plan(edtk.Problem(filled), blocks=(2, 2))
     assert edtk.plan(packed, size=4, starts=4).cost == pytest.approx(
         edtk.plan(PROBLEM, size=4, starts=4).cost
     )

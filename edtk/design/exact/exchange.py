@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 from criteria import Criterion
 from edtk.design.exact.exchange_costs import exchange_costs
 from edtk.design.problem import Problem
+from edtk.system.errors import UserError
 from edtk.system.typing import Array, Indices
 
 EXCHANGES_AT_ONCE = 20_000  # their matrices, of some megabytes, stay in a core's cache
@@ -16,6 +17,9 @@ GAIN = 1e-12  # relative improvement that counts: less than this may be rounding
 # Soft maximum whose gradient ranks the candidates for a criterion with kinks. A subgradient of the
 # criterion itself would rank them by one of several equal eigenvalues alone.
 GUIDE_SHARPNESS = 30.0
+# Part of the candidates' mean information that is added for each measurement of a plan whose
+# singularity no single exchange ends: far below what a plan tells, far above rounding.
+RIDGE = 1e-6
 
 
 def exchange(
@@ -35,8 +39,8 @@ def exchange(
 
     Args:
         problem: The candidates, and the prior information if there is any.
-        criterion: The criterion to improve. A singular start has infinite cost, and is left where
-            an exchange can do so.
+        criterion: The criterion to improve. From a singular start, where no single exchange makes
+            the plan regular, several are made at first with a little of every candidate added.
         start: Indices of the candidates at the k places (..., k); a candidate may occur twice.
         repeats: Numbers of measurements at each place (..., k), which are kept; default to one.
         shortlists: Numbers of candidates of largest sensitivity that are tried first, then next.
@@ -44,7 +48,11 @@ def exchange(
             result. For a singular plan all are tried in any case.
 
     Returns:
-        Indices of the candidates by place (..., k), and the costs of the plans (...).
+        Indices of the candidates by place (..., k), and the costs of the plans (...); of several
+        plans, those that stay singular have infinite cost.
+
+    Raises:
+        UserError: A single plan stays singular: so few places cannot identify what is needed.
 
     Example:
         The best two of eleven points for a straight line are its ends.
@@ -59,13 +67,40 @@ def exchange(
     first = np.array(start, dtype=int)
     times = np.ones(first.shape) if repeats is None else np.asarray(repeats, dtype=float)
     times = np.broadcast_to(times, first.shape).reshape(-1, first.shape[-1])
+    places = first.reshape(times.shape)
+    found, costs = _exchanged(problem, criterion, places, times, shortlists, thorough)
+    stuck = ~np.isfinite(costs)
+    if stuck.any():
+        ridge = RIDGE * problem.mean
+        ridged = problem.with_prior(ridge if problem.prior is None else problem.prior + ridge)
+        some = places[stuck], times[stuck]
+        again, _ = _exchanged(ridged, criterion, *some, shortlists, thorough)
+        found[stuck], costs[stuck] = _exchanged(
+            problem, criterion, again, times[stuck], shortlists, thorough
+        )
+    if first.ndim == 1 and not np.isfinite(costs[0]):
+        raise UserError(
+            f"no plan of {len(first)} places was found that identifies what {criterion.label} needs"
+        )
+    return found.reshape(first.shape), costs.reshape(first.shape[:-1])[()]
+
+
+def _exchanged(
+    problem: Problem,
+    criterion: Criterion,
+    places: Indices,
+    times: Array,
+    shortlists: Sequence[int],
+    thorough: bool,
+) -> tuple[Indices, Array]:
+    """Places (b, k) and costs (b,) of plans that no exchange improves."""
     search = _Search(problem, criterion, criterion.smoothed(GUIDE_SHARPNESS), times)
-    plans = search.plans(first.reshape(times.shape))
+    plans = search.plans(places)
     sizes = [size for size in shortlists if size < problem.n]
     left = np.arange(len(times))
     while len(left):
         plans, left = search.round(plans, left, sizes, thorough)
-    return plans.places.reshape(first.shape), plans.costs.reshape(first.shape[:-1])[()]
+    return plans.places, plans.costs
 
 
 @dataclass(frozen=True, eq=False)

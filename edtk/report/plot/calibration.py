@@ -17,7 +17,7 @@ def calibration(found: Calibration, ax: Any = None) -> Any:
     fit = found.fit
     parts = ResidualPanel.of(fit, found.data.turn)
     axes = panels(ax, 1 + len(parts), 1, (6.4, 2.6 + 2.8 * len(parts)))[:, 0]
-    intervals(fit, found.study.model.parameters, found.study.model.units, axes[0])
+    intervals(fit, found.parameters, found.study.model.units, axes[0])
     residuals(fit, axes[1:], parts)
     axes[0].set_title(_title(found), fontsize=10)
     return axes

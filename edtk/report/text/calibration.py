@@ -29,7 +29,7 @@ def calibration(found: Calibration) -> str:
 def _compliances(found: Calibration) -> list[str]:
     """Estimates with standard deviations, and their correlation."""
     fit = found.fit
-    names = found.study.model.parameters
+    names = found.parameters
     m, rows = fit.residual.shape
     poses = found.data.pose.max() + 1
     width = name_width(names, 6)
@@ -38,6 +38,15 @@ def _compliances(found: Calibration) -> list[str]:
     lines = [f"{m} measurements of {poses} poses, {m * rows} coordinates{loss}"]
     for name, k, std, unit in zip(names, fit.k, fit.std, found.study.model.units, strict=True):
         lines.append(f"  {name:{width}}{digits(k, std):>12} +- {std:.1e} {unit}")
+    if found.part is not None:
+        rigid = ", ".join(found.part.rigid)
+        lines.append(f"  not told by the measurements, and taken as rigid: {rigid}")
+    if found.interest:
+        lines.append("of interest")
+        unit = found.asked.model.unit
+        wide = name_width(tuple(found.interest), 6)
+        for name, (value, std) in found.interest.items():
+            lines.append(f"  {name:{wide}}{digits(value, std):>12} +- {std:.1e} {unit}")
     lines.append("correlation")
     for name, row in zip(names, fit.correlation, strict=True):
         lines.append(f"  {name:{width}}" + "".join(f"{c:8.3f}" for c in row))

@@ -26,10 +26,6 @@ def problem_plan_rows(found: ProblemPlan) -> tuple[list[str], list[list[str]]]:
     """Header and rows: candidate, counted from 0 as in the problem, and its counts."""
     chosen = found.support
     columns = {"candidate": chosen, "count": found.counts[chosen]}
-    if found.kept.any():
-        columns["kept"] = found.kept[chosen]
-    if found.block_counts is not None:
-        for number, counts in enumerate(found.block_counts, start=1):
-            columns[f"block {number}"] = counts[chosen]
+    columns |= {name: own[chosen] for name, own in found.parts.items()}
     rows = np.stack(list(columns.values()), axis=-1)
     return list(columns), [[str(number) for number in row] for row in rows]

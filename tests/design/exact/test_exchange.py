@@ -10,6 +10,7 @@ import pytest
 import criteria
 from edtk.design.exact.exchange import exchange
 from edtk.design.problem import Problem
+from edtk.system.errors import UserError
 
 pytestmark = pytest.mark.slow
 
@@ -173,6 +174,25 @@ def test_a_singular_start_is_left():
         assert np.isinf(criterion.cost(repeats.sum() * problem.blocks([0])[0]))
         assert_no_exchange_helps(problem, criterion, plan, repeats, cost)
         assert np.isfinite(cost)
+
+
+@pytest.mark.parametrize("name", ["D", "A", "E"])
+def test_a_start_is_left_that_no_single_exchange_makes_regular(name):
+    """As many places as parameters, all at one candidate, end in a regular plan all the same."""
+    problem = Problem(np.random.default_rng(1).normal(size=(12, 1, 4)))
+    criterion = criteria.create(name)
+    plan, cost = exchange(problem, criterion, np.zeros(4, dtype=int))
+    assert np.isfinite(cost)
+    assert_no_exchange_helps(problem, criterion, plan, np.ones(4), cost)
+
+
+def test_too_few_places_are_no_plan():
+    """A single plan of fewer places than parameters is refused; of several, its cost is inf."""
+    problem = Problem(np.random.default_rng(1).normal(size=(12, 1, 4)))
+    criterion = criteria.create("D")
+    with pytest.raises(UserError, match="no plan of 3 places was found"):
+        exchange(problem, criterion, np.zeros(3, dtype=int))
+    assert np.isinf(exchange(problem, criterion, np.zeros((2, 3), dtype=int))[1]).all()
 
 
 @pytest.mark.parametrize("repeats", [np.ones(6), np.array([1.0, 5, 2, 1, 1, 3])])

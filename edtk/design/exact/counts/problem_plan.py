@@ -7,9 +7,10 @@ import numpy as np
 
 from criteria import Criterion
 from edtk.design.bound import Bound, printed_form
+from edtk.design.frame_problem import FrameProblem
 from edtk.design.problem import Problem
 from edtk.system.presented import Presented
-from edtk.system.typing import Array, Indices
+from edtk.system.typing import Indices
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -92,14 +93,23 @@ class ProblemPlan(Presented):
         return np.concatenate([np.repeat(np.arange(self.problem.n), counts) for counts in each])
 
     def to_frame(self) -> "pd.DataFrame":
-        """Make a table with a candidate a row: its number, its count, and its count by block."""
+        """Make a table with a candidate a row: its count, kept ones, and its count by block.
+
+        Candidates from a data frame are its rows; others are numbers from zero.
+        """
         import pandas as pd
 
-        chosen = self.support
-        columns: dict[str, Array | Indices] = {"candidate": chosen, "count": self.counts[chosen]}
-        if self.kept.any():
-            columns["kept"] = self.kept[chosen]
+        if isinstance(self.problem, FrameProblem):
+            frame = self.problem.to_frame(self.counts, "count")
+        else:
+            index = pd.Index(self.support, name="candidate")
+            frame = pd.DataFrame({"count": self.counts[self.support]}, index=index)
+        return frame.assign(**{name: own[self.support] for name, own in self.parts.items()})
+
+    @property
+    def parts(self) -> dict[str, Indices]:
+        """Counts (n,) by what they are: kept ones, and those of each block."""
+        found = {"kept": self.kept} if self.kept.any() else {}
         if self.block_counts is not None:
-            for number, counts in enumerate(self.block_counts, start=1):
-                columns[f"block {number}"] = counts[chosen]
-        return pd.DataFrame(columns)
+            found |= {f"block {i}": own for i, own in enumerate(self.block_counts, start=1)}
+        return found
