@@ -18,6 +18,10 @@ if TYPE_CHECKING:
     import criteria as criteria
     from edtk.calibration.calibration import Calibration as Calibration
     from edtk.calibration.compensate import Compensation as Compensation
+    from edtk.calibration.geometry.geometric_calibration import (
+        GeometricCalibration as GeometricCalibration,
+    )
+    from edtk.calibration.geometry.prediction import Prediction as Prediction
     from edtk.calibration.plan_bias import PlanBias as PlanBias
     from edtk.calibration.posterior_check import PosteriorCheck as PosteriorCheck
     from edtk.certificate.verification import Verification as Verification
@@ -55,6 +59,7 @@ if TYPE_CHECKING:
     from edtk.verbs.load_study import load_study as load_study
     from edtk.verbs.new import new as new
     from edtk.verbs.plan import plan as plan
+    from edtk.verbs.predict import predict as predict
     from edtk.verbs.relax import relax as relax
     from edtk.verbs.robot import robot as robot
     from edtk.verbs.run import run as run
@@ -74,6 +79,7 @@ _HOME = {
     "evaluate": "edtk.verbs.evaluate",
     "template": "edtk.verbs.template",
     "identify": "edtk.verbs.identify",
+    "predict": "edtk.verbs.predict",
     "bayes": "edtk.verbs.bayes",
     "bias": "edtk.verbs.bias",
     "compensate": "edtk.verbs.compensate",
@@ -90,6 +96,8 @@ _HOME = {
     "RelaxedPlan": "edtk.design.relaxation.relaxed_plan",
     "Evaluation": "edtk.study.evaluate",
     "Calibration": "edtk.calibration.calibration",
+    "GeometricCalibration": "edtk.calibration.geometry.geometric_calibration",
+    "Prediction": "edtk.calibration.geometry.prediction",
     "PosteriorCheck": "edtk.calibration.posterior_check",
     "PlanBias": "edtk.calibration.plan_bias",
     "Compensation": "edtk.calibration.compensate",

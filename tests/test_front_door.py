@@ -32,6 +32,7 @@ VERBS = {
     "evaluate",
     "template",
     "identify",
+    "predict",
     "bayes",
     "bias",
     "compensate",

@@ -76,11 +76,15 @@ def command(
     change_mm, or before_mm after_mm.
     `edtk template` makes such a sheet.
 
+    A study with [parameters] takes absolute positions x_mm y_mm z_mm without a load, a row a
+    marker or, as NAMEx_mm and so on, a row a pose, and tells geometry, base, tools and springs.
+
     With --bayes priors are those of the [prior] of STUDY, errors Student-t if --robust, sigma
     unknown if --sigma-unknown. A killed run with --chain goes on where it was when it is started
     again.
     """
     from edtk.calibration.diagnostics.diagnostic import Severity
+    from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
     from edtk.calibration.input_errors.input_error import InputError
     from edtk.calibration.misread_sheet import misread_sheet
     from edtk.verbs.identify import identify
@@ -113,6 +117,11 @@ def command(
         return
     show(found, as_json, sampling.export)
     warn_about(study, found.study.warnings)
+    if isinstance(found, GeometricCalibration):
+        for doubt in found.doubts:
+            if doubt.severity > Severity.NOTE:
+                warn(f"{measurements}: {doubt.text}")
+        return
     for diagnostic in found.diagnostics:
         if diagnostic.severity > Severity.NOTE:
             hint = _hint(diagnostic.finding, robust)

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from edtk.study.study_model import distance_names, marker_names
+from edtk.study.study_model import distance_names, is_reference, marker_names
 
 if TYPE_CHECKING:
     from edtk.study.study_objects import StudyObjects
@@ -50,7 +50,10 @@ def _check_names(study: "StudyObjects") -> None:
 def _check_bodies(study: "StudyObjects") -> None:
     """Markers and distances sit on bodies of this robot."""
     known = study.robot.body_names
-    bodies = [(f"marker.{i}", one.joint) for i, one in enumerate(study.specification.marker)]
+    markers = study.specification.marker
+    bodies = [
+        (f"marker.{i}", one.joint) for i, one in enumerate(markers) if not is_reference(study, one)
+    ]
     bodies += [(f"distance.{i}", one.joint) for i, one in enumerate(study.specification.distance)]
     for key, joint in bodies:
         if joint is not None and joint not in known:

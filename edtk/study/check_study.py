@@ -7,6 +7,7 @@ from edtk.model.robot import Robot
 from edtk.study.check_interest import check_interest
 from edtk.study.check_markers import check_markers
 from edtk.study.check_noise import check_noise
+from edtk.study.check_parameters import check_parameters
 from edtk.study.check_tasks import check_tasks
 from edtk.study.schema import Specification
 
@@ -23,6 +24,7 @@ def check_study(study: "Study") -> None:
         UserError: One line that names the study, the key and what was expected.
     """
     specification = study.specification
+    check_parameters(study)
     _check_joint_names(study, specification, study.robot)
     _check_fixed_joints(study, specification, study.robot)
     _check_measurement(study, specification)

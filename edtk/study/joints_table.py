@@ -1,19 +1,19 @@
 """The joints of a study, as the keys of its table `joints`."""
 
-from typing import Annotated
-
 import numpy as np
-from pydantic import Field, field_validator
-from pydantic_core import PydanticCustomError
+from pydantic import Field, ValidationInfo, field_validator
+from pydantic_core import PydanticCustomError, PydanticKnownError
 
 from edtk.study.table import Compliance, Table
 from edtk.system.finite import Finite
+
+NO_SPRINGS = "no springs"  # of the context of a validation: whether all joints may be rigid
 
 
 class JointsTable(Table):
     """Joints whose compliances are unknown or known, and joints that do not move."""
 
-    unknown: Annotated[tuple[str, ...], Field(min_length=1)] = Field(
+    unknown: tuple[str, ...] = Field(
         description="Names of the joints whose compliances are identified"
     )
     known_rad_per_Nm: dict[str, Compliance] = Field(
@@ -35,6 +35,15 @@ class JointsTable(Table):
     limits_mm: dict[str, tuple[Finite, Finite]] = Field(
         {}, description="The same of prismatic joints [mm]"
     )
+
+    @field_validator("unknown")
+    @classmethod
+    def _some(cls, given: tuple[str, ...], info: ValidationInfo) -> tuple[str, ...]:
+        """One at least, unless the study is about geometry too."""
+        if not given and not (info.context or {}).get(NO_SPRINGS):
+            at_least = {"field_type": "Tuple", "min_length": 1, "actual_length": 0}
+            raise PydanticKnownError("too_short", at_least)
+        return given
 
     @field_validator("limits_deg", "limits_mm")
     @classmethod

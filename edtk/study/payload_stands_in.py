@@ -10,7 +10,7 @@ from edtk.system.finite import ZERO
 
 
 def payload_stands_in(given: Any, info: ValidationInfo, no_load: Load | None) -> Any:
-    """Take a given tool or load; where there is none, a payload needs neither.
+    """Take a given tool or load; where there is none, a payload needs neither, nor does geometry.
 
     Args:
         given: The value of `tool` or `load`; None if the key is left out.
@@ -25,6 +25,7 @@ def payload_stands_in(given: Any, info: ValidationInfo, no_load: Load | None) ->
     """
     if given is not None:
         return given
-    if info.data.get("payload") is None:
+    # Absolute positions need no load, and find the tool.
+    if all(info.data.get(key) is None for key in ("payload", "parameters")):
         raise PydanticCustomError("missing", "this key is required")
     return Tool(position_mm=ZERO) if info.field_name == "tool" else no_load

@@ -63,7 +63,9 @@ def plausibility(study: "Study") -> tuple[str, ...]:
             f"robot: its links add up to {_links(study):.4g} m; lengths in a robot's file are in "
             "metres, are these in millimetres?",
         )
-    checks = (_tools, _pose_unit, _noise, _axes)
+    checks = [_tools, _pose_unit]
+    if study.specification.parameters is None:
+        checks += [_noise, _axes]  # they judge a load, which absolute positions do not need
     return tuple(line for check in checks for line in check(study))
 
 

@@ -16,10 +16,11 @@ from pydantic_core import PydanticCustomError
 from edtk.model.controller_table import ControllerTable
 from edtk.model.loads.load import Load as LoadFamily
 from edtk.study.interest_table import InterestTable
-from edtk.study.joints_table import JointsTable
+from edtk.study.joints_table import NO_SPRINGS, JointsTable
 from edtk.study.load_choice import LoadChoice
 from edtk.study.marker_table import DistanceTable, MarkerTable
 from edtk.study.noise_table import NoiseTable
+from edtk.study.parameters_table import ParametersTable
 from edtk.study.payload_stands_in import payload_stands_in
 from edtk.study.payload_table import PayloadTable
 from edtk.study.prior_table import PriorTable
@@ -30,6 +31,7 @@ from edtk.study.tool import Tool
 from edtk.study.uncertainty_table import UncertaintyTable
 from edtk.study.workspace_table import WorkspaceTable
 from edtk.system.errors import UserError
+from edtk.system.finite import ZERO
 from edtk.system.first_error import first_error
 from edtk.system.line import Line
 
@@ -99,6 +101,11 @@ class Specification(Table):
         None,
         description="How the controller counts the joints; takes the place of that of the robot's "
         "file",
+    )
+    parameters: ParametersTable | None = Field(
+        None,
+        description="Geometric errors, base and tool that are unknown, besides compliances or "
+        "instead of them; measured positions then tell all at once",
     )
     payload: PayloadTable | None = Field(
         None, description="What the loaded robot carries, besides [load] or instead of it"
@@ -188,6 +195,8 @@ class Specification(Table):
         has_task = any(given.get(key) is not None for key in ("test_pose", "task"))
         main = ACCURACY if has_task and given.get("interest") is None else WITHOUT_A_TEST_POSE
         filled = {"optimise": (main,), **given}
+        if isinstance(given.get("parameters"), Mapping):
+            filled |= _with_geometry(given)
         return {"criteria": filled["optimise"], **filled}
 
     @field_validator("tool", "load", mode="before")
@@ -241,6 +250,22 @@ class Specification(Table):
         return self.starts * (MORE_DESCENTS if criterion == self.main_criterion else 1)
 
 
+def _with_geometry(given: Mapping[str, Any]) -> dict[str, Any]:
+    """The joints and markers of a study of geometry, whose keys may be left out."""
+    parameters = given["parameters"]
+    joints = given.get("joints")
+    joints = {} if joints is None else joints
+    markers = given.get("marker")
+    filled: dict[str, Any] = {}
+    if isinstance(joints, Mapping):
+        compliance = parameters.get("compliance")
+        unknown = () if compliance is None else compliance
+        filled["joints"] = {"unknown": unknown, **joints}
+    if isinstance(markers, list | tuple) and all(isinstance(one, Mapping) for one in markers):
+        filled["marker"] = [{"position_mm": ZERO, **one} for one in markers]
+    return filled
+
+
 def read_specification(content: Mapping[str, Any], where: str) -> Specification:
     """Check the keys of a study.
 
@@ -252,7 +277,8 @@ def read_specification(content: Mapping[str, Any], where: str) -> Specification:
         UserError: One line that names the place, the key and what was expected.
     """
     try:
-        return Specification.model_validate(content)
+        geometry = isinstance(content.get("parameters"), Mapping)
+        return Specification.model_validate(content, context={NO_SPRINGS: geometry})
     except ValidationError as error:
         key, message = first_error(error, Specification)
         raise UserError(message, where=where, key=key) from error

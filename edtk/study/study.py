@@ -154,9 +154,11 @@ class Study(StudyObjects, Presented):
     def headline(self) -> str:
         """Title, robot, number of unknown compliances and main criterion."""
         count = len(self.specification.joints.unknown)
+        unknown = f"{count} unknown compliance{'s' if count > 1 else ''}"
+        if self.specification.parameters is not None:
+            unknown = f"geometry and {unknown}" if count else "geometry"
         return (
-            f"{self.specification.title}; {self.robot.name}, "
-            f"{count} unknown compliance{'s' if count > 1 else ''}, about {self.main_criterion}"
+            f"{self.specification.title}; {self.robot.name}, {unknown}, about {self.main_criterion}"
         )
 
     @cached_property

@@ -19,6 +19,7 @@ class StudyKeys(TypedDict, total=False):
     controller: Mapping[str, Any] | None
     tool: Mapping[str, Any] | None
     load: Mapping[str, Any] | None
+    parameters: Mapping[str, Any] | None
     payload: Mapping[str, Any] | None
     marker: Sequence[Mapping[str, Any]] | None
     distance: Sequence[Mapping[str, Any]] | None

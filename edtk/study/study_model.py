@@ -12,11 +12,14 @@ from edtk.model.sensors.marker import Marker
 from edtk.model.sensors.one_row import OneRow
 from edtk.model.sensors.pose_marker import PoseMarker
 from edtk.model.sensors.sensor import Sensor
+from edtk.study.marker_table import MarkerTable
 from edtk.study.payload_table import PayloadTable
 from edtk.system.finite import Vector3
 from edtk.system.typing import Array
 
 ROWS = ("x", "y", "z", "rx", "ry", "rz")
+
+BASE = "base"  # the body of a marker that the robot does not move
 
 if TYPE_CHECKING:
     from edtk.study.study_objects import StudyObjects
@@ -66,6 +69,18 @@ def marker_names(study: "StudyObjects") -> tuple[str, ...]:
     return tuple(marker.name or f"marker {i + 1}" for i, marker in enumerate(markers))
 
 
+def on_robot(study: "StudyObjects") -> list[tuple[MarkerTable, str]]:
+    """The markers that the robot moves, with their names."""
+    every = zip(study.specification.marker, marker_names(study), strict=True)
+    return [(marker, name) for marker, name in every if not is_reference(study, marker)]
+
+
+def is_reference(study: "StudyObjects", marker: MarkerTable) -> bool:
+    """Whether a marker of a study of geometry stands on the base, and shows whether that moves."""
+    geometry = study.specification.parameters is not None
+    return geometry and marker.joint == BASE and BASE not in study.robot.body_names
+
+
 def distance_names(study: "StudyObjects") -> tuple[str, ...]:
     """Names of the distances, in their order; those without one are numbered."""
     distances = study.specification.distance
@@ -75,10 +90,11 @@ def distance_names(study: "StudyObjects") -> tuple[str, ...]:
 def _sensors(study: "StudyObjects") -> tuple[Sensor, ...]:
     """Markers, then distances; empty where nothing but the tool point is measured."""
     given = study.specification
-    names = marker_names(study)
-    points = [_point(study, marker.position_mm, marker.joint) for marker in given.marker]
+    markers = on_robot(study)
+    names = tuple(name for _, name in markers)
+    points = [_point(study, marker.position_mm, marker.joint) for marker, _ in markers]
     found: list[Sensor] = []
-    for marker, name, point in zip(given.marker, names, points, strict=True):
+    for (marker, name), point in zip(markers, points, strict=True):
         kind: Rows = marker.rows or given.measurement.rows
         found.append(Marker(point, name) if kind == "position" else PoseMarker(point, name))
     for distance, name in zip(given.distance, distance_names(study), strict=True):
@@ -123,7 +139,8 @@ def _payload_point(study: "StudyObjects", payload: PayloadTable | None = None) -
     Tools and payloads are given in the frame of the flange.
     """
     payload = payload or study.specification.payload
-    assert payload is not None
+    if payload is None:
+        return BodyPoint()  # nothing loads a study of geometry alone
     flange = study.robot.flange
     return BodyPoint(flange[:3, :3] @ payload.center + flange[:3, 3], len(study.robot.chain) - 1)
 
@@ -153,6 +170,12 @@ def _links(study: "StudyObjects") -> DeadWeights | None:
         return None
     centers = tuple(BodyPoint(link.center, joint) for joint, link in links.items())
     return DeadWeights(tuple(link.mass for link in links.values()), centers, len(study.robot.chain))
+
+
+def own_weights(study: "StudyObjects") -> tuple[DeadWeights | None, DeadWeights | None]:
+    """The weights of the links, and of a payload beside a load, for absolute positions."""
+    payload = None if study.specification.load is None else study.specification.payload
+    return _links(study), _held(study, payload, None)
 
 
 def _weights(study: "StudyObjects") -> DeadWeights | None:

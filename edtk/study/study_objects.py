@@ -55,8 +55,11 @@ class StudyObjects:
 
     @cached_property
     def model(self) -> ElastostaticModel:
-        """The elastostatic model with the calibration tool."""
-        return study_model(self, self.unknown)
+        """The elastostatic model with the calibration tool.
+
+        A study of geometry without springs has one of all joints: it tells motions and loads.
+        """
+        return study_model(self, self.unknown or tuple(range(self.robot.n)))
 
     @property
     def unknown(self) -> tuple[int, ...]:

@@ -4,12 +4,20 @@ from pathlib import Path
 
 from edtk.calibration.calibrate import calibrate
 from edtk.calibration.calibration import Calibration
+from edtk.calibration.geometry.calibrate_geometry import calibrate_geometry
+from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
 from edtk.calibration.inference_data import inference_data
 from edtk.report.calibration_files import NAMES, calibration_files
+from edtk.study.study import Study
 from edtk.system.atomic_file import Content, write_files
+from edtk.system.errors import ArgumentError
+from edtk.system.json_text import json_text
+from edtk.tables.csv_text import csv_text
 from edtk.verbs.inputs import PlanLike, StudyLike, as_plan, as_study
 from edtk.verbs.require_output import require_folder, require_output
 from edtk.verbs.sampling import Sampling
+
+GEOMETRY_FILES = ("k.json", "residuals.csv")
 
 
 def identify(
@@ -23,7 +31,7 @@ def identify(
     linear: bool = False,
     bayes: Sampling | bool = False,
     out: Path | str | None = None,
-) -> Calibration:
+) -> Calibration | GeometricCalibration:
     """Identify the unknown compliances of a study by weighted least squares, and judge the result.
 
     Args:
@@ -40,7 +48,8 @@ def identify(
         out: Folder for `k.json`, `residuals.csv` and `report.html`.
 
     Returns:
-        Compliances `.k` and standard deviations `.std` by joint [rad/(N m)], the fit, and its
+        For a study with [parameters], its geometry, base, tools and springs. Otherwise
+        compliances `.k` and standard deviations `.std` by joint [rad/(N m)], the fit, and its
         diagnostics.
 
     Raises:
@@ -48,6 +57,10 @@ def identify(
     """
     question = as_study(study)
     sampling = bayes if isinstance(bayes, Sampling) else Sampling()
+    if question.specification.parameters is not None:
+        return _geometry(
+            question, Path(measurements), robust, as_is, out, (sigma_unknown, plan, linear, bayes)
+        )
     inputs = (*question.reads, measurements, plan if isinstance(plan, str | Path) else None)
     sampling.require_writable(*inputs)
     require_folder(out)
@@ -74,4 +87,49 @@ def identify(
     if out is not None:
         files |= calibration_files(found, Path(out))
     write_files(files)
+    return found
+
+
+def _geometry(
+    study: Study,
+    measurements: Path,
+    robust: bool,
+    as_is: bool,
+    out: Path | str | None,
+    others: tuple[object, ...],
+) -> GeometricCalibration:
+    """Identify geometry, base, tools and springs of a study with [parameters].
+
+    Args:
+        study: The study.
+        measurements: The sheet of positions.
+        robust: Whether poses that fit badly count less.
+        as_is: Whether the sheet is taken as it is.
+        out: Folder for `k.json` and `residuals.csv`.
+        others: What was asked for and is not known here: sigma_unknown, plan, linear, bayes.
+
+    Raises:
+        ArgumentError: Something of that was asked for.
+        UserError: A file is not valid, or the positions cannot be used.
+    """
+    for name, given in zip(("sigma_unknown", "plan", "linear", "bayes"), others, strict=True):
+        if given:
+            raise ArgumentError(
+                "expected a study without [parameters]; geometry is fitted by least squares, with "
+                "the size of its errors estimated",
+                argument=name,
+            )
+    require_folder(out)
+    for name in GEOMETRY_FILES if out is not None else ():
+        require_output(Path(out or "") / name, *study.reads, measurements)
+    found = calibrate_geometry(study, measurements, robust, as_is)
+    if out is not None:
+        folder = Path(out)
+        result, residuals = GEOMETRY_FILES
+        write_files(
+            {
+                folder / result: json_text(found.to_dict()),
+                folder / residuals: csv_text(found.residuals()),
+            }
+        )
     return found

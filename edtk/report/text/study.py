@@ -1,5 +1,8 @@
 """Text of a study."""
 
+from collections.abc import Sequence
+
+from edtk.model.constraints.constraint import Constraint
 from edtk.study.describe_measured import describe_measured
 from edtk.study.describe_noise import describe_noise
 from edtk.study.study import Study
@@ -21,7 +24,7 @@ def study_rows(asked: Study) -> list[tuple[str, str]]:
     known = [f"{name} = {k:g} rad/(N m)" for name, k in joints.known_rad_per_Nm.items()]
     fixed = [f"{name} = {value:g} deg" for name, value in joints.fixed_deg.items()]
     fixed += [f"{name} = {value:g} mm" for name, value in joints.fixed_mm.items()]
-    labels = [label for c in asked.space.workspace.constraints for label in c.labels(asked.robot)]
+    labels = [label for c in _constraints(asked) for label in c.labels(asked.robot)]
     rows = [
         ("robot", f"{asked.robot.name}, {asked.robot.n} joints"),
         ("controller", _controller(asked)),
@@ -40,6 +43,13 @@ def study_rows(asked: Study) -> list[tuple[str, str]]:
         ("seed", str(specification.seed)),
     ]
     return [(name, value) for name, value in rows if value]
+
+
+def _constraints(asked: Study) -> Sequence[Constraint]:
+    """Constraints on the poses; plans to keep away from, too, where there are plans."""
+    if asked.specification.parameters is not None:
+        return asked.specification.workspace.build()
+    return asked.space.workspace.constraints
 
 
 def _controller(asked: Study) -> str:

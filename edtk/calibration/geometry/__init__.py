@@ -1,0 +1,1 @@
+"""From a sheet of absolute positions to geometry, springs, predictions and commands."""

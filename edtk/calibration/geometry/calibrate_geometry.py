@@ -1,0 +1,230 @@
+"""From a sheet of positions to geometry and springs, with what looks wrong on the way."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from edtk.calibration.diagnostics.diagnostic import Severity
+from edtk.calibration.geometry.counting import (
+    Counting,
+    as_said,
+    far_off,
+    find_counting,
+    in_radians,
+    placed,
+)
+from edtk.calibration.geometry.fit_doubts import fit_doubts
+from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
+from edtk.calibration.geometry.geometric_doubt import GeometricDoubt, rows_in_words
+from edtk.calibration.geometry.gross_errors import gross_errors
+from edtk.calibration.geometry.reference_points import reference_points
+from edtk.calibration.geometry.study_geometry import StudyGeometry
+from edtk.inference.geometry.fit_geometry import TooFewPosesError, fit_geometry
+from edtk.inference.geometry.marker_positions import MarkerPositions
+from edtk.inference.geometry.read_positions import read_positions
+from edtk.model.robot import Robot
+from edtk.study.study import Study
+from edtk.system.errors import UserError
+from edtk.system.typing import Array
+
+SCALES = {1e-3: "metres", 1e-2: "decimetres", 25.4: "inches", 1e3: "micrometres"}
+SCALE_WITHIN = 0.2  # relative: how near to one of these a unit has to be
+LOST = 1e-9  # [m] a position as near to the instrument's origin is a lost beam
+
+
+@dataclass(frozen=True, eq=False)
+class Sound:
+    """Positions that can be fitted, and what was found on the way."""
+
+    data: MarkerPositions
+    counting: Counting
+    doubts: tuple[GeometricDoubt, ...]
+    left_out: tuple[int, ...]
+
+
+def calibrate_geometry(
+    study: Study, path: Path | str, robust: bool = False, as_is: bool = False
+) -> GeometricCalibration:
+    """Identify geometry, base, tools and springs of a study from a sheet of positions.
+
+    Args:
+        study: The question, with `[parameters]`.
+        path: The sheet (CSV), see `read_positions`.
+        robust: Whether poses that fit badly count less.
+        as_is: Whether a sheet in other units is fitted all the same.
+
+    Raises:
+        UserError: The file cannot be read, is in other units, or has too few poses.
+    """
+    path = Path(path)
+    named = StudyGeometry.of(study)
+    asked = (*named.markers, *named.references) if study.specification.marker else ()
+    every = read_positions(path, study.robot, study.fixed, asked)
+    setting = StudyGeometry.of(study, every.markers)
+    sound = _sound(setting, every, path, as_is)
+    setting = replace(setting, markers=sound.data.markers)
+    try:
+        fit = fit_geometry(setting.model, sound.data, setting.noise, setting.loads, robust)
+    except TooFewPosesError as error:
+        raise UserError(str(error), where=path) from error
+    doubts = [*sound.doubts, *fit_doubts(fit, setting)]
+    doubts.sort(key=lambda doubt: -doubt.severity)
+    return GeometricCalibration(setting, fit, tuple(doubts), path, sound.counting, sound.left_out)
+
+
+def _sound(setting: StudyGeometry, every: MarkerPositions, path: Path, as_is: bool) -> Sound:
+    """Positions without lost beams, moved frames, and visits of no use.
+
+    Raises:
+        UserError: Positions or angles are in other units.
+    """
+    seen, lost = _without_lost(every)
+    tool, base = setting.split(seen)
+    references = reference_points(base, tool)
+    tool = _taken_back(tool, references.frames)
+    doubts = [*lost, *references.doubts]
+    tool = tool[np.flatnonzero(tool.seen.any(axis=1))]
+    if not len(tool):
+        raise UserError("no marker of the tool was seen in any row", where=path)
+    tool = _without_unseen(tool, doubts)
+    counting = as_said(setting.study.robot)
+    asked = setting.study.specification.parameters
+    left_out: list[int] = []
+    if asked is not None and asked.base and asked.tool:
+        robot = setting.study.robot
+        counting = _counted(robot, tool, path, as_is, doubts)
+        tool = counting.of(tool)
+        tool, left_out = _without_gross(robot, tool, doubts)
+    return Sound(tool, counting, tuple(doubts), tuple(left_out))
+
+
+def _without_lost(data: MarkerPositions) -> tuple[MarkerPositions, list[GeometricDoubt]]:
+    """The positions without those at the origin of the instrument, which no beam has reached."""
+    lost = data.seen & (np.abs(np.nan_to_num(data.measured)) < LOST).all(axis=-1)
+    if not lost.any():
+        return data, []
+    rows = tuple(sorted({int(row) for row in data.row[lost]}))
+    names = [data.markers[i] for i in np.flatnonzero(lost.sum(axis=0))]
+    doubt = GeometricDoubt(
+        Severity.WARNING,
+        "lost_beam",
+        f"{rows_in_words(rows)}: {int(lost.sum())} positions of {', '.join(names)} are zero, as of "
+        "lost beams; they do not count",
+        rows,
+    )
+    measured = np.where(lost[..., None], np.nan, data.measured)
+    return replace(data, measured=measured), [doubt]
+
+
+def _without_unseen(data: MarkerPositions, doubts: list[GeometricDoubt]) -> MarkerPositions:
+    """The positions without the markers that were seen nowhere."""
+    kept = np.flatnonzero(data.seen.sum(axis=0))
+    unseen = [name for i, name in enumerate(data.markers) if i not in kept]
+    if not unseen:
+        return data
+    text = f"no row has positions of {', '.join(unseen)}; nothing is told of them"
+    doubts.append(GeometricDoubt(Severity.NOTE, "unseen", text))
+    return replace(
+        data,
+        measured=data.measured[:, kept],
+        row=data.row[:, kept],
+        markers=tuple(data.markers[i] for i in kept),
+    )
+
+
+def _taken_back(data: MarkerPositions, frames: Array) -> MarkerPositions:
+    """Positions in the frame in which the instrument was at most times."""
+    moved = np.einsum("vij,vkj->vki", frames[:, :3, :3], data.measured) + frames[:, None, :3, 3]
+    same = (frames == np.eye(4)).all(axis=(1, 2))
+    return replace(data, measured=np.where(same[:, None, None], data.measured, moved))
+
+
+def _counted(
+    robot: Robot,
+    data: MarkerPositions,
+    path: Path,
+    as_is: bool,
+    doubts: list[GeometricDoubt],
+) -> Counting:
+    """How the joints are counted, after units were checked.
+
+    Raises:
+        UserError: Positions or angles are in other units, and the sheet is not taken as it is.
+    """
+    same = as_said(robot)
+    start = placed(robot, data)
+    unit = _unit(start.scale) if start.whole else ""
+    if unit and not as_is:
+        raise UserError(
+            f"positions look as if in {unit}: they are {start.scale:.3g} times as large as the "
+            "robot's; expected millimetres",
+            where=path,
+        )
+    if not far_off(start, data):
+        return same
+    if in_radians(robot, data) and not as_is:
+        raise UserError(
+            "the robot fits the positions if joint angles are taken as radians; expected degrees",
+            where=path,
+        )
+    found = find_counting(robot, data)
+    if found is None:
+        return same
+    doubts.append(
+        GeometricDoubt(
+            Severity.WARNING,
+            "counting",
+            f"the positions fit if {found.words}, and so they were fitted; expected a [controller] "
+            "that says so, see edtk controller",
+        )
+    )
+    return found
+
+
+def _unit(scale: float) -> str:
+    """The unit that positions seem to be in; empty for millimetres."""
+    for size, unit in SCALES.items():
+        if abs(scale / size - 1) < SCALE_WITHIN:
+            return unit
+    return ""
+
+
+def _without_gross(
+    robot: Robot, data: MarkerPositions, doubts: list[GeometricDoubt]
+) -> tuple[MarkerPositions, list[int]]:
+    """The visits that can be of the markers, and those that cannot."""
+    found = gross_errors(robot, data)
+    for markers in dict.fromkeys(markers for _, markers in found.swapped):
+        visits = [visit for visit, own in found.swapped if own == markers]
+        rows = _rows(data, visits)
+        doubts.append(
+            GeometricDoubt(
+                Severity.WARNING,
+                "swapped",
+                f"{rows_in_words(rows)}: markers {' and '.join(markers)} are swapped; these rows "
+                "do not count",
+                rows,
+            )
+        )
+    if found.wrong:
+        rows = _rows(data, [visit for visit, _ in found.wrong])
+        size = 1e3 * max(distance for _, distance in found.wrong)
+        doubts.append(
+            GeometricDoubt(
+                Severity.WARNING,
+                "gross",
+                f"{rows_in_words(rows)}: positions are up to {size:.3g} mm from where all others "
+                "say; is the pose another one? These rows do not count",
+                rows,
+            )
+        )
+    kept = np.ones(len(data), dtype=bool)
+    kept[found.visits] = False
+    return data[kept], found.visits
+
+
+def _rows(data: MarkerPositions, visits: list[int]) -> tuple[int, ...]:
+    """Rows of the file that some visits are in."""
+    rows = {int(row) for visit in visits for row in data.row[visit] if row >= 0}
+    return tuple(sorted(rows))

@@ -1,0 +1,158 @@
+"""What looks wrong in a fit of geometry."""
+
+import numpy as np
+
+from edtk.calibration.diagnostics.diagnostic import Severity
+from edtk.calibration.geometry.geometric_doubt import GeometricDoubt, rows_in_words
+from edtk.calibration.geometry.moved_frame import moved_frame
+from edtk.calibration.geometry.study_geometry import StudyGeometry
+from edtk.inference.geometry.geometric_fit import MM, GeometricFit
+
+UNLIKELY = 1e-6  # probability, over all poses, below which a pose is named
+MOST_NAMED = 2  # open directions that are named in full
+LARGE = 60.0  # mm or mrad: no robot is built as wrongly
+FEW = 2.5  # coordinates a parameter, below which poses are few
+ROUGH = 0.02  # of the spread of positions that the fit leaves: the drawing is of another robot
+NOISY = 5.0  # times the stated noise
+
+
+def fit_doubts(fit: GeometricFit, setting: StudyGeometry) -> list[GeometricDoubt]:
+    """Everything that looks wrong, in any order."""
+    found = [
+        *_rough(fit),
+        *_open(fit),
+        *_few(fit),
+        *_outliers(fit),
+        *_moved(fit),
+        *_large(fit),
+        *_negative(fit),
+        *_noise(fit, setting),
+    ]
+    return found
+
+
+def _rough(fit: GeometricFit) -> list[GeometricDoubt]:
+    """A fit that leaves centimetres is of another robot, or of other angles."""
+    x = fit.data.means.measured
+    spread = float(np.sqrt(np.nanmean(((x - np.nanmean(x, axis=(0, 1))) ** 2).sum(axis=-1))))
+    if fit.rms < ROUGH * spread:
+        return []
+    text = (
+        f"the fit leaves {MM * fit.rms:.3g} mm: is it this robot, are angles in degrees, and does "
+        "the controller count joints as the study says? See edtk controller"
+    )
+    return [GeometricDoubt(Severity.ALARM, "rough", text)]
+
+
+def _open(fit: GeometricFit) -> list[GeometricDoubt]:
+    """Directions that the poses leave open."""
+    if not fit.open:
+        return []
+    named = "; ".join(fit.open[:MOST_NAMED])
+    more = len(fit.open) - MOST_NAMED
+    rest = f"; and {more} more" if more > 0 else ""
+    text = (
+        f"{fit.rank} of {fit.structural} parameters can be told: {named}{rest}. Poses that move "
+        "these apart would tell, and predictions elsewhere have wide bands"
+    )
+    return [GeometricDoubt(Severity.WARNING, "open", text)]
+
+
+def _few(fit: GeometricFit) -> list[GeometricDoubt]:
+    """Hardly more coordinates than parameters."""
+    coordinates = 3 * fit.data.means.count
+    if coordinates >= FEW * fit.structural:
+        return []
+    markers = len(fit.data.markers)
+    missing = int(np.ceil((FEW * fit.structural - coordinates) / (3 * markers)))
+    poses = f"{missing} more pose{'s' if missing > 1 else ''}"
+    text = (
+        f"{coordinates} coordinates for {fit.structural} parameters leave little to judge by; "
+        f"measure {poses}"
+    )
+    return [GeometricDoubt(Severity.WARNING, "few_poses", text)]
+
+
+def _outliers(fit: GeometricFit) -> list[GeometricDoubt]:
+    """Poses that the others do not predict."""
+    from scipy.stats import chi2
+
+    coordinates = 3 * fit.data.means.seen.sum(axis=1)
+    probability = chi2.sf(fit.surprise, np.maximum(coordinates, 1))
+    wrong = np.flatnonzero(probability * len(probability) < UNLIKELY)
+    if not len(wrong):
+        return []
+    rows = [row for pose in wrong for row in fit.data.rows_of_pose(int(pose))]
+    size = MM * float(np.sqrt(np.nanmax((fit.left_out[wrong] ** 2).sum(axis=-1))))
+    named = rows_in_words(sorted(rows))
+    text = (
+        f"{named}: up to {size:.3g} mm from where the other poses predict the markers; a swapped "
+        "marker, a pose typed wrongly, or see --robust"
+    )
+    return [GeometricDoubt(Severity.WARNING, "outliers", text, tuple(sorted(rows)))]
+
+
+def _moved(fit: GeometricFit) -> list[GeometricDoubt]:
+    """The frame of the instrument moved between two poses."""
+    moved = moved_frame(fit)
+    if moved is None:
+        return []
+    rows = fit.data.rows_of_pose(moved.pose)
+    severity = Severity.ALARM if moved.shift > fit.rms else Severity.WARNING
+    text = (
+        f"row {rows[0] + 1}: from here on positions are {MM * moved.shift:.3g} mm off, as if the "
+        f"instrument's frame or the robot's base had moved; that explains "
+        f"{100 * moved.explained:.0f} % of the residuals"
+    )
+    return [GeometricDoubt(severity, "frame_moved", text, (rows[0],))]
+
+
+def _large(fit: GeometricFit) -> list[GeometricDoubt]:
+    """Errors of the drawing that no robot has."""
+    fitted = fit.fitted
+    large = [
+        f"{one.words} is {value:.3g} {one.unit} off"
+        for one, value in zip(fitted.model.parameters, fitted.values, strict=True)
+        if one.place == "joint" and abs(value) > LARGE
+    ]
+    if not large:
+        return []
+    more = f", and {len(large) - 1} more" if len(large) > 1 else ""
+    text = f"{large[0]}{more}: is the drawing that of this robot?"
+    return [GeometricDoubt(Severity.WARNING, "large", text)]
+
+
+def _negative(fit: GeometricFit) -> list[GeometricDoubt]:
+    """Compliances far below zero."""
+    fitted = fit.fitted
+    found = [
+        one.of
+        for one, value, std in zip(fitted.model.parameters, fitted.values, fitted.std, strict=True)
+        if one.place == "compliance" and value < -3 * std
+    ]
+    if not found:
+        return []
+    text = f"compliances of {', '.join(found)} are below zero by more than noise explains"
+    return [GeometricDoubt(Severity.WARNING, "negative", text)]
+
+
+def _noise(fit: GeometricFit, setting: StudyGeometry) -> list[GeometricDoubt]:
+    """What the model leaves out, beside the stated noise; and repeats that scatter otherwise."""
+    found = []
+    noise = fit.fitted.noise
+    stated = setting.noise
+    if noise.repeats and not 1 / NOISY < noise.reading / stated.reading < NOISY:
+        text = (
+            f"repeated readings scatter by {noise.reading:.2g} mm beside common motions, and "
+            f"measurement.sigma_mm says {stated.reading:.2g}"
+        )
+        found.append(GeometricDoubt(Severity.NOTE, "sigma", text))
+    if fit.rms * MM > NOISY * max(stated.reading, noise.reading):
+        joints = float(np.max(noise.model_joints, initial=0.0))
+        text = (
+            f"the model leaves {MM * fit.rms:.2g} mm, many times the noise: as if joints erred by "
+            f"{joints:.2g} mrad and positions by {noise.model_white:.2g} mm in each pose; bands "
+            "include it"
+        )
+        found.append(GeometricDoubt(Severity.NOTE, "discrepancy", text))
+    return found

@@ -1,0 +1,137 @@
+"""Identified geometry and springs, with everything that a person wants to know about them."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from edtk.calibration.calibration import VERDICTS
+from edtk.calibration.diagnostics.diagnostic import Severity
+from edtk.calibration.geometry.counting import Counting
+from edtk.calibration.geometry.geometric_doubt import GeometricDoubt
+from edtk.calibration.geometry.geometry_to_dict import geometry_to_dict
+from edtk.calibration.geometry.study_geometry import StudyGeometry
+from edtk.inference.geometry.geometric_fit import GeometricFit
+from edtk.study.study import Study
+from edtk.system.presented import Presented
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+MM = 1e3
+
+
+@dataclass(frozen=True, eq=False)
+class GeometricCalibration(Presented):
+    """Geometry, base, tools and springs that a sheet of positions tells, and whether to trust them.
+
+    Attributes:
+        setting: The study and its markers.
+        fit: The fit, and how well it predicts poses that it did not see.
+        doubts: Everything that looks wrong, the worst first.
+        path: Where the positions are.
+        counting: How the sheet counts the joints.
+        left_out: Visits that were not fitted, as their positions are of no use.
+    """
+
+    setting: StudyGeometry
+    fit: GeometricFit
+    doubts: tuple[GeometricDoubt, ...]
+    path: Path
+    counting: Counting
+    left_out: tuple[int, ...] = ()
+
+    def headline(self) -> str:
+        """Rank, how well poses are predicted, and the verdict."""
+        return (
+            f"{self.rank} parameters from {self.fit.data.count} positions of "
+            f"{self.fit.data.poses} poses, rms {self.loo_rms_mm:.3g} mm left out; verdict: "
+            f"{self.verdict}"
+        )
+
+    @property
+    def study(self) -> Study:
+        """The question."""
+        return self.setting.study
+
+    @property
+    def rank(self) -> int:
+        """Number of parameters that the sheet tells apart."""
+        return self.fit.rank
+
+    @property
+    def loo_rms_mm(self) -> float:
+        """Root mean square distance of poses that were left out one by one [mm]."""
+        return MM * self.fit.loo_rms
+
+    @property
+    def verdict(self) -> str:
+        """Whether to use the result: "good", "usable" or "bad", as the worst doubt says."""
+        least = Severity.WARNING if self.study.warnings else Severity.NOTE
+        return VERDICTS[max([least, *(doubt.severity for doubt in self.doubts)])]
+
+    @cached_property
+    def parameters(self) -> dict[str, dict[str, Any]]:
+        """Value and standard deviation of each identified parameter, by name, in its unit."""
+        fitted = self.fit.fitted
+        return {
+            one.name: {"value": float(value), "std": float(std), "unit": one.unit}
+            for one, value, std in zip(
+                fitted.model.parameters, fitted.values, fitted.std, strict=True
+            )
+        }
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain numbers for JSON, in the units of their names, with all that predictions need."""
+        fit = self.fit
+        names = self.study.specification.joints.unknown
+        k = fit.fitted.compliances
+        joint_names = self.study.robot.joint_names
+        std: dict[str, float | None] = dict.fromkeys(names)
+        for one, size in zip(fit.fitted.model.parameters, fit.fitted.std, strict=True):
+            if one.place == "compliance":
+                std[one.of] = float(size * one.scale)
+        return {
+            "rank": self.rank,
+            "structural_rank": fit.structural,
+            "rms_mm": MM * fit.rms,
+            "loo_rms_mm": self.loo_rms_mm,
+            "placed_rms_mm": MM * fit.placed,
+            "parameters": self.parameters,
+            "redundant": list(fit.redundant),
+            "open": list(fit.open),
+            "share_inside_left_out": fit.share_inside,
+            "k": {name: float(k[joint_names.index(name)]) for name in names},
+            "std": std,
+            "verdict": self.verdict,
+            "doubts": [doubt.text for doubt in self.doubts],
+            "diagnostics": [doubt.to_dict() for doubt in self.doubts],
+            "study_warnings": list(self.study.warnings),
+            "geometry": geometry_to_dict(fit.fitted, self.counting),
+        }
+
+    def to_frame(self) -> "pd.DataFrame":
+        """A row for each identified parameter: `parameter`, `value`, `std`, `unit`, `meaning`."""
+        import pandas as pd
+
+        parameters = self.fit.fitted.model.parameters
+        table = pd.DataFrame.from_dict(self.parameters, orient="index")
+        table = table.rename_axis("parameter").reset_index()
+        return table.assign(meaning=[one.words for one in parameters])
+
+    def residuals(self) -> "pd.DataFrame":
+        """A row for each pose and marker: residuals of the fit, and with the pose left out [mm]."""
+        import pandas as pd
+
+        fit = self.fit
+        pose, marker = np.nonzero(np.isfinite(fit.residual).all(axis=-1))
+        columns: dict[str, Any] = {
+            "pose": pose + 1,
+            "marker": [fit.data.markers[i] for i in marker],
+        }
+        for name, values in (("", fit.residual), ("left_out_", fit.left_out)):
+            for axis in range(3):
+                columns[f"{name}{'xyz'[axis]}_mm"] = MM * values[pose, marker, axis]
+        return pd.DataFrame(columns)

@@ -1,0 +1,42 @@
+"""One thing that looks wrong in a sheet of positions, or in what was fitted to it."""
+
+from dataclasses import dataclass
+from typing import Any
+
+from edtk.calibration.diagnostics.diagnostic import Severity
+
+MOST_ROWS = 12  # that a sentence names
+
+
+@dataclass(frozen=True)
+class GeometricDoubt:
+    """One thing that looks wrong.
+
+    Attributes:
+        severity: Its consequence for the result.
+        kind: A word for programs.
+        text: One line: what is wrong, where, and what was done or is expected.
+        rows: Rows of the file, counted from 0.
+    """
+
+    severity: Severity
+    kind: str
+    text: str
+    rows: tuple[int, ...] = ()
+
+    def to_dict(self) -> dict[str, Any]:
+        """Severity, kind and text; rows are counted from 1."""
+        return {
+            "severity": self.severity.name.lower(),
+            "kind": self.kind,
+            "text": self.text,
+            "rows": [row + 1 for row in self.rows],
+        }
+
+
+def rows_in_words(rows: "tuple[int, ...] | list[int]") -> str:
+    """Rows of a file, counted from 1: "row 3", "rows 3, 5 and 12 more"."""
+    shown = [str(row + 1) for row in rows[:MOST_ROWS]]
+    more = len(rows) - len(shown)
+    listed = ", ".join(shown) + (f" and {more} more" if more else "")
+    return f"row{'s' if len(rows) > 1 else ''} {listed}"

@@ -1,0 +1,160 @@
+"""A fitted geometry as plain numbers, and back."""
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from edtk.calibration.geometry.counting import Counting
+from edtk.calibration.geometry.study_geometry import StudyGeometry
+from edtk.inference.geometry.fit_variances_of_blocks import BlockVariances
+from edtk.inference.geometry.geometric_fit import FittedGeometry
+from edtk.inference.geometry.position_noise import PositionNoise
+from edtk.model.geometry.geometric_parameter import GeometricParameter
+from edtk.model.robot import Robot
+from edtk.system.typing import Array
+
+MOST = 1000  # parameters or joints in a file
+
+
+def geometry_to_dict(fitted: FittedGeometry, counting: Counting) -> dict[str, Any]:
+    """All that a prediction needs, besides the study.
+
+    Lengths are in metres, parameters in their own units (mm, mrad, 1e-6 rad/(N m)).
+    """
+    noise = fitted.noise
+    found = noise.model_fit
+    return {
+        "robot": _digest(fitted.model.robot),
+        "markers": list(fitted.model.markers),
+        "base": fitted.model.start.tolist(),
+        "offsets_m": np.asarray(fitted.model.offsets).tolist(),
+        "names": [one.name for one in fitted.model.parameters],
+        "values": fitted.values.tolist(),
+        "covariance": fitted.covariance.tolist(),
+        "open": [one.name for one in fitted.open_parameters],
+        "shares": fitted.shares.tolist(),
+        "counting": counting.matrix.tolist(),
+        "counting_words": counting.words,
+        "noise": {
+            "reading_mm": noise.reading,
+            "joints_mrad": np.asarray(noise.joints).tolist(),
+            "model_white_mm": noise.model_white,
+            "model_joints_mrad": np.asarray(noise.model_joints).tolist(),
+            "variances": [] if found is None else found.variances.tolist(),
+            "variances_covariance": [] if found is None else found.covariance.tolist(),
+            "repeats": noise.repeats,
+        },
+    }
+
+
+def geometry_of_dict(
+    given: Mapping[str, Any], setting: StudyGeometry
+) -> tuple[FittedGeometry, Counting]:
+    """The fitted geometry of a result.
+
+    Args:
+        given: The table `geometry` of a result.
+        setting: The study that it is of.
+
+    Raises:
+        ValueError: It is none of this study; the message says what is wrong.
+    """
+    model = setting.model
+    if given.get("robot") != _digest(model.robot):
+        raise ValueError("robot: the result is of another robot or tool than the study's")
+    every = {one.name: one for one in model.parameters}
+    kept = _named(given, "names", every)
+    opened = _named(given, "open", every)
+    n = model.robot.n
+    p = len(kept)
+    values = _numbers(given, "values", (p,))
+    fitted_model = model.with_parameters(tuple(kept))
+    fitted_model = replace(
+        fitted_model,
+        start=_numbers(given, "base", (4, 4)),
+        offsets=_numbers(given, "offsets_m", (len(model.markers), 3)),
+    )
+    if list(given.get("markers", ())) != list(model.markers):
+        raise ValueError(f"markers: expected {', '.join(model.markers)}, those of the study")
+    fitted = FittedGeometry(
+        fitted_model,
+        values * fitted_model.scales,
+        _numbers(given, "covariance", (p, p)),
+        tuple(opened),
+        _numbers(given, "shares", (p, len(opened))),
+        _noise(given.get("noise"), n),
+    )
+    words = given.get("counting_words", "")
+    return fitted, Counting(_numbers(given, "counting", (n, n)), str(words))
+
+
+def _digest(robot: Robot) -> str:
+    """A name of the drawing: hex digits that differ where a length or an axis does."""
+    numbers = [robot.base, robot.tool, *(joint.origin for joint in robot.chain)]
+    text = " ".join(f"{x:.9f}" for T in numbers for x in np.ravel(T) + 0.0)
+    text += " ".join(f"{joint.name} {joint.kind} {joint.axis.tolist()}" for joint in robot.chain)
+    return hashlib.sha256(text.encode("utf-8", "surrogateescape")).hexdigest()[:12]
+
+
+def _named(
+    given: Mapping[str, Any], key: str, every: Mapping[str, GeometricParameter]
+) -> list[GeometricParameter]:
+    """Parameters by their names.
+
+    Raises:
+        ValueError: A name is not that of a parameter of the study.
+    """
+    names = given.get(key)
+    if not isinstance(names, list) or len(names) > MOST:
+        raise ValueError(f"{key}: expected a list of names")
+    for name in names:
+        if name not in every:
+            raise ValueError(f"{key}: the study has no parameter {name!r}")
+    return [every[name] for name in names]
+
+
+def _noise(given: object, n: int) -> PositionNoise:
+    """The noise.
+
+    Raises:
+        ValueError: A number is missing.
+    """
+    if not isinstance(given, Mapping):
+        raise ValueError("noise: expected a table")
+    found = None
+    variances = given.get("variances")
+    if variances:
+        c = len(variances)
+        found = BlockVariances(
+            _numbers(given, "variances", (c,)),
+            _numbers(given, "variances_covariance", (c, c)),
+            float("nan"),
+        )
+    return PositionNoise(
+        float(_numbers(given, "reading_mm", ())),
+        _numbers(given, "joints_mrad", (n,)),
+        float(_numbers(given, "model_white_mm", ())),
+        _numbers(given, "model_joints_mrad", (n,)),
+        found,
+        int(_numbers(given, "repeats", ())),
+    )
+
+
+def _numbers(given: Mapping[str, Any], key: str, shape: tuple[int, ...]) -> Array:
+    """Finite numbers of a shape.
+
+    Raises:
+        ValueError: The key has others.
+    """
+    try:
+        values = np.array(given.get(key), dtype=float)
+    except (TypeError, ValueError):
+        raise ValueError(f"{key}: expected numbers") from None
+    values = values.reshape(shape) if not values.size and 0 in shape else values
+    if values.shape != shape or not np.isfinite(values).all():
+        size = " by ".join(map(str, shape)) or "one"
+        raise ValueError(f"{key}: expected {size} finite numbers")
+    return values

@@ -1,0 +1,188 @@
+"""Positions of markers in other poses, by an identified geometry, and how they compare."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from edtk.calibration.geometry.geometry_to_dict import geometry_of_dict
+from edtk.calibration.geometry.study_geometry import StudyGeometry
+from edtk.calibration.geometry.tool_from_rows import tool_from_rows
+from edtk.inference.geometry.geometric_fit import Predicted
+from edtk.inference.geometry.marker_positions import MarkerPositions
+from edtk.inference.geometry.read_positions import read_positions
+from edtk.study.study import Study
+from edtk.system.errors import UserError
+from edtk.system.presented import Presented
+from edtk.system.typing import Array, Mask
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+MM = 1e3
+OPEN = 1e-4  # [m]: what a calibration left open may move a marker by, before it is said
+LOST = 1e-9  # [m]
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction(Presented):
+    """Predicted positions with 95 % bands, and measured ones where there are any.
+
+    Attributes:
+        data: The poses, with what was measured there.
+        predicted: Positions and bands.
+        tests: Which positions (v, k) are measured and no part of any fit.
+        asked: Which positions (v, k) the file asks for.
+    """
+
+    data: MarkerPositions
+    predicted: Predicted
+    tests: Mask
+    asked: Mask
+
+    def headline(self) -> str:
+        """How many positions, and how far they are off."""
+        text = f"{int(self.asked.sum())} positions in {len(self.data)} rows"
+        if not self.tests.any():
+            half = MM * float(np.median(self.predicted.half[self.asked]))
+            return f"{text}, 95 % bands of +-{half:.3g} mm"
+        return (
+            f"{text}, errors {self.mean_mm:.3g} mm mean, {self.rms_mm:.3g} rms, "
+            f"{self.max_mm:.3g} max; {100 * self.share_inside:.0f} % inside"
+        )
+
+    @property
+    def errors(self) -> Array:
+        """Distances (t,) of measured from predicted positions [m]."""
+        apart = self.data.measured - self.predicted.points
+        return np.asarray(np.linalg.norm(apart[self.tests], axis=-1))
+
+    @property
+    def mean_mm(self) -> float:
+        """Mean distance [mm]; NaN without measured positions."""
+        return MM * float(self.errors.mean()) if self.tests.any() else float("nan")
+
+    @property
+    def rms_mm(self) -> float:
+        """Root mean square distance [mm]; NaN likewise."""
+        errors = self.errors
+        return MM * float(np.sqrt((errors**2).mean())) if len(errors) else float("nan")
+
+    @property
+    def max_mm(self) -> float:
+        """Largest distance [mm]; NaN likewise."""
+        return MM * float(self.errors.max()) if self.tests.any() else float("nan")
+
+    @property
+    def share_inside(self) -> float:
+        """Share of measured coordinates inside their 95 % bands; NaN likewise."""
+        if not self.tests.any():
+            return float("nan")
+        return float(self.predicted.inside(self.data.measured)[self.tests].mean())
+
+    @property
+    def open_rows(self) -> tuple[int, ...]:
+        """Rows, counted from 0, that move along directions which the calibration left open."""
+        far = self.predicted.open > OPEN
+        return tuple(sorted({int(row) for row in self.data.row[far & self.asked] if row >= 0}))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Positions by row and marker, and the comparison; null without measured positions."""
+        measured = bool(self.tests.any())
+        return {
+            "positions": self._positions(),
+            "errors": {
+                "count": int(self.tests.sum()),
+                "mean_mm": self.mean_mm if measured else None,
+                "rms_mm": self.rms_mm if measured else None,
+                "max_mm": self.max_mm if measured else None,
+            },
+            "mean_mm": self.mean_mm if measured else None,
+            "rms_mm": self.rms_mm if measured else None,
+            "max_mm": self.max_mm if measured else None,
+            "share_inside": self.share_inside if measured else None,
+            "open_rows": [row + 1 for row in self.open_rows],
+        }
+
+    def _positions(self) -> list[dict[str, Any]]:
+        """A table for each position."""
+        found = []
+        for visit, marker in zip(*np.nonzero(self.asked), strict=True):
+            entry: dict[str, Any] = {
+                "row": int(self.data.row[visit, marker]) + 1,
+                "marker": self.data.markers[marker],
+            }
+            for axis, name in enumerate("xyz"):
+                entry[f"{name}_mm"] = MM * float(self.predicted.points[visit, marker, axis])
+            for axis, name in enumerate("xyz"):
+                entry[f"band_{name}_mm"] = MM * float(self.predicted.half[visit, marker, axis])
+            if self.data.seen[visit, marker]:
+                apart = self.data.measured[visit, marker] - self.predicted.points[visit, marker]
+                entry["error_mm"] = MM * float(np.linalg.norm(apart))
+                inside = np.abs(apart) <= self.predicted.half[visit, marker]
+                entry["inside"] = bool(inside.all())
+                entry["test"] = bool(self.tests[visit, marker])
+            found.append(entry)
+        return found
+
+    def to_frame(self) -> "pd.DataFrame":
+        """A row for each position, as in `to_dict`."""
+        import pandas as pd
+
+        return pd.DataFrame(self._positions())
+
+
+def predict_positions(
+    study: Study,
+    geometry: Mapping[str, Any],
+    where: Path | str,
+    poses: Path | str,
+    tool_rows: int = 0,
+) -> Prediction:
+    """Predict the positions of markers in the poses of a file.
+
+    Args:
+        study: The study of the calibration.
+        geometry: The table `geometry` of its result.
+        where: The result, for messages.
+        poses: The file.
+        tool_rows: Rows at its beginning that place the markers on the tool.
+
+    Raises:
+        UserError: The file cannot be read, or the result is of another study.
+    """
+    given = geometry.get("markers")
+    names = tuple(map(str, given)) if isinstance(given, list) else ()
+    setting = StudyGeometry.of(study, names)
+    try:
+        fitted, counting = geometry_of_dict(geometry, setting)
+    except ValueError as error:
+        raise UserError(str(error), where=where, key="geometry") from error
+    data = read_positions(
+        poses, study.robot, study.fixed, (*setting.markers, *setting.references), measured=False
+    )
+    data = counting.of(setting.split(_without_lost(data))[0])
+    asked: Mask = np.greater_equal(data.row, 0)
+    tests = data.seen.copy()
+    if tool_rows:
+        placing = np.logical_and(data.seen, data.row < tool_rows)
+        if not placing.any():
+            raise UserError(
+                "no marker was measured in the rows that place the tool",
+                where=poses,
+            )
+        predicted = tool_from_rows(fitted, data, placing, setting.loads)
+        tests &= ~placing
+    else:
+        predicted = fitted.predict(data.q, data.wrench, setting.loads)
+    return Prediction(data, predicted, tests, asked)
+
+
+def _without_lost(data: MarkerPositions) -> MarkerPositions:
+    """The positions without those of lost beams, at the origin of the instrument."""
+    from dataclasses import replace
+
+    size = np.abs(np.nan_to_num(data.measured)).max(axis=-1, keepdims=True)
+    return replace(data, measured=np.where(size < LOST, np.nan, data.measured))

@@ -1,0 +1,132 @@
+"""What a study of geometry says of its robot: model, noise and loads."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from edtk.inference.geometry.marker_positions import MarkerPositions
+from edtk.inference.geometry.position_noise import PositionNoise
+from edtk.model.dead_weights import DeadWeights
+from edtk.model.elastostatic_model import ElastostaticModel
+from edtk.model.geometry.all_parameters import all_parameters
+from edtk.model.geometry.geometric_model import GeometricModel
+from edtk.study.study import Study
+from edtk.study.study_model import is_reference, marker_names, on_robot, own_weights
+from edtk.system.typing import Array
+
+
+@dataclass(frozen=True, eq=False)
+class StudyGeometry:
+    """A study of geometry, and the markers that its sheet has.
+
+    Attributes:
+        study: The question.
+        markers: Names of the markers on the tool: those of the study, or where it names none,
+            those of the sheet.
+        references: Names of those on the base.
+    """
+
+    study: Study
+    markers: tuple[str, ...]
+    references: tuple[str, ...]
+
+    @classmethod
+    def of(cls, study: Study, sheet_markers: tuple[str, ...] = ()) -> "StudyGeometry":
+        """The markers of a study, or those of a sheet where the study names none."""
+        given = study.specification.marker
+        names = marker_names(study)
+        pairs = list(zip(given, names, strict=True))
+        return cls(
+            study,
+            tuple(name for one, name in pairs if not is_reference(study, one))
+            or sheet_markers
+            or ("marker",),
+            tuple(name for one, name in pairs if is_reference(study, one)),
+        )
+
+    @property
+    def model(self) -> GeometricModel:
+        """The model with all parameters that the study asks for."""
+        study = self.study
+        asked = study.specification.parameters
+        assert asked is not None
+        offsets = {name: np.array(one.position_mm) / 1e3 for one, name in on_robot(study)}
+        parameters = all_parameters(
+            study.robot,
+            self.markers,
+            asked.geometry,
+            study.specification.joints.unknown,
+            asked.base,
+            asked.tool,
+        )
+        places = np.array([offsets.get(name, np.zeros(3)) for name in self.markers])
+        return GeometricModel(study.robot, places, self.markers, parameters)
+
+    @property
+    def noise(self) -> PositionNoise:
+        """The stated noise of a reading [mm, mrad]."""
+        study = self.study
+        sigma = study.specification.measurement.sigma_mm
+        assert sigma is not None
+        table = study.specification.noise
+        joints = np.zeros(study.robot.n)
+        if table is not None:
+            joints = 1e3 * table.repeatability(study.robot.units) * np.ones(study.robot.n)
+        return PositionNoise(sigma, joints)
+
+    @property
+    def loads(self) -> "StudyLoads | None":
+        """What loads the joints; None where no spring is asked for."""
+        if not self.study.specification.joints.unknown:
+            return None
+        return StudyLoads.of(self.study)
+
+    def split(self, data: MarkerPositions) -> tuple[MarkerPositions, MarkerPositions]:
+        """Positions of the markers on the tool, and of the references."""
+        k = len(self.markers)
+        parts = []
+        for columns, names in ((slice(0, k), self.markers), (slice(k, None), self.references)):
+            parts.append(
+                replace(
+                    data,
+                    measured=data.measured[:, columns],
+                    row=data.row[:, columns],
+                    markers=names,
+                )
+            )
+        return parts[0], parts[1]
+
+
+@dataclass(frozen=True, eq=False)
+class StudyLoads:
+    """Loads of the joints by the wrench of a row, by a payload with it, and by the links always.
+
+    Attributes:
+        by_wrench: The model under a wrench alone.
+        links: Weights of the links; None where they are not known.
+        payload: The weight that the robot carries where a wrench loads it; None without one.
+    """
+
+    by_wrench: ElastostaticModel
+    links: DeadWeights | None
+    payload: DeadWeights | None
+
+    @classmethod
+    def of(cls, study: Study) -> "StudyLoads":
+        """Of a study."""
+        links, payload = own_weights(study)
+        model = replace(study.model, weights=None, own_weights=None, sensors=())
+        return cls(model, links, payload)
+
+    def __call__(self, q: Array, wrench: Array) -> Array:
+        """Loads (m, n) of the free joints [N m or N] in poses q (m, n) under wrenches (m, 6)."""
+        weights = [one for one in (self.links, self.payload) if one is not None]
+        bodies = {*self.by_wrench.bodies, *(body for one in weights for body in one.bodies)}
+        frames = self.by_wrench.robot.frames(q, tuple(sorted(bodies)))
+        torque = self.by_wrench.torque_of(frames, wrench)
+        loaded = wrench.any(axis=1)
+        if self.links is not None:
+            torque = torque + frames.folded(self.links.torque(frames))
+        if self.payload is not None:
+            torque = torque + frames.folded(self.payload.torque(frames)) * loaded
+        return np.ascontiguousarray(torque.T)

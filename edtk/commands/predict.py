@@ -1,0 +1,44 @@
+"""`edtk predict`: where markers will be in other poses."""
+
+from pathlib import Path
+
+import click
+
+from edtk.commands.shared import FilePath, json_option, show, warn, warn_about
+
+
+@click.command("predict", short_help="Predict positions of markers in other poses.")
+@click.argument("study", type=FilePath)
+@click.argument("result", type=FilePath)
+@click.argument("poses", type=FilePath)
+@click.option(
+    "--tool-rows",
+    type=click.IntRange(min=0),
+    default=0,
+    help="So many rows at the beginning of POSES place the markers on the tool anew.",
+)
+@json_option
+@click.option("--out", type=FilePath, help="Write positions and bands (CSV); - is standard output.")
+def command(
+    study: Path, result: Path, poses: Path, tool_rows: int, as_json: bool, out: Path | None
+) -> None:
+    """Predict positions of markers in POSES (CSV), with 95 % bands.
+
+    STUDY (TOML) has a table [parameters], and RESULT is what edtk identify --json printed for it,
+    or its k.json. POSES has a pose a row, or a row a marker, as a sheet of positions; where it
+    holds measured ones (x_mm y_mm z_mm), errors are printed and the share inside the bands.
+    """
+    from edtk.verbs.inputs import as_study
+    from edtk.verbs.predict import predict
+
+    question = as_study(study)
+    found = predict(question, result, poses, tool_rows=tool_rows, out=out)
+    show(found, as_json, out)
+    warn_about(study, question.warnings)
+    if found.open_rows:
+        rows = ", ".join(str(row + 1) for row in found.open_rows[:10])
+        more = len(found.open_rows) - 10
+        warn(
+            f"{poses}: rows {rows}{f' and {more} more' if more > 0 else ''} move along directions "
+            "that the calibration left open; their bands assume errors of up to 10 mm or mrad"
+        )

@@ -1,0 +1,157 @@
+"""Absolute positions of markers, from a file."""
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from edtk.inference.geometry.marker_positions import MarkerPositions
+from edtk.model.robot import Robot
+from edtk.system.typing import Array, Indices
+from edtk.tables.pose_columns import pose_columns
+from edtk.tables.pose_table import PoseTable
+from edtk.tables.sheet_columns import LOADED_COLUMNS, MARKER_NAME_COLUMN, VISIT_COLUMN
+
+POSE_COLUMN = "pose"  # a number for people
+WIDE = re.compile(r"(\S*?[^\s_])_?x_mm")
+NO_LOAD = np.zeros(6)
+
+
+def read_positions(
+    path: Path | str,
+    robot: Robot,
+    fixed: dict[int, float],
+    markers: Sequence[str],
+    measured: bool = True,
+) -> MarkerPositions:
+    """Read a sheet of positions.
+
+    A row is a marker, `x_mm y_mm z_mm` with its name in the column `marker` (which one marker alone
+    does not need); or a row is a pose, with columns `NAMEx_mm NAMEy_mm NAMEz_mm` (or `NAME_x_mm`)
+    for each marker. Loads are forces and torques as in a plan, zero by default. Readings of one
+    visit have the same number in the column `visit`; without it each repetition of a marker is a
+    visit of its own.
+
+    Args:
+        path: The CSV file.
+        robot: Names the joints.
+        fixed: Values [rad or m] of joints, by index, that the file may leave out.
+        markers: Names of the markers (k,); where there are none, those of the sheet count.
+        measured: Whether there have to be positions; without them all markers are in every row.
+
+    Raises:
+        PoseFileError: The file cannot be read; names the row or column.
+    """
+    table = PoseTable.read(path, "sheet")
+    markers = markers or _names_in(table, robot)
+    wide = {name: _wide(table, name) for name in markers}
+    own = tuple(column for columns in wide.values() for column in columns)
+    plain = (*LOADED_COLUMNS, MARKER_NAME_COLUMN)
+    table = table.with_known(robot, (*own, *plain, VISIT_COLUMN, POSE_COLUMN))
+    q = table.poses(robot, fixed)
+    wrench = table.wrenches(NO_LOAD)
+    if own:
+        return _by_pose(table, q, wrench, wide)
+    if not measured and not any(column in table for column in plain):
+        nothing = np.full((len(q), len(markers), 3), np.nan)
+        row = np.repeat(np.arange(len(q))[:, None], len(markers), axis=1)
+        return MarkerPositions(q, wrench, nothing, row, tuple(markers))
+    return _by_marker(table, q, wrench, tuple(markers), measured)
+
+
+def _names_in(table: PoseTable, robot: Robot) -> tuple[str, ...]:
+    """The markers that a sheet names, in their order; one without a name where it names none."""
+    if MARKER_NAME_COLUMN in table:
+        return tuple(dict.fromkeys(table.texts(MARKER_NAME_COLUMN)))
+    joints = pose_columns(robot)
+    others = (str(column) for column in table.cells if column not in joints)
+    found = (WIDE.fullmatch(column) for column in others)
+    names = (match[1] for match in found if match)
+    return tuple(dict.fromkeys(names)) or (MARKER_NAME_COLUMN,)
+
+
+def _wide(table: PoseTable, name: str) -> tuple[str, ...]:
+    """The columns of one marker in a sheet with a pose a row; none where it has no such columns."""
+    for form in ("{name}{axis}_mm", "{name}_{axis}_mm"):
+        columns = tuple(form.format(name=name, axis=axis) for axis in "xyz")
+        if any(column in table for column in columns):
+            return columns
+    return ()
+
+
+def _by_pose(
+    table: PoseTable, q: Array, wrench: Array, wide: dict[str, tuple[str, ...]]
+) -> MarkerPositions:
+    """A sheet with a pose a row."""
+    found = np.full((len(q), len(wide), 3), np.nan)
+    row = np.full((len(q), len(wide)), -1)
+    for i, columns in enumerate(wide.values()):
+        if columns:
+            found[:, i] = table.vectors(columns) / 1e3
+            row[:, i] = np.arange(len(q))
+    return MarkerPositions(q, wrench, found, row, tuple(wide))
+
+
+def _by_marker(
+    table: PoseTable, q: Array, wrench: Array, markers: tuple[str, ...], measured: bool
+) -> MarkerPositions:
+    """A sheet with a marker a row."""
+    index = _markers(table, markers)
+    x = np.full((len(q), 3), np.nan)
+    if measured or any(column in table for column in LOADED_COLUMNS):
+        x = table.vectors(LOADED_COLUMNS) / 1e3
+    visit = _visits(table, q, wrench, index)
+    count = int(visit.max(initial=-1)) + 1
+    found = np.full((count, len(markers), 3), np.nan)
+    row = np.full((count, len(markers)), -1)
+    first = np.array([int(np.argmax(visit == one)) for one in range(count)], dtype=int)
+    found[visit, index] = x
+    row[visit, index] = np.arange(len(q))
+    return MarkerPositions(q[first], wrench[first], found, row, markers)
+
+
+def _markers(table: PoseTable, markers: tuple[str, ...]) -> Indices:
+    """Index (m,) of each row's marker.
+
+    Raises:
+        PoseFileError: The column is missing, or names a marker that there is not.
+    """
+    if MARKER_NAME_COLUMN not in table:
+        if len(markers) == 1:
+            return np.zeros(len(table), dtype=int)
+        raise table.error(
+            f"column {MARKER_NAME_COLUMN!r} is missing; expected which of {', '.join(markers)} "
+            f"each row is of, or a row a pose with {markers[0]}x_mm and so on"
+        )
+    given = table.texts(MARKER_NAME_COLUMN)
+    for i, name in enumerate(given):
+        if name not in markers:
+            raise table.error(
+                f"no marker {name!r} in the study; expected one of {', '.join(markers)}",
+                f"row {i + 1}, column {MARKER_NAME_COLUMN}",
+            )
+    return np.array([markers.index(name) for name in given], dtype=int)
+
+
+def _visits(table: PoseTable, q: Array, wrench: Array, index: Indices) -> Indices:
+    """Number (m,) of each row's visit, counted from 0 in order of appearance.
+
+    Raises:
+        PoseFileError: A marker is twice in a visit.
+    """
+    numbers = table.numbers(VISIT_COLUMN) if VISIT_COLUMN in table else None
+    visits: dict[tuple[float, ...], int] = {}
+    times: dict[tuple[float, ...], int] = {}
+    found = np.zeros(len(q), dtype=int)
+    for i, place in enumerate((np.hstack([q, wrench]) + 0.0).tolist()):
+        own = (*place, float(index[i]))
+        occurrence = float(times.get(own, 0))
+        if numbers is not None:
+            own = (*own, float(numbers[i]))
+            occurrence = float(numbers[i])
+            if own in times:
+                raise table.error("the marker is twice in this visit", f"row {i + 1}")
+        times[own] = times.get(own, 0) + 1
+        found[i] = visits.setdefault((*place, occurrence), len(visits))
+    return found

@@ -1,0 +1,52 @@
+"""Text of a calibration of geometry."""
+
+from edtk.calibration.diagnostics.diagnostic import Severity
+from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
+from edtk.report.text_table import name_width
+
+MM = 1e3
+
+
+def geometric_calibration(found: GeometricCalibration) -> str:
+    """Parameters, how well poses are predicted that were left out, and the verdict."""
+    fit = found.fit
+    lines = [
+        f"{fit.data.count} positions of {len(fit.data.markers)} markers in {fit.data.poses} poses"
+        + (f", {len(found.left_out)} visits left out" if found.left_out else ""),
+        f"{fit.rank} parameters can be told apart"
+        + (f" of {fit.structural} that better poses would tell" if fit.open else ""),
+        *_parameters(found),
+        *_quality(found),
+    ]
+    for doubt in found.doubts:
+        if doubt.severity is Severity.NOTE:
+            lines.append(f"note: {doubt.text}")
+    return "\n".join([*lines, f"verdict: {found.verdict}"])
+
+
+def _parameters(found: GeometricCalibration) -> list[str]:
+    """A line for each parameter."""
+    parameters = found.fit.fitted.model.parameters
+    width = name_width([one.name for one in parameters], 6)
+    lines = []
+    for one in parameters:
+        own = found.parameters[one.name]
+        value = f"{own['value']:10.3f} +- {own['std']:.3f} {one.unit}"
+        lines.append(f"  {one.name:{width}}{value}  {one.words}")
+    return lines
+
+
+def _quality(found: GeometricCalibration) -> list[str]:
+    """How well positions fit, and are predicted."""
+    fit = found.fit
+    noise = fit.fitted.noise
+    joints = max(noise.model_joints.tolist(), default=0.0)
+    repeats = f"; repeats of readings scatter by {noise.reading:.3g} mm" if noise.repeats else ""
+    return [
+        f"distance of positions: {MM * fit.placed:.4g} mm rms with base and tools fitted alone, "
+        f"{MM * fit.rms:.4g} with all",
+        f"each pose predicted without it: {found.loo_rms_mm:.4g} mm rms, "
+        f"{100 * fit.share_inside:.1f} % of the coordinates inside their 95 % bands",
+        f"what the model leaves out: {joints:.3g} mrad a joint and {noise.model_white:.3g} mm a "
+        f"coordinate{repeats}",
+    ]

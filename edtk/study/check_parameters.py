@@ -1,0 +1,71 @@
+"""The checks of a study of geometry that need its robot."""
+
+from typing import TYPE_CHECKING
+
+from edtk.model.geometry.all_parameters import all_parameters
+from edtk.study.study_model import is_reference
+
+if TYPE_CHECKING:
+    from edtk.study.study_objects import StudyObjects
+
+
+def check_parameters(study: "StudyObjects") -> None:
+    """Check that the unknowns are of this robot, and that positions of the tool are measured.
+
+    Raises:
+        UserError: One line that names the study, the key and what was expected.
+    """
+    given = study.specification
+    if given.parameters is None:
+        return
+    unknown = given.joints.unknown
+    compliance = given.parameters.compliance
+    if compliance is not None and tuple(compliance) != unknown:
+        raise study.error(
+            "joints.unknown",
+            "differs from parameters.compliance; expected the same joints, or one of both keys",
+        )
+    for name in unknown:
+        if name not in study.robot.joint_names:
+            names = ", ".join(study.robot.joint_names)
+            raise study.error("parameters.compliance", f"no joint {name!r}; this robot has {names}")
+    try:
+        chosen = all_parameters(
+            study.robot, (), given.parameters.geometry, (), given.parameters.base, False
+        )
+    except ValueError as error:
+        raise study.error("parameters.geometry", str(error)) from error
+    if not chosen and not given.parameters.tool and not unknown:
+        raise study.error("parameters", "leaves nothing unknown; expected geometry, base or tool")
+    _check_measured(study)
+
+
+def _check_measured(study: "StudyObjects") -> None:
+    """Positions of markers on the tool, and reference points on the base, and nothing else."""
+    given = study.specification
+    if given.distance:
+        raise study.error("distance", "a study of geometry knows no distances; expected markers")
+    if given.measurement.rows != "position":
+        raise study.error(
+            "measurement.rows", "a study of geometry measures positions; expected 'position'"
+        )
+    if given.measurement.reference != "unloaded":
+        raise study.error(
+            "measurement.reference",
+            "positions of a study of geometry are absolute anyway; leave the key out",
+        )
+    if given.measurement.sigma_mm is None:
+        raise study.error(
+            "measurement.sigma_mm", "expected, the standard deviation of a coordinate [mm]"
+        )
+    for i, marker in enumerate(given.marker):
+        if marker.rows == "pose":
+            message = "a study of geometry measures positions; expected 'position'"
+            raise study.error(f"marker.{i}.rows", message)
+        if marker.joint is not None and not is_reference(study, marker):
+            raise study.error(
+                f"marker.{i}.joint",
+                "markers of a study of geometry sit on the tool, or on the 'base' as references",
+            )
+    if given.marker and all(is_reference(study, marker) for marker in given.marker):
+        raise study.error("marker", "expected one on the tool besides those on the base")

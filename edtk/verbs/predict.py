@@ -1,0 +1,65 @@
+"""`edtk.predict`: where markers will be in other poses, with 95 % bands."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
+from edtk.calibration.geometry.prediction import Prediction, predict_positions
+from edtk.system.atomic_file import write_files
+from edtk.system.errors import UserError
+from edtk.system.parse_json import parse_json
+from edtk.system.read_text import read_text
+from edtk.tables.csv_text import csv_text
+from edtk.verbs.inputs import StudyLike, as_study, name_of
+from edtk.verbs.require_output import require_output
+
+MOST_MB = 100.0  # of a result
+
+
+def predict(
+    study: StudyLike,
+    result: "GeometricCalibration | Mapping[str, Any] | Path | str",
+    poses: Path | str,
+    *,
+    tool_rows: int = 0,
+    out: Path | str | None = None,
+) -> Prediction:
+    """Predict positions of markers in poses, with bands; where they were measured, compare.
+
+    Args:
+        study: A study with [parameters], or the path of its file.
+        result: A calibration of it, its `to_dict`, or the path of its JSON file.
+        poses: The poses (CSV), with positions as in a sheet where they were measured.
+        tool_rows: So many rows at the beginning tell where each marker sits on the tool, where
+            that is not where it sat before; they are no tests.
+        out: File to write the predictions to (CSV); "-" is standard output.
+
+    Returns:
+        Positions with bands, errors where positions were measured, and the share inside the bands.
+
+    Raises:
+        UserError: A file is not valid, or of another study; one line says why.
+    """
+    question = as_study(study)
+    if question.specification.parameters is None:
+        raise question.error(
+            "parameters", "predictions need a study of geometry; expected a table [parameters]"
+        )
+    read = [given for given in (result, poses) if isinstance(given, str | Path)]
+    require_output(out, *question.reads, *read)
+    where = name_of(result, "result")
+    content: Any = result
+    if isinstance(result, GeometricCalibration):
+        content = result.to_dict()
+    elif isinstance(result, str | Path):
+        content = parse_json(read_text(Path(result), MOST_MB), result)
+    if not isinstance(content, Mapping) or not isinstance(content.get("geometry"), Mapping):
+        raise UserError(
+            "no result of a study with [parameters]; expected what edtk identify --json wrote",
+            where=where,
+        )
+    found = predict_positions(question, content["geometry"], where, poses, tool_rows)
+    if out is not None:
+        write_files({Path(out): csv_text(found.to_frame())})
+    return found

@@ -1,0 +1,325 @@
+"""Sheets of positions as people bring them: good ones, and each kind of bad one, by name."""
+
+import csv
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from numpy.typing import NDArray
+
+import edtk
+from edtk.calibration.geometry.study_geometry import StudyGeometry
+from edtk.cli import main
+from edtk.model.transform import transform
+from edtk.study.study import Study
+
+Array = NDArray[np.float64]
+Edit = Callable[[Array, Array], None]
+
+ORIGINS = [(0, 0, 0.29), (0, 0, 0), (0, 0, 0.27), (0, 0, 0.07), (0.302, 0, 0), (0, 0, 0)]
+AXES = {"x": [1, 0, 0], "y": [0, 1, 0], "z": [0, 0, 1]}
+ROBOT = {
+    "name": "a small arm",
+    "source": "tests",
+    "joints": [
+        {"name": f"q{i}", "origin_m": list(o), "axis": AXES[a], "limits_deg": [-130, 130]}
+        for i, (o, a) in enumerate(zip(ORIGINS, "zyyxyx", strict=True), start=1)
+    ],
+}
+OFFSETS = np.array([[0.09, 0.01, 0.05], [-0.03, 0.07, 0.04], [0.0, -0.06, 0.1]])
+PLACE = transform((1.5, -0.7, 0.2), (0.2, 0.1, 1.0))
+STUDY = Study(
+    robot=ROBOT,
+    measurement={"sigma_mm": 0.02},
+    parameters={"compliance": [], "geometry": "all", "base": True, "tool": True},
+    marker=[{"name": name} for name in "ABC"],
+)
+NAMES = [f"q{i}_deg" for i in range(1, 7)]
+
+
+def truth(poses: int, seed: int = 0) -> tuple[Array, Array]:
+    """Joint angles (m, 6) [deg], and positions (m, 3, 3) [mm], of an erring arm."""
+    rng = np.random.default_rng(seed)
+    model = StudyGeometry.of(STUDY).model
+    model = replace(model, offsets=OFFSETS, start=PLACE)
+    theta = np.random.default_rng(5).normal(0, 0.7, model.p) * model.scales
+    q = np.round(rng.uniform(-100, 100, (poses, 6)), 3)
+    x = model.see(theta, np.deg2rad(q), derivatives=False).points
+    return q, 1e3 * x + rng.normal(0, 0.02, x.shape)
+
+
+def by_pose(path: Path, q: Array, x: Array) -> Path:
+    """Write a sheet with a pose a row."""
+    header = [*NAMES, *(f"{m}{axis}_mm" for m in "ABC" for axis in "xyz")]
+    lines = [*header], *([*a, *np.ravel(p)] for a, p in zip(q, x, strict=True))
+    with path.open("w", newline="") as file:
+        csv.writer(file).writerows(lines)
+    return path
+
+
+def by_marker(path: Path, q: Array, x: Array) -> Path:
+    """Write a sheet with a marker a row."""
+    with path.open("w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow([*NAMES, "marker", "x_mm", "y_mm", "z_mm"])
+        for angles, points in zip(q, x, strict=True):
+            writer.writerows([*angles, m, *p] for m, p in zip("ABC", points, strict=True))
+    return path
+
+
+@pytest.fixture
+def study(tmp_path: Path) -> Path:
+    """The study as a file."""
+    path = tmp_path / "study.toml"
+    STUDY.to_toml(path)
+    return path
+
+
+def run(*words: object) -> tuple[int, str, str]:
+    """Exit code, standard output and standard error of a command."""
+    done = CliRunner().invoke(main, [*map(str, words)])
+    return done.exit_code, done.stdout, done.stderr
+
+
+def test_a_study_of_geometry_is_written_and_read(study: Path) -> None:
+    """Its keys come back from the file, without load, tool and joints."""
+    again = edtk.load_study(study)
+    assert again.to_dict() == STUDY.to_dict()
+    assert again.specification.parameters.geometry == "all"
+    assert "geometry" in repr(again)
+    assert again.warnings == ()
+
+
+def test_both_forms_of_a_sheet_tell_the_same(study: Path, tmp_path: Path) -> None:
+    """A row a pose and a row a marker are the same measurements, in Python and as a command."""
+    q, x = truth(25)
+    wide = edtk.identify(study, by_pose(tmp_path / "wide.csv", q, x))
+    code, out, err = run("identify", study, by_marker(tmp_path / "long.csv", q, x), "--json")
+    told = json.loads(out)
+    assert (code, err) == (0, "")
+    assert told["rank"] == wide.rank == 33
+    assert told["loo_rms_mm"] == pytest.approx(wide.loo_rms_mm, rel=1e-6)
+    assert 0.02 < told["loo_rms_mm"] < 0.1
+    assert set(told["parameters"]) == set(wide.parameters)
+    assert told["verdict"] == wide.verdict == "good"
+    code, out, _ = run("identify", study, tmp_path / "long.csv")
+    assert "33 parameters can be told apart" in out
+    assert "each pose predicted without it" in out
+
+
+def test_predictions_are_compared_with_what_was_measured(study: Path, tmp_path: Path) -> None:
+    """Other poses are where the result says, within bands that hold most of them."""
+    q, x = truth(60)
+    sheet = by_marker(tmp_path / "sheet.csv", q[:30], x[:30])
+    (tmp_path / "result.json").write_text(run("identify", study, sheet, "--json")[1])
+    tests = by_marker(tmp_path / "tests.csv", q[30:], x[30:])
+    code, out, err = run("predict", study, tmp_path / "result.json", tests, "--json")
+    told = json.loads(out)
+    assert (code, err) == (0, "")
+    assert told["errors"]["count"] == 90
+    assert told["mean_mm"] < told["rms_mm"] < told["max_mm"] < 0.3
+    assert 0.9 < told["share_inside"] < 0.99
+    first = told["positions"][0]
+    assert abs(first["x_mm"] - x[30, 0, 0]) < 0.3
+    assert first["band_x_mm"] > 0
+    python = edtk.predict(study, edtk.identify(study, sheet), tests)
+    assert python.rms_mm == pytest.approx(told["rms_mm"], rel=1e-9)
+    assert "inside" in python.summary()
+
+
+def test_poses_alone_have_positions_of_all_markers(study: Path, tmp_path: Path) -> None:
+    """A file of poses without positions is answered with all markers and no comparison."""
+    q, x = truth(30)
+    found = edtk.identify(study, by_pose(tmp_path / "sheet.csv", q, x))
+    poses = tmp_path / "poses.csv"
+    poses.write_text("\n".join([",".join(NAMES), "10,20,30,-40,50,60", "0,0,0,0,0,0"]))
+    told = edtk.predict(study, found, poses).to_dict()
+    assert [one["marker"] for one in told["positions"]] == list("ABCABC")
+    assert told["mean_mm"] is told["share_inside"] is None
+
+
+def test_markers_that_moved_on_the_tool_are_placed_anew(study: Path, tmp_path: Path) -> None:
+    """The first row places them, and is no test."""
+    q, x = truth(50)
+    found = edtk.identify(study, by_pose(tmp_path / "sheet.csv", q[:30], x[:30]))
+    model = found.fit.fitted
+    tips = model.model.see(model.theta, np.deg2rad(q), derivatives=False).turns
+    moved = x + tips @ np.array([3.0, -2.0, 1.0])
+    tests = by_pose(tmp_path / "tests.csv", q[30:], moved[30:])
+    assert edtk.predict(study, found, tests).mean_mm > 3
+    placed = edtk.predict(study, found, tests, tool_rows=1)
+    assert placed.mean_mm < 0.15
+    assert placed.tests.sum() == 57
+    assert placed.share_inside > 0.9
+
+
+def swapped(q: Array, x: Array) -> None:
+    x[[4, 9]] = x[[4, 9]][:, [1, 0, 2]]
+
+
+def lost(q: Array, x: Array) -> None:
+    x[6, 2] = 0
+
+
+def moved(q: Array, x: Array) -> None:
+    x[15:] += [1.0, 0.5, 0]
+
+
+def wrong_pose(q: Array, x: Array) -> None:
+    q[5, 2] += 12
+
+
+def off(q: Array, x: Array) -> None:
+    x[7, 1, 2] += 1.0
+
+
+def signs(q: Array, x: Array) -> None:
+    q[:, [1, 4]] *= -1
+
+
+def follows(q: Array, x: Array) -> None:
+    q[:, 2] -= q[:, 1]
+
+
+def still(q: Array, x: Array) -> None:
+    q[:], x[:] = q[:1], x[:1]
+
+
+@pytest.mark.parametrize(
+    ("spoil", "said"),
+    [
+        (swapped, "rows 5, 10: markers A and B are swapped"),
+        (lost, "row 7: 1 positions of C are zero"),
+        (moved, "row 16: from here on positions are 1.1"),
+        (wrong_pose, "row 6: positions are up to"),
+        (off, "row 8: up to 1"),
+        (signs, "fit if q2, q5 count the other way"),
+        (follows, "fit if q3 turns with q2"),
+    ],
+)
+def test_bad_rows_are_named(study: Path, tmp_path: Path, spoil: Edit, said: str) -> None:
+    """What is wrong is one line with its rows, and the rest is calibrated where it can be."""
+    q, x = truth(30)
+    spoil(q, x)
+    code, out, err = run("identify", study, by_pose(tmp_path / "sheet.csv", q, x))
+    assert code == 0
+    assert said in err
+    assert "verdict: good" not in out
+    assert "33 parameters" in out
+
+
+def radians(q: Array, x: Array) -> None:
+    q[:] = np.deg2rad(q)
+
+
+def metres(q: Array, x: Array) -> None:
+    x /= 1e3
+
+
+@pytest.mark.parametrize(
+    ("spoil", "poses", "said"),
+    [
+        (radians, 20, "joint angles are taken as radians; expected degrees"),
+        (metres, 20, "positions look as if in metres"),
+        (None, 3, "27 measured coordinates for 33 parameters"),
+    ],
+)
+def test_sheets_that_cannot_be_meant_are_refused(
+    study: Path, tmp_path: Path, spoil: Edit | None, poses: int, said: str
+) -> None:
+    """Wrong units and too few poses are one line and exit code 2."""
+    q, x = truth(poses)
+    if spoil is not None:
+        spoil(q, x)
+    code, out, err = run("identify", study, by_pose(tmp_path / "sheet.csv", q, x))
+    assert (code, out) == (2, "")
+    assert said in err
+    assert err.count("\n") == 1
+
+
+def test_open_directions_are_named(study: Path, tmp_path: Path) -> None:
+    """Poses in which a joint stands still tell fewer parameters, and say which."""
+    q, _ = truth(30)
+    q[:, 0] = 25.0
+    model = replace(StudyGeometry.of(STUDY).model, offsets=OFFSETS)
+    x = 1e3 * model.see(np.zeros(model.p), np.deg2rad(q), derivatives=False).points
+    x = x + np.random.default_rng(0).normal(0, 0.02, x.shape)
+    sheet = by_pose(tmp_path / "sheet.csv", q, x)
+    code, out, err = run("identify", study, sheet)
+    assert code == 0
+    assert "29 of 33 parameters can be told: " in err
+    assert "of 33 that better poses would tell" in out
+    result = edtk.identify(study, sheet)
+    poses = tmp_path / "poses.csv"
+    poses.write_text(",".join(NAMES) + "\n80,20,30,-40,50,60\n")
+    assert edtk.predict(study, result, poses).open_rows == (0,)
+
+
+def test_points_on_the_base_tell_what_moved(tmp_path: Path) -> None:
+    """A beam on the wrong reflector is named; a frame that moved with all points is taken back."""
+    names = ["A", "B", "C", "P", "Q", "R"]
+    markers = [{"name": n, **({"joint": "base"} if n in "PQR" else {})} for n in names]
+    study = STUDY.replace(marker=markers)
+    q, x = truth(30)
+    base = np.array([[900.0, 100, 0], [1500, 800, 10], [700, -600, 30]])
+    points = np.tile(base, (30, 1, 1)) + np.random.default_rng(1).normal(0, 0.003, (30, 3, 3))
+    points[3, 1] = x[3, 2]
+    every = np.concatenate([x, points], axis=1)
+    turn = transform((2.0, 1.0, 0), (0, 0, 0.002))
+    every[20:25] = every[20:25] @ turn[:3, :3].T + turn[:3, 3]
+    path = tmp_path / "sheet.csv"
+    header = ",".join([*NAMES, *(f"{n}{axis}_mm" for n in names for axis in "xyz")])
+    cells = np.hstack([q, every.reshape(30, -1)])
+    np.savetxt(path, cells, delimiter=",", header=header, comments="")
+    found = edtk.identify(study, path)
+    text = " | ".join(doubt.text for doubt in found.doubts)
+    assert "row 4: the point Q on the base is where the marker C on the tool is" in text
+    assert "rows 21, 22, 23, 24, 25: the frame of the instrument moved" in text
+    assert found.loo_rms_mm < 0.1
+
+
+@pytest.mark.parametrize(
+    ("keys", "said"),
+    [
+        ({"parameters": {"geometry": ["q9"]}}, "parameters.geometry: no parameter 'q9'"),
+        ({"parameters": {"compliance": ["q9"]}}, "parameters.compliance: no joint 'q9'"),
+        ({"measurement": {"sigma_mm": 0.1, "rows": "pose", "sigma_deg": 1}}, "measurement.rows"),
+        ({"marker": [{"name": "A", "joint": "q3"}]}, "marker.0.joint"),
+        ({"marker": [{"name": "P", "joint": "base"}]}, "expected one on the tool"),
+        (
+            {"parameters": {"geometry": [], "base": False, "tool": False}},
+            "leaves nothing unknown",
+        ),
+        ({"joints": {"unknown": ["q2"]}, "parameters": {"compliance": ["q3"]}}, "joints.unknown"),
+    ],
+)
+def test_wrong_studies_of_geometry(keys: dict[str, object], said: str) -> None:
+    """Keys that cannot be meant are one line that names them."""
+    with pytest.raises(edtk.UserError, match=said):
+        STUDY.replace(**keys)
+
+
+def test_results_of_other_robots_are_refused(study: Path, tmp_path: Path) -> None:
+    """A result of another drawing, and a file that is none, are one line."""
+    q, x = truth(20)
+    found = edtk.identify(study, by_pose(tmp_path / "sheet.csv", q, x)).to_dict()
+    longer = {**ROBOT, "joints": [{**ROBOT["joints"][0], "origin_m": [0, 0, 0.3]}]}
+    longer["joints"] = longer["joints"] + ROBOT["joints"][1:]
+    with pytest.raises(edtk.UserError, match="another robot"):
+        edtk.predict(STUDY.replace(robot=longer), found, tmp_path / "sheet.csv")
+    with pytest.raises(edtk.UserError, match="expected what edtk identify"):
+        edtk.predict(study, {"k": 1}, tmp_path / "sheet.csv")
+    spoiled = {**found, "geometry": {**found["geometry"], "values": [1.0]}}
+    with pytest.raises(edtk.UserError, match="values: expected 33 finite numbers"):
+        edtk.predict(study, spoiled, tmp_path / "sheet.csv")
+
+
+def test_other_verbs_say_that_they_know_compliances_alone(study: Path) -> None:
+    """Plans of such a study are refused in one line, and no number is wrong in silence."""
+    code, out, err = run("plan", study, "--size", 4)
+    assert (code, out) == (2, "")
+    assert "[parameters]" in err
