@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Any, TypeVar
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from criteria.criterion import Criterion
@@ -21,6 +22,7 @@ from criteria.criterion_error import (
 from criteria.interest import Interest
 from criteria.load_plugin import HOOKS, guard_plugin, load_plugin
 from criteria.relaxable import Relaxable
+from criteria.require_homogeneous import require_homogeneous
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint, EntryPoints
@@ -162,8 +164,9 @@ def create(
 
     Raises:
         MissingTargetError: The criterion needs a target and `target` is None.
-        CriterionError: The name is unknown, the class of a plug-in fails, a parameter is missing,
-            unknown or wrong, or the criterion has no meaning for combinations.
+        CriterionError: The name is unknown, the class of a plug-in fails or has another degree than
+            it declares, a parameter is missing, unknown or wrong, or the criterion has no meaning
+            for combinations.
     """
     cls = get(name)
     known = _parameters_of(cls)
@@ -218,19 +221,39 @@ def _with_parameters(
     for key, parameter in known.items():
         if parameter.default is inspect.Parameter.empty and key not in given:
             raise CriterionError(f"criterion {cls.name!r} needs {key}; its parameters: {expected}")
-    return cls(**given)
+    return _of_its_degree(cls(**given), 3)
 
 
 def _create(cls: type[Criterion], target: ArrayLike | None, targets: ArrayLike | None) -> Criterion:
     """Construct a criterion of all parameters."""
     if not cls.needs_target:
-        return cls()
+        return _of_its_degree(cls(), 3)
     given = targets if cls.per_task and targets is not None else target
     if given is None:
         raise MissingTargetError(
             f"criterion {cls.name!r} needs a target: the regressor A0 of the test pose"
         )
-    return cls(given)  # type: ignore[call-arg]
+    made = cls(given)  # type: ignore[call-arg]
+    return _of_its_degree(made, np.shape(given)[-1])
+
+
+def _of_its_degree(criterion: Criterion, p: int) -> Criterion:
+    """The criterion of a third party, which is asked for the degree that it declares.
+
+    Where its cost of p parameters cannot be computed, whoever uses it finds out.
+
+    Raises:
+        CriterionError: Its cost has another degree.
+    """
+    if type(criterion).__module__.split(".")[0] == "criteria":
+        return criterion
+    M = np.diag(np.arange(1.0, p + 1)) + 0.5
+    try:
+        criterion.cost(M)
+    except Exception:
+        return criterion
+    require_homogeneous(criterion, M)
+    return criterion
 
 
 @cache

@@ -73,7 +73,8 @@ class Rows:
 
     def mean(self) -> Array:
         """Mean information (p, p)."""
-        return self.weighted(np.full(self.n, 1.0 / self.n))
+        # A product with itself takes half the time of one with weighted rows, and no copy of them.
+        return np.asarray(self.flat.T @ self.flat / self.n)
 
     def weighted_plans(self, chosen: Indices, repeats: Array) -> Array:
         """``sum_j r_bj A_bj' A_bj`` (b, p, p) of chosen candidates (b, k) and repeats (b, k)."""

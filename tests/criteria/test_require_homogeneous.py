@@ -54,6 +54,17 @@ def test_broken_promises(broken, words):
         require_homogeneous(broken, M)
 
 
+def test_plugin_is_asked_when_it_is_made(monkeypatch):
+    """A registered class of a third party is found out by `create`, before anybody uses it."""
+    monkeypatch.setattr("criteria.registry._registered", {})
+    monkeypatch.setattr(Variances, "degree", 2.0)
+    criteria.register(Variances)
+    with pytest.raises(CriterionError, match="not homogeneous of degree 2"):
+        criteria.create("sum of variances")
+    monkeypatch.setattr(Variances, "degree", 1.0)
+    assert criteria.create("sum of variances").degree == 1.0
+
+
 def test_where_the_cost_is_infinite_nothing_is_checked():
     """A singular matrix tells nothing about homogeneity."""
     require_homogeneous(Variances(shift=1.0), np.diag([1.0, 0.0, 1.0]))

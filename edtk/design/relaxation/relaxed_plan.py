@@ -66,10 +66,16 @@ class RelaxedPlan(Presented):
         """Criterion, value, number of poses and proved gap."""
         factor, unit = self.criterion.shown
         value = f"{factor * self.value:.4g} {unit}".rstrip()
+        proved = "gap by a solver's word" if self.rests_on_solver else "proved gap"
         return (
             f"{self.criterion.label} = {value} with weights on {len(self.x)} poses, "
-            f"proved gap {max(self.gap, 0.0):.1e}"
+            f"{proved} {max(self.gap, 0.0):.1e}"
         )
+
+    @property
+    def rests_on_solver(self) -> bool:
+        """Whether the bounds rest on a solver's word, as of a criterion without a dual form."""
+        return self.criterion.rests_on_solver(self.multipliers, self.information)
 
     @property
     def space(self) -> DesignSpace:

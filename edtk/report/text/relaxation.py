@@ -2,17 +2,22 @@
 
 import numpy as np
 
-from edtk.design.relaxation.relaxation import Relaxation
+from edtk.design.relaxation.relaxation import VISIBLE, Relaxation
 from edtk.report.text_table import text_table
 
 
 def relaxation(found: Relaxation) -> str:
     """Value, bound, and a line for each candidate with weight, the heaviest first."""
-    number = f"{found.value:.7g}, bound {found.bound:.7g} (proved, relative gap {found.gap:.1e})"
-    return (
-        f"{found.criterion.name}, {found.criterion.title}: {number}\n"
-        f"{text_table(*relaxation_rows(found))}"
-    )
+    proved = "by a solver's word" if found.rests_on_solver else "proved"
+    number = f"{found.value:.7g}, bound {found.bound:.7g} ({proved}, relative gap {found.gap:.1e})"
+    lines = [f"{found.criterion.name}, {found.criterion.title}: {number}"]
+    if found.accuracy > VISIBLE:
+        lines.append(
+            f"the model is ill-conditioned: rounding may change these numbers by "
+            f"{found.accuracy:.0e}, "
+            "relatively; centre or scale the regressors for more digits"
+        )
+    return "\n".join([*lines, text_table(*relaxation_rows(found))])
 
 
 def relaxation_rows(found: Relaxation) -> tuple[list[str], list[list[str]]]:

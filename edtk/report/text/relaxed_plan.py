@@ -11,7 +11,8 @@ def relaxed_plan(plan: RelaxedPlan) -> str:
     unit = f" {criterion.shown[1]}".rstrip()
     plural = "" if plan.candidates == 1 else "s"
     proved = f"bound, proved on {plan.candidates:,} candidate{plural}"
-    bounds = [(proved, plan.proved_bound, "")]
+    word = "; by a solver's word" if plan.rests_on_solver else ""
+    bounds = [(proved, plan.proved_bound, word)]
     if plan.searched_bound is not None:
         bounds.append(("bound, searched over all poses", plan.searched_bound, "; not proved"))
     width = max(len(label) for label, *_ in bounds)

@@ -1,0 +1,41 @@
+"""The text of a relaxation tells whose word its bound is, and how many digits it has."""
+
+import numpy as np
+
+import criteria
+from edtk.design.problem import Problem
+from edtk.design.relaxation.relax import relax
+from edtk.report.text.relaxation import relaxation
+
+
+class Unproved(criteria.ConvexCriterion):
+    """The sum of the variances without a dual form."""
+
+    name = "unproved"
+    title = "Unproved"
+    formula = "trace(cov)"
+    sense = "min"
+    degree = 1.0
+    smooth = False
+
+    def expression(self, M, T=None):
+        """trace(T M^-1 T')."""
+        import cvxpy as cp
+
+        return cp.matrix_frac(np.eye(M.shape[0]) if T is None else T.T, M)
+
+
+def test_bound_by_a_solvers_word():
+    """The line of the bound says so instead of "proved"."""
+    x = np.linspace(-1, 1, 5)
+    problem = Problem(np.stack([np.ones(5), x], axis=-1)[:, None, :])
+    assert "(by a solver's word, relative gap" in relaxation(relax(problem, Unproved()))
+    assert "(proved, relative gap" in relaxation(relax(problem, criteria.create("A")))
+
+
+def test_digits_of_an_ill_conditioned_model():
+    """A line tells by how much rounding may change the numbers, and the remedy."""
+    rows = np.vander(np.linspace(10, 11, 41), 7, increasing=True)
+    found = relaxation(relax(Problem(rows[:, None, :]), criteria.create("D")))
+    assert "ill-conditioned: rounding may change these numbers by" in found
+    assert "centre or scale" in found
