@@ -9,6 +9,9 @@ from edtk.system.typing import Array
 Solve = Callable[[Array], Array]
 # How many more candidates than entries of a triangle make the equations of the entries cheaper.
 MANY = 1.2
+# Largest entry of their equations: rounding of it is then a thousandth of what is asked for.
+LARGEST = 1e12
+MOST_FEW = 1000  # candidates whose own equations are affordable where it is larger
 
 
 def weight_equations(P: Array, D: Array, lost: Array | None = None) -> Solve:
@@ -29,7 +32,7 @@ def weight_equations(P: Array, D: Array, lost: Array | None = None) -> Solve:
     Raises:
         LinAlgError: The matrix is not positive definite to working precision.
     """
-    solve = _many(P, D) if P.shape[1] > MANY * len(P) else _few(P, D)
+    solve = _solver(P, D)
     if lost is None:
         return solve
     y = solve(lost)
@@ -43,6 +46,17 @@ def weight_equations(P: Array, D: Array, lost: Array | None = None) -> Solve:
         return np.asarray(solve(b) + y * (y @ b / rest))
 
     return corrected
+
+
+def _solver(P: Array, D: Array) -> Solve:
+    """The solution without the square that is taken away."""
+    k = P.shape[1]
+    if k <= MANY * len(P):
+        return _few(P, D)
+    # Near the optimum D vanishes on the support, and Woodbury's identity is a difference of large
+    # numbers.
+    lost = k <= MOST_FEW and (P * P / D).sum(axis=1).max() > LARGEST
+    return _few(P, D) if lost else _many(P, D)
 
 
 def _few(P: Array, D: Array) -> Solve:

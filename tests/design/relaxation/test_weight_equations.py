@@ -38,3 +38,12 @@ def test_more_is_taken_away_than_there_is():
     np.testing.assert_allclose(
         weight_equations(P, D, lost)(np.ones(3)), weight_equations(P, D)(np.ones(3))
     )
+
+
+def test_many_candidates_without_slack():
+    """Many candidates of no slack, as at the optimum, still leave equations that can be solved."""
+    rng = np.random.default_rng(0)
+    P = rng.normal(size=(4, 30))
+    D = np.full(30, 1e-18)
+    x = weight_equations(P, D)(P.T @ P @ np.ones(30))
+    np.testing.assert_allclose(P @ x, P @ np.ones(30), rtol=1e-2)
