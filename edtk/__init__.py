@@ -17,7 +17,7 @@ from edtk.version import __version__
 if TYPE_CHECKING:
     import criteria as criteria
     from edtk.calibration.calibration import Calibration as Calibration
-    from edtk.calibration.compensate import Compensation as Compensation
+    from edtk.calibration.compensation import Compensation as Compensation
     from edtk.calibration.geometry.geometric_calibration import (
         GeometricCalibration as GeometricCalibration,
     )
@@ -100,7 +100,7 @@ _HOME = {
     "Prediction": "edtk.calibration.geometry.prediction",
     "PosteriorCheck": "edtk.calibration.posterior_check",
     "PlanBias": "edtk.calibration.plan_bias",
-    "Compensation": "edtk.calibration.compensate",
+    "Compensation": "edtk.calibration.compensation",
     "Verification": "edtk.certificate.verification",
     "Bound": "edtk.design.bound",
     "Sampling": "edtk.verbs.sampling",

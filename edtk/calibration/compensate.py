@@ -2,11 +2,11 @@
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from edtk.calibration.robot_of_task import robot_of_task, weights_of_task
+from edtk.calibration.compensation import Compensation
+from edtk.calibration.tools_of_task import ToolInUse, tools_of_task
 from edtk.design.plan import Plan
 from edtk.inference.error_quantiles import error_quantiles
 from edtk.inference.offset_error_quantiles import offset_error_quantiles
@@ -16,125 +16,46 @@ from edtk.model.compensation_accuracy import compensation_accuracy
 from edtk.model.elastostatic_model import ElastostaticModel
 from edtk.model.equilibrium import NoEquilibriumError, equilibrium
 from edtk.model.remaining_error import remaining_error
-from edtk.model.rigid_joints import rigid_joints, rigid_joints_in_words
+from edtk.model.rigid_joints import rigid_joints
 from edtk.model.robot import Robot
 from edtk.model.shown_limit import shown_limits
 from edtk.study.study import Study
-from edtk.system.atomic_file import write_text
 from edtk.system.errors import UserError
-from edtk.system.presented import Presented
-from edtk.system.typing import Array
+from edtk.system.typing import Array, Indices
 from edtk.tables.compliances import Compliances
-from edtk.tables.csv_text import csv_text
 from edtk.tables.pose_columns import pose_columns
-from edtk.tables.pose_table import WRENCH_COLUMNS, pose_factors
-from edtk.tables.sheet_columns import (
-    BAND_COLUMNS,
-    REMAINING_COLUMN,
-    REMAINING_ROTATION_COLUMN,
-    UNCOMPENSATED_COLUMN,
-)
-
-if TYPE_CHECKING:
-    import pandas as pd
+from edtk.tables.pose_table import pose_factors
 
 BAND = (0.025, 0.975)
 ROUNDING = 1e-9  # [rad or m]: a joint at its very limit counts as within
 SETTLED = 1e-8  # [rad or m]: an arm that settles farther from the desired joints has buckled
 
 
-@dataclass(frozen=True, eq=False)
-class Compensation(Presented):
-    """Commands for some task poses, with the errors before and after.
+@dataclass(frozen=True)
+class _Source:
+    """Where task poses come from, for messages.
 
     Attributes:
-        robot: The chain with the task's tool.
-        desired: Joint variables (t, n) under load [rad or m].
-        wrench: Task wrenches (t, 6) [N, N m].
-        command: Joint variables (t, n) to command [rad or m].
-        uncompensated: Distance (t,) of the loaded tool point from the desired one, were `desired`
-            commanded [m].
-        remaining: Root mean square (t,) of the error that wrong compliances leave, Eq. (17), with
-            that of the linear model where it is known [m]; None if it is not known.
-        band: Its 2.5 % and 97.5 % quantiles (t, 2) [m]; None if they are not known.
-        linear: Length (t,) of the mean error by which identifying with the linear model is off
-            [m]; None if it is not known, and then not part of the others.
-        rho0_bias: The same in the test pose [m]; None if it is not known.
-        rigid: Which joints count as rigid although the load turns them, in words.
-        verdict: "good", "usable" or "bad", as the identification rated the compliances; None if it
-            is not known.
-        rotation: Root mean square (t,) of the rotation that wrong compliances leave [rad]; None
-            unless the test pose has a lever at which rotations count, or if it is not known.
+        path: The file, or the study.
+        rows: The row (t,) of each pose there, counted from 0.
     """
 
-    robot: Robot
-    desired: Array
-    wrench: Array
-    command: Array
-    uncompensated: Array
-    remaining: Array | None
-    band: Array | None
-    linear: Array | None = None
-    rho0_bias: float | None = None
-    rigid: str = ""
-    verdict: str | None = None
-    rotation: Array | None = None
+    path: Path | str
+    rows: Indices
 
-    def headline(self) -> str:
-        """Number of poses, and the largest error before and after."""
-        before = f"{1e3 * self.uncompensated.max():.3g} mm"
-        after = "unknown"
-        if self.remaining is not None:
-            after = f"{1e3 * self.remaining.max():.3g} mm"
-        return f"{len(self.command)} task poses, largest error {before} before, {after} after"
+    def error(self, message: str, pose: int, column: str = "") -> UserError:
+        """An error in one pose, to be raised."""
+        key = f"row {self.rows[pose] + 1}{column}"
+        return UserError(message, where=self.path, key=key)
 
-    def to_frame(self) -> "pd.DataFrame":
-        """Commands, wrenches and errors: degrees, millimetres, newtons and newton metres."""
-        import pandas as pd
-
-        degrees = self.robot.shown(self.command) / pose_factors(self.robot)
-        table = pd.DataFrame(degrees, columns=list(pose_columns(self.robot)))
-        table[list(WRENCH_COLUMNS)] = self.wrench
-        table[UNCOMPENSATED_COLUMN] = 1e3 * self.uncompensated
-        if self.remaining is not None and self.band is not None:
-            table[REMAINING_COLUMN] = 1e3 * self.remaining
-            table[list(BAND_COLUMNS)] = 1e3 * self.band
-        if self.rotation is not None:
-            table[REMAINING_ROTATION_COLUMN] = np.rad2deg(self.rotation)
-        return table
-
-    def to_csv(self, path: Path | str) -> None:
-        """Write the table to a file, whole or not at all, or to standard output (`-`)."""
-        write_text(path, csv_text(self.to_frame()))
-
-    def to_dict(self) -> list[dict[str, Any]]:
-        """One object per task pose, in SI units, but `q_deg` in degrees and millimetres.
-
-        An error that is not known is null.
-        """
-        degrees = self.robot.shown(self.command) / pose_factors(self.robot)
-        unknown = [None] * len(self.command)
-        remaining = unknown if self.remaining is None else self.remaining.tolist()
-        band = unknown if self.band is None else self.band.tolist()
-        linear = unknown if self.linear is None else self.linear.tolist()
-        rotation = [] if self.rotation is None else self.rotation.tolist()
-        return [
-            {
-                "q": self.command[i].tolist(),
-                "q_deg": degrees[i].tolist(),
-                "desired_q": self.desired[i].tolist(),
-                "wrench": self.wrench[i].tolist(),
-                "uncompensated": float(self.uncompensated[i]),
-                "remaining_rms": remaining[i],
-                "remaining_band": band[i],
-                "linear_model": linear[i],
-                **({"remaining_rotation_rms": rotation[i]} if rotation else {}),
-            }
-            for i in range(len(self.command))
-        ]
+    def buckles(self, pose: int) -> UserError:
+        """The error of a pose that cannot carry its load."""
+        return self.error("the load buckles the arm; expected a load that it can carry", pose)
 
 
-def compensate(study: Study, found: Compliances, task: Plan, path: Path | str) -> Compensation:
+def compensate(
+    study: Study, found: Compliances, task: Plan, path: Path | str, own: bool = False
+) -> Compensation:
     """Compute commands for task poses with the test pose's tool, and the errors before and after.
 
     Joints that have a compliance neither here nor among the known ones of the study count as rigid.
@@ -142,28 +63,42 @@ def compensate(study: Study, found: Compliances, task: Plan, path: Path | str) -
     the error after, Eq. (17), is the one that errors of the compliances leave, to first order.
 
     Args:
-        study: Robot and test pose.
+        study: Robot and test poses.
         found: Compliances, perhaps with covariance.
         task: Desired poses and wrenches.
         path: Where the task comes from, for messages.
+        own: Whether these are the study's own test poses, each with its own tool and payload.
 
     Raises:
-        UserError: The study has no test pose, or some with different tools; or a desired or
-            commanded pose is beyond a joint's limits, or buckles; names the row.
+        UserError: The study has no test pose, or some with different tools that are not its own
+            poses; or a desired or commanded pose is beyond a joint's limits, or buckles; names the
+            row.
     """
     found = found.including(study.specification.joints.known_rad_per_Nm)
-    robot = robot_of_task(study)
-    joints = tuple(map(robot.joint_names.index, found.joints))
-    model = ElastostaticModel(robot, joints, weights=weights_of_task(study))
-    q = compensated_joints(model, task.q, task.wrench, found.k)
-    _require_within_limits(robot, task.q, "desired", path)
-    _require_within_limits(robot, q, "commanded", path)
-    k = all_compliances(model, found.k)
-    uncompensated = _uncompensated(model, task, k, path)
-    _require_settled(model, task, q, k, path)
-    offset = _offset(model, task, found, path)
-    remaining, band = _errors_after(model, task, found, offset)
+    tools = tools_of_task(study, len(task.q), own)
     turned = any(one.lever for one in study.tasks)
+    parts = [_with_tool(tool, found, task, path, turned) for tool in tools]
+    return Compensation.joined(parts, [tool.rows for tool in tools])
+
+
+def _with_tool(
+    tool: ToolInUse, found: Compliances, every: Plan, path: Path | str, turned: bool
+) -> Compensation:
+    """The commands for the poses of one tool."""
+    rows = tool.rows
+    task = Plan(every.q[rows], every.wrench[rows], every.repeats[rows])
+    source = _Source(path, rows)
+    robot = tool.robot
+    joints = tuple(map(robot.joint_names.index, found.joints))
+    model = ElastostaticModel(robot, joints, weights=tool.weights)
+    q = compensated_joints(model, task.q, task.wrench, found.k)
+    _require_within_limits(robot, task.q, "desired", source)
+    _require_within_limits(robot, q, "commanded", source)
+    k = all_compliances(model, found.k)
+    uncompensated = _uncompensated(model, task, k, source)
+    _require_settled(model, task, q, k, source)
+    offset = _offset(model, task, found, source)
+    remaining, band = _errors_after(model, task, found, offset)
     return Compensation(
         robot=robot,
         desired=task.q,
@@ -175,20 +110,20 @@ def compensate(study: Study, found: Compliances, task: Plan, path: Path | str) -
         linear=None if offset is None else np.linalg.norm(offset, axis=-1),
         rho0_bias=found.rho0_bias,
         verdict=found.verdict,
-        rigid=rigid_joints_in_words(rigid_joints(model, task.q, task.wrench, found.joints)),
+        rigid_joints=rigid_joints(model, task.q, task.wrench, found.joints),
         rotation=_rotation_after(model, task, found) if turned else None,
     )
 
 
-def _uncompensated(model: ElastostaticModel, task: Plan, k: Array, path: Path | str) -> Array:
+def _uncompensated(model: ElastostaticModel, task: Plan, k: Array, source: _Source) -> Array:
     """Distance (t,) of the loaded tool point from the desired one without compensation [m]."""
-    loaded = task.q + _deflection(model, task.q, task.wrench, k, path)
+    loaded = task.q + _deflection(model, task.q, task.wrench, k, source)
     moved = model.robot.forward(loaded)[:, :3, 3] - model.robot.forward(task.q)[:, :3, 3]
     return np.linalg.norm(moved, axis=-1)
 
 
 def _offset(
-    model: ElastostaticModel, task: Plan, found: Compliances, path: Path | str
+    model: ElastostaticModel, task: Plan, found: Compliances, source: _Source
 ) -> Array | None:
     """Mean error (t, 3) that the bias of the linear model leaves, at rest [m].
 
@@ -204,7 +139,7 @@ def _offset(
     try:
         return remaining_error(model, task.q, task.wrench, found.k, likely)
     except NoEquilibriumError as error:
-        raise _buckles(path, error.pose) from error
+        raise source.buckles(error.pose) from error
 
 
 def _errors_after(
@@ -231,21 +166,21 @@ def _rotation_after(model: ElastostaticModel, task: Plan, found: Compliances) ->
 
 
 def _require_settled(
-    model: ElastostaticModel, task: Plan, q: Array, k: Array, path: Path | str
+    model: ElastostaticModel, task: Plan, q: Array, k: Array, source: _Source
 ) -> None:
     """Check that the loaded robot comes to rest in the desired joints.
 
     Raises:
         UserError: A pose buckles; names its row.
     """
-    loaded = q + _deflection(model, q, task.wrench, k, path)
+    loaded = q + _deflection(model, q, task.wrench, k, source)
     lost = np.flatnonzero(np.abs(loaded - task.q).max(axis=-1) > SETTLED)
     if len(lost):
-        raise _buckles(path, lost[0])
+        raise source.buckles(int(lost[0]))
 
 
 def _deflection(
-    model: ElastostaticModel, q: Array, wrench: Array, k: Array, path: Path | str
+    model: ElastostaticModel, q: Array, wrench: Array, k: Array, source: _Source
 ) -> Array:
     """Joint deflections (t, n) at rest.
 
@@ -255,16 +190,10 @@ def _deflection(
     try:
         return equilibrium(model.robot, q, wrench, k, loading=model.loading).theta
     except NoEquilibriumError as error:
-        raise _buckles(path, error.pose) from error
+        raise source.buckles(error.pose) from error
 
 
-def _buckles(path: Path | str, row: int) -> UserError:
-    """The error of a pose that cannot carry its load."""
-    message = "the load buckles the arm; expected a load that it can carry"
-    return UserError(message, where=path, key=f"row {row + 1}")
-
-
-def _require_within_limits(robot: Robot, q: Array, which: str, path: Path | str) -> None:
+def _require_within_limits(robot: Robot, q: Array, which: str, source: _Source) -> None:
     """Check that every pose (t, n) is within the joints' limits.
 
     Raises:
@@ -279,9 +208,9 @@ def _require_within_limits(robot: Robot, q: Array, which: str, path: Path | str)
     shown = shown_limits(robot)[j]
     low, high = shown.range((lower[j], upper[j]))
     of = "" if shown.label == robot.joint_names[j] else f" of {shown.label}"
-    raise UserError(
+    raise source.error(
         f"the {which} value {shown.of(q[row, j]) / factor:.6g}{of} is outside the joint's limits "
         f"{low / factor:.6g} .. {high / factor:.6g}",
-        where=path,
-        key=f"row {row + 1}, column {pose_columns(robot)[j]}",
+        int(row),
+        f", column {pose_columns(robot)[j]}",
     )

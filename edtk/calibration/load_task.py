@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from edtk.calibration.robot_of_task import robot_of_task
+from edtk.calibration.robot_of_task import require_task, robot_of_task
 from edtk.design.plan import Plan
 from edtk.study.study import Study
 
@@ -24,11 +24,12 @@ def load_task(study: Study, path: Path | str | None = None) -> Plan:
         UserError: The study has no test pose, or some with different tools, or the file cannot be
             read; names the row and the column.
     """
-    robot_of_task(study)
+    require_task(study)
     if path is None:
         poses = np.array([task.q for task in study.tasks])
         wrenches = np.array([task.wrench for task in study.tasks])
         return Plan(poses, wrenches, np.ones(len(poses), dtype=int))
     wrench = study.tasks[0].wrench
+    robot_of_task(study)
     same = all(np.array_equal(task.wrench, wrench) for task in study.tasks)
     return Plan.from_csv(path, study.robot, study.fixed, wrench if same else None)

@@ -7,6 +7,17 @@ from edtk.model.robot import Robot
 from edtk.study.study import Study
 
 
+def require_task(study: Study) -> None:
+    """Check that a study has a task.
+
+    Raises:
+        UserError: It has none.
+    """
+    if not study.tasks:
+        message = "expected a table with the tool and the load of the task; the study has none"
+        raise study.error("test_pose", message)
+
+
 def robot_of_task(study: Study) -> Robot:
     """Find the robot with the tool that all tasks of a study share.
 
@@ -16,12 +27,10 @@ def robot_of_task(study: Study) -> Robot:
     Raises:
         UserError: The study has no task, or tasks with several tools.
     """
-    if not study.tasks:
-        message = "expected a table with the tool and the load of the task; the study has none"
-        raise study.error("test_pose", message)
+    require_task(study)
     robot = study.tasks[0].model.robot
     if any(not np.array_equal(task.model.robot.tool, robot.tool) for task in study.tasks):
-        message = "the test poses have different tools; expected one, as commands are for one tool"
+        message = "the test poses have different tools; expected one, or no file of other poses"
         raise study.error("test_pose", message)
     return robot
 
@@ -36,6 +45,6 @@ def weights_of_task(study: Study) -> DeadWeights | None:
         UserError: The robot carries different payloads in the tasks.
     """
     if len({pose.payload for pose in study.specification.test_poses}) > 1:
-        message = "the test poses have different payloads; expected one, as commands are for one"
+        message = "the test poses have different payloads; expected one, or no file of other poses"
         raise study.error("test_pose", message)
     return study.tasks[0].dead_weights

@@ -18,7 +18,7 @@ def command(study: Path, k: Path, task: Path | None, as_json: bool, out: Path | 
 
     K.json holds the compliances, as `edtk identify` writes them. The tool is that of the test pose
     of STUDY (TOML); so is the load where TASK has no wrench columns. Without TASK the poses are the
-    study's own: its test poses, or its path.
+    study's own: its test poses, each with its own tool and payload, or its path.
     """
     from edtk.verbs.compensate import compensate
 

@@ -67,8 +67,7 @@ def bayes(
         check = check_plan_posterior(question, measured, noise=noise, **arguments)
     files: dict[Path, Content] = {}
     if sampling.export is not None:
-        A0 = question.tasks[0].regressor if len(question.tasks) == 1 else None
-        files[Path(sampling.export)] = inference_data(check, A0)
+        files[Path(sampling.export)] = inference_data(check, question.tasks)
     if figures is not None:
         files |= posterior_pictures(check, Path(figures))
     write_files(files)

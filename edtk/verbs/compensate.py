@@ -3,8 +3,8 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from edtk.calibration.compensate import Compensation
 from edtk.calibration.compensate import compensate as compensate_task
+from edtk.calibration.compensation import Compensation
 from edtk.calibration.load_task import load_task
 from edtk.design.plan import Plan
 from edtk.study.study import Study
@@ -30,7 +30,7 @@ def compensate(
             where the task names none.
         compliances: A calibration, or the path of a k.json file.
         task: The desired poses and wrenches, or the path of their CSV file; defaults to the test
-            poses, or the path, of the study itself.
+            poses, each with its own tool and payload, or the path, of the study itself.
         out: File to write commands and errors to (CSV); "-" is standard output.
 
     Returns:
@@ -45,7 +45,7 @@ def compensate(
     poses = task if isinstance(task, Plan) else load_task(question, task)
     known = _compliances(question, compliances)
     where = name_of(question.where if task is None else task, "task")
-    found = compensate_task(question, known, poses, where)
+    found = compensate_task(question, known, poses, where, own=task is None)
     if out is not None:
         found.to_csv(out)
     return found

@@ -82,8 +82,7 @@ def identify(
             found = found.sampled(**arguments)
     files: dict[Path, Content] = {}
     if found.check is not None and sampling.export is not None:
-        A0 = question.tasks[0].regressor if len(question.tasks) == 1 else None
-        files[Path(sampling.export)] = inference_data(found.check, A0)
+        files[Path(sampling.export)] = inference_data(found.check, question.tasks)
     if out is not None:
         files |= calibration_files(found, Path(out))
     write_files(files)

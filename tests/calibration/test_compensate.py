@@ -275,7 +275,7 @@ def test_a_joint_without_compliance_is_named(given):
 
 
 def test_without_a_file_the_poses_are_those_of_the_study(tmp_path):
-    """One test pose or several, with their own loads; several tools are refused in one line."""
+    """One test pose or several, with their own loads."""
     pose = STUDY.to_dict()["test_pose"]
     other = pose | {"q_deg": [0, -60, 90, 10, 45, 30], "load": {"F_N": [300, -200, 100]}}
     both = STUDY.replace(test_pose=[pose, other], published=None)
@@ -285,11 +285,43 @@ def test_without_a_file_the_poses_are_those_of_the_study(tmp_path):
     assert found.wrench[:, :3].tolist() == [pose["load"]["F_N"], [300, -200, 100]]
     np.testing.assert_array_equal(found.desired[0], STUDY.task.q)
     np.testing.assert_array_equal(commands(STUDY, k).command[0], found.command[0])
-    different = other | {"tool": {"position_mm": [900, 0, 0]}}
-    with pytest.raises(UserError, match="test_pose: the test poses have different tools"):
-        commands(both.replace(test_pose=[pose, different]), k)
     # Without wrench columns the load is that of the test poses, if they have one.
     path = tmp_path / "task.csv"
     path.write_text("q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n0,-60,90,10,45,30\n")
     with pytest.raises(UserError, match="Fx_N"):
         commands(both, k, path)
+
+
+def test_each_pose_has_its_own_tool_and_payload(tmp_path):
+    """Commands and errors are those of each pose alone; a file of other poses needs one tool."""
+    pose = STUDY.to_dict()["test_pose"]
+    held = {"mass_kg": 100.0, "center_mm": [300, 0, -100]}
+    poses = [
+        pose,
+        pose | {"q_deg": [0, -60, 90, 10, 45, 30], "tool": {"position_mm": [900, 0, 100]}},
+        pose | {"q_deg": [10, -60, 80, 10, 45, 30]},
+        pose | {"q_deg": [20, -70, 90, 10, 45, 30], "payload": held},
+    ]
+    several = STUDY.replace(test_pose=poses, published=None)
+    truth = {
+        "k": STUDY.specification.simulation.compliance_rad_per_Nm,
+        "std": dict.fromkeys(STUDY.specification.joints.unknown, 1e-8),
+    }
+    k = Compliances.from_dict(truth, STUDY.robot.joint_names, STUDY.specification.joints.unknown)
+    found = commands(several, k)
+    for row, one in enumerate(poses):
+        alone = commands(STUDY.replace(test_pose=one), k)
+        for name in ("desired", "command", "wrench", "uncompensated", "remaining", "band"):
+            np.testing.assert_array_equal(getattr(found, name)[row], getattr(alone, name)[0])
+    assert len(set(np.round(found.uncompensated, 9))) == 4
+    assert len(found.to_frame()) == len(found.to_dict()) == 4
+    rigid = {joint.name: joint.displacement for joint in found.rigid_joints}
+    alone = commands(STUDY.replace(test_pose=poses[3]), k)
+    assert rigid["q1"] >= alone.rigid_joints[0].displacement
+    path = tmp_path / "task.csv"
+    path.write_text("q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n0,-60,90,10,45,30\n")
+    with pytest.raises(UserError, match="test_pose: the test poses have different tools"):
+        commands(several, k, path)
+    at_limit = [poses[1] | {"q_deg": [0, -60, 90, 10, sign * 125, 30]} for sign in (-1, 1)]
+    with pytest.raises(UserError, match=r"row [45], column q5_deg: the commanded value"):
+        commands(several.replace(test_pose=[*poses[:3], *at_limit]), k)

@@ -1,6 +1,6 @@
 """Table of a compensation, for a notebook."""
 
-from edtk.calibration.compensate import Compensation
+from edtk.calibration.compensation import Compensation
 from edtk.report.notebook_table import notebook_table
 
 

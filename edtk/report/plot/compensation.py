@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from edtk.calibration.compensate import Compensation
+from edtk.calibration.compensation import Compensation
 from edtk.report.palette import BLUE, ORANGE
 from edtk.report.panels import panels
 from edtk.report.plain import plain

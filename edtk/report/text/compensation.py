@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from edtk.calibration.compensate import Compensation
+from edtk.calibration.compensation import Compensation
 from edtk.report.text_table import number_columns
 from edtk.tables.pose_columns import pose_columns
 from edtk.tables.pose_table import pose_factors
