@@ -6,6 +6,7 @@ from copy import copy
 import numpy as np
 from numpy.typing import ArrayLike
 
+from criteria.linalg.root import root
 from edtk.design.box_limits import box_limits
 from edtk.design.inside_differences import inside_differences
 from edtk.design.problem import Problem
@@ -77,6 +78,7 @@ class Region(Presented):
     ) -> None:
         self.limits = box_limits(low, high)
         self.variables = _names(variables, self.size, "variables", "x")
+        self._T: Array | None = None
         self._rows = rows
         self._gradient = gradient
         self._constraints = (constraints,) if callable(constraints) else tuple(constraints)
@@ -129,11 +131,27 @@ class Region(Presented):
         other.prior = more if self.prior is None else self.prior + more
         return other
 
+    def in_units(self, T: Array, chosen: Array) -> "Region":
+        """The same region for parameters k' with ``k = T k'``, of which some do not matter.
+
+        Args:
+            T: Regular matrix (p, p).
+            chosen: Ones for parameters that count, zeros (p,) for those whose regressors are zero.
+        """
+        other = copy(self)
+        other._T = T * chosen
+        if self.prior is not None:
+            F = root(self.prior) @ T
+            other.prior = F.T @ F
+        return other
+
     def rows_at(self, x: Array) -> Array:
         """Whitened rows (..., rows, p) at points x (..., d)."""
         flat = self._inside(x)
         A = self._of_many("rows", self._rows, flat, self._row_shape)
         A = A.reshape((len(flat), len(self._sigma), -1)) / self._sigma[:, None]
+        if self._T is not None:
+            A = A @ self._T
         return np.asarray(A.reshape(x.shape[:-1] + A.shape[1:]))
 
     def derivative_at(self, x: Array) -> Array:
@@ -146,6 +164,8 @@ class Region(Presented):
             G = self._of_many("gradient", self._gradient, flat, (*own, self.size))
             G = G.reshape(len(flat), len(self._sigma), self.p, self.size)
             G = G / self._sigma[:, None, None]
+            if self._T is not None:
+                G = np.einsum("nrpd,pq->nrqd", G, self._T)
         return np.asarray(G.reshape(x.shape[:-1] + G.shape[1:]))
 
     def slack_at(self, x: Array) -> Array:

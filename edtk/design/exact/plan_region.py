@@ -65,14 +65,16 @@ def plan_region(
     m = size - (0 if keep is None else keep.n)
     _require(region, size, number, keep)
     since = monotonic()
-    region, criterion, label = _beside(region, size, m, criterion, keep)
-    relaxed = replace(relax_region(region, criterion, progress=progress), label=label)
-    search = _Search(region, criterion, np.random.default_rng(seed))
+    beside = region if keep is None else region.with_prior(_share(region, m, keep))
+    relaxed = relax_region(beside, criterion.for_size(m), progress=progress)
+    relaxed = replace(relaxed, criterion=criterion)
+    judged = relaxed.judged
+    search = _Search(judged.region, judged.criterion, np.random.default_rng(seed))
     x = np.concatenate([relaxed.points, RegionGrid.of(region, GRID).x])
-    problem = region.problem(x)
+    problem = judged.region.problem(x)
     places = search.starts(relaxed.weights, len(x), m, number)
     # The points leave the grid afterwards, so that a look at all of it would be wasted on most.
-    places, costs = exchange(problem, criterion, places, thorough=False)
+    places, costs = exchange(problem, judged.criterion, places, thorough=False)
     if not np.isfinite(costs).any():
         raise UserError(
             f"no plan of {size} experiments identifies what is asked for; expected more of them"
@@ -110,25 +112,15 @@ def _require(region: Region, size: int, starts: int, keep: Problem | None) -> No
         raise ArgumentError(f"expected one or more{beside}", argument="size", given=size)
 
 
-def _beside(
-    region: Region, size: int, m: int, criterion: Criterion, keep: Problem | None
-) -> tuple[Region, Criterion, str]:
-    """The region of m new experiments that share all that is known beside them.
+def _share(region: Region, m: int, keep: Problem) -> Array:
+    """The part (p, p) of what is kept that each of m new experiments has.
 
-    Returns:
-        The region, whose prior holds an m-th part of it, the criterion without a precision of its
-        own, and the label of the one that was asked for.
+    The region's prior is per experiment of the plan, of which kept ones are a part.
     """
-    shared = np.zeros((region.p, region.p))
-    if keep is not None:
-        shared = shared + keep.with_prior(None).information(np.ones(keep.n))
-        if region.prior is not None:
-            # The prior is per experiment of the plan, and kept ones are a part of the plan.
-            shared = shared + (size - m) * region.prior
-    if criterion.precision is not None:
-        shared = shared + criterion.precision
-    beside = region.with_prior(shared / m) if shared.any() else region
-    return beside, criterion.without_prior, criterion.label
+    kept = keep.with_prior(None).information(np.ones(keep.n))
+    if region.prior is not None:
+        kept = kept + keep.n * region.prior
+    return np.asarray(kept / m)
 
 
 @dataclass(frozen=True, eq=False)

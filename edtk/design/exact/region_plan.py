@@ -41,19 +41,19 @@ class RegionPlan(Presented):
     def headline(self) -> str:
         """Criterion, value, size and efficiency."""
         return (
-            f"{self.relaxed.label} = {self.value:.6g} with {self.size} experiments at "
+            f"{self.criterion.label} = {self.value:.6g} with {self.size} experiments at "
             f"{len(self.points)} points, efficiency {100 * self.efficiency:.2f} % "
             f"({self.lower_bound.kind.value} bound)"
         )
 
     @property
     def region(self) -> Region:
-        """The region; what was kept and a Bayesian criterion's precision are part of its prior."""
+        """The region; what was kept is part of its prior."""
         return self.relaxed.region
 
     @property
     def criterion(self) -> Criterion:
-        """What was minimised, without the precision of a Bayesian criterion."""
+        """What was minimised."""
         return self.relaxed.criterion
 
     @property
@@ -84,7 +84,7 @@ class RegionPlan(Presented):
 
     @property
     def information(self) -> Array:
-        """Information matrix (p, p) of all experiments and of all priors."""
+        """Information matrix (p, p) of all experiments, kept ones and the prior included."""
         return self.region.problem(self.points).information(self.counts)
 
     def to_frame(self) -> "pd.DataFrame":

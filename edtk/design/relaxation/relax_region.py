@@ -1,7 +1,7 @@
 """The relaxation over a region: weights on a grid, then on the points that ascents find."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -10,10 +10,11 @@ from edtk.design.bound import Bound, BoundKind
 from edtk.design.candidates import Candidates
 from edtk.design.region import Region
 from edtk.design.relaxation.active_set import ActiveSet
+from edtk.design.relaxation.judged_region import JudgedRegion
 from edtk.design.relaxation.largest_sensitivities import LargestSensitivities
 from edtk.design.relaxation.polish import polish
 from edtk.design.relaxation.region_grid import POINTS, RegionGrid
-from edtk.design.relaxation.relax import relax, require_relaxable
+from edtk.design.relaxation.relax import relax
 from edtk.design.relaxation.relaxed_region import RelaxedRegion
 from edtk.design.relaxation.search_region import search_region
 from edtk.system.typing import Array
@@ -57,25 +58,21 @@ def relax_region(
         RelaxationError: No solver found a design.
         UserError: No point is feasible, or the model fails.
     """
-    label = criterion.label
-    if criterion.precision is not None:
-        region = region.with_prior(criterion.precision)
-        criterion = criterion.without_prior
-    relaxable = require_relaxable(criterion)
-    grid = RegionGrid.of(region, candidates)
     first = RegionGrid.of(region, min(candidates, FIRST))
-    relaxation = relax(first.problem, relaxable)
+    judged = JudgedRegion.of(region, criterion, first.x)
+    first = RegionGrid(judged.region, first.x)
+    relaxation = relax(first.problem, judged.criterion)
     progress("grid", relaxation.gap)
     active = ActiveSet(Candidates(first.x, first.problem), relaxation, relaxation.iterations)
-    search = _Search(grid, relaxable)
+    search = _Search(RegionGrid.of(judged.region, candidates), judged.criterion)
     for turn in range(ROUNDS):
         away = search.after(active, gap)
         progress("region", away)
         if away <= gap or search.stuck(turn):
             break
-        around = _apart(region, np.concatenate([search.points, active.support.x, search.found]))
-        active = active.over(around, max(0.3 * gap, SHARPER * away))
-    return search.result(active, label)
+        around = np.concatenate([search.points, active.support.x, search.found])
+        active = active.over(_apart(judged.region, around), max(0.3 * gap, SHARPER * away))
+    return replace(search.result(active, judged), region=region, criterion=criterion)
 
 
 class _Search:
@@ -147,34 +144,37 @@ class _Search:
         """Whether the last rounds have hardly closed the gap: a solver's accuracy is reached."""
         return turn >= PATIENCE and self._gaps[-1] > SLOW * self._gaps[-1 - PATIENCE]
 
-    def result(self, active: ActiveSet, label: str) -> RelaxedRegion:
+    def result(self, active: ActiveSet, judged: JudgedRegion) -> RelaxedRegion:
         """The best design with the best bound, and what the same multipliers prove on the grid.
 
         Args:
             active: The last relaxation.
-            label: What was asked for, for people.
+            judged: Region and criterion that were searched.
         """
         criterion = self.criterion
         best = self.proof
         assert best is not None
-        region = self.grid.region
         order = np.lexsort(np.round(self.points, 9).T[::-1])
         x = self.points[order]
-        everything = Candidates(self.grid.x, self.grid.problem) + Candidates(x, region.problem(x))
-        proved = LargestSensitivities.over(everything, criterion, best.multipliers)
+        weights = self.weights[order]
+        everything = np.concatenate([x, self.grid.x])
+        candidates = Candidates(everything, self.grid.region.problem(everything))
+        proved = LargestSensitivities.over(candidates, criterion, best.multipliers)
         on_grid = float(criterion.lower_bound(best.multipliers, proved.values, best.M))
+        padded = np.concatenate([weights, np.zeros(len(self.grid.x))])
         return RelaxedRegion(
-            region=region,
+            region=judged.region,
             criterion=criterion,
-            label=label,
+            judged=judged,
             points=x,
-            weights=self.weights[order],
+            weights=weights,
             cost=self.cost,
             grid_bound=Bound.of(criterion, on_grid, self.cost, BoundKind.PROVED_ON_CANDIDATES),
             searched_bound=Bound.of(criterion, best.cost, self.cost, BoundKind.SEARCHED),
             multipliers=best.multipliers,
             largest=best.largest,
             grid_size=len(self.grid.x),
+            accuracy=judged.accuracy(everything, padded, best.multipliers),
             solver=active.relaxation.solver,
             iterations=active.iterations,
         )
@@ -205,9 +205,21 @@ class _Proof:
         Returns:
             The proof, and the points (n, d) where the ascents have ended.
         """
+        Z = _lifted(Z) if criterion.monotone else Z
         largest, found = search_region(grid, criterion, Z, known)
         bound = float(criterion.lower_bound(Z, largest.values, M))
         return cls(bound if np.isfinite(bound) else 0.0, Z, largest, M), found.x
+
+
+def _lifted(Z: Array) -> Array:
+    """Multipliers (r, p, p) whose negative eigenvalues, which rounding leaves, are zero.
+
+    A monotone criterion's multiplier proves nothing unless it is positive semidefinite.
+    """
+    d = np.sqrt(np.maximum(np.diagonal(Z, axis1=1, axis2=2), np.finfo(float).tiny))
+    scale = d[:, :, None] * d[:, None]
+    z, V = np.linalg.eigh(Z / scale)
+    return np.asarray((V * np.maximum(z, 0.0)[:, None]) @ np.swapaxes(V, 1, 2) * scale)
 
 
 def _apart(region: Region, points: Array) -> Candidates:

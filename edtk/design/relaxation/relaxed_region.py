@@ -5,10 +5,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from criteria import Relaxable
+from criteria import Criterion
 from edtk.design.bound import Bound, BoundKind, printed_form
 from edtk.design.region import Region
+from edtk.design.relaxation.judged_region import JudgedRegion
 from edtk.design.relaxation.largest_sensitivities import LargestSensitivities
+from edtk.design.relaxation.normalised import normalised
+from edtk.design.relaxation.relaxation import VISIBLE
 from edtk.system.presented import Presented
 from edtk.system.typing import Array
 
@@ -21,25 +24,28 @@ class RelaxedRegion(Presented):
     """Points of a region and the share of the experiments that each should have.
 
     Attributes:
-        region: The region; the prior precision of a Bayesian criterion is part of its prior.
-        criterion: What was minimised, without that precision.
-        label: What was asked for, for people.
+        region: The region.
+        criterion: What was minimised.
+        judged: Both as the search saw them: with all of the prior, in parameters that lose nothing.
         points: Points (k, d), in the order of their variables.
         weights: Their shares (k,) of the experiments, of sum one.
         cost: The criterion's cost.
         grid_bound: Proved: no design over the grid and these points has a lower cost.
         searched_bound: Not proved: no design over the region has a lower cost, provided that the
             ascents have found the largest sensitivities.
-        multipliers: The proof of the bounds (r, p, p), see `Relaxable.lower_bound`.
+        multipliers: The proof of the bounds (r, p, p) in the judged parameters, see
+            `Relaxable.lower_bound`.
         largest: The largest sensitivities that were found in the region, and where.
         grid_size: Number of points of the grid.
+        accuracy: Relative error that rounding may have made in cost and bounds, see
+            `relative_accuracy`.
         solver: The solver that found the weights.
         iterations: Number of restricted master problems that were solved.
     """
 
     region: Region
-    criterion: Relaxable
-    label: str
+    criterion: Criterion
+    judged: JudgedRegion
     points: Array
     weights: Array
     cost: float
@@ -48,14 +54,16 @@ class RelaxedRegion(Presented):
     multipliers: Array
     largest: LargestSensitivities
     grid_size: int
+    accuracy: float
     solver: str
     iterations: int
 
     def headline(self) -> str:
         """Criterion, value, number of points, and gap with its kind."""
+        digits = f", numbers to {self.accuracy:.0e}" if self.accuracy > VISIBLE else ""
         return (
-            f"{self.label} = {self.value:.6g} with weights on {len(self.points)} points, "
-            f"{self.kind.value} gap {max(self.gap, 0.0):.1e}"
+            f"{self.criterion.label} = {self.value:.6g} with weights on {len(self.points)} points, "
+            f"{self.kind.value} gap {max(self.gap, 0.0):.1e}{digits}"
         )
 
     @property
@@ -89,9 +97,7 @@ class RelaxedRegion(Presented):
         At an optimum of a smooth criterion none is above one, and they are one at its points: the
         equivalence theorem.
         """
-        from edtk.design.relaxation.normalised import normalised
-
-        problem = normalised(self.region.problem(x), self.criterion)
+        problem = normalised(self.judged.region.problem(x), self.judged.criterion)
         return np.asarray(problem.sensitivities(self.multipliers) / self.largest.values[:, None])
 
     def to_frame(self) -> "pd.DataFrame":

@@ -18,7 +18,7 @@ def region_plan(plan: RegionPlan, ax: Any = None) -> Any:
     """
     ax = over_region(plan.relaxed, plan.points, plan.counts / plan.size, "share", ax)
     ax.set_title(
-        f"{plan.size} experiments: {plain(plan.relaxed.label)} = {plan.value:.5g}, bound "
+        f"{plan.size} experiments: {plain(plan.criterion.label)} = {plan.value:.5g}, bound "
         f"{plan.bound:.5g}",
         fontsize=10,
     )

@@ -33,7 +33,8 @@ def relaxed_region(found: RelaxedRegion, ax: Any = None) -> Any:
     """
     ax = over_region(found, found.points, found.weights, "weight", ax)
     ax.set_title(
-        f"{plain(found.label)} = {found.value:.5g}, bound {found.bound:.5g} ({found.kind.value})",
+        f"{plain(found.criterion.label)} = {found.value:.5g}, bound {found.bound:.5g} "
+        f"({found.kind.value})",
         fontsize=10,
     )
     return ax

@@ -14,7 +14,7 @@ def relaxed_region(found: RelaxedRegion) -> str:
     """Value, both bounds, and a line for each point with its weight."""
     return "\n".join(
         [
-            f"{found.label} ({found.criterion.formula}): {found.value:.7g}",
+            f"{found.criterion.label} ({found.criterion.formula}): {found.value:.7g}",
             *region_bounds(found),
             text_table(*region_rows(found)),
         ]

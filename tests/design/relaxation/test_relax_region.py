@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from matplotlib import pyplot
+from numpy.polynomial import legendre
 
 import criteria
 import edtk
@@ -55,7 +56,7 @@ def test_the_proof_stands_on_its_own():
     region = Region(parabola, [-1, -1], [1, 1], constraints=disc)
     r = relax_of(region, "D")
     M = r.information
-    bound = r.criterion.lower_bound(r.multipliers, r.largest.values, M)
+    bound = r.judged.criterion.lower_bound(r.multipliers, r.largest.values, M)
     assert bound == pytest.approx(r.searched_bound.cost, rel=1e-12)
     assert r.cost == pytest.approx(float(r.criterion.cost(M)), rel=1e-12)
     angle = np.random.default_rng(0).uniform(0, 2 * np.pi, 3000)
@@ -80,6 +81,26 @@ def test_another_scale_of_the_variable():
     np.testing.assert_allclose(r.points, 1e4 * base.points, atol=1e-6 * 6e4)
     np.testing.assert_allclose(r.weights, base.weights, atol=1e-5)
     assert r.cost * np.sqrt(units.prod()) ** 2 == pytest.approx(base.cost, rel=1e-8)
+
+
+@pytest.mark.parametrize(("degree", "low", "high"), [(2, 2000, 2030), (3, 300, 310), (10, 0, 1)])
+def test_polynomials_far_from_the_origin(degree, low, high):
+    """Squares of such rows have no digits; D is that of [-1, 1] times h^degree, h half the length.
+
+    Its points are the roots of (1 - u^2) P'(u). The accuracy that rounding leaves is stated.
+    """
+    region = Region(lambda x: np.vander(x[:, 0], degree + 1, increasing=True), low, high)
+    r = edtk.relax(region, "D", candidates=1000)
+    inner = legendre.Legendre.basis(degree).deriv().roots()
+    u = np.sort(np.concatenate([[-1, 1], inner]))
+    log_det = 2 * np.linalg.slogdet(np.vander(u, degree + 1))[1] / (degree + 1)
+    h = (high - low) / 2
+    value = h**degree * np.exp(log_det) / (degree + 1)
+    assert r.gap <= 1e-6
+    assert r.value == pytest.approx(value, rel=max(1e-8, r.accuracy))
+    assert r.bound >= value * (1 - max(1e-9, r.accuracy))
+    assert r.accuracy < 1e-3
+    np.testing.assert_allclose((r.points[:, 0] - low) / h - 1, u, atol=1e-4)
 
 
 def test_prior_information_counts():

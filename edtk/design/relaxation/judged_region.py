@@ -1,0 +1,74 @@
+"""What a relaxation over a region solves instead of the region as it was given."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from criteria import Criterion, Relaxable
+from edtk.design.problem import Problem
+from edtk.design.region import Region
+from edtk.design.relaxation.normalised import is_normalised
+from edtk.design.relaxation.relative_accuracy import relative_accuracy
+from edtk.design.relaxation.relax import require_relaxable
+from edtk.design.rows import Rows
+from edtk.system.typing import Array
+
+
+@dataclass(frozen=True, eq=False)
+class JudgedRegion:
+    """A region with the same designs, and a criterion with the same costs.
+
+    A Bayesian criterion's precision becomes a part of the prior. Parameters of a model that is
+    ill-conditioned, such as a polynomial far from the origin, are replaced by others that points of
+    the region tell equally well: squares of the rows would lose their digits.
+
+    Attributes:
+        region: The region, for parameters k'.
+        criterion: The criterion as a function of the information about these.
+        given: The region for the parameters as they were given, with all of the prior.
+        T: ``k = T k'`` (p, p); None where the parameters are the given ones.
+    """
+
+    region: Region
+    criterion: Relaxable
+    given: Region
+    T: Array | None
+
+    @classmethod
+    def of(cls, region: Region, criterion: Criterion, x: Array) -> "JudgedRegion":
+        """Transform a region, as points x (n, d) of it tell what is needed.
+
+        Raises:
+            NotImplementedError: The criterion cannot be relaxed.
+            RankDeficientError: The points cannot identify all parameters.
+        """
+        if criterion.precision is not None:
+            region = region.with_prior(criterion.precision)
+        relaxable = require_relaxable(criterion.without_prior)
+        problem = region.problem(x)
+        problem.require_identifiable(relaxable)
+        conditioning = problem.conditioning
+        # Unit traces, which criteria of degree zero need, are those of the given parameters.
+        if not conditioning.is_well and not is_normalised(relaxable):
+            T = conditioning.whitener
+            transformed = relaxable.transformed(T)
+            if isinstance(transformed, Relaxable):
+                judged = region.in_units(T, np.where(conditioning.is_open, 0.0, 1.0))
+                return cls(judged, transformed, region, T)
+        return cls(region, relaxable, region, None)
+
+    def accuracy(self, x: Array, weights: Array, multipliers: Array) -> float:
+        """Relative error that rounding may have made in cost and bound.
+
+        Args:
+            x: Points (n, d).
+            weights: Their weights (n,).
+            multipliers: Multipliers (r, p, p) of the bound.
+        """
+        rounding = None
+        if self.T is not None:
+            kept = self.given.problem(x).kept
+            assert isinstance(kept, Rows)
+            rounding = kept.rounding_of_times(self.T)
+        judged: Problem = self.region.problem(x)
+        return relative_accuracy(judged, self.criterion, weights, multipliers, rounding)
