@@ -156,12 +156,22 @@ class TransformedCovariance(Transformed, CovarianceCriterion):
         assert isinstance(self.base, CovarianceCriterion)
         return self.T.T @ self.base.covariance_slope(self._outward(cov)) @ self.T
 
+    @property
+    def _needs_root(self) -> bool:
+        """Whether the small variances matter, whose digits a product ``T cov T'`` loses."""
+        return type(self.base).cost_of_root is not CovarianceCriterion.cost_of_root  # type: ignore[attr-defined]
+
     def _cost(self, M: Array, cov: Array) -> Array:
         assert isinstance(self.base, CovarianceCriterion)
+        if not self._needs_root:
+            outward = self._outward(cov)
+            return self.base.cost_of_regular(outward, outward)
         return self.base.cost_of_root(self.T @ _root(cov))
 
     def _gradient(self, M: Array, cov: Array) -> Array:
         assert isinstance(self.base, CovarianceCriterion)
+        if not self._needs_root:
+            return -cov @ self.covariance_slope(cov) @ cov
         L = _root(cov)
         return -L @ self.base.slope_of_root(self.T @ L) @ np.swapaxes(L, -1, -2)
 

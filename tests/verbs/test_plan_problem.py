@@ -281,3 +281,20 @@ def test_blocks_need_rows():
     assert edtk.plan(packed, size=4, starts=4).cost == pytest.approx(
         edtk.plan(PROBLEM, size=4, starts=4).cost
     )
+
+
+@pytest.mark.parametrize(("low", "high", "degree"), [(2000, 2030, 2), (10, 11, 6)])
+def test_nearly_dependent_columns(low, high, degree):
+    """Plans of a polynomial far from the origin are those of the same model in good parameters."""
+    x = np.linspace(low, high, 61)
+    u = np.linspace(-1, 1, 61)
+    A = np.vander(x, degree + 1, increasing=True)
+    B = np.polynomial.legendre.legvander(u, degree)
+    given = edtk.Problem(A[:, None, :])
+    found = edtk.plan(given, size=degree + 3, criterion="A", seed=1, starts=6)
+    R = np.linalg.lstsq(B, A, rcond=None)[0]
+    same = edtk.criteria.create("A").transformed(np.linalg.inv(R))
+    M = edtk.Problem(B[:, None, :]).information(found.counts)
+    slack = 1e-3 if degree == 6 else 1e-8
+    assert found.value == pytest.approx(float(same.cost(M)), rel=slack)
+    assert 0.9 < found.efficiency <= 1.0

@@ -122,8 +122,10 @@ def _search(
     if transformed is None:
         T = np.eye(bare.p)
         transformed = criterion
-    mean = T.T @ (bare.mean + limits.base / limits.m) @ T
     rows = rows @ T
+    flat = rows.reshape(-1, bare.p)
+    # From the rows: squares of those as given may have no digits left.
+    mean = flat.T @ flat / bare.n + T.T @ limits.base @ T / limits.m
     if not limits.sized:
         rows = np.concatenate([rows, np.zeros((1, *rows.shape[1:]))])
     scatter = Scatter(rows, replace(limits, base=T.T @ limits.base @ T))

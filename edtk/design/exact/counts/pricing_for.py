@@ -4,6 +4,7 @@ import numpy as np
 
 from criteria import Criterion
 from criteria.determinant_criterion import DeterminantCriterion
+from criteria.linalg.root import root
 from edtk.design.exact.counts.any_prices import AnyPricing
 from edtk.design.exact.counts.determinant_prices import DeterminantPricing
 from edtk.design.exact.counts.limits import Limits
@@ -52,11 +53,10 @@ def working_parameters(criterion: Criterion, rows: Array, limits: Limits) -> Arr
     may_be = isinstance(criterion, DeterminantCriterion) and may_be_corners(flat, limits)
     if may_be and rows.shape[1] == 1 and two_levels(flat) is not None:
         return np.diag(1.0 / np.abs(flat).max(axis=0))
-    triangle = np.linalg.qr(flat, mode="r") / np.sqrt(len(rows))
+    parts = [flat / np.sqrt(len(rows))]
     if limits.base.any():
-        root = np.linalg.cholesky(triangle.T @ triangle + limits.base / limits.m)
-        triangle = root.T
-    return np.asarray(np.linalg.inv(triangle))
+        parts.append(root(limits.base / limits.m))
+    return np.asarray(np.linalg.inv(np.linalg.qr(np.vstack(parts), mode="r")))
 
 
 def may_be_corners(rows: Array, limits: Limits) -> bool:
