@@ -41,7 +41,7 @@ class Minimax(KinkedCriterion, SeveralCriteria):
     """
 
     name = "minimax"
-    title = "Largest loss of several criteria"
+    title = "Largest loss"
     formula = "max_j (cost_j / best_j)^(1 / d_j)"
 
     def __init__(

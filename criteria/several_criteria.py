@@ -65,6 +65,7 @@ class SeveralCriteria(Relaxable):
         if not self._given:
             raise CriterionError(f"criterion {self.name!r}: expected at least one criterion")
         self.sizes = None if sizes is None else tuple(int(size) for size in sizes)
+        self.title = f"{type(self).title} of {', '.join(part.label for part in self._given)}"
         self.best = _best_costs(self.name, self._given, best)
         self._take(self._given if self.sizes is None else in_models(self._given, self.sizes))
 

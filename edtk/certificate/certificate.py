@@ -1,9 +1,11 @@
 """What proves the numbers of a relaxation or of an exact plan, as plain data for a file."""
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+import criteria
 from criteria.worst_task_accuracy import WorstTaskAccuracy
 from edtk.certificate.setting_to_dict import setting_to_dict
 from edtk.design.bound import BoundKind
@@ -11,6 +13,7 @@ from edtk.design.exact.exact_plan import ExactPlan
 from edtk.design.plan import Plan
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
 from edtk.study.study import Study
+from edtk.system.errors import UserError
 from edtk.system.json_text import json_text
 from edtk.version import __version__
 
@@ -54,6 +57,31 @@ def certificate(study: Study, found: RelaxedPlan | ExactPlan) -> dict[str, Any]:
         "setting": setting_to_dict(study, relaxed.space),
         **_sharing(study, found),
     }
+
+
+def is_certifiable(name: str) -> bool:
+    """Whether certificates of poses can be about a criterion: it needs no parameters."""
+    return not criteria.get(name).needs_parameters
+
+
+def require_certifiable(study: Study, name: str | None, path: Path | str | None) -> None:
+    """Check, before a long search, that its certificate can be written.
+
+    Args:
+        study: The study.
+        name: Name of the criterion; None for the one that the study is about.
+        path: The file of the certificate; None where none is asked for.
+
+    Raises:
+        UserError: No certificate of poses tells the parameters of the criterion.
+    """
+    name = study.main_criterion if name is None else name
+    if path is not None and name in criteria.families():
+        raise UserError(
+            f"criterion {name!r} has no certificate of poses, as it has parameters; leave the "
+            "certificate out",
+            where=study.where,
+        )
 
 
 def _sharing(study: Study, found: RelaxedPlan | ExactPlan) -> dict[str, int]:

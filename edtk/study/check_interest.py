@@ -3,6 +3,7 @@
 from typing import TYPE_CHECKING
 
 import criteria
+from edtk.system.errors import UserError
 
 if TYPE_CHECKING:
     from edtk.study.study import Study
@@ -25,14 +26,14 @@ def check_interest(study: "Study") -> None:
     depends = False
     for key in ("optimise", "criteria"):
         for name in getattr(study.specification, key):
-            if criteria.get(name).needs_target:
+            if criteria.get(name).needs_target or not criteria.get(name).takes_interest:
                 continue
             depends = True
             try:
-                criteria.Interest(criteria.create(name), study.interest, study.interest_names)
-            except criteria.CriterionError as error:
-                whose = "interest" if str(error).startswith("interest") else key
-                raise study.error(whose, str(error).removeprefix("interest: ")) from error
+                study.criterion(name)
+            except UserError as error:
+                whose = "interest" if error.message.startswith("interest") else key
+                raise study.error(whose, error.message.removeprefix("interest: ")) from error
     if not depends:
         message = (
             "no criterion of the study depends on it, as the test pose says what these are about; "

@@ -2,6 +2,8 @@
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 import criteria
 from edtk.model.robot import Robot
 from edtk.study.check_interest import check_interest
@@ -10,6 +12,7 @@ from edtk.study.check_noise import check_noise
 from edtk.study.check_parameters import check_parameters
 from edtk.study.check_tasks import check_tasks
 from edtk.study.schema import Specification
+from edtk.system.errors import UserError
 
 if TYPE_CHECKING:
     from edtk.study.study import Study
@@ -92,6 +95,23 @@ def _check_measurement(study: "Study", specification: Specification) -> None:
         raise study.error("joints.unknown", "a joint is named twice")
 
 
+def _check_parameters(study: "Study", key: str, name: str) -> None:
+    """A criterion has the parameters that it needs, and they fit the unknown compliances."""
+    table = study.specification.criterion
+    is_given = table is not None and table.name == name
+    if not is_given and not criteria.get(name).needs_parameters:
+        return
+    try:
+        criterion = study.criterion(name)
+        if not criterion.needs_target:
+            criterion.cost(np.eye(len(study.unknown)))
+    except UserError as error:
+        raise study.error("criterion" if is_given else key, error.message) from error
+    except (criteria.CriterionError, ValueError, TypeError) as error:
+        message = f"criterion {name!r}: its parameters do not fit {len(study.unknown)} compliances"
+        raise study.error("criterion", message) from error
+
+
 def _check_criteria(study: "Study", specification: Specification) -> None:
     # `criteria` defaults to `optimise`, so a wrong name in both is reported where it was written.
     for key in ("optimise", "criteria"):
@@ -100,6 +120,7 @@ def _check_criteria(study: "Study", specification: Specification) -> None:
                 criterion = criteria.get(name)
             except criteria.CriterionError as error:
                 raise study.error(key, str(error)) from error
+            _check_parameters(study, key, name)
             if criterion.needs_target and not study.tasks:
                 raise study.error(key, f"criterion {name!r} needs a [test_pose], and there is none")
             if key == "optimise" and not issubclass(criterion, criteria.Relaxable):

@@ -147,7 +147,9 @@ def _values(study: Study, M: Array) -> tuple[dict[str, float], dict[str, str]]:
     loaded = criteria.load_all()
     values = {}
     skipped = dict(loaded.problems)
-    for name, criterion in loaded.classes.items():
+    # Criteria that need parameters have them only where the study gives them.
+    own = {name: criteria.get(name) for name in study.names if name not in loaded.problems}
+    for name, criterion in (loaded.classes | own).items():
         if study.target is None and criterion.needs_target:
             continue
         try:
@@ -162,7 +164,7 @@ def _values(study: Study, M: Array) -> tuple[dict[str, float], dict[str, str]]:
 
 def _labels(study: Study, names: Iterable[str]) -> dict[str, str]:
     """What criteria are called that are about a part of the compliances, by name."""
-    if study.interest is None:
+    if study.interest is None and study.specification.criterion is None:
         return {}
     return {name: label for name in names if (label := study.criterion(name).label) != name}
 

@@ -15,6 +15,7 @@ from pydantic_core import PydanticCustomError
 
 from edtk.model.controller_table import ControllerTable
 from edtk.model.loads.load import Load as LoadFamily
+from edtk.study.criterion_table import CriterionTable
 from edtk.study.interest_table import InterestTable
 from edtk.study.joints_table import NO_SPRINGS, JointsTable
 from edtk.study.load_choice import LoadChoice
@@ -48,6 +49,12 @@ def _name_or_table(value: object) -> object:
     if not isinstance(value, str | dict):
         raise PydanticCustomError("robot", "expected a name, a path or a table of a robot's keys")
     return value
+
+
+def _name_of(criterion: object) -> str | None:
+    """The name of a criterion that is given as one, or as a table; None without one."""
+    found = criterion.get("name") if isinstance(criterion, Mapping) else criterion
+    return found if isinstance(found, str) else None
 
 
 class Measurement(Table):
@@ -148,6 +155,11 @@ class Specification(Table):
         description="The compliances that all criteria but rho0 and rho_max are about; by default "
         "all that are unknown",
     )
+    criterion: CriterionTable | None = Field(
+        None,
+        description="The criterion that the study is about, by name or, with its parameters, as "
+        "`{ name = 'I', points = [[...]] }`; see `edtk criteria`. It is optimised first",
+    )
     criteria: Annotated[tuple[str, ...], Field(min_length=1)] = Field(
         (), description="Criteria under which plans are compared; default to the optimised ones"
     )
@@ -194,7 +206,12 @@ class Specification(Table):
         # With a task rho0 is what matters, unless somebody says that certain compliances do.
         has_task = any(given.get(key) is not None for key in ("test_pose", "task"))
         main = ACCURACY if has_task and given.get("interest") is None else WITHOUT_A_TEST_POSE
-        filled = {"optimise": (main,), **given}
+        named = _name_of(given.get("criterion"))
+        filled = {"optimise": (main if named is None else named,), **given}
+        if named is not None and named not in (optimised := filled["optimise"]):
+            if not isinstance(optimised, list | tuple):
+                return given  # which is rejected elsewhere
+            filled["optimise"] = (named, *optimised)
         if isinstance(given.get("parameters"), Mapping):
             filled |= _with_geometry(given)
         return {"criteria": filled["optimise"], **filled}
@@ -242,7 +259,9 @@ class Specification(Table):
 
     @property
     def main_criterion(self) -> str:
-        """Name of the criterion that the study is about: rho0 if optimised, else the first."""
+        """Name of the criterion that the study is about: `criterion`, rho0, or the first."""
+        if self.criterion is not None:
+            return self.criterion.name
         return ACCURACY if ACCURACY in self.optimise else self.optimise[0]
 
     def descents(self, criterion: str) -> int:

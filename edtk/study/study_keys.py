@@ -29,6 +29,7 @@ class StudyKeys(TypedDict, total=False):
     test_pose: Mapping[str, Any] | Sequence[Mapping[str, Any]] | None
     task: Mapping[str, Any] | None
     interest: Mapping[str, Any] | None
+    criterion: str | Mapping[str, Any] | None
     criteria: list[str] | tuple[str, ...] | None
     optimise: list[str] | tuple[str, ...] | None
     sizes: list[int] | tuple[int, ...] | None

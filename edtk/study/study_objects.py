@@ -2,6 +2,7 @@
 
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -167,14 +168,42 @@ class StudyObjects:
         name = self.main_criterion if name is None else name
         try:
             targets = self.tasks.targets if self.tasks else None
-            criterion = criteria.create(name, self.target, targets=targets)
-            if self.interest is None or criterion.needs_target:
+            parameters = self._parameters(name)
+            criterion = criteria.create(name, self.target, targets=targets, **parameters)
+            says_itself = criterion.needs_target or not criterion.takes_interest
+            if self.interest is None or says_itself:
                 return criterion
             return criteria.Interest(criterion, self.interest, self.interest_names)
         except criteria.CriterionError as error:
             missing = isinstance(error, criteria.MissingTargetError)
             why = ", and the study has no [test_pose] or [task]" if missing else ""
             raise UserError(f"{error}{why}", where=self.where) from error
+
+    def _parameters(self, name: str) -> dict[str, Any]:
+        """The parameters of a criterion that the study gives.
+
+        Raises:
+            CriterionError: It gives none, and the criterion needs them, or they name other joints;
+                or experiments share a prior, which the study says elsewhere.
+        """
+        table = self.specification.criterion
+        if name.startswith("bayes_") and criteria.get(name).needs_parameters:
+            raise criteria.CriterionError(
+                f"criterion {name!r}: a study has its prior in [prior]; give in_design = true "
+                f"there, and criterion = {name.removeprefix('bayes_')!r}"
+            )
+        if table is not None and table.name == name:
+            try:
+                return table.build(self.specification.joints.unknown)
+            except ValueError as error:
+                raise criteria.CriterionError(f"criterion {name!r}: {error}") from error
+        if criteria.get(name).needs_parameters:
+            expected = ", ".join(criteria.parameters_of(name))
+            raise criteria.CriterionError(
+                f"criterion {name!r} needs parameters; give criterion = {{ name = {name!r}, ... }} "
+                f"with {expected}"
+            )
+        return {}
 
     @cached_property
     def compliances(self) -> Array:

@@ -235,6 +235,10 @@ def _plan_study(
     faults = _faults(question, detect or {})
     kept = None if keep is None else as_plan(question, keep)
     require_different(out=out, certificate=certificate)
+    if certificate is not None:
+        from edtk.certificate.certificate import require_certifiable
+
+        require_certifiable(question, criterion, certificate)
     for path in (out, certificate):
         require_output(path, *question.reads, keep if isinstance(keep, str | Path) else None)
     with workers_for(workers, dask) as pool, errors_in(question.where):

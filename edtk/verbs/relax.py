@@ -122,6 +122,10 @@ def relax(
     for path in (out, certificate):
         require_output(path, *study.reads)
     name = criterion if criterion is None or isinstance(criterion, str) else criterion.name
+    if certificate is not None:
+        from edtk.certificate.certificate import require_certifiable
+
+        require_certifiable(study, name, certificate)
     try:
         with errors_in(study.where):
             found = relax_study(

@@ -6,7 +6,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from edtk.certificate.certificate import certificate_text
+from criteria import Criterion
+from edtk.certificate.certificate import certificate_text, is_certifiable
 from edtk.design.exact.exact_plan import ExactPlan
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
 from edtk.report.comparison_files import comparison_files
@@ -111,7 +112,14 @@ def _certificates(found: StudyRun) -> dict[Path, Content]:
     return {
         folder / f"{name}.json": certificate_text(found.study, result)
         for name, result in results.items()
+        if is_certifiable(_criterion_of(result).name)
     }
+
+
+def _criterion_of(result: RelaxedPlan | ExactPlan) -> Criterion:
+    """What a result minimises."""
+    relaxed = result.relaxed if isinstance(result, ExactPlan) else result
+    return relaxed.criterion
 
 
 def _of_earlier_runs(folder: Path) -> Iterator[Path]:
