@@ -10,6 +10,7 @@ from criteria.linalg.spectrum import bounded_below, conjugate, definite_parts, l
 from criteria.linalg.typing import Array
 from criteria.registry import register
 from criteria.relaxable import Formulation, Relaxable
+from criteria.spectral_band import SpectralBand
 
 if TYPE_CHECKING:
     import cvxpy as cp
@@ -38,6 +39,10 @@ class ConditionNumber(KinkedCriterion, Relaxable):
     ) -> Formulation:
         """``min kappa`` over ``I <= sum u_i M_i <= kappa I``, where the sum of u is free."""
         return largest_eigenvalue(M, T), [bounded_below(M, T)]
+
+    def spectral_band(self, p: int) -> SpectralBand | None:
+        """``min kappa`` over ``I <= M(w) <= kappa I``, unless it is smoothed."""
+        return None if self.smooth else SpectralBand.of(1.0, 0.0, p)
 
     def lower_bound(self, Z: Array, t: Array, M: Array) -> float:
         """``kappa >= trace(Y+)/trace(Y-)`` for ``Y = Z - t I``, since ``<Y, X> <= 0``.

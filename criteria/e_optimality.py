@@ -12,6 +12,7 @@ from criteria.linalg.spectrum import bounded_below, conjugate
 from criteria.linalg.typing import Array
 from criteria.registry import register
 from criteria.relaxable import Formulation
+from criteria.spectral_band import SpectralBand
 
 if TYPE_CHECKING:
     import cvxpy as cp
@@ -40,6 +41,10 @@ class EOptimality(KinkedCriterion, CovarianceCriterion, ConvexCriterion):
     ) -> Formulation:
         """The least sum of weights u with ``sum u_i M_i >= I``, which is ``1/lambda_min``."""
         return total, [bounded_below(M, T)]
+
+    def spectral_band(self, p: int) -> SpectralBand | None:
+        """``min sum(w)`` over ``I <= M(w)``, unless it is smoothed."""
+        return None if self.smooth else SpectralBand.of(0.0, 1.0, p)
 
     def covariance_slope(self, cov: Array) -> Array:
         """``v v'`` for the unit eigenvector of the largest variance, or a soft maximum's slopes."""

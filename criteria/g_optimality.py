@@ -79,6 +79,10 @@ class GOptimality(KinkedCriterion, CovarianceCriterion, ConvexCriterion):
         rows = np.eye(M.shape[0]) if T is None else T
         return cp.max(cp.hstack([cp.matrix_frac(t, M) for t in rows]))
 
+    def variance_rows(self, p: int) -> Array | None:
+        """Those of each parameter, unless it is smoothed."""
+        return None if self.smooth else np.eye(p)[:, None, :]
+
     def covariance_slope(self, cov: Array) -> Array:
         """One at the largest diagonal entry, or the slopes of the soft maximum."""
         _, slopes = soft_maximum(np.diagonal(cov, axis1=-2, axis2=-1), self.sharpness)

@@ -18,6 +18,7 @@ from criteria.linalg.is_semidefinite import is_semidefinite
 from criteria.linalg.null_space import open_directions
 from criteria.linalg.typing import Array, Indices, Mask
 from criteria.relaxable import Formulation, Relaxable
+from criteria.spectral_band import SpectralBand
 
 if TYPE_CHECKING:
     import cvxpy as cp
@@ -226,6 +227,18 @@ class Interest(Relaxable):
         W[s:, :s] = base.z
         z = np.concatenate([base.z, np.zeros(p - s)])
         return Curvature(np.hstack([Q[:, :s] @ base.V, Q[:, s:]]), z, W, base.c)
+
+    def variance_rows(self, p: int) -> Array | None:
+        """The base's, of the combinations."""
+        found = self.base.variance_rows(self.K.shape[1])
+        return None if found is None else found @ self.K.T
+
+    def spectral_band(self, p: int) -> SpectralBand | None:
+        """``C_K >= F`` is ``M >= K F K'``; an upper bound of C_K has no such form."""
+        found = self.base.spectral_band(self.K.shape[1])
+        if found is None or found.a:
+            return None
+        return SpectralBand(0.0, found.b, self.K @ found.floor @ self.K.T, np.eye(p))
 
     def _require_size(self, p: int) -> None:
         """Check that combinations are of so many parameters.

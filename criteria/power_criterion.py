@@ -8,6 +8,7 @@ from criteria.curvature import Curvature
 from criteria.determinant_criterion import DeterminantCriterion
 from criteria.linalg.typing import Array
 from criteria.relaxable import Formulation
+from criteria.spectral_band import SpectralBand
 
 if TYPE_CHECKING:
     import cvxpy as cp
@@ -92,6 +93,14 @@ class PowerCriterion(ConvexCriterion):
     def rests_on_solver(self, Z: Array, M: Array) -> bool:
         """Whether the base's bound does."""
         return self.base.rests_on_solver(Z, M)
+
+    def variance_rows(self, p: int) -> Array | None:
+        """The base's, whose optimum is the same."""
+        return self.base.variance_rows(p)
+
+    def spectral_band(self, p: int) -> SpectralBand | None:
+        """The base's, whose optimum is the same."""
+        return self.base.spectral_band(p)
 
     def expression(self, M: "cp.Expression", T: Array | None = None) -> "cp.Expression":
         """The base's expression, which has another `expression_power` here."""

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 from criteria.criterion import Criterion
 from criteria.linalg.typing import Array
+from criteria.spectral_band import SpectralBand
 
 if TYPE_CHECKING:
     import cvxpy as cp
@@ -77,6 +78,28 @@ class Relaxable(Criterion):
             NotImplementedError: The criterion has no such form.
         """
         raise NotImplementedError(f"criterion {self.name} has no logarithm of a convex form")
+
+    def spectral_band(self, p: int) -> SpectralBand | None:
+        """The relaxation as a program of extreme eigenvalues, which a method of its own solves.
+
+        Args:
+            p: Number of parameters.
+
+        Returns:
+            The program; None where the criterion has no such form.
+        """
+        return None
+
+    def variance_rows(self, p: int) -> Array | None:
+        """Rows A_j of which the relaxation minimises the largest ``trace(A_j cov A_j')``.
+
+        Args:
+            p: Number of parameters.
+
+        Returns:
+            The rows (j, r, p); None where the criterion has no such form.
+        """
+        return None
 
     @abstractmethod
     def lower_bound(self, Z: Array, t: Array, M: Array) -> float:

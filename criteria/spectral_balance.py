@@ -13,6 +13,7 @@ from criteria.linalg.spectrum import (
 )
 from criteria.linalg.typing import Array
 from criteria.relaxable import Formulation, Relaxable
+from criteria.spectral_band import SpectralBand
 
 if TYPE_CHECKING:
     import cvxpy as cp
@@ -53,6 +54,10 @@ class SpectralBalance(Relaxable):
         low, high = extreme_eigenvalues(T)
         kappa = self.a * high / low / unit * largest_eigenvalue(M, T)
         return kappa + self.b / low / unit * total, [bounded_below(M, T)]
+
+    def spectral_band(self, p: int) -> SpectralBand:
+        """``min a kappa + b sum(w)`` over ``I <= M(w) <= kappa I``."""
+        return SpectralBand.of(self.a, self.b, p)
 
     def lower_bound(self, Z: Array, t: Array, M: Array) -> float:
         """The least of ``a kappa + b s`` over the corners of the polygon, see `corners`."""

@@ -13,6 +13,7 @@ from criteria.linalg.inverse import lowered_root, whitener
 from criteria.linalg.is_semidefinite import is_semidefinite
 from criteria.linalg.typing import Array
 from criteria.relaxable import Formulation, Relaxable
+from criteria.spectral_band import SpectralBand
 
 if TYPE_CHECKING:
     import cvxpy as cp
@@ -93,6 +94,16 @@ class Transformed(Relaxable):
     def curvature(self, R: Array) -> Curvature | None:
         """The base's at the root ``T R`` of the covariance of k."""
         return self.base.curvature(self.T @ R)
+
+    def variance_rows(self, p: int) -> Array | None:
+        """The base's, times T."""
+        found = self.base.variance_rows(p)
+        return None if found is None else found @ self.T
+
+    def spectral_band(self, p: int) -> SpectralBand | None:
+        """The base's for the information about k'."""
+        found = self.base.spectral_band(p)
+        return None if found is None else found.transformed(self.T)
 
     def formulation(
         self, M: "cp.Expression", total: "cp.Expression", T: Array, unit: float

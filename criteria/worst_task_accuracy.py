@@ -118,6 +118,10 @@ class WorstTaskAccuracy(KinkedCriterion, ConvexCriterion):
         spread[tasks] = best
         return spread
 
+    def variance_rows(self, p: int) -> Array | None:
+        """The targets of the tasks that differ, unless it is smoothed."""
+        return None if self.smooth else self.targets[self._distinct[0]]
+
     def formulation(
         self, M: "cp.Expression", total: "cp.Expression", T: Array, unit: float
     ) -> Formulation:

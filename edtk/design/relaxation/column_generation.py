@@ -12,7 +12,7 @@ from edtk.design.problem import Problem
 from edtk.design.relaxation.active_information import ActiveInformation
 from edtk.design.relaxation.experiment_blocks import experiment_blocks
 from edtk.design.relaxation.first_active_set import first_active_set
-from edtk.design.relaxation.newton_weights import NewtonError, newton_weights, suits_newton
+from edtk.design.relaxation.own_weights import has_own_method, own_weights
 from edtk.design.relaxation.restricted_master import (
     RelaxationError,
     is_clearly_regular,
@@ -20,7 +20,7 @@ from edtk.design.relaxation.restricted_master import (
     restricted_master_for,
 )
 from edtk.design.relaxation.solver_options import LEAST_BATCH, NEWTON, SolverOptions
-from edtk.system.typing import Array, Indices, Mask
+from edtk.system.typing import Array, Indices
 
 # While the gap is above this, cvxpy solves a program to a few digits: its multiplier is good enough
 # to say which candidates should enter, and the solver takes fewer iterations.
@@ -31,10 +31,14 @@ COARSE = 1e-3
 # leave none.
 INNER = 0.05
 EXACT = 1e-10
+# The same of a criterion with kinks, in parts of the gap that is asked for.
+EXACT_GAP = 0.01
 # A candidate leaves if its weight is below this part of the largest, and its sensitivity below the
 # mean by more than so many gaps.
 LIGHT = 1e-4
 GAPS = 2.0
+# Batches of candidates that stay in the program of a criterion with kinks.
+POOL = 5
 # Parameters from which on a program of cvxpy takes longer than anyone waits for the last digit.
 TOO_MANY = 40
 # Candidates per one that enters from which on the choice is spread over parts of the list.
@@ -66,6 +70,7 @@ class Step:
         M: Information matrix (p, p) of these weights.
         proof: The best proof of this and all earlier steps.
         solver: The solver that found the weights.
+        candidates: Indices (c,) of all candidates of the problem, with weight or without.
     """
 
     active: Indices
@@ -73,6 +78,7 @@ class Step:
     M: Array
     proof: Proof
     solver: str
+    candidates: Indices
 
 
 @dataclass(frozen=True)
@@ -131,7 +137,7 @@ class ColumnGeneration:
         can_end = len(active) > 0
         active = active if can_end else self._first_active()
         solvers = self.options.solvers
-        if not suits_newton(self.criterion, self.problem.p) and len(solvers) > 1:
+        if not has_own_method(self.criterion, self.problem.p) and len(solvers) > 1:
             solvers = tuple(solver for solver in solvers if solver != NEWTON)
         # Where the first program holds all candidates, it decides nothing but the answer itself.
         loose = self.criterion.convex and len(active) < self.problem.n
@@ -159,9 +165,9 @@ class ColumnGeneration:
             if not effort.solvers:
                 return
             entering = entering_candidates(sensitivities, active, self._batch)
-            kept = self._kept(step, sensitivities, gap)
-            active = np.concatenate([step.active[kept], entering])
-            start = np.concatenate([step.weights[kept], np.zeros(len(entering))])
+            kept, weights = self._kept(step, sensitivities, gap)
+            active = np.concatenate([kept, entering])
+            start = np.concatenate([weights, np.zeros(len(entering))])
 
     @property
     def _batch(self) -> int:
@@ -179,18 +185,37 @@ class ColumnGeneration:
         sensitivities = self.problem.sensitivities(T @ T.T)
         return np.concatenate([chosen, entering_candidates(sensitivities, chosen, missing)])
 
-    def _kept(self, step: Step, sensitivities: Array, gap: float) -> Mask:
-        """Which active candidates (k,) of a step stay: those that have weight or may get some."""
-        if step.solver != NEWTON or not self.criterion.needs_all:
-            # The best design may be singular, and light candidates keep the others regular.
-            return np.ones(len(step.active), dtype=bool)
+    def _kept(self, step: Step, sensitivities: Array, gap: float) -> tuple[Indices, Array]:
+        """Which candidates (k,) of a step stay, and their weights.
+
+        Those leave that have no weight and will hardly get some.
+        """
+        if step.solver != NEWTON:
+            return step.active, step.weights
+        if not self.criterion.smooth:
+            return self._pool(step, sensitivities)
         own = sensitivities[step.active]
         mean = float(step.weights @ own)
         near = own > (1 - GAPS * max(gap, self.gap)) * mean
         kept = np.asarray((step.weights > LIGHT * step.weights.max()) | near)
-        # The best design may be singular here too; light candidates keep the others regular.
+        # The best design may be singular; light candidates keep the others regular.
         part = self.problem[step.active[kept]].information(step.weights[kept])
-        return kept if is_clearly_regular(part) else np.ones_like(kept)
+        if not self.criterion.needs_all or not is_clearly_regular(part):
+            kept = np.ones_like(kept)
+        return step.active[kept], step.weights[kept]
+
+    def _pool(self, step: Step, sensitivities: Array) -> tuple[Indices, Array]:
+        """All candidates of a step, as long as they are not too many, with their weights.
+
+        Multipliers of criteria with kinks jump: a candidate that has left would soon be back.
+        """
+        others = np.setdiff1d(step.candidates, step.active)
+        room = max(0, POOL * self._batch - len(step.active))
+        others = others[np.argsort(-sensitivities[others], kind="stable")][:room]
+        return (
+            np.concatenate([step.active, others]),
+            np.concatenate([step.weights, np.zeros(len(others))]),
+        )
 
     def _step(
         self, active: Indices, start: Array, effort: _Effort, before: Step | None
@@ -206,7 +231,8 @@ class ColumnGeneration:
         if before is not None and not proof.lower_bound > before.proof.lower_bound:
             proof = before.proof
         carries = weights > 0
-        return Step(active[carries], weights[carries], M, proof, solver), sensitivities
+        step = Step(active[carries], weights[carries], M, proof, solver, active)
+        return step, sensitivities
 
     def _solve(
         self, active: Indices, start: Array, effort: _Effort
@@ -243,19 +269,15 @@ class ColumnGeneration:
     def _by_newton(
         self, active: Indices, start: Array, accuracy: float
     ) -> tuple[Array, Array | None]:
-        """Weights (k,) of a smooth criterion, and a multiplier if the gradient is none."""
+        """Weights (k,), and a multiplier where minus the gradient is none."""
         try:
-            if not suits_newton(self.criterion, self.problem.p):
-                raise NewtonError(f"criterion {self.criterion.name} is not smooth")
             information = ActiveInformation.of(self.problem, active)
-            found = newton_weights(self.criterion, information, start, accuracy)
+            if not self.criterion.smooth:
+                accuracy = max(accuracy, EXACT_GAP * self.gap)
+            found, Z = own_weights(self.criterion, information, start, accuracy)
         except (np.linalg.LinAlgError, ValueError, ArithmeticError) as error:
             raise RelaxationError(f"{NEWTON}: {' '.join(str(error).split())}") from error
-        weights = regular_weights(self.criterion, information, found, NEWTON)
-        if self.criterion.needs_all:
-            return weights, None
-        # Where the pruned design is singular, its gradient need not be a multiplier.
-        return weights, -self.criterion.gradient(information.information(found))
+        return regular_weights(self.criterion, information, found, NEWTON), Z
 
     def _prove(self, M: Array, Z: Array | None) -> tuple[Proof, Array]:
         """Find what a solver's multiplier Z (p, p) proves near the design M (p, p).

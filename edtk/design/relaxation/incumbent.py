@@ -38,6 +38,7 @@ class Incumbent:
         self.cost = np.inf
         self.active = np.empty(0, dtype=int)
         self.weights = np.empty(0)
+        self.candidates = self.active
         self.M = problem.mean
         self.solver = ""
         nothing = np.empty((0, problem.p, problem.p))
@@ -59,6 +60,7 @@ class Incumbent:
             largest: The largest sensitivities (r,) to them.
         """
         self.iterations += 1
+        self.candidates = step.candidates
         cost = float(self.criterion.cost(step.M))
         if cost < self.cost:
             self.cost = cost

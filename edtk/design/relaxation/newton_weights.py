@@ -10,6 +10,7 @@ from criteria.derivatives import derivatives
 from criteria.linalg.inverse import whitener
 from criteria.linalg.triangle import triangle
 from edtk.design.relaxation.active_information import ActiveInformation
+from edtk.design.relaxation.step_length import step_length
 from edtk.design.relaxation.weight_equations import Solve, weight_equations
 from edtk.system.typing import Array
 
@@ -149,7 +150,7 @@ class _Point:
         # Predictor: how much a step straight to the optimum could gain.
         dw = solve(-gradient)
         dv = -v - v / w * dw
-        reached = (w + _along(w, dw, 1.0) * dw) @ (v + _along(v, dv, 1.0) * dv) / len(w)
+        reached = (w + step_length(w, dw, 1.0) * dw) @ (v + step_length(v, dv, 1.0) * dv) / len(w)
         target = mu * max(float(reached / mu) ** 3, LEAST_SHRINKING)
         # Corrector: towards the central path, with the products that the predictor has left out.
         products = target - dw * dv
@@ -158,10 +159,10 @@ class _Point:
         dw = solve(products / w - gradient)
         dv = (products - v * dw) / w - v
         most = max(TOWARDS_BOUNDARY, 1.0 - mu)
-        along = self._search(dw, float(gradient @ dw), mu, _along(w, dw, most))
+        along = self._search(dw, float(gradient @ dw), mu, step_length(w, dw, most))
         if along == 0.0:
             return None
-        slacks = v + _along(v, dv, most) * dv
+        slacks = v + step_length(v, dv, most) * dv
         return self.at(self.criterion, self.active, w + along * dw, slacks)
 
     def _search(self, dw: Array, slope: float, mu: float, along: float) -> float:
@@ -197,9 +198,3 @@ class _Point:
         values, V = np.linalg.eigh(K[0] * np.outer(dd, dd) / self.cost)
         root = np.sqrt(np.maximum(values, 0.0))[:, None] * V.T
         return np.asarray(root @ self.active.triangles(np.diag(1.0 / d), np.ones(len(rows))))
-
-
-def _along(x: Array, dx: Array, most: float) -> float:
-    """The length, at most one, of a step along dx (k,) that goes a part of the way to x = 0."""
-    fastest = -(dx / x).min(initial=0.0)
-    return float(min(1.0, most / fastest)) if fastest > 0 else 1.0

@@ -121,7 +121,7 @@ def _improve(incumbent: Incumbent, gap: float, options: SolverOptions, progress:
             # The proof of a convex criterion stands by itself.
             Z = Z[:0]
             t = t[:0]
-        for step in generation.steps(incumbent.active):
+        for step in generation.steps(incumbent.candidates):
             incumbent.update(step, Z, t)
             progress(incumbent.iterations, incumbent.gap)
         stuck = 0 < incumbent.lower_bound <= bound_before

@@ -14,7 +14,7 @@ LARGEST = 1e12
 MOST_FEW = 1000  # candidates whose own equations are affordable where it is larger
 
 
-def weight_equations(P: Array, D: Array, lost: Array | None = None) -> Solve:
+def weight_equations(P: Array, D: Array, lost: Array | None = None, most: float = MANY) -> Solve:
     """Prepare ``(P'P + diag(D) - l l') x = b`` for several right-hand sides.
 
     For k candidates and q rows of P, either the (k, k) matrix is factorized, or the (q, q) matrix
@@ -22,9 +22,11 @@ def weight_equations(P: Array, D: Array, lost: Array | None = None) -> Solve:
 
     Args:
         P: Matrix (q, k).
-        D: Positive numbers (k,).
+        D: Numbers (k,), at least zero.
         lost: Vector l (k,) of a square that is taken away, after which the matrix must still be
             positive definite; None for none.
+        most: Candidates per row of P from which on Woodbury's identity is used, which is less
+            accurate.
 
     Returns:
         A function from b (k,) to x (k,).
@@ -32,7 +34,7 @@ def weight_equations(P: Array, D: Array, lost: Array | None = None) -> Solve:
     Raises:
         LinAlgError: The matrix is not positive definite to working precision.
     """
-    solve = _solver(P, D)
+    solve = _solver(P, D, most)
     if lost is None:
         return solve
     y = solve(lost)
@@ -48,10 +50,10 @@ def weight_equations(P: Array, D: Array, lost: Array | None = None) -> Solve:
     return corrected
 
 
-def _solver(P: Array, D: Array) -> Solve:
+def _solver(P: Array, D: Array, most: float) -> Solve:
     """The solution without the square that is taken away."""
     k = P.shape[1]
-    if k <= MANY * len(P):
+    if k <= most * len(P):
         return _few(P, D)
     # Near the optimum D vanishes on the support, and Woodbury's identity is a difference of large
     # numbers.
@@ -69,7 +71,13 @@ def _few(P: Array, D: Array) -> Solve:
     # indefinite.
     H[diagonal] += D + len(D) * np.finfo(float).eps * H[diagonal]
     factor = cho_factor(H, lower=True, overwrite_a=True, check_finite=False)
-    return lambda b: np.asarray(cho_solve(factor, b, check_finite=False))
+
+    def solve(b: Array) -> Array:
+        x = cho_solve(factor, b, check_finite=False)
+        # Near the optimum H is ill-conditioned; one refinement saves the last digits of a step.
+        return np.asarray(x + cho_solve(factor, b - P.T @ (P @ x) - D * x, check_finite=False))
+
+    return solve
 
 
 def _many(P: Array, D: Array) -> Solve:

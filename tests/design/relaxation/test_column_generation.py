@@ -239,7 +239,7 @@ def test_no_solver_at_all(monkeypatch, name):
     else:
         words = r"CLARABEL is out of order.*SCS is out of order.*SLSQP.*not smooth"
         with pytest.raises(RelaxationError, match=words):
-            relax(problem, criterion_of(name))
+            relax(problem, criterion_of(name), options=SolverOptions(solvers=CHAIN))
 
 
 @pytest.mark.parametrize("case", ["many rows", "cubic"])

@@ -17,7 +17,7 @@ def step_of(weights, Z):
     largest = float(PROBLEM.sensitivities(Z).max())
     bound = criterion_of("A").lower_bound(Z[None], np.array([largest]), M)
     active = np.flatnonzero(weights)
-    return Step(active, weights[active], M, Proof(Z, largest, bound), "some solver")
+    return Step(active, weights[active], M, Proof(Z, largest, bound), "some solver", active)
 
 
 def test_design_and_proof_are_kept_apart():

@@ -1,0 +1,217 @@
+"""The restricted master problem of a criterion that is the largest of several variances."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from criteria.linalg.inverse import whitener
+from criteria.linalg.triangle import triangle
+from edtk.design.relaxation.active_information import ActiveInformation
+from edtk.design.relaxation.step_length import step_length
+from edtk.design.relaxation.weight_equations import Solve, weight_equations
+from edtk.system.typing import Array
+
+STEPS = 60
+TOWARDS_BOUNDARY = 0.95  # part of the way to the boundary that a step may take
+LEAST_SHRINKING = 1e-4  # of the products of primal and dual in one step
+INSIDE = 0.5  # the largest variance of the first point, where one is allowed
+SPREAD = 0.5  # part of the first weights that is spread over all candidates
+LEFT = 0.01  # part of the distance from the largest variance that a step must leave
+# Slacks further than so many gaps from the slopes are brought back to them before the next step:
+# the slopes change fast where few candidates tell much.
+ASTRAY = 1.0
+SHORTEST = 1e-6  # a shorter step counts as none
+
+
+def variance_weights(
+    rows: Array, active: ActiveInformation, start: Array, accuracy: float
+) -> tuple[Array, Array]:
+    """Minimise ``sum(w)`` over ``w >= 0`` with ``v_j(w) = trace(A_j cov A_j') <= 1`` for all j.
+
+    A largest variance is homogeneous, so that its best design is the one that needs the least
+    weight to keep all variances below one. They are convex functions of w. A primal-dual interior
+    point method with Mehrotra's predictor and corrector follows the optimality conditions
+
+        1 - <Z, M_i> = s_i,   Z = cov L cov,   L = sum_j u_j A_j' A_j,   w_i s_i = u_j c_j = mu
+
+    with slacks s and ``c_j = 1 - v_j`` to mu near zero (Boyd and Vandenberghe, Convex Optimization,
+    section 11.7). With L diagonal in parameters that whiten M, the second derivative of
+    ``sum u_j v_j`` has no mixed terms, see `criteria.curvature`.
+
+    Args:
+        rows: A_j (j, r, p).
+        active: Information of the candidates (k).
+        start: Weights (k,) to start near.
+        accuracy: Relative gap at which to end.
+
+    Returns:
+        Weights (k,), positive, of sum one, and the multiplier Z (p, p).
+
+    Raises:
+        LinAlgError: The first weights leave a direction open.
+    """
+    point = _Point.first(rows, active, start)
+    best = point
+    for _ in range(STEPS):
+        if best.error <= accuracy:
+            break
+        try:
+            step = point.step()
+        except np.linalg.LinAlgError:
+            # Where matrices are singular to rounding, the answer is as good as it can be.
+            break
+        if step is None:
+            break
+        point = step
+        best = point if point.error < best.error else best
+    return best.w / best.w.sum(), best.multiplier
+
+
+@dataclass(frozen=True, eq=False)
+class _Point:
+    """Weights, duals, and what follows from them.
+
+    Attributes:
+        rows: A_j (j, r, p).
+        active: Information of the candidates.
+        w: Weights (k,), positive.
+        s: Their slacks (k,), positive.
+        u: Duals of the variances (j,), positive.
+    """
+
+    rows: Array
+    active: ActiveInformation
+    w: Array
+    s: Array
+    u: Array
+
+    @classmethod
+    def first(cls, rows: Array, active: ActiveInformation, start: Array) -> "_Point":
+        """A point that satisfies all equations: its duals leave each slack about as large."""
+        w = (1 - SPREAD) * start + SPREAD / len(start)
+        point = cls(rows, active, w, w, np.ones(len(rows)))
+        scale = float(point.variances.max()) / INSIDE
+        point = cls(rows, active, scale * w, w, np.ones(len(rows)))
+        u = 1.0 / point.c
+        point = cls(rows, active, point.w, w, u)
+        used = active.sensitivities(point.multiplier)
+        u *= INSIDE / used.max()
+        return cls(rows, active, point.w, 1.0 - INSIDE / used.max() * used, u)
+
+    @cached_property
+    def T(self) -> Array:
+        """Whitener (p, p) of the design."""
+        return whitener(self.active.information(self.w))
+
+    @cached_property
+    def turned(self) -> Array:
+        """``A_j T`` (j, r, p), whose squares are the variances."""
+        return self.rows @ self.T
+
+    @cached_property
+    def variances(self) -> Array:
+        """v_j (j,)."""
+        return np.einsum("jri,jri->j", self.turned, self.turned)
+
+    @property
+    def c(self) -> Array:
+        """How far the variances (j,) are below one."""
+        return 1.0 - self.variances
+
+    @cached_property
+    def spectrum(self) -> tuple[Array, Array]:
+        """Eigenvalues l (p,) and eigenvectors V (p, p) of ``T' L T``."""
+        rows = np.sqrt(self.u)[:, None, None] * self.turned
+        flat = rows.reshape(-1, rows.shape[-1])
+        l, V = np.linalg.eigh(flat.T @ flat)  # noqa: E741, the letter of the formula
+        return np.maximum(l, 0.0), V
+
+    @cached_property
+    def multiplier(self) -> Array:
+        """Z (p, p)."""
+        l, V = self.spectrum  # noqa: E741
+        root = self.T @ V * np.sqrt(l)
+        return root @ root.T
+
+    @cached_property
+    def missing(self) -> Array:
+        """What is missing (k,) in ``1 - <Z, M_i> = s_i``."""
+        return 1.0 - self.active.sensitivities(self.multiplier) - self.s
+
+    @property
+    def mu(self) -> float:
+        """Mean product of primal and dual."""
+        return float(self.w @ self.s + self.u @ self.c) / (len(self.w) + len(self.u))
+
+    @cached_property
+    def error(self) -> float:
+        """The gap, or what the equations miss."""
+        return max(self.gap, float(np.abs(self.missing).max()))
+
+    @property
+    def gap(self) -> float:
+        """Relative gap of primal and dual."""
+        return float(self.mu * (len(self.w) + len(self.u)) / self.w.sum())
+
+    def step(self) -> "_Point | None":
+        """The next point; None where no step makes progress."""
+        solve, J = self._equations()
+        mu = self.mu
+        zero = np.zeros_like(self.u)
+        dw, ds, du = self._direction(solve, J, 0.0, np.zeros_like(self.w), zero)
+        primal, dual = self._lengths(dw, ds, du, J)
+        w = self.w + primal * dw
+        c = self.c - primal * (J @ dw)
+        reached = w @ (self.s + dual * ds) + np.maximum(c, 0.0) @ (self.u + dual * du)
+        ratio = float(reached) / (mu * (len(w) + len(c)))
+        target = mu * min(1.0, max(ratio**3, LEAST_SHRINKING))
+        lost = dw * ds
+        lost_of_variances = -(J @ dw) * du
+        if np.abs(self.missing).max() > ASTRAY * self.gap:
+            target = mu
+            lost = np.zeros_like(lost)
+            lost_of_variances = zero
+        dw, ds, du = self._direction(solve, J, target, lost, lost_of_variances)
+        primal, dual = self._lengths(dw, ds, du, J)
+        while primal > SHORTEST:
+            w = self.w + primal * dw
+            found = _Point(self.rows, self.active, w, self.s + dual * ds, self.u + dual * du)
+            # The variances are convex: they fall less than their slopes say.
+            if (found.c > LEFT * self.c).all():
+                return found
+            primal *= 0.5
+        return None
+
+    def _direction(
+        self, solve: Solve, J: Array, mu: float, lost: Array, lost_of_variances: Array
+    ) -> tuple[Array, Array, Array]:
+        """Changes of w, s and u towards the products mu, less those that the predictor leaves."""
+        products = mu - self.w * self.s - lost
+        of_variances = (mu - self.c * self.u - lost_of_variances) / self.c
+        dw = solve(products / self.w - self.missing - J.T @ of_variances)
+        ds = (products - self.s * dw) / self.w
+        du = of_variances + self.u / self.c * (J @ dw)
+        return dw, ds, du
+
+    def _lengths(self, dw: Array, ds: Array, du: Array, J: Array) -> tuple[float, float]:
+        """How far primal and dual may go."""
+        primal = step_length(self.w, dw, TOWARDS_BOUNDARY)
+        primal = min(primal, step_length(self.c, -(J @ dw), TOWARDS_BOUNDARY))
+        dual = min(
+            step_length(self.s, ds, TOWARDS_BOUNDARY), step_length(self.u, du, TOWARDS_BOUNDARY)
+        )
+        return primal, dual
+
+    def _equations(self) -> tuple[Solve, Array]:
+        """The equations of a step, and the slopes J (j, k) of the variances."""
+        l, V = self.spectrum  # noqa: E741
+        rows, columns = triangle(len(V))
+        twice = np.where(rows == columns, 1.0, np.sqrt(2.0))
+        E = self.active.triangles(self.T @ V, twice)
+        B = self.turned @ V
+        squares = np.swapaxes(B, 1, 2) @ B
+        J = -(squares[:, rows, columns] * twice) @ E
+        curved = np.sqrt(l[rows] + l[columns])[:, None] * E
+        P = np.vstack([curved, np.sqrt(self.u / self.c)[:, None] * J])
+        return weight_equations(P, self.s / self.w, most=np.inf), J
