@@ -11,6 +11,7 @@ from edtk.design.bound import Bound, printed_form
 from edtk.design.frame_problem import FrameProblem
 from edtk.design.problem import Problem
 from edtk.design.relaxation.inner_proof import InnerProof
+from edtk.design.relaxation.normalised import normalised
 from edtk.system.presented import Presented
 from edtk.system.typing import Array, Indices
 
@@ -119,6 +120,21 @@ class Relaxation(Presented):
         from edtk.design.relaxation.store import restore  # it makes results of this kind
 
         return restore(data, problem)
+
+    def sensitivities(self, problem: Problem) -> Array:
+        """Sensitivities (r, n) of candidates to the multipliers, with all digits.
+
+        By the equivalence theorem the candidates of an optimal design have the largest one. Of
+        degree zero they are per trace.
+
+        Args:
+            problem: The candidates (n).
+        """
+        if self.inner is None:
+            return normalised(problem, self.criterion).sensitivities(self.multipliers)
+        inside = self.criterion.transformed(self.inner.T)
+        assert inside is not None
+        return normalised(problem.in_units(self.inner.T), inside).sensitivities(self.inner.Z)
 
     def certify(self, problem: Problem) -> tuple[float, float]:
         """Compute cost and bound anew from weights, multipliers and candidates alone.

@@ -12,6 +12,7 @@ from edtk.design.problem_digest import problem_digest
 from edtk.design.relaxation.certify import certify
 from edtk.design.relaxation.inner_proof import InnerProof
 from edtk.design.relaxation.relaxation import Relaxation
+from edtk.system.typing import Array
 
 CERTIFICATE = "relaxation of a problem"  # the kind of the certificates that are made here
 SOLVER = "from a certificate"
@@ -63,15 +64,27 @@ def restore(data: Mapping[str, Any], problem: Problem) -> Relaxation:
         problem: Its candidates.
 
     Raises:
-        ValueError: The candidates are others, or weights or multipliers do not fit them.
+        ValueError: The candidates are others, weights or multipliers do not fit them, or the data
+            are not those of a certificate.
     """
+    try:
+        return _restored(data, problem)
+    except ValueError:
+        raise
+    # Whatever an enemy, or a disk, has put in the place of numbers, tables and names.
+    except (LookupError, TypeError, AttributeError, ArithmeticError, RecursionError) as error:
+        words = " ".join(f"{type(error).__name__}: {error}".split())
+        raise ValueError(f"this is no certificate of a relaxation ({words})") from error
+
+
+def _restored(data: Mapping[str, Any], problem: Problem) -> Relaxation:
+    """The relaxation of a certificate, of which nothing is believed."""
     if data["candidates"]["sha256"] != problem_digest(problem):
         raise ValueError("the certificate is about other candidates than those of this problem")
     criterion = criteria.from_dict(data["criterion"])
     if not isinstance(criterion, criteria.Relaxable):
         raise ValueError(f"criterion {criterion.name!r} cannot be relaxed")
-    weights = np.zeros(problem.n)
-    weights[data["weights"]["candidate"]] = data["weights"]["weight"]
+    weights = _weights(data["weights"], problem.n)
     multipliers = np.array(data["multipliers"], dtype=float)
     kept = data.get("inner")
     inner = None if kept is None else InnerProof(np.array(kept["T"]), np.array(kept["Z"]))
@@ -87,3 +100,21 @@ def restore(data: Mapping[str, Any], problem: Problem) -> Relaxation:
         inner=inner,
         problem=problem,
     )
+
+
+def _weights(data: Mapping[str, Any], n: int) -> Array:
+    """Weights (n,) of the candidates that are listed with theirs.
+
+    Raises:
+        ValueError: The lists are not of the same length, or name a candidate that is none or twice.
+    """
+    chosen = data["candidate"]
+    listed = np.array(data["weight"], dtype=float)
+    are_indices = all(type(i) is int and 0 <= i < n for i in chosen)
+    if not are_indices or len(set(chosen)) < len(chosen) or listed.shape != (len(chosen),):
+        raise ValueError(
+            f"weights: expected a weight for each of some candidates, from 0 to {n - 1}, once each"
+        )
+    weights = np.zeros(n)
+    weights[np.array(chosen, dtype=int)] = listed
+    return weights

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from edtk.design.frame_problem import FrameProblem
 from edtk.design.problem import Problem
-from edtk.design.relaxation.normalised import is_normalised, normalised
+from edtk.design.relaxation.normalised import is_normalised
 from edtk.design.relaxation.relaxation import Relaxation
 from edtk.report.draw.weight_bars import weight_bars
 from edtk.report.palette import BLUE, ORANGE
@@ -62,7 +62,7 @@ def _sensitivities(
 ) -> None:
     """The sensitivities over x, and the weights."""
     at, label = _places(problem, x)
-    rows = normalised(problem, found.criterion).sensitivities(found.multipliers)
+    rows = found.sensitivities(problem)
     top = rows.max(axis=1, keepdims=True)
     # At unit trace a multiplier may have any multiple of the identity besides: the least is zero.
     low = rows.min(axis=1, keepdims=True) if is_normalised(found.criterion) else 0.0
