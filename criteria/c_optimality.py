@@ -11,6 +11,8 @@ from criteria.interest import combinations_of
 from criteria.named_interest import SumOfVariances
 from criteria.registry import register
 
+LONG = 30  # characters of a combination beyond which it is left out of the label
+
 
 @register
 class COptimality(SumOfVariances):
@@ -37,6 +39,12 @@ class COptimality(SumOfVariances):
                 "criterion 'c': expected a vector (p,) of finite factors, not all zero"
             )
         self._fill(AOptimality(), combinations_of(factors), None)
+
+    @property
+    def label(self) -> str:
+        """Such as "c of k1 - k2"; the name alone where that would be long."""
+        (words,) = self.names
+        return super().label if len(words) <= LONG else self.name
 
     @property
     def arguments(self) -> dict[str, Any]:

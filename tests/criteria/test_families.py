@@ -5,7 +5,7 @@ import pytest
 from matrices import make, positive
 
 import criteria
-from criteria import CriterionError, Interest
+from criteria import CriterionError, Interest, registry
 
 P = 4
 POINTS = np.random.default_rng(0).normal(size=(7, P))
@@ -79,6 +79,8 @@ def test_c_and_ds_are_interests():
     singular = np.outer(c, c)
     assert criteria.create("c", c=c).cost(singular) == pytest.approx(1.0, rel=1e-9)
     assert criteria.create("c", c=POINTS[1]).cost(singular) == np.inf
+    assert criteria.create("c", c=[1, 0, -2, 0]).label == "c of k1 - 2 k3"
+    assert criteria.create("c", c=c).label == "c"
 
 
 def test_prediction_g_is_the_largest_variance_of_a_prediction():
@@ -136,3 +138,36 @@ def test_wrong_parameters_are_one_line(name, given, expected):
     with pytest.raises(CriterionError, match=expected) as caught:
         criteria.create(name, **given)
     assert "\n" not in str(caught.value)
+
+
+def test_a_plug_in_with_parameters(monkeypatch):
+    """It is made from its parameters, and in no comparison; a missing one is named."""
+    monkeypatch.setattr("criteria.registry._registered", dict(registry._registered))
+
+    @criteria.register
+    class Weighted(criteria.Criterion):
+        """The variance of one parameter."""
+
+        name = "one"
+        title = "One parameter"
+        formula = "cov_ii"
+        sense = "min"
+        degree = 1.0
+        needs_parameters = True
+
+        def __init__(self, i):
+            self.i = i
+
+        def _cost(self, M, cov):
+            return cov[..., self.i, self.i]
+
+        def _gradient(self, M, cov):
+            column = cov[..., :, self.i]
+            return -column[..., :, None] * column[..., None, :]
+
+    assert "one" in criteria.families()
+    assert "one" not in criteria.available()
+    assert "one" not in criteria.load_all().classes
+    assert criteria.create("one", i=1).cost(np.diag([1.0, 4.0])) == 0.25
+    with pytest.raises(CriterionError, match="'one' needs i; its parameters: i"):
+        criteria.create("one")

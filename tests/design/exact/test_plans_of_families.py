@@ -1,0 +1,39 @@
+"""Exact plans under criteria with parameters: the best of all, and never better than the bound."""
+
+from itertools import combinations_with_replacement
+
+import numpy as np
+import pytest
+from matrices import make
+
+import criteria
+import edtk
+
+P = 3
+N = 7
+SIZE = 4
+A = np.random.default_rng(1).normal(size=(N, 1, P))
+PROBLEM = edtk.Problem(A)
+PLANS = np.array(list(combinations_with_replacement(range(N), SIZE)))
+INFORMATION = np.einsum("bkri,bkrj->bij", A[PLANS], A[PLANS])
+NAMES = ("I", "c", "Ds", "phi 0.5", "phi 3", "prediction_G", "bayes_D", "bayes_A", "compound")
+
+
+@pytest.mark.parametrize("name", [*NAMES, "minimax"])
+def test_the_best_plan_of_all_is_found_and_bounded(name):
+    """Of all plans of four experiments on seven candidates none is better than the one found."""
+    c = make(name, P)
+    best = float(c.cost(INFORMATION).min())
+    found = edtk.plan(PROBLEM, SIZE, c, seed=0, starts=10)
+    assert found.cost == pytest.approx(best, rel=1e-9)
+    assert found.lower_bound.cost <= best * (1 + 1e-9)
+    assert found.efficiency > 0.6
+    assert found.criterion is c
+
+
+def test_a_prior_is_shared_by_all_experiments():
+    """The bound of a Bayesian criterion is that of weights whose prior is the share of each."""
+    c = criteria.create("bayes_D", precision=np.diag([1.0, 4.0, 9.0]))
+    found = edtk.plan(PROBLEM, 6, c, seed=0, starts=4)
+    relaxed = edtk.relax(PROBLEM, c, size=6)
+    assert found.lower_bound.cost == pytest.approx(relaxed.proved_bound.cost / 6, rel=1e-5)
