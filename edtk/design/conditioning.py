@@ -32,6 +32,7 @@ class Conditioning:
         V: Their right singular vectors (p, p), as columns.
         least: A singular value up to this one is lost in rounding.
         clear: One above this is no part of a decline into rounding.
+        of_squares: Whether they are roots of eigenvalues of the information.
     """
 
     scale: Array
@@ -39,6 +40,7 @@ class Conditioning:
     V: Array
     least: float
     clear: float
+    of_squares: bool = False
 
     @classmethod
     def of_information(cls, mean: Array) -> "Conditioning":
@@ -46,7 +48,7 @@ class Conditioning:
         scale = _root_of(np.diag(mean))
         r, V = np.linalg.eigh(mean / np.outer(scale, scale))
         least = np.sqrt(len(mean) * ROUNDING * max(float(r[-1]), 1.0))
-        return cls(scale, np.sqrt(np.maximum(r, 0.0)), V, float(least), CLEAR_OF_SQUARES)
+        return cls(scale, np.sqrt(np.maximum(r, 0.0)), V, float(least), CLEAR_OF_SQUARES, True)
 
     @classmethod
     def of_rows(cls, parts: Iterable[Array], mean: Array) -> "Conditioning":
@@ -77,7 +79,10 @@ class Conditioning:
     def fades(self) -> bool:
         """Whether the singular values decline into rounding, instead of ending at zero."""
         kept = self.s[~self.is_open]
-        return bool(self.is_open.any() and len(kept) and kept[0] < self.clear * self.s[-1])
+        exact = len(self.s) * ROUNDING * self.s[-1]
+        are_zero = self.s[self.is_open] <= max(exact, self.least if self.of_squares else 0.0)
+        declines = len(kept) and kept[0] < self.clear * self.s[-1]
+        return bool(self.is_open.any() and (declines or not are_zero.all()))
 
     @property
     def whitener(self) -> Array:

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,6 +15,8 @@ from edtk.system.typing import Array, Indices
 # costs little beside the product itself.
 AT_ONCE = 2**17
 EPS = float(np.finfo(float).eps)
+# Products in a change of parameters that may be summed in long doubles, which takes a second.
+AT_LENGTH = 2e8
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,17 +110,36 @@ class Rows:
         return Rows(self.A * np.sqrt(factor)[:, None, None])
 
     def times(self, T: Array) -> "Rows":
-        """The rows ``A_i T`` of parameters k' where ``k = T k'``."""
-        return Rows((self.flat @ T).reshape(self.A.shape))
+        """The rows ``A_i T`` of parameters k' where ``k = T k'``.
+
+        Where T whitens nearly dependent rows, their terms cancel. So they are summed in the longest
+        numbers that the machine has, unless there are too many.
+        """
+        long = self._long
+        wide = T.astype(long)
+        step = max(AT_ONCE // self.p, 1)
+        flat = self.flat
+        found = np.empty(flat.shape)
+        for start in range(0, len(flat), step):
+            found[start : start + step] = flat[start : start + step].astype(long, copy=False) @ wide
+        return Rows(found.reshape(self.A.shape))
 
     def rounding_of_times(self, T: Array) -> Array:
-        """Bounds (n,) on the rounding ``|E_i|`` of ``A_i T``: ``p eps | |A_i| |T| |`` (Frobenius).
+        """Bounds (n,) on the rounding ``|E_i|`` of `times`: ``p eps | |A_i| |T| |`` (Frobenius).
 
-        It is Higham's bound of a product (Accuracy and Stability of Numerical Algorithms, 3.5).
+        It is Higham's bound of a product (Accuracy and Stability of Numerical Algorithms, 3.5) with
+        eps of the numbers in which it is summed; it is rounded to doubles once more.
         """
         size = np.abs(T)
         squares = self._sums(lambda A: np.square(np.abs(A) @ size).sum(axis=1))
-        return self.p * EPS * np.sqrt(squares)
+        rounded = self._sums(lambda A: np.square(A @ T).sum(axis=1))
+        eps = float(np.finfo(self._long).eps)
+        return self.p * eps * np.sqrt(squares) + EPS * np.sqrt(rounded)
+
+    @property
+    def _long(self) -> type[np.floating[Any]]:
+        """The numbers in which `times` sums."""
+        return np.longdouble if self.A.size * self.p <= AT_LENGTH else np.float64
 
     @property
     def flat(self) -> Array:

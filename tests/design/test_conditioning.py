@@ -48,6 +48,16 @@ def test_columns_that_differ_by_noise():
     assert 1e5 < problem.conditioning.number < 1e7
 
 
+def test_noise_below_what_can_be_told_is_no_open_direction():
+    """Columns that differ by 1e-12 are told apart by candidates, but not to working precision."""
+    rng = np.random.default_rng(0)
+    A = rng.normal(size=(500, 3))
+    for noise, words in ((1e-12, "to working precision"), (0.0, "no candidate excites k2 - k3")):
+        A[:, 2] = A[:, 1] + noise * rng.normal(size=500)
+        with pytest.raises(RankDeficientError, match=words):
+            Problem(A[:, None, :]).require_identifiable()
+
+
 @pytest.mark.parametrize(("low", "high", "degree"), [(10, 11, 10), (2000, 2030, 7), (300, 310, 9)])
 def test_beyond_doubles(low, high, degree):
     """A model that doubles cannot hold is named so, with its condition number and a remedy."""

@@ -19,6 +19,7 @@ CASES = {
 }
 every_case = pytest.mark.parametrize("case", CASES)
 GAP = 1e-6
+EPS = np.finfo(float).eps
 
 
 @cache
@@ -110,7 +111,8 @@ def test_criteria_in_units_are_those_of_the_monomials(case, name):
     """Cost, bound and weights are those of the criterion of the monomials' own coefficients.
 
     With orthogonal polynomials B and ``A = B R`` their coefficients are ``k = R^-1 c``. The cost of
-    other weights is not below the bound.
+    other weights is not below the bound. The monomials themselves are rounded, which changes costs
+    by the condition number times as much.
     """
     r = solved(case, name)
     assert r.gap <= GAP
@@ -118,7 +120,8 @@ def test_criteria_in_units_are_those_of_the_monomials(case, name):
     R = np.linalg.lstsq(B, monomials(case), rcond=None)[0]
     same = criteria.create(name).transformed(np.linalg.inv(R))
     good = Problem(B[:, None, :])
-    slack = 2 * r.accuracy + 1e-9
+    number = Problem(monomials(case)[:, None, :]).conditioning.number
+    slack = 2 * r.accuracy + 8 * EPS * number
     assert same.cost(good.information(r.weights)) == pytest.approx(r.cost, rel=slack)
     for weights in np.random.default_rng(0).dirichlet(np.full(101, 0.2), size=20):
         assert same.cost(good.information(weights)) >= r.proved_bound.cost * (1 - slack)
@@ -151,7 +154,8 @@ def test_columns_that_differ_by_noise(noise, name):
     good = relax(Problem(own[:, None, :]), same)
     assert r.gap <= GAP
     assert r.cost == pytest.approx(good.cost, rel=2 * GAP)
-    assert r.cost >= good.proved_bound.cost * (1 - r.accuracy - 1e-12)
+    rounded = 8 * EPS / noise  # of the third column
+    assert r.cost >= good.proved_bound.cost * (1 - r.accuracy - rounded)
     assert r.accuracy < 1e-5
 
 
