@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from edtk.calibration.geometry.geometric_calibration import (
         GeometricCalibration as GeometricCalibration,
     )
+    from edtk.calibration.geometry.geometry_problem import geometry_problem as geometry_problem
     from edtk.calibration.geometry.prediction import Prediction as Prediction
     from edtk.calibration.plan_bias import PlanBias as PlanBias
     from edtk.calibration.posterior_check import PosteriorCheck as PosteriorCheck
@@ -117,6 +118,7 @@ _HOME = {
     "RegionPlan": "edtk.design.exact.region_plan",
     "apportion": "edtk.design.exact.apportion",
     "exchange": "edtk.design.exact.exchange",
+    "geometry_problem": "edtk.calibration.geometry.geometry_problem",
 }
 __all__ = ["__version__", "criteria", *_HOME]
 

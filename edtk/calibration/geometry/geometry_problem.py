@@ -1,0 +1,151 @@
+"""The design problem of a study of geometry: candidate poses, loaded or not, and what they tell."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+import criteria
+from edtk.calibration.geometry.study_geometry import StudyGeometry
+from edtk.design.problem import Problem
+from edtk.inference.geometry.fit_geometry import stages
+from edtk.inference.geometry.geometric_fit import Loads, resting_torque
+from edtk.inference.geometry.position_noise import PositionNoise
+from edtk.model.geometry.geometric_model import GeometricModel
+from edtk.model.geometry.identifiable import identifiable
+from edtk.study.study import Study
+from edtk.system.errors import ArgumentError
+from edtk.system.presented import Presented
+from edtk.system.typing import Array
+
+MM = 1e3
+POSES = 60  # random poses that show what any poses could tell
+BLOCK = 20_000  # poses whose columns are computed at once
+
+
+@dataclass(frozen=True, eq=False)
+class GeometryProblem(Presented):
+    """Candidates for a plan that tells geometry and springs.
+
+    Attributes:
+        problem: One candidate a pose and load; parameters are in their own units (mm, mrad,
+            1e-6 rad/(N m)), and rows in those of the noise.
+        q: Joint variables (n, joints) of the candidates [rad or m].
+        wrench: Forces and torques (n, 6) of the candidates [N, N m].
+        model: The minimal set of parameters, at the geometry of the drawing.
+        noise: The noise of a reading.
+        loads: What loads the joints; None without springs.
+    """
+
+    problem: Problem
+    q: Array
+    wrench: Array
+    model: GeometricModel
+    noise: PositionNoise
+    loads: Loads | None
+
+    def headline(self) -> str:
+        """Number of candidates and of parameters."""
+        return f"{self.problem.n} candidates, {self.problem.p} parameters of geometry and springs"
+
+    def rows(self, q: ArrayLike, wrench: ArrayLike | None = None) -> Array:
+        """How positions of all markers move with the parameters (m, 3k, p) [mm].
+
+        Args:
+            q: Poses (m, n) [rad or m].
+            wrench: Forces and torques (m, 6) or (6,); none by default.
+        """
+        poses = np.atleast_2d(np.asarray(q, dtype=float))
+        given = np.zeros(6) if wrench is None else np.asarray(wrench, dtype=float)
+        return _columns(self.model, poses, np.broadcast_to(given, (len(poses), 6)), self.loads)[0]
+
+    def rho0(self, q: ArrayLike, wrench: ArrayLike | None = None) -> criteria.Criterion:
+        """The position error to expect in tasks, where geometry and springs are compensated.
+
+        It is the root mean square distance of the markers from where the calibrated model has them,
+        over all tasks and markers, in millimetres: ``rho0^2 = trace(A0 M^-1 A0')`` with the rows A0
+        of the tasks over the square root of the number of positions. No choice among parameters
+        that cannot be told apart changes it.
+
+        Args:
+            q: Poses (t, n) of the tasks [rad or m].
+            wrench: Their forces and torques (t, 6) or (6,); none by default.
+        """
+        rows = self.rows(q, wrench)
+        positions = rows.shape[0] * rows.shape[1] / 3
+        A0 = rows.reshape(-1, rows.shape[-1]) / np.sqrt(positions)
+        # As many rows as parameters say the same as all: only A0'A0 counts.
+        return criteria.create("rho0", np.linalg.qr(A0, mode="r") if len(A0) > A0.shape[1] else A0)
+
+
+def geometry_problem(
+    study: Study,
+    q: ArrayLike,
+    wrench: ArrayLike | None = None,
+    noise: PositionNoise | None = None,
+) -> GeometryProblem:
+    """Make the design problem of a study with [parameters].
+
+    A loaded and an unloaded visit of a pose are different candidates: list the pose twice. The
+    minimal set of parameters is that which any poses could tell under the loads listed. Rows are
+    those at the geometry of the drawing; markers are where the study says (`position_mm`).
+
+    Args:
+        study: The study.
+        q: Poses (n, joints) of the candidates [rad or m].
+        wrench: Forces and torques (n, 6) or (6,) [N, N m]; none by default.
+        noise: Errors of a pose; the stated ones by default. With those of a fit, what the model
+            leaves out counts too.
+
+    Raises:
+        ArgumentError: The study has no [parameters].
+        ValueError: Arrays do not fit the robot.
+    """
+    if study.specification.parameters is None:
+        raise ArgumentError(
+            "expected a study of geometry, with a table [parameters]", argument="study"
+        )
+    setting = StudyGeometry.of(study)
+    poses = np.asarray(q, dtype=float)
+    if poses.ndim != 2 or poses.shape[1] != study.robot.n or not len(poses):
+        raise ValueError(f"poses have the shape {poses.shape}, expected (n, {study.robot.n})")
+    given = np.zeros(6) if wrench is None else np.asarray(wrench, dtype=float)
+    forces = np.broadcast_to(given, (len(poses), 6))
+    loads = setting.loads
+    model = _minimal(setting.model, poses, forces, loads)
+    errors = setting.noise if noise is None else noise
+    blocks = np.empty((len(poses), 3 * len(model.markers), model.p))
+    for first in range(0, len(poses), BLOCK):
+        part = slice(first, first + BLOCK)
+        rows, motion = _columns(model, poses[part], forces[part], loads)
+        V = errors.of_reading(motion) + errors.of_model(motion)
+        blocks[part] = np.linalg.solve(np.linalg.cholesky(V), rows)
+    names = tuple(one.name for one in model.parameters)
+    return GeometryProblem(Problem(blocks, parameters=names), poses, forces, model, errors, loads)
+
+
+def _columns(
+    model: GeometricModel, q: Array, wrench: Array, loads: Loads | None
+) -> tuple[Array, Array]:
+    """Columns (m, 3k, p) of the parameters [mm], and motions (m, 3k, n) by the joints."""
+    torque = resting_torque(np.zeros(model.robot.n), q, wrench, loads)
+    seen = model.see(np.zeros(model.p), q, torque)
+    assert seen.jacobian is not None
+    assert seen.by_joints is not None
+    width = 3 * len(model.markers)
+    rows = MM * (seen.jacobian * model.scales).reshape(len(q), width, -1)
+    return rows, seen.by_joints.reshape(len(q), width, -1)
+
+
+def _minimal(model: GeometricModel, q: Array, wrench: Array, loads: Loads | None) -> GeometricModel:
+    """The model with the parameters that any poses could tell under these loads."""
+    rng = np.random.default_rng(0)
+    lower, upper = np.clip(model.robot.limits, -np.pi, np.pi)
+    drawn = rng.uniform(lower, upper, (POSES, model.robot.n))
+    some = rng.integers(0, len(q), POSES)
+    few = np.unique(some)
+    poses = np.concatenate([drawn, q[few]])
+    forces = np.concatenate([wrench[some], wrench[few]])
+    rows = _columns(model, poses, forces, loads)[0].reshape(-1, model.p)
+    kept = identifiable(rows, model.parameters, stages(model)).kept
+    return model.with_parameters(tuple(model.parameters[i] for i in kept))
