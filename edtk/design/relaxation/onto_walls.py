@@ -12,12 +12,13 @@ ROUNDS = 3  # Newton steps onto curved constraints
 RIDGE = 1e-14  # keeps the steps finite where gradients of constraints are dependent
 
 
-def onto_walls(region: Region, x: Array) -> Array:
+def onto_walls(region: Region, x: Array, near: float = NEAR) -> Array:
     """Move points onto the bounds and constraints that they almost touch, by the shortest way.
 
     Args:
         region: The region.
         x: Points (n, d).
+        near: Distance of what counts as almost, in parts of a range.
 
     Returns:
         Points (n, d), some of which may violate another constraint.
@@ -25,7 +26,7 @@ def onto_walls(region: Region, x: Array) -> Array:
     low, high = region.limits
     span = high - low
     before = (x - low) / span
-    y = np.where(before < NEAR, 0.0, np.where(before > 1 - NEAR, 1.0, before))
+    y = np.where(before < near, 0.0, np.where(before > 1 - near, 1.0, before))
     on_bound = (y == 0) | (y == 1)
     active = None
     for _ in range(ROUNDS):
@@ -35,7 +36,7 @@ def onto_walls(region: Region, x: Array) -> Array:
         G = region.slack_derivative_at(low + span * y) * span
         size = np.linalg.norm(G, axis=-1)
         if active is None:
-            active = np.abs(slack) <= NEAR * size
+            active = np.abs(slack) <= near * size
         # Points on a bound move along it.
         G = np.where(on_bound[:, None], 0.0, G) * active[..., None]
         K = G @ np.swapaxes(G, -1, -2)

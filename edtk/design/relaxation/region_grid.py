@@ -10,6 +10,7 @@ from edtk.design.interior_point.inward import inward
 from edtk.design.problem import Problem
 from edtk.design.region import Region
 from edtk.design.region_points import FEASIBLE
+from edtk.design.relaxation.onto_walls import onto_walls
 from edtk.system.errors import ArgumentError, UserError
 from edtk.system.typing import Array, Indices
 
@@ -17,6 +18,7 @@ POINTS = 5000  # of a grid, at most, unless the caller says otherwise
 MOST_LEVELS = 1001  # of one variable: the maxima of a smooth model are wider than a thousandth
 CORNERS = 10  # variables up to which all corners of the box are points: designs often lie there
 PUSHED = 1000  # infeasible points that are moved onto the constraints, at most
+NEAR = 0.01  # parts of a range up to which such points are moved
 NEIGHBOURS = 30  # among which a point must be the best to begin an ascent
 
 
@@ -53,7 +55,8 @@ class RegionGrid:
         outside = np.flatnonzero(~feasible)
         if len(outside):
             some = outside[np.linspace(0, len(outside) - 1, min(PUSHED, len(outside))).astype(int)]
-            moved = inward(region, x[some])
+            # They come to lie a margin inside, and from there on the walls themselves.
+            moved = onto_walls(region, inward(region, x[some]), NEAR)
             kept.append(moved[region.at(moved).feasible])
         points = np.unique(np.concatenate(kept), axis=0)
         if not len(points):
@@ -79,6 +82,12 @@ class RegionGrid:
         k = min(3**self.region.size, NEIGHBOURS, len(y))
         found = cKDTree(y).query(y, k)[1]
         return np.asarray(found).reshape(len(y), k)
+
+    def best(self, values: Array, most: int) -> Array:
+        """The points (k, d) of the largest values (n,)."""
+        if len(values) <= most:
+            return self.x
+        return self.x[np.argpartition(-values, most)[:most]]
 
     def maxima(self, values: Array, most: int) -> Array:
         """The points (k, d) whose value (n,) no neighbour exceeds, the largest first."""

@@ -12,6 +12,7 @@ from edtk.design.region import Region
 from edtk.design.relaxation.active_set import ActiveSet
 from edtk.design.relaxation.judged_region import JudgedRegion
 from edtk.design.relaxation.largest_sensitivities import LargestSensitivities
+from edtk.design.relaxation.normalised import normalised
 from edtk.design.relaxation.polish import polish
 from edtk.design.relaxation.region_grid import POINTS, RegionGrid
 from edtk.design.relaxation.relax import relax
@@ -24,7 +25,8 @@ FIRST = 600  # points of the first relaxation: it only has to find out where to 
 ROUNDS = 30  # searches at most; four or five are the rule
 ALIKE = 1e-9  # parts of a range up to which two points are one
 LOSS = 1e-12  # relative: a cost that is lower by less is the same but for rounding
-PATIENCE = 6  # rounds that must together shrink the gap to this part
+NEAR = 60  # points of the grid per multiplier
+PATIENCE = 8  # rounds that must together shrink the gap to this part
 SLOW = 0.7
 SHARPER = 0.05  # gap of the next relaxation, in parts of the present one
 
@@ -70,7 +72,9 @@ def relax_region(
         progress("region", away)
         if away <= gap or search.stuck(turn):
             break
-        around = np.concatenate([search.points, active.support.x, search.found])
+        around = np.concatenate(
+            [search.points, active.support.x, search.found, search.near(active)]
+        )
         active = active.over(_apart(judged.region, around), max(0.3 * gap, SHARPER * away))
     return replace(search.result(active, judged), region=region, criterion=criterion)
 
@@ -139,6 +143,18 @@ class _Search:
         if not self.criterion.smooth or self.criterion.most_subproblems > 1:
             return [of_solver]
         return [-self.criterion.gradient(M)[None], of_solver]
+
+    def near(self, active: ActiveSet) -> Array:
+        """Points of the grid that are all but in the design.
+
+        A smooth criterion's multiplier follows from the design. Another one has many, and without
+        these points the next one would overlook what this one has learnt.
+        """
+        if self.criterion.smooth and self.criterion.needs_all:
+            return self.points[:0]
+        problem = normalised(self.grid.problem, self.criterion)
+        each = problem.sensitivities(active.relaxation.multipliers)
+        return np.concatenate([self.grid.best(own, NEAR) for own in each])
 
     def stuck(self, turn: int) -> bool:
         """Whether the last rounds have hardly closed the gap: a solver's accuracy is reached."""
