@@ -25,6 +25,7 @@ FIRST = 600  # points of the first relaxation: it only has to find out where to 
 ROUNDS = 30  # searches at most; four or five are the rule
 ALIKE = 1e-9  # parts of a range up to which two points are one
 LOSS = 1e-12  # relative: a cost that is lower by less is the same but for rounding
+FAST = 0.3  # part to which a round should shrink the gap
 NEAR = 60  # points of the grid per multiplier
 PATIENCE = 8  # rounds that must together shrink the gap to this part
 SLOW = 0.7
@@ -147,10 +148,12 @@ class _Search:
     def near(self, active: ActiveSet) -> Array:
         """Points of the grid that are all but in the design.
 
-        A smooth criterion's multiplier follows from the design. Another one has many, and without
-        these points the next one would overlook what this one has learnt.
+        A smooth criterion's multiplier follows from the design. Another one may have many, and
+        without these points the next one would overlook what this one has learnt. They are taken
+        only where the gap does not fall by itself, as solvers lose digits among points so close.
         """
-        if self.criterion.smooth and self.criterion.needs_all:
+        falls = len(self._gaps) < 2 or self._gaps[-1] < FAST * self._gaps[-2]
+        if falls or (self.criterion.smooth and self.criterion.needs_all):
             return self.points[:0]
         problem = normalised(self.grid.problem, self.criterion)
         each = problem.sensitivities(active.relaxation.multipliers)
