@@ -53,6 +53,8 @@ def relax(
     candidates: int | None = None,
     *,
     size: int | None = None,
+    out: Path | str | None = None,
+    certificate: Path | str | None = None,
     progress: Progress = ...,
 ) -> "RelaxedRegion": ...
 
@@ -110,7 +112,8 @@ def relax(
         asked = "D" if criterion is None else criterion
         return _relax_problem(question, asked, size, out, certificate)
     if isinstance(question, Region):
-        return _relax_region(question, criterion or "D", candidates, size, progress)
+        asked = "D" if criterion is None else criterion
+        return _relax_region(question, asked, candidates, size, progress, out, certificate)
     from edtk.design.relaxation.relax_poses import PlanInterrupted
     from edtk.study.relax_study import relax_study
     from edtk.study.run_options import RunOptions
@@ -201,14 +204,30 @@ def _relax_region(
     candidates: int | None,
     size: int | None,
     progress: Progress,
+    out: Path | str | None,
+    certificate: Path | str | None,
 ) -> "RelaxedRegion":
-    """The relaxation over all points of a region."""
+    """The relaxation over all points of a region, and its files."""
     import criteria
     from edtk.design.relaxation.region_grid import POINTS
     from edtk.design.relaxation.relax_region import relax_region
+    from edtk.system.atomic_file import Content, write_files
+    from edtk.system.json_text import json_text
+    from edtk.tables.csv_text import csv_text
+    from edtk.verbs.require_output import require_different, require_output
 
     if isinstance(criterion, str):
         criterion = criteria.create(criterion)
+    require_different(out=out, certificate=certificate)
+    for path in (out, certificate):
+        require_output(path)
     points = POINTS if candidates is None else candidates
     of_one = criterion.for_size(1 if size is None else size)
-    return relax_region(region, of_one, points, progress=progress)
+    found = relax_region(region, of_one, points, progress=progress)
+    files: dict[Path, Content] = {}
+    if out is not None:
+        files[Path(out)] = csv_text(found.to_frame())
+    if certificate is not None:
+        files[Path(certificate)] = json_text(found.on_grid().to_dict()) + "\n"
+    write_files(files)
+    return found

@@ -1,7 +1,7 @@
 """Exact plans in a region: exchange on a grid, then all points move to an optimum nearby."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from time import monotonic
 
 import numpy as np
@@ -67,7 +67,6 @@ def plan_region(
     since = monotonic()
     beside = region if keep is None else region.with_prior(_share(region, m, keep))
     relaxed = relax_region(beside, criterion.for_size(m), progress=progress)
-    relaxed = replace(relaxed, criterion=criterion)
     judged = relaxed.judged
     search = _Search(judged.region, judged.criterion, np.random.default_rng(seed))
     x = np.concatenate([relaxed.points, RegionGrid.of(region, GRID).x])

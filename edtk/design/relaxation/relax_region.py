@@ -192,7 +192,7 @@ class _Search:
             searched_bound=Bound.of(criterion, best.cost, self.cost, BoundKind.SEARCHED),
             multipliers=best.multipliers,
             largest=best.largest,
-            grid_size=len(self.grid.x),
+            grid=self.grid.x,
             accuracy=judged.accuracy(everything, padded, best.multipliers),
             solver=active.relaxation.solver,
             iterations=active.iterations,

@@ -5,13 +5,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from criteria import Criterion
+from criteria import Criterion, Relaxable
 from edtk.design.bound import Bound, BoundKind, printed_form
 from edtk.design.region import Region
+from edtk.design.relaxation.certify import certify
+from edtk.design.relaxation.inner_proof import InnerProof
 from edtk.design.relaxation.judged_region import JudgedRegion
 from edtk.design.relaxation.largest_sensitivities import LargestSensitivities
 from edtk.design.relaxation.normalised import normalised
-from edtk.design.relaxation.relaxation import VISIBLE
+from edtk.design.relaxation.relaxation import VISIBLE, Relaxation
 from edtk.system.presented import Presented
 from edtk.system.typing import Array
 
@@ -36,7 +38,7 @@ class RelaxedRegion(Presented):
         multipliers: The proof of the bounds (r, p, p) in the judged parameters, see
             `Relaxable.lower_bound`.
         largest: The largest sensitivities that were found in the region, and where.
-        grid_size: Number of points of the grid.
+        grid: Points (n, d) of the grid.
         accuracy: Relative error that rounding may have made in cost and bounds, see
             `relative_accuracy`.
         solver: The solver that found the weights.
@@ -53,7 +55,7 @@ class RelaxedRegion(Presented):
     searched_bound: Bound
     multipliers: Array
     largest: LargestSensitivities
-    grid_size: int
+    grid: Array
     accuracy: float
     solver: str
     iterations: int
@@ -90,6 +92,40 @@ class RelaxedRegion(Presented):
     def information(self) -> Array:
         """Information matrix (p, p) of one experiment's worth of this design."""
         return self.region.problem(self.points).information(self.weights)
+
+    def on_grid(self) -> Relaxation:
+        """The design as a relaxation over its own points and those of the grid, in this order.
+
+        Its bound is proved, and its certificate can be checked: `edtk.verify` takes what
+        ``on_grid().to_dict()`` writes, with ``on_grid().problem`` beside it. Cost and bound are
+        computed anew.
+        """
+        problem = self.region.problem(np.concatenate([self.points, self.grid]))
+        weights = np.concatenate([self.weights, np.zeros(len(self.grid))])
+        T = self.judged.T
+        inner = None if T is None else InnerProof(T, self.multipliers)
+        Z = self.multipliers if inner is None else inner.outward()
+        assert isinstance(self.criterion, Relaxable)
+        cost, bound = certify(problem, self.criterion, weights, Z, inner)
+        kind = BoundKind.PROVED_ON_CANDIDATES
+        return Relaxation(
+            criterion=self.criterion,
+            weights=weights,
+            cost=cost,
+            proved_bound=Bound.of(self.criterion, bound, cost, kind),
+            multipliers=Z,
+            solver=self.solver,
+            iterations=self.iterations,
+            problem=problem,
+            accuracy=self.accuracy,
+            rests_on_solver=self.criterion.rests_on_solver(self.multipliers, self._judged_M),
+            inner=inner,
+        )
+
+    @property
+    def _judged_M(self) -> Array:
+        """Information matrix (p, p) of the judged parameters."""
+        return self.judged.region.problem(self.points).information(self.weights)
 
     def sensitivities(self, x: Array) -> Array:
         """Sensitivities (r, n) of points x (n, d) in parts of the largest one.

@@ -28,7 +28,7 @@ def region_bounds(found: RelaxedRegion) -> list[str]:
     return [
         f"bound {searched.value:.7g} over the region ({searched.kind.value}), relative gap "
         f"{max(searched.gap, 0.0):.1e}",
-        f"bound {proved.value:.7g} over {found.grid_size} points of a grid ({proved.kind.value}), "
+        f"bound {proved.value:.7g} over {len(found.grid)} points of a grid ({proved.kind.value}), "
         f"relative gap {max(proved.gap, 0.0):.1e}",
     ]
 

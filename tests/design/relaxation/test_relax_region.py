@@ -151,6 +151,21 @@ def test_polishing_brings_the_last_digits():
     assert again[2] <= cost
 
 
+@pytest.mark.parametrize("low", [0.0, 400.0], ids=["plain", "ill-conditioned"])
+def test_the_grid_has_a_certificate(low, tmp_path):
+    """What is proved on the grid is a certificate that `edtk.verify` checks; points are a CSV."""
+    region = Region(lambda x: np.vander(x[:, 0], 4, increasing=True), low, low + 10)
+    proof = tmp_path / "proof.json"
+    out = tmp_path / "points.csv"
+    r = edtk.relax(region, "D", candidates=200, out=out, certificate=proof)
+    on_grid = r.on_grid()
+    assert on_grid.cost == pytest.approx(r.cost, rel=1e-9)
+    assert on_grid.proved_bound.cost == pytest.approx(r.grid_bound.cost, rel=1e-8)
+    assert edtk.verify(proof, on_grid.problem).valid
+    assert not edtk.verify(proof, region.problem(r.grid[:204] + 1e-3)).valid
+    assert out.read_text(encoding="utf-8").splitlines()[0] == "x,weight"
+
+
 def test_it_can_be_read_and_drawn():
     """Text, table and notebook name points and both bounds; one or two variables have a picture."""
     line = edtk.relax(Region(decay, 0, 6, variables=("hours",)), "A", candidates=200)
