@@ -13,6 +13,8 @@ from edtk.system.typing import Array, Mask
 EPS = float(np.finfo(float).eps)
 # Condition number up to which squares of rows are good enough: they lose its square in roundings.
 WELL = 1e3
+# The same of information that is given: what it has lost is lost, and copies of it are large.
+WELL_OF_SQUARES = 1e4
 # Rows are known to rounding, and so are singular values beside the largest. From this multiple of
 # ``p eps`` on, a result has three digits at least.
 LOST = 1e3
@@ -73,7 +75,8 @@ class Conditioning:
     def is_well(self) -> bool:
         """Whether squares of the rows have enough digits, apart from directions that are open."""
         kept = self.s[~self.is_open]
-        return bool(not len(kept) or self.s[-1] <= WELL * kept[0])
+        limit = WELL_OF_SQUARES if self.of_squares else WELL
+        return bool(not len(kept) or self.s[-1] <= limit * kept[0])
 
     @property
     def fades(self) -> bool:

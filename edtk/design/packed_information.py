@@ -13,6 +13,8 @@ from edtk.system.typing import Array, Indices
 # Relative size of a pivot below which a candidate's factorization ends: information is a sum of
 # products, and what rounding leaves of a zero pivot stays below this.
 NEGLIGIBLE_PIVOT = 1e-13
+AT_ONCE = 2**14  # matrices that are transformed at once
+EPS = float(np.finfo(float).eps)
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +88,22 @@ class PackedInformation:
 
     def times(self, T: Array) -> "PackedInformation":
         """The information ``T' M_i T`` about parameters k' where ``k = T k'``."""
-        return PackedInformation(pack(T.T @ unpack(self.triangles) @ T))
+        found = np.empty_like(self.triangles)
+        # All blocks at once would take twice the memory of the triangles.
+        for start in range(0, self.n, AT_ONCE):
+            part = slice(start, start + AT_ONCE)
+            M = T.T @ unpack(self.triangles[:, part]) @ T
+            found[:, part] = pack(0.5 * (M + np.swapaxes(M, 1, 2)))
+        return PackedInformation(found)
+
+    def rounding_of_times(self, T: Array) -> Array:
+        """Bounds (n,) on the rounding of `times`: ``2 p eps | |T|' |M_i| |T| |``.
+
+        An entry of M_i is at most ``(M_jj M_kk)^(1/2)``, so that the norm is a square.
+        """
+        rows, columns = triangle(self.p)
+        roots = np.sqrt(np.maximum(self.triangles[rows == columns], 0.0))
+        return 2 * self.p * EPS * np.square(np.abs(T).T @ roots).sum(axis=0)
 
     def plus(self, M: Array) -> "PackedInformation":
         """The same candidates with M (p, p) besides."""

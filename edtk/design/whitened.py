@@ -1,4 +1,4 @@
-"""A problem of rows in parameters that its candidates tell equally well."""
+"""A problem in parameters that its candidates tell equally well."""
 
 from dataclasses import dataclass
 
@@ -21,7 +21,8 @@ class Whitened:
     Attributes:
         problem: The candidates, for k'.
         T: Regular matrix (p, p), from a QR factorization of the rows.
-        rounding: Bounds (n,) on the rounding ``|E_i|`` of the candidates' rows ``A_i T``.
+        rounding: Bounds (n,) on the rounding ``|E_i|`` of the candidates' rows ``A_i T``; where
+            there are no rows, on that of their information ``T' M_i T``.
     """
 
     problem: Problem
@@ -30,16 +31,17 @@ class Whitened:
 
     @classmethod
     def of(cls, problem: Problem) -> "Whitened | None":
-        """Whiten a problem of rows; None where there are no rows, or squares are good enough."""
-        rows = problem.kept
-        if not isinstance(rows, Rows) or problem.conditioning.is_well:
+        """Whiten a problem; None where its squares are good enough as they are."""
+        if problem.conditioning.is_well:
             return None
         T = problem.conditioning.whitener
         white = problem.in_units(T)
-        # Directions that no candidate tells have columns of rounding alone.
-        A = np.where(problem.conditioning.is_open, 0.0, white.factors())
-        kept: Rows | PackedInformation = Rows(A)
-        if 2 * A.shape[1] > white.p:  # squares are fewer numbers
-            kept = PackedInformation(Rows(A).packed())
-        problem = Problem.of_kept(kept, None, white.prior)
-        return cls(problem, T, rows.rounding_of_times(T))
+        rounding = problem.kept.rounding_of_times(T)
+        if isinstance(white.kept, Rows):
+            # Directions that no candidate tells have columns of rounding alone.
+            A = np.where(problem.conditioning.is_open, 0.0, white.kept.A)
+            kept: Rows | PackedInformation = Rows(A)
+            if 2 * A.shape[1] > white.p:  # squares are fewer numbers
+                kept = PackedInformation(Rows(A).packed())
+            white = Problem.of_kept(kept, None, white.prior)
+        return cls(white, T, rounding)

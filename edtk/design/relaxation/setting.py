@@ -9,6 +9,7 @@ from criteria import Relaxable
 from edtk.design.problem import Problem
 from edtk.design.relaxation.inner_proof import InnerProof
 from edtk.design.relaxation.relative_accuracy import relative_accuracy
+from edtk.design.rows import Rows
 from edtk.design.whitened import Whitened
 from edtk.system.typing import Array
 
@@ -25,12 +26,14 @@ class Setting:
         criterion: The criterion as a function of the information about these.
         given: The criterion as it was given.
         whitened: How the problem was transformed; None where it is as it was given.
+        of_squares: Whether information was transformed, for want of rows.
     """
 
     problem: Problem
     criterion: Relaxable
     given: Relaxable
     whitened: Whitened | None
+    of_squares: bool = False
 
     @classmethod
     def of(cls, problem: Problem, criterion: Relaxable) -> "Setting":
@@ -39,7 +42,8 @@ class Setting:
         transformed = None if whitened is None else criterion.transformed(whitened.T)
         if whitened is None or not isinstance(transformed, Relaxable):
             return cls(problem, criterion, criterion, None)
-        return cls(whitened.problem, transformed, criterion, whitened)
+        of_squares = not isinstance(problem.kept, Rows)
+        return cls(whitened.problem, transformed, criterion, whitened, of_squares)
 
     def inward(self, multipliers: Array | None) -> Array | None:
         """Multipliers (r, p, p) of the parameters as given as those of the problem here."""
@@ -52,7 +56,12 @@ class Setting:
         """The result as one of the problem as it was given, with its accuracy."""
         rounding = None if self.whitened is None else self.whitened.rounding
         accuracy = relative_accuracy(
-            self.problem, self.criterion, found.weights, found.multipliers, rounding
+            self.problem,
+            self.criterion,
+            found.weights,
+            found.multipliers,
+            rounding,
+            self.of_squares,
         )
         M = self.problem.information(found.weights)
         believes = self.criterion.rests_on_solver(found.multipliers, M)

@@ -159,6 +159,22 @@ def test_columns_that_differ_by_noise(noise, name):
     assert r.accuracy < 1e-5
 
 
+@pytest.mark.parametrize("name", ["D", "A", "E", "O5"])
+@pytest.mark.parametrize("case", ["years", "degree 14 on [-1, 1]"])
+def test_information_that_has_lost_digits(case, name):
+    """Of squares alone cost and bound are right to the accuracy that is told, and certified."""
+    problem = Problem(monomials(case)[:, None, :])
+    squares = Problem.of_information(problem.packed)
+    r = solved(case, name)
+    found = relax(squares, criteria.create(name))
+    assert found.gap <= GAP
+    assert 1e-8 < found.accuracy < 1e-2
+    assert found.cost == pytest.approx(r.cost, rel=found.accuracy)
+    assert found.proved_bound.cost == pytest.approx(r.proved_bound.cost, rel=found.accuracy)
+    _, bound = found.certify(squares)
+    assert bound == pytest.approx(found.proved_bound.cost, rel=1e-9)
+
+
 def test_interest_beside_nearly_dependent_columns():
     """The slope at the end of a cubic on [300, 310] is as well told as with centred powers."""
     x = np.linspace(300, 310, 101)
