@@ -14,7 +14,7 @@ from tests.fuzz.case import make_case
 from tests.fuzz.findings import Tally, findings_table, record
 from tests.fuzz.run_case import run_case
 from tests.fuzz.sandbox import Sandbox
-from tests.fuzz.worlds import WRITTEN, Files, world
+from tests.fuzz.worlds import WORLDS, Files, world
 
 
 def main() -> int:
@@ -28,7 +28,7 @@ def main() -> int:
     parser.add_argument("--record", type=Path, help="write the table of what was run (Markdown)")
     parser.add_argument("--times", type=int, default=0, help="show so many of the slowest kinds")
     given = parser.parse_args()
-    worlds = {name: world(name) for name in WRITTEN}
+    worlds = {name: world(name) for name in WORLDS}
     if given.case is not None:
         return _show(given.case, worlds)
     tally = Tally()

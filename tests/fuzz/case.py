@@ -11,7 +11,7 @@ from tests.fuzz.mutate_chain import mutate_chain
 from tests.fuzz.mutate_table import mutate_table
 from tests.fuzz.mutate_text import OF_BYTES, OF_TEXT
 from tests.fuzz.mutate_tree import mutate_json, mutate_toml
-from tests.fuzz.worlds import ANY, FIRST, OF_TABLES, WRITTEN, Files
+from tests.fuzz.worlds import ANY, FIRST, GEOMETRY, OF_TABLES, WRITTEN, Files
 
 Mutate = Callable[[bytes, Random], bytes]
 
@@ -80,6 +80,16 @@ KINDS = {
     ),
     "options of robots": Kind((), (lines.ROBOT, lines.NEW, lines.CONTROLLER), None, (ANY,)),
     "options of searches": Kind((), (lines.PLAN, lines.RUN, lines.RELAX, CHAIN), slow=True),
+    "study of geometry": Kind(
+        ("study.toml", "robot.toml"),
+        (*(lines.PREDICT, lines.IDENTIFY) * 3, *CHEAP, lines.RELAX, lines.PLAN, lines.RUN),
+        mutate_toml,
+        (GEOMETRY,),
+    ),
+    "sheet of positions": Kind(("sheet.csv",), (lines.IDENTIFY,), mutate_table, (GEOMETRY,)),
+    "result of geometry": Kind(("result.json",), (lines.PREDICT,), mutate_json, (GEOMETRY,)),
+    "poses to predict": Kind(("tests.csv",), (lines.PREDICT,), mutate_table, (GEOMETRY,)),
+    "options of geometry": Kind((), (lines.PREDICT, lines.IDENTIFY), None, (GEOMETRY,), share=2),
     "paths": Kind((), (*CHEAP * 3, lines.VERIFY, lines.RELAX, lines.BAYES, lines.RUN), share=6),
 }
 

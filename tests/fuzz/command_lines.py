@@ -23,6 +23,7 @@ CRITERIA = "criteria"
 ROBOT = "robot robot.urdf --tip flange"
 NEW = "new --robot robot.urdf --tip flange --out new.toml"
 CONTROLLER = "controller robot.urdf positions.csv --tip flange"
+PREDICT = "predict study.toml result.json tests.csv"
 VERBS = tuple(sorted(main.commands))
 
 # Words that may be added to each command; those that take long are left to the long campaign.
@@ -41,6 +42,7 @@ EXTRAS = {
     "robot": ("--json", "--base base"),
     "new": ("--force",),
     "controller": ("--json",),
+    "predict": ("--json", "--out new.csv"),
 }
 LONG_EXTRAS = {
     "identify": (

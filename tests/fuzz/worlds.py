@@ -12,7 +12,7 @@ import numpy as np
 import edtk
 from edtk.cli import main
 from edtk.study.load_plan import load_plan
-from tests.fuzz import cell_world
+from tests.fuzz import cell_world, geometry_world
 
 Files = dict[str, bytes]
 
@@ -229,6 +229,8 @@ WRITTEN = {
         cell_world.EXCLUDE,
     ),
 }
+GEOMETRY = "geometry"  # absolute positions, without a load
+WORLDS = (*WRITTEN, GEOMETRY)
 FIRST = "arm"
 ANY = "cell"  # any robot and any task: a URDF, markers, a payload, noise
 OF_TABLES = ("arm", "pose", "rail")  # robots are in TOML files there
@@ -240,25 +242,14 @@ def world(name: str) -> Files:
 
     The first world has a finished run in the folder `run`, and a chain.
     """
-    written = dict(zip(NAMES, WRITTEN[name], strict=True))
-    if name == ANY:
-        written["robot.urdf"] = written.pop("robot.toml")
-    texts = {**written, "pub.csv": written["plan.csv"]}
-    texts["earlier.json"] = EARLIER
-    # One experiment that was made, so that there is another one to plan.
-    texts["keep.csv"] = "\n".join(written["plan.csv"].splitlines()[:2]) + "\n"
+    texts = _texts(name)
     here = Path.cwd()
     with tempfile.TemporaryDirectory() as folder:
         os.chdir(folder)
         try:
             for file, text in texts.items():
                 Path(file).write_text(text.lstrip(), encoding="utf-8")
-            _calibrate()
-            _edtk("relax", "study.toml", "--certificate", "certificate.json")
-            if name == FIRST:
-                _search()
-            if name == ANY:
-                _measure_positions()
+            _make(name)
             found = {
                 str(path): path.read_bytes()
                 for path in sorted(Path().rglob("*"))
@@ -267,6 +258,33 @@ def world(name: str) -> Files:
         finally:
             os.chdir(here)
     return found
+
+
+def _texts(name: str) -> dict[str, str]:
+    """The files of a world that are written above."""
+    if name == GEOMETRY:
+        return {"study.toml": geometry_world.STUDY, "robot.toml": ROBOT, "plan.csv": PLAN}
+    written = dict(zip(NAMES, WRITTEN[name], strict=True))
+    if name == ANY:
+        written["robot.urdf"] = written.pop("robot.toml")
+    texts = {**written, "pub.csv": written["plan.csv"]}
+    texts["earlier.json"] = EARLIER
+    # One experiment that was made, so that there is another one to plan.
+    texts["keep.csv"] = "\n".join(written["plan.csv"].splitlines()[:2]) + "\n"
+    return texts
+
+
+def _make(name: str) -> None:
+    """Make the other files of a world."""
+    if name == GEOMETRY:
+        geometry_world.calibrate()
+        return
+    _calibrate()
+    _edtk("relax", "study.toml", "--certificate", "certificate.json")
+    if name == FIRST:
+        _search()
+    if name == ANY:
+        _measure_positions()
 
 
 def _calibrate() -> None:

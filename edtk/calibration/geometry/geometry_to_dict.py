@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from criteria.linalg.is_semidefinite import is_semidefinite
 from edtk.calibration.geometry.counting import Counting
 from edtk.calibration.geometry.study_geometry import StudyGeometry
 from edtk.inference.geometry.fit_variances_of_blocks import BlockVariances
@@ -17,6 +18,9 @@ from edtk.model.robot import Robot
 from edtk.system.typing import Array
 
 MOST = 1000  # parameters or joints in a file
+LARGEST = 1e9  # number in a file, in any of its units: squares of larger ones lose all meaning
+RIGID = 1e-9
+ROUNDING = 1e-8  # of a covariance's entries, beside the standard deviations
 
 
 def geometry_to_dict(fitted: FittedGeometry, counting: Counting) -> dict[str, Any]:
@@ -74,7 +78,7 @@ def geometry_of_dict(
     fitted_model = model.with_parameters(tuple(kept))
     fitted_model = replace(
         fitted_model,
-        start=_numbers(given, "base", (4, 4)),
+        start=_pose(given, "base"),
         offsets=_numbers(given, "offsets_m", (len(model.markers), 3)),
     )
     if list(given.get("markers", ())) != list(model.markers):
@@ -82,7 +86,7 @@ def geometry_of_dict(
     fitted = FittedGeometry(
         fitted_model,
         values * fitted_model.scales,
-        _numbers(given, "covariance", (p, p)),
+        _covariance(given, "covariance", p),
         tuple(opened),
         _numbers(given, "shares", (p, len(opened))),
         _noise(given.get("noise"), n),
@@ -129,17 +133,17 @@ def _noise(given: object, n: int) -> PositionNoise:
     if variances:
         c = len(variances)
         found = BlockVariances(
-            _numbers(given, "variances", (c,)),
-            _numbers(given, "variances_covariance", (c, c)),
+            _not_negative(given, "variances", (c,)),
+            _covariance(given, "variances_covariance", c),
             float("nan"),
         )
     return PositionNoise(
-        float(_numbers(given, "reading_mm", ())),
-        _numbers(given, "joints_mrad", (n,)),
-        float(_numbers(given, "model_white_mm", ())),
-        _numbers(given, "model_joints_mrad", (n,)),
+        float(_not_negative(given, "reading_mm", ())),
+        _not_negative(given, "joints_mrad", (n,)),
+        float(_not_negative(given, "model_white_mm", ())),
+        _not_negative(given, "model_joints_mrad", (n,)),
         found,
-        int(_numbers(given, "repeats", ())),
+        int(_not_negative(given, "repeats", ())),
     )
 
 
@@ -157,4 +161,47 @@ def _numbers(given: Mapping[str, Any], key: str, shape: tuple[int, ...]) -> Arra
     if values.shape != shape or not np.isfinite(values).all():
         size = " by ".join(map(str, shape)) or "one"
         raise ValueError(f"{key}: expected {size} finite numbers")
+    if (np.abs(values) > LARGEST).any():
+        raise ValueError(f"{key}: expected numbers up to {LARGEST:g}")
+    return values
+
+
+def _not_negative(given: Mapping[str, Any], key: str, shape: tuple[int, ...]) -> Array:
+    """Numbers of a shape, none below zero.
+
+    Raises:
+        ValueError: The key has others.
+    """
+    values = _numbers(given, key, shape)
+    if (values < 0).any():
+        raise ValueError(f"{key}: expected numbers that are not negative")
+    return values
+
+
+def _covariance(given: Mapping[str, Any], key: str, order: int) -> Array:
+    """A covariance (order, order).
+
+    Raises:
+        ValueError: The key has other numbers.
+    """
+    values = _numbers(given, key, (order, order))
+    size = np.sqrt(np.abs(np.diag(values)))
+    is_symmetric = (np.abs(values - values.T) <= ROUNDING * np.outer(size, size)).all()
+    if not is_symmetric or not is_semidefinite(values):
+        raise ValueError(f"{key}: expected a covariance, symmetric and positive semidefinite")
+    return values
+
+
+def _pose(given: Mapping[str, Any], key: str) -> Array:
+    """A pose (4, 4).
+
+    Raises:
+        ValueError: The key has other numbers.
+    """
+    values = _numbers(given, key, (4, 4))
+    R = values[:3, :3]
+    bottom = np.array([0.0, 0.0, 0.0, 1.0])
+    is_rotation = np.allclose(R @ R.T, np.eye(3), atol=RIGID) and np.linalg.det(R) > 0
+    if not is_rotation or not np.array_equal(values[3], bottom):
+        raise ValueError(f"{key}: expected a pose, a rotation and a place")
     return values

@@ -111,7 +111,8 @@ class FittedGeometry:
         known = np.einsum("mrp,pq,mrq->mr", J, self.covariance, J)
         own = np.einsum("mrr->mr", self.noise.of_reading(motion) + self.noise.of_model(motion))
         left = self._left(q, torque, J)
-        var = known + own + left
+        # Rounding may leave less than nothing of a variance that is none.
+        var = np.maximum(known + own + left, 0.0)
         half = np.sqrt(var) * student_quantile(self._dof(motion, known, own))
         shape = (m, k, 3)
         return Predicted(
