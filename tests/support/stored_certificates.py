@@ -32,27 +32,36 @@ def semidefinite(rng: np.random.Generator, p: int = P) -> list[list[float]]:
     return (B @ B.T + np.eye(p)).tolist()
 
 
-def specification(rng: np.random.Generator, i: int) -> dict[str, Any]:
-    """The criterion of the i-th problem, as a dictionary; all of them in turn."""
-    target = rounded(rng.normal(size=(2, P))).tolist()
-    vector = rounded(rng.normal(size=P)).tolist()
-    some = rounded(rng.normal(size=(P, 2))).tolist()
+def random_specification(rng: np.random.Generator, i: int, p: int = P) -> dict[str, Any]:
+    """The criterion of the i-th problem of p parameters, as a dictionary; all of them in turn."""
+    target = rounded(rng.normal(size=(2, p))).tolist()
+    vector = rounded(rng.normal(size=p)).tolist()
+    some = rounded(rng.normal(size=(p, 2))).tolist()
     kinds: list[dict[str, Any]] = [{"name": name} for name in PLAIN if "rho" not in name]
     kinds += [{"name": "rho0", "target": target}]
-    kinds += [{"name": "rho_max", "targets": rounded(rng.normal(size=(3, 2, P))).tolist()}]
+    kinds += [{"name": "rho_max", "targets": rounded(rng.normal(size=(3, 2, p))).tolist()}]
     kinds += [{"name": name, "interest": some} for name in ("A", "D", "E", "G", "O5", "Ds")]
-    kinds += [{"name": "c", "c": vector}, {"name": "I", "W": semidefinite(rng)}]
+    kinds += [{"name": "c", "c": vector}, {"name": "I", "W": semidefinite(rng, p)}]
     kinds += [{"name": "phi", "q": q} for q in (0.0, 0.4, 1.0, 3.0)]
     kinds += [{"name": "phi", "q": 2.0, "interest": some}]
-    kinds += [{"name": "prediction_G", "points": rounded(rng.normal(size=(6, P))).tolist()}]
-    kinds += [{"name": name, "precision": semidefinite(rng)} for name in ("bayes_D", "bayes_A")]
-    parts = ["D", {"name": "I", "W": semidefinite(rng)}, {"name": "phi", "q": 3.0}]
+    kinds += [{"name": "prediction_G", "points": rounded(rng.normal(size=(6, p))).tolist()}]
+    kinds += [{"name": name, "precision": semidefinite(rng, p)} for name in ("bayes_D", "bayes_A")]
+    parts = ["D", {"name": "I", "W": semidefinite(rng, p)}, {"name": "phi", "q": 3.0}]
     kinds += [{"name": "compound", "criteria": parts, "best": [1.0, 2.0, 0.5]}]
     kinds += [{"name": "compound", "criteria": ["D", {"name": "c", "c": vector}]}]
     kinds += [{"name": "minimax", "criteria": [*parts, "O5"], "best": [1.0, 2.0, 0.5, 3.0]}]
-    kinds += [{"name": "minimax", "criteria": ["D", "A"], "sizes": [1, 2]}]
-    kinds += [{"name": "compound", "criteria": ["A", {"name": "c", "c": vector}], "sizes": [2, P]}]
     return kinds[i % len(kinds)]
+
+
+def specification(rng: np.random.Generator, i: int) -> dict[str, Any]:
+    """The criterion of the i-th stored problem: those above, and some of several models."""
+    vector = rounded(np.random.default_rng(i).normal(size=P)).tolist()
+    models: list[dict[str, Any]] = [
+        {"name": "minimax", "criteria": ["D", "A"], "sizes": [1, 2]},
+        {"name": "compound", "criteria": ["A", {"name": "c", "c": vector}], "sizes": [2, P]},
+    ]
+    turn = i % 32
+    return random_specification(rng, turn) if turn < 30 else models[turn - 30]
 
 
 def problem(i: int) -> tuple[edtk.Problem, np.ndarray, dict[str, Any]]:
