@@ -36,7 +36,7 @@ def equilibrium_deflection(
         rest = Rest.of(model, q, wrench, k)
         before = model.frames(rest.start)
         after = model.frames(rest.end)
-        rows = [sensor.change(before, after) for sensor in model.instruments]
+        rows = [sensor.change(before, after) for sensor in model.whole_instruments]
         return np.moveaxis(np.concatenate(rows), 0, -1)
     return marker_motion(model, q, equilibrium(model.robot, q, wrench, k).displacement, marker)
 

@@ -10,6 +10,8 @@ from edtk.calibration.compensate import compensate
 from edtk.calibration.planned_measurements import planned_measurements
 from edtk.calibration.template import template
 from edtk.design.plan import Plan
+from edtk.inference.run_chain import Demand
+from edtk.inference.sample_posterior import SamplingOptions
 from edtk.inference.whiten import whiten_columns
 from edtk.model.load_robot import load_robot
 from edtk.model.robot import Robot
@@ -305,6 +307,7 @@ def test_a_coordinate_that_was_not_measured(tmp_path):
     np.testing.assert_allclose(found.fit.k, K, rtol=1e-4)
 
 
+@pytest.mark.slow
 def test_report_of_a_mix(tmp_path):
     """Lengths and rotations have units, panels and columns of their own."""
     study = Study(**(PLAIN | MIX))
@@ -328,6 +331,17 @@ def test_report_of_a_mix(tmp_path):
     assert "deg for each rotation" in page
     assert len(found.plot()) == 3
     assert "largest leverage" in calibration_text(found)
+
+
+@pytest.mark.slow
+def test_posterior_of_a_mix(tmp_path):
+    """Standard deviations of the posterior are those of the fit, as both have the same rows."""
+    study = Study(**(PLAIN | MIX))
+    path = tmp_path / "sheet.csv"
+    filled(MIX, study).to_csv(path, index=False, float_format="%.15g")
+    rng = np.random.default_rng(0)
+    found = calibrate(study, path).sampled(rng, SamplingOptions(Demand(0.1, length=10.0)))
+    np.testing.assert_allclose(found.check.posterior.std, found.fit.std, rtol=0.3)
 
 
 @pytest.mark.parametrize(
