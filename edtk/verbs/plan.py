@@ -17,8 +17,6 @@ from edtk.system.atomic_file import Content, write_files
 from edtk.system.errors import ArgumentError
 from edtk.tables.csv_text import csv_text
 from edtk.verbs.inputs import PlanLike, StudyLike, as_plan, as_study, errors_in
-from edtk.verbs.plan_problem import plan_problem
-from edtk.verbs.plan_region import plan_region
 from edtk.verbs.require_output import require_different, require_output
 from edtk.verbs.workers_for import workers_for
 
@@ -185,6 +183,8 @@ def plan(
     }
     if isinstance(study, Problem):
         _require_none(of_study, "a problem of arrays")
+        from edtk.verbs.plan_problem import plan_problem  # a study need not wait for it
+
         return plan_problem(
             study,
             size,
@@ -200,6 +200,8 @@ def plan(
     if isinstance(study, Region):
         others = {name: value for name, value in of_problem.items() if name != "starts"}
         _require_none({**others, **of_study}, "a region")
+        from edtk.verbs.plan_region import plan_region
+
         return plan_region(study, size, criterion or "D", seed or 0, starts, keep, progress)
     _require_none(of_problem, "a study")
     name = criterion if criterion is None or isinstance(criterion, str) else criterion.name

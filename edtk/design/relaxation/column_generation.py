@@ -277,7 +277,11 @@ class ColumnGeneration:
             found, Z = own_weights(self.criterion, information, start, accuracy)
         except (np.linalg.LinAlgError, ValueError, ArithmeticError) as error:
             raise RelaxationError(f"{NEWTON}: {' '.join(str(error).split())}") from error
-        return regular_weights(self.criterion, information, found, NEWTON), Z
+        weights = regular_weights(self.criterion, information, found, NEWTON)
+        if Z is None and accuracy <= EXACT and (weights == 0).any():
+            # Without its light candidates a design may prove less than the gap that is asked for.
+            Z = np.asarray(-self.criterion.gradient(information.information(found)))
+        return weights, Z
 
     def _prove(self, M: Array, Z: Array | None) -> tuple[Proof, Array]:
         """Find what a solver's multiplier Z (p, p) proves near the design M (p, p).

@@ -21,6 +21,7 @@ from relaxations import (
     units_of,
 )
 
+import criteria
 from edtk.design.problem import Problem
 from edtk.design.relaxation.column_generation import entering_candidates
 from edtk.design.relaxation.relax import relax
@@ -252,3 +253,14 @@ def test_polish_alone(name, case):
     assert r.gap <= GAP
     assert r.solver == "SLSQP"
     assert r.cost == pytest.approx(relax(problem, criterion_of(name)).cost, rel=GAP)
+
+
+def test_light_candidates_leave_their_share_of_the_proof():
+    """Of candidates that are all but alike, those that are dropped are not missed by the bound."""
+    rng = np.random.default_rng(0)
+    centers = np.repeat([-1.0, -0.4, 0.0, 0.4, 1.0], 25)
+    x = centers + 1e-3 * rng.normal(size=len(centers))
+    problem = Problem(np.vander(x, 4, increasing=True)[:, None, :])
+    found = relax(problem, criteria.create("D"), gap=1e-8)
+    assert found.solver == "NEWTON"
+    assert found.gap <= 1e-8
