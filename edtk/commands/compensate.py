@@ -19,6 +19,9 @@ def command(study: Path, k: Path, task: Path | None, as_json: bool, out: Path | 
     K.json holds the compliances, as `edtk identify` writes them. The tool is that of the test pose
     of STUDY (TOML); so is the load where TASK has no wrench columns. Without TASK the poses are the
     study's own: its test poses, each with its own tool and payload, or its path.
+
+    Of a study with [parameters], K.json is its result, and commands correct for geometry and load:
+    markers are brought where the robot of the drawing would have them in the poses of TASK.
     """
     from edtk.verbs.compensate import compensate
 

@@ -3,11 +3,20 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from edtk.calibration.compensate import compensate as compensate_task
 from edtk.calibration.compensation import Compensation
+from edtk.calibration.geometry.compensate_geometry import (
+    GeometricCompensation,
+    compensate_geometry,
+)
+from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
+from edtk.calibration.geometry.read_result import read_result
 from edtk.calibration.load_task import load_task
 from edtk.design.plan import Plan
 from edtk.study.study import Study
+from edtk.system.errors import ArgumentError
 from edtk.tables.compliances import Compliances, load_compliances
 from edtk.verbs.inputs import PlanLike, StudyLike, as_study, name_of
 from edtk.verbs.require_output import require_output
@@ -18,11 +27,11 @@ if TYPE_CHECKING:
 
 def compensate(
     study: StudyLike,
-    compliances: "Compliances | Calibration | Path | str",
+    compliances: "Compliances | Calibration | GeometricCalibration | Path | str",
     task: PlanLike | None = None,
     *,
     out: Path | str | None = None,
-) -> Compensation:
+) -> Compensation | GeometricCompensation:
     """Compute joint angles to command, at which the loaded robot is where the task wants it.
 
     Args:
@@ -34,18 +43,54 @@ def compensate(
         out: File to write commands and errors to (CSV); "-" is standard output.
 
     Returns:
-        Commands, the error without compensation, and the error that remains, with a 95 % band.
+        For a study with [parameters], commands that bring the markers where the robot of the
+        drawing would have them, unloaded. Otherwise commands, the error without compensation, and
+        the error that remains, with a 95 % band.
 
     Raises:
         UserError: A file is not valid, or a pose is out of the joints' limits or buckles.
     """
     question = as_study(study)
+    if question.specification.parameters is not None:
+        return _geometry(question, compliances, task, out)
     read = [given for given in (compliances, task) if isinstance(given, str | Path)]
     require_output(out, *question.reads, *read)
+    if isinstance(compliances, GeometricCalibration):
+        raise question.error("parameters", "expected a study of geometry, as the result is of one")
     poses = task if isinstance(task, Plan) else load_task(question, task)
     known = _compliances(question, compliances)
     where = name_of(question.where if task is None else task, "task")
     found = compensate_task(question, known, poses, where, own=task is None)
+    if out is not None:
+        found.to_csv(out)
+    return found
+
+
+def _geometry(
+    study: Study,
+    result: "Compliances | Calibration | GeometricCalibration | Path | str",
+    task: PlanLike | None,
+    out: Path | str | None,
+) -> GeometricCompensation:
+    """The commands of a study with [parameters].
+
+    Raises:
+        UserError: There are no poses, or a file is not valid.
+    """
+    if task is None:
+        raise ArgumentError(
+            "expected poses (CSV): geometry is compensated in them", argument="task"
+        )
+    if not isinstance(result, GeometricCalibration | str | Path):
+        raise ArgumentError("expected a result of this study", argument="compliances")
+    read = [given for given in (result, task) if isinstance(given, str | Path)]
+    require_output(out, *study.reads, *read)
+    where = name_of(result, "result")
+    content = read_result(result)
+    poses = task
+    if not isinstance(poses, Plan):
+        poses = Plan.from_csv(poses, study.robot, study.fixed, np.zeros(6))
+    found = compensate_geometry(study, content, where, poses, name_of(task, "task"))
     if out is not None:
         found.to_csv(out)
     return found

@@ -6,15 +6,11 @@ from typing import Any
 
 from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
 from edtk.calibration.geometry.prediction import Prediction, predict_positions
+from edtk.calibration.geometry.read_result import read_result
 from edtk.system.atomic_file import write_files
-from edtk.system.errors import UserError
-from edtk.system.parse_json import parse_json
-from edtk.system.read_text import read_text
 from edtk.tables.csv_text import csv_text
 from edtk.verbs.inputs import StudyLike, as_study, name_of
 from edtk.verbs.require_output import require_output
-
-MOST_MB = 100.0  # of a result
 
 
 def predict(
@@ -49,16 +45,7 @@ def predict(
     read = [given for given in (result, poses) if isinstance(given, str | Path)]
     require_output(out, *question.reads, *read)
     where = name_of(result, "result")
-    content: Any = result
-    if isinstance(result, GeometricCalibration):
-        content = result.to_dict()
-    elif isinstance(result, str | Path):
-        content = parse_json(read_text(Path(result), MOST_MB), result)
-    if not isinstance(content, Mapping) or not isinstance(content.get("geometry"), Mapping):
-        raise UserError(
-            "no result of a study with [parameters]; expected what edtk identify --json wrote",
-            where=where,
-        )
+    content = read_result(result)
     found = predict_positions(question, content["geometry"], where, poses, tool_rows)
     if out is not None:
         write_files({Path(out): csv_text(found.to_frame())})

@@ -35,6 +35,7 @@ def geometry_to_dict(fitted: FittedGeometry, counting: Counting) -> dict[str, An
         "markers": list(fitted.model.markers),
         "base": fitted.model.start.tolist(),
         "offsets_m": np.asarray(fitted.model.offsets).tolist(),
+        "placed_m": fitted.placed.tolist(),
         "names": [one.name for one in fitted.model.parameters],
         "values": fitted.values.tolist(),
         "covariance": fitted.covariance.tolist(),
@@ -90,6 +91,7 @@ def geometry_of_dict(
         tuple(opened),
         _numbers(given, "shares", (p, len(opened))),
         _noise(given.get("noise"), n),
+        _numbers(given, "placed_m", (len(model.markers), 3)),
     )
     words = given.get("counting_words", "")
     return fitted, Counting(_numbers(given, "counting", (n, n)), str(words))

@@ -89,7 +89,8 @@ def fit_geometry(
     theta = least_squares_fit(kept, begin[told.kept], means, torque).theta
     theta, noise, weights = _in_turns(kept, theta, data, stated, loads, robust)
     opened = tuple(minimal.parameters[i] for i in told.left)
-    fit = _judged(kept, theta, noise, weights, data, loads, (opened, told.shares))
+    tools = placed_tools(placed, start)
+    fit = _judged(kept, theta, noise, weights, data, loads, (opened, told.shares, tools))
     return replace(
         fit,
         structural=minimal.p,
@@ -97,6 +98,15 @@ def fit_geometry(
         open=told.words,
         placed=root_mean_square(alone),
     )
+
+
+def placed_tools(model: GeometricModel, theta: Array) -> Array:
+    """Markers (k, 3) in the tool frame, with the shifts among parameters theta (p,) [m]."""
+    places = np.array(model.offsets, dtype=float)
+    for one, value in zip(model.parameters, theta, strict=True):
+        if one.place == "tool":
+            places[model.markers.index(one.of), "xyz".index(one.component)] += value
+    return places
 
 
 def stages(model: GeometricModel) -> list[list[int]]:
@@ -242,7 +252,7 @@ def _judged(
     weights: Array,
     data: MarkerPositions,
     loads: Loads | None,
-    opened: tuple[tuple[GeometricParameter, ...], Array],
+    beside: tuple[tuple[GeometricParameter, ...], Array, Array],
 ) -> GeometricFit:
     """The fit with its covariance, and each pose as it is predicted without it.
 
@@ -275,7 +285,15 @@ def _judged(
     shape = (m, len(data.markers), 3)
     blank = np.where(means.seen[..., None], 0.0, np.nan)
     return GeometricFit(
-        fitted=FittedGeometry(model, theta, inverse @ S @ inverse.T, opened[0], opened[1], noise),
+        fitted=FittedGeometry(
+            model=model,
+            theta=theta,
+            covariance=inverse @ S @ inverse.T,
+            open_parameters=beside[0],
+            shares=beside[1],
+            noise=noise,
+            placed=beside[2],
+        ),
         data=data,
         structural=model.p,
         redundant=(),

@@ -58,6 +58,8 @@ class FittedGeometry:
         open_parameters: Parameters that the drawing has besides, and that the poses left open.
         shares: How the open ones hang on the identified ones (p, open), in units.
         noise: The errors of a pose.
+        placed: Markers (k, 3) in the tool frame, where the geometry of the drawing has them [m]:
+            that of the model's start and these is the robot that commands are made for.
     """
 
     model: GeometricModel
@@ -66,6 +68,7 @@ class FittedGeometry:
     open_parameters: tuple[GeometricParameter, ...]
     shares: Array
     noise: PositionNoise
+    placed: Array
 
     @cached_property
     def std(self) -> Array:

@@ -323,3 +323,37 @@ def test_other_verbs_say_that_they_know_compliances_alone(study: Path) -> None:
     code, out, err = run("plan", study, "--size", 4)
     assert (code, out) == (2, "")
     assert "[parameters]" in err
+
+
+def test_commands_bring_the_markers_where_the_drawing_has_them(study: Path, tmp_path: Path) -> None:
+    """The erring arm, commanded so, carries its markers where a perfect one would."""
+    q, x = truth(40)
+    found = edtk.identify(study, by_pose(tmp_path / "sheet.csv", q, x))
+    poses = tmp_path / "poses.csv"
+    task = np.random.default_rng(8).uniform(-80, 80, (5, 6))
+    np.savetxt(poses, task, delimiter=",", header=",".join(NAMES), comments="")
+    out = tmp_path / "commands.csv"
+    told = edtk.compensate(study, found, poses, out=out)
+    fitted = found.fit.fitted
+    drawing = replace(fitted.model, parameters=(), offsets=fitted.placed)
+    goal = drawing.see(np.zeros(0), np.deg2rad(task), derivatives=False).points
+    asked = StudyGeometry.of(STUDY).model
+    true = replace(asked, offsets=OFFSETS, start=PLACE)
+    theta = np.random.default_rng(5).normal(0, 0.7, true.p) * true.scales
+
+    def distance(angles: Array) -> Array:
+        there = true.see(theta, angles, derivatives=False).points
+        return 1e3 * np.sqrt(((there - goal) ** 2).sum(axis=-1).mean(axis=-1))
+
+    before = distance(np.deg2rad(task))
+    after = distance(told.command)
+    assert (after < 0.25 * before).all()
+    # Markers that sit a little apart from where the drawing has them cannot all be brought there.
+    floor = 1e3 * told.left
+    assert (after < floor + 5e3 * told.remaining).all()
+    header = out.read_text().splitlines()[0].split(",")
+    assert header[:6] == NAMES
+    assert header[-2:] == ["uncompensated_mm", "remaining_rms_mm"]
+    assert "with this command" in told.summary()
+    with pytest.raises(edtk.UserError, match="expected poses"):
+        edtk.compensate(study, found)

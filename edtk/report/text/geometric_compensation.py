@@ -1,0 +1,22 @@
+"""Text of a compensation of geometry."""
+
+from edtk.calibration.geometry.compensate_geometry import GeometricCompensation
+from edtk.tables.pose_table import pose_factors
+
+MM = 1e3
+MOST_LINES = 60
+
+
+def geometric_compensation(found: GeometricCompensation) -> str:
+    """A line for each command, with the errors before and after."""
+    shown = found.robot.shown(found.command) / pose_factors(found.robot)
+    lines = [f"commands {', '.join(found.robot.joint_names)} [deg, mm], and errors of the markers"]
+    for row, values in enumerate(shown[:MOST_LINES]):
+        joints = " ".join(f"{value:9.4f}" for value in values)
+        before = MM * found.uncompensated[row]
+        after = MM * found.remaining[row]
+        lines.append(f"{row + 1:4d} {joints}   {before:.3g} mm, with this command {after:.3g} mm")
+    more = len(shown) - MOST_LINES
+    if more > 0:
+        lines.append(f"... and {more} more, in --json or --out")
+    return "\n".join(lines)
