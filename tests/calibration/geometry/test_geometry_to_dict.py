@@ -46,6 +46,7 @@ def written() -> dict[str, Any]:
         (),
         np.zeros((model.p, 0)),
         noise,
+        np.zeros((1, 3)),
     )
     return geometry_to_dict(fitted, Counting(np.eye(2), ""))
 
