@@ -9,8 +9,11 @@ from numpy.typing import ArrayLike
 from criteria.linalg.root import root
 from edtk.design.box_limits import box_limits
 from edtk.design.inside_differences import inside_differences
+from edtk.design.nearly_equal import nearly_equal
 from edtk.design.problem import Problem
 from edtk.design.region_points import RegionPoints
+from edtk.design.user_function import UserFunction
+from edtk.design.variable_names import as_names, variable_names
 from edtk.system.errors import ArgumentError
 from edtk.system.presented import Presented
 from edtk.system.typing import Array
@@ -37,7 +40,8 @@ class Region(Presented):
         low: Lower bounds (d,) of the variables; a number for a single variable.
         high: Upper bounds (d,).
         gradient: Derivatives of the rows by the variables: points (n, d) to (n, rows, p, d), or
-            (n, p, d). Without it they are differences, of ten digits: see `inside_differences`.
+            (n, p, d); the variable may also be the first axis after the points. Without it they are
+            differences, of ten digits: see `inside_differences`.
         constraints: Functions c of points (n, d), with values (n,) or (n, c): a point is feasible
             where they are not negative. They must be smooth, and leave some room between them.
         parameters: Names (p,) for messages; they default to k1 .. kp.
@@ -77,24 +81,26 @@ class Region(Presented):
         variables: Sequence[str] | None = None,
     ) -> None:
         self.limits = box_limits(low, high)
-        self.variables = _names(variables, self.size, "variables", "x")
+        self.variables = variable_names(variables, self.size)
         self._T: Array | None = None
-        self._rows = rows
-        self._gradient = gradient
-        self._constraints = (constraints,) if callable(constraints) else tuple(constraints)
+        self._rows = UserFunction(rows, "rows")
+        self._gradient = None if gradient is None else UserFunction(gradient, "gradient")
+        given = (constraints,) if callable(constraints) else tuple(constraints)
+        self._constraints = tuple(UserFunction(each, "constraints") for each in given)
         # A problem of one point checks names, noise and prior.
         one = self._middle()
-        A = self._of_many("rows", self._rows, one, None)
+        A = self._rows(one)
         if A.ndim not in (2, 3) or 0 in A.shape[1:]:
-            raise _shape_error("rows", A, "(n, rows, p) or (n, p) of n points")
+            raise self._rows.wrong_shape(A, "(n, rows, p) or (n, p) of n points")
         self._one_row = A.ndim == 2
         self._sigma: Array = np.ones(1 if self._one_row else int(A.shape[1]))
-        problem = Problem(self.rows_at(one), sigma, _tuple(parameters), prior)
+        problem = Problem(self.rows_at(one), sigma, as_names(parameters), prior)
         self._sigma = np.broadcast_to(np.asarray(sigma, dtype=float), self._sigma.shape)
         self.parameters = problem.parameters
         self.prior = problem.prior
         self.p = problem.p
         self._require_model()
+        self._variable_first = gradient is not None and self._is_variable_first()
 
     def headline(self) -> str:
         """Variables with their bounds, constraints and parameters."""
@@ -148,7 +154,7 @@ class Region(Presented):
     def rows_at(self, x: Array) -> Array:
         """Whitened rows (..., rows, p) at points x (..., d)."""
         flat = self._inside(x)
-        A = self._of_many("rows", self._rows, flat, self._row_shape)
+        A = self._told(self._rows(flat, self._row_shape), flat, "rows")
         A = A.reshape((len(flat), len(self._sigma), -1)) / self._sigma[:, None]
         if self._T is not None:
             A = A @ self._T
@@ -160,10 +166,7 @@ class Region(Presented):
         if self._gradient is None:
             G = inside_differences(self.rows_at, flat, self.limits)
         else:
-            own = (self.p,) if self._one_row else (len(self._sigma), self.p)
-            G = self._of_many("gradient", self._gradient, flat, (*own, self.size))
-            G = G.reshape(len(flat), len(self._sigma), self.p, self.size)
-            G = G / self._sigma[:, None, None]
+            G = self._by_gradient(flat, self._variable_first) / self._sigma[:, None, None]
             if self._T is not None:
                 G = np.einsum("nrpd,pq->nrqd", G, self._T)
         return np.asarray(G.reshape(x.shape[:-1] + G.shape[1:]))
@@ -173,7 +176,8 @@ class Region(Presented):
         flat = self._inside(x)
         own = [np.zeros((len(flat), 0))]
         for constraint in self._constraints:
-            c = self._of_many("constraints", constraint, flat, None)
+            c = constraint(flat)
+            self._require_finite(c, flat, "constraints")
             own.append(c.reshape(len(flat), -1))
         return np.concatenate(own, axis=1).reshape(*x.shape[:-1], -1)
 
@@ -211,91 +215,84 @@ class Region(Presented):
         """
         return np.clip(x.reshape(-1, self.size), *self.limits)
 
-    def _called(self, function: Model, name: str, x: Array) -> Array:
-        """Values of a function of the user, as an array of numbers."""
-        try:
-            values = np.asarray(function(x.copy()), dtype=float)
-        except (TypeError, ValueError, IndexError) as error:
-            message = f"fails for points of shape {x.shape}: {error}"
-            raise ArgumentError(message, argument=name) from error
+    def _by_gradient(self, x: Array, variable_first: bool) -> Array:
+        """Derivatives (n, rows, p, d) as the user's gradient gives them, without the noise."""
+        assert self._gradient is not None
+        own = (self.p,) if self._one_row else (len(self._sigma), self.p)
+        shape = (self.size, *own) if variable_first else (*own, self.size)
+        G = self._told(self._gradient(x, shape), x, "gradient")
+        G = np.moveaxis(G, 1, -1) if variable_first else G
+        return G.reshape(len(x), len(self._sigma), self.p, self.size)
+
+    def _told(self, values: Array, x: Array, name: str) -> Array:
+        """Values (n, ...) at points (n, d), zero at infeasible points where the model has none.
+
+        Searches may look a step beyond a constraint, where a model need not be defined.
+        """
+        lost = np.flatnonzero(~np.isfinite(values).all(axis=tuple(range(1, values.ndim))))
+        if not len(lost):
+            return values
+        feasible = (self.slack_at(x[lost]) >= 0).all(axis=1)
+        self._require_finite(values[lost[feasible]], x[lost[feasible]], name)
+        values = values.copy()
+        values[lost] = 0.0
         return values
 
-    def _of_many(
-        self, name: str, function: Model, x: Array, shape: tuple[int, ...] | None
-    ) -> Array:
-        """Values (m, ...) of a function of the user at points (m, d), checked.
+    def _require_finite(self, values: Array, x: Array, name: str) -> None:
+        """Check values (n, ...) at points (n, d).
 
         Raises:
-            ArgumentError: They have another shape, or one is not finite: its point is named.
+            ArgumentError: One is not finite; its point is named.
         """
-        with np.errstate(all="ignore"):  # what is not finite is named below
-            values = self._called(function, name, x)
-        if values.shape[:1] != (len(x),) or (shape is not None and values.shape[1:] != shape):
-            expected = "one entry a point" if shape is None else f"{(len(x), *shape)}"
-            raise _shape_error(name, values, f"{expected} for {len(x)} points")
-        finite = np.isfinite(values.reshape(len(x), -1)).all(axis=1)
-        if not finite.all():
-            where = self.point_text(x[np.flatnonzero(~finite)[0]])
+        lost = np.flatnonzero(~np.isfinite(values).all(axis=tuple(range(1, values.ndim))))
+        if len(lost):
+            where = self.point_text(x[lost[0]])
             raise ArgumentError(f"a value is not finite at {where}", argument=name)
-        return values
 
     def _require_model(self) -> None:
         """Try the model at a few points, together and one by one.
 
         Raises:
-            ArgumentError: It is not vectorised, or its gradient is not that of its rows.
+            ArgumentError: It is not vectorised.
         """
-        low, high = self.limits
-        x = np.array([low + part * (high - low) for part in TRIED])
+        x = self._trial_points()
         for name, function in (("rows", self.rows_at), ("constraints", self.slack_at)):
             together = function(x)
             single = np.concatenate([function(point[None]) for point in x])
-            if not _near(together, single, ALIKE):
+            if not nearly_equal(together, single, ALIKE):
                 raise ArgumentError(
                     "values of many points differ from those of one point at a time; expected a "
                     "function of each point alone",
                     argument=name,
                 )
-        if self._gradient is None:
-            return
-        by_difference = inside_differences(self.rows_at, x, self.limits) * (high - low)
-        if not _near(self.derivative_at(x) * (high - low), by_difference, GRADIENT_ALIKE):
-            raise ArgumentError(
+
+    def _is_variable_first(self) -> bool:
+        """Whether the gradient has the variable as its first axis after the points, or its last.
+
+        Raises:
+            ArgumentError: It is not the derivative of the rows in either form.
+        """
+        low, high = self.limits
+        x = self._trial_points()
+        expected = inside_differences(self.rows_at, x, self.limits) * (high - low)
+        wrong: ArgumentError | None = None
+        for first in (False, True):
+            try:
+                G = self._by_gradient(x, first) / self._sigma[:, None, None]
+            except ArgumentError as error:
+                wrong = wrong or error
+                continue
+            if nearly_equal(G * (high - low), expected, GRADIENT_ALIKE):
+                return first
+            wrong = ArgumentError(
                 "it is not the derivative of the rows, as differences show; expected shape "
                 "(n, rows, p, d) or (n, p, d), the variable last",
                 argument="gradient",
             )
+        assert wrong is not None
+        raise wrong
 
-
-def _names(given: Sequence[str] | None, n: int, argument: str, letter: str) -> tuple[str, ...]:
-    """Names (n,), by default a letter with numbers.
-
-    Raises:
-        ArgumentError: Their number is not n.
-    """
-    if given is None:
-        return (letter,) if n == 1 else tuple(f"{letter}{i + 1}" for i in range(n))
-    names = _tuple(given) or ()
-    if len(names) != n or len(set(names)) != n:
-        raise ArgumentError(f"{', '.join(names)}; expected {n} different names", argument=argument)
-    return names
-
-
-def _tuple(names: Sequence[str] | None) -> tuple[str, ...] | None:
-    """Names as a tuple; one name may stand alone."""
-    if names is None:
-        return None
-    return (names,) if isinstance(names, str) else tuple(names)
-
-
-def _near(values: Array, others: Array, tolerance: float) -> bool:
-    """Whether arrays are equal up to a part of their largest entry."""
-    size = max(float(np.abs(others).max(initial=0.0)), float(np.abs(values).max(initial=0.0)))
-    return bool(np.abs(values - others).max(initial=0.0) <= tolerance * size)
-
-
-def _shape_error(name: str, values: Array, expected: str) -> ArgumentError:
-    """The error of a function whose values have the wrong shape."""
-    return ArgumentError(
-        f"values have the shape {values.shape}; expected {expected}", argument=name
-    )
+    def _trial_points(self) -> Array:
+        """Points (n, d) at which a model is tried before any work."""
+        low, high = self.limits
+        return np.array([low + part * (high - low) for part in TRIED])

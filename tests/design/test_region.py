@@ -56,6 +56,10 @@ def test_a_gradient_is_used_and_checked():
     np.testing.assert_array_equal(by_hand.derivative_at(x), expected)
     by_difference = Region(waves, [-1, 0], [1, 2], sigma=sigma)
     np.testing.assert_allclose(by_difference.derivative_at(x), expected, atol=1e-8)
+    turned = Region(
+        waves, [-1, 0], [1, 2], gradient=lambda x: np.moveaxis(waves_gradient(x), -1, 1)
+    )
+    np.testing.assert_array_equal(turned.derivative_at(x), waves_gradient(x))
     with pytest.raises(ArgumentError, match="gradient: it is not the derivative of the rows"):
         Region(waves, [-1, 0], [1, 2], gradient=lambda x: 2 * waves_gradient(x))
 
@@ -139,6 +143,17 @@ def test_a_model_that_fails_somewhere_names_the_point():
     region = Region(lambda x: line(x) / (x - 0.25), 0, 1)
     with pytest.raises(UserError, match=r"rows: a value is not finite at x = 0\.25"):
         region.problem([[0.1], [0.25]])
+
+
+def test_a_model_may_be_undefined_outside_its_constraints():
+    """Searches look a step beyond a constraint: a root that ends there does no harm."""
+
+    def dome(x):
+        return np.column_stack([np.ones(len(x)), np.sqrt(1.0001 - (x**2).sum(axis=1))])
+
+    region = Region(dome, [-1, -1], [1, 1], constraints=lambda x: 1 - (x**2).sum(axis=1))
+    assert edtk.relax(region, "D", candidates=400).gap < 1e-6
+    assert (region.at(np.array([[1.0, 1.0]])).regressor == 0).all()
 
 
 def test_without_a_feasible_point():

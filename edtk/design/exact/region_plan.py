@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from criteria import Criterion
 from edtk.design.bound import Bound, printed_form
 from edtk.design.region import Region
@@ -60,6 +62,11 @@ class RegionPlan(Presented):
     def size(self) -> int:
         """Number of experiments, kept ones included."""
         return int(self.counts.sum()) + self.kept
+
+    @property
+    def experiments(self) -> Array:
+        """Points (m, d) of all new experiments, each as often as it is measured."""
+        return np.repeat(self.points, self.counts, axis=0)
 
     @property
     def value(self) -> float:
