@@ -139,6 +139,10 @@ class SeveralCriteria(Relaxable):
         ]
         return np.stack(found, axis=-3)
 
+    def rests_on_solver(self, Z: Array, M: Array) -> bool:
+        """Whether the bound of a part does."""
+        return any(part.rests_on_solver(Z, M) for part in self.parts)
+
     def lower_bound(self, Z: Array, t: Array, M: Array) -> float:
         """The best of ``polar(Z_j) / t_j``.
 

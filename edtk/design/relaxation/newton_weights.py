@@ -14,6 +14,7 @@ from edtk.design.relaxation.step_length import step_length
 from edtk.design.relaxation.weight_equations import Solve, weight_equations
 from edtk.system.typing import Array
 
+EPS = float(np.finfo(float).eps)
 STEPS = 60
 # Part of the way to the boundary that a step may take; it grows towards one with the accuracy.
 TOWARDS_BOUNDARY = 0.9
@@ -162,8 +163,10 @@ class _Point:
         along = self._search(dw, float(gradient @ dw), mu, step_length(w, dw, most))
         if along == 0.0:
             return None
-        slacks = v + step_length(v, dv, most) * dv
-        return self.at(self.criterion, self.active, w + along * dw, slacks)
+        # A step almost to a bound may be rounded onto it.
+        slacks = np.maximum(v + step_length(v, dv, most) * dv, EPS * v)
+        weights = np.maximum(w + along * dw, EPS * w)
+        return self.at(self.criterion, self.active, weights, slacks)
 
     def _search(self, dw: Array, slope: float, mu: float, along: float) -> float:
         """The length of a step that does not raise the objective beyond what the path allows."""
