@@ -106,10 +106,8 @@ def test_wrong_file_is_one_line_that_says_where(tmp_path, case):
 
 def test_unknown_robot_lists_what_there_is():
     """The message for an unknown name lists the built-in robots and mentions files."""
-    assert (
-        refusal("r2d2")
-        == "unknown robot 'r2d2'; built in: kuka_kr270; or give a path to a .toml or .urdf file"
-    )
+    paths = "or give a path to a .toml, .urdf or .xacro file"
+    assert refusal("r2d2") == f"unknown robot 'r2d2'; built in: kuka_kr270; {paths}"
 
 
 def test_absent_file_is_named(tmp_path):
