@@ -60,6 +60,11 @@ class BayesianCriterion(Relaxable):
         return {"precision": self.precision.tolist()}
 
     @property
+    def order(self) -> int:
+        """That of the precision."""
+        return len(self._R)
+
+    @property
     def without_prior(self) -> Criterion:
         """The criterion phi of M + R."""
         return self.base

@@ -53,6 +53,11 @@ class CompensationAccuracy(ConvexCriterion):
         """The target."""
         return {"target": self.target.tolist()}
 
+    @property
+    def order(self) -> int:
+        """Number of columns of the target."""
+        return int(self.target.shape[1])
+
     def in_units(self, T: Array) -> Self:
         """The target becomes ``A0 T``."""
         return type(self)(self.target @ T)

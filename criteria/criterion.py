@@ -6,6 +6,7 @@ from typing import Any, Literal, Self, final
 import numpy as np
 from numpy.typing import ArrayLike
 
+from criteria.criterion_error import CriterionError
 from criteria.curvature import Curvature
 from criteria.linalg.estimable import range_whitener
 from criteria.linalg.inverse import guarded_inverse
@@ -184,6 +185,23 @@ class Criterion(ABC):
         """
         return None
 
+    @property
+    def order(self) -> int | None:
+        """Number p of parameters that its target or its combinations have; None for any."""
+        return None
+
+    def require_order(self, p: int) -> None:
+        """Check that the criterion is about so many parameters.
+
+        Raises:
+            CriterionError: It is not.
+        """
+        if self.order not in (None, p):
+            raise CriterionError(
+                f"criterion {self.label!r} is about {self.order} parameters; expected {p}, as the "
+                "information matrix has"
+            )
+
     def inverse(self, M: Array) -> tuple[Array, Array, Mask]:
         """The inverse that costs and gradients take, and which M are good enough for it.
 
@@ -223,6 +241,7 @@ class Criterion(ABC):
             Array (...); inf where M is singular to working precision, nan where it is not finite.
         """
         M = np.asarray(M, dtype=float)
+        self.require_order(M.shape[-1])
         # One test of singularity for all criteria: they agree on which plans are worthless.
         safe, cov, regular = self.inverse(M)
         cost = np.where(regular, self._cost(safe, cov), np.inf)
@@ -264,6 +283,7 @@ class Criterion(ABC):
     @final
     def cost_and_gradient(self, M: Array) -> tuple[Array, Array]:
         """`cost` (...) and `gradient` (..., p, p) of finite M (..., p, p), with one inversion."""
+        self.require_order(M.shape[-1])
         safe, cov, regular = self.inverse(M)
         G = self.gradient_of_regular(safe, cov)
         cost = np.where(regular, self._cost(safe, cov), np.inf)

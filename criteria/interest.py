@@ -115,7 +115,7 @@ class Interest(Relaxable):
 
     def inverse(self, M: Array) -> tuple[Array, Array, Mask]:
         """A generalised inverse, and the mask of the matrices that tell all combinations."""
-        self._require_size(M.shape[-1])
+        self.require_order(M.shape[-1])
         return estimable_inverse(M, self.K)
 
     def whitener(self, M: Array) -> Array:
@@ -125,7 +125,7 @@ class Interest(Relaxable):
 
     def missing(self, M: Array, parameters: tuple[str, ...]) -> tuple[str, ...]:
         """The combinations that M leaves open, each with the directions that hide it."""
-        self._require_size(M.shape[-1])
+        self.require_order(M.shape[-1])
         is_open = open_columns(M, self.K)
         if not is_open.any():
             return ()
@@ -240,7 +240,12 @@ class Interest(Relaxable):
             return None
         return SpectralBand(0.0, found.b, self.K @ found.floor @ self.K.T, np.eye(p))
 
-    def _require_size(self, p: int) -> None:
+    @property
+    def order(self) -> int:
+        """Number of parameters that are combined."""
+        return len(self.K)
+
+    def require_order(self, p: int) -> None:
         """Check that combinations are of so many parameters.
 
         Raises:

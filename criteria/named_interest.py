@@ -2,6 +2,7 @@
 
 from typing import TYPE_CHECKING
 
+from criteria.criterion import Criterion
 from criteria.interest import Interest
 from criteria.linalg.log_of_inverse import log_of_inverse
 from criteria.linalg.typing import Array
@@ -24,6 +25,10 @@ class NamedInterest(Interest):
 
     def _describe(self, base: Relaxable) -> None:
         """Its class says it all."""
+
+    def require_order(self, p: int) -> None:
+        """As every criterion: what is of interest is its own matter, and not that of `interest`."""
+        Criterion.require_order(self, p)
 
 
 class SumOfVariances(NamedInterest):

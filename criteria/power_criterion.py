@@ -39,6 +39,11 @@ class PowerCriterion(ConvexCriterion):
         self.has_logarithm = self.base.has_logarithm
 
     @property
+    def order(self) -> int | None:
+        """The base's."""
+        return self.base.order
+
+    @property
     def plan_criterion(self) -> Criterion:
         """The base's, since a power puts plans in the same order."""
         return self.base.plan_criterion

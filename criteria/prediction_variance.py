@@ -7,8 +7,8 @@ from numpy.typing import ArrayLike
 
 from criteria.a_optimality import AOptimality
 from criteria.criterion_error import CriterionError
-from criteria.interest import combinations_of
 from criteria.linalg.full_rank_root import full_rank_root
+from criteria.linalg.inverse import ROUNDING
 from criteria.linalg.typing import Array
 from criteria.named_interest import SumOfVariances
 from criteria.registry import register
@@ -30,9 +30,11 @@ class PredictionVariance(SumOfVariances):
         points: Regressors of the places, (k, p) or (k, rows, p).
         weights: Weight of each place (k,), at least zero; by default all are equal. Only their
             ratios count.
+        root: In place of W or points: K (p, s) of full column rank, with ``W = K K'``. It has the
+            digits that the squares in W have lost.
 
     Raises:
-        CriterionError: Neither or both of W and points are given, or they are not such arrays.
+        CriterionError: Not exactly one of W, points and root is given, or it is not such an array.
     """
 
     name = "I"
@@ -44,17 +46,24 @@ class PredictionVariance(SumOfVariances):
         W: ArrayLike | None = None,
         points: ArrayLike | None = None,
         weights: ArrayLike | None = None,
+        root: ArrayLike | None = None,
     ) -> None:
-        if (W is None) == (points is None):
-            raise CriterionError("criterion 'I' needs W or points; expected one of them")
-        if W is not None and weights is not None:
-            raise CriterionError("criterion 'I': weights belong to points, and W is given")
+        given = [key for key, x in (("W", W), ("points", points), ("root", root)) if x is not None]
+        if len(given) != 1:
+            raise CriterionError("criterion 'I' needs W or points or root; expected one of them")
+        if weights is not None and points is None:
+            raise CriterionError(
+                f"criterion 'I': weights belong to points, and {given[0]} is given"
+            )
         try:
-            K = full_rank_root(_moments(points, weights) if W is None else W)
+            if W is not None:
+                K = full_rank_root(W)
+            else:
+                K = _of_points(points, weights) if root is None else _of_root(root)
         except ValueError as error:
-            what = "points" if W is None else "W"
-            raise CriterionError(f"criterion 'I': {what}: {error}") from error
-        self._fill(AOptimality(), combinations_of(K), ())
+            raise CriterionError(f"criterion 'I': {given[0]}: {error}") from error
+        K.flags.writeable = False
+        self._fill(AOptimality(), K, ())
 
     def _describe(self, base: Relaxable) -> None:
         """What W decides."""
@@ -67,12 +76,25 @@ class PredictionVariance(SumOfVariances):
 
     @property
     def arguments(self) -> dict[str, Any]:
-        """W, to rounding."""
-        return {"W": (self.K @ self.K.T).tolist()}
+        """K, to the last digit."""
+        return {"root": self.K.tolist()}
 
 
-def _moments(points: ArrayLike | None, weights: ArrayLike | None) -> Array:
-    """Weighted mean (p, p) of the places' X'X."""
+def _of_root(root: ArrayLike) -> Array:
+    """A copy of a root (p, s)."""
+    K = np.array(root, dtype=float)
+    if K.ndim != 2 or 0 in K.shape or not np.isfinite(K).all() or K.shape[1] > K.shape[0]:
+        raise ValueError("expected a finite matrix (p, s) of full column rank")
+    if np.linalg.matrix_rank(K, 0.0) < K.shape[1]:
+        raise ValueError("expected columns that do not follow from each other")
+    return K
+
+
+def _of_points(points: ArrayLike | None, weights: ArrayLike | None) -> Array:
+    """K (p, s) with ``K K'`` the weighted mean of the places' X'X.
+
+    It is the triangle of a QR decomposition of their rows, so that nothing is squared.
+    """
     X = np.asarray(points, dtype=float)
     X = X[:, None, :] if X.ndim == 2 else X
     if X.ndim != 3 or 0 in X.shape or not np.isfinite(X).all():
@@ -80,4 +102,14 @@ def _moments(points: ArrayLike | None, weights: ArrayLike | None) -> Array:
     w = np.ones(len(X)) if weights is None else np.asarray(weights, dtype=float)
     if w.shape != X.shape[:1] or not (np.isfinite(w) & (w >= 0)).all() or not w.any():
         raise ValueError("expected a weight of each point, at least zero, not all of them zero")
-    return np.einsum("k,kri,krj->ij", w / w.sum(), X, X)
+    rows = (np.sqrt(w / w.sum())[:, None, None] * X).reshape(-1, X.shape[-1])
+    R = np.linalg.qr(rows, mode="r")
+    length = np.linalg.norm(R, axis=0)
+    if not length.any():
+        raise ValueError("expected regressors that are not all zero")
+    unit = np.where(length > 0, length, 1.0)
+    _, s, V = np.linalg.svd(R / unit, full_matrices=False)
+    told = s > len(unit) * ROUNDING * s[0]
+    if told.sum() == len(unit):
+        return np.array(R.T)
+    return np.asarray((s[told, None] * V[told] * unit).T)

@@ -68,12 +68,20 @@ class SeveralCriteria(Relaxable):
         self.title = f"{type(self).title} of {', '.join(part.label for part in self._given)}"
         self.best = _best_costs(self.name, self._given, best)
         self._take(self._given if self.sizes is None else in_models(self._given, self.sizes))
+        for part in self.parts:
+            if part.order is not None and self.order is not None:
+                part.require_order(self.order)
 
     def _take(self, parts: Sequence[Relaxable]) -> None:
         """Set the criteria, each about its part of the parameters."""
         self.parts = tuple(parts)
         self.needs_all = any(part.needs_all for part in parts)
         self.unit_free = all(part.unit_free for part in parts)
+
+    @property
+    def order(self) -> int | None:
+        """That of the parts, if one of them has one."""
+        return next((part.order for part in self.parts if part.order is not None), None)
 
     @property
     def label(self) -> str:

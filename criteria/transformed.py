@@ -65,6 +65,11 @@ class Transformed(Relaxable):
         return self.S
 
     @property
+    def order(self) -> int:
+        """As many as T transforms."""
+        return len(self.T)
+
+    @property
     def arguments(self) -> dict[str, Any]:
         """The base's."""
         return self.base.arguments

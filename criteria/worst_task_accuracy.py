@@ -66,6 +66,11 @@ class WorstTaskAccuracy(KinkedCriterion, ConvexCriterion):
         """The targets."""
         return {"targets": self.targets.tolist()}
 
+    @property
+    def order(self) -> int:
+        """Number of columns of the targets."""
+        return int(self.targets.shape[2])
+
     def smoothed(self, sharpness: float) -> Self:
         """The same criterion with a soft maximum in place of the maximum."""
         return type(self)(self.targets, sharpness)

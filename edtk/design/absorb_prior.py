@@ -21,6 +21,7 @@ def absorb_prior(
     Returns:
         The problem with more prior information, and phi; or both as they were given.
     """
+    criterion.require_order(problem.p)
     if criterion.precision is None:
         return problem, criterion
     prior = criterion.precision / size

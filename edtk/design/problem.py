@@ -286,7 +286,10 @@ class Problem(Presented):
         Raises:
             RankDeficientError: Some directions are open; the message names them. Or the parameters
                 can hardly be told apart; the message has the condition number.
+            CriterionError: The criterion is about another number of parameters.
         """
+        if criterion is not None:
+            criterion.require_order(self.p)
         if self.conditioning.fades:
             how = "" if isinstance(self.kept, Rows) else ", or give rows instead of information"
             raise RankDeficientError(

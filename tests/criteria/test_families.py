@@ -111,7 +111,10 @@ def test_interest_of_a_family():
 @pytest.mark.parametrize(
     ("name", "given", "expected"),
     [
-        ("I", {}, "needs W or points"),
+        ("I", {}, "needs W or points or root"),
+        ("I", {"root": [[1.0, 2.0]]}, "root: expected a finite matrix"),
+        ("I", {"root": np.ones((3, 2))}, "root: expected columns that do not follow"),
+        ("I", {"points": np.zeros((2, 2))}, "points: expected regressors that are not all zero"),
         ("I", {"W": np.eye(2), "points": np.eye(2)}, "expected one of them"),
         ("I", {"W": np.eye(2), "weights": [1, 1]}, "weights belong to points"),
         ("I", {"W": [[1, 2], [2, 1]]}, "W: expected a positive semidefinite matrix"),
@@ -171,3 +174,26 @@ def test_a_plug_in_with_parameters(monkeypatch):
     assert criteria.create("one", i=1).cost(np.diag([1.0, 4.0])) == 0.25
     with pytest.raises(CriterionError, match="'one' needs i; its parameters: i"):
         criteria.create("one")
+
+
+@pytest.mark.parametrize("name", ["I", "c", "Ds", "prediction_G", "bayes_D", "compound", "minimax"])
+def test_another_number_of_parameters_is_one_line(name):
+    """The line says how many the criterion is about, wherever it is used."""
+    given = {"criteria": ["D", make("I", 2)]}
+    c = make(name, 2) if name not in ("compound", "minimax") else criteria.create(name, **given)
+    for ask in (c.cost, c.gradient):
+        with pytest.raises(CriterionError, match="is about 2 parameters; expected 4"):
+            ask(matrix())
+    with pytest.raises(CriterionError, match="is about 2 parameters; expected 3"):
+        criteria.create("minimax", criteria=[make("I", 3), make("I", 2)])
+
+
+def test_points_keep_digits_that_their_squares_lose():
+    """Of polynomials on [10, 11] W is known to a few digits, and its root to all of them."""
+    X = np.vander(np.linspace(10, 11, 30), 5, increasing=True)
+    T = np.linalg.inv(np.linalg.qr(X, mode="r"))  # parameters in which nothing is lost
+    c = criteria.create("I", points=X)
+    assert c.K.shape == (5, 5)
+    assert c.in_units(T).cost(np.eye(5)) == pytest.approx(5 / 30, rel=1e-6)
+    again = criteria.from_dict(c.to_dict())
+    np.testing.assert_array_equal(again.K, c.K)

@@ -265,6 +265,8 @@ def _part(spec: Any, p: int) -> Part:
     """A criterion that is not made of others."""
     name = spec["name"]
     given = {key: value for key, value in spec.items() if key not in ("name", "interest")}
+    if name == "I" and "root" in given:
+        return Part("A", _numbers(given["root"], (p, -1), "root"), {})
     if name == "I":
         W = _numbers(given["W"], (p, p), "W")
         w, V = np.linalg.eigh(0.5 * (W + W.T))
