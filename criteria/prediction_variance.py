@@ -103,7 +103,7 @@ def _of_points(points: ArrayLike | None, weights: ArrayLike | None) -> Array:
     if w.shape != X.shape[:1] or not (np.isfinite(w) & (w >= 0)).all() or not w.any():
         raise ValueError("expected a weight of each point, at least zero, not all of them zero")
     rows = (np.sqrt(w / w.sum())[:, None, None] * X).reshape(-1, X.shape[-1])
-    R = np.linalg.qr(rows, mode="r")
+    R = np.asarray(np.linalg.qr(rows, mode="r"))
     length = np.linalg.norm(R, axis=0)
     if not length.any():
         raise ValueError("expected regressors that are not all zero")
