@@ -1,6 +1,7 @@
 """A problem in parameters that its candidates tell equally well."""
 
 from dataclasses import dataclass
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -31,9 +32,16 @@ class Whitened:
 
     @classmethod
     def of(cls, problem: Problem) -> "Whitened | None":
-        """Whiten a problem; None where its squares are good enough as they are."""
+        """Whiten a problem, once; None where its squares are good enough as they are."""
         if problem.conditioning.is_well:
             return None
+        if problem not in _known:
+            _known[problem] = cls._of(problem)
+        return _known[problem]
+
+    @classmethod
+    def _of(cls, problem: Problem) -> "Whitened":
+        """Whiten a problem."""
         T = problem.conditioning.whitener
         white = problem.in_units(T)
         rounding = problem.kept.rounding_of_times(T)
@@ -45,3 +53,7 @@ class Whitened:
                 kept = PackedInformation(Rows(A).packed())
             white = Problem.of_kept(kept, None, white.prior)
         return cls(white, T, rounding)
+
+
+# Several criteria of one problem share the work; it is forgotten with the problem.
+_known: WeakKeyDictionary[Problem, Whitened] = WeakKeyDictionary()
