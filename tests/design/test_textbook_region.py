@@ -312,7 +312,7 @@ def test_quadratic_on_the_disc():
     assert r.weights[centre].sum() == pytest.approx(1 / 6, abs=np.sqrt(GAP))
 
 
-@pytest.mark.parametrize("q", [3, 4])
+@pytest.mark.parametrize("q", [3, 4, 6])
 def test_quadratic_mixtures(q):
     """Scheffe's quadratic of q components, q - 1 of them free: vertices and midpoints of edges."""
 

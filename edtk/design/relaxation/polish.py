@@ -19,7 +19,7 @@ NOTHING = 1e-7  # weight that is not worth a point
 # that is best singular, and what dropping them may cost: there rounding blurs the cost.
 LIGHT = (1e-3, 1e-4, 1e-5, 1e-6)
 LOSS_OF_LIGHT = 1e-8
-MOST_VARIABLES = 120  # a step takes their third power
+MOST_VARIABLES = 160  # a step takes their third power
 ITERATIONS = 200
 FINEST = 1e-16  # of the logarithm of the cost, at which to end
 WORTHLESS = 1e3  # logarithm of the cost of a singular design, for the line search
@@ -52,10 +52,13 @@ def polish(
     for close in CLOSE:
         start, share = _merged(region, x, weights, close)
         # No smaller distance separates points that a larger one has left apart.
-        if len(start) == before or len(start) * (1 + region.size) > MOST_VARIABLES:
+        if len(start) == before:
             continue
         before = len(start)
-        points, shares = _Descent(region, criterion, len(start)).end(start, share)
+        if len(start) * (1 + region.size) <= MOST_VARIABLES:
+            points, shares = _Descent(region, criterion, len(start)).end(start, share)
+        else:
+            points, shares = onto_walls(region, start), share
         # Points that have moved onto each other are one.
         points, shares = _merged(region, points, shares, SAME)
         found = _cost(region, criterion, points, shares)
