@@ -37,3 +37,13 @@ def test_a_prior_is_shared_by_all_experiments():
     found = edtk.plan(PROBLEM, 6, c, seed=0, starts=4)
     relaxed = edtk.relax(PROBLEM, c, size=6)
     assert found.lower_bound.cost == pytest.approx(relaxed.proved_bound.cost / 6, rel=1e-5)
+
+
+@pytest.mark.parametrize("x", [0.0, 0.3, -0.7])
+def test_the_best_plan_may_be_singular(x):
+    """A parabola is known best at a place by measuring there alone, four times."""
+    grid = np.linspace(-1, 1, 21)
+    rows = edtk.Problem(np.vander(grid, 3, increasing=True)[:, None, :])
+    found = edtk.plan(rows, SIZE, criteria.create("c", c=[1, x, x**2]), seed=0)
+    assert found.value == pytest.approx(1 / SIZE, rel=1e-9)
+    assert found.counts[np.abs(grid - x).argmin()] == SIZE

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from criteria import Criterion
+from criteria.linalg.inverse import guarded_inverse
 from edtk.design.exact.apportion import apportion
 from edtk.design.exact.counts.descend_places import descend_places
 from edtk.design.exact.counts.draw_places import draw_places, kicked
@@ -13,11 +14,12 @@ from edtk.design.exact.counts.limits import Limits
 from edtk.design.exact.counts.prices import Pricing
 from edtk.design.exact.counts.scatter import Scatter
 from edtk.design.exact.counts.swap_between_blocks import swap_between_blocks
-from edtk.system.typing import Array, Indices
+from edtk.system.typing import Array, Indices, Mask
 
 # Part of the candidates' mean information that is added to every plan at first, so that a singular
 # start has prices: far below what a plan of so many places tells, far above rounding.
 RIDGE = 1e-6
+ACCURATE = 1e-8  # least eigenvalue at unit diagonal of a plan whose inverse has half its digits
 TOGETHER = 96  # plans that are kicked in step, where there are fewer starts
 SAME = 1e-9  # relative difference of costs up to which two plans are equally good
 PROVED = 1e-9  # relative distance to the bound at which nothing is left to find
@@ -128,7 +130,7 @@ class CountsSearch:
             trials = trials.reshape(size, together, -1)[each, best]
             places[better] = trials[better]
             costs[better] = reached[each, best][better]
-        regular = np.isfinite(self._costs(places, 0.0))
+        regular = np.isfinite(self._costs(places, 0.0)) & self._has_inverse(places)
         if regular.any():
             places[regular] = self._improved(places[regular], 0.0)
         return self._costs(places, 0.0), places
@@ -155,6 +157,15 @@ class CountsSearch:
             return places
         swapped = swap_between_blocks(self.criterion.plan_criterion, self.scatter, places)
         return descend_places(self.pricing, self.limits, swapped, ridge)
+
+    def _has_inverse(self, places: Indices) -> Mask:
+        """Which plans (b, m) have an inverse from which prices can be taken.
+
+        A criterion of some combinations may be finite, and the best, where there is none.
+        """
+        if self.criterion.needs_all:
+            return np.ones(len(places), dtype=bool)
+        return guarded_inverse(self.scatter.information(places), ACCURATE)[2]
 
     def _costs(self, places: Indices, ridge: float) -> Array:
         """Costs (b,) of plans (b, m)."""
