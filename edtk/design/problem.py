@@ -12,6 +12,7 @@ from edtk.design.conditioning import WELL, Conditioning
 from edtk.design.packed import pack, sensitivity_rows
 from edtk.design.packed_information import PackedInformation
 from edtk.design.rank_deficient_error import RankDeficientError as RankDeficientError
+from edtk.design.require_identifiable import require_identifiable
 from edtk.design.rows import Rows
 from edtk.system.presented import Presented
 from edtk.system.typing import Array, Indices, Mask
@@ -290,29 +291,7 @@ class Problem(Presented):
         """
         if criterion is not None:
             criterion.require_order(self.p)
-        if self.conditioning.fades:
-            how = "" if isinstance(self.kept, Rows) else ", or give rows instead of information"
-            raise RankDeficientError(
-                "the candidates together do not identify all parameters to working precision: "
-                f"their condition number is {self.conditioning.number:.1e}; centre or scale the "
-                f"regressors{how}"
-            )
-        if criterion is not None and not criterion.needs_all:
-            M = self.mean if self.conditioning.is_well else self.conditioning.information()
-            missing = criterion.missing(M, self.parameters)
-            if missing:
-                raise RankDeficientError(
-                    "the candidates together cannot identify what is of interest: no candidate "
-                    f"tells {' or '.join(missing)}",
-                    of_interest=True,
-                )
-            return
-        if self.conditioning.is_open.any():
-            directions = self.conditioning.directions(self.parameters)
-            raise RankDeficientError(
-                "the candidates together cannot identify all parameters: no candidate excites "
-                f"{' or '.join(directions)}"
-            )
+        require_identifiable(self, criterion)
 
     def sensitivities(self, Z: ArrayLike) -> Array:
         """Sensitivities ``<Z, M0 + A_i' A_i / sigma^2>`` of all candidates to multipliers Z.
