@@ -65,7 +65,13 @@ class Rows:
 
     def packed(self) -> Array:
         """Information of all candidates, packed (p(p+1)/2, n)."""
-        return pack(np.swapaxes(self.A, 1, 2) @ self.A)
+        found = np.empty((self.p * (self.p + 1) // 2, self.n))
+        # All matrices at once would take twice the memory of their triangles.
+        step = max(AT_ONCE // self.p**2, 1)
+        for start in range(0, self.n, step):
+            A = self.A[start : start + step]
+            found[:, start : start + step] = pack(np.swapaxes(A, 1, 2) @ A)
+        return found
 
     def weighted(self, weights: Array) -> Array:
         """``sum_i w_i A_i' A_i`` (p, p) of weights (n,)."""

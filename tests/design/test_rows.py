@@ -72,6 +72,14 @@ def test_sensitivities_in_bad_units_and_in_many_chunks():
     np.testing.assert_allclose(kept.sensitivities(root @ root.T), expected, rtol=1e-12, atol=1e-13)
 
 
+def test_triangles_in_chunks(monkeypatch):
+    """Packed information is the same, however many candidates are turned into it at once."""
+    kept = Rows(np.random.default_rng(7).normal(size=(23, 2, 4)))
+    whole = kept.packed()
+    monkeypatch.setattr("edtk.design.rows.AT_ONCE", 5 * 16)
+    np.testing.assert_array_equal(kept.packed(), whole)
+
+
 def test_rank_one_rows_need_the_memory_of_rows_alone():
     """A row of thirty parameters is thirty numbers, and nothing computed from it stays."""
     A = np.random.default_rng(5).normal(size=(50, 1, 30))
