@@ -8,6 +8,7 @@ import numpy as np
 from criteria import Criterion, Relaxable
 from edtk.design.bound import Bound, BoundKind
 from edtk.design.candidates import Candidates
+from edtk.design.problem import RankDeficientError
 from edtk.design.region import Region
 from edtk.design.relaxation.active_set import ActiveSet
 from edtk.design.relaxation.judged_region import JudgedRegion
@@ -61,9 +62,7 @@ def relax_region(
         RelaxationError: No solver found a design.
         UserError: No point is feasible, or the model fails.
     """
-    first = RegionGrid.of(region, min(candidates, FIRST))
-    judged = JudgedRegion.of(region, criterion, first.x)
-    first = RegionGrid(judged.region, first.x)
+    judged, first = _first_grid(region, criterion, candidates)
     relaxation = relax(first.problem, judged.criterion)
     progress("grid", relaxation.gap)
     active = ActiveSet(Candidates(first.x, first.problem), relaxation, relaxation.iterations)
@@ -78,6 +77,20 @@ def relax_region(
         )
         active = active.over(_apart(judged.region, around), max(0.3 * gap, SHARPER * away))
     return replace(search.result(active, judged), region=region, criterion=criterion)
+
+
+def _first_grid(
+    region: Region, criterion: Criterion, candidates: int
+) -> tuple[JudgedRegion, RegionGrid]:
+    """The region as it is judged, and the points of the first relaxation."""
+    x = RegionGrid.of(region, min(candidates, FIRST)).x
+    try:
+        judged = JudgedRegion.of(region, criterion, x)
+    except RankDeficientError:
+        # Narrow places that tell a parameter may lie between the points of the coarse grid.
+        x = RegionGrid.of(region, candidates).x
+        judged = JudgedRegion.of(region, criterion, x)
+    return judged, RegionGrid(judged.region, x)
 
 
 class _Search:

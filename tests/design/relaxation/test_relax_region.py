@@ -122,6 +122,22 @@ def test_a_region_that_cannot_tell_a_parameter():
         edtk.relax(region)
 
 
+def test_a_narrow_place_that_tells_a_parameter():
+    """A bump between the points of the first grid is found by the finer one."""
+
+    def rows(x):
+        t = x[:, 0]
+        bump = np.maximum(1 - ((t - 0.30002) / 2e-4) ** 2, 0.0) ** 2
+        return np.stack([np.ones_like(t), bump], axis=-1)
+
+    region = Region(rows, 0, 1)
+    with pytest.raises(RankDeficientError):
+        edtk.relax(region, "D", candidates=600)
+    r = edtk.relax(region, "D")
+    assert np.abs(r.points[:, 0] - 0.30002).min() < 1e-6
+    assert r.cost == pytest.approx(2, rel=1e-6)
+
+
 def test_walls_are_reached():
     """Points a hair off bounds and a curved constraint come to lie on them; others stay."""
     region = Region(parabola, [0, -1], [1, 1], constraints=disc)
