@@ -14,7 +14,7 @@ from edtk.calibration.input_errors.input_error import InputError
 from edtk.calibration.linear_model_bias import linear_model_bias
 from edtk.calibration.origin import Origin
 from edtk.calibration.stated_noise import stated_noise
-from edtk.calibration.told_part import told_part
+from edtk.calibration.told_part import ToldPart, told_part
 from edtk.design.plan import Plan
 from edtk.inference.correlated_noise import NotPositiveDefiniteError
 from edtk.inference.fit_huber import SigmaTooSmallError
@@ -78,15 +78,8 @@ def calibrate(
     )
     data = _with_noise(study, data, path)
     origin = Origin.of(path, linear, as_is)
-    part = None
     try:
-        try:
-            fitted = _fitted(study, data, plan, robust, known, linear, bayes)
-        except SingularPlanError:
-            if study.interest is None or bayes:
-                raise
-            part = told_part(study, data)
-            fitted = FittedData.of(part.study, data, plan, robust, known, linear)
+        fitted, part = _fitted(study, data, plan, robust, known, linear, bayes)
     except (SingularPlanError, NothingLeftError, SigmaTooSmallError) as error:
         raise UserError(str(error), where=path) from error
     found = Calibration(fitted, (), path, _bias(fitted), origin=origin, part=part)
@@ -130,14 +123,21 @@ def _fitted(
     known: bool,
     linear: bool,
     bayes: bool,
-) -> FittedData:
-    """The fit of the measurements; with a prior where they alone do not tell every compliance."""
+) -> tuple[FittedData, ToldPart | None]:
+    """The fit, of what is told where that is a part of the compliances.
+
+    With a posterior to come, a prior tells the rest. Otherwise, where the study says what is of
+    interest, the rest may stay open.
+    """
     try:
-        return FittedData.of(study, data, plan, robust, known, linear)
+        return FittedData.of(study, data, plan, robust, known, linear), None
     except SingularPlanError as error:
-        if not bayes:
+        if not bayes and study.interest is None:
             raise
         untold = error.parameters
-        return FittedData.with_prior(
-            study, data, study_prior(study), untold, plan, robust, known, linear
-        )
+    if bayes:
+        prior = study_prior(study)
+        options = (plan, robust, known, linear)
+        return FittedData.with_prior(study, data, prior, untold, *options), None
+    part = told_part(study, data)
+    return FittedData.of(part.study, data, plan, robust, known, linear), part

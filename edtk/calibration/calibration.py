@@ -7,32 +7,27 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from edtk.calibration.calibration_budget import calibration_budget, propagation_of
+from edtk.calibration.calibration_budget import propagation_of
 from edtk.calibration.cause_of import cause_of
 from edtk.calibration.causes.cause import Cause
-from edtk.calibration.check_posterior import check_posterior
 from edtk.calibration.diagnostics.diagnostic import Diagnostic, Severity
-from edtk.calibration.diagnostics.diagnostics import diagnostics
-from edtk.calibration.diagnostics.posterior_diagnostics import posterior_diagnostics
-from edtk.calibration.finding import Kind
 from edtk.calibration.fitted_data import FittedData
+from edtk.calibration.interest_estimates import interest_estimates
 from edtk.calibration.origin import Origin
 from edtk.calibration.posterior_check import PosteriorCheck
 from edtk.calibration.residual_table import residual_table
 from edtk.calibration.told_part import ToldPart
+from edtk.calibration.with_posterior import with_posterior
 from edtk.inference.estimate_noise import NoiseEstimate
 from edtk.inference.identification import Identification
 from edtk.inference.lack_of_fit import LackOfFit
-from edtk.inference.least_squares import Estimate
 from edtk.inference.measurements import Measurements
-from edtk.inference.noise import Noise
 from edtk.inference.sample_posterior import SamplingOptions
 from edtk.model.error_budget import ErrorBudget
 from edtk.model.expected_error import ExpectedError, expected_error
 from edtk.model.task_accuracy import TaskAccuracy
 from edtk.study.accuracy_of_tasks import accuracy_of_tasks
 from edtk.study.study import Study
-from edtk.study.study_prior import study_prior
 from edtk.system.presented import Presented
 from edtk.system.typing import Array
 
@@ -89,17 +84,8 @@ class Calibration(Presented):
     @property
     def interest(self) -> dict[str, tuple[float, float]]:
         """Estimate and standard deviation of each combination of interest; empty without any."""
-        if self.asked.interest is None:
-            return {}
-        joints = self.asked.specification.joints.unknown
-        rows = [joints.index(name) for name in self.study.specification.joints.unknown]
-        K = self.asked.interest[rows]
-        std = np.sqrt(np.einsum("ps,pq,qs->s", K, self.fit.covariance, K))
-        # A combination may be negative, and so may its estimate.
-        combined = self.part is not None and self.part.stands_for
-        k = self.fit.unbounded if combined else self.fit.k
-        pairs = zip((k @ K).tolist(), std.tolist(), strict=True)
-        return dict(zip(self.asked.interest_names, pairs, strict=True))
+        combined = self.part is not None and bool(self.part.stands_for)
+        return interest_estimates(self.asked, self.study, self.fit, combined)
 
     @property
     def data(self) -> Measurements:
@@ -305,46 +291,7 @@ class Calibration(Presented):
             ImproperPosteriorError: Too few measurements for the unknowns.
             ChainFileError: The file is no chain, or of another problem.
         """
-        noise = self._posterior_noise()
-        check = check_posterior(
-            self.study,
-            self.fitted.A,
-            self.fitted.measured,
-            self.fitted.noise,
-            Estimate(self.fit.k, self.fit.covariance),
-            rng,
-            noise=noise,
-            options=options,
-        )
-        prior = study_prior(self.study)
-        estimated = prior.is_flat and noise.normal and not self.fit.known and not self.fit.robust
-        fitted = self.fitted
-        budget = self.budget
-        found = self.diagnostics
-        if fitted.untold:
-            names = self.study.model.parameters
-            posterior = Estimate(check.posterior.mean, check.posterior.covariance, names)
-            fitted = fitted.described_by(posterior)
-            budget = calibration_budget(fitted, None)
-            found = diagnostics(fitted, None, budget)
-        added = posterior_diagnostics(fitted, prior, check.posterior)
-        rest = (one for one in found if one.kind is not Kind.PRIOR_CONTRADICTED)
-        return replace(
-            self,
-            fitted=fitted,
-            budget=budget,
-            diagnostics=tuple(sorted([*added, *rest], key=lambda one: -one.severity)),
-            check=replace(check, sigma_estimated=estimated),
-        )
-
-    def _posterior_noise(self) -> Noise:
-        """The noise that a posterior assumes beside this fit."""
-        noise = self.study.specification.prior.noise()
-        if not self.fit.known:
-            noise = replace(noise, sigma_factor=np.inf)
-        if self.fit.robust and noise.normal:
-            noise = replace(noise, nu=None)
-        return noise
+        return with_posterior(self, rng, options)
 
     def _by_joint(self, values: np.ndarray) -> dict[str, float]:
         """Values (p,) by the names of the unknown joints; NaN for one that is not told."""

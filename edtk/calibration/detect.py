@@ -130,11 +130,8 @@ def _detection(
     planned = np.arange(m)
     powers = [power(planned, *pair) for pair in zip(named, changes, strict=True)]
     hardest = int(np.argmin(powers))
-    rows = len(study.model.instruments)  # of one experiment
-    with_one = [
-        power(np.append(planned, first + np.arange(rows)), named[hardest], changes[hardest])
-        for first in range(m, len(both), rows)
-    ]
+    more = np.arange(m, len(both)).reshape(-1, len(study.model.instruments))  # an experiment each
+    with_one = [power(np.append(planned, one), named[hardest], changes[hardest]) for one in more]
     best = int(np.argmax(with_one))
     helps = with_one[best] > powers[hardest]
     return Detection(
@@ -142,7 +139,7 @@ def _detection(
         fault.size,
         fault.unit,
         powers[hardest],
-        both.q[m + best * rows] if helps else None,
+        both.q[more[best, 0]] if helps else None,
         max(with_one[best], powers[hardest]),
         named[hardest].joint,
     )

@@ -201,10 +201,7 @@ class Measurements(Presented):
         return motion
 
     def rigid(self, model: ElastostaticModel) -> Array:
-        """What the rigid robot would show: positions (m, 3), or lengths (m, 1) [m].
-
-        Zero for single rotations.
-        """
+        """What the rigid robot would show: positions (m, 3), or lengths (m, 1), else zero [m]."""
         frames = model.frames(self.q)
         found = np.zeros((len(self), min(self.deflection.shape[1], COORDINATES)))
         for rows, sensor in self.instruments(model):
