@@ -1,4 +1,4 @@
-"""Error budgets of distances, mixes, payloads beside loads and absolute positions."""
+"""Error budgets and causes of distances, mixes, payloads beside loads and absolute positions."""
 
 from dataclasses import replace
 
@@ -7,6 +7,7 @@ import pytest
 from kr270 import REQUIRED, TEST_POSE
 from scipy.spatial.transform import Rotation
 
+from edtk.calibration.fitted_data import FittedData
 from edtk.calibration.plan_budget import plan_budget
 from edtk.calibration.planned_measurements import planned_measurements
 from edtk.design.plan import Plan
@@ -174,3 +175,25 @@ def test_a_long_wire_is_a_coordinate():
     by_wire = plan_budget(Calibrations({"distance": wires}).study, positions.plan)
     for name, value in plan_budget(positions.study, positions.plan).parts.items():
         assert by_wire.parts[name] == pytest.approx(value, rel=0.01), name
+
+
+@pytest.mark.parametrize(
+    ("part", "size", "axis", "cause"),
+    [
+        ("tool", 0.5, 0, "tool_x"),
+        ("tool", 0.5, 1, "tool_y"),
+        ("tool", 0.5, 2, "tool_z"),
+        ("drift", 2.0, 0, "drift"),
+    ],
+)
+def test_absolute_positions_name_what_shifts_them(part, size, axis, cause):
+    """Half a millimetre at the tool point, or a tenth at the base, is named beside the noise."""
+    second = {"name": "second", "position_mm": [0, 120, -40]}
+    calibrations = Calibrations(CASES["nominal"] | {"marker": [SIDE, second]})
+    data = calibrations.data
+    noise = data.sigma * np.random.default_rng(0).standard_normal(data.sigma.shape)
+    read = calibrations.parts[part][0]
+    for share, causes in ((0.0, ()), (1.0, (cause,))):
+        measured = replace(data, deflection=read(share * size * np.eye(3)[axis]) + noise)
+        fitted = FittedData.of(calibrations.study, measured, linear=True)
+        assert tuple(one.cause for one in fitted.causes) == causes
