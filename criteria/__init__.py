@@ -19,6 +19,7 @@ from criteria.criterion_error import (
 from criteria.interest import Interest
 from criteria.power_criterion import PowerCriterion
 from criteria.registry import (
+    as_criterion,
     available,
     create,
     families,
@@ -41,6 +42,7 @@ __all__ = [
     "Relaxable",
     "Sense",
     "UnknownCriterionError",
+    "as_criterion",
     "available",
     "create",
     "families",

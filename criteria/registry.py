@@ -190,6 +190,25 @@ def from_dict(data: Mapping[str, Any]) -> Criterion:
     return create(**data)
 
 
+def as_criterion(given: Criterion | str | Mapping[str, Any]) -> Criterion:
+    """The criterion that somebody names: by itself, by its name, or by a table with its parameters.
+
+        >>> import criteria
+        >>> criteria.as_criterion({"name": "phi", "q": 2}).label
+        'phi (q = 2)'
+
+    Raises:
+        CriterionError: There is no such criterion, or its parameters are wrong.
+    """
+    if isinstance(given, Criterion):
+        return given
+    if isinstance(given, str):
+        return create(given)
+    if isinstance(given, Mapping) and isinstance(given.get("name"), str):
+        return from_dict(given)
+    raise CriterionError(f"expected a criterion, its name or a table with a name, not {given!r}")
+
+
 def parameters_of(name: str) -> tuple[str, ...]:
     """Names of the parameters that `create` takes for a criterion; none but for `families()`.
 

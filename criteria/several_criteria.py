@@ -61,7 +61,10 @@ class SeveralCriteria(Relaxable):
         sizes: Sequence[int] | None,
     ) -> None:
         """Check and keep what the constructors share."""
-        self._given = [_smooth(self.name, _made(each)) for each in criteria]
+        # Imported late: the registry imports all criteria.
+        from criteria.registry import as_criterion
+
+        self._given = [_smooth(self.name, as_criterion(each)) for each in criteria]
         if not self._given:
             raise CriterionError(f"criterion {self.name!r}: expected at least one criterion")
         self.sizes = None if sizes is None else tuple(int(size) for size in sizes)
@@ -248,20 +251,6 @@ def _factor(Z: Array) -> tuple[Array, Array]:
 def _factors(Q: Array, K: Array) -> Array:
     """B (s, r) with ``Q B = K``, where the columns of K lie in the range of Q."""
     return np.asarray(np.linalg.lstsq(Q, K, rcond=None)[0])
-
-
-def _made(given: Criterion | str | Mapping[str, Any]) -> Criterion:
-    """A criterion from whatever names it."""
-    # Imported late: the registry loads this module.
-    from criteria.registry import create, from_dict
-
-    if isinstance(given, Criterion):
-        return given
-    if isinstance(given, str):
-        return create(given)
-    if isinstance(given, Mapping) and isinstance(given.get("name"), str):
-        return from_dict(given)
-    raise CriterionError(f"expected a criterion, its name or a table with a name, not {given!r}")
 
 
 def _smooth(name: str, part: Criterion) -> Relaxable:

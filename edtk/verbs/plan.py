@@ -16,12 +16,12 @@ from edtk.study.study import Study
 from edtk.system.atomic_file import Content, write_files
 from edtk.system.errors import ArgumentError
 from edtk.tables.csv_text import csv_text
+from edtk.verbs.for_criterion import CriterionLike, for_criterion
 from edtk.verbs.inputs import PlanLike, StudyLike, as_plan, as_study, errors_in
 from edtk.verbs.require_output import require_different, require_output
 from edtk.verbs.workers_for import workers_for
 
 if TYPE_CHECKING:
-    from criteria import Criterion
     from edtk.calibration.detect import SizedFault
     from edtk.design.exact.counts.problem_plan import ProblemPlan
     from edtk.design.exact.region_plan import RegionPlan
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 def plan(
     study: StudyLike,
     size: int,
-    criterion: str | None = None,
+    criterion: CriterionLike | None = None,
     seed: int | None = None,
     *,
     distinct: int | None = None,
@@ -51,7 +51,7 @@ def plan(
 def plan(
     study: Problem,
     size: int | None = None,
-    criterion: "Criterion | str | None" = None,
+    criterion: CriterionLike | None = None,
     seed: int | None = None,
     *,
     starts: int | None = None,
@@ -69,7 +69,7 @@ def plan(
 def plan(
     study: Region,
     size: int,
-    criterion: "Criterion | str | None" = None,
+    criterion: CriterionLike | None = None,
     seed: int | None = None,
     *,
     starts: int | None = None,
@@ -81,7 +81,7 @@ def plan(
 def plan(
     study: StudyLike | Problem | Region,
     size: int | None = None,
-    criterion: "Criterion | str | None" = None,
+    criterion: CriterionLike | None = None,
     seed: int | None = None,
     *,
     starts: int | None = None,
@@ -204,8 +204,8 @@ def plan(
 
         return plan_region(study, size, criterion or "D", seed or 0, starts, keep, progress)
     _require_none(of_problem, "a study")
-    name = criterion if criterion is None or isinstance(criterion, str) else criterion.name
-    return _plan_study(study, size, name, seed, keep, progress, **of_study)  # type: ignore[arg-type]
+    asked, name = for_criterion(as_study(study), criterion)
+    return _plan_study(asked, size, name, seed, keep, progress, **of_study)  # type: ignore[arg-type]
 
 
 def _require_none(options: Mapping[str, object], what: str) -> None:

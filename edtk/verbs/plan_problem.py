@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 import criteria
-from criteria import Criterion
 from edtk.design.exact.counts.find_counts import find_counts
 from edtk.design.exact.counts.limits import ROUNDING, Limits
 from edtk.design.exact.counts.problem_plan import ProblemPlan
@@ -14,6 +13,7 @@ from edtk.design.problem import Problem
 from edtk.design.rows import Rows
 from edtk.system.errors import ArgumentError
 from edtk.system.typing import Array, Indices
+from edtk.verbs.for_criterion import CriterionLike
 
 MOST_PLACES = 5000  # experiments of a plan: a search looks at each of them in turn
 
@@ -21,7 +21,7 @@ MOST_PLACES = 5000  # experiments of a plan: a search looks at each of them in t
 def plan_problem(
     problem: Problem,
     size: int | None = None,
-    criterion: Criterion | str = "D",
+    criterion: CriterionLike = "D",
     seed: int = 0,
     *,
     starts: int | None = None,
@@ -41,8 +41,7 @@ def plan_problem(
         ArgumentError: An argument is impossible, or does not fit another one.
         UserError: So few experiments cannot identify the parameters.
     """
-    if isinstance(criterion, str):
-        criterion = criteria.create(criterion)
+    criterion = criteria.as_criterion(criterion)
     if starts is not None and starts < 1:
         raise ArgumentError("expected one or more", argument="starts", given=starts)
     sizes = _block_sizes(blocks, block_variance, keep, problem)

@@ -1,19 +1,19 @@
 """`edtk.plan` of a region: its arguments, checked."""
 
 import criteria
-from criteria import Criterion
 from edtk.design.exact import plan_region as exact
 from edtk.design.exact.region_plan import RegionPlan
 from edtk.design.problem import Problem
 from edtk.design.region import Region
 from edtk.study.run_options import Progress
 from edtk.system.errors import ArgumentError
+from edtk.verbs.for_criterion import CriterionLike
 
 
 def plan_region(
     region: Region,
     size: int,
-    criterion: Criterion | str,
+    criterion: CriterionLike,
     seed: int,
     starts: int | None,
     keep: object,
@@ -27,6 +27,5 @@ def plan_region(
     """
     if keep is not None and not isinstance(keep, Problem):
         raise ArgumentError("expected a Problem of the experiments at hand", argument="keep")
-    if isinstance(criterion, str):
-        criterion = criteria.create(criterion)
+    criterion = criteria.as_criterion(criterion)
     return exact.plan_region(region, size, criterion, seed, starts, keep, progress)

@@ -6,13 +6,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, overload
 
 if TYPE_CHECKING:
-    from criteria import Criterion
     from edtk.design.problem import Problem
     from edtk.design.region import Region
     from edtk.design.relaxation.relaxation import Relaxation
     from edtk.design.relaxation.relaxed_plan import RelaxedPlan
     from edtk.design.relaxation.relaxed_region import RelaxedRegion
     from edtk.study.study import Study
+    from edtk.verbs.for_criterion import CriterionLike
     from edtk.verbs.inputs import StudyLike
 
 Progress = Callable[[str, float], object]
@@ -22,7 +22,7 @@ MEMORY_MB = 1000.0
 @overload
 def relax(
     question: "StudyLike",
-    criterion: str | None = None,
+    criterion: "CriterionLike | None" = None,
     candidates: int | None = None,
     *,
     continuous: bool = False,
@@ -38,7 +38,7 @@ def relax(
 @overload
 def relax(
     question: "Problem",
-    criterion: "Criterion | str | None" = None,
+    criterion: "CriterionLike | None" = None,
     *,
     size: int | None = None,
     out: Path | str | None = None,
@@ -49,7 +49,7 @@ def relax(
 @overload
 def relax(
     question: "Region",
-    criterion: "Criterion | str | None" = None,
+    criterion: "CriterionLike | None" = None,
     candidates: int | None = None,
     *,
     size: int | None = None,
@@ -61,7 +61,7 @@ def relax(
 
 def relax(
     question: "StudyLike | Problem | Region",
-    criterion: "Criterion | str | None" = None,
+    criterion: "CriterionLike | None" = None,
     candidates: int | None = None,
     *,
     continuous: bool = False,
@@ -77,7 +77,7 @@ def relax(
     Args:
         question: A study, the path of a study file, a `Problem` of arrays, or a `Region` of points.
             The options below belong to studies; `size`, `out` and `certificate` to problems too.
-        criterion: Name of a criterion (a `Criterion` object is fine for a problem or a region);
+        criterion: Name of a criterion, a table of its name and parameters, or a `Criterion`;
             defaults to the study's main criterion, and to "D" for a problem or a region.
         candidates: Number of candidate poses; defaults to the study's. Of a region, about the
             number of points of the grid where ascents begin; defaults to 5000.
@@ -117,6 +117,7 @@ def relax(
     from edtk.design.relaxation.relax_poses import PlanInterrupted
     from edtk.study.relax_study import relax_study
     from edtk.study.run_options import RunOptions
+    from edtk.verbs.for_criterion import for_criterion
     from edtk.verbs.inputs import as_study, errors_in
     from edtk.verbs.require_output import require_different, require_output
 
@@ -124,7 +125,7 @@ def relax(
     require_different(out=out, certificate=certificate)
     for path in (out, certificate):
         require_output(path, *study.reads)
-    name = criterion if criterion is None or isinstance(criterion, str) else criterion.name
+    study, name = for_criterion(study, criterion)
     if certificate is not None:
         from edtk.certificate.certificate import require_certifiable
 
@@ -169,7 +170,7 @@ def _write(
 
 def _relax_problem(
     problem: "Problem",
-    criterion: "Criterion | str",
+    criterion: "CriterionLike",
     size: int | None,
     out: Path | str | None,
     certificate: Path | str | None,
@@ -182,8 +183,7 @@ def _relax_problem(
     from edtk.tables.csv_text import csv_text
     from edtk.verbs.require_output import require_different, require_output
 
-    if isinstance(criterion, str):
-        criterion = criteria.create(criterion)
+    criterion = criteria.as_criterion(criterion)
     require_different(out=out, certificate=certificate)
     for path in (out, certificate):
         require_output(path)
@@ -200,7 +200,7 @@ def _relax_problem(
 
 def _relax_region(
     region: "Region",
-    criterion: "Criterion | str",
+    criterion: "CriterionLike",
     candidates: int | None,
     size: int | None,
     progress: Progress,
@@ -216,8 +216,7 @@ def _relax_region(
     from edtk.tables.csv_text import csv_text
     from edtk.verbs.require_output import require_different, require_output
 
-    if isinstance(criterion, str):
-        criterion = criteria.create(criterion)
+    criterion = criteria.as_criterion(criterion)
     require_different(out=out, certificate=certificate)
     for path in (out, certificate):
         require_output(path)

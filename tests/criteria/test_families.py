@@ -197,3 +197,14 @@ def test_points_keep_digits_that_their_squares_lose():
     assert c.in_units(T).cost(np.eye(5)) == pytest.approx(5 / 30, rel=1e-6)
     again = criteria.from_dict(c.to_dict())
     np.testing.assert_array_equal(again.K, c.K)
+
+
+def test_what_may_stand_for_a_criterion():
+    """Itself, its name, or a table with its parameters."""
+    c = criteria.create("D")
+    assert criteria.as_criterion(c) is c
+    assert criteria.as_criterion("A").name == "A"
+    assert criteria.as_criterion({"name": "phi", "q": 2}).label == "phi (q = 2)"
+    for wrong in (3, {"q": 2}, None):
+        with pytest.raises(CriterionError, match="a criterion, its name or a table with a name"):
+            criteria.as_criterion(wrong)

@@ -113,6 +113,18 @@ def test_a_criterion_that_is_named_without_its_parameters(key):
     assert "\n" not in str(caught.value)
 
 
+def test_calls_take_parameters_too():
+    """A table or an object in a call stands for the study's own key."""
+    for asked in ({"name": "phi", "q": 2}, criteria.create("phi", q=2)):
+        found = edtk.relax(BASE, asked)
+        assert found.criterion.label == "phi (q = 2)"
+        assert found.value == pytest.approx(edtk.relax(about(name="phi", q=2)).value)
+    # The object that is asked for counts, whatever the study says.
+    other = edtk.relax(about(name="phi", q=2), criteria.create("phi", q=5))
+    assert other.criterion.label == "phi (q = 5)"
+    assert edtk.plan(BASE, 3, {"name": "phi", "q": 0}, seed=0).efficiency > 0.5
+
+
 def test_no_certificate_of_poses(tmp_path):
     """It is refused in one line, before the search."""
     study = about(name="phi", q=2)

@@ -39,6 +39,13 @@ def test_a_prior_is_shared_by_all_experiments():
     assert found.lower_bound.cost == pytest.approx(relaxed.proved_bound.cost / 6, rel=1e-5)
 
 
+def test_a_call_takes_a_table():
+    """As a study's file has it."""
+    found = edtk.plan(PROBLEM, SIZE, {"name": "phi", "q": 1}, seed=0, starts=4)
+    assert found.cost == pytest.approx(edtk.plan(PROBLEM, SIZE, "A", seed=0, starts=4).cost / P)
+    assert edtk.relax(PROBLEM, {"name": "phi", "q": 1}).gap < 1e-6
+
+
 @pytest.mark.parametrize("x", [0.0, 0.3, -0.7])
 def test_the_best_plan_may_be_singular(x):
     """A parabola is known best at a place by measuring there alone, four times."""
