@@ -11,6 +11,7 @@ from edtk.inference.geometry.geometric_fit import (
     Loads,
     resting_torque,
     root_mean_square,
+    student_quantile,
 )
 from edtk.inference.geometry.least_squares_fit import least_squares_fit
 from edtk.inference.geometry.marker_positions import MarkerPositions
@@ -191,7 +192,7 @@ def _in_turns(
         whitening = np.linalg.inv(np.linalg.cholesky(working(V)))
         whitening = whitening * np.sqrt(weights)[:, None, None]
         theta = least_squares_fit(model, theta, means, torque, whitening).theta
-        now = np.array([noise.model_white, noise.model_joints.max(initial=0.0)])
+        now = np.array([noise.model_white, np.max(noise.model_joints, initial=0.0)])
         if turn and np.abs(now - last).max() <= SETTLED * max(now.max(), noise.reading):
             break
         last = now
@@ -282,18 +283,20 @@ def _judged(
     without = np.einsum("mrs,ms->mr", hidden, z)
     of_without = hidden @ of_residual @ hidden
     spread = np.einsum("mrs,mst,mrt->mr", L, of_without, L, optimize=True)
+    fitted = FittedGeometry(
+        model=model,
+        theta=theta,
+        covariance=inverse @ S @ inverse.T,
+        open_parameters=beside[0],
+        shares=beside[1],
+        noise=noise,
+        placed=beside[2],
+    )
+    half = np.sqrt(np.maximum(spread, 0.0)) * student_quantile(fitted.dof(rows.motion))
     shape = (m, len(data.markers), 3)
     blank = np.where(means.seen[..., None], 0.0, np.nan)
     return GeometricFit(
-        fitted=FittedGeometry(
-            model=model,
-            theta=theta,
-            covariance=inverse @ S @ inverse.T,
-            open_parameters=beside[0],
-            shares=beside[1],
-            noise=noise,
-            placed=beside[2],
-        ),
+        fitted=fitted,
         data=data,
         structural=model.p,
         redundant=(),
@@ -301,8 +304,9 @@ def _judged(
         placed=np.nan,
         residual=rows.residual.reshape(shape) / MM + blank,
         left_out=np.einsum("mrs,ms->mr", L, without).reshape(shape) / MM + blank,
-        left_out_std=np.sqrt(np.maximum(spread, 0.0)).reshape(shape) / MM + blank,
-        surprise=_surprise(without, of_without),
+        left_out_half=half.reshape(shape) / MM + blank,
+        # A pose that a robust loss trusts less surprises all the same.
+        surprise=_surprise(without, of_without) / weights,
         weights=weights,
     )
 

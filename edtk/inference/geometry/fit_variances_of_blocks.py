@@ -62,7 +62,7 @@ def fit_variances_of_blocks(
     size = np.einsum("cbrr->c", K) / residual.size
     v = np.where(free & (size > 0), square / np.where(size > 0, size, 1.0) / max(count, 1), 0.0)
     at = _scores(fixed, K, residual, design, v)
-    for _ in range(ITERATIONS):
+    for _ in range(ITERATIONS if count else 0):
         after, there = _step(at, v, free, lambda w: _scores(fixed, K, residual, design, w))
         settled = (np.abs(after - v) * size).max(initial=0.0) <= SETTLED * square
         v, at = after, there

@@ -116,7 +116,7 @@ class FittedGeometry:
         left = self._left(q, torque, J)
         # Rounding may leave less than nothing of a variance that is none.
         var = np.maximum(known + own + left, 0.0)
-        half = np.sqrt(var) * student_quantile(self._dof(motion, known, own))
+        half = np.sqrt(var) * student_quantile(self.dof(motion))
         shape = (m, k, 3)
         return Predicted(
             points=seen.points,
@@ -137,14 +137,19 @@ class FittedGeometry:
         apart = wide[..., self.model.p :] - J @ self.shares
         return np.asarray(UNKNOWN**2 * (apart**2).sum(axis=-1))
 
-    def _dof(self, motion: Array, known: Array, own: Array) -> Array:
-        """Degrees of freedom (m, 3k) of the bands: those of the fitted variances."""
+    def dof(self, motion: Array) -> Array:
+        """Degrees of freedom (m, 3k) of the bands: those of the fitted variances.
+
+        Args:
+            motion: Motions (m, 3k, n) of the coordinates by the joints [mm/mrad].
+        """
         fit = self.noise.model_fit
         if fit is None:
-            return np.full(known.shape, np.inf)
+            return np.full(motion.shape[:2], np.inf)
+        own = np.einsum("mrr->mr", self.noise.of_reading(motion) + self.noise.of_model(motion))
         slides = self.model.chain.robot.joints
         masks = joint_kinds(np.array([joint.kind == "prismatic" for joint in slides]))
-        parts = [np.ones(known.shape), *((motion[..., mask] ** 2).sum(axis=-1) for mask in masks)]
+        parts = [np.ones(own.shape), *((motion[..., mask] ** 2).sum(axis=-1) for mask in masks)]
         slopes = np.stack(parts, axis=-1)
         dof = fit.relative_dof(slopes)
         # Only the part that was fitted is uncertain.
@@ -185,7 +190,7 @@ class GeometricFit:
         residual: Measured less fitted positions of the poses' means (m, k, 3) [m]; NaN where a
             marker was not seen.
         left_out: The same for each pose predicted without it (m, k, 3).
-        left_out_std: Standard deviations of those (m, k, 3) [m].
+        left_out_half: Half the widths of the 95 % bands of those (m, k, 3) [m].
         surprise: Squared size (m,) of each pose's error left out, over its covariance: chi-square
             with as many degrees of freedom as coordinates.
         weights: Weights (m,) of the poses: one, or less where a robust loss trusts them less.
@@ -199,7 +204,7 @@ class GeometricFit:
     placed: float
     residual: Array
     left_out: Array
-    left_out_std: Array
+    left_out_half: Array
     surprise: Array
     weights: Array
 
@@ -222,9 +227,7 @@ class GeometricFit:
     def share_inside(self) -> float:
         """Share of coordinates that, left out, are within their 95 % bands."""
         seen = np.isfinite(self.left_out)
-        dof = 30.0 if self.fitted.noise.model_fit is None else LEAST_DOF + 27.0
-        half = self.left_out_std * float(student_quantile(np.array(dof)))
-        return float((np.abs(self.left_out) <= half)[seen].mean())
+        return float((np.abs(self.left_out) <= self.left_out_half)[seen].mean())
 
 
 def root_mean_square(distances: Array) -> float:

@@ -9,6 +9,9 @@ from edtk.inference.geometry.marker_positions import MarkerPositions
 from edtk.system.typing import Array, Indices, Mask
 
 ENOUGH = 20  # degrees of freedom of repeats, from which they tell the noise of a reading
+# Twice the gain in log-likelihood, from which a model error is believed: chance exceeds it one time
+# in twenty, or in forty where the variance may not be negative.
+SPEAKS = 4.0
 ROUNDING = 1e-6  # [mm] no instrument reads better
 
 
@@ -40,7 +43,8 @@ class PositionNoise:
     def of_reading(self, motion: Array) -> Array:
         """Covariances R (m, r, r) [mm^2] of one reading, for motions (m, r, n) [mm/mrad]."""
         J = motion * self.joints
-        return self.reading**2 * np.eye(motion.shape[1]) + J @ np.swapaxes(J, 1, 2)
+        white = max(self.reading, ROUNDING) ** 2
+        return white * np.eye(motion.shape[1]) + J @ np.swapaxes(J, 1, 2)
 
     def of_model(self, motion: Array) -> Array:
         """Covariances D (m, r, r) [mm^2] of what the model leaves out."""
@@ -127,6 +131,9 @@ def fit_model_error(
 ) -> PositionNoise:
     """Tell what the model leaves out from the residuals of poses.
 
+    It is nothing unless the residuals speak for it: variances that cannot be negative are too large
+    on average where there is nothing to be found, and so would be all covariances.
+
     Args:
         noise: The noise of a reading, which stays.
         motion: Motions (m, 3k, n) [mm/mrad].
@@ -135,16 +142,21 @@ def fit_model_error(
         design: Columns (m, 3k, p) [mm per unit], zero there too.
         slides: Which joints (n,) are prismatic.
     """
-    plain = PositionNoise(noise.reading, noise.joints, repeats=noise.repeats)
+    rigid = np.zeros(len(slides))
+    plain = PositionNoise(noise.reading, noise.joints, 0.0, rigid, repeats=noise.repeats)
     seen = counts > 0
     there = np.repeat(seen, 3, axis=1).astype(float)
     J = motion * there[:, :, None]
     eye = np.eye(J.shape[1]) * there[:, None]
     masks = joint_kinds(slides)
     kinds = [eye, *(J[:, :, mask] @ np.swapaxes(J[:, :, mask], 1, 2) for mask in masks)]
-    found = fit_variances_of_blocks(plain.of_pose(motion, counts), kinds, residual, design)
+    fixed = plain.of_pose(motion, counts)
+    found = fit_variances_of_blocks(fixed, kinds, residual, design)
+    nothing = fit_variances_of_blocks(fixed, (), residual, design)
+    if 2 * (found.log_likelihood - nothing.log_likelihood) < SPEAKS:
+        return plain
     sizes = np.sqrt(found.variances)
-    joints = np.zeros(len(slides))
+    joints = rigid.copy()
     for mask, size in zip(masks, sizes[1:], strict=True):
         joints[mask] = size
     return PositionNoise(noise.reading, noise.joints, float(sizes[0]), joints, found, noise.repeats)

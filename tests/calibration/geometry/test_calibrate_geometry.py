@@ -357,3 +357,17 @@ def test_commands_bring_the_markers_where_the_drawing_has_them(study: Path, tmp_
     assert "with this command" in told.summary()
     with pytest.raises(edtk.UserError, match="expected poses"):
         edtk.compensate(study, found)
+
+
+def test_a_robust_fit_names_what_it_trusts_less(study: Path, tmp_path: Path) -> None:
+    """One wrong reading moves a robust fit less than squares, and is named by both."""
+    q, x = truth(60)
+    off(q[:30], x[:30])
+    sheet = by_pose(tmp_path / "sheet.csv", q[:30], x[:30])
+    tests = by_pose(tmp_path / "tests.csv", q[30:], x[30:])
+    squares = edtk.identify(study, sheet)
+    robust = edtk.identify(study, sheet, robust=True)
+    for found in (squares, robust):
+        assert any(doubt.kind == "outliers" and 7 in doubt.rows for doubt in found.doubts)
+    errors = [edtk.predict(study, found, tests).rms_mm for found in (squares, robust)]
+    assert errors[1] < errors[0]
