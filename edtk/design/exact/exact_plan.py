@@ -123,11 +123,15 @@ class ExactPlan(Presented):
         """
         frame = self.whole.to_frame(self.robot)
         frame.insert(0, "repeats", frame.pop("repeats"))
-        # Kept experiments may have been made under other loads than the new ones.
         if self.kept is not None:
             return frame.assign(kept=np.arange(len(frame)) < len(self.kept.q))
-        one_load_for_all = not self.relaxed.space.load.limits.size
-        return frame.drop(columns=list(WRENCH_COLUMNS)) if one_load_for_all else frame
+        return frame if self.shows_loads else frame.drop(columns=list(WRENCH_COLUMNS))
+
+    @property
+    def shows_loads(self) -> bool:
+        """Whether experiments may differ in their loads."""
+        # Kept experiments may have been made under other loads than the new ones.
+        return self.kept is not None or bool(self.relaxed.space.load.limits.size)
 
     def to_dict(self) -> dict[str, Any]:
         """Plain numbers, for JSON: as people read them, and exactly under the key `exact`.
