@@ -15,7 +15,7 @@ from edtk.design.relaxation.normalised import normalised
 from edtk.design.relaxation.relax import RelaxationInterrupted, relax, require_relaxable
 from edtk.design.relaxation.relax_options import RelaxOptions
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
-from edtk.design.relaxation.search_continuum import search_continuum
+from edtk.design.relaxation.search_continuum import fresh_poses, search_continuum
 from edtk.design.relaxation.sweep_candidates import most_sensitive, sweep_candidates
 from edtk.system.typing import Array
 
@@ -156,7 +156,9 @@ class _Run:
         enough = (1 - MERGING_SHARE) * self.options.tolerance
         away = 1.0
         last = active.support
-        for turn in range(ROUNDS):
+        fresh = self._fresh(0)
+        is_new = True
+        for turn in range(1, ROUNDS + 1):
             Z = active.relaxation.multipliers
             accuracy = min(ASCENT_ACCURACY * away, LEAST_ACCURACY)
             searched, found = search_continuum(
@@ -165,7 +167,7 @@ class _Run:
                 Z,
                 active.poses,
                 accuracy,
-                (*np.atleast_1d(self.source.seed).tolist(), turn + 1),
+                fresh,
             )
             proved = self._largest(head, Z)
             searched = searched.or_larger(self._largest(active.poses, Z))
@@ -175,13 +177,24 @@ class _Run:
             self.options.progress("continuum", away)
             # A gap that is smaller than the error of the ascents has not been seen yet.
             if away <= enough and accuracy <= self.options.tolerance:
-                self._merge(active, head, last, proved, searched)
-                return
+                if is_new:
+                    self._merge(active, head, last, proved, searched)
+                    return
+                # The last search shall not rest on poses that the design was made for.
+                fresh = self._fresh(turn)
+                is_new = True
+            else:
+                is_new = False
             if self.options.stop():
                 return
             gap = max(0.5 * self.options.gap, ACTIVE_GAP * away)
             active = active.over(active.poses + found, gap)
             last = found
+
+    def _fresh(self, turn: int) -> Candidates:
+        """Random poses that no other turn has."""
+        seed = (*np.atleast_1d(self.source.seed).tolist(), turn + 1)
+        return fresh_poses(self.source.space, seed)
 
     def _merge(
         self,

@@ -27,13 +27,18 @@ LITTLE_DIFFERENT = 0.01
 LIKE = 100  # poses that are looked at per start: most of the best ones are alike
 
 
+def fresh_poses(space: DesignSpace, seed: tuple[int, ...]) -> Candidates:
+    """Draw the feasible poses among which a search chooses starts."""
+    return CandidateSource(space, seed).take(SCREEN)
+
+
 def search_continuum(
     space: DesignSpace,
     criterion: Criterion,
     multipliers: Array,
     known: Candidates,
     accuracy: float,
-    seed: tuple[int, ...],
+    fresh: Candidates,
 ) -> tuple[LargestSensitivities, Candidates]:
     """Ascend the sensitivity over all feasible poses, from the best of known and of fresh ones.
 
@@ -43,13 +48,12 @@ def search_continuum(
         multipliers: Multipliers (r, p, p).
         known: Poses that the design may rest on.
         accuracy: Relative accuracy of a sensitivity at the end of an ascent.
-        seed: Seed of the fresh poses.
+        fresh: Random poses, see `fresh_poses`.
 
     Returns:
         The largest sensitivities found, and all poses (b) where the ascents ended. A search proves
         nothing: a pose of larger sensitivity may exist.
     """
-    fresh = CandidateSource(space, seed).take(SCREEN)
     white = space.noise is None
     starts, owner, unit = _starts(known, fresh, criterion, multipliers, white)
     # Objectives are of order one, whatever the size of a multiplier.

@@ -7,7 +7,7 @@ from designs import KR270
 from criteria import create
 from edtk.design.candidate_source import CandidateSource
 from edtk.design.relaxation.relax import relax
-from edtk.design.relaxation.search_continuum import search_continuum
+from edtk.design.relaxation.search_continuum import fresh_poses, search_continuum
 from edtk.design.relaxation.sensitivity import sensitivity_and_slope
 from edtk.design.sample_feasible import sample_feasible
 
@@ -31,7 +31,7 @@ def case(request):
 def answer(case):
     """What the search finds, with fewer fresh poses and starts than a plan takes."""
     criterion, known, Z = case
-    return search_continuum(KR270, criterion, Z, known, ACCURACY, (0, 1))
+    return search_continuum(KR270, criterion, Z, known, ACCURACY, fresh_poses(KR270, (0, 1)))
 
 
 def sensitivities(criterion, Z, x):
@@ -74,7 +74,8 @@ def test_seeded(case, answer):
     """The seed decides what is found."""
     criterion, known, Z = case
     again, other = (
-        search_continuum(KR270, criterion, Z, known, ACCURACY, (0, turn)) for turn in (1, 2)
+        search_continuum(KR270, criterion, Z, known, ACCURACY, fresh_poses(KR270, (0, turn)))
+        for turn in (1, 2)
     )
     first = answer
     np.testing.assert_array_equal(first[0].values, again[0].values)
