@@ -229,7 +229,7 @@ def _with_parameters(
     """Construct a criterion from its parameters.
 
     Raises:
-        CriterionError: A parameter is unknown, or a required one is missing.
+        CriterionError: A parameter is unknown or wrong, or a required one is missing.
     """
     expected = ", ".join(known) or "none"
     for key in given:
@@ -240,7 +240,12 @@ def _with_parameters(
     for key, parameter in known.items():
         if parameter.default is inspect.Parameter.empty and key not in given:
             raise CriterionError(f"criterion {cls.name!r} needs {key}; its parameters: {expected}")
-    return _of_its_degree(cls(**given), 3)
+    try:
+        made = cls(**given)
+    except (TypeError, ValueError, ArithmeticError) as error:  # of what is no array of numbers
+        words = " ".join(str(error).split())
+        raise CriterionError(f"criterion {cls.name!r}: wrong parameters: {words}") from error
+    return _of_its_degree(made, 3)
 
 
 def _create(cls: type[Criterion], target: ArrayLike | None, targets: ArrayLike | None) -> Criterion:

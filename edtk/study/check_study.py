@@ -102,12 +102,15 @@ def _check_parameters(study: "Study", key: str, name: str) -> None:
     if not is_given and not criteria.get(name).needs_parameters:
         return
     try:
-        criterion = study.criterion(name)
-        if not criterion.needs_target:
-            criterion.cost(np.eye(len(study.unknown)))
+        # Numbers whose squares overflow are found by what comes of them.
+        with np.errstate(all="ignore"):
+            criterion = study.criterion(name)
+            identity = np.eye(len(study.unknown))
+            if not criterion.needs_target and not np.isfinite(criterion.cost(identity)):
+                raise ValueError("no finite cost")
     except UserError as error:
         raise study.error("criterion" if is_given else key, error.message) from error
-    except (criteria.CriterionError, ValueError, TypeError) as error:
+    except (criteria.CriterionError, ValueError, TypeError, ArithmeticError) as error:
         message = f"criterion {name!r}: its parameters do not fit {len(study.unknown)} compliances"
         raise study.error("criterion", message) from error
 

@@ -87,6 +87,8 @@ def test_relaxation_plan_and_evaluation(given):
     ("given", "expected"),
     [
         ({"name": "I"}, "criterion: criterion 'I' needs W or points"),
+        ({"name": "I", "points": [[1e200, 0], [0, 1]]}, "do not fit 2 compliances"),
+        ({"name": "c", "c": [10**400, 1]}, "criterion: .*wrong parameters"),
         ({"name": "I", "W": [[1.0]]}, "criterion: .*parameters do not fit 2 compliances"),
         ({"name": "c", "c": {"q9": 1}}, "'q9' is no unknown joint; expected"),
         ({"name": "Ds", "interest": ["q9"]}, "'q9' is no unknown joint; expected"),
