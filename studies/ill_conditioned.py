@@ -3,9 +3,9 @@
     python studies/ill_conditioned.py
 
 writes ill_conditioned.md beside this file: designs of models far from the origin and of nearly
-equal columns, from their rows and from their information alone. The error is that of the cost of the
-weights found, beside exact rational arithmetic on the same floating-point rows; accuracy is what
-the relaxation tells.
+equal columns, from their rows and from their information alone. The error is that of the cost of
+the weights found, beside exact rational arithmetic on the same floating-point rows; accuracy is
+what the relaxation tells.
 """
 
 import sys
