@@ -210,6 +210,36 @@ def test_forged_certificates_are_rejected(forge):
         assert not is_valid(content, A), content["criterion"]
 
 
+def leaves(content, path=()):
+    """Paths of all values of a tree."""
+    if isinstance(content, dict | list):
+        keys = content if isinstance(content, dict) else range(len(content))
+        for key in keys:
+            yield from leaves(content[key], (*path, key))
+    yield path
+
+
+def test_whatever_stands_in_a_certificate_is_judged():
+    """A value of any kind in any place is rejected, or does not matter; nothing else is raised."""
+    values = (None, -1, 1.5, "x", [], {}, True, 1e308, -1e308, 5e-324, [[1]], 10**400, {"name": 3})
+    rng = np.random.default_rng(0)
+    for i in range(300):
+        content, A = copy.deepcopy(PAIRS[i])
+        paths = [path for path in leaves(content) if path]
+        path = paths[rng.integers(len(paths))]
+        place = content
+        for key in path[:-1]:
+            place = place[key]
+        place[path[-1]] = values[rng.integers(len(values))]
+        try:
+            check(content, A)
+        except RejectedError:
+            # Only what the checker does not read, or the package finds anew, may be accepted.
+            assert not is_valid(content, A) or path[0] == "dual_weights", path
+        else:
+            is_valid(content, A)
+
+
 @pytest.mark.parametrize("name", ["G", "rho_max", "prediction_G", "minimax"])
 def test_dual_weights_are_not_believed(name):
     """Weights of more than one, or negative ones, prove nothing; others prove no more."""

@@ -16,6 +16,8 @@ AGREE = 1e-7  # relative difference of two ways of computing a number
 NEGATIVE = 1e-10  # of an eigenvalue at unit diagonal
 KIND = "relaxation of a problem"
 MAXIMISED = ("D", "E", "O1", "O3", "O4", "Ds", "bayes_D")
+# What reading a certificate may raise whose entries are not of the kinds that they should be.
+WRONG = (LookupError, TypeError, ValueError, ArithmeticError, AttributeError)
 HALF = ("O1", "O3", "O4", "O5", "rho0", "rho_max")
 
 
@@ -37,7 +39,7 @@ def check(certificate: Any, A: np.ndarray, prior: np.ndarray | None = None) -> N
     try:
         with np.errstate(all="ignore"):
             _check(certificate, A, prior)
-    except (KeyError, TypeError, ValueError, IndexError, np.linalg.LinAlgError) as error:
+    except WRONG as error:
         raise RejectedError(f"malformed: {error}") from error
 
 
@@ -100,7 +102,7 @@ def _candidates(given: Any, A: np.ndarray, prior: np.ndarray | None) -> None:
 def _weights(given: Any, n: int) -> np.ndarray:
     """Weights (n,), each candidate's once, of sum one."""
     places = given["candidate"]
-    _require(all(isinstance(i, int) and 0 <= i < n for i in places), "weights")
+    _require(all(type(i) is int and 0 <= i < n for i in places), "weights")
     _require(len(set(places)) == len(places) > 0, "weights")
     shares = _numbers(given["weight"], (len(places),), "weights")
     _require(bool((shares >= 0).all()) and abs(shares.sum() - 1) < 1e-8, "weights")
