@@ -15,7 +15,6 @@ from edtk.system.errors import ArgumentError, UserError
 from edtk.system.typing import Array, Indices
 
 POINTS = 5000  # of a grid, at most, unless the caller says otherwise
-MOST_LEVELS = 1001  # of one variable: the maxima of a smooth model are wider than a thousandth
 CORNERS = 10  # variables up to which all corners of the box are points: designs often lie there
 PUSHED = 1000  # infeasible points that are moved onto the constraints, at most
 NEAR = 0.01  # parts of a range up to which such points are moved
@@ -98,7 +97,7 @@ class RegionGrid:
 
 def _cube(d: int, n: int) -> Array:
     """Points (m, d) of the unit cube: a grid, its corners, and Sobol's sequence."""
-    levels = min(int(n ** (1 / d) + 1e-9), MOST_LEVELS)
+    levels = int(n ** (1 / d) + 1e-9)
     levels -= 1 - levels % 2
     parts = []
     if levels >= 3:
