@@ -1,7 +1,7 @@
 """Column generation: one small convex program after another, over a few of the candidates each."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -33,6 +33,9 @@ INNER = 0.05
 EXACT = 1e-10
 # The same of a criterion with kinks, in parts of the gap that is asked for.
 EXACT_GAP = 0.01
+HEAVY = 1e-4  # weight, in parts of the largest, of candidates that a design shall rest on
+LIGHT_LOSS = 0.05  # part of the gap that it may lose by leaving the others
+LOST = 1e-3  # share of light weights that are dropped then, likewise
 # A candidate leaves if its weight is below this part of the largest, and its sensitivity below the
 # mean by more than so many gaps.
 LIGHT = 1e-4
@@ -43,6 +46,10 @@ POOL = 5
 TOO_MANY = 40
 # Candidates per one that enters from which on the choice is spread over parts of the list.
 SPREAD = 20
+# Sensitivities of a long list among which the largest are looked for first, and how many more of
+# them than needed set the threshold for the others.
+SAMPLE = 10_000
+OVERSAMPLED = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,7 +147,8 @@ class ColumnGeneration:
         if not has_own_method(self.criterion, self.problem.p) and len(solvers) > 1:
             solvers = tuple(solver for solver in solvers if solver != NEWTON)
         # Where the first program holds all candidates, it decides nothing but the answer itself.
-        loose = self.criterion.convex and len(active) < self.problem.n
+        by_newton = solvers[0] == NEWTON
+        loose = (self.criterion.convex or by_newton) and len(active) < self.problem.n
         effort = _Effort(solvers, INNER if loose else EXACT)
         start = np.full(len(active), 1.0 / len(active))
         step = None
@@ -152,11 +160,12 @@ class ColumnGeneration:
                 if can_end:
                     return
                 raise
-            yield step
-            can_end = True
             cost = min(cost, float(self.criterion.cost(step.M)))
             gap = 1 - step.proof.lower_bound / cost
-            if gap <= self.gap and (self.gap >= COARSE or not effort.loose):
+            is_last = gap <= self.gap and (self.gap >= COARSE or not effort.loose)
+            yield self._on_heavy(step) if is_last and not effort.loose else step
+            can_end = True
+            if is_last:
                 return
             # After an exact solution a candidate outside has the largest sensitivity, unless the
             # gap is closed: where an active one has it, the solver was not accurate enough.
@@ -277,11 +286,36 @@ class ColumnGeneration:
             found, Z = own_weights(self.criterion, information, start, accuracy)
         except (np.linalg.LinAlgError, ValueError, ArithmeticError) as error:
             raise RelaxationError(f"{NEWTON}: {' '.join(str(error).split())}") from error
-        weights = regular_weights(self.criterion, information, found, NEWTON)
+        # Where a cost has kinks, many light weights together are worth more than each of them.
+        has_kinks = self.criterion.needs_all and not self.criterion.smooth
+        lost = LOST * self.gap if has_kinks else None
+        weights = regular_weights(self.criterion, information, found, NEWTON, lost)
         if Z is None and accuracy <= EXACT and (weights == 0).any():
             # Without its light candidates a design may prove less than the gap that is asked for.
             Z = np.asarray(-self.criterion.gradient(information.information(found)))
         return weights, Z
+
+    def _on_heavy(self, step: Step) -> Step:
+        """A design on the candidates of much weight alone, if it is as good.
+
+        Where a cost has kinks, an interior point leaves weights of the size of its accuracy on many
+        candidates, which the others must take over.
+        """
+        heavy = step.active[step.weights > HEAVY * step.weights.max()]
+        if self.criterion.smooth or step.solver != NEWTON or len(heavy) == len(step.active):
+            return step
+        even = np.full(len(heavy), 1.0 / len(heavy))
+        if not is_clearly_regular(self.problem[heavy].information(even)):
+            return step
+        try:
+            weights, _ = self._by_newton(heavy, even, EXACT)
+        except RelaxationError:
+            return step
+        M = self.problem[heavy].information(weights)
+        cost = float(self.criterion.cost(step.M))
+        if not self.criterion.cost(M) <= cost * (1 + LIGHT_LOSS * self.gap):
+            return step
+        return replace(step, active=heavy, weights=weights, M=M)
 
     def _prove(self, M: Array, Z: Array | None) -> tuple[Proof, Array]:
         """Find what a solver's multiplier Z (p, p) proves near the design M (p, p).
@@ -338,7 +372,7 @@ def entering_candidates(sensitivities: Array, active: Indices, batch: int) -> In
     """
     n = len(sensitivities)
     size = min(batch + len(active), n)
-    largest = np.argpartition(-sensitivities, size - 1)[:size]
+    largest = _largest(sensitivities, size)
     chosen = _inactive_by_sensitivity(sensitivities, active, largest)
     parts = 3 * batch // 4
     if parts and n >= SPREAD * batch:
@@ -348,6 +382,21 @@ def entering_candidates(sensitivities: Array, active: Indices, batch: int) -> In
         both = np.union1d(chosen[: batch - parts], spread)
         chosen = _inactive_by_sensitivity(sensitivities, active, both)
     return chosen[:batch]
+
+
+def _largest(sensitivities: Array, size: int) -> Indices:
+    """Indices of the largest sensitivities, in any order."""
+    n = len(sensitivities)
+    stride = n // SAMPLE
+    if stride > 1 and size * OVERSAMPLED < SAMPLE:
+        # A sample tells which sensitivities are too small to count; few others are left to compare.
+        sample = sensitivities[::stride]
+        rank = len(sample) - 1 - OVERSAMPLED * max(1, size // stride)
+        least = np.partition(sample, rank)[rank]
+        found = np.flatnonzero(sensitivities >= least)
+        if len(found) >= size:
+            return found[np.argpartition(-sensitivities[found], size - 1)[:size]]
+    return np.argpartition(-sensitivities, size - 1)[:size]
 
 
 def _inactive_by_sensitivity(sensitivities: Array, active: Indices, chosen: Indices) -> Indices:

@@ -198,7 +198,11 @@ class RestrictedMaster:
 
 
 def regular_weights(
-    criterion: Relaxable, active: ActiveInformation, weights: Array, solver: str
+    criterion: Relaxable,
+    active: ActiveInformation,
+    weights: Array,
+    solver: str,
+    lost: float | None = None,
 ) -> Array:
     """Weights of sum one and of finite cost, without those that are only inaccuracy.
 
@@ -207,11 +211,19 @@ def regular_weights(
         active: Information of the candidates (k).
         weights: Weights (k,) as a solver gives them.
         solver: Its name, for the message.
+        lost: Share of all weights that the dropped ones may have together; by default each weight
+            below 1e-7 of the largest is dropped.
 
     Raises:
         RelaxationError: The candidates leave a direction open.
     """
-    weights = np.where(weights > PRUNE * weights.max(), weights, 0.0)
+    if lost is None:
+        weights = np.where(weights > PRUNE * weights.max(), weights, 0.0)
+    else:
+        order = np.argsort(weights)
+        light = order[np.cumsum(weights[order]) <= lost * weights.sum()]
+        weights = weights.copy()
+        weights[light] = 0.0
     weights /= weights.sum()
     if _is_regular(criterion, active.information(weights)):
         return weights

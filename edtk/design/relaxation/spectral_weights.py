@@ -8,7 +8,6 @@ import numpy as np
 from criteria.linalg.inverse import whitener
 from criteria.linalg.triangle import triangle
 from criteria.spectral_band import SpectralBand
-from edtk.design.packed import order
 from edtk.design.relaxation.active_information import ActiveInformation
 from edtk.design.relaxation.conic_equations import ConicSolve, conic_equations
 from edtk.design.relaxation.step_length import step_length
@@ -62,55 +61,63 @@ def spectral_weights(
 
 
 @dataclass(frozen=True, eq=False)
-class _Cone:
-    """A positive definite X (p, p) and its dual S in parameters in which they are the same.
+class _Scaling:
+    """Parameters in which each inequality X (c, p, p) and its dual S are the same.
 
     Attributes:
-        H: ``H X H' = H^-T S H^-1 = diag(l)`` (p, p).
-        l: The diagonal (p,).
+        H: ``H X H' = H^-T S H^-1 = diag(l)`` (c, p, p).
+        l: The diagonals (c, p).
     """
 
     H: Array
     l: Array  # noqa: E741, the letter of the formula
 
     @classmethod
-    def of(cls, X: Array, S: Array) -> "_Cone":
+    def of(cls, X: Array, S: Array) -> "_Scaling":
         """The scaling of Nesterov and Todd, by the singular values of a product of factors."""
         L = np.linalg.cholesky(X)
-        _, l, rows = np.linalg.svd(np.linalg.cholesky(S).T @ L)  # noqa: E741
-        return cls(np.sqrt(l)[:, None] * np.linalg.solve(L.T, rows.T).T, l)
+        K = np.linalg.cholesky(S)
+        _, l, rows = np.linalg.svd(np.swapaxes(K, 1, 2) @ L)  # noqa: E741
+        turned = np.swapaxes(rows, 1, 2) * np.sqrt(l)[:, None]
+        return cls(np.swapaxes(np.linalg.solve(np.swapaxes(L, 1, 2), turned), 1, 2), l)
 
-    def change(self, mu: float, lost: Array | None = None) -> Array:
-        """C (p, p) with ``(diag(l) C + C diag(l))/2 = mu I - diag(l)^2 - lost``."""
-        right = np.diag(mu - self.l**2)
-        if lost is not None:
-            right = right - lost
-        return 2.0 * right / (self.l[:, None] + self.l)
+    def change(self, mu: float, lost: Array) -> Array:
+        """C (c, p, p) with ``(diag(l) C + C diag(l))/2 = mu I - diag(l)^2 - lost``."""
+        right = -lost
+        each = np.arange(self.l.shape[1])
+        right[:, each, each] += mu - self.l**2
+        return 2.0 * right / (self.l[:, :, None] + self.l[:, None])
 
-    def longest(self, change: Array) -> float:
-        """The length of a step along a change (p, p), in these parameters."""
+    def lengths(self, X: Array, S: Array) -> tuple[float, float]:
+        """How far steps along X and S (c, p, p) may go, in these parameters."""
         root = np.sqrt(self.l)
-        eigenvalues = np.linalg.eigvalsh(change / (root[:, None] * root))
-        return step_length(np.ones_like(eigenvalues), eigenvalues, TOWARDS_BOUNDARY)
+        both = np.stack([X, S]) / (root[:, :, None] * root[:, None])
+        eigenvalues = np.linalg.eigvalsh(both).reshape(2, -1)
+        primal, dual = (
+            step_length(np.ones_like(part), part, TOWARDS_BOUNDARY) for part in eigenvalues
+        )
+        return primal, dual
 
 
 @dataclass(frozen=True, eq=False)
 class _Direction:
-    """Changes of a point: weights, kappa, slacks, and both matrices of each cone."""
+    """Changes of a point: weights, kappa, slacks, and the inequalities (c, p, p) and their duals.
+
+    The latter are in the scaled parameters.
+    """
 
     w: Array
     kappa: float
     v: Array
-    X: list[Array]
-    S: list[Array]
+    X: Array
+    S: Array
 
     def lengths(self, point: "_Point") -> tuple[float, float]:
         """How far primal and dual may go."""
-        primal = [cone.longest(X) for cone, X in zip(point.cones, self.X, strict=True)]
-        dual = [cone.longest(S) for cone, S in zip(point.cones, self.S, strict=True)]
+        primal, dual = point.scaling.lengths(self.X, self.S)
         return (
-            min(step_length(point.w, self.w, TOWARDS_BOUNDARY), *primal),
-            min(step_length(point.v, self.v, TOWARDS_BOUNDARY), *dual),
+            min(step_length(point.w, self.w, TOWARDS_BOUNDARY), primal),
+            min(step_length(point.v, self.v, TOWARDS_BOUNDARY), dual),
         )
 
 
@@ -125,7 +132,7 @@ class _Point:
         w: Weights (k,).
         kappa: The upper bound.
         v: Dual slacks (k,).
-        duals: Y (p, p), and Z where there is an upper bound.
+        duals: Y, and Z where there is an upper bound (c, p, p).
     """
 
     band: SpectralBand
@@ -134,7 +141,7 @@ class _Point:
     w: Array
     kappa: float
     v: Array
-    duals: tuple[Array, ...]
+    duals: Array
 
     @classmethod
     def first(
@@ -153,24 +160,25 @@ class _Point:
         used = active.sensitivities(T @ Y @ T.T)
         Y *= (allowed / np.maximum(used, np.finfo(float).tiny)).min() / INSIDE
         v = allowed - active.sensitivities(T @ Y @ T.T)
-        return cls(band, active, T, size * w, kappa, v, (Y, Z) if band.a else (Y,))
+        duals = np.stack([Y, Z]) if band.a else Y[None]
+        return cls(band, active, T, size * w, kappa, v, duals)
 
     @cached_property
-    def inequalities(self) -> list[Array]:
-        """``M - F``, and ``kappa C - M`` where there is an upper bound."""
+    def inequalities(self) -> Array:
+        """``M - F``, and ``kappa C - M`` where there is an upper bound (c, p, p)."""
         M = self.T.T @ self.active.information(self.w) @ self.T
-        lower = [M - self.band.floor]
-        return [*lower, self.kappa * self.band.ceiling - M] if self.band.a else lower
+        lower = M - self.band.floor
+        return np.stack([lower, self.kappa * self.band.ceiling - M]) if self.band.a else lower[None]
 
     @cached_property
-    def cones(self) -> list[_Cone]:
-        """The inequalities with their duals."""
-        return [_Cone.of(X, S) for X, S in zip(self.inequalities, self.duals, strict=True)]
+    def scaling(self) -> _Scaling:
+        """The parameters in which the inequalities and their duals are the same."""
+        return _Scaling.of(self.inequalities, self.duals)
 
     @property
     def count(self) -> int:
         """Number of products of primal and dual."""
-        return len(self.w) + len(self.T) * len(self.inequalities)
+        return len(self.w) + len(self.T) * len(self.duals)
 
     @property
     def objective(self) -> float:
@@ -180,7 +188,7 @@ class _Point:
     @property
     def multiplier(self) -> Array:
         """``Y - Z`` (p, p)."""
-        return self.duals[0] - self.duals[1] if self.band.a else self.duals[0]
+        return np.asarray(self.duals[0] - self.duals[1] if self.band.a else self.duals[0])
 
     @cached_property
     def residuals(self) -> tuple[Array, float]:
@@ -192,60 +200,54 @@ class _Point:
     @cached_property
     def mu(self) -> float:
         """Mean product of primal and dual."""
-        products = float(self.w @ self.v)
-        products += sum(
-            float(np.vdot(X, S)) for X, S in zip(self.inequalities, self.duals, strict=True)
-        )
-        return products / self.count
+        products = self.w @ self.v + np.vdot(self.inequalities, self.duals)
+        return float(products) / self.count
 
     @cached_property
     def error(self) -> float:
         """Relative gap of primal and dual, and what their equations miss."""
         missing, upper = self.residuals
-        gap = self.mu * self.count
         lost = float(np.abs(missing).max() * self.w.sum()) + abs(upper) * self.kappa
-        return max(gap, lost) / self.objective
+        return max(self.mu * self.count, lost) / self.objective
 
     def step(self) -> "_Point":
         """The next point."""
         equations = self._equations()
-        predictor = equations.direction(0.0, np.zeros_like(self.w), None)
+        predictor = equations.direction(0.0, np.zeros_like(self.w), np.zeros_like(self.duals))
         primal, dual = predictor.lengths(self)
-        reached = float((self.w + primal * predictor.w) @ (self.v + dual * predictor.v))
-        for cone, X, S in zip(self.cones, predictor.X, predictor.S, strict=True):
-            same = np.diag(cone.l)
-            reached += float(np.vdot(same + primal * X, same + dual * S))
-        ratio = reached / (self.mu * self.count)
+        reached = (self.w + primal * predictor.w) @ (self.v + dual * predictor.v)
+        same = self.scaling.l[:, :, None] * np.eye(len(self.T))
+        reached += np.vdot(same + primal * predictor.X, same + dual * predictor.S)
+        ratio = float(reached) / (self.mu * self.count)
         target = self.mu * min(1.0, max(ratio**3, LEAST_SHRINKING))
-        lost = [0.5 * (X @ S + S @ X) for X, S in zip(predictor.X, predictor.S, strict=True)]
+        lost = predictor.X @ predictor.S
+        lost = 0.5 * (lost + np.swapaxes(lost, 1, 2))
         return self._moved(equations.direction(target, predictor.w * predictor.v, lost))
 
     def _moved(self, direction: _Direction) -> "_Point":
         """The point at the end of a step."""
         primal, dual = direction.lengths(self)
-        changes = [c.H.T @ S @ c.H for c, S in zip(self.cones, direction.S, strict=True)]
-        return _Point(
-            self.band,
-            self.active,
-            self.T,
-            self.w + primal * direction.w,
-            self.kappa + primal * direction.kappa,
-            self.v + dual * direction.v,
-            tuple(S + dual * 0.5 * (d + d.T) for S, d in zip(self.duals, changes, strict=True)),
-        )
+        H = self.scaling.H
+        change = np.swapaxes(H, 1, 2) @ direction.S @ H
+        duals = self.duals + 0.5 * dual * (change + np.swapaxes(change, 1, 2))
+        w = self.w + primal * direction.w
+        kappa = self.kappa + primal * direction.kappa
+        v = self.v + dual * direction.v
+        return _Point(self.band, self.active, self.T, w, kappa, v, duals)
 
     def _equations(self) -> "_Equations":
         """The equations of a step, factorized."""
         rows, columns = triangle(len(self.T))
         scale = np.where(rows == columns, 1.0, np.sqrt(2.0))
-        parts = [self.active.triangles(self.T @ cone.H.T, scale) for cone in self.cones]
+        frames = self.T @ np.swapaxes(self.scaling.H, 1, 2)
+        lower = self.active.triangles(frames[0], scale)
         D = self.v / self.w
         if not self.band.a:
-            return _Equations(self, parts[0], None, conic_equations(parts[0], D, None))
-        H = self.cones[1].H
-        ceiling = _pack(H @ self.band.ceiling @ H.T)
+            return _Equations(self, lower, None, conic_equations(lower, D, None))
+        H = self.scaling.H[1]
+        ceiling = (H @ self.band.ceiling @ H.T)[rows, columns] * scale
         last = np.concatenate([np.zeros(len(rows)), ceiling])
-        P = np.vstack([parts[0], -parts[1]])
+        P = np.vstack([lower, self.active.triangles(frames[1], -scale)])
         return _Equations(self, P, last, conic_equations(P, D, last))
 
 
@@ -265,41 +267,25 @@ class _Equations:
     last: Array | None
     solve: ConicSolve
 
-    def direction(self, mu: float, lost: Array, lost_in_cones: list[Array] | None) -> _Direction:
+    def direction(self, mu: float, lost: Array, lost_in_cones: Array) -> _Direction:
         """The direction to the products mu, where the predictor leaves products out.
 
         Args:
             mu: Products of primal and dual to aim at.
             lost: Products (k,) of the changes of weights and slacks.
-            lost_in_cones: Products (p, p) of those of each inequality, or None for none.
+            lost_in_cones: Products (c, p, p) of those of the inequalities.
         """
         point = self.point
-        count = len(point.cones)
-        wanted = [
-            cone.change(mu, None if lost_in_cones is None else lost_in_cones[i])
-            for i, cone in enumerate(point.cones)
-        ]
+        rows, columns = triangle(len(point.T))
+        scale = np.where(rows == columns, 1.0, np.sqrt(2.0))
+        wanted = point.scaling.change(mu, lost_in_cones)[:, rows, columns] * scale
         missing, upper = point.residuals
         products = mu - point.w * point.v - lost
-        packed = np.concatenate([_pack(C) for C in wanted])
-        dw, kappa, y = self.solve(packed, products / point.w - missing, upper)
+        dw, kappa, y = self.solve(wanted.ravel(), products / point.w - missing, upper)
         change = self.P @ dw if self.last is None else self.P @ dw + kappa * self.last
-        dX = [_unpack(part) for part in np.split(change, count)]
-        dS = [_unpack(part) for part in np.split(y, count)]
-        return _Direction(dw, kappa, (products - point.v * dw) / point.w, dX, dS)
-
-
-def _pack(C: Array) -> Array:
-    """The upper triangle (q,) of a symmetric matrix, so scaled that products stay the same."""
-    rows, columns = triangle(len(C))
-    return C[rows, columns] * np.where(rows == columns, 1.0, np.sqrt(2.0))
-
-
-def _unpack(packed: Array) -> Array:
-    """The matrix (p, p) of a scaled upper triangle."""
-    p = order(len(packed))
-    rows, columns = triangle(p)
-    C = np.empty((p, p))
-    C[rows, columns] = packed / np.where(rows == columns, 1.0, np.sqrt(2.0))
-    C[columns, rows] = C[rows, columns]
-    return C
+        both = np.empty((2, *point.duals.shape))
+        packed = np.stack([change, y]).reshape(2, len(point.duals), -1) / scale
+        both[..., rows, columns] = packed
+        both[..., columns, rows] = packed
+        dv = (products - point.v * dw) / point.w
+        return _Direction(dw, kappa, dv, both[0], both[1])

@@ -23,7 +23,7 @@ from relaxations import (
 
 import criteria
 from edtk.design.problem import Problem
-from edtk.design.relaxation.column_generation import entering_candidates
+from edtk.design.relaxation.column_generation import _largest, entering_candidates
 from edtk.design.relaxation.relax import relax
 from edtk.design.relaxation.restricted_master import CHAIN, SOLVERS, RelaxationError
 from edtk.design.relaxation.solver_options import NEWTON, SolverOptions
@@ -264,3 +264,31 @@ def test_light_candidates_leave_their_share_of_the_proof():
     found = relax(problem, criteria.create("D"), gap=1e-8)
     assert found.solver == "NEWTON"
     assert found.gap <= 1e-8
+
+
+@pytest.mark.parametrize("size", [1, 30, 80])
+@pytest.mark.parametrize("kind", ["normal", "sorted", "steps", "equal"])
+def test_largest_of_a_long_list(kind, size):
+    """However a long list of sensitivities looks, its largest are found, as by a whole sort."""
+    rng = np.random.default_rng(0)
+    found = rng.normal(size=50_000)
+    sensitivities = {
+        "normal": found,
+        "sorted": np.sort(found),
+        "steps": np.floor(3 * found),
+        "equal": np.zeros(50_000),
+    }[kind]
+    largest = _largest(sensitivities, size)
+    assert len(np.unique(largest)) == size
+    np.testing.assert_array_equal(np.sort(sensitivities[largest]), np.sort(sensitivities)[-size:])
+
+
+@pytest.mark.parametrize("name", ["E", "O2", "G"])
+def test_few_support_points(name):
+    """A criterion with kinks rests on no more candidates than Caratheodory's theorem asks for."""
+    r = relax(Problem(off_centre(8, 300)), criterion_of(name))
+    assert r.solver == NEWTON
+    assert r.gap <= GAP
+    weights = r.weights[r.support]
+    assert len(weights) <= 11
+    assert weights.min() > 1e-6
