@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from criteria import Criterion
+from edtk.design.absorb_prior import absorb_prior
 from edtk.design.exact.exchange_costs import exchange_costs
 from edtk.design.problem import Problem
 from edtk.system.errors import UserError
@@ -68,6 +69,7 @@ def exchange(
     times = np.ones(first.shape) if repeats is None else np.asarray(repeats, dtype=float)
     times = np.broadcast_to(times, first.shape).reshape(-1, first.shape[-1])
     places = first.reshape(times.shape)
+    problem, criterion = absorb_prior(problem, criterion, _size(times, criterion))
     found, costs = _exchanged(problem, criterion, places, times, shortlists, thorough)
     stuck = ~np.isfinite(costs)
     if stuck.any():
@@ -83,6 +85,18 @@ def exchange(
             f"no plan of {len(first)} places was found that identifies what {criterion.label} needs"
         )
     return found.reshape(first.shape), costs.reshape(first.shape[:-1])[()]
+
+
+def _size(times: Array, criterion: Criterion) -> float:
+    """Number of experiments of each plan, of which every one has its share of a prior.
+
+    Raises:
+        UserError: Plans of different sizes would have different shares.
+    """
+    sizes = times.sum(axis=1)
+    if criterion.precision is not None and (sizes != sizes[0]).any():
+        raise UserError(f"plans under {criterion.label} share a prior; expected plans of one size")
+    return float(sizes[0]) if len(sizes) else 1.0
 
 
 def _exchanged(

@@ -54,3 +54,26 @@ def test_the_best_plan_may_be_singular(x):
     found = edtk.plan(rows, SIZE, criteria.create("c", c=[1, x, x**2]), seed=0)
     assert found.value == pytest.approx(1 / SIZE, rel=1e-9)
     assert found.counts[np.abs(grid - x).argmin()] == SIZE
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_exchange_under_criteria_with_parameters(name):
+    """No single exchange improves the result, and its cost is that of the criterion."""
+    c = make(name, P)
+    starts = np.random.default_rng(2).integers(N, size=(6, SIZE))
+    places, costs = edtk.exchange(PROBLEM, c, starts)
+    M = np.einsum("bkri,bkrj->bij", A[places], A[places])
+    np.testing.assert_allclose(costs, c.cost(M), rtol=1e-9)
+    for own, cost in zip(places, costs, strict=True):
+        for place in range(SIZE):
+            others = np.tile(own, (N, 1))
+            others[:, place] = np.arange(N)
+            M = np.einsum("bkri,bkrj->bij", A[others], A[others])
+            assert c.cost(M).min() >= cost * (1 - 1e-9)
+
+
+def test_exchange_of_plans_that_share_a_prior():
+    """Plans of several sizes would have several priors: one line says so."""
+    c = criteria.create("bayes_A", precision=np.eye(P))
+    with pytest.raises(edtk.UserError, match="expected plans of one size"):
+        edtk.exchange(PROBLEM, c, [[0, 1], [2, 3]], repeats=[[1, 1], [2, 1]])
