@@ -15,6 +15,7 @@ class BoundKind(Enum):
     """The basis of a bound's claim; the value is its text for people."""
 
     PROVED_ON_CANDIDATES = "proved on candidates"  # no plan over a finite set of poses is better
+    SOLVED = "on candidates, by a solver's word"  # the same, if a solver's optimum is believed
     SEARCHED = "searched"  # no better plan over all poses was found, which proves nothing
     PROVED = "proved on the continuum"  # no plan over all poses is better
 

@@ -68,6 +68,11 @@ def test_printed_form_of_zero():
 
 
 def test_kinds_in_words():
-    """The kinds of a bound are three, each in the words that a person reads."""
+    """The kinds of a bound are four, each in the words that a person reads."""
     words = [kind.value for kind in BoundKind]
-    assert words == ["proved on candidates", "searched", "proved on the continuum"]
+    assert words == [
+        "proved on candidates",
+        "on candidates, by a solver's word",
+        "searched",
+        "proved on the continuum",
+    ]

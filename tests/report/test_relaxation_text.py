@@ -3,8 +3,10 @@
 import numpy as np
 
 import criteria
+import edtk
 from edtk.design.problem import Problem
 from edtk.design.relaxation.relax import relax
+from edtk.report.text.problem_plan import problem_plan
 from edtk.report.text.relaxation import relaxation
 
 
@@ -31,6 +33,16 @@ def test_bound_by_a_solvers_word():
     problem = Problem(np.stack([np.ones(5), x], axis=-1)[:, None, :])
     assert "(by a solver's word, relative gap" in relaxation(relax(problem, Unproved()))
     assert "(proved, relative gap" in relaxation(relax(problem, criteria.create("A")))
+
+
+def test_plan_under_a_bound_by_a_solvers_word():
+    """So does the line of a plan of whole experiments."""
+    x = np.linspace(-1, 1, 5)
+    problem = Problem(np.stack([np.ones(5), x], axis=-1)[:, None, :])
+    plan = edtk.plan(problem, size=3, criterion=Unproved(), seed=1, starts=2)
+    assert "(by a solver's word, of weights)" in problem_plan(plan)
+    plan = edtk.plan(problem, size=3, criterion="A", seed=1, starts=2)
+    assert "(proved, of weights)" in problem_plan(plan)
 
 
 def test_digits_of_an_ill_conditioned_model():

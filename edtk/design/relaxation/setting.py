@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from criteria import Relaxable
+from edtk.design.bound import BoundKind
 from edtk.design.problem import Problem
 from edtk.design.relaxation.inner_proof import InnerProof
 from edtk.design.relaxation.relative_accuracy import relative_accuracy
@@ -66,6 +67,9 @@ class Setting:
         M = self.problem.information(found.weights)
         believes = self.criterion.rests_on_solver(found.multipliers, M)
         found = replace(found, accuracy=accuracy, rests_on_solver=believes)
+        if believes:
+            bound = replace(found.proved_bound, kind=BoundKind.SOLVED)
+            found = replace(found, proved_bound=bound)
         if self.whitened is None:
             return found
         inner = InnerProof(self.whitened.T, found.multipliers)

@@ -89,14 +89,19 @@ def _restored(data: Mapping[str, Any], problem: Problem) -> Relaxation:
     kept = data.get("inner")
     inner = None if kept is None else InnerProof(np.array(kept["T"]), np.array(kept["Z"]))
     cost, bound = certify(problem, criterion, weights, multipliers, inner)
+    believes = np.isfinite(cost) and criterion.rests_on_solver(
+        multipliers, problem.information(weights)
+    )
+    kind = BoundKind.SOLVED if believes else BoundKind.PROVED_ON_CANDIDATES
     return Relaxation(
         criterion=criterion,
         weights=weights,
         cost=cost,
-        proved_bound=Bound.of(criterion, bound, cost, BoundKind.PROVED_ON_CANDIDATES),
+        proved_bound=Bound.of(criterion, bound, cost, kind),
         multipliers=multipliers,
         solver=SOLVER,
         iterations=0,
+        rests_on_solver=bool(believes),
         inner=inner,
         problem=problem,
     )

@@ -2,14 +2,17 @@
 
 import numpy as np
 
+from edtk.design.bound import BoundKind
 from edtk.design.exact.counts.problem_plan import ProblemPlan
 from edtk.report.text_table import text_table
 
 
 def problem_plan(found: ProblemPlan) -> str:
     """Value, bound, search, and a line for each candidate that is measured."""
+    believed = found.lower_bound.kind is BoundKind.SOLVED
+    proved = "by a solver's word" if believed else "proved"
     bound = (
-        f"bound {found.bound:.7g} (proved, of {found.basis})"
+        f"bound {found.bound:.7g} ({proved}, of {found.basis})"
         if found.lower_bound.cost
         else found.basis
     )

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import criteria
+from edtk.design.bound import BoundKind
 from edtk.design.problem import Problem
 from edtk.design.relaxation.inner_proof import InnerProof
 from edtk.design.relaxation.relax import relax
@@ -194,6 +195,7 @@ def test_a_bound_by_a_solvers_word_says_so():
     found = relax(PROBLEM, NoDual())
     assert found.rests_on_solver
     assert "gap by a solver's word" in found.headline()
+    assert found.proved_bound.kind is BoundKind.SOLVED
     assert not solved("A").rests_on_solver
     assert "proved gap" in solved("A").headline()
 

@@ -154,7 +154,7 @@ def _bound(criterion: Criterion, relaxed: RelaxedCounts | None) -> Bound:
     """The bound as an object; zero, which says nothing, where there is none."""
     cost = 0.0 if relaxed is None else relaxed.cost
     gap = 1.0 if relaxed is None else relaxed.gap
-    kind = BoundKind.PROVED_ON_CANDIDATES
+    kind = BoundKind.PROVED_ON_CANDIDATES if relaxed is None else relaxed.kind
     return Bound(cost, kind, criterion.degree, criterion.sense, gap)
 
 

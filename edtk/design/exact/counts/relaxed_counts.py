@@ -26,6 +26,7 @@ class RelaxedCounts:
         gap: Relative gap between bound and the best weights.
         multipliers: What proves it (r, p, p).
         basis: What the bound is on, in words.
+        kind: Whether it is proved, or a solver's word.
     """
 
     counts: Array
@@ -33,6 +34,7 @@ class RelaxedCounts:
     gap: float
     multipliers: Array
     basis: str
+    kind: BoundKind = BoundKind.PROVED_ON_CANDIDATES
 
     def exceeds(self, limits: Limits) -> bool:
         """Whether these counts break a limit, so that a better bound may be proved."""
@@ -74,6 +76,7 @@ def relaxed_counts(problem: Problem, criterion: Relaxable, limits: Limits) -> Re
         gap=bound.gap,
         multipliers=multipliers,
         basis=basis,
+        kind=bound.kind,
     )
 
 
@@ -124,5 +127,10 @@ def within_limits(
     if not sharper.cost > relaxed.cost:
         return relaxed
     return RelaxedCounts(
-        sharper.counts, sharper.cost, sharper.gap, relaxed.multipliers, "weights within the limits"
+        sharper.counts,
+        sharper.cost,
+        sharper.gap,
+        relaxed.multipliers,
+        "weights within the limits",
+        relaxed.kind,
     )
