@@ -229,8 +229,6 @@ class FittedData:
     @cached_property
     def causes(self) -> tuple[Cause, ...]:
         """Faults that explain the residuals, the likeliest first; empty where noise does."""
-        if self.data.deflection.shape[1] == 1:
-            return ()  # most faults have a direction, which distances have not
         if self.fit.robust:
             return ()  # a robust fit sets aside what a fault makes
         rows = some_rows(len(self.data), MOST_ROWS)

@@ -189,18 +189,25 @@ class Whitened:
         z = self.in_sigma(measured)
         return np.asarray(z - self.Q @ np.einsum("mrp,mr->p", self.Q, z))
 
-    def shift(self, rows: Indices) -> tuple[Indices, Array]:
-        """A common shift of some measurements by a unit of each coordinate, whitened.
+    def shift(self, rows: Indices, units: Array | None = None) -> tuple[Indices, Array]:
+        """A common shift of some measurements, whitened.
+
+        Args:
+            rows: The measurements.
+            units: What each unit of the shift adds to all measurements (m, rows, c); defaults to a
+                unit of each coordinate.
 
         Returns:
             The measurements (t,) that it shows in, which are more where errors are correlated, and
-            its columns (t, rows, rows) in them.
+            its columns (t, rows, c) in them.
         """
-        coordinates = self.weight.shape[1]
+        unit = np.eye(self.weight.shape[1]) if units is None else units
         if self.correlated is None:
-            return rows, self.weight[rows][:, :, None] * np.eye(coordinates)
+            own = unit if units is None else unit[rows]
+            return rows, self.weight[rows][:, :, None] * own
         company = self.correlated.company(rows)
-        moved = np.isin(company, rows)[:, None, None] * np.eye(coordinates)
+        own = unit if units is None else unit[company]
+        moved = np.isin(company, rows)[:, None, None] * own
         return company, whiten_columns(moved, self.correlated[company])
 
     def by_reading(self) -> Array:

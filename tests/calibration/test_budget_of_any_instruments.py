@@ -197,3 +197,35 @@ def test_absolute_positions_name_what_shifts_them(part, size, axis, cause):
         measured = replace(data, deflection=read(share * size * np.eye(3)[axis]) + noise)
         fitted = FittedData.of(calibrations.study, measured, linear=True)
         assert tuple(one.cause for one in fitted.causes) == causes
+
+
+@pytest.mark.parametrize("keys", [CASES["distances"], CASES["mix"]], ids=["distances", "mix"])
+def test_single_rows_name_causes(keys):
+    """Distances and single coordinates show what turns the load, shifts the tool, or drifts."""
+    calibrations = Calibrations(keys)
+    data = calibrations.data
+    noise = data.sigma * np.random.default_rng(1).standard_normal(data.sigma.shape)
+    faults = {
+        (): calibrations.drift(np.zeros(3)),
+        ("drift",): calibrations.drift(np.array([0, 4.0, 0])),
+        ("tool_z",): calibrations.tool(np.array([0, 0, 15.0])),
+        ("load_direction",): calibrations.load(np.array([0, 6.0, -4.0, 0])),
+    }
+    for causes, shown in faults.items():
+        measured = replace(data, deflection=shown + noise)
+        fitted = FittedData.of(calibrations.study, measured, linear=True)
+        assert tuple(one.cause for one in fitted.causes) == causes
+
+
+def test_a_pose_of_distances_is_off_by_a_joint_value():
+    """A joint value that was mistyped explains all distances of its pose."""
+    calibrations = Calibrations(CASES["distances"])
+    data = calibrations.data
+    noise = data.sigma * np.random.default_rng(1).standard_normal(data.sigma.shape)
+    q = data.q.copy()
+    q[data.pose == 4, 2] += np.deg2rad(10)
+    measured = replace(data, q=q, deflection=calibrations.shown(calibrations.model) + noise)
+    (found,) = FittedData.of(calibrations.study, measured, linear=True).causes
+    assert (found.cause, found.joint) == ("pose", "q3")
+    assert found.size == pytest.approx(-10, abs=1)
+    assert found.rows == tuple(np.flatnonzero(data.pose == 4))

@@ -13,6 +13,7 @@ from edtk.calibration.causes.plain_fit import PlainFit
 from edtk.calibration.causes.shifted import SEEN, shifted
 from edtk.calibration.causes.tried import Tried
 from edtk.calibration.causes.wrong_pose import wrong_pose
+from edtk.calibration.whole_rows import whole_rows
 from edtk.inference.distributions import chi_square_tail, fisher_tail
 from edtk.inference.error_strata import ErrorStrata
 from edtk.inference.estimate_noise import yardstick
@@ -20,6 +21,7 @@ from edtk.inference.lack_of_fit import LackOfFit, lack_of_fit
 from edtk.inference.least_squares import SingularPlanError
 from edtk.inference.measurements import Measurements
 from edtk.inference.prior_rows import PriorRows
+from edtk.inference.translations import translations
 from edtk.inference.visit_residuals import visit_residuals
 from edtk.model.elastostatic_model import ElastostaticModel
 from edtk.system.typing import Array
@@ -95,12 +97,31 @@ def _tried(plain: PlainFit) -> list[Tried]:
     shared = _common_noise(test) if strata is None else _shared(strata)
     return [
         *_smooth(plain),
-        *shifted(plain.whitened, plain.measured, plain.chi2, data.pose, POSE),
+        *shifted(plain.whitened, plain.measured, plain.chi2, data.pose, POSE, _moved(plain)),
         *_outliers(plain),
         *_noise(plain, repeated=test is not None),
         *(replace(one, deviance=one.deviance + plain.by_prior) for one in shared),
         *_prior(plain),
     ]
+
+
+def _moved(plain: PlainFit) -> Array | None:
+    """What shifts and turns of the robot add to single coordinates; None where rows are whole.
+
+    A pose of whole rows may be shifted, and turned, in each coordinate by itself.
+    """
+    data = plain.data
+    if data.deflection.shape[1] > 1:
+        return None
+    moved = translations(plain.model, data)
+    if data.turn is not None:
+        _, axis = whole_rows(plain.model, data, plain.A)
+        assert axis is not None
+        turned = (axis[:, None] == np.arange(3)) & data.turn[:, None]
+        moved = np.concatenate([moved, turned[:, None].astype(float)], axis=-1)
+    if plain.prior is None:
+        return moved
+    return np.moveaxis(plain.prior.zeros_below(np.moveaxis(moved, -1, 0)), 0, -1)
 
 
 def _likely(tried: list[Tried]) -> list[Tried]:

@@ -14,7 +14,12 @@ SEEN = 1e-9  # share of a shift's information that residuals show, below which i
 
 
 def shifted(
-    whitened: Whitened, measured: Array, chi2: float, group: Indices, cause: str
+    whitened: Whitened,
+    measured: Array,
+    chi2: float,
+    group: Indices,
+    cause: str,
+    units: Array | None = None,
 ) -> Iterator[Tried]:
     """Try each group of rows, such as a pose with all its repetitions, as shifted by a constant.
 
@@ -24,12 +29,14 @@ def shifted(
         chi2: Sum of squares without a shift.
         group: Number (m,) of each row's group.
         cause: Name of such a fault.
+        units: What each unit of the shift adds to the measurements (m, rows, c); defaults to a unit
+            of each coordinate.
     """
     residual = whitened.residual(measured)
     numbers = np.unique(group)
     for number in numbers:
         at = np.flatnonzero(group == number)
-        seen_in, shift = whitened.shift(at)
+        seen_in, shift = whitened.shift(at, units)
         onto = np.einsum("mrp,mrs->ps", whitened.Q[seen_in], shift)
         gram = np.einsum("mrs,mrt->st", shift, shift) - onto.T @ onto
         along = np.einsum("mrs,mr->s", shift, residual[seen_in])
