@@ -23,6 +23,16 @@ def test_identification(script):
     assert fitting > 0
 
 
+def test_exact_plans(script, monkeypatch):
+    """A plan on candidates is as good as asked, and a start takes some time."""
+    benchmark = script("benchmarks/exact.py")
+    monkeypatch.setattr(benchmark, "STARTS", 8)
+    best, seconds, found = benchmark.own(benchmark.CASES[0])
+    assert best == pytest.approx(benchmark.CASES[0].best, abs=benchmark.SAME)
+    assert seconds > 0
+    assert found > 0
+
+
 @pytest.mark.slow
 def test_relaxation_of_several_tasks(script, monkeypatch):
     """The study gets as many poses as it is asked for, and a line has a gap."""

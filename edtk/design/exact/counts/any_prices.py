@@ -69,6 +69,10 @@ class AnyPricing(Pricing):
         M = self.scatter.information(places)
         return M + ridge * self.limits.m * self.mean if ridge else M
 
+    def scores(self, places: Indices, ridge: float) -> Array:
+        """The costs."""
+        return np.asarray(self.criterion.cost(self.information(places, ridge))).reshape(-1)
+
     def prices(self, places: Indices, ridge: float, size: int) -> "AnyPrices":
         """Prices of plans (b, m) for the candidates of largest sensitivity."""
         return AnyPrices(self, places.copy(), ridge, size)

@@ -55,7 +55,6 @@ class CountsSearch:
         criterion: The criterion to minimise.
         scatter: Rows of the candidates, and the limits.
         pricing: How exchanges are priced.
-        mean: Mean information (p, p) of a place.
         relaxed: Counts (n,) of the relaxation; zeros where there is none.
         bound: No plan costs less.
     """
@@ -63,7 +62,6 @@ class CountsSearch:
     criterion: Criterion
     scatter: Scatter
     pricing: Pricing
-    mean: Array
     relaxed: Array
     bound: float
 
@@ -118,22 +116,25 @@ class CountsSearch:
         rng = np.random.default_rng((seed, number))
         starts = [self._start(rng, number == 0, i) for i in range(size)]
         places = self._improved(np.array(starts), RIDGE)
-        costs = self._costs(places, RIDGE)
+        scores = self.pricing.scores(places, RIDGE)
         together = min(self.pricing.kicks, max(1, TOGETHER // size))
         for _ in range(self.pricing.kicks // together):
-            trials = np.array([self._kicked(rng, own) for own in places for _ in range(together)])
+            n = self.pricing.candidates
+            trials = kicked(rng, self.limits, np.repeat(places, together, axis=0), n)
             trials = self._improved(trials, RIDGE)
-            reached = self._costs(trials, RIDGE).reshape(size, together)
+            reached = self.pricing.scores(trials, RIDGE).reshape(size, together)
             best = reached.argmin(axis=1)
             each = np.arange(size)
-            better = reached[each, best] <= costs
+            better = reached[each, best] <= scores
             trials = trials.reshape(size, together, -1)[each, best]
             places[better] = trials[better]
-            costs[better] = reached[each, best][better]
-        regular = np.isfinite(self._costs(places, 0.0)) & self._has_inverse(places)
+            scores[better] = reached[each, best][better]
+        costs = self._costs(places)
+        regular = np.isfinite(costs) & self._has_inverse(places)
         if regular.any():
             places[regular] = self._improved(places[regular], 0.0)
-        return self._costs(places, 0.0), places
+            costs = self._costs(places)
+        return costs, places
 
     def _start(self, rng: np.random.Generator, first: bool, number: int) -> Indices:
         """Places (m,) to start from: rounded weights, then by weight and at random in turn."""
@@ -145,10 +146,6 @@ class CountsSearch:
             places = np.repeat(np.arange(n), apportion(self.relaxed, self.limits.m))
             return rng.permutation(places)
         return draw_places(rng, self.limits, self.relaxed + 1e-3 * total / n)
-
-    def _kicked(self, rng: np.random.Generator, places: Indices) -> Indices:
-        """A plan (m,) with some places drawn anew."""
-        return kicked(rng, self.limits, places, np.ones(self.pricing.candidates))
 
     def _improved(self, places: Indices, ridge: float) -> Indices:
         """Plans (b, m) that no exchange of one place improves."""
@@ -167,9 +164,9 @@ class CountsSearch:
             return np.ones(len(places), dtype=bool)
         return guarded_inverse(self.scatter.information(places), ACCURATE)[2]
 
-    def _costs(self, places: Indices, ridge: float) -> Array:
+    def _costs(self, places: Indices) -> Array:
         """Costs (b,) of plans (b, m)."""
-        M = self.scatter.information(places) + ridge * self.limits.m * self.mean
+        M = self.scatter.information(places)
         costs = np.asarray(self.criterion.plan_criterion.cost(M)).reshape(-1)
         return np.where(np.isnan(costs), np.inf, costs)
 

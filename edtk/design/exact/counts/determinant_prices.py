@@ -27,7 +27,7 @@ class DeterminantPricing(Pricing):
     """
 
     rounds = (0,)
-    kicks = 6
+    kicks = 5
     patience = 256
 
     def __init__(self, rows: Array, limits: Limits) -> None:
@@ -43,9 +43,17 @@ class DeterminantPricing(Pricing):
 
     def covariance(self, places: Indices, ridge: float) -> Array:
         """Inverse information (b, p, p) of plans (b, m)."""
+        return np.asarray(np.linalg.inv(self.information(places, ridge)))
+
+    def information(self, places: Indices, ridge: float) -> Array:
+        """Information (b, p, p) of plans (b, m)."""
         X = self.rows[places]
         own = self.limits.base + ridge * self.limits.m * np.eye(X.shape[-1])
-        return np.asarray(np.linalg.inv(np.swapaxes(X, 1, 2) @ X + own))
+        return np.asarray(np.swapaxes(X, 1, 2) @ X + own)
+
+    def scores(self, places: Indices, ridge: float) -> Array:
+        """Minus the logarithms of determinants."""
+        return np.asarray(-np.linalg.slogdet(self.information(places, ridge)).logabsdet)
 
     def prices(self, places: Indices, ridge: float, size: int) -> "DeterminantPrices":
         """Prices of plans (b, m); there is one round only, of all candidates."""

@@ -24,15 +24,17 @@ def draw_places(rng: np.random.Generator, limits: Limits, chances: Array) -> Ind
     )
 
 
-def kicked(rng: np.random.Generator, limits: Limits, places: Indices, chances: Array) -> Indices:
-    """Draw a few places (m,) of a plan anew, at random."""
+def kicked(rng: np.random.Generator, limits: Limits, places: Indices, n: int) -> Indices:
+    """Draw a few places of plans (b, m) anew, at random from n candidates."""
     number = min(limits.m, max(LEAST_KICKED, round(KICKED * limits.m)))
-    some = rng.permutation(limits.m)[:number]
+    some = rng.random(places.shape).argsort(axis=1)[:, :number]
     if not limits.restricts:
         places = places.copy()
-        places[some] = rng.choice(len(chances), size=number, p=chances / chances.sum())
+        places[np.arange(len(places))[:, None], some] = rng.integers(n, size=some.shape)
         return places
-    return _redrawn(rng, limits, places, some, chances)
+    alike = np.ones(n)
+    drawn = [_redrawn(rng, limits, *own, alike) for own in zip(places, some, strict=True)]
+    return np.array(drawn)
 
 
 def _redrawn(

@@ -133,7 +133,6 @@ def _search(
         criterion=transformed,
         scatter=scatter,
         pricing=pricing_for(transformed.plan_criterion, scatter, mean),
-        mean=mean,
         relaxed=np.zeros(bare.n) if relaxed is None else relaxed.counts,
         bound=0.0 if relaxed is None else relaxed.cost,
     )

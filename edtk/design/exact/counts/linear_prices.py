@@ -27,6 +27,10 @@ class LinearPricing(DeterminantPricing):
         super().__init__(rows, limits)
         self.slope = slope
 
+    def scores(self, places: Indices, ridge: float) -> Array:
+        """The traces."""
+        return np.einsum("ij,bji->b", self.slope, self.covariance(places, ridge))
+
     def prices(self, places: Indices, ridge: float, size: int) -> "LinearPrices":
         """Prices of plans (b, m); there is one round only, of all candidates."""
         return LinearPrices(self, places.copy(), self.covariance(places, ridge))

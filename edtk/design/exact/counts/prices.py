@@ -69,5 +69,9 @@ class Pricing(ABC):
         """
 
     @abstractmethod
+    def scores(self, places: Indices, ridge: float) -> Array:
+        """Numbers (b,) that are the smaller, the better a plan (b, m) is, with the same ridge."""
+
+    @abstractmethod
     def effort(self, limits: Limits) -> float:
         """About how many products a start takes, all its sweeps and kicks together."""
