@@ -17,8 +17,12 @@ def box_limits(low: ArrayLike, high: ArrayLike) -> Array:
     Raises:
         ArgumentError: They are not finite, or one is not below the other.
     """
-    lower = np.atleast_1d(np.asarray(low, dtype=float))
-    upper = np.atleast_1d(np.asarray(high, dtype=float))
+    try:
+        lower = np.atleast_1d(np.asarray(low, dtype=float))
+        upper = np.atleast_1d(np.asarray(high, dtype=float))
+    except (TypeError, ValueError) as error:
+        message = "expected numbers, one for each variable"
+        raise ArgumentError(message, argument="low, high") from error
     if lower.ndim != 1 or lower.shape != upper.shape or not lower.size:
         raise ArgumentError(
             f"{upper.shape} beside low of {lower.shape}; expected one bound a variable",

@@ -9,10 +9,11 @@ from numpy.typing import ArrayLike
 from criteria.linalg.root import root
 from edtk.design.box_limits import box_limits
 from edtk.design.inside_differences import inside_differences
+from edtk.design.is_information import is_information
 from edtk.design.nearly_equal import nearly_equal
 from edtk.design.problem import Problem
 from edtk.design.region_points import RegionPoints
-from edtk.design.user_function import UserFunction
+from edtk.design.user_function import UserFunction, user_functions
 from edtk.design.variable_names import as_names, variable_names
 from edtk.system.errors import ArgumentError
 from edtk.system.presented import Presented
@@ -83,22 +84,28 @@ class Region(Presented):
         self.limits = box_limits(low, high)
         self.variables = variable_names(variables, self.size)
         self._T: Array | None = None
+        self._row_shape: tuple[int, ...] | None = None
         self._rows = UserFunction(rows, "rows")
         self._gradient = None if gradient is None else UserFunction(gradient, "gradient")
-        given = (constraints,) if callable(constraints) else tuple(constraints)
-        self._constraints = tuple(UserFunction(each, "constraints") for each in given)
+        self._constraints = user_functions(constraints, "constraints")
         # A problem of one point checks names, noise and prior.
         one = self._middle()
         A = self._rows(one)
         if A.ndim not in (2, 3) or 0 in A.shape[1:]:
             raise self._rows.wrong_shape(A, "(n, rows, p) or (n, p) of n points")
-        self._one_row = A.ndim == 2
-        self._sigma: Array = np.ones(1 if self._one_row else int(A.shape[1]))
+        self._sigma: Array = np.ones(1 if A.ndim == 2 else int(A.shape[1]))
+        if np.shape(sigma) not in ((), self._sigma.shape):
+            message = f"shape {np.shape(sigma)}; expected a number, or {len(self._sigma)} of them"
+            raise ArgumentError(message, argument="sigma")
         problem = Problem(self.rows_at(one), sigma, as_names(parameters), prior)
         self._sigma = np.broadcast_to(np.asarray(sigma, dtype=float), self._sigma.shape)
         self.parameters = problem.parameters
         self.prior = problem.prior
+        if self.prior is not None and not is_information(self.prior):
+            message = "expected a symmetric, positive semidefinite matrix of numbers"
+            raise ArgumentError(message, argument="prior")
         self.p = problem.p
+        self._row_shape = A.shape[1:]
         self._require_model()
         self._variable_first = gradient is not None and self._is_variable_first()
 
@@ -109,7 +116,8 @@ class Region(Presented):
             f"{name} in [{a:g}, {b:g}]"
             for name, a, b in zip(self.variables, low, high, strict=True)
         )
-        some = f" under {self._constrained} constraints" if self._constrained else ""
+        c = int(self.slack_at(self._middle()).shape[-1])
+        some = f" under {c} constraint{'s' * (c > 1)}" if c else ""
         return f"{box}{some}; {self.p} parameters ({', '.join(self.parameters)})"
 
     @property
@@ -192,18 +200,6 @@ class Region(Presented):
         """A point (d,) in words, for messages."""
         return ", ".join(f"{n} = {v:.6g}" for n, v in zip(self.variables, x, strict=True))
 
-    @property
-    def _row_shape(self) -> tuple[int, ...] | None:
-        """Shape of a point's rows as the model gives them; None before they are known."""
-        if not hasattr(self, "p"):
-            return None
-        return (self.p,) if self._one_row else (len(self._sigma), self.p)
-
-    @property
-    def _constrained(self) -> int:
-        """Number of constraints."""
-        return int(self.slack_at(self._middle()).shape[-1])
-
     def _middle(self) -> Array:
         """The point (1, d) in the middle of the box."""
         return self.limits.mean(axis=0)[None]
@@ -218,7 +214,7 @@ class Region(Presented):
     def _by_gradient(self, x: Array, variable_first: bool) -> Array:
         """Derivatives (n, rows, p, d) as the user's gradient gives them, without the noise."""
         assert self._gradient is not None
-        own = (self.p,) if self._one_row else (len(self._sigma), self.p)
+        own = self._row_shape or ()
         shape = (self.size, *own) if variable_first else (*own, self.size)
         G = self._told(self._gradient(x, shape), x, "gradient")
         G = np.moveaxis(G, 1, -1) if variable_first else G

@@ -1,6 +1,6 @@
 """A function of many points that a user wrote, whose answers are checked."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,7 +34,10 @@ class UserFunction:
         """
         try:
             with np.errstate(all="ignore"):  # what is not finite is judged by the caller
-                values = np.asarray(self.function(x.copy()), dtype=float)
+                values = np.asarray(self.function(x.copy()))
+                if np.iscomplexobj(values):
+                    raise TypeError("values are complex; expected real ones")
+                values = values.astype(float)
         except (TypeError, ValueError, IndexError) as error:
             message = f"fails for points of shape {x.shape}: {error}"
             raise ArgumentError(message, argument=self.name) from error
@@ -47,3 +50,16 @@ class UserFunction:
         """The error of values of a wrong shape."""
         message = f"values have the shape {values.shape}; expected {expected}"
         return ArgumentError(message, argument=self.name)
+
+
+def user_functions(given: object, name: str) -> tuple[UserFunction, ...]:
+    """One function or a list of them.
+
+    Raises:
+        ArgumentError: It is neither.
+    """
+    each = [given] if callable(given) or not isinstance(given, Iterable) else list(given)
+    functions = [function for function in each if callable(function)]
+    if len(functions) < len(each):
+        raise ArgumentError("expected a function of points, or a list of them", argument=name)
+    return tuple(UserFunction(function, name) for function in functions)

@@ -7,6 +7,7 @@ from edtk.design.problem import Problem
 from edtk.design.region import Region
 from edtk.study.run_options import Progress
 from edtk.system.errors import ArgumentError
+from edtk.system.whole_number import whole_number
 from edtk.verbs.for_criterion import CriterionLike
 
 
@@ -28,4 +29,13 @@ def plan_region(
     if keep is not None and not isinstance(keep, Problem):
         raise ArgumentError("expected a Problem of the experiments at hand", argument="keep")
     criterion = criteria.as_criterion(criterion)
-    return exact.plan_region(region, size, criterion, seed, starts, keep, progress)
+    number = None if starts is None else whole_number(starts, "starts", 1)
+    return exact.plan_region(
+        region,
+        whole_number(size, "size", 1),
+        criteria.as_criterion(criterion),
+        whole_number(seed, "seed", 0),
+        number,
+        keep,
+        progress,
+    )

@@ -213,6 +213,7 @@ def _relax_region(
     from edtk.design.relaxation.relax_region import relax_region
     from edtk.system.atomic_file import Content, write_files
     from edtk.system.json_text import json_text
+    from edtk.system.whole_number import whole_number
     from edtk.tables.csv_text import csv_text
     from edtk.verbs.require_output import require_different, require_output
 
@@ -220,8 +221,8 @@ def _relax_region(
     require_different(out=out, certificate=certificate)
     for path in (out, certificate):
         require_output(path)
-    points = POINTS if candidates is None else candidates
-    of_one = criterion.for_size(1 if size is None else size)
+    points = POINTS if candidates is None else whole_number(candidates, "candidates", 2)
+    of_one = criterion.for_size(1 if size is None else whole_number(size, "size", 1))
     found = relax_region(region, of_one, points, progress=progress)
     files: dict[Path, Content] = {}
     if out is not None:

@@ -126,6 +126,14 @@ def test_maxima_of_a_grid():
         ({"gradient": lambda x: np.zeros((len(x), 2))}, "gradient: values have the shape"),
         ({"variables": ("a", "b")}, "variables: a, b; expected 1 different names"),
         ({"parameters": ("a", "b", "c")}, "3 names for 2 parameters"),
+        ({"constraints": 3}, "constraints: expected a function of points, or a list"),
+        ({"constraints": [3]}, "constraints: expected a function of points, or a list"),
+        ({"rows": lambda x: line(x) * 1j}, "rows: fails .*: values are complex"),
+        ({"low": "a"}, "low, high: expected numbers"),
+        ({"sigma": [1.0, 2.0]}, r"sigma: shape \(2,\); expected a number, or 1 of them"),
+        ({"prior": np.full((2, 2), np.nan)}, "prior: expected a symmetric"),
+        ({"prior": [[1, 2], [0, 1]]}, "prior: expected a symmetric"),
+        ({"prior": -np.eye(2)}, "prior: expected a symmetric"),
         ({"sigma": -1.0}, "sigma must be finite and positive"),
         ({"prior": np.eye(3)}, "the prior must be"),
     ],
@@ -163,7 +171,25 @@ def test_without_a_feasible_point():
         edtk.relax(region)
 
 
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda region: edtk.relax(region, candidates=1), "candidates 1: expected a whole number"),
+        (lambda region: edtk.relax(region, candidates=9.5), "candidates 9.5: expected a whole"),
+        (lambda region: edtk.relax(region, size=0), "size 0: expected a whole number, 1 or more"),
+        (lambda region: edtk.plan(region, 2.5), "size 2.5: expected a whole number"),
+        (lambda region: edtk.plan(region, "4"), "size 4: expected a whole number"),
+        (lambda region: edtk.plan(region, 4, seed=-1), "seed -1: expected a whole number, 0 or"),
+        (lambda region: edtk.plan(region, 4, starts=0), "starts 0: expected a whole number, 1 or"),
+    ],
+)
+def test_numbers_are_whole(call, message):
+    """Counts are whole numbers that make sense, and their argument is named."""
+    with pytest.raises(ArgumentError, match=message):
+        call(Region(line, 0, 1))
+
+
 def test_it_shows_itself():
     """The repr is one line with names, bounds and parameters."""
     region = Region(line, 0, 4, parameters=("a", "b"), constraints=lambda x: x[:, 0])
-    assert repr(region) == "<Region: x in [0, 4] under 1 constraints; 2 parameters (a, b)>"
+    assert repr(region) == "<Region: x in [0, 4] under 1 constraint; 2 parameters (a, b)>"
