@@ -6,24 +6,24 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
+from criteria.combinations_of import combinations_of
 from criteria.covariance_criterion import CovarianceCriterion
 from criteria.criterion import Criterion
 from criteria.criterion_error import CriterionError
 from criteria.curvature import Curvature
 from criteria.determinant_criterion import DeterminantCriterion
-from criteria.linalg.combination import combination
+from criteria.linalg.combination import combination, combination_names
 from criteria.linalg.estimable import estimable_inverse, open_columns
-from criteria.linalg.inverse import whitener
+from criteria.linalg.inverse import scaled_inverse, whitener
 from criteria.linalg.is_semidefinite import is_semidefinite
 from criteria.linalg.null_space import open_directions
 from criteria.linalg.typing import Array, Indices, Mask
+from criteria.monotone import monotone
 from criteria.relaxable import Formulation, Relaxable
 from criteria.spectral_band import SpectralBand
 
 if TYPE_CHECKING:
     import cvxpy as cp
-
-DEPENDENT = 1e-10  # least singular value of unit combinations that do not follow from each other
 
 
 class Interest(Relaxable):
@@ -61,7 +61,7 @@ class Interest(Relaxable):
         self.base = base
         self.K = K
         self._chosen = _chosen(K)
-        self.names = _default_names(K) if names is None else names
+        self.names = combination_names(K) if names is None else names
         self.has_logarithm = base.has_logarithm
         self._describe(base)
 
@@ -150,7 +150,7 @@ class Interest(Relaxable):
             return base.cost_of_log_determinant(log_det, variance.shape[-1])
         if isinstance(base, CovarianceCriterion):
             return base.cost_of_regular(variance, variance)
-        return base.cost_of_regular(_inverse(variance), variance)
+        return base.cost_of_regular(scaled_inverse(variance), variance)
 
     def formulation(
         self, M: "cp.Expression", total: "cp.Expression", T: Array, unit: float
@@ -189,17 +189,17 @@ class Interest(Relaxable):
     def rests_on_solver(self, Z: Array, M: Array) -> bool:
         """Whether the base's bound does."""
         _, cov, _ = self.inverse(M)
-        return self.base.rests_on_solver(self.K.T @ Z @ self.K, _inverse(self.variance(cov)))
+        return self.base.rests_on_solver(self.K.T @ Z @ self.K, scaled_inverse(self.variance(cov)))
 
     def dual_weights(self, Z: Array, M: Array) -> Array | None:
         """The base's for ``K'Z K``, see `lower_bound`."""
         _, cov, _ = self.inverse(M)
-        return self.base.dual_weights(self.K.T @ Z @ self.K, _inverse(self.variance(cov)))
+        return self.base.dual_weights(self.K.T @ Z @ self.K, scaled_inverse(self.variance(cov)))
 
     def lower_bound(self, Z: Array, t: Array, M: Array) -> float:
         """The base's for ``K'Z K``: as ``X >= K C_K(X) K'``, ``<K'Z K, C_K(X)> <= <Z, X> <= t``."""
         _, cov, _ = self.inverse(M)
-        N = _inverse(self.variance(cov))
+        N = scaled_inverse(self.variance(cov))
         # K'Z K may be semidefinite although Z is not, and then proves nothing.
         proves = is_semidefinite(Z)
         if not proves.any():
@@ -281,57 +281,11 @@ class Interest(Relaxable):
         elif isinstance(self.base, DeterminantCriterion):
             # A function of det N has a gradient along N^-1, and <gradient, N> = -degree cost.
             factor = -self.degree / variance.shape[-1] * self.cost_of_variance(variance)
-            slope = factor[..., None, None] * _inverse(variance)
+            slope = factor[..., None, None] * scaled_inverse(variance)
         else:
-            N = _inverse(variance)
+            N = scaled_inverse(variance)
             slope = N @ self.base.gradient_of_regular(N, variance) @ N
         return side @ slope @ np.swapaxes(side, -1, -2)
-
-
-def monotone(base: Criterion) -> Relaxable:
-    """The criterion, if it may be applied to a part of the parameters.
-
-    Raises:
-        CriterionError: It may not.
-    """
-    if base.needs_target:
-        raise CriterionError(
-            f"criterion {base.name!r} says by its target what is of interest; expected a criterion "
-            "without a target"
-        )
-    if not base.takes_interest:
-        raise CriterionError(
-            f"criterion {base.name!r} says by itself what is of interest; expected one that does "
-            "not, such as D or A"
-        )
-    if not isinstance(base, Relaxable) or not base.monotone or not base.convex:
-        raise CriterionError(
-            f"criterion {base.name!r} is not monotone and convex; expected one that is, such as D "
-            "or A, for a part of the parameters"
-        )
-    return base
-
-
-def combinations_of(K: ArrayLike) -> Array:
-    """A frozen copy (p, s) of combinations.
-
-    Raises:
-        CriterionError: They are not finite, or depend on each other.
-    """
-    found = np.array(K, dtype=float)
-    found = found[:, None] if found.ndim == 1 else found
-    if found.ndim != 2 or 0 in found.shape or not np.isfinite(found).all():
-        raise CriterionError("interest: expected a finite matrix (p, s), a combination a column")
-    length = np.linalg.norm(found, axis=0)
-    if not (length > 0).all():
-        raise CriterionError("interest: a combination is zero; expected factors that are not")
-    s = np.linalg.svd(found / length, compute_uv=False)
-    if found.shape[1] > found.shape[0] or s[-1] < DEPENDENT:
-        raise CriterionError(
-            "interest: a combination follows from the others; expected each to say something new"
-        )
-    found.flags.writeable = False
-    return found
 
 
 def _chosen(K: Array) -> Indices | None:
@@ -339,17 +293,3 @@ def _chosen(K: Array) -> Indices | None:
     if not np.isin(K, (0.0, 1.0)).all() or not (K.sum(axis=0) == 1).all():
         return None
     return K.argmax(axis=0)
-
-
-def _inverse(variance: Array) -> Array:
-    """Inverse (..., s, s) of covariances."""
-    # Combinations in different units would cost digits, hence the scaling to a unit diagonal.
-    d = np.sqrt(np.diagonal(variance, axis1=-2, axis2=-1))
-    dd = d[..., :, None] * d[..., None, :]
-    return np.linalg.inv(variance / dd) / dd
-
-
-def _default_names(K: Array) -> tuple[str, ...]:
-    """Words for combinations of parameters that are called k1 .. kp."""
-    parameters = tuple(f"k{i + 1}" for i in range(len(K)))
-    return tuple(combination(column, parameters) for column in K.T)

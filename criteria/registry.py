@@ -9,20 +9,18 @@ from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Any, TypeVar
 
-import numpy as np
 from numpy.typing import ArrayLike
 
+from criteria.construct import construct, known_parameters
 from criteria.criterion import Criterion
 from criteria.criterion_error import (
     CriterionError,
     DuplicateCriterionError,
-    MissingTargetError,
     UnknownCriterionError,
 )
 from criteria.interest import Interest
 from criteria.load_plugin import HOOKS, guard_plugin, load_plugin
 from criteria.relaxable import Relaxable
-from criteria.require_homogeneous import require_homogeneous
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint, EntryPoints
@@ -169,16 +167,11 @@ def create(
             for combinations.
     """
     cls = get(name)
-    known = _parameters_of(cls)
-    if interest is not None and "interest" in known:
+    if interest is not None and "interest" in known_parameters(cls):
         parameters = {**parameters, "interest": interest}
         interest = None
-    if parameters or cls.needs_parameters:
-        made = _with_parameters(cls, parameters, known)
-        return made if interest is None else Interest(made, interest)
-    if interest is not None:
-        return Interest(_create(cls, target, targets), interest)
-    return _create(cls, target, targets)
+    made = construct(cls, target, targets, parameters)
+    return made if interest is None else Interest(made, interest)
 
 
 def from_dict(data: Mapping[str, Any]) -> Criterion:
@@ -215,69 +208,7 @@ def parameters_of(name: str) -> tuple[str, ...]:
     Raises:
         CriterionError: There is no such criterion.
     """
-    return tuple(_parameters_of(get(name)))
-
-
-def _parameters_of(cls: type[Criterion]) -> dict[str, inspect.Parameter]:
-    """What the constructor of a class with parameters takes, by name; nothing for the others."""
-    return dict(inspect.signature(cls).parameters) if cls.needs_parameters else {}
-
-
-def _with_parameters(
-    cls: type[Criterion], given: Mapping[str, Any], known: Mapping[str, inspect.Parameter]
-) -> Criterion:
-    """Construct a criterion from its parameters.
-
-    Raises:
-        CriterionError: A parameter is unknown or wrong, or a required one is missing.
-    """
-    expected = ", ".join(known) or "none"
-    for key in given:
-        if key not in known:
-            raise CriterionError(
-                f"criterion {cls.name!r} has no parameter {key!r}; expected {expected}"
-            )
-    for key, parameter in known.items():
-        if parameter.default is inspect.Parameter.empty and key not in given:
-            raise CriterionError(f"criterion {cls.name!r} needs {key}; its parameters: {expected}")
-    try:
-        made = cls(**given)
-    except (TypeError, ValueError, ArithmeticError) as error:  # of what is no array of numbers
-        words = " ".join(str(error).split())
-        raise CriterionError(f"criterion {cls.name!r}: wrong parameters: {words}") from error
-    return _of_its_degree(made, 3)
-
-
-def _create(cls: type[Criterion], target: ArrayLike | None, targets: ArrayLike | None) -> Criterion:
-    """Construct a criterion of all parameters."""
-    if not cls.needs_target:
-        return _of_its_degree(cls(), 3)
-    given = targets if cls.per_task and targets is not None else target
-    if given is None:
-        raise MissingTargetError(
-            f"criterion {cls.name!r} needs a target: the regressor A0 of the test pose"
-        )
-    made = cls(given)  # type: ignore[call-arg]
-    return _of_its_degree(made, np.shape(given)[-1])
-
-
-def _of_its_degree(criterion: Criterion, p: int) -> Criterion:
-    """The criterion of a third party, which is asked for the degree that it declares.
-
-    Where its cost of p parameters cannot be computed, whoever uses it finds out.
-
-    Raises:
-        CriterionError: Its cost has another degree.
-    """
-    if type(criterion).__module__.split(".")[0] == "criteria":
-        return criterion
-    M = np.diag(np.arange(1.0, p + 1)) + 0.5
-    try:
-        criterion.cost(M)
-    except Exception:
-        return criterion
-    require_homogeneous(criterion, M)
-    return criterion
+    return tuple(known_parameters(get(name)))
 
 
 @cache

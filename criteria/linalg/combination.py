@@ -11,3 +11,9 @@ def combination(factors: Array, parameters: tuple[str, ...]) -> str:
             term = f"{abs(factor):.3g} {name}".removeprefix("1 ")
             words.append(f"{'-' if factor < 0 else '+'} {term}")
     return " ".join(words).removeprefix("+ ")
+
+
+def combination_names(K: Array) -> tuple[str, ...]:
+    """Words for combinations of parameters that are called k1 .. kp."""
+    parameters = tuple(f"k{i + 1}" for i in range(len(K)))
+    return tuple(combination(column, parameters) for column in K.T)

@@ -78,3 +78,11 @@ def power_trace_of_root(F: Array, power: float) -> float:
     s = np.linalg.svd(F, compute_uv=False)
     lowered = np.maximum(s - 4 * len(F) * EPS * s[0], 0.0)
     return float((lowered ** (2 * power)).sum())
+
+
+def scaled_inverse(variance: Array) -> Array:
+    """Inverse (..., s, s) of regular covariances, which are not checked."""
+    # Combinations in different units would cost digits, hence the scaling to a unit diagonal.
+    d = np.sqrt(np.diagonal(variance, axis1=-2, axis2=-1))
+    dd = d[..., :, None] * d[..., None, :]
+    return np.linalg.inv(variance / dd) / dd
