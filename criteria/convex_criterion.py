@@ -95,12 +95,13 @@ class ConvexCriterion(Relaxable):
         has_form = cls.polar is not ConvexCriterion.polar
         if has_form or cls.lower_bound is not ConvexCriterion.lower_bound:
             return False
-        if not self.smooth:
-            return True
+        return not (self.smooth and self._are_gradients(Z, M))
+
+    def _are_gradients(self, Z: Array, M: Array) -> bool:
+        """Whether multipliers (r, p, p) are minus the gradient at M, up to their lengths."""
         S = np.linalg.inv(whitener(M))
         G = S @ self.gradient(M) @ S.T
-        whitened = S @ Z @ S.T
-        return not all(_is_parallel(z / np.trace(z), G) for z in whitened)
+        return all(_is_parallel(z / np.trace(z), G) for z in S @ Z @ S.T)
 
     def formulation(
         self, M: "cp.Expression", total: "cp.Expression", T: Array, unit: float

@@ -192,6 +192,35 @@ class TransformedCovariance(Transformed, CovarianceCriterion):
         return -L @ self.base.slope_of_root(self.T @ L) @ np.swapaxes(L, -1, -2)
 
 
+class TransformedExpression(Transformed, ConvexCriterion):
+    """The same of a criterion that writes no closed form of its cost, or of its polar.
+
+    What is read off its expression is read off it with T, so that nothing is squared.
+    """
+
+    def polar(self, Z: Array, M: Array) -> float:
+        """A solver's answer in these parameters, unless the base has a closed form."""
+        if type(self.base).polar is ConvexCriterion.polar:  # type: ignore[attr-defined]
+            return ConvexCriterion.polar(self, Z, M)
+        return super().polar(Z, M)
+
+    def rests_on_solver(self, Z: Array, M: Array) -> bool:
+        """Unless the base has a closed form, or each Z is minus the gradient at M."""
+        if type(self.base).polar is not ConvexCriterion.polar:  # type: ignore[attr-defined]
+            return False
+        return not (self.smooth and self._are_gradients(Z, M))
+
+    def _cost(self, M: Array, cov: Array) -> Array:
+        if type(self.base)._cost is ConvexCriterion._cost:
+            return ConvexCriterion._cost(self, M, cov)
+        return super()._cost(M, cov)
+
+    def _gradient(self, M: Array, cov: Array) -> Array:
+        if type(self.base)._gradient is ConvexCriterion._gradient:
+            return ConvexCriterion._gradient(self, M, cov)
+        return super()._gradient(M, cov)
+
+
 class TransformedByFactor(Transformed):
     """The same of a criterion of det M alone: it differs by a power of ``|det T|``, and no more."""
 
@@ -249,6 +278,8 @@ def transformed(base: Criterion, T: Array) -> Transformed | None:
         return TransformedDeterminant(base, T)
     if isinstance(base, CovarianceCriterion):
         return TransformedCovariance(base, T)
+    if isinstance(base, ConvexCriterion) and type(base).polar is ConvexCriterion.polar:
+        return TransformedExpression(base, T)
     return Transformed(base, T)
 
 

@@ -184,6 +184,16 @@ class NoDual(criteria.ConvexCriterion):
         return cp.matrix_frac(np.eye(M.shape[0]) if T is None else T.T, M)
 
 
+def test_a_plug_in_of_an_ill_conditioned_model():
+    """An expression alone is enough for years, in the parameters that whiten them."""
+    found = relax(STEEP, NoDual())
+    best = relax(STEEP, criteria.create("A"))
+    assert found.rests_on_solver
+    assert found.cost == pytest.approx(best.cost, rel=1e-6)
+    assert found.proved_bound.cost == pytest.approx(best.cost, rel=1e-5)
+    assert found.proved_bound.cost <= best.cost * (1 + 1e-9)
+
+
 class Smooth(NoDual):
     """The same with the truth about its smoothness."""
 
