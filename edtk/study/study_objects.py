@@ -122,9 +122,12 @@ class StudyObjects:
     def target(self) -> Array | None:
         """Target (r, p) of rho0 [m/(rad/(N m))], see `Tasks.target`; None without a test pose.
 
-        It is A0 (3, p) of the test pose, Eq. (4), unless a neighbourhood, rotations or several test
-        poses count.
+        None, too, where the geometry is unknown, whose rho0 is another one, see
+        `edtk.geometry_problem`. It is A0 (3, p) of the test pose, Eq. (4), unless a neighbourhood,
+        rotations or several test poses count.
         """
+        if self.specification.parameters is not None:
+            return None
         return self.tasks.target if self.tasks else None
 
     @property
@@ -133,7 +136,9 @@ class StudyObjects:
 
         Empty if there are no such joints, or no test pose.
         """
-        return rigid_joints_in_words(self.tasks.rigid_joints) if self.tasks else ""
+        if self.specification.parameters is not None or not self.tasks:
+            return ""
+        return rigid_joints_in_words(self.tasks.rigid_joints)
 
     @cached_property
     def interest(self) -> Array | None:
@@ -153,6 +158,19 @@ class StudyObjects:
         """Criteria that are optimised or compared, those that are optimised first."""
         return tuple(dict.fromkeys((*self.specification.optimise, *self.specification.criteria)))
 
+    def require_compliances_alone(self) -> None:
+        """Check that nothing but compliances is unknown, for what knows no geometry yet.
+
+        Raises:
+            UserError: The study has a table [parameters].
+        """
+        if self.specification.parameters is not None:
+            raise self.error(
+                "parameters",
+                "plans of whole studies know compliances alone; expected a study without "
+                "[parameters], or edtk.geometry_problem in Python",
+            )
+
     def criterion(self, name: str | None = None) -> criteria.Criterion:
         """A criterion with this study's target, or about what is of interest.
 
@@ -166,6 +184,7 @@ class StudyObjects:
                 part of the parameters.
         """
         name = self.main_criterion if name is None else name
+        self.require_compliances_alone()
         try:
             targets = self.tasks.targets if self.tasks else None
             parameters = self._parameters(name)

@@ -23,11 +23,7 @@ def study_space(study: "Study") -> DesignSpace:
     Raises:
         UserError: A file of excluded poses cannot be read, or the study is about geometry too.
     """
-    if study.specification.parameters is not None:
-        raise study.error(
-            "parameters",
-            "plans of whole studies know compliances alone; expected a study without [parameters]",
-        )
+    study.require_compliances_alone()
     fixed = study.fixed
     values = np.array([fixed.get(j, 0.0) for j in range(study.robot.n)])
     free = [j for j in range(study.robot.n) if j not in fixed]

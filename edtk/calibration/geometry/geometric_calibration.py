@@ -16,6 +16,7 @@ from edtk.calibration.geometry.study_geometry import StudyGeometry
 from edtk.inference.geometry.geometric_fit import GeometricFit
 from edtk.study.study import Study
 from edtk.system.presented import Presented
+from edtk.tables.in_file_units import of_file_units
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -66,6 +67,23 @@ class GeometricCalibration(Presented):
         """Root mean square distance of poses that were left out one by one [mm]."""
         return MM * self.fit.loo_rms
 
+    @cached_property
+    def rho0_mm(self) -> float | None:
+        """The error of the markers to expect in the tasks, geometry and load compensated [mm].
+
+        It is the root mean square distance that wrong parameters leave; what the model leaves out
+        comes on top of it. None without tasks.
+        """
+        poses = self.study.specification.test_poses
+        if not poses:
+            return None
+        q = of_file_units(self.study.robot, np.array([pose.q_deg for pose in poses]))
+        wrench = np.array([pose.load.build() for pose in poses])
+        fitted = self.fit.fitted
+        rows = fitted.columns(self.counting.turned(q), wrench, self.setting.loads)
+        squares = np.einsum("mrp,pq,mrq->mr", rows, fitted.covariance, rows)
+        return float(np.sqrt(3 * squares.mean()))
+
     @property
     def verdict(self) -> str:
         """Whether to use the result: "good", "usable" or "bad", as the worst doubt says."""
@@ -98,6 +116,7 @@ class GeometricCalibration(Presented):
             "structural_rank": fit.structural,
             "rms_mm": MM * fit.rms,
             "loo_rms_mm": self.loo_rms_mm,
+            "rho0_mm": self.rho0_mm,
             "placed_rms_mm": MM * fit.placed,
             "parameters": self.parameters,
             "redundant": list(fit.redundant),

@@ -89,6 +89,20 @@ class FittedGeometry:
         """Loads (m, n) of the joints where the springs bring them to rest, to second order."""
         return resting_torque(self.compliances, q, wrench, loads)
 
+    def columns(self, q: Array, wrench: Array, loads: Loads | None = None) -> Array:
+        """How the positions move with the parameters (m, 3k, p) [mm per unit].
+
+        Args:
+            q: Joint variables (m, n) [rad or m].
+            wrench: Forces and torques (m, 6).
+            loads: What they load the joints with.
+        """
+        seen = self.model.see(self.theta, q, self.torque(q, wrench, loads))
+        assert seen.jacobian is not None
+        return np.asarray(
+            MM * (seen.jacobian * self.model.scales).reshape(len(q), -1, self.model.p)
+        )
+
     def predict(
         self, q: Array, wrench: Array | None = None, loads: Loads | None = None
     ) -> Predicted:

@@ -47,6 +47,11 @@ def _quality(found: GeometricCalibration) -> list[str]:
         f"{MM * fit.rms:.4g} with all",
         f"each pose predicted without it: {found.loo_rms_mm:.4g} mm rms, "
         f"{100 * fit.share_inside:.1f} % of the coordinates inside their 95 % bands",
+        *(
+            [f"rho0 {found.rho0_mm:.4g} mm: error of the markers to expect in the test poses"]
+            if found.rho0_mm is not None
+            else []
+        ),
         f"what the model leaves out: {joints:.3g} mrad a joint and {noise.model_white:.3g} mm a "
         f"coordinate{repeats}",
     ]

@@ -38,6 +38,11 @@ STUDY = Study(
     parameters={"compliance": [], "geometry": "all", "base": True, "tool": True},
     marker=[{"name": name} for name in "ABC"],
 )
+TEST_POSE = {
+    "q_deg": [10, 20, -30, 40, 50, 60],
+    "load": {"F_N": [0, 0, 0]},
+    "tool": {"position_mm": [0, 0, 100]},
+}
 NAMES = [f"q{i}_deg" for i in range(1, 7)]
 
 
@@ -318,11 +323,20 @@ def test_results_of_other_robots_are_refused(study: Path, tmp_path: Path) -> Non
         edtk.predict(study, spoiled, tmp_path / "sheet.csv")
 
 
-def test_other_verbs_say_that_they_know_compliances_alone(study: Path) -> None:
+@pytest.mark.parametrize(
+    "words", [("plan", "--size", 4), ("relax",), ("run",), ("evaluate", "poses.csv")]
+)
+@pytest.mark.parametrize("tasks", [False, True])
+def test_other_verbs_say_that_they_know_compliances_alone(
+    words: tuple[object, ...], tasks: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Plans of such a study are refused in one line, and no number is wrong in silence."""
-    code, out, err = run("plan", study, "--size", 4)
+    monkeypatch.chdir(tmp_path)
+    (STUDY.replace(test_pose=TEST_POSE) if tasks else STUDY).to_toml("study.toml")
+    Path("poses.csv").write_text(",".join(NAMES) + "\n10,20,30,-40,50,60\n")
+    code, out, err = run(words[0], "study.toml", *words[1:])
     assert (code, out) == (2, "")
-    assert "[parameters]" in err
+    assert "parameters: plans of whole studies know compliances alone" in err
 
 
 def test_commands_bring_the_markers_where_the_drawing_has_them(study: Path, tmp_path: Path) -> None:
@@ -371,3 +385,15 @@ def test_a_robust_fit_names_what_it_trusts_less(study: Path, tmp_path: Path) -> 
         assert any(doubt.kind == "outliers" and 7 in doubt.rows for doubt in found.doubts)
     errors = [edtk.predict(study, found, tests).rms_mm for found in (squares, robust)]
     assert errors[1] < errors[0]
+
+
+def test_rho0_is_the_error_that_parameters_leave_in_the_test_poses(tmp_path: Path) -> None:
+    """A study with test poses has rho0, which falls as the root of the number of poses."""
+    study = STUDY.replace(test_pose=TEST_POSE)
+    q, x = truth(80)
+    few = edtk.identify(study, by_pose(tmp_path / "few.csv", q[:20], x[:20]))
+    many = edtk.identify(study, by_pose(tmp_path / "many.csv", q, x))
+    assert 1.3 < few.rho0_mm / many.rho0_mm < 4
+    assert few.to_dict()["rho0_mm"] == few.rho0_mm
+    assert "rho0" in few.summary()
+    assert edtk.identify(STUDY, tmp_path / "few.csv").rho0_mm is None
