@@ -265,6 +265,21 @@ def test_polynomials(degree):
     check(region, "E", c @ c, extrema)
 
 
+def test_broken_line():
+    """1, x, (x - b)_+ on [-1, 1]: a third at both ends and at the break, where no slope is zero.
+
+    The rows there have the determinant ``(1 + b)(1 - b)``, in whatever place b lies.
+    """
+    b = 0.1234567
+
+    def rows(x):
+        t = x[:, 0]
+        return np.stack([np.ones_like(t), t, np.maximum(t - b, 0.0)], axis=-1)
+
+    cost = 3 * (1 - b**2) ** (-2 / 3)
+    check(Region(rows, -1, 1), "D", cost, [-1, b, 1], np.full(3, 1 / 3))
+
+
 @pytest.mark.parametrize(("p", "name"), [(3, "D"), (7, "A"), (17, "D")])
 def test_trigonometric_regression_on_the_circle(p, name):
     """On [0, 2 pi] M = diag(1, 1/2, .., 1/2) is best, whatever points give it."""
