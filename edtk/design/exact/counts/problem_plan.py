@@ -108,7 +108,7 @@ class ProblemPlan(Presented):
 
     @property
     def parts(self) -> dict[str, Indices]:
-        """Counts (n,) by what they are: kept ones, and those of each block."""
+        """Counts (n,) by what they are, such as "kept" and "block 1"."""
         found = {"kept": self.kept} if self.kept.any() else {}
         if self.block_counts is not None:
             found |= {f"block {i}": own for i, own in enumerate(self.block_counts, start=1)}
