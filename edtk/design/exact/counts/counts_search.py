@@ -20,7 +20,6 @@ from edtk.system.typing import Array, Indices, Mask
 # start has prices: far below what a plan of so many places tells, far above rounding.
 RIDGE = 1e-6
 ACCURATE = 1e-8  # least eigenvalue at unit diagonal of a plan whose inverse has half its digits
-TOGETHER = 96  # plans that are kicked in step, where there are fewer starts
 SAME = 1e-9  # relative difference of costs up to which two plans are equally good
 PROVED = 1e-9  # relative distance to the bound at which nothing is left to find
 EFFORT = 1e10  # products that the starts may take which bring no improvement
@@ -79,11 +78,13 @@ class CountsSearch:
         """
         patience = self._patience()
         most = MOST_WAVES * self.pricing.wave if starts is None else starts
+        # A wave of long searches shall not hold more starts than are worth it.
+        wave = min(self.pricing.wave, patience) if starts is None else self.pricing.wave
         record = _Record()
         ended = "starts"
         try:
             while record.starts < most:
-                size = min(self.pricing.wave, most - record.starts)
+                size = min(wave, most - record.starts)
                 record.enter(*self._wave(seed, record.waves, size))
                 progress(record.starts, record.cost)
                 if self._is_proved(record.cost):
@@ -117,7 +118,7 @@ class CountsSearch:
         starts = [self._start(rng, number == 0, i) for i in range(size)]
         places = self._improved(np.array(starts), RIDGE)
         scores = self.pricing.scores(places, RIDGE)
-        together = min(self.pricing.kicks, max(1, TOGETHER // size))
+        together = min(self.pricing.kicks, max(1, self.pricing.together // size))
         for _ in range(self.pricing.kicks // together):
             n = self.pricing.candidates
             trials = kicked(rng, self.limits, np.repeat(places, together, axis=0), n)

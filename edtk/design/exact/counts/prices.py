@@ -46,6 +46,7 @@ class Pricing(ABC):
         batch: Number of plans whose arrays stay in a core's cache.
         rounds: Numbers of candidates that are looked at, in turn; the last one is all of them.
         wave: Number of starts that are improved in step with each other.
+        together: Number of plans that are kicked in step, where there are fewer starts.
         kicks: How often a search kicks each of its plans out of a local optimum.
         patience: Starts without an improvement that a search makes at least, time permitting.
     """
@@ -54,6 +55,7 @@ class Pricing(ABC):
     batch: int
     rounds: tuple[int, ...]
     wave: int = 64
+    together: int = 96
     kicks: int
     patience: int
 

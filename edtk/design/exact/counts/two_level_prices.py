@@ -25,8 +25,10 @@ class TwoLevelPricing(DeterminantPricing):
         movable: The k columns that have two values.
     """
 
-    wave = BATCH
-    patience = 4096
+    together = BATCH
+    # On Hadamard's matrices of order 20 one of some thousand descents ends in the optimum.
+    kicks = 100
+    patience = 512
 
     def __init__(self, rows: Array, limits: Limits, order: Indices, movable: Indices) -> None:
         self.rows = rows
@@ -40,8 +42,8 @@ class TwoLevelPricing(DeterminantPricing):
         self.batch = BATCH
 
     def effort(self, limits: Limits) -> float:
-        """Some sixty sweeps with nine products of p times p a place."""
-        return 540.0 * limits.m * self.rows.shape[1] ** 2
+        """Some three hundred sweeps with nine products of p times p a place."""
+        return 3000.0 * limits.m * self.rows.shape[1] ** 2
 
     def prices(self, places: Indices, ridge: float, size: int) -> "TwoLevelPrices":
         """Prices of plans (b, m)."""
