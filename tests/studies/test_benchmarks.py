@@ -11,6 +11,29 @@ def test_relaxation(script):
     assert benchmark.direct("A", 300, "CLARABEL")[1] == pytest.approx(cost, rel=1e-3)
 
 
+@pytest.mark.slow
+def test_general(script):
+    """Edtk and a direct model come to the same optimum of Gaussian rows; a pass has its seconds."""
+    benchmark = script("benchmarks/general.py")
+    case = benchmark.Case(5, 200, 1, "D")
+    *_, gap, _, cost = benchmark.ours(case)
+    assert gap < 1e-6
+    assert benchmark.direct(case)[1] == pytest.approx(cost, rel=1e-3)
+    p, _, gap, support = benchmark.geometry("D", 60)
+    assert gap < 1e-6
+    assert 0 < support <= 60
+    assert p == 35
+
+
+@pytest.mark.slow
+def test_passes(script):
+    """Ten criteria have a gap, and a pass takes a part of each."""
+    one, found = script("benchmarks/general.py").passes(300)
+    assert one > 0
+    assert len(found) == 10
+    assert all(gap < 1e-6 for _, gap in found.values())
+
+
 def test_plans(script):
     """A plan that is good enough is found."""
     assert script("benchmarks/plan.py").ours(3, 0) > 0
