@@ -97,6 +97,30 @@ def test_rounding_proves_nothing(name: str, size: float, honest: dict[str, Conte
         assert found.recomputed >= honest["O4"]["claims"]["bound"] * (1 - 1e-9)
 
 
+@pytest.mark.parametrize("length", [1e-322, 1e-310, 1e-200, 1e250])
+@pytest.mark.parametrize("name", ["D", "O2", "O4"])
+def test_multipliers_of_any_length_prove_the_same(
+    name: str, length: float, honest: dict[str, Content]
+) -> None:
+    """Multipliers that are almost nothing, or huge, do not profit from the ends of the doubles."""
+    content = copy.deepcopy(honest[name])
+    Z = np.array(content["proof"]["multipliers"])
+    Z = Z / np.abs(Z).max(axis=(1, 2), keepdims=True) * length
+    content["proof"]["multipliers"] = Z.tolist()
+    bounds = [
+        claim.recomputed
+        for one in (honest[name], content)
+        for claim in verify_certificate(one).claims
+        if claim.claim == "bound"
+    ]
+    if bounds[1] is None:  # what is left of the digits is not even semidefinite
+        return
+    better = bounds[1] - bounds[0] if name == "O2" else bounds[0] - bounds[1]
+    assert better <= 1e-9 * abs(bounds[0])
+    if length > 1e-300:
+        assert bounds[1] == pytest.approx(bounds[0], rel=1e-9)
+
+
 @pytest.mark.parametrize(
     ("old", "new", "code"),
     [

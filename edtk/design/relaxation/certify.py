@@ -67,6 +67,9 @@ def certify(
 def _bound(problem: Problem, criterion: Relaxable, Z: Array, near: Array) -> float:
     """The bound that multipliers (r, p, p) prove."""
     judged = normalised(problem, criterion)
+    # A multiplier proves the same at any length; those far from one would leave doubles on the way.
+    length = np.abs(Z).max(axis=(1, 2))
+    Z = Z[length > 0] / length[length > 0, None, None]
     if criterion.monotone:
         least = least_scaled_eigenvalue(Z)
         proves = least >= -NEGATIVE * problem.p

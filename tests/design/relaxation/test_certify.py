@@ -81,6 +81,16 @@ def test_nothing_is_gained_by_terms_that_cancel(name, size):
 
 
 @every
+@pytest.mark.parametrize("length", [1e-300, 1e-200, 1e-100, 1e100, 1e200, 1e290])
+def test_the_length_of_a_multiplier_does_not_matter(name, length):
+    """Multiples of a proof prove the same, and nothing overflows on the way."""
+    r = solved(name)
+    _, bound = r.certify(PROBLEM)
+    _, found = replace(r, multipliers=length * r.multipliers).certify(PROBLEM)
+    assert found == pytest.approx(bound, rel=1e-6)
+
+
+@every
 def test_claims_do_not_count(name):
     """Cost and bound that are claimed are not looked at."""
     r = solved(name)
