@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 from criteria import Criterion
 from criteria.linalg.root import root
 from edtk.design.conditioning import WELL, Conditioning
+from edtk.design.is_information import is_information
 from edtk.design.packed import pack, sensitivity_rows
 from edtk.design.packed_information import PackedInformation
 from edtk.design.rank_deficient_error import RankDeficientError as RankDeficientError
@@ -37,12 +38,12 @@ class Problem(Presented):
         blocks: Regressors A_i (n, rows, p).
         sigma: Standard deviation of the noise, one number or one per row (rows,).
         parameters: Names (p,) for messages; they default to k1 .. kp.
-        prior: Prior information M0 (p, p), symmetric; by default there is none.
+        prior: Prior information M0 (p, p), positive semidefinite; by default there is none.
 
     Raises:
         ValueError: The regressors do not have three axes, there are no candidates, an entry is not
-            finite (its candidate is named), sigma is not positive, or the number of names or the
-            shape of the prior does not fit the number of parameters.
+            finite (its candidate is named), sigma is not positive, the number of names or the shape
+            of the prior does not fit the number of parameters, or the prior is no information.
 
     Example:
         >>> import numpy as np, edtk
@@ -79,6 +80,7 @@ class Problem(Presented):
             whitened = A / scale[:, None]
             _require_finite(np.isfinite(np.einsum("irp,irp->i", whitened, whitened)))
         self._set(Rows.of(whitened), parameters, prior)
+        _require_information(self.prior)
 
     @classmethod
     def from_frame(
@@ -134,7 +136,7 @@ class Problem(Presented):
         Args:
             packed: Upper triangles (p(p+1)/2, n), see `edtk.design.packed`.
             parameters: Names (p,) for messages; they default to k1 .. kp.
-            prior: Prior information M0 (p, p), symmetric; by default there is none.
+            prior: Prior information M0 (p, p), positive semidefinite; by default there is none.
 
         Raises:
             ValueError: There are no candidates, the number of rows is not that of a triangle, an
@@ -146,7 +148,9 @@ class Problem(Presented):
             )
         # A sum is finite only if all its terms are, and needs no mask of the size of the input.
         _require_finite(np.isfinite(packed.sum(axis=0)))
-        return cls.of_kept(PackedInformation(packed), parameters, prior)
+        problem = cls.of_kept(PackedInformation(packed), parameters, prior)
+        _require_information(problem.prior)
+        return problem
 
     @classmethod
     def of_kept(
@@ -361,6 +365,12 @@ class Problem(Presented):
         return Problem.of_kept(
             kept.scaled(1.0 / np.where(trace > 0, trace, 1.0)), self.parameters, None
         )
+
+
+def _require_information(prior: Array | None) -> None:
+    """Refuse a prior that no measurements can have."""
+    if prior is not None and not is_information(prior):
+        raise ValueError("the prior must be finite, symmetric and positive semidefinite")
 
 
 def _require_finite(finite: Mask) -> None:

@@ -9,7 +9,6 @@ from numpy.typing import ArrayLike
 from criteria.linalg.root import root
 from edtk.design.box_limits import box_limits
 from edtk.design.inside_differences import inside_differences
-from edtk.design.is_information import is_information
 from edtk.design.nearly_equal import nearly_equal
 from edtk.design.problem import Problem
 from edtk.design.region_points import RegionPoints
@@ -101,9 +100,6 @@ class Region(Presented):
         self._sigma = np.broadcast_to(np.asarray(sigma, dtype=float), self._sigma.shape)
         self.parameters = problem.parameters
         self.prior = problem.prior
-        if self.prior is not None and not is_information(self.prior):
-            message = "expected a symmetric, positive semidefinite matrix of numbers"
-            raise ArgumentError(message, argument="prior")
         self.p = problem.p
         self._row_shape = A.shape[1:]
         self._require_model()

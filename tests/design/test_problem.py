@@ -182,6 +182,16 @@ def test_prior_may_identify_what_no_candidate_excites(blocks, prior):
     Problem(blocks, prior=prior).require_identifiable()
 
 
+@pytest.mark.parametrize("wrong", [np.full((4, 4), np.nan), -np.eye(4), np.triu(np.ones((4, 4)))])
+def test_a_prior_is_information(blocks, wrong):
+    """A prior that no measurements can have is rejected, in rows and in packed information."""
+    packed = Problem(blocks).packed
+    with pytest.raises(ValueError, match="the prior must be finite, symmetric and positive"):
+        Problem(blocks, prior=wrong)
+    with pytest.raises(ValueError, match="the prior must be finite, symmetric and positive"):
+        Problem.of_information(packed, prior=wrong)
+
+
 def test_shape_of_the_prior(blocks):
     """A prior for another number of parameters is rejected."""
     with pytest.raises(ValueError, match=r"the prior must be \(4, 4\), not \(3, 3\)"):
