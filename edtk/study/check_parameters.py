@@ -38,6 +38,7 @@ def check_parameters(study: "StudyObjects") -> None:
     if not chosen and not given.parameters.tool and not unknown:
         raise study.error("parameters", "leaves nothing unknown; expected geometry, base or tool")
     _check_measured(study)
+    _check_unused(study)
 
 
 def _check_measured(study: "StudyObjects") -> None:
@@ -69,3 +70,26 @@ def _check_measured(study: "StudyObjects") -> None:
             )
     if given.marker and all(is_reference(study, marker) for marker in given.marker):
         raise study.error("marker", "expected one on the tool besides those on the base")
+
+
+def _check_unused(study: "StudyObjects") -> None:
+    """Keys that a calibration of geometry would not heed are refused, not passed over."""
+    given = study.specification
+    noise = given.noise
+    unused = {
+        "joints.known_rad_per_Nm": bool(given.joints.known_rad_per_Nm),
+        "noise.tracker_position_mm": noise is not None and noise.has_tracker,
+        "noise.discrepancy_mm": noise is not None and bool(noise.discrepancy_mm),
+        "interest": given.interest is not None,
+        "task": given.task is not None,
+    }
+    instead = {
+        "joints.known_rad_per_Nm": "list the joint in parameters.compliance",
+        "noise.tracker_position_mm": "give measurement.sigma_mm",
+        "noise.discrepancy_mm": "what the model leaves out is estimated",
+        "interest": "all parameters are identified",
+        "task": "give test poses",
+    }
+    for key, is_given in unused.items():
+        if is_given:
+            raise study.error(key, f"a study of geometry does not heed this key; {instead[key]}")

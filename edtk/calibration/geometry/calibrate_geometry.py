@@ -17,10 +17,12 @@ from edtk.calibration.geometry.counting import (
 from edtk.calibration.geometry.fit_doubts import fit_doubts
 from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
 from edtk.calibration.geometry.geometric_doubt import GeometricDoubt, rows_in_words
-from edtk.calibration.geometry.gross_errors import gross_errors
+from edtk.calibration.geometry.gross_doubts import gross_doubts
+from edtk.calibration.geometry.gross_errors import GrossErrors, gross_errors
 from edtk.calibration.geometry.reference_points import reference_points
 from edtk.calibration.geometry.study_geometry import StudyGeometry
 from edtk.inference.geometry.fit_geometry import TooFewPosesError, fit_geometry
+from edtk.inference.geometry.geometric_fit import GeometricFit, root_mean_squares
 from edtk.inference.geometry.marker_positions import MarkerPositions
 from edtk.inference.geometry.read_positions import read_positions
 from edtk.model.robot import Robot
@@ -30,17 +32,25 @@ from edtk.system.typing import Array
 
 SCALES = {1e-3: "metres", 1e-2: "decimetres", 25.4: "inches", 1e3: "micrometres"}
 SCALE_WITHIN = 0.2  # relative: how near to one of these a unit has to be
+AGREES = 5.0  # times the error of poses left out, within which a visit agrees with the others
 LOST = 1e-9  # [m] a position as near to the instrument's origin is a lost beam
 
 
 @dataclass(frozen=True, eq=False)
 class Sound:
-    """Positions that can be fitted, and what was found on the way."""
+    """Positions that can be fitted, and what was found on the way.
+
+    Attributes:
+        data: All visits.
+        gross: Those that do not seem to be of the markers.
+        counting: How the sheet counts the joints.
+        doubts: What was found.
+    """
 
     data: MarkerPositions
+    gross: GrossErrors
     counting: Counting
     doubts: tuple[GeometricDoubt, ...]
-    left_out: tuple[int, ...]
 
 
 def calibrate_geometry(
@@ -65,12 +75,39 @@ def calibrate_geometry(
     sound = _sound(setting, every, path, as_is)
     setting = replace(setting, markers=sound.data.markers)
     try:
-        fit = fit_geometry(setting.model, sound.data, setting.noise, setting.loads, robust)
+        fit, gross = _fitted(setting, sound, robust)
     except TooFewPosesError as error:
         raise UserError(str(error), where=path) from error
-    doubts = [*sound.doubts, *fit_doubts(fit, setting)]
+    doubts = [*sound.doubts, *gross_doubts(sound.data, gross), *fit_doubts(fit, setting)]
     doubts.sort(key=lambda doubt: -doubt.severity)
-    return GeometricCalibration(setting, fit, tuple(doubts), path, sound.counting, sound.left_out)
+    return GeometricCalibration(
+        setting, fit, tuple(doubts), path, sound.counting, tuple(gross.visits)
+    )
+
+
+def _fitted(setting: StudyGeometry, sound: Sound, robust: bool) -> tuple[GeometricFit, GrossErrors]:
+    """The fit without visits that are far off, and those that are so indeed.
+
+    They were far from where the drawing has them. Where the fitted geometry, which may differ much
+    from it, predicts them as well as others, they count again.
+    """
+    gross = sound.gross
+    kept = np.ones(len(sound.data), dtype=bool)
+    kept[gross.visits] = False
+    fit = fit_geometry(setting.model, sound.data[kept], setting.noise, setting.loads, robust)
+    wrong = np.array([visit for visit, _ in gross.wrong], dtype=int)
+    if not len(wrong):
+        return fit, gross
+    data = sound.data[wrong]
+    predicted = fit.fitted.predict(data.q, data.wrench, setting.loads)
+    apart = root_mean_squares(data.measured - predicted.points)
+    near = apart < AGREES * max(fit.loo_rms, fit.rms)
+    if not near.any():
+        return fit, gross
+    kept[wrong[near]] = True
+    still = tuple(one for one, is_near in zip(gross.wrong, near, strict=True) if not is_near)
+    fit = fit_geometry(setting.model, sound.data[kept], setting.noise, setting.loads, robust)
+    return fit, GrossErrors(gross.swapped, still)
 
 
 def _sound(setting: StudyGeometry, every: MarkerPositions, path: Path, as_is: bool) -> Sound:
@@ -90,13 +127,13 @@ def _sound(setting: StudyGeometry, every: MarkerPositions, path: Path, as_is: bo
     tool = _without_unseen(tool, doubts)
     counting = as_said(setting.study.robot)
     asked = setting.study.specification.parameters
-    left_out: list[int] = []
+    gross = GrossErrors((), ())
     if asked is not None and asked.base and asked.tool:
         robot = setting.study.robot
         counting = _counted(robot, tool, path, as_is, doubts)
         tool = counting.of(tool)
-        tool, left_out = _without_gross(robot, tool, doubts)
-    return Sound(tool, counting, tuple(doubts), tuple(left_out))
+        gross = gross_errors(robot, tool)
+    return Sound(tool, gross, counting, tuple(doubts))
 
 
 def _without_lost(data: MarkerPositions) -> tuple[MarkerPositions, list[GeometricDoubt]]:
@@ -188,43 +225,3 @@ def _unit(scale: float) -> str:
         if abs(scale / size - 1) < SCALE_WITHIN:
             return unit
     return ""
-
-
-def _without_gross(
-    robot: Robot, data: MarkerPositions, doubts: list[GeometricDoubt]
-) -> tuple[MarkerPositions, list[int]]:
-    """The visits that can be of the markers, and those that cannot."""
-    found = gross_errors(robot, data)
-    for markers in dict.fromkeys(markers for _, markers in found.swapped):
-        visits = [visit for visit, own in found.swapped if own == markers]
-        rows = _rows(data, visits)
-        doubts.append(
-            GeometricDoubt(
-                Severity.WARNING,
-                "swapped",
-                f"{rows_in_words(rows)}: markers {' and '.join(markers)} are swapped; these rows "
-                "do not count",
-                rows,
-            )
-        )
-    if found.wrong:
-        rows = _rows(data, [visit for visit, _ in found.wrong])
-        size = 1e3 * max(distance for _, distance in found.wrong)
-        doubts.append(
-            GeometricDoubt(
-                Severity.WARNING,
-                "gross",
-                f"{rows_in_words(rows)}: positions are up to {size:.3g} mm from where all others "
-                "say; is the pose another one? These rows do not count",
-                rows,
-            )
-        )
-    kept = np.ones(len(data), dtype=bool)
-    kept[found.visits] = False
-    return data[kept], found.visits
-
-
-def _rows(data: MarkerPositions, visits: list[int]) -> tuple[int, ...]:
-    """Rows of the file that some visits are in."""
-    rows = {int(row) for visit in visits for row in data.row[visit] if row >= 0}
-    return tuple(sorted(rows))

@@ -7,6 +7,7 @@ from edtk.calibration.geometry.geometric_doubt import GeometricDoubt, rows_in_wo
 from edtk.calibration.geometry.moved_frame import moved_frame
 from edtk.calibration.geometry.study_geometry import StudyGeometry
 from edtk.inference.geometry.geometric_fit import MM, GeometricFit
+from edtk.model.geometry.geometric_parameter import GeometricParameter
 
 UNLIKELY = 1e-6  # probability, over all poses, below which a pose is named
 MOST_NAMED = 2  # open directions that are named in full
@@ -111,7 +112,7 @@ def _large(fit: GeometricFit) -> list[GeometricDoubt]:
     """Errors of the drawing that no robot has."""
     fitted = fit.fitted
     large = [
-        f"{one.words} is {value:.3g} {one.unit} off"
+        f"{one.words} is {_shown(one, value)} off"
         for one, value in zip(fitted.model.parameters, fitted.values, strict=True)
         if one.place == "joint" and abs(value) > LARGE
     ]
@@ -120,6 +121,13 @@ def _large(fit: GeometricFit) -> list[GeometricDoubt]:
     more = f", and {len(large) - 1} more" if len(large) > 1 else ""
     text = f"{large[0]}{more}: is the drawing that of this robot?"
     return [GeometricDoubt(Severity.WARNING, "large", text)]
+
+
+def _shown(parameter: GeometricParameter, value: float) -> str:
+    """A large error: angles in degrees."""
+    if parameter.turns:
+        return f"{np.rad2deg(value * parameter.scale):.3g} deg"
+    return f"{value:.3g} {parameter.unit}"
 
 
 def _negative(fit: GeometricFit) -> list[GeometricDoubt]:

@@ -249,3 +249,8 @@ def root_mean_square(distances: Array) -> float:
     squares = (distances**2).sum(axis=-1)
     known = np.isfinite(squares)
     return float(np.sqrt(squares[known].mean())) if known.any() else float("nan")
+
+
+def root_mean_squares(distances: Array) -> Array:
+    """The same of each visit (m,)."""
+    return np.array([root_mean_square(one[None]) for one in distances])

@@ -299,6 +299,9 @@ def test_points_on_the_base_tell_what_moved(tmp_path: Path) -> None:
             {"parameters": {"geometry": [], "base": False, "tool": False}},
             "leaves nothing unknown",
         ),
+        ({"joints": {"known_rad_per_Nm": {"q2": 1e-6}}}, "joints.known_rad_per_Nm"),
+        ({"noise": {"discrepancy_mm": 0.1}}, "noise.discrepancy_mm: .*is estimated"),
+        ({"interest": {"joints": ["q2"]}}, "interest: .*does not heed"),
         ({"joints": {"unknown": ["q2"]}, "parameters": {"compliance": ["q3"]}}, "joints.unknown"),
     ],
 )
@@ -397,3 +400,13 @@ def test_rho0_is_the_error_that_parameters_leave_in_the_test_poses(tmp_path: Pat
     assert few.to_dict()["rho0_mm"] == few.rho0_mm
     assert "rho0" in few.summary()
     assert edtk.identify(STUDY, tmp_path / "few.csv").rho0_mm is None
+
+
+def test_joints_whose_zeros_are_far_off_are_calibrated(study: Path, tmp_path: Path) -> None:
+    """A controller that counts q2 from elsewhere makes no pose a wrong one, and is named."""
+    q, x = truth(30)
+    q[:, 1] += 90
+    found = edtk.identify(study, by_pose(tmp_path / "sheet.csv", q, x))
+    assert found.left_out == ()
+    assert found.loo_rms_mm < 0.1
+    assert any("the zero of joint q2" in doubt.text for doubt in found.doubts)
