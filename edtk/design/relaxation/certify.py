@@ -5,6 +5,7 @@ import numpy as np
 from criteria import Relaxable
 from criteria.linalg.is_semidefinite import least_scaled_eigenvalue
 from edtk.design.absorb_prior import absorb_prior
+from edtk.design.conditioning import Conditioning
 from edtk.design.problem import Problem
 from edtk.design.relaxation.inner_proof import InnerProof
 from edtk.design.relaxation.normalised import normalised
@@ -50,17 +51,18 @@ def certify(
     assert isinstance(base, Relaxable)
     w = _weights(weights, plain.n)
     Z = _multipliers(multipliers, plain.p)
-    setting = _exact(plain, base, Z, inner)
-    if setting is not None and inner is not None:
+    # The cost is computed in parameters that nobody but the candidates has chosen.
+    setting = Setting.of(plain, base)
+    cost = float(setting.criterion.cost(setting.problem.information(w)))
+    exact = _exact(plain, base, Z, inner)
+    if exact is not None and inner is not None:
+        setting = exact
         Z = inner.Z
     else:
-        setting = Setting.of(plain, base)
         inside = setting.inward(Z)
         assert inside is not None
         Z = inside
-    M = setting.problem.information(w)
-    cost = float(setting.criterion.cost(M))
-    near = M if np.isfinite(cost) else setting.problem.mean
+    near = setting.problem.information(w) if np.isfinite(cost) else setting.problem.mean
     return cost, _bound(setting.problem, setting.criterion, Z, near)
 
 
@@ -102,9 +104,19 @@ def _exact(
     if not np.array_equal(inner.outward(), Z) or np.linalg.matrix_rank(T, 0.0) < p:
         return None
     transformed = criterion.transformed(T)
-    if not isinstance(transformed, Relaxable):
+    white = problem.in_units(T)
+    if not isinstance(transformed, Relaxable) or not _whitens(problem, white):
         return None
-    return Setting(problem.in_units(T), transformed, criterion, None)
+    return Setting(white, transformed, criterion, None)
+
+
+def _whitens(given: Problem, white: Problem) -> bool:
+    """Whether a change of parameters is good for what it is meant, and leaves open nothing more.
+
+    Any other would hide rounding in terms that cancel.
+    """
+    found = Conditioning.of_information(white.mean)
+    return bool(found.is_well and found.is_open.sum() == given.conditioning.is_open.sum())
 
 
 def _weights(weights: Array, n: int) -> Array:

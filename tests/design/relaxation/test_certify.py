@@ -168,6 +168,23 @@ def test_inner_proof_that_says_something_else_is_ignored():
     assert replace(r, inner=None).certify(STEEP)[1] <= cost * (1 + 1e-9)
 
 
+@pytest.mark.parametrize("name", ["A", "D", "E", "G", "O2", "O4", "O5"])
+def test_parameters_of_the_enemys_choice_hide_no_rounding(name):
+    """A change of parameters that spans many decades changes neither cost nor what is proved."""
+    r = solved(name)
+    rng = np.random.default_rng(8)
+    for decades in (3, 8, 12, 20):
+        for _ in range(6):
+            U, V = (np.linalg.qr(rng.normal(size=(4, 4)))[0] for _ in range(2))
+            T = (U * 10.0 ** rng.uniform(-decades, decades, size=4)) @ V
+            B = rng.normal(size=(4, 2))
+            inner = InnerProof(T, (B @ B.T)[None])
+            forged = replace(r, multipliers=inner.outward(), inner=inner)
+            cost, bound = forged.certify(PROBLEM)
+            assert cost == pytest.approx(r.cost, rel=1e-10)
+            assert bound <= cost * (1 + 1e-9)
+
+
 def test_design_that_leaves_a_direction_open():
     """Forged weights on a single candidate have infinite cost, and the bound still holds."""
     for name in ("A", "G", "D"):
