@@ -41,7 +41,7 @@ LOST = 1e-3  # share of light weights that are dropped then, likewise
 LIGHT = 1e-4
 GAPS = 2.0
 # Batches of candidates that stay in the program of a criterion with kinks.
-POOL = 5
+POOL = 2
 # Parameters from which on a program of cvxpy takes longer than anyone waits for the last digit.
 TOO_MANY = 40
 # Candidates per one that enters from which on the choice is spread over parts of the list.

@@ -11,7 +11,7 @@ from edtk.design.relaxation.experiment_blocks import experiment_blocks
 from edtk.design.relaxation.normalised import original_weights
 from edtk.design.relaxation.relaxation import Relaxation
 from edtk.design.relaxation.sparse_weights import sparse_weights
-from edtk.system.typing import Array
+from edtk.system.typing import Array, Indices
 
 # Part of the gap that the cost may grow by when support points are dropped: far below what is
 # asked for, far above rounding.
@@ -75,6 +75,34 @@ class Incumbent:
             self.multipliers = multipliers
             self.largest = largest
             self.lower_bound = lower_bound
+
+    def update_from(self, part: "Incumbent", chosen: Indices, gap: float) -> Array:
+        """Take over what is better of the same relaxation over some of the candidates.
+
+        Args:
+            part: The incumbent of the candidates chosen.
+            chosen: Their indices (k,).
+            gap: Relative gap to which the part was solved.
+
+        Returns:
+            Sensitivities (r, n) of all candidates to the multipliers that prove the part's bound.
+        """
+        self.iterations += part.iterations
+        if part.cost < self.cost:
+            self.cost = part.cost
+            self.M = part.M
+            self.active = chosen[part.active]
+            self.weights = part.weights
+            self.solver = part.solver
+        multipliers, _ = part._final_multipliers((1 - gap) * part.cost)
+        sensitivities = self.problem.sensitivities(multipliers)
+        largest = sensitivities.max(axis=-1)
+        lower_bound = self.criterion.lower_bound(multipliers, largest, part.M)
+        if lower_bound >= self.lower_bound:
+            self.multipliers = multipliers
+            self.largest = largest
+            self.lower_bound = lower_bound
+        return sensitivities
 
     def relaxation(self, problem: Problem, gap: float) -> Relaxation:
         """The result, with weights of the candidates as they were given.

@@ -7,7 +7,7 @@ from criteria import Criterion, Relaxable
 from criteria.require_homogeneous import require_homogeneous
 from edtk.design.absorb_prior import absorb_prior
 from edtk.design.problem import Problem
-from edtk.design.relaxation.column_generation import ColumnGeneration
+from edtk.design.relaxation.improve import improve
 from edtk.design.relaxation.incumbent import Incumbent
 from edtk.design.relaxation.normalised import normalised
 from edtk.design.relaxation.relaxation import Relaxation
@@ -17,8 +17,6 @@ from edtk.design.relaxation.without_open_directions import proved_on, without_op
 from edtk.system.typing import Array
 
 Progress = Callable[[int, float], object]
-# The bounds of a family's members only hold together, so that each must be sharper than the whole.
-MEMBER_GAP = 0.25
 
 
 class RelaxationInterrupted(KeyboardInterrupt):
@@ -79,7 +77,7 @@ def relax(
         normalised(closed, setting.criterion), setting.criterion, setting.inward(multipliers)
     )
     try:
-        _improve(incumbent, gap, options, progress)
+        improve(incumbent, gap, options, progress)
     except KeyboardInterrupt as interrupt:
         if not incumbent.iterations:
             raise
@@ -104,26 +102,3 @@ def require_relaxable(criterion: Criterion) -> Relaxable:
     if not isinstance(criterion, Relaxable):
         raise NotImplementedError(f"criterion {criterion.name} has no convex form to relax")
     return criterion
-
-
-def _improve(incumbent: Incumbent, gap: float, options: SolverOptions, progress: Progress) -> None:
-    """Solve the criterion's subproblems, one or several, until the gap is proved or stays."""
-    criterion = incumbent.criterion
-    is_family = criterion.most_subproblems > 1
-    for _ in range(criterion.most_subproblems):
-        Z = incumbent.multipliers
-        t = incumbent.largest
-        bound_before = incumbent.lower_bound
-        subproblem = criterion.subproblem(Z, t, incumbent.M)
-        subproblem_gap = MEMBER_GAP * gap if is_family else gap
-        generation = ColumnGeneration(incumbent.problem, subproblem, subproblem_gap, options)
-        if not is_family:
-            # The proof of a convex criterion stands by itself.
-            Z = Z[:0]
-            t = t[:0]
-        for step in generation.steps(incumbent.candidates):
-            incumbent.update(step, Z, t)
-            progress(incumbent.iterations, incumbent.gap)
-        stuck = 0 < incumbent.lower_bound <= bound_before
-        if incumbent.gap <= gap or stuck:
-            return
