@@ -24,6 +24,9 @@ from edtk.system.errors import ArgumentError
 
 # Descents hold matrices whose order grows with the number of distinct poses.
 MOST_DISTINCT = 200
+# Time [s] of a search after which it is worth while to start further processes, each of which takes
+# a second to load what it needs.
+ALONE = 2.0
 SHARE_OF_BOUND = 0.5  # of the budget, at most, that the search for the bound may take
 
 
@@ -102,6 +105,7 @@ def _search_options(study: Study, options: RunOptions, seconds: float) -> Search
         starts=STARTS,
         seconds=seconds,
         workers=options.workers,
+        alone=ALONE,
         progress=progress,
     )
 

@@ -38,6 +38,8 @@ class SearchOptions:
         patience: Batches without an improvement of 1e-4 after which the search ends.
         seconds: Time [s] after which the best plan so far is returned; one batch is made at least.
         workers: Workers for the batches.
+        alone: Time [s] for which batches are done in this process before others of this machine
+            are started, which takes longer than many a search.
         progress: Called with the number of starts so far and the best cost.
     """
 
@@ -46,6 +48,7 @@ class SearchOptions:
     patience: int = PATIENCE
     seconds: float = np.inf
     workers: Workers = field(default_factory=Workers)
+    alone: float = 0.0
     progress: Progress = no_progress
 
 
@@ -173,11 +176,14 @@ class _Search:
         """
         options = self.options
         most = -(-options.starts // BATCH_SIZE)
+        since = monotonic()
         while record.batches < most:
-            last = min(record.batches + options.workers.size, most)
+            early = not options.workers.remote and monotonic() - since < options.alone
+            workers = Workers() if early else options.workers
+            last = min(record.batches + workers.size, most)
             wave = [self._batch(number) for number in range(record.batches, last)]
             # The whole wave is awaited: entered as they come, batches would depend on speed.
-            for _, answer in sorted(options.workers.run(wave), key=lambda done: done[0]):
+            for _, answer in sorted(workers.run(wave), key=lambda done: done[0]):
                 record.enter(*answer)
                 options.progress(record.batches * BATCH_SIZE, record.cost)
                 if record.idle >= options.patience:

@@ -167,6 +167,18 @@ def test_the_same_from_every_team():
     assert_same(one, three)
 
 
+def test_a_short_search_starts_no_processes():
+    """Of a search that is over in time the plan is the same, and nobody else was asked."""
+
+    class Unasked(Workers):
+        def run(self, pieces):
+            raise AssertionError
+
+    options = {"m": 3, "starts": 10 * BATCH, "patience": 2}
+    alone = search(relaxed("D"), **options, workers=Unasked(2), alone=np.inf)
+    assert_same(alone, search(relaxed("D"), **options))
+
+
 def test_a_batch_has_its_own_seed():
     """What one batch finds is also among what two find, and the second adds plans of its own."""
     costs = []
