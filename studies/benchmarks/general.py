@@ -216,8 +216,8 @@ def _report(
             "of 9 rows.\n",
             _robots(robots),
             "## A million pose blocks\n",
-            "KUKA KR 270, 5 parameters. Seconds of the processor of the second of two calls, and "
-            "the same in pricing passes `z @ P` over the data.\n",
+            "KUKA KR 270, 5 parameters. Seconds of the processor, the least of three calls after a "
+            "first one, and the same in pricing passes `z @ P` over the data.\n",
             _million(million),
         ]
     )
