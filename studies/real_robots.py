@@ -17,12 +17,13 @@ from numpy.typing import NDArray
 import edtk
 from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
 from edtk.calibration.geometry.geometry_problem import geometry_problem
-from edtk.inference.geometry.fit_geometry import fit_geometry, placed_tools, working
+from edtk.inference.geometry.fit_geometry import fit_geometry, placed_tools
 from edtk.inference.geometry.fit_variances_of_blocks import fit_variances_of_blocks
 from edtk.inference.geometry.geometric_fit import FittedGeometry, GeometricFit
 from edtk.inference.geometry.marker_positions import MarkerPositions
 from edtk.inference.geometry.place_robot import place_robot
 from edtk.inference.geometry.position_noise import PositionNoise, contrasts_of
+from edtk.inference.geometry.working import working
 from edtk.report.markdown_table import markdown_table
 from edtk.system.atomic_file import write_text
 

@@ -1,6 +1,6 @@
 """How a sheet counts the joints, where it is not as the study says."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -32,8 +32,6 @@ class Counting:
 
     def of(self, data: MarkerPositions) -> MarkerPositions:
         """The same positions with the joint variables that are meant."""
-        from dataclasses import replace
-
         return replace(data, q=data.q @ self.matrix.T) if self.words else data
 
     def turned(self, q: Array) -> Array:

@@ -1,7 +1,7 @@
 """Positions of markers in other poses, by an identified geometry, and how they compare."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -182,7 +182,5 @@ def predict_positions(
 
 def _without_lost(data: MarkerPositions) -> MarkerPositions:
     """The positions without those of lost beams, at the origin of the instrument."""
-    from dataclasses import replace
-
     size = np.abs(np.nan_to_num(data.measured)).max(axis=-1, keepdims=True)
     return replace(data, measured=np.where(size < LOST, np.nan, data.measured))

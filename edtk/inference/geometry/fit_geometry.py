@@ -6,23 +6,23 @@ import numpy as np
 
 from edtk.inference.geometry.geometric_fit import (
     MM,
-    FittedGeometry,
     GeometricFit,
     Loads,
     resting_torque,
     root_mean_square,
-    student_quantile,
 )
+from edtk.inference.geometry.judge_fit import judge_fit
 from edtk.inference.geometry.least_squares_fit import least_squares_fit
 from edtk.inference.geometry.marker_positions import MarkerPositions
 from edtk.inference.geometry.place_robot import place_robot
+from edtk.inference.geometry.pose_rows import PoseRows
 from edtk.inference.geometry.position_noise import (
     PositionNoise,
     fit_model_error,
     noise_of_repeats,
 )
+from edtk.inference.geometry.working import working
 from edtk.model.geometry.geometric_model import GeometricModel
-from edtk.model.geometry.geometric_parameter import GeometricParameter
 from edtk.model.geometry.identifiable import Identifiable, identifiable
 from edtk.system.typing import Array
 
@@ -32,7 +32,6 @@ SETTLED = 1e-3  # relative change of the noise between rounds
 # A column that moves all coordinates by less than this, in millimetres for a millimetre or a
 # milliradian, is known worse than ten units where errors are of a tenth of a millimetre.
 LEAST = 0.01
-WHITE_SHARE = 0.5  # of the size of a pose's errors that weights count as white
 NU = 5.0  # degrees of freedom of a robust loss
 
 
@@ -91,7 +90,7 @@ def fit_geometry(
     theta, noise, weights = _in_turns(kept, theta, data, stated, loads, robust)
     opened = tuple(minimal.parameters[i] for i in told.left)
     tools = placed_tools(placed, start)
-    fit = _judged(kept, theta, noise, weights, data, loads, (opened, told.shares, tools))
+    fit = judge_fit(kept, theta, noise, weights, data, loads, (opened, told.shares, tools))
     return replace(
         fit,
         structural=minimal.p,
@@ -174,7 +173,7 @@ def _in_turns(
     slides = np.array([joint.kind == "prismatic" for joint in model.robot.joints])
     for turn in range(ROUNDS):
         torque = resting_torque(model.compliances(theta), means.q, means.wrench, loads)
-        rows = _Rows.of(model, theta, means, torque)
+        rows = PoseRows.of(model, theta, means, torque)
         if not turn:
             noise = noise_of_repeats(data, rows.motion, stated)[0]
         root = np.sqrt(weights)[:, None]
@@ -199,119 +198,8 @@ def _in_turns(
     return theta, noise, weights
 
 
-def working(V: Array) -> Array:
-    """The covariances (m, r, r) that weight the coordinates of a pose: V and half its size, white.
-
-    Weights by V alone would trust what markers of a pose have in common as little as V says, and
-    their shape as much. That is best where V is true. Real robots err in other ways too: of poses
-    of two of them that were held out, weights by V alone predict up to a tenth worse from many
-    poses, and equal weights up to a twentieth worse from few. Covariances of parameters are those
-    of the estimate with these weights under V, so that they are right for any weights.
-    """
-    size = np.einsum("mrr->m", V) / V.shape[1]
-    return V + WHITE_SHARE * size[:, None, None] * np.eye(V.shape[1])
-
-
 def _trusted(residual: Array, V: Array, means: MarkerPositions) -> Array:
     """Weights (m,) of poses with multivariate t errors, one at most (Lange et al. 1989)."""
     z2 = np.einsum("mr,mr->m", residual, np.linalg.solve(V, residual[..., None])[..., 0])
     weights = (NU + 3.0 * means.seen.sum(axis=1)) / (NU + z2)
     return np.minimum(weights, 1.0)
-
-
-class _Rows:
-    """Residuals, columns and motions of the poses, in millimetres; zero where nothing was seen."""
-
-    def __init__(self, residual: Array, design: Array, motion: Array) -> None:
-        self.residual = residual
-        self.design = design
-        self.motion = motion
-
-    @classmethod
-    def of(
-        cls, model: GeometricModel, theta: Array, means: MarkerPositions, torque: Array | None
-    ) -> "_Rows":
-        """At parameters theta (p,)."""
-        seen = model.see(theta, means.q, torque)
-        assert seen.jacobian is not None
-        assert seen.by_joints is not None
-        m, k = means.seen.shape
-        there = means.seen[..., None]
-        z = np.where(there, means.measured - seen.points, 0.0)
-        design = np.where(there[..., None], seen.jacobian * model.scales, 0.0)
-        return cls(
-            MM * z.reshape(m, 3 * k),
-            MM * design.reshape(m, 3 * k, -1),
-            seen.by_joints.reshape(m, 3 * k, -1),
-        )
-
-
-def _judged(
-    model: GeometricModel,
-    theta: Array,
-    noise: PositionNoise,
-    weights: Array,
-    data: MarkerPositions,
-    loads: Loads | None,
-    beside: tuple[tuple[GeometricParameter, ...], Array, Array],
-) -> GeometricFit:
-    """The fit with its covariance, and each pose as it is predicted without it.
-
-    With weighted columns ``Q R`` and the rows Q_b of a pose, its residual left out is
-    ``(I - Q_b Q_b')^-1 z_b``, which is exact where the model is linear: tests compare it with fits
-    without the pose. Parameters have the covariance ``R^-1 S R^-T``, ``S = sum_b Q_b' V_b Q_b``, of
-    any weighted least squares whose weights are not the inverse of V (Huber 1967).
-    """
-    means = data.means
-    torque = resting_torque(model.compliances(theta), means.q, means.wrench, loads)
-    rows = _Rows.of(model, theta, means, torque)
-    V = noise.of_pose(rows.motion, data.counts)
-    L = np.linalg.cholesky(working(V) / weights[:, None, None])
-    inverse_L = np.linalg.inv(L)
-    X = inverse_L @ rows.design
-    z = (inverse_L @ rows.residual[..., None])[..., 0]
-    own = inverse_L @ (V / weights[:, None, None]) @ np.swapaxes(inverse_L, 1, 2)
-    m, r = z.shape
-    Q, R = np.linalg.qr(X.reshape(m * r, -1))
-    Q = Q.reshape(m, r, -1)
-    S = np.einsum("mrp,mrs,msq->pq", Q, own, Q, optimize=True)
-    inverse = np.linalg.inv(R) if model.p else np.zeros((0, 0))
-    P = Q @ np.swapaxes(Q, 1, 2)
-    of_residual = own - P @ own - own @ P + Q @ S @ np.swapaxes(Q, 1, 2)
-    # A pose that alone tells something leaves nothing to compare it with.
-    hidden = np.linalg.pinv(np.eye(r) - P, rcond=1e-9, hermitian=True)
-    without = np.einsum("mrs,ms->mr", hidden, z)
-    of_without = hidden @ of_residual @ hidden
-    spread = np.einsum("mrs,mst,mrt->mr", L, of_without, L, optimize=True)
-    fitted = FittedGeometry(
-        model=model,
-        theta=theta,
-        covariance=inverse @ S @ inverse.T,
-        open_parameters=beside[0],
-        shares=beside[1],
-        noise=noise,
-        placed=beside[2],
-    )
-    half = np.sqrt(np.maximum(spread, 0.0)) * student_quantile(fitted.dof(rows.motion))
-    shape = (m, len(data.markers), 3)
-    blank = np.where(means.seen[..., None], 0.0, np.nan)
-    return GeometricFit(
-        fitted=fitted,
-        data=data,
-        structural=model.p,
-        redundant=(),
-        open=(),
-        placed=np.nan,
-        residual=rows.residual.reshape(shape) / MM + blank,
-        left_out=np.einsum("mrs,ms->mr", L, without).reshape(shape) / MM + blank,
-        left_out_half=half.reshape(shape) / MM + blank,
-        # A pose that a robust loss trusts less surprises all the same.
-        surprise=_surprise(without, of_without) / weights,
-        weights=weights,
-    )
-
-
-def _surprise(errors: Array, covariance: Array) -> Array:
-    """``e' C^+ e`` (m,) of errors (m, r) with covariances (m, r, r), some of which are singular."""
-    inverse = np.linalg.pinv(covariance, rcond=1e-9, hermitian=True)
-    return np.asarray(np.einsum("mr,mrs,ms->m", errors, inverse, errors))

@@ -1,0 +1,119 @@
+"""How good a fit of geometry is: its covariance, and poses predicted without being fitted."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from edtk.inference.geometry.geometric_fit import (
+    MM,
+    FittedGeometry,
+    GeometricFit,
+    Loads,
+    resting_torque,
+    student_quantile,
+)
+from edtk.inference.geometry.marker_positions import MarkerPositions
+from edtk.inference.geometry.pose_rows import PoseRows
+from edtk.inference.geometry.position_noise import PositionNoise
+from edtk.inference.geometry.working import working
+from edtk.model.geometry.geometric_model import GeometricModel
+from edtk.model.geometry.geometric_parameter import GeometricParameter
+from edtk.system.typing import Array
+
+
+def judge_fit(
+    model: GeometricModel,
+    theta: Array,
+    noise: PositionNoise,
+    weights: Array,
+    data: MarkerPositions,
+    loads: Loads | None,
+    beside: tuple[tuple[GeometricParameter, ...], Array, Array],
+) -> GeometricFit:
+    """The fit with its covariance, and each pose as it is predicted without it.
+
+    With weighted columns ``Q R`` and the rows Q_b of a pose, its residual left out is
+    ``(I - Q_b Q_b')^-1 z_b``, which is exact where the model is linear: tests compare it with fits
+    without the pose. Parameters have the covariance ``R^-1 S R^-T``, ``S = sum_b Q_b' V_b Q_b``, of
+    any weighted least squares whose weights are not the inverse of V (Huber 1967).
+    """
+    means = data.means
+    torque = resting_torque(model.compliances(theta), means.q, means.wrench, loads)
+    rows = PoseRows.of(model, theta, means, torque)
+    out = _LeftOut.of(rows, noise.of_pose(rows.motion, data.counts), weights)
+    fitted = FittedGeometry(
+        model=model,
+        theta=theta,
+        covariance=out.covariance,
+        open_parameters=beside[0],
+        shares=beside[1],
+        noise=noise,
+        placed=beside[2],
+    )
+    half = out.std * student_quantile(fitted.dof(rows.motion))
+    shape = (len(means), len(data.markers), 3)
+    blank = np.where(means.seen[..., None], 0.0, np.nan)
+    return GeometricFit(
+        fitted=fitted,
+        data=data,
+        structural=model.p,
+        redundant=(),
+        open=(),
+        placed=np.nan,
+        residual=rows.residual.reshape(shape) / MM + blank,
+        left_out=out.errors.reshape(shape) / MM + blank,
+        left_out_half=half.reshape(shape) / MM + blank,
+        # A pose that a robust loss trusts less surprises all the same.
+        surprise=out.surprise / weights,
+        weights=weights,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _LeftOut:
+    """Poses as they are predicted without them.
+
+    Attributes:
+        errors: Measured less predicted coordinates (m, r) [mm].
+        std: Standard deviations of these (m, r) [mm].
+        surprise: Squared sizes (m,) of the errors over their covariances.
+        covariance: Of the parameters (p, p), in their units.
+    """
+
+    errors: Array
+    std: Array
+    surprise: Array
+    covariance: Array
+
+    @classmethod
+    def of(cls, rows: PoseRows, V: Array, weights: Array) -> "_LeftOut":
+        """Of a fit with covariances V (m, r, r) of the poses, and their weights (m,)."""
+        L = np.linalg.cholesky(working(V) / weights[:, None, None])
+        inverse_L = np.linalg.inv(L)
+        X = inverse_L @ rows.design
+        z = (inverse_L @ rows.residual[..., None])[..., 0]
+        own = inverse_L @ (V / weights[:, None, None]) @ np.swapaxes(inverse_L, 1, 2)
+        m, r = z.shape
+        Q, R = np.linalg.qr(X.reshape(m * r, -1))
+        Q = Q.reshape(m, r, -1)
+        S = np.einsum("mrp,mrs,msq->pq", Q, own, Q, optimize=True)
+        inverse = np.linalg.inv(R) if R.size else np.zeros((0, 0))
+        P = Q @ np.swapaxes(Q, 1, 2)
+        of_residual = own - P @ own - own @ P + Q @ S @ np.swapaxes(Q, 1, 2)
+        # A pose that alone tells something leaves nothing to compare it with.
+        hidden = np.linalg.pinv(np.eye(r) - P, rcond=1e-9, hermitian=True)
+        without = np.einsum("mrs,ms->mr", hidden, z)
+        of_without = hidden @ of_residual @ hidden
+        spread = np.einsum("mrs,mst,mrt->mr", L, of_without, L, optimize=True)
+        return cls(
+            errors=np.einsum("mrs,ms->mr", L, without),
+            std=np.sqrt(np.maximum(spread, 0.0)),
+            surprise=_surprise(without, of_without),
+            covariance=inverse @ S @ inverse.T,
+        )
+
+
+def _surprise(errors: Array, covariance: Array) -> Array:
+    """``e' C^+ e`` (m,) of errors (m, r) with covariances (m, r, r), some of which are singular."""
+    inverse = np.linalg.pinv(covariance, rcond=1e-9, hermitian=True)
+    return np.asarray(np.einsum("mr,mrs,ms->m", errors, inverse, errors))
