@@ -304,17 +304,21 @@ class ColumnGeneration:
         heavy = step.active[step.weights > HEAVY * step.weights.max()]
         if self.criterion.smooth or step.solver != NEWTON or len(heavy) == len(step.active):
             return step
-        even = np.full(len(heavy), 1.0 / len(heavy))
-        if not is_clearly_regular(self.problem[heavy].information(even)):
+        part = self.problem[heavy]
+        enough = float(self.criterion.cost(step.M)) * (1 + LIGHT_LOSS * self.gap)
+        weights = step.weights[np.isin(step.active, heavy)]
+        weights = weights / weights.sum()
+        M = part.information(weights)
+        if not is_clearly_regular(M):
             return step
-        try:
-            weights, _ = self._by_newton(heavy, even, EXACT)
-        except RelaxationError:
-            return step
-        M = self.problem[heavy].information(weights)
-        cost = float(self.criterion.cost(step.M))
-        if not self.criterion.cost(M) <= cost * (1 + LIGHT_LOSS * self.gap):
-            return step
+        if not self.criterion.cost(M) <= enough:
+            try:
+                weights, _ = self._by_newton(heavy, weights, EXACT)
+            except RelaxationError:
+                return step
+            M = part.information(weights)
+            if not self.criterion.cost(M) <= enough:
+                return step
         return replace(step, active=heavy, weights=weights, M=M)
 
     def _prove(self, M: Array, Z: Array | None) -> tuple[Proof, Array]:
