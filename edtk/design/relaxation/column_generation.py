@@ -10,6 +10,7 @@ from criteria.linalg.estimable import range_whitener
 from criteria.linalg.inverse import whitener
 from edtk.design.problem import Problem
 from edtk.design.relaxation.active_information import ActiveInformation
+from edtk.design.relaxation.entering_candidates import entering_candidates
 from edtk.design.relaxation.experiment_blocks import experiment_blocks
 from edtk.design.relaxation.first_active_set import first_active_set
 from edtk.design.relaxation.own_weights import has_own_method, own_weights
@@ -44,12 +45,6 @@ GAPS = 2.0
 POOL = 2
 # Parameters from which on a program of cvxpy takes longer than anyone waits for the last digit.
 TOO_MANY = 40
-# Candidates per one that enters from which on the choice is spread over parts of the list.
-SPREAD = 20
-# Sensitivities of a long list among which the largest are looked for first, and how many more of
-# them than needed set the threshold for the others.
-SAMPLE = 10_000
-OVERSAMPLED = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -357,53 +352,3 @@ class ColumnGeneration:
         if not self.criterion.smooth:
             return Z[None]
         return np.stack([Z, -self.criterion.gradient(M)])
-
-
-def entering_candidates(sensitivities: Array, active: Indices, batch: int) -> Indices:
-    """Choose which candidates enter the restricted master problem.
-
-    The candidates of largest sensitivity are often alike. In a long list, a quarter of those that
-    enter have the largest sensitivities of all; the others have the largest ones of as many equal
-    parts of the list.
-
-    Args:
-        sensitivities: Sensitivities (n,) of all candidates.
-        active: Candidates (k,) that are in the problem already.
-        batch: Number of candidates to choose, at most.
-
-    Returns:
-        Indices of candidates that are not active, the largest sensitivity first.
-    """
-    n = len(sensitivities)
-    size = min(batch + len(active), n)
-    largest = _largest(sensitivities, size)
-    chosen = _inactive_by_sensitivity(sensitivities, active, largest)
-    parts = 3 * batch // 4
-    if parts and n >= SPREAD * batch:
-        width = n // parts
-        in_parts = sensitivities[: width * parts].reshape(parts, width)
-        spread = in_parts.argmax(axis=1) + width * np.arange(parts)
-        both = np.union1d(chosen[: batch - parts], spread)
-        chosen = _inactive_by_sensitivity(sensitivities, active, both)
-    return chosen[:batch]
-
-
-def _largest(sensitivities: Array, size: int) -> Indices:
-    """Indices of the largest sensitivities, in any order."""
-    n = len(sensitivities)
-    stride = n // SAMPLE
-    if stride > 1 and size * OVERSAMPLED < SAMPLE:
-        # A sample tells which sensitivities are too small to count; few others are left to compare.
-        sample = sensitivities[::stride]
-        rank = len(sample) - 1 - OVERSAMPLED * max(1, size // stride)
-        least = np.partition(sample, rank)[rank]
-        found = np.flatnonzero(sensitivities >= least)
-        if len(found) >= size:
-            return found[np.argpartition(-sensitivities[found], size - 1)[:size]]
-    return np.argpartition(-sensitivities, size - 1)[:size]
-
-
-def _inactive_by_sensitivity(sensitivities: Array, active: Indices, chosen: Indices) -> Indices:
-    """Those of chosen candidates that are not active, the largest sensitivity first."""
-    inactive = np.setdiff1d(chosen, active)
-    return inactive[np.argsort(-sensitivities[inactive], kind="stable")]
