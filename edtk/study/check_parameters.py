@@ -82,6 +82,7 @@ def _check_unused(study: "StudyObjects") -> None:
         "noise.discrepancy_mm": noise is not None and bool(noise.discrepancy_mm),
         "interest": given.interest is not None,
         "task": given.task is not None,
+        "prior": given.prior != type(given.prior)(),
     }
     instead = {
         "joints.known_rad_per_Nm": "list the joint in parameters.compliance",
@@ -89,6 +90,7 @@ def _check_unused(study: "StudyObjects") -> None:
         "noise.discrepancy_mm": "what the model leaves out is estimated",
         "interest": "all parameters are identified",
         "task": "give test poses",
+        "prior": "its estimate rests on the positions alone",
     }
     for key, is_given in unused.items():
         if is_given:
