@@ -196,9 +196,7 @@ def test_a_plug_in_criterion_is_found_by_name_in_a_study(
     edit(study, '["E", "rho0"]', '["E", "trace_M"]')
     assert_one_line(edtk("run", study), "trace_M", "available: A, D")
     plug_in(plugin_site)
-    assert [row["name"] for row in json.loads(edtk("criteria", "--json").stdout)[-1:]] == [
-        "trace_M"
-    ]
+    assert "trace_M" in [row["name"] for row in json.loads(edtk("criteria", "--json").stdout)]
     answer = edtk("run", study, "--out", tmp_path / "out")
     assert answer.returncode == 0, answer.stderr
     columns = list(pd.read_csv(tmp_path / "out/results.csv"))

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from threading import Event, Thread
 from typing import Any, TypeVar
 
+from threadpoolctl import threadpool_limits
+
 T = TypeVar("T")
 GREETING_S = 5.0  # in which a scheduler has to answer
 PATIENCE_S = 20.0  # with a cluster that has lost all its workers
@@ -46,7 +48,7 @@ class Workers:
             WorkersLostError: No process is left to do the work.
         """
         if self.size == 1:
-            return ((i, piece()) for i, piece in enumerate(pieces))
+            return (_numbered(i, piece) for i, piece in enumerate(pieces))
         return self._run_in_parallel(pieces)
 
     def _run_in_parallel(self, pieces: Sequence[Callable[[], T]]) -> Iterator[tuple[int, T]]:
@@ -78,7 +80,12 @@ class Workers:
 
 def _numbered(index: int, piece: Callable[[], T]) -> tuple[int, T]:
     """The answer of a piece, with its index."""
-    return index, piece()
+    import scipy.linalg  # noqa: F401, only libraries that are loaded can be limited
+
+    # The rounding of a product may depend on the number of threads, which is another one in
+    # processes of a team than in a single process; and so would the answer.
+    with threadpool_limits(1):
+        return index, piece()
 
 
 @contextmanager

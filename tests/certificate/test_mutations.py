@@ -77,8 +77,8 @@ STUDIES: dict[str, tuple[Callable[[], Study], str]] = {
 
 
 @pytest.fixture(scope="module")
-def honest() -> dict[str, Content]:
-    """One certificate of each sort."""
+def honest(whole_searches: None) -> dict[str, Content]:
+    """One certificate of each sort, which rests on searches as users have them."""
     found = {
         name: certificate(study(), relax_study(study(), criterion, candidates=150))
         for name, (study, criterion) in STUDIES.items()

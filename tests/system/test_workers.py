@@ -15,6 +15,7 @@ from threading import Thread
 from time import perf_counter, sleep, time
 
 import pytest
+from threadpoolctl import threadpool_info
 
 from criteria import create
 from edtk.design.candidate_source import CandidateSource
@@ -311,3 +312,11 @@ def test_all_killed_at_work(cluster, capfd, who):
         work()
     assert perf_counter() - killed[0] < SOON_S
     assert "distributed" not in capfd.readouterr().err
+
+
+@pytest.mark.parametrize("size", [1, 2])
+def test_a_piece_has_one_thread(size: int) -> None:
+    """The rounding of a product does not depend on how many pieces are done at once."""
+    with open_workers(size) as workers:
+        for _, libraries in workers.run([threadpool_info, threadpool_info]):
+            assert {library["num_threads"] for library in libraries} == {1}
