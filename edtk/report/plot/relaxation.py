@@ -9,8 +9,9 @@ from edtk.design.frame_problem import FrameProblem
 from edtk.design.problem import Problem
 from edtk.design.relaxation.normalised import is_normalised
 from edtk.design.relaxation.relaxation import Relaxation
+from edtk.report.draw.design_stems import design_stems
 from edtk.report.draw.weight_bars import weight_bars
-from edtk.report.palette import BLUE, ORANGE
+from edtk.report.palette import BLUE
 from edtk.report.panels import panels
 from edtk.report.plain import plain
 from edtk.system.errors import ArgumentError
@@ -72,17 +73,9 @@ def _sensitivities(
     shown_at, shown = _thinned(at[order], relative[order])
     once = len(np.unique(at)) == len(at)  # a line through several values at one x would jump
     ax.plot(shown_at, shown, "-" if once else ".", color=BLUE, label="sensitivity / largest")
-    ax.axhline(1.0, color=BLUE, linewidth=0.8, linestyle=":")
     support = found.support
-    weights = found.weights[support]
-    ax.vlines(at[support], 0, weights, color=ORANGE, linewidth=2)
-    ax.plot(at[support], weights, "o", color=ORANGE, label="weight", clip_on=False)
-    ax.set_xlabel(plain(label))
-    ax.set_ylabel("weight, sensitivity / largest [-]")
+    design_stems(at[support], found.weights[support], "weight", plain(label), ax)
     ax.set_ylim(min(0.0, float(relative.min())), 1.05)
-    ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
-    ax.grid(axis="y", alpha=0.3)
-    ax.set_axisbelow(True)
 
 
 def _places(problem: Problem, x: ArrayLike | str | None) -> tuple[Array, str]:

@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from edtk.design.relaxation.relaxed_region import RelaxedRegion
-from edtk.report.palette import BLUE, ORANGE
+from edtk.report.draw.design_stems import design_stems
+from edtk.report.palette import BLUE
 from edtk.report.panels import panels
 from edtk.report.plain import plain
 from edtk.system.errors import UserError
@@ -59,7 +60,7 @@ def over_region(
         raise UserError(
             f"a region of {found.region.size} variables has no picture; expected one or two"
         )
-    axes: Axes = panels(ax, 1, 1, (6.4, 4.0))[0, 0]
+    axes: Axes = panels(ax, 1, 1, (7.0, 4.0))[0, 0]
     draw = _curve if found.region.size == 1 else _map
     draw(found, points, shares, label, axes)
     return axes
@@ -70,12 +71,8 @@ def _curve(found: RelaxedRegion, points: Array, shares: Array, label: str, ax: "
     low, high = found.region.limits[:, 0]
     x = np.linspace(low, high, CURVE)
     ax.plot(x, _feasible(found, x[:, None]), color=BLUE, label="sensitivity / largest")
-    ax.axhline(1.0, color=BLUE, linewidth=0.8, linestyle=":")
-    ax.vlines(points[:, 0], 0, shares, color=ORANGE, linewidth=2)
-    ax.plot(points[:, 0], shares, "o", color=ORANGE, label=label, clip_on=False)
-    ax.set_ylim(bottom=0)
-    ax.set_xlabel(plain(found.region.variables[0]))
-    ax.legend(loc="best", fontsize=9)
+    design_stems(points[:, 0], shares, label, plain(found.region.variables[0]), ax)
+    ax.set_ylim(0.0, 1.05)
 
 
 def _map(found: RelaxedRegion, points: Array, shares: Array, label: str, ax: "Axes") -> None:
