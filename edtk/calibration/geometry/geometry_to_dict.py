@@ -82,7 +82,7 @@ def geometry_of_dict(
         start=_pose(given, "base"),
         offsets=_numbers(given, "offsets_m", (len(model.markers), 3)),
     )
-    if list(given.get("markers", ())) != list(model.markers):
+    if given.get("markers") != list(model.markers):
         raise ValueError(f"markers: expected {', '.join(model.markers)}, those of the study")
     fitted = FittedGeometry(
         fitted_model,
@@ -117,7 +117,7 @@ def _named(
     if not isinstance(names, list) or len(names) > MOST:
         raise ValueError(f"{key}: expected a list of names")
     for name in names:
-        if name not in every:
+        if not isinstance(name, str) or name not in every:
             raise ValueError(f"{key}: the study has no parameter {name!r}")
     return [every[name] for name in names]
 
@@ -132,6 +132,8 @@ def _noise(given: object, n: int) -> PositionNoise:
         raise ValueError("noise: expected a table")
     found = None
     variances = given.get("variances")
+    if not isinstance(variances, list) or len(variances) > MOST:
+        raise ValueError("variances: expected a list of numbers")
     if variances:
         c = len(variances)
         found = BlockVariances(
@@ -157,7 +159,7 @@ def _numbers(given: Mapping[str, Any], key: str, shape: tuple[int, ...]) -> Arra
     """
     try:
         values = np.array(given.get(key), dtype=float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise ValueError(f"{key}: expected numbers") from None
     values = values.reshape(shape) if not values.size and 0 in shape else values
     if values.shape != shape or not np.isfinite(values).all():

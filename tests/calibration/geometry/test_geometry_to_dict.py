@@ -1,5 +1,6 @@
 """A fitted geometry comes back from its numbers, and numbers that cannot be are refused."""
 
+from contextlib import suppress
 from copy import deepcopy
 from typing import Any
 
@@ -84,3 +85,18 @@ def test_numbers_that_cannot_be(keys: tuple[Any, ...], value: object, said: str)
     table[keys[-1]] = value
     with pytest.raises(ValueError, match=said):
         geometry_of_dict(given, StudyGeometry.of(STUDY))
+
+
+@pytest.mark.parametrize("value", [None, True, 1, "x", [], {}, [[]], [{}], [["x"]], "huge"])
+def test_values_of_any_kind(value: object) -> None:
+    """Whatever stands in whatever place is read, or refused by the name of its key."""
+    setting = StudyGeometry.of(STUDY)
+    value = 10**400 if value == "huge" else value
+    for table in ("", "noise"):
+        for key in written()[table] if table else written():
+            given = written()
+            place = given[table] if table else given
+            place[key] = value
+            with suppress(ValueError):
+                fitted, _ = geometry_of_dict(given, setting)
+                assert np.isfinite(fitted.values).all()
