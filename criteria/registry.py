@@ -4,7 +4,7 @@ import importlib
 import inspect
 import pkgutil
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -20,6 +20,7 @@ from criteria.criterion_error import (
 )
 from criteria.interest import Interest
 from criteria.load_plugin import HOOKS, guard_plugin, load_plugin
+from criteria.named_parameters import named_parameters
 from criteria.relaxable import Relaxable
 
 if TYPE_CHECKING:
@@ -183,12 +184,20 @@ def from_dict(data: Mapping[str, Any]) -> Criterion:
     return create(**data)
 
 
-def as_criterion(given: Criterion | str | Mapping[str, Any]) -> Criterion:
+def as_criterion(
+    given: Criterion | str | Mapping[str, Any], names: Sequence[str] = ()
+) -> Criterion:
     """The criterion that somebody names: by itself, by its name, or by a table with its parameters.
 
         >>> import criteria
         >>> criteria.as_criterion({"name": "phi", "q": 2}).label
         'phi (q = 2)'
+        >>> criteria.as_criterion({"name": "Ds", "interest": ["k2"]}, ["k1", "k2"]).label
+        'Ds of k2'
+
+    Args:
+        given: The criterion.
+        names: Names (p,) of the model's parameters, by which a table may name some of them.
 
     Raises:
         CriterionError: There is no such criterion, or its parameters are wrong.
@@ -198,7 +207,12 @@ def as_criterion(given: Criterion | str | Mapping[str, Any]) -> Criterion:
     if isinstance(given, str):
         return create(given)
     if isinstance(given, Mapping) and isinstance(given.get("name"), str):
-        return from_dict(given)
+        if not names:
+            return from_dict(given)
+        try:
+            return from_dict(named_parameters(given, names))
+        except ValueError as error:
+            raise CriterionError(f"criterion {given['name']!r}: {error}") from error
     raise CriterionError(f"expected a criterion, its name or a table with a name, not {given!r}")
 
 

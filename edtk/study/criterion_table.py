@@ -3,13 +3,10 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 from pydantic_core import PydanticCustomError
 
-# Numbers of compliances, which a person names by joint: {q2 = 1, q3 = -1}.
-BY_JOINT = ("c",)
-LISTED = ("interest",)  # compliances that a person lists: ["q2", "q3"]
+from criteria.named_parameters import named_parameters
 
 
 class CriterionTable(BaseModel):
@@ -44,31 +41,4 @@ class CriterionTable(BaseModel):
         Raises:
             ValueError: A joint is not among them; the line names it.
         """
-        return _built(self.parameters, unknown)
-
-
-def _built(parameters: Mapping[str, Any], unknown: Sequence[str]) -> dict[str, Any]:
-    """Parameters with arrays in place of names of joints, those of parts included."""
-    found = dict(parameters)
-    for key in BY_JOINT:
-        if isinstance(found.get(key), Mapping):
-            factors = found[key]
-            _require_unknown(factors, unknown)
-            found[key] = [factors.get(name, 0.0) for name in unknown]
-    for key in LISTED:
-        names = found.get(key)
-        if isinstance(names, Sequence) and all(isinstance(name, str) for name in names):
-            _require_unknown(names, unknown)
-            found[key] = np.array([[float(each == name) for name in names] for each in unknown])
-    if isinstance(found.get("criteria"), Sequence):
-        found["criteria"] = [
-            _built(part, unknown) if isinstance(part, Mapping) else part
-            for part in found["criteria"]
-        ]
-    return found
-
-
-def _require_unknown(names: Any, unknown: Sequence[str]) -> None:
-    for name in names:
-        if name not in unknown:
-            raise ValueError(f"{name!r} is no unknown joint; expected {', '.join(unknown)}")
+        return named_parameters(self.parameters, unknown, "unknown joint")

@@ -29,5 +29,5 @@ def for_criterion(study: Study, criterion: CriterionLike | None) -> tuple[Study,
         if not criterion.needs_parameters:
             return study, criterion.name
         criterion = criterion.to_dict()
-    name = criteria.as_criterion(criterion).name
+    name = criteria.as_criterion(criterion, study.specification.joints.unknown).name
     return study.replace(criterion=dict(criterion)), name

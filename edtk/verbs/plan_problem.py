@@ -41,7 +41,7 @@ def plan_problem(
         ArgumentError: An argument is impossible, or does not fit another one.
         UserError: So few experiments cannot identify the parameters.
     """
-    criterion = criteria.as_criterion(criterion)
+    criterion = criteria.as_criterion(criterion, problem.parameters)
     if starts is not None and starts < 1:
         raise ArgumentError("expected one or more", argument="starts", given=starts)
     sizes = _block_sizes(blocks, block_variance, keep, problem)

@@ -28,12 +28,12 @@ def plan_region(
     """
     if keep is not None and not isinstance(keep, Problem):
         raise ArgumentError("expected a Problem of the experiments at hand", argument="keep")
-    criterion = criteria.as_criterion(criterion)
+    criterion = criteria.as_criterion(criterion, region.parameters)
     number = None if starts is None else whole_number(starts, "starts", 1)
     return exact.plan_region(
         region,
         whole_number(size, "size", 1),
-        criteria.as_criterion(criterion),
+        criterion,
         whole_number(seed, "seed", 0),
         number,
         keep,

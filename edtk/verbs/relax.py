@@ -183,7 +183,7 @@ def _relax_problem(
     from edtk.tables.csv_text import csv_text
     from edtk.verbs.require_output import require_different, require_output
 
-    criterion = criteria.as_criterion(criterion)
+    criterion = criteria.as_criterion(criterion, problem.parameters)
     require_different(out=out, certificate=certificate)
     for path in (out, certificate):
         require_output(path)
@@ -217,7 +217,7 @@ def _relax_region(
     from edtk.tables.csv_text import csv_text
     from edtk.verbs.require_output import require_different, require_output
 
-    criterion = criteria.as_criterion(criterion)
+    criterion = criteria.as_criterion(criterion, region.parameters)
     require_different(out=out, certificate=certificate)
     for path in (out, certificate):
         require_output(path)
