@@ -111,7 +111,7 @@ def _proof(relaxed: RelaxedPlan) -> dict[str, Any]:
         ]
     return {
         "candidates": relaxed.candidates,
-        "seed": np.atleast_1d(relaxed.source.seed).tolist(),
+        "seed": list(relaxed.source.seeds),
         "sampling": relaxed.source.sampling,
         "multipliers": relaxed.multipliers.tolist(),
         **weights,

@@ -126,6 +126,12 @@ class CandidateSource:
             if left <= 0:
                 return
 
+    @property
+    def seeds(self) -> tuple[int, ...]:
+        """The numbers of the seed, of any size."""
+        seed = self.seed
+        return (int(seed),) if isinstance(seed, int | np.integer) else tuple(map(int, seed))
+
     def _cubes(self, size: int) -> Iterator[Array]:
         """Points of the unit cube (size, drawn), without end.
 

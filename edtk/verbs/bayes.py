@@ -1,13 +1,16 @@
 """`edtk.bayes`: the sampled posterior of a plan beside Eq. (13)."""
 
+import math
 from pathlib import Path
 
 from edtk.calibration.check_plan_posterior import check_plan_posterior
 from edtk.calibration.inference_data import inference_data
 from edtk.calibration.posterior_check import PosteriorCheck
 from edtk.inference.noise import NU_IN_WORDS, Noise
+from edtk.study.prior_table import LEAST_NU
 from edtk.system.atomic_file import Content, write_files
-from edtk.system.errors import UserError
+from edtk.system.errors import ArgumentError, UserError
+from edtk.system.finite import LARGEST
 from edtk.verbs.inputs import PlanLike, StudyLike, as_plan, as_study, name_of
 from edtk.verbs.require_output import require_folder, require_output
 from edtk.verbs.sampling import Sampling
@@ -75,8 +78,19 @@ def bayes(
 
 
 def _noise(given: Noise, sigma_factor: float | None, nu: float | str | None) -> Noise:
-    """The study's noise, with what the caller says in its place."""
+    """The study's noise, with what the caller says in its place.
+
+    Raises:
+        ArgumentError: A number is outside the range that a study allows.
+    """
     factor = given.sigma_factor if sigma_factor is None else sigma_factor
+    if not (1 <= factor <= LARGEST or factor == math.inf):
+        message = "expected a number from 1 to 1e6, or inf"
+        raise ArgumentError(message, argument="sigma_factor", given=factor)
     if nu is None:
         return Noise(factor, given.nu)
-    return Noise(factor, NU_IN_WORDS[nu] if isinstance(nu, str) else nu)
+    found = NU_IN_WORDS[nu] if isinstance(nu, str) else nu
+    if found is not None and not (LEAST_NU <= found <= LARGEST or found == math.inf):
+        message = "expected a number from 0.1 to 1e6, 'normal' or 'sampled'"
+        raise ArgumentError(message, argument="nu", given=nu)
+    return Noise(factor, found)

@@ -219,3 +219,11 @@ def test_ctrl_c_while_threads_end(monkeypatch):
     monkeypatch.setattr("edtk.design.candidate_source.ThreadPoolExecutor", Interrupted)
     with pytest.raises(KeyboardInterrupt):
         CandidateSource(KR270, 0).take(1000)
+
+
+def test_a_seed_may_be_any_whole_number() -> None:
+    """The numbers of a seed stay whole, beyond those of 64 bits too."""
+    for seed in (3, 2**63, np.int64(5), (2**64, 1)):
+        found = CandidateSource(None, seed).seeds
+        assert all(isinstance(number, int) for number in found)
+        np.random.default_rng((*found, 1))

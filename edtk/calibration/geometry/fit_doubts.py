@@ -11,6 +11,7 @@ from edtk.model.geometry.geometric_parameter import GeometricParameter
 
 UNLIKELY = 1e-6  # probability, over all poses, below which a pose is named
 MOST_NAMED = 2  # open directions that are named in full
+MOST_LETTERS = 120  # of their names together
 LARGE = 60.0  # mm or mrad: no robot is built as wrongly
 FEW = 2.5  # coordinates a parameter, below which poses are few
 ROUGH = 0.02  # of the spread of positions that the fit leaves: the drawing is of another robot
@@ -49,8 +50,9 @@ def _open(fit: GeometricFit) -> list[GeometricDoubt]:
     """Directions that the poses leave open."""
     if not fit.open:
         return []
-    named = "; ".join(fit.open[:MOST_NAMED])
-    more = len(fit.open) - MOST_NAMED
+    count = MOST_NAMED if len("; ".join(fit.open[:MOST_NAMED])) <= MOST_LETTERS else 1
+    named = "; ".join(fit.open[:count])
+    more = len(fit.open) - count
     rest = f"; and {more} more" if more > 0 else ""
     text = (
         f"{fit.rank} of {fit.structural} parameters can be told: {named}{rest}. Poses that move "

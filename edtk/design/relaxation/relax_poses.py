@@ -193,7 +193,7 @@ class _Run:
 
     def _fresh(self, turn: int) -> Candidates:
         """Random poses that no other turn has."""
-        seed = (*np.atleast_1d(self.source.seed).tolist(), turn + 1)
+        seed = (*self.source.seeds, turn + 1)
         return fresh_poses(self.source.space, seed)
 
     def _merge(
