@@ -6,7 +6,7 @@ import numpy as np
 
 from criteria.convex_criterion import ConvexCriterion
 from criteria.covariance_criterion import CovarianceCriterion
-from criteria.criterion import Criterion
+from criteria.criterion import DESCRIBED, Criterion
 from criteria.curvature import Curvature
 from criteria.determinant_criterion import DeterminantCriterion
 from criteria.linalg.inverse import lowered_root, whitener
@@ -18,21 +18,8 @@ from criteria.spectral_band import SpectralBand
 if TYPE_CHECKING:
     import cvxpy as cp
 
-DECLARED = (
-    "name",
-    "title",
-    "formula",
-    "sense",
-    "degree",
-    "convex",
-    "smooth",
-    "monotone",
-    "unit_free",
-    "shown",
-    "expression_power",
-    "most_subproblems",
-    "has_logarithm",
-)
+# What a function of other parameters takes over from the criterion, with what its relaxation needs.
+DECLARED = (*DESCRIBED, "shown", "expression_power", "most_subproblems", "has_logarithm")
 
 
 class Transformed(Relaxable):
