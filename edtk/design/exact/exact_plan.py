@@ -6,15 +6,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from edtk.design.bound import Bound, BoundKind, printed_form
+from edtk.design.bound import Bound, BoundKind
 from edtk.design.detection import Detection
+from edtk.design.exact.bounded_plan import BoundedPlan
 from edtk.design.plan import Plan
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
 from edtk.model.error_budget import ErrorBudget
 from edtk.model.expected_error import ExpectedError
 from edtk.model.robot import Robot
 from edtk.model.task_accuracy import TaskAccuracy
-from edtk.system.presented import Presented
 from edtk.tables.in_file_units import in_file_units
 from edtk.tables.pose_table import WRENCH_COLUMNS
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False)
-class ExactPlan(Presented):
+class ExactPlan(BoundedPlan):
     """The best plan of m experiments that a search has found.
 
     Attributes:
@@ -82,19 +82,9 @@ class ExactPlan(Presented):
         return self.plan if self.kept is None else self.kept + self.plan
 
     @property
-    def value(self) -> float:
-        """The criterion as printed in its formula."""
-        return printed_form(self.cost, self.relaxed.criterion.sense)
-
-    @property
     def lower_bound(self) -> Bound:
         """The bound on the cost of every plan of so many new experiments."""
         return self.relaxed.best_bound.scaled(self.plan.experiments)
-
-    @property
-    def bound(self) -> float:
-        """The bound in the criterion's printed form."""
-        return self.lower_bound.value
 
     @property
     def bound_gap(self) -> float:
@@ -103,11 +93,6 @@ class ExactPlan(Presented):
         It is large only where the search for the bound was cut off.
         """
         return self.relaxed.best_bound.gap
-
-    @property
-    def efficiency(self) -> float:
-        """``bound / cost`` as costs: one for a plan that cannot be improved."""
-        return self.lower_bound.efficiency(self.cost)
 
     @property
     def violation(self) -> float:

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from criteria import Criterion
-from edtk.design.bound import Bound, printed_form
+from edtk.design.bound import Bound
+from edtk.design.exact.bounded_plan import BoundedPlan
 from edtk.design.region import Region
 from edtk.design.relaxation.relaxed_region import RelaxedRegion
-from edtk.system.presented import Presented
 from edtk.system.typing import Array, Indices
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False)
-class RegionPlan(Presented):
+class RegionPlan(BoundedPlan):
     """The best plan of some experiments in a region that a search has found.
 
     Attributes:
@@ -69,25 +69,10 @@ class RegionPlan(Presented):
         return np.repeat(self.points, self.counts, axis=0)
 
     @property
-    def value(self) -> float:
-        """The criterion as its formula prints it, of all experiments together."""
-        return printed_form(self.cost, self.criterion.sense)
-
-    @property
     def lower_bound(self) -> Bound:
         """The bound on the cost of every plan of so many experiments."""
         # What was kept is part of the relaxation's prior, in equal parts for each new experiment.
         return self.relaxed.searched_bound.scaled(int(self.counts.sum()))
-
-    @property
-    def bound(self) -> float:
-        """The bound in the criterion's printed form."""
-        return self.lower_bound.value
-
-    @property
-    def efficiency(self) -> float:
-        """``bound / cost`` as costs: one for a plan that cannot be improved."""
-        return self.lower_bound.efficiency(self.cost)
 
     @property
     def information(self) -> Array:

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from criteria import Criterion
-from edtk.design.bound import Bound, printed_form
+from edtk.design.bound import Bound
+from edtk.design.exact.bounded_plan import BoundedPlan
 from edtk.design.frame_problem import FrameProblem
 from edtk.design.problem import Problem
-from edtk.system.presented import Presented
 from edtk.system.typing import Indices
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False)
-class ProblemPlan(Presented):
+class ProblemPlan(BoundedPlan):
     """The best plan of whole experiments that a search has found.
 
     Attributes:
@@ -65,21 +65,6 @@ class ProblemPlan(Presented):
     def size(self) -> int:
         """Number of experiments, kept ones included."""
         return int(self.counts.sum()) + self.elsewhere
-
-    @property
-    def value(self) -> float:
-        """The criterion as printed in its formula, of all experiments together."""
-        return printed_form(self.cost, self.criterion.sense)
-
-    @property
-    def bound(self) -> float:
-        """The bound in the criterion's printed form."""
-        return self.lower_bound.value
-
-    @property
-    def efficiency(self) -> float:
-        """``bound / cost`` as costs: one for a plan that cannot be improved."""
-        return self.lower_bound.efficiency(self.cost)
 
     @property
     def support(self) -> Indices:
