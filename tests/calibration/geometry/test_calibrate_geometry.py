@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from numpy.typing import NDArray
+from small_arm import ROBOT
 
 import edtk
 from edtk.calibration.geometry.study_geometry import StudyGeometry
@@ -20,16 +21,6 @@ from edtk.study.study import Study
 Array = NDArray[np.float64]
 Edit = Callable[[Array, Array], None]
 
-ORIGINS = [(0, 0, 0.29), (0, 0, 0), (0, 0, 0.27), (0, 0, 0.07), (0.302, 0, 0), (0, 0, 0)]
-AXES = {"x": [1, 0, 0], "y": [0, 1, 0], "z": [0, 0, 1]}
-ROBOT = {
-    "name": "a small arm",
-    "source": "tests",
-    "joints": [
-        {"name": f"q{i}", "origin_m": list(o), "axis": AXES[a], "limits_deg": [-130, 130]}
-        for i, (o, a) in enumerate(zip(ORIGINS, "zyyxyx", strict=True), start=1)
-    ],
-}
 OFFSETS = np.array([[0.09, 0.01, 0.05], [-0.03, 0.07, 0.04], [0.0, -0.06, 0.1]])
 PLACE = transform((1.5, -0.7, 0.2), (0.2, 0.1, 1.0))
 STUDY = Study(

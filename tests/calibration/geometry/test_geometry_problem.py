@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from small_arm import ROBOT
 
 import criteria
 import edtk
@@ -17,16 +18,6 @@ from edtk.study.study import Study
 
 Array = NDArray[np.float64]
 
-ORIGINS = [(0, 0, 0.29), (0, 0, 0), (0, 0, 0.27), (0, 0, 0.07), (0.302, 0, 0), (0, 0, 0)]
-AXES = {"x": [1, 0, 0], "y": [0, 1, 0], "z": [0, 0, 1]}
-ROBOT = {
-    "name": "a small arm",
-    "source": "tests",
-    "joints": [
-        {"name": f"q{i}", "origin_m": list(o), "axis": AXES[a], "limits_deg": [-130, 130]}
-        for i, (o, a) in enumerate(zip(ORIGINS, "zyyxyx", strict=True), start=1)
-    ],
-}
 PLACES = {"A": [90, 10, 50], "B": [-30, 70, 40], "C": [0, -60, 100]}
 STUDY = Study(
     robot=ROBOT,
