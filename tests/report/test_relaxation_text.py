@@ -1,6 +1,7 @@
 """The text of a relaxation tells whose word its bound is, and how many digits it has."""
 
 import numpy as np
+from no_dual import NoDual
 
 import criteria
 import edtk
@@ -10,28 +11,11 @@ from edtk.report.text.problem_plan import problem_plan
 from edtk.report.text.relaxation import relaxation
 
 
-class Unproved(criteria.ConvexCriterion):
-    """The sum of the variances without a dual form."""
-
-    name = "unproved"
-    title = "Unproved"
-    formula = "trace(cov)"
-    sense = "min"
-    degree = 1.0
-    smooth = False
-
-    def expression(self, M, T=None):
-        """trace(T M^-1 T')."""
-        import cvxpy as cp
-
-        return cp.matrix_frac(np.eye(M.shape[0]) if T is None else T.T, M)
-
-
 def test_bound_by_a_solvers_word():
     """The line of the bound says so instead of "proved"."""
     x = np.linspace(-1, 1, 5)
     problem = Problem(np.stack([np.ones(5), x], axis=-1)[:, None, :])
-    assert "(by a solver's word, relative gap" in relaxation(relax(problem, Unproved()))
+    assert "(by a solver's word, relative gap" in relaxation(relax(problem, NoDual()))
     assert "(proved, relative gap" in relaxation(relax(problem, criteria.create("A")))
 
 
@@ -39,7 +23,7 @@ def test_plan_under_a_bound_by_a_solvers_word():
     """So does the line of a plan of whole experiments."""
     x = np.linspace(-1, 1, 5)
     problem = Problem(np.stack([np.ones(5), x], axis=-1)[:, None, :])
-    plan = edtk.plan(problem, size=3, criterion=Unproved(), seed=1, starts=2)
+    plan = edtk.plan(problem, size=3, criterion=NoDual(), seed=1, starts=2)
     assert "(by a solver's word, of weights)" in problem_plan(plan)
     plan = edtk.plan(problem, size=3, criterion="A", seed=1, starts=2)
     assert "(proved, of weights)" in problem_plan(plan)

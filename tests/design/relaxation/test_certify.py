@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from no_dual import NoDual
 
 import criteria
 from edtk.design.bound import BoundKind
@@ -192,23 +193,6 @@ def test_design_that_leaves_a_direction_open():
         cost, bound = replace(r, weights=np.eye(30)[0]).certify(PROBLEM)
         assert cost == np.inf
         assert 0 <= bound <= r.cost * (1 + 1e-12)
-
-
-class NoDual(criteria.ConvexCriterion):
-    """The sum of the variances with an expression alone, as a plug-in may have it."""
-
-    name = "no dual"
-    title = "No dual"
-    formula = "trace(cov)"
-    sense = "min"
-    degree = 1.0
-    smooth = False
-
-    def expression(self, M, T=None):
-        """trace(T M^-1 T')."""
-        import cvxpy as cp
-
-        return cp.matrix_frac(np.eye(M.shape[0]) if T is None else T.T, M)
 
 
 def test_a_plug_in_of_an_ill_conditioned_model():
