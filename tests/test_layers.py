@@ -44,6 +44,7 @@ KITS = {
     "edtk/certificate/recompute/values",
     "edtk/cli",
     "edtk/commands/shared",
+    "edtk/design/candidate_arrays",
     "edtk/design/interior_point/barrier",
     "edtk/design/packed",
     "edtk/inference/convergence",

@@ -8,15 +8,14 @@ from numpy.typing import ArrayLike
 
 from criteria import Criterion
 from criteria.linalg.root import root
+from edtk.design.candidate_arrays import packed_information, require_information, rows_of_blocks
 from edtk.design.conditioning import WELL, Conditioning
-from edtk.design.is_information import is_information
-from edtk.design.packed import pack, sensitivity_rows
 from edtk.design.packed_information import PackedInformation
 from edtk.design.rank_deficient_error import RankDeficientError as RankDeficientError
 from edtk.design.require_identifiable import require_identifiable
 from edtk.design.rows import Rows
-from edtk.system.presented import Presented
-from edtk.system.typing import Array, Indices, Mask
+from edtk.design.weighted_candidates import WeightedCandidates
+from edtk.system.typing import Array, Indices
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -24,7 +23,7 @@ if TYPE_CHECKING:
     from edtk.design.frame_problem import FrameProblem
 
 
-class Problem(Presented):
+class Problem(WeightedCandidates):
     """Candidate experiments of a linear (or linearised) model ``y_i = A_i k + noise``.
 
     The information matrix of weights w is ``M = sum_i w_i (M0 + A_i' A_i / sigma^2)``. The rows
@@ -54,10 +53,7 @@ class Problem(Presented):
                [0., 8.]])
     """
 
-    kept: Rows | PackedInformation
-    p: int
     parameters: tuple[str, ...]
-    prior: Array | None
 
     def __init__(
         self,
@@ -66,21 +62,8 @@ class Problem(Presented):
         parameters: tuple[str, ...] | None = None,
         prior: ArrayLike | None = None,
     ) -> None:
-        A = np.asarray(blocks, dtype=float)
-        if A.ndim != 3 or 0 in A.shape:
-            raise ValueError(
-                f"blocks must be a non-empty array (n, rows, p), not of shape {A.shape}"
-            )
-        scale = np.broadcast_to(np.asarray(sigma, dtype=float), A.shape[1:2])
-        if not (np.isfinite(scale) & (scale > 0)).all():
-            raise ValueError("sigma must be finite and positive")
-        _require_finite(np.isfinite(A).all(axis=(1, 2)))
-        # A finite regressor may have a square that is not; it is named below without a warning.
-        with np.errstate(over="ignore", invalid="ignore"):
-            whitened = A / scale[:, None]
-            _require_finite(np.isfinite(np.einsum("irp,irp->i", whitened, whitened)))
-        self._set(Rows.of(whitened), parameters, prior)
-        _require_information(self.prior)
+        self._set(rows_of_blocks(blocks, sigma), parameters, prior)
+        require_information(self.prior)
 
     @classmethod
     def from_frame(
@@ -142,14 +125,8 @@ class Problem(Presented):
             ValueError: There are no candidates, the number of rows is not that of a triangle, an
                 entry is not finite, or names or prior do not fit the number of parameters.
         """
-        if packed.ndim != 2 or 0 in packed.shape:
-            raise ValueError(
-                f"packed information must be a non-empty array (p(p+1)/2, n), not {packed.shape}"
-            )
-        # A sum is finite only if all its terms are, and needs no mask of the size of the input.
-        _require_finite(np.isfinite(packed.sum(axis=0)))
-        problem = cls.of_kept(PackedInformation(packed), parameters, prior)
-        _require_information(problem.prior)
+        problem = cls.of_kept(packed_information(packed), parameters, prior)
+        require_information(problem.prior)
         return problem
 
     @classmethod
@@ -185,16 +162,6 @@ class Problem(Presented):
         """Number of candidates and of parameters."""
         return f"{self.n} candidates, {self.p} parameters ({', '.join(self.parameters)})"
 
-    @property
-    def n(self) -> int:
-        """Number of candidates."""
-        return self.kept.n
-
-    @property
-    def packed(self) -> Array:
-        """Upper triangles (p(p+1)/2, n) of the candidates' information; of rows, made anew."""
-        return self.kept.packed()
-
     def __getitem__(self, chosen: Indices) -> "Problem":
         """The same problem with some of its candidates."""
         return Problem.of_kept(self.kept[chosen], self.parameters, self.prior)
@@ -211,50 +178,6 @@ class Problem(Presented):
     def with_prior(self, prior: Array | None) -> "Problem":
         """The same candidates with other prior information (p, p), or without any."""
         return Problem.of_kept(self.kept, self.parameters, prior)
-
-    def blocks(self, chosen: ArrayLike = slice(None)) -> Array:  # type: ignore[assignment]
-        """Information ``A_i' A_i / sigma^2`` (k, p, p) of some candidates, by default of all."""
-        return self.kept.blocks(chosen)
-
-    def factors(self, chosen: ArrayLike = slice(None)) -> Array:  # type: ignore[assignment]
-        """Factors U (k, r, p) with ``U' U = A' A/sigma^2`` of some candidates, by default of all.
-
-        They are the rows ``A/sigma`` themselves where these are kept. Otherwise their number r is
-        the largest rank among all candidates.
-        """
-        return self.kept.factors(chosen)
-
-    def information(self, weights: ArrayLike) -> Array:
-        """Information matrix ``M = sum_i w_i (M0 + A_i' A_i / sigma^2)`` (p, p).
-
-        Args:
-            weights: Weights or numbers of repetitions w (n,).
-        """
-        w = np.asarray(weights, dtype=float)
-        support = np.flatnonzero(w)
-        # Columns of the support are worth a copy only where they are few.
-        few = 2 * len(support) < self.n
-        M = self.kept[support].weighted(w[support]) if few else self.kept.weighted(w)
-        return M if self.prior is None else M + w.sum() * self.prior
-
-    def plan_information(self, chosen: Indices, repeats: Array) -> Array:
-        """Information matrices of many plans of few candidates.
-
-        Args:
-            chosen: Indices (b, k) of the candidates of b plans.
-            repeats: Their repetitions (b, k).
-
-        Returns:
-            Matrices (b, p, p), the prior included.
-        """
-        M = self.kept.weighted_plans(chosen, repeats)
-        return M if self.prior is None else M + repeats.sum(axis=1)[:, None, None] * self.prior
-
-    @cached_property
-    def mean(self) -> Array:
-        """Information matrix (p, p) of equal weights ``1/n``."""
-        M = self.kept.mean()
-        return M if self.prior is None else M + self.prior
 
     @cached_property
     def conditioning(self) -> Conditioning:
@@ -297,51 +220,6 @@ class Problem(Presented):
             criterion.require_order(self.p)
         require_identifiable(self, criterion)
 
-    def sensitivities(self, Z: ArrayLike) -> Array:
-        """Sensitivities ``<Z, M0 + A_i' A_i / sigma^2>`` of all candidates to multipliers Z.
-
-        A candidate's sensitivity is the rate at which the cost falls with its weight, where Z is
-        minus the gradient of the cost.
-
-        Args:
-            Z: Symmetric multipliers (..., p, p).
-
-        Returns:
-            Array (..., n).
-        """
-        Z = np.asarray(Z, dtype=float)
-        own = self.kept.sensitivities(Z)
-        if self.prior is None:
-            return own
-        return own + (sensitivity_rows(Z) @ pack(self.prior))[..., None]
-
-    def sensitivities_to_root(self, B: Array) -> Array:
-        """Sensitivities (n,) to the multiplier ``Z = B B'`` of a factor B (p, q).
-
-        Of rows they are squared norms ``|A_i B|^2``. So they keep the digits that a Z in nearly
-        dependent parameters has lost, and those of low rank take less time.
-        """
-        own = self.kept.sensitivities_to_root(B)
-        if self.prior is None:
-            return own
-        return np.asarray(own + np.einsum("aq,ab,bq->", B, self.prior, B))
-
-    @cached_property
-    def largest(self) -> Array:
-        """The largest information (p,) of a candidate about each parameter, with the prior."""
-        own = self.kept.largest()
-        return own if self.prior is None else own + np.diag(self.prior)
-
-    def traces(self, root: Array | None = None) -> Array:
-        """Trace (n,) of each candidate's information with the prior, ``<B B', M0 + M_i>``.
-
-        Args:
-            root: B (p, q), which makes of the trace one in other parameters; defaults to I.
-        """
-        if root is None:
-            return self.sensitivities(np.eye(self.p))
-        return self.sensitivities_to_root(root)
-
     def with_unit_trace(self, root: Array | None = None) -> "Problem":
         """The same candidates, each scaled to information of trace one.
 
@@ -365,15 +243,3 @@ class Problem(Presented):
         return Problem.of_kept(
             kept.scaled(1.0 / np.where(trace > 0, trace, 1.0)), self.parameters, None
         )
-
-
-def _require_information(prior: Array | None) -> None:
-    """Refuse a prior that no measurements can have."""
-    if prior is not None and not is_information(prior):
-        raise ValueError("the prior must be finite, symmetric and positive semidefinite")
-
-
-def _require_finite(finite: Mask) -> None:
-    """Name the first candidate that has an entry which is not finite."""
-    if not finite.all():
-        raise ValueError(f"block {np.flatnonzero(~finite)[0]} has an entry that is not finite")
