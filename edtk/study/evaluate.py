@@ -14,7 +14,7 @@ from edtk.model.task_accuracy import TaskAccuracy
 from edtk.study.accuracy_of_tasks import accuracy_of_tasks
 from edtk.study.plan_accuracy import plan_accuracy
 from edtk.study.plan_covariance import plan_covariance
-from edtk.study.plausibility import plan_plausibility
+from edtk.study.plan_plausibility import plan_plausibility
 from edtk.study.study import Study
 from edtk.system.errors import UserError
 from edtk.system.presented import Presented

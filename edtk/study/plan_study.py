@@ -14,8 +14,8 @@ from edtk.design.plan import Plan
 from edtk.design.relaxation.relax_options import RelaxOptions
 from edtk.design.relaxation.relax_poses import relax_poses
 from edtk.study.plan_accuracy import plan_accuracy
+from edtk.study.plan_plausibility import plan_plausibility
 from edtk.study.planning_space import planning_space
-from edtk.study.plausibility import plan_plausibility
 from edtk.study.relax_study import source_of
 from edtk.study.run_options import DEFAULTS, RunOptions
 from edtk.study.study import Study

@@ -1,4 +1,4 @@
-"""What in a study, or in the promise of a plan, cannot well be meant: a unit, most of the time."""
+"""What in a study cannot well be meant: a unit, most of the time."""
 
 from collections.abc import Iterator
 from itertools import chain, islice
@@ -6,17 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-import criteria
-from edtk.design.candidate_source import CandidateSource, EmptyFeasibleSetError
-from edtk.design.plan import Plan
-from edtk.inference.least_squares import SingularPlanError, covariance
-from edtk.model.compensation_accuracy import compensation_accuracy
 from edtk.model.dead_weights import GRAVITY
-from edtk.model.expected_error import WITHIN
-from edtk.model.neighbourhood import neighbourhood
 from edtk.study.check_tasks import key_of
 from edtk.study.least_error import least_error
-from edtk.system.typing import Array, Indices
+from edtk.system.typing import Array
 
 if TYPE_CHECKING:
     from edtk.study.study import Study
@@ -40,11 +33,6 @@ SOFTEST = 1e-4  # no gear of a robot is softer, wrists of small collaborative ro
 INTERFEROMETER = 1e-7  # no device measures displacements of a robot better, in air [m]
 ON_AXIS = 5e-3  # least lever of a joint, below the radius of the smallest reflector [m]
 SAMPLE = 255  # poses within the joint limits in which loads are judged
-# A plan that suits all parameters gives each a standard deviation of two to ten times the best that
-# it could have alone; thirty times is that of a thousandth of the experiments.
-HARDLY_EXCITED = 30.0
-UNCERTAIN = 0.5  # standard deviation beside the parameter itself, where that is known
-CANDIDATES = 300  # among which the best experiment for each parameter is looked for
 MOST_NAMED = 4
 
 
@@ -57,10 +45,11 @@ def plausibility(study: "Study") -> tuple[str, ...]:
     Returns:
         One line for each finding, which names the key.
     """
-    if _links(study) > LONGEST_LINKS:
+    length = length_of_links(study)
+    if length > LONGEST_LINKS:
         # Nothing else can be judged by such an arm.
         return (
-            f"robot: its links add up to {_links(study):.4g} m; lengths in a robot's file are in "
+            f"robot: its links add up to {length:.4g} m; lengths in a robot's file are in "
             "metres, are these in millimetres?",
         )
     checks = [_tools, _pose_unit]
@@ -69,26 +58,7 @@ def plausibility(study: "Study") -> tuple[str, ...]:
     return tuple(line for check in checks for line in check(study))
 
 
-def plan_plausibility(study: "Study", plan: Plan) -> tuple[str, ...]:
-    """Find what is hard to believe, or a pity, in what a plan promises.
-
-    Args:
-        study: The study.
-        plan: All experiments.
-
-    Returns:
-        One line for each finding.
-    """
-    try:
-        cov = covariance(study.information(plan), study.model.parameters)
-    except SingularPlanError:
-        return ()
-    if _links(study) > LONGEST_LINKS:
-        return ()
-    return (*_useless(study, cov), *_hardly_excited(study, cov, plan.experiments))
-
-
-def _links(study: "Study") -> float:
+def length_of_links(study: "Study") -> float:
     """Total length of the links between the joints [m]."""
     origins = (joint.origin[:3, 3] for joint in study.robot.joints)
     return float(sum(np.linalg.norm(origin) for origin in origins))
@@ -101,7 +71,7 @@ def _tools(study: "Study") -> Iterator[str]:
         tools[f"{key_of(study, i)}.tool"] = pose.tool.build()
     if study.specification.task is not None:
         tools["task.tool"] = study.specification.task.tool.build()
-    links = _links(study)
+    links = length_of_links(study)
     seen: list[Array] = []
     for key, tool in tools.items():
         # Many poses share a tool, whose mistake is one.
@@ -141,19 +111,19 @@ def _unit_of_pose(study: "Study", q_deg: Array, key: str) -> Iterator[str]:
 
 def _noise(study: "Study") -> Iterator[str]:
     """Noise beside the deflection under load, which is what is measured."""
-    sigma = least_error(study, _anywhere(study)[:, : study.robot.n])
+    sigma = least_error(study, anywhere(study)[:, : study.robot.n])
     name = "measurement.sigma_mm" if study.noise is None else "noise"
     key = f"{name}: {1e3 * sigma:.3g} mm"
     if sigma < INTERFEROMETER:
         yield f"{key} is finer than any instrument; is it given in metres?"
     A, _ = _sampled(study)
-    k = _own_scale(study)
+    k = own_scale(study)
     if np.isfinite(k).all():
         bent = float(np.linalg.norm(A @ k, axis=1).max())
         by = "in [simulation] or [prior]"
     else:
         soft = float((SOFTEST * np.linalg.norm(A, axis=1)).sum(axis=-1).max())
-        bent = min(SAG * _links(study), soft)
+        bent = min(SAG * length_of_links(study), soft)
         by = "of usual size"
     if 0 < bent <= sigma:
         yield (
@@ -173,7 +143,7 @@ def _axes(study: "Study") -> Iterator[str]:
     if len(names):
         yield (
             f"tool.position_mm, load: in no pose does the load move the tool point by way of "
-            f"{_listed(names)}; the tool point lies on the axis, or the load passes through it"
+            f"{listed(names)}; the tool point lies on the axis, or the load passes through it"
         )
 
 
@@ -182,7 +152,7 @@ def _sampled(study: "Study") -> tuple[Array, float]:
 
     Of the tool point they have the position rows alone (s, 3, p).
     """
-    plan = study.space.plan(_anywhere(study), np.ones(SAMPLE, dtype=int))
+    plan = study.space.plan(anywhere(study), np.ones(SAMPLE, dtype=int))
     force = np.linalg.norm(plan.wrench[:, :3], axis=1)
     torque = np.linalg.norm(plan.wrench[:, 3:], axis=1)
     load = float((force + torque / study.robot.reach).max())
@@ -193,13 +163,13 @@ def _sampled(study: "Study") -> tuple[Array, float]:
     return A[:, :3] if study.model.is_plain else A, load or 1.0
 
 
-def _anywhere(study: "Study") -> Array:
+def anywhere(study: "Study") -> Array:
     """Experiments (s, v) anywhere within the limits, feasible or not."""
     space = study.space
     return space.draw(np.random.default_rng(0).random((SAMPLE, len(space.drawn))))
 
 
-def _own_scale(study: "Study") -> Array:
+def own_scale(study: "Study") -> Array:
     """Compliances (p,) as far as a study knows them: simulated, or from before; else NaN."""
     given = study.specification
     simulated = given.simulation.compliance_rad_per_Nm if given.simulation is not None else {}
@@ -209,95 +179,7 @@ def _own_scale(study: "Study") -> Array:
     return np.array([abs(known.get(name, np.nan)) for name in given.joints.unknown])
 
 
-def _useless(study: "Study", cov: Array) -> Iterator[str]:
-    """An error after compensation that is larger than the one before."""
-    if not study.tasks:
-        return
-    A = study.tasks.regressor
-    after = float(compensation_accuracy(A, cov))
-    k = _own_scale(study)
-    known = bool(np.isfinite(k).all())
-    before = float(np.linalg.norm(A @ k)) if known else SAG * _links(study)
-    if 0 < before < after:
-        place = "in the test pose" if len(study.tasks) == 1 else f"in {len(study.tasks)} test poses"
-        usual = "" if known else ", as robots go"
-        yield (
-            f"the expected error {place}, {1e3 * after:.3g} mm, is larger than what the "
-            f"load bends the robot there, {1e3 * before:.2g} mm{usual}; check tools, loads and "
-            "sigma_mm, or measure more"
-        )
-
-
-def _hardly_excited(study: "Study", cov: Array, experiments: int) -> Iterator[str]:
-    """Parameters about which a plan says much less than it could."""
-    std = np.sqrt(np.diag(cov))
-    share = std / _own_scale(study)
-    ratio = std / _best_alone(study, _anywhere(study), experiments)
-    # Feasible poses tell less than any poses do; they are drawn, which may take seconds, only where
-    # they could make a difference.
-    if (ratio[np.isnan(share)] > HARDLY_EXCITED).any():
-        ratio = std / _best_alone(study, _candidates(study), experiments)
-    # Beside its own size a parameter is judged by that, and else by what plans could do.
-    bad = np.flatnonzero(np.where(np.isfinite(share), share > UNCERTAIN, ratio > HARDLY_EXCITED))
-    if not len(bad):
-        return
-    names = [study.model.parameters[i] for i in bad]
-    how = [
-        f"+-{_round(100 * share[i])} % of itself"
-        if np.isfinite(share[i])
-        else f"{_round(ratio[i])} times the best"
-        for i in bad[:MOST_NAMED]
-    ]
-    yield (
-        f"hardly excited: {_listed(names)}, with a standard deviation of {', '.join(how)}; "
-        f"{_cure(study, bad)}"
-    )
-
-
-def _cure(study: "Study", bad: Indices) -> str:
-    """What helps against parameters (indices) that are hardly excited."""
-    tasks = study.tasks
-    if tasks and criteria.get(study.main_criterion).needs_target:
-        around = (neighbourhood(one.robot, one.q, one.within or WITHIN) for one in tasks)
-        harms = (one.harm(poses) for one, poses in zip(tasks, around, strict=True))
-        # rho0 asks for a parameter only if it does harm in the task.
-        if not any(A[..., bad].any() for A in harms):
-            return "the task does not load it; for other tasks optimise another criterion such as D"
-        if not any(one.within for one in tasks):
-            return "set robust_deg in [test_pose], or optimise another criterion such as D"
-    return "plan more experiments, or optimise another criterion such as D"
-
-
-def _round(number: float) -> str:
-    """Two digits, without an exponent where people would not write one."""
-    return f"{float(f'{number:.2g}'):,.0f}" if number < 1e6 else f"{number:.1e}"
-
-
-def _candidates(study: "Study") -> Array:
-    """Feasible experiments (k, v); none where none turn up."""
-    given = study.specification
-    source = CandidateSource(study.space, (given.seed, 0), given.sampling)
-    try:
-        return source.take(min(CANDIDATES, given.candidates)).x
-    except EmptyFeasibleSetError:
-        return np.empty((0, study.space.size))
-
-
-def _best_alone(study: "Study", x: Array, experiments: int) -> Array:
-    """Standard deviations (p,) that no plan of the experiments x can beat, each for itself.
-
-    ``(M^-1)_jj >= 1 / M_jj``, and M_jj is at most m times the largest that an experiment has. Inf
-    where there are none to compare with.
-    """
-    if not len(x):
-        return np.full(study.model.p, np.inf)
-    blocks = study.space.problem(x).blocks()
-    largest = np.diagonal(blocks, axis1=1, axis2=2).max(axis=0)
-    with np.errstate(divide="ignore"):
-        return np.asarray(1 / np.sqrt(experiments * largest))
-
-
-def _listed(names: "list[str] | Array") -> str:
+def listed(names: "list[str] | Array") -> str:
     """The first names, and how many more there are."""
     more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
     return f"{', '.join(names[:MOST_NAMED])}{more}"

@@ -17,7 +17,7 @@ from edtk.study.bound_for import bound_for
 from edtk.study.case import Case
 from edtk.study.plan_accuracy import plan_accuracy
 from edtk.study.plan_covariance import plan_covariance
-from edtk.study.plausibility import plan_plausibility
+from edtk.study.plan_plausibility import plan_plausibility
 from edtk.study.study import Study
 from edtk.system.presented import Presented
 

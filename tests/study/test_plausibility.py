@@ -9,7 +9,7 @@ import pytest
 from edtk.design.plan import Plan
 from edtk.model.robot_to_dict import robot_to_dict
 from edtk.study.evaluate import evaluate
-from edtk.study.plausibility import plan_plausibility
+from edtk.study.plan_plausibility import plan_plausibility
 from edtk.study.random_case import random_case
 from edtk.study.study import load_study
 
