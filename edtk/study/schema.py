@@ -20,12 +20,14 @@ from edtk.study.interest_table import InterestTable
 from edtk.study.joints_table import NO_SPRINGS, JointsTable
 from edtk.study.load_choice import LoadChoice
 from edtk.study.marker_table import DistanceTable, MarkerTable
+from edtk.study.measurement_table import MeasurementTable
 from edtk.study.noise_table import NoiseTable
 from edtk.study.parameters_table import ParametersTable
 from edtk.study.payload_stands_in import payload_stands_in
 from edtk.study.payload_table import PayloadTable
 from edtk.study.prior_table import PriorTable
-from edtk.study.table import Compliance, Count, Sigma, Table
+from edtk.study.simulation_table import SimulationTable
+from edtk.study.table import Count, Table
 from edtk.study.task_table import TaskTable
 from edtk.study.test_pose import TestPose, TestPoses
 from edtk.study.tool import Tool
@@ -55,35 +57,6 @@ def _name_of(criterion: object) -> str | None:
     """The name of a criterion that is given as one, or as a table; None without one."""
     found = criterion.get("name") if isinstance(criterion, Mapping) else criterion
     return found if isinstance(found, str) else None
-
-
-class Measurement(Table):
-    """Measured quantities and their noise, which is that of a difference of two readings."""
-
-    rows: Literal["position", "pose"] = Field(
-        "position", description="Measured rows: the marker's position, or its rotation too"
-    )
-    sigma_mm: Sigma | None = Field(
-        None,
-        description="Standard deviation of a displacement, per coordinate; needed unless [noise] "
-        "has a tracker, whose errors it adds to [mm]",
-    )
-    sigma_deg: Sigma | None = Field(
-        None, description="Standard deviation of a rotation, per axis; for rows = 'pose' [deg]"
-    )
-    reference: Literal["unloaded", "nominal"] = Field(
-        "unloaded",
-        description="What a displacement is measured from: the unloaded robot, which bends under "
-        "the weight of its links too, or where the rigid robot of the model would be",
-    )
-
-
-class Simulation(Table):
-    """The truth that simulated measurements assume."""
-
-    compliance_rad_per_Nm: dict[str, Compliance] = Field(
-        description="Compliance of each unknown joint, by name [rad/(N m)]"
-    )
 
 
 class Specification(Table):
@@ -135,7 +108,7 @@ class Specification(Table):
     distance: tuple[DistanceTable, ...] = Field(
         (), description="Distances that are measured, besides markers or instead of them"
     )
-    measurement: Measurement = Field(description="Measured quantities and their noise")
+    measurement: MeasurementTable = Field(description="Measured quantities and their noise")
     joints: JointsTable = Field(
         description="Unknown and known compliances, and joints that do not move"
     )
@@ -186,7 +159,7 @@ class Specification(Table):
     published: tuple[str, ...] = Field(
         (), description="Plans (CSV) to compare with; paths beside the study"
     )
-    simulation: Simulation | None = Field(
+    simulation: SimulationTable | None = Field(
         None, description="The truth that simulated measurements assume"
     )
     prior: PriorTable = Field(PriorTable(), description="Knowledge before the measurements")
