@@ -21,7 +21,9 @@ from edtk.system.errors import UserError
 from edtk.system.json_text import json_text
 
 if TYPE_CHECKING:
+    from edtk.calibration.calibration import Calibration
     from edtk.calibration.finding import Finding
+    from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
 
 # Characters of a message and its hint, which leaves some of a line for the name of the file.
 MOST_WITH_HINT = 220
@@ -83,8 +85,6 @@ def command(
     unknown if --sigma-unknown. A killed run with --chain goes on where it was when it is started
     again.
     """
-    from edtk.calibration.diagnostics.diagnostic import Severity
-    from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
     from edtk.calibration.input_errors.input_error import InputError
     from edtk.calibration.misread_sheet import misread_sheet
     from edtk.verbs.identify import identify
@@ -108,24 +108,30 @@ def command(
                 out=out,
             )
     except InputError as error:
-        said = misread_sheet(error.calibration)
         # Files of results are not written for such a sheet; the refusal says why.
-        if not as_json or out is not None or said is None:
+        said = misread_sheet(error.calibration) if as_json and out is None else None
+        if said is None:
             raise
         print_out(json_text(said))
         warn(str(error))
         return
     show(found, as_json, sampling.export)
     warn_about(study, found.study.warnings)
+    for text in _doubts(found, robust):
+        warn(f"{measurements}: {text}")
+
+
+def _doubts(found: "Calibration | GeometricCalibration", robust: bool) -> Iterator[str]:
+    """What is worse than a note, each with the options that help."""
+    from edtk.calibration.diagnostics.diagnostic import Severity
+    from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
+
     if isinstance(found, GeometricCalibration):
-        for doubt in found.doubts:
-            if doubt.severity > Severity.NOTE:
-                warn(f"{measurements}: {doubt.text}")
+        yield from (doubt.text for doubt in found.doubts if doubt.severity > Severity.NOTE)
         return
     for diagnostic in found.diagnostics:
         if diagnostic.severity > Severity.NOTE:
-            hint = _hint(diagnostic.finding, robust)
-            warn(f"{measurements}: {diagnostic.text}{hint}")
+            yield f"{diagnostic.text}{_hint(diagnostic.finding, robust)}"
 
 
 @contextmanager
