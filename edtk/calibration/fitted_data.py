@@ -12,18 +12,12 @@ from edtk.calibration.equal_rows import EqualRows, equal_rows
 from edtk.calibration.input_errors.explanation import Explanation, explanation
 from edtk.calibration.known_part import known_part
 from edtk.calibration.match_plan import PlanMatch, match_plan
-from edtk.calibration.moving_joints import (
-    joint_unit,
-    moving_joints,
-    own_of_visits,
-    shared_by_repetitions,
-    visits_lack_of_fit,
-)
+from edtk.calibration.moving_joints import joint_unit, own_of_visits, visits_lack_of_fit
 from edtk.calibration.some_rows import some_rows
+from edtk.calibration.with_common_noise import with_common_noise
 from edtk.design.plan import Plan
 from edtk.inference.correlated_noise import CorrelatedNoise
 from edtk.inference.estimate_noise import NoiseEstimate, estimate_noise
-from edtk.inference.fit_common_noise import fit_common_noise
 from edtk.inference.fit_equilibrium import LinearisedData, NoFitError, fit_equilibrium
 from edtk.inference.fit_with_prior import fit_with_prior
 from edtk.inference.identification import Identification
@@ -114,7 +108,7 @@ class FittedData:
         found = cls(study, data, A, unexplained, fit, plan=plan)
         if not linear and bends_much(study, data, A, fit):
             found = found._of_equilibrium()
-        return found._with_common_noise()
+        return with_common_noise(found)
 
     @classmethod
     def with_prior(
@@ -181,29 +175,6 @@ class FittedData:
             # Such compliances are wrong in any case: the residuals of the linear fit tell why.
             return self
         return replace(self, A=seen.A, measured=seen.measured, fit=again, nonlinear=True)
-
-    def _with_common_noise(self) -> "FittedData":
-        """The same with the noise that repetitions or visits share, where no fault explains it."""
-        if self.data.tracker is not None or self.fit.robust:
-            return self  # the study says what visits share
-        found = self.noise_estimate
-        test = self.lack_of_fit
-        shared = (test is not None and test.seen) or (found is not None and found.moves)
-        if not shared or self.structural_causes:
-            return self
-        seen = LinearisedData(self.A, self.measured)
-        again = None
-        if found is not None:
-            again = moving_joints(self.study, self.data, seen, found, self.fit)
-        elif test is not None and self.data.covariance is not None:
-            again = shared_by_repetitions(self.data, seen, test, self.fit)
-        elif test is not None:
-            places = self.data.places
-            seen, fit = fit_common_noise(seen, self.data.sigma, places, test, self.fit)
-            return replace(self, A=seen.A, measured=seen.measured, fit=fit, common_noise=True)
-        if again is None:
-            return self
-        return replace(self, fit=again[1], common_noise=True, estimated=again[0])
 
     @cached_property
     def noise_estimate(self) -> NoiseEstimate | None:
