@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from edtk.calibration.calibration_budget import propagation_of
+from edtk.calibration.calibration_to_dict import calibration_to_dict
 from edtk.calibration.cause_of import cause_of
 from edtk.calibration.causes.cause import Cause
 from edtk.calibration.diagnostics.diagnostic import Diagnostic, Severity
@@ -128,12 +129,12 @@ class Calibration(Presented):
 
         NaN where the measurements do not tell one by itself.
         """
-        return self._by_joint(self.fit.k)
+        return self.by_joint(self.fit.k)
 
     @property
     def std(self) -> dict[str, float]:
         """Standard deviations of the compliances by joint, in their units."""
-        return self._by_joint(self.fit.std)
+        return self.by_joint(self.fit.std)
 
     @property
     def parameters(self) -> tuple[str, ...]:
@@ -195,49 +196,7 @@ class Calibration(Presented):
 
     def to_dict(self) -> dict[str, Any]:
         """Plain numbers, SI, for JSON; a number that is not known is null."""
-        fit = self.fit
-        rho0 = None
-        if self.study.target is not None:
-            value, interval = fit.accuracy(self.study.target)
-            rho0 = {"value": value, "interval95": list(interval)}
-        joints = self.study.specification.joints.unknown
-        return {
-            "k": _known(self.k),
-            "std": _known(self.std),
-            "correlation": fit.correlation.tolist(),
-            "covariance_dof": fit.covariance_dof if np.isfinite(fit.covariance_dof) else None,
-            "sigma_hat": self.sigma_hat if np.isfinite(fit.scale) else None,
-            "chi2": fit.chi2,
-            "dof": fit.dof,
-            "p_value": fit.p_value,
-            "outliers": (fit.outliers + 1).tolist(),
-            "rho0": rho0,
-            "rho0_bias": self.rho0_bias,
-            "model": "nonlinear" if self.fitted.nonlinear else "linear",
-            "budget_mm": None if self.budget is None else self.budget.to_dict(),
-            "lack_of_fit": None if self.lack_of_fit is None else self.lack_of_fit.to_dict(),
-            "noise": None if self.noise is None else self.noise.to_dict(),
-            "causes": [cause.to_dict() for cause in self.causes],
-            "expected_error": None if self.expected is None else self.expected.to_dict(),
-            **({} if self.tasks is None else {"tasks": self.tasks.to_dict()}),
-            "verdict": self.verdict,
-            "doubts": [diagnostic.text for diagnostic in self.diagnostics],
-            "study_warnings": list(self.study.warnings),
-            "diagnostics": [diagnostic.to_dict() for diagnostic in self.diagnostics],
-            "negative": [joints[i] for i in np.flatnonzero(fit.negative)],
-            "known": dict(self.study.specification.joints.known_rad_per_Nm),
-            "k_unbounded": _known(self._by_joint(fit.unbounded)),
-            "k_bias": None if self.bias is None else _known(self._by_joint(self.bias)),
-            "posterior": None if self.check is None else self.check.to_dict(),
-            **self._of_interest(),
-        }
-
-    def _of_interest(self) -> dict[str, Any]:
-        """What is of interest, and what is not told; nothing where all compliances matter."""
-        if self.asked.interest is None:
-            return {}
-        found = {name: {"value": k, "std": std} for name, (k, std) in self.interest.items()}
-        return {"interest": found, "not_told": [] if self.part is None else list(self.part.open)}
+        return calibration_to_dict(self)
 
     def to_frame(self) -> "pd.DataFrame":
         """A row for each compliance, SI units.
@@ -293,12 +252,7 @@ class Calibration(Presented):
         """
         return with_posterior(self, rng, options)
 
-    def _by_joint(self, values: np.ndarray) -> dict[str, float]:
+    def by_joint(self, values: np.ndarray) -> dict[str, float]:
         """Values (p,) by the names of the unknown joints; NaN for one that is not told."""
         of = dict(zip(self.study.specification.joints.unknown, values.tolist(), strict=True))
         return of if self.part is None else of | dict.fromkeys(self.part.stands_for, np.nan)
-
-
-def _known(values: dict[str, float]) -> dict[str, float | None]:
-    """The same, with None for no number, as JSON has it."""
-    return {name: None if np.isnan(value) else value for name, value in values.items()}
