@@ -65,18 +65,7 @@ def calibrate(
             column of a bad cell.
     """
     path = Path(path)
-    load = study.space.load
-    wrench = load.always if isinstance(load, FixedLoad) else None
-    data = Measurements.from_csv(
-        path,
-        study.robot,
-        study.fixed,
-        wrench,
-        study_sigma(study),
-        study.model,
-        study.is_absolute,
-    )
-    data = _with_noise(study, data, path)
+    data = _read(study, path)
     origin = Origin.of(path, linear, as_is)
     try:
         fitted, part = _fitted(study, data, plan, robust, known, linear, bayes)
@@ -103,12 +92,24 @@ def _bias(fitted: FittedData) -> Array | None:
     return linear_model_bias(fitted.study, fitted.data, fitted.A, fitted.fit.k)
 
 
-def _with_noise(study: Study, data: Measurements, path: Path) -> Measurements:
+def _read(study: Study, path: Path) -> Measurements:
     """The measurements with the noise that the study's [noise] states.
 
     Raises:
-        UserError: A measurement has no noise in some direction, or too many share an error.
+        UserError: The file cannot be read, a measurement has no noise in some direction, or too
+            many share an error.
     """
+    load = study.space.load
+    wrench = load.always if isinstance(load, FixedLoad) else None
+    data = Measurements.from_csv(
+        path,
+        study.robot,
+        study.fixed,
+        wrench,
+        study_sigma(study),
+        study.model,
+        study.is_absolute,
+    )
     try:
         return stated_noise(study, data)
     except (NotPositiveDefiniteError, TooManyVisitsError) as error:

@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from edtk.inference.least_squares import Whitened
 from edtk.inference.measurements import Measurements
 from edtk.inference.prior_rows import PriorRows
@@ -42,6 +44,10 @@ class LeastSquaresInverse:
         """Changes (..., p) of the estimates by changes (..., m, rows) of measurements."""
         below = change if self.prior is None else self.prior.zeros_below(change)
         return self.whitened.solve(below)
+
+    def shifts(self, changes: Array) -> Array:
+        """Shifts (p, c) of the estimates by c changes (m, rows, c) of measurements."""
+        return self.solve(np.moveaxis(changes, -1, 0)).T
 
     def by_reading(self) -> Array:
         """``W' Q`` (m, rows, p): what a unit of each measured coordinate adds to ``Q' W dp``."""

@@ -103,11 +103,7 @@ class Propagation:
         """
         A = data.regressor(model)
         inverse = LeastSquaresInverse.of(model, data, A, prior)
-
-        def moved(change: Array) -> Array:
-            """Shift (p, c) of the estimates by changes (m, rows, c) of readings."""
-            return inverse.solve(np.moveaxis(change, -1, 0)).T
-
+        moved = inverse.shifts
         every = families_with_known(model, data, A, k, known or {}, prior is not None)
         faults = {family.cause: family for family in every}
         load = k  # compliances take up a load of another size in full
