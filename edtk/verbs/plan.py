@@ -13,12 +13,10 @@ from edtk.design.region import Region
 from edtk.study.plan_study import plan_study
 from edtk.study.run_options import Progress, RunOptions, no_progress
 from edtk.study.study import Study
-from edtk.system.atomic_file import Content, write_files
 from edtk.system.errors import ArgumentError
-from edtk.tables.csv_text import csv_text
 from edtk.verbs.for_criterion import CriterionLike, for_criterion
 from edtk.verbs.inputs import PlanLike, StudyLike, as_plan, as_study, errors_in
-from edtk.verbs.require_output import require_different, require_output
+from edtk.verbs.table_and_certificate import TableAndCertificate
 from edtk.verbs.workers_for import workers_for
 
 if TYPE_CHECKING:
@@ -236,13 +234,12 @@ def _plan_study(
     question = as_study(study) if exclude is None else as_study(study).excluding(exclude)
     faults = _faults(question, detect or {})
     kept = None if keep is None else as_plan(question, keep)
-    require_different(out=out, certificate=certificate)
+    files = TableAndCertificate(out, certificate)
+    files.require(*question.reads, keep if isinstance(keep, str | Path) else None)
     if certificate is not None:
         from edtk.certificate.certificate import require_certifiable
 
         require_certifiable(question, criterion, certificate)
-    for path in (out, certificate):
-        require_output(path, *question.reads, keep if isinstance(keep, str | Path) else None)
     with workers_for(workers, dask) as pool, errors_in(question.where):
         found = plan_study(
             question,
@@ -254,15 +251,17 @@ def _plan_study(
             options=RunOptions(seed=seed, workers=pool, progress=progress),
         )
     found = _judged(question, found, faults)
-    files: dict[Path, Content] = {}
-    if out is not None:
-        files[Path(out)] = csv_text(found.whole.to_frame(question.robot))
-    if certificate is not None:
-        from edtk.certificate.certificate import certificate_text
-
-        files[Path(certificate)] = certificate_text(question, found)
-    write_files(files)
+    files.write(
+        lambda: found.whole.to_frame(question.robot), lambda: _certificate_text(question, found)
+    )
     return found
+
+
+def _certificate_text(study: Study, found: ExactPlan) -> str:
+    """What proves the numbers of a plan."""
+    from edtk.certificate.certificate import certificate_text
+
+    return certificate_text(study, found)
 
 
 def _faults(study: Study, given: Mapping[str, str]) -> tuple["SizedFault", ...]:

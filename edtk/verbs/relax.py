@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from edtk.study.study import Study
     from edtk.verbs.for_criterion import CriterionLike
     from edtk.verbs.inputs import StudyLike
+    from edtk.verbs.table_and_certificate import TableAndCertificate
 
 Progress = Callable[[str, float], object]
 MEMORY_MB = 1000.0
@@ -119,12 +120,11 @@ def relax(
     from edtk.study.run_options import RunOptions
     from edtk.verbs.for_criterion import for_criterion
     from edtk.verbs.inputs import as_study, errors_in
-    from edtk.verbs.require_output import require_different, require_output
+    from edtk.verbs.table_and_certificate import TableAndCertificate
 
     study = as_study(question)
-    require_different(out=out, certificate=certificate)
-    for path in (out, certificate):
-        require_output(path, *study.reads)
+    files = TableAndCertificate(out, certificate)
+    files.require(*study.reads)
     study, name = for_criterion(study, criterion)
     if certificate is not None:
         from edtk.certificate.certificate import require_certifiable
@@ -142,30 +142,21 @@ def relax(
                 options=RunOptions(seed=seed, progress=progress),
             )
     except PlanInterrupted as interrupt:
-        _write(study, interrupt.best, out, certificate)
+        _write(study, interrupt.best, files)
         raise
-    _write(study, found, out, certificate)
+    _write(study, found, files)
     return found
 
 
-def _write(
-    study: "Study",
-    found: "RelaxedPlan",
-    out: Path | str | None,
-    certificate: Path | str | None,
-) -> None:
+def _write(study: "Study", found: "RelaxedPlan", files: "TableAndCertificate") -> None:
     """Write the files that were asked for."""
-    from edtk.system.atomic_file import Content, write_files
-    from edtk.tables.csv_text import csv_text
 
-    files: dict[Path, Content] = {}
-    if out is not None:
-        files[Path(out)] = csv_text(found.to_frame())
-    if certificate is not None:
+    def proof() -> str:
         from edtk.certificate.certificate import certificate_text
 
-        files[Path(certificate)] = certificate_text(study, found)
-    write_files(files)
+        return certificate_text(study, found)
+
+    files.write(found.to_frame, proof)
 
 
 def _relax_problem(
@@ -178,23 +169,15 @@ def _relax_problem(
     """The relaxation over the candidates of a problem of arrays."""
     import criteria
     from edtk.design.relaxation.relax import relax as relax_candidates
-    from edtk.system.atomic_file import Content, write_files
     from edtk.system.json_text import json_text
-    from edtk.tables.csv_text import csv_text
-    from edtk.verbs.require_output import require_different, require_output
+    from edtk.verbs.table_and_certificate import TableAndCertificate
 
     criterion = criteria.as_criterion(criterion, problem.parameters)
-    require_different(out=out, certificate=certificate)
-    for path in (out, certificate):
-        require_output(path)
+    files = TableAndCertificate(out, certificate)
+    files.require()
     found = relax_candidates(problem, criterion.for_size(1 if size is None else size))
     found = replace(found, problem=problem)
-    files: dict[Path, Content] = {}
-    if out is not None:
-        files[Path(out)] = csv_text(found.to_frame().reset_index())
-    if certificate is not None:
-        files[Path(certificate)] = json_text(found.to_dict()) + "\n"
-    write_files(files)
+    files.write(lambda: found.to_frame().reset_index(), lambda: json_text(found.to_dict()) + "\n")
     return found
 
 
@@ -211,23 +194,15 @@ def _relax_region(
     import criteria
     from edtk.design.relaxation.region_grid import POINTS
     from edtk.design.relaxation.relax_region import relax_region
-    from edtk.system.atomic_file import Content, write_files
     from edtk.system.json_text import json_text
     from edtk.system.whole_number import whole_number
-    from edtk.tables.csv_text import csv_text
-    from edtk.verbs.require_output import require_different, require_output
+    from edtk.verbs.table_and_certificate import TableAndCertificate
 
     criterion = criteria.as_criterion(criterion, region.parameters)
-    require_different(out=out, certificate=certificate)
-    for path in (out, certificate):
-        require_output(path)
+    files = TableAndCertificate(out, certificate)
+    files.require()
     points = POINTS if candidates is None else whole_number(candidates, "candidates", 2)
     of_one = criterion.for_size(1 if size is None else whole_number(size, "size", 1))
     found = relax_region(region, of_one, points, progress=progress)
-    files: dict[Path, Content] = {}
-    if out is not None:
-        files[Path(out)] = csv_text(found.to_frame())
-    if certificate is not None:
-        files[Path(certificate)] = json_text(found.on_grid().to_dict()) + "\n"
-    write_files(files)
+    files.write(found.to_frame, lambda: json_text(found.on_grid().to_dict()) + "\n")
     return found
