@@ -1,5 +1,6 @@
 """A CSV file with a pose a row: what files of plans and of measurements have in common."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Union
@@ -109,6 +110,20 @@ class PoseTable:
                 all.
         """
         return replace(self, only=rows)
+
+    def without(self, columns: Sequence[str]) -> "PoseTable":
+        """The same table without some of its columns."""
+        if isinstance(self.cells, dict):
+            kept = {name: cells for name, cells in self.cells.items() if name not in columns}
+            return replace(self, cells=kept)
+        return replace(self, cells=self.cells.drop(columns=list(columns)))
+
+    def filled(self, columns: tuple[str, ...]) -> Mask:
+        """Which rows (k,) have a cell that is not empty in one of the columns."""
+        there = [column for column in columns if column in self]
+        if isinstance(self.cells, dict) or not there:
+            return np.ones(len(self), dtype=bool)
+        return np.asarray(self.cells[there].notna().any(axis=1).to_numpy())
 
     def numbers(self, column: str) -> Array:
         """One column as finite numbers.

@@ -30,7 +30,14 @@ from edtk.study.study import Study
 from edtk.system.errors import UserError
 from edtk.system.typing import Array
 
-SCALES = {1e-3: "metres", 1e-2: "decimetres", 25.4: "inches", 1e3: "micrometres"}
+SCALES = {
+    1e-3: "metres",
+    1e-2: "decimetres",
+    1e-1: "centimetres",
+    1 / 25.4: "inches",
+    1 / 304.8: "feet",
+    1e3: "micrometres",
+}
 SCALE_WITHIN = 0.2  # relative: how near to one of these a unit has to be
 AGREES = 5.0  # times the error of poses left out, within which a visit agrees with the others
 LOST = 1e-9  # [m] a position as near to the instrument's origin is a lost beam
@@ -120,7 +127,7 @@ def _sound(setting: StudyGeometry, every: MarkerPositions, path: Path, as_is: bo
     tool, base = setting.split(seen)
     references = reference_points(base, tool)
     tool = _taken_back(tool, references.frames)
-    doubts = [*lost, *references.doubts]
+    doubts = [*lost, *_blank(every), *references.doubts]
     tool = tool[np.flatnonzero(tool.seen.any(axis=1))]
     if not len(tool):
         raise UserError("no marker of the tool was seen in any row", where=path)
@@ -152,6 +159,17 @@ def _without_lost(data: MarkerPositions) -> tuple[MarkerPositions, list[Geometri
     )
     measured = np.where(lost[..., None], np.nan, data.measured)
     return replace(data, measured=measured), [doubt]
+
+
+def _blank(data: MarkerPositions) -> list[GeometricDoubt]:
+    """Which cells of markers that were seen elsewhere are empty."""
+    blank = (data.row >= 0) & ~data.seen & data.seen.any(axis=0)
+    if not blank.any():
+        return []
+    rows = tuple(sorted({int(row) for row in data.row[blank]}))
+    names = ", ".join(data.markers[i] for i in np.flatnonzero(blank.any(axis=0)))
+    text = f"{rows_in_words(rows)}: no position of {names}"
+    return [GeometricDoubt(Severity.NOTE, "blank", text, rows)]
 
 
 def _without_unseen(data: MarkerPositions, doubts: list[GeometricDoubt]) -> MarkerPositions:

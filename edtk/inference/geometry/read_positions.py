@@ -7,7 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from edtk.inference.geometry.marker_positions import MarkerPositions
+from edtk.inference.geometry.without_strange import unknown_markers, without_strange
 from edtk.model.robot import Robot
+from edtk.system.note import note
 from edtk.system.typing import Array, Indices
 from edtk.tables.pose_columns import pose_columns
 from edtk.tables.pose_table import PoseTable
@@ -29,9 +31,10 @@ def read_positions(
 
     A row is a marker, `x_mm y_mm z_mm` with its name in the column `marker` (which one marker alone
     does not need); or a row is a pose, with columns `NAMEx_mm NAMEy_mm NAMEz_mm` (or `NAME_x_mm`)
-    for each marker. Loads are forces and torques as in a plan, zero by default. Readings of one
-    visit have the same number in the column `visit`; without it each repetition of a marker is a
-    visit of its own.
+    for each marker. A marker whose three cells are empty was not seen. Loads are forces and torques
+    as in a plan, zero by default. Readings of one visit have the same number in the column `visit`;
+    without it each repetition of a marker is a visit of its own. Columns and markers that nothing
+    is known of are passed over, with a note.
 
     Args:
         path: The CSV file.
@@ -44,11 +47,15 @@ def read_positions(
         PoseFileError: The file cannot be read; names the row or column.
     """
     table = PoseTable.read(path, "sheet")
-    markers = markers or _names_in(table, robot)
+    found = _names_in(table, robot)
+    markers = markers or found
     wide = {name: _wide(table, name) for name in markers}
     own = tuple(column for columns in wide.values() for column in columns)
+    if measured and not own and found and MARKER_NAME_COLUMN not in table:
+        _require_same(table, found, markers)
     plain = (*LOADED_COLUMNS, MARKER_NAME_COLUMN)
-    table = table.with_known(robot, (*own, *plain, VISIT_COLUMN, POSE_COLUMN))
+    known = (*own, *plain, VISIT_COLUMN, POSE_COLUMN)
+    table = without_strange(table, robot, known).with_known(robot, known)
     q = table.poses(robot, fixed)
     wrench = table.wrenches(NO_LOAD)
     if own:
@@ -88,7 +95,7 @@ def _by_pose(
     row = np.full((len(q), len(wide)), -1)
     for i, columns in enumerate(wide.values()):
         if columns:
-            found[:, i] = table.vectors(columns) / 1e3
+            found[:, i] = _points(table, columns)
             row[:, i] = np.arange(len(q))
     return MarkerPositions(q, wrench, found, row, tuple(wide))
 
@@ -96,26 +103,53 @@ def _by_pose(
 def _by_marker(
     table: PoseTable, q: Array, wrench: Array, markers: tuple[str, ...], measured: bool
 ) -> MarkerPositions:
-    """A sheet with a marker a row."""
+    """A sheet with a marker a row; rows of markers that the study lacks are passed over."""
     index = _markers(table, markers)
     x = np.full((len(q), 3), np.nan)
     if measured or any(column in table for column in LOADED_COLUMNS):
-        x = table.vectors(LOADED_COLUMNS) / 1e3
-    visit = _visits(table, q, wrench, index)
+        x = _points(table, LOADED_COLUMNS)
+    rows = np.flatnonzero(index >= 0)
+    q, wrench, x, index = q[rows], wrench[rows], x[rows], index[rows]
+    visit = _visits(table, np.hstack([q, wrench]), index, rows)
     count = int(visit.max(initial=-1)) + 1
     found = np.full((count, len(markers), 3), np.nan)
     row = np.full((count, len(markers)), -1)
     first = np.array([int(np.argmax(visit == one)) for one in range(count)], dtype=int)
     found[visit, index] = x
-    row[visit, index] = np.arange(len(q))
+    row[visit, index] = rows
     return MarkerPositions(q[first], wrench[first], found, row, markers)
 
 
-def _markers(table: PoseTable, markers: tuple[str, ...]) -> Indices:
-    """Index (m,) of each row's marker.
+def _points(table: PoseTable, columns: tuple[str, ...]) -> Array:
+    """Points (m, 3) [m]; NaN in rows where all three cells are empty, as of a lost beam.
 
     Raises:
-        PoseFileError: The column is missing, or names a marker that there is not.
+        PoseFileError: A cell is no number, or one of three is empty.
+    """
+    filled = table.filled(columns)
+    points = table.of_rows(filled).vectors(columns) / 1e3
+    return np.where(filled[:, None], points, np.nan)
+
+
+def _require_same(table: PoseTable, found: Sequence[str], markers: Sequence[str]) -> None:
+    """Check that a sheet with a row a pose names a marker of the study.
+
+    Raises:
+        PoseFileError: It names others.
+    """
+    named = [name for name in found if name != MARKER_NAME_COLUMN]
+    if named and not set(named) & set(markers):
+        raise table.error(
+            f"positions of {', '.join(named)}, and the study's markers are {', '.join(markers)}; "
+            "expected the same names"
+        )
+
+
+def _markers(table: PoseTable, markers: tuple[str, ...]) -> Indices:
+    """Index (m,) of each row's marker, -1 for those that the study lacks.
+
+    Raises:
+        PoseFileError: The column is missing, or names no marker of the study.
     """
     if MARKER_NAME_COLUMN not in table:
         if len(markers) == 1:
@@ -125,33 +159,41 @@ def _markers(table: PoseTable, markers: tuple[str, ...]) -> Indices:
             f"each row is of, or a row a pose with {markers[0]}x_mm and so on"
         )
     given = table.texts(MARKER_NAME_COLUMN)
-    for i, name in enumerate(given):
-        if name not in markers:
-            raise table.error(
-                f"no marker {name!r} in the study; expected one of {', '.join(markers)}",
-                f"row {i + 1}, column {MARKER_NAME_COLUMN}",
-            )
-    return np.array([markers.index(name) for name in given], dtype=int)
+    strange = list(dict.fromkeys(name for name in given if name not in markers))
+    if len(strange) == len(set(given)):
+        raise table.error(
+            f"no marker {strange[0]!r} in the study; expected one of {', '.join(markers)}",
+            f"row 1, column {MARKER_NAME_COLUMN}",
+        )
+    if strange:
+        note(unknown_markers(strange), table.path)
+    return np.array([markers.index(name) if name in markers else -1 for name in given], dtype=int)
 
 
-def _visits(table: PoseTable, q: Array, wrench: Array, index: Indices) -> Indices:
+def _visits(table: PoseTable, places: Array, index: Indices, rows: Indices) -> Indices:
     """Number (m,) of each row's visit, counted from 0 in order of appearance.
+
+    Args:
+        table: The sheet.
+        places: Pose and load (m, n + 6) of each row.
+        index: Its marker (m,).
+        rows: Its row (m,) in the file.
 
     Raises:
         PoseFileError: A marker is twice in a visit.
     """
-    numbers = table.numbers(VISIT_COLUMN) if VISIT_COLUMN in table else None
+    numbers = table.numbers(VISIT_COLUMN)[rows] if VISIT_COLUMN in table else None
     visits: dict[tuple[float, ...], int] = {}
     times: dict[tuple[float, ...], int] = {}
-    found = np.zeros(len(q), dtype=int)
-    for i, place in enumerate((np.hstack([q, wrench]) + 0.0).tolist()):
+    found = np.zeros(len(places), dtype=int)
+    for i, place in enumerate((places + 0.0).tolist()):
         own = (*place, float(index[i]))
         occurrence = float(times.get(own, 0))
         if numbers is not None:
             own = (*own, float(numbers[i]))
             occurrence = float(numbers[i])
             if own in times:
-                raise table.error("the marker is twice in this visit", f"row {i + 1}")
+                raise table.error("the marker is twice in this visit", f"row {rows[i] + 1}")
         times[own] = times.get(own, 0) + 1
         found[i] = visits.setdefault((*place, occurrence), len(visits))
     return found
