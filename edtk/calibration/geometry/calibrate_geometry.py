@@ -12,8 +12,9 @@ from edtk.calibration.geometry.counting import (
     far_off,
     find_counting,
     in_radians,
-    placed,
+    placed_by_most,
 )
+from edtk.calibration.geometry.explain_visits import SCALES
 from edtk.calibration.geometry.fit_doubts import fit_doubts
 from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
 from edtk.calibration.geometry.geometric_doubt import GeometricDoubt, rows_in_words
@@ -21,6 +22,7 @@ from edtk.calibration.geometry.gross_doubts import gross_doubts
 from edtk.calibration.geometry.gross_errors import GrossErrors, gross_errors
 from edtk.calibration.geometry.reference_points import reference_points
 from edtk.calibration.geometry.study_geometry import StudyGeometry
+from edtk.calibration.geometry.with_standing import with_standing
 from edtk.inference.geometry.fit_geometry import TooFewPosesError, fit_geometry
 from edtk.inference.geometry.geometric_fit import GeometricFit, root_mean_squares
 from edtk.inference.geometry.marker_positions import MarkerPositions
@@ -30,14 +32,6 @@ from edtk.study.study import Study
 from edtk.system.errors import UserError
 from edtk.system.typing import Array
 
-SCALES = {
-    1e-3: "metres",
-    1e-2: "decimetres",
-    1e-1: "centimetres",
-    1 / 25.4: "inches",
-    1 / 304.8: "feet",
-    1e3: "micrometres",
-}
 SCALE_WITHIN = 0.2  # relative: how near to one of these a unit has to be
 AGREES = 5.0  # times the error of poses left out, within which a visit agrees with the others
 LOST = 1e-9  # [m] a position as near to the instrument's origin is a lost beam
@@ -78,14 +72,22 @@ def calibrate_geometry(
     named = StudyGeometry.of(study)
     asked = (*named.markers, *named.references) if study.specification.marker else ()
     every = read_positions(path, study.robot, study.fixed, asked)
-    setting = StudyGeometry.of(study, every.markers)
+    setting, every, standing = with_standing(StudyGeometry.of(study, every.markers), every)
     sound = _sound(setting, every, path, as_is)
     setting = replace(setting, markers=sound.data.markers)
     try:
         fit, gross = _fitted(setting, sound, robust)
     except TooFewPosesError as error:
         raise UserError(str(error), where=path) from error
-    doubts = [*sound.doubts, *gross_doubts(sound.data, gross), *fit_doubts(fit, setting)]
+    doubts = [
+        *standing,
+        *sound.doubts,
+        *gross_doubts(sound.data, gross),
+        *fit_doubts(fit, setting),
+    ]
+    rough = [doubt for doubt in doubts if doubt.kind == "rough"]
+    if rough and not as_is:
+        raise UserError(rough[0].text, where=path)
     doubts.sort(key=lambda doubt: -doubt.severity)
     return GeometricCalibration(
         setting, fit, tuple(doubts), path, sound.counting, tuple(gross.visits)
@@ -102,7 +104,7 @@ def _fitted(setting: StudyGeometry, sound: Sound, robust: bool) -> tuple[Geometr
     kept = np.ones(len(sound.data), dtype=bool)
     kept[gross.visits] = False
     fit = fit_geometry(setting.model, sound.data[kept], setting.noise, setting.loads, robust)
-    wrong = np.array([visit for visit, _ in gross.wrong], dtype=int)
+    wrong = np.array([one.visit for one in gross.wrong], dtype=int)
     if not len(wrong):
         return fit, gross
     data = sound.data[wrong]
@@ -114,7 +116,7 @@ def _fitted(setting: StudyGeometry, sound: Sound, robust: bool) -> tuple[Geometr
     kept[wrong[near]] = True
     still = tuple(one for one, is_near in zip(gross.wrong, near, strict=True) if not is_near)
     fit = fit_geometry(setting.model, sound.data[kept], setting.noise, setting.loads, robust)
-    return fit, GrossErrors(gross.swapped, still)
+    return fit, replace(gross, wrong=still)
 
 
 def _sound(setting: StudyGeometry, every: MarkerPositions, path: Path, as_is: bool) -> Sound:
@@ -134,12 +136,13 @@ def _sound(setting: StudyGeometry, every: MarkerPositions, path: Path, as_is: bo
     tool = _without_unseen(tool, doubts)
     counting = as_said(setting.study.robot)
     asked = setting.study.specification.parameters
-    gross = GrossErrors((), ())
+    gross = GrossErrors()
     if asked is not None and asked.base and asked.tool:
         robot = setting.study.robot
         counting = _counted(robot, tool, path, as_is, doubts)
         tool = counting.of(tool)
         gross = gross_errors(robot, tool)
+        tool = gross.without_apart(tool)
     return Sound(tool, gross, counting, tuple(doubts))
 
 
@@ -208,7 +211,7 @@ def _counted(
         UserError: Positions or angles are in other units, and the sheet is not taken as it is.
     """
     same = as_said(robot)
-    start = placed(robot, data)
+    start = placed_by_most(robot, data)
     unit = _unit(start.scale) if start.whole else ""
     if unit and not as_is:
         raise UserError(
@@ -226,12 +229,18 @@ def _counted(
     found = find_counting(robot, data)
     if found is None:
         return same
+    if found.exchanged:
+        if as_is:
+            return same
+        message = f"the positions fit if {found.words}; expected each joint in its own column"
+        raise UserError(message, where=path)
+    mirrored = " (or if two coordinates of the positions are exchanged)" if start.mirrored else ""
     doubts.append(
         GeometricDoubt(
             Severity.WARNING,
             "counting",
-            f"the positions fit if {found.words}, and so they were fitted; expected a [controller] "
-            "that says so, see edtk controller",
+            f"the positions fit if {found.words}{mirrored}, and so they were fitted; expected a "
+            "[controller] that says so, see edtk controller",
         )
     )
     return found
@@ -239,7 +248,7 @@ def _counted(
 
 def _unit(scale: float) -> str:
     """The unit that positions seem to be in; empty for millimetres."""
-    for size, unit in SCALES.items():
+    for unit, size in SCALES.items():
         if abs(scale / size - 1) < SCALE_WITHIN:
             return unit
     return ""

@@ -113,9 +113,7 @@ def compensate_geometry(
         UserError: The result is of another study, or a pose cannot be reached, or the commands are
             beyond the joints' limits; names the row.
     """
-    given = result["geometry"].get("markers")
-    names = tuple(map(str, given)) if isinstance(given, list) else ()
-    setting = StudyGeometry.of(study, names)
+    setting = StudyGeometry.of_result(study, result["geometry"].get("markers"))
     try:
         fitted, counting = geometry_of_dict(result["geometry"], setting)
     except ValueError as error:

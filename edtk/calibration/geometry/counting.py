@@ -1,7 +1,7 @@
 """How a sheet counts the joints, where it is not as the study says."""
 
 from dataclasses import dataclass, replace
-from itertools import product
+from itertools import combinations, product
 
 import numpy as np
 
@@ -16,6 +16,9 @@ FAR = 0.02  # of the spread of positions: no drawing is as wrong
 MUCH = 4.0  # times better, another way to count is believed
 ALIKE = 1.05  # two ways whose distances differ by less are equally good
 DEGREE = np.pi / 180
+KEPT = 0.75  # of the visits place the robot where a few may be wrong
+TURNS = 5  # of placing it and of choosing these visits
+MOST_TRIED = 24  # ways to count that are looked at with a part of the visits
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,10 +28,12 @@ class Counting:
     Attributes:
         matrix: C (n, n): signs on its diagonal, and where a joint follows the one before it.
         words: What is different, for people; empty where nothing is.
+        exchanged: Whether columns are exchanged, which no controller does.
     """
 
     matrix: Array
     words: str = ""
+    exchanged: bool = False
 
     def of(self, data: MarkerPositions) -> MarkerPositions:
         """The same positions with the joint variables that are meant."""
@@ -52,6 +57,27 @@ def placed(robot: Robot, data: MarkerPositions, matrix: Array | None = None) -> 
     """The linear place of robot and markers, for joint variables times a matrix."""
     q = data.q if matrix is None else data.q @ matrix.T
     return linear_start(robot.forward(q), data.measured, data.seen)
+
+
+def placed_by_most(robot: Robot, data: MarkerPositions, matrix: Array | None = None) -> LinearStart:
+    """The same by the visits that fit best, in turns (Rousseeuw and Van Driessen 2006)."""
+    start = placed(robot, data, matrix)
+    flange = robot.forward(data.q if matrix is None else data.q @ matrix.T)
+    count = int(np.ceil(KEPT * len(data)))
+    for _ in range(TURNS):
+        if not start.whole or not start.scale < np.inf:
+            break
+        local = flange[:, None, :3, 3] + np.einsum("mij,kj->mki", flange[:, :3, :3], start.tools)
+        x = data.measured / start.scale
+        apart = x - local @ start.base[:3, :3].T
+        squares = ((apart - np.nanmedian(apart, axis=(0, 1))) ** 2).sum(axis=-1)
+        size = np.nanmax(np.where(data.seen, squares, -1.0), axis=1)
+        chosen = np.sort(np.argsort(size, kind="stable")[:count])
+        again = linear_start(flange[chosen], data.measured[chosen], data.seen[chosen])
+        if not again.whole:
+            break
+        start = again
+    return start
 
 
 def far_off(start: LinearStart, data: MarkerPositions) -> bool:
@@ -80,8 +106,8 @@ def find_counting(robot: Robot, data: MarkerPositions) -> Counting | None:
     if n > MOST_JOINTS:
         return None
     few = _thinned(data)
-    still = placed(robot, few)
-    best: list[tuple[float, int, Array, str]] = []
+    still = placed_by_most(robot, few)
+    best: list[tuple[float, int, Counting]] = []
     names = robot.joint_names
     moving = np.ptp(few.q, axis=0) > DEGREE / 10
     choices = [(1, -1) if one else (1,) for one in moving]
@@ -97,24 +123,60 @@ def find_counting(robot: Robot, data: MarkerPositions) -> Counting | None:
                 continue
             turned = [name for name, sign in zip(names, signs, strict=True) if sign < 0]
             words = _words(turned, names, follower, by)
-            best.append((start.rms, len(turned) + 2 * bool(follower), matrix, words))
-    if not best:
+            changes = len(turned) + 2 * bool(follower)
+            best.append((start.rms, changes, Counting(matrix, words)))
+    best += [(placed(robot, few, one.matrix).rms, 3, one) for one in _exchanges(names, moving)]
+    return _least(robot, few, still, best)
+
+
+def _exchanges(names: tuple[str, ...], moving: Array) -> list[Counting]:
+    """The ways in which two columns may be exchanged."""
+    found = []
+    for i, j in combinations(np.flatnonzero(moving).tolist(), 2):
+        order = list(range(len(names)))
+        order[i], order[j] = j, i
+        words = f"the columns of {names[i]} and {names[j]} are exchanged"
+        found.append(Counting(np.eye(len(names))[order], words, exchanged=True))
+    return found
+
+
+def _least(
+    robot: Robot,
+    few: MarkerPositions,
+    still: LinearStart,
+    ways: list[tuple[float, int, Counting]],
+) -> Counting | None:
+    """The way that fits best, of those that fit alike the one with the fewest changes.
+
+    Args:
+        robot: The drawing.
+        few: Some of the visits, a few of which may be wrong.
+        still: The place with the way to count of the study.
+        ways: For each way how well it fits all these visits, and its number of changes.
+    """
+    ways = sorted(ways, key=lambda one: one[:2])[:MOST_TRIED]
+    starts = [placed_by_most(robot, few, way.matrix) for _, _, way in ways]
+    sound = [
+        (start, changes, way)
+        for start, (_, changes, way) in zip(starts, ways, strict=True)
+        if start.whole and not start.mirrored
+    ]
+    if not sound:
         return None
-    least = min(one[0] for one in best)
-    alike = [one for one in best if one[0] <= ALIKE * least + 1e-9]
-    _, _, matrix, words = min(alike, key=lambda one: one[1])
-    found = placed(robot, few, matrix)
-    if not words or far_off(found, few):
+    least = min(start.rms for start, _, _ in sound)
+    alike = [one for one in sound if one[0].rms <= ALIKE * least + 1e-9]
+    start, _, way = min(alike, key=lambda one: one[1])
+    if not way.words or far_off(start, few):
         return None
-    if still.rms < MUCH * found.rms and not still.mirrored:
+    if still.rms < MUCH * start.rms and not still.mirrored:
         return None
-    return Counting(matrix, words)
+    return way
 
 
 def in_radians(robot: Robot, data: MarkerPositions) -> bool:
     """Whether the sheet's degrees fit far better as radians."""
     matrix = np.diag(np.where(_slides(robot), 1.0, 1 / DEGREE))
-    meant = placed(robot, data, matrix)
+    meant = placed_by_most(robot, data, matrix)
     return meant.whole and not far_off(meant, data)
 
 

@@ -100,10 +100,13 @@ def _moved(fit: GeometricFit) -> list[GeometricDoubt]:
     moved = moved_frame(fit)
     if moved is None:
         return []
-    rows = fit.data.rows_of_pose(moved.pose)
+    rows = fit.data.rows_of_pose(moved.first)
     severity = Severity.ALARM if moved.shift > fit.rms else Severity.WARNING
+    until = "here on"
+    if moved.end < len(fit.data.means):
+        until = f"here to row {fit.data.rows_of_pose(moved.end - 1)[-1] + 1}"
     text = (
-        f"row {rows[0] + 1}: from here on positions are {MM * moved.shift:.3g} mm off, as if the "
+        f"row {rows[0] + 1}: from {until} positions are {MM * moved.shift:.3g} mm off, as if the "
         f"instrument's frame or the robot's base had moved; that explains "
         f"{100 * moved.explained:.0f} % of the residuals"
     )

@@ -35,8 +35,22 @@ class GeometricDoubt:
 
 
 def rows_in_words(rows: "tuple[int, ...] | list[int]") -> str:
-    """Rows of a file, counted from 1: "row 3", "rows 3, 5 and 12 more"."""
-    shown = [str(row + 1) for row in rows[:MOST_ROWS]]
-    more = len(rows) - len(shown)
-    listed = ", ".join(shown) + (f" and {more} more" if more else "")
+    """Rows of a file, counted from 1: "row 3", "rows 3, 5 to 9 and 12 more"."""
+    runs: list[list[int]] = []
+    for row in sorted(rows):
+        if runs and row == runs[-1][-1] + 1:
+            runs[-1].append(row)
+        else:
+            runs.append([row])
+    shown = [part for run in runs for part in _run_in_words(run)]
+    named = shown[:MOST_ROWS]
+    more = len(rows) - sum(count for _, count in named)
+    listed = ", ".join(words for words, _ in named) + (f" and {more} more" if more else "")
     return f"row{'s' if len(rows) > 1 else ''} {listed}"
+
+
+def _run_in_words(run: list[int]) -> list[tuple[str, int]]:
+    """Rows that follow each other, with how many rows each part of the words is of."""
+    if len(run) > 2:
+        return [(f"{run[0] + 1} to {run[-1] + 1}", len(run))]
+    return [(str(row + 1), 1) for row in run]

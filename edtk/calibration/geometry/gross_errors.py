@@ -1,22 +1,19 @@
-"""Poses whose positions cannot be those of the markers: swapped, or of another pose."""
+"""Visits whose positions cannot be those of the markers: swapped, of another pose, elsewhere."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import permutations
 
 import numpy as np
 
-from edtk.inference.geometry.linear_start import linear_start
+from edtk.calibration.geometry.consensus import Consensus
+from edtk.calibration.geometry.explain_visits import WrongVisit, explain_visits
+from edtk.calibration.geometry.rigid_tool import EXPLAINED, MOST_MARKERS, RigidTool, rigid_tool
 from edtk.inference.geometry.marker_positions import MarkerPositions
 from edtk.model.robot import Robot
-from edtk.system.typing import Array, Indices
+from edtk.system.typing import Array
 
-DRAWS = 80  # of a few poses each, of which one at least is likely free of errors
-MUCH = 6.0  # times the median distance: no pose of a sound sheet is as far off
+MUCH = 6.0  # times the typical distance: no pose of a sound sheet is as far off
 LEAST = 2e-3  # [m] below it a distance is left to the fit
-SCATTERS = 10.0  # times the usual scatter a distance between two markers has changed
-SHAPE = 2e-4  # [m] below it a change of a distance is left to the fit
-EXPLAINED = 0.25  # of the distance remains, where markers were swapped
-MOST_MARKERS = 5  # whose orders are tried
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,106 +22,65 @@ class GrossErrors:
 
     Attributes:
         swapped: Visit, and the markers whose positions are exchanged there.
-        wrong: Other visits that are far off, each with its distance [m].
+        wrong: Other visits that are far off.
+        apart: Visits in which one marker is elsewhere on the tool: see `RigidTool`.
     """
 
-    swapped: tuple[tuple[int, tuple[str, ...]], ...]
-    wrong: tuple[tuple[int, float], ...]
+    swapped: tuple[tuple[int, tuple[str, ...]], ...] = ()
+    wrong: tuple[WrongVisit, ...] = ()
+    apart: tuple[tuple[int, tuple[str, ...], float], ...] = ()
 
     @property
     def visits(self) -> list[int]:
-        """All of them."""
-        return sorted([visit for visit, _ in self.swapped] + [visit for visit, _ in self.wrong])
+        """All that do not count."""
+        return sorted({visit for visit, _ in self.swapped} | {one.visit for one in self.wrong})
+
+    def without_apart(self, data: MarkerPositions) -> MarkerPositions:
+        """The positions without those of markers that were elsewhere on the tool."""
+        measured = data.measured.copy()
+        for visit, markers, _ in self.apart:
+            measured[visit, [data.markers.index(name) for name in markers]] = np.nan
+        return replace(data, measured=measured)
 
 
 def gross_errors(robot: Robot, data: MarkerPositions) -> GrossErrors:
-    """Find visits far from where the others say that they are.
+    """Find visits far from where the others say that they are, and what is wrong with them.
 
-    Base and markers are placed by the linear problem from a few poses, many times; the place with
-    the smallest median distance is that of poses without errors (Rousseeuw 1984). Then visits much
-    farther off than the median are looked at: positions of swapped markers fit in another order.
-
-    Distances between markers of one tool are the same in all poses whatever the robot does. They
-    show a swap first, and more finely.
+    Distances between markers of one tool are the same in all poses whatever the robot does: they
+    show swaps and markers that slipped. Then visits much farther from the place that the others
+    agree with than these are looked at: positions of swapped markers fit in another order, and
+    others in another unit, at another pose or after a motion of the frame.
 
     Args:
-        robot: The drawing, whose own errors make the median.
+        robot: The drawing, whose own errors make the typical distance.
         data: All visits.
     """
-    rigid = _by_distances(data)
-    if rigid:
-        return GrossErrors(rigid, ())
-    flange = robot.forward(data.q)
-    distance, predicted = _agreed(flange, data)
-    if distance is None or predicted is None:
-        return GrossErrors((), ())
-    typical = float(np.nanmedian(distance))
-    swapped: list[tuple[int, tuple[str, ...]]] = []
-    wrong: list[tuple[int, float]] = []
-    for visit in np.flatnonzero(distance > max(MUCH * typical, LEAST)):
+    rigid = rigid_tool(data)
+    sound = GrossErrors(rigid.swapped, (), rigid.apart).without_apart(data)
+    blank = sound.measured.copy()
+    blank[[visit for visit, _ in rigid.swapped]] = np.nan
+    sound = replace(sound, measured=blank)
+    agreed = Consensus.of(robot, sound)
+    if agreed is None:
+        return GrossErrors(rigid.swapped, (), rigid.apart)
+    return _far(agreed, sound, rigid)
+
+
+def _far(agreed: Consensus, data: MarkerPositions, rigid: RigidTool) -> GrossErrors:
+    """The visits that are far off."""
+    near = max(MUCH * agreed.typical, LEAST)
+    predicted = agreed.predict(data.q)
+    swapped = list(rigid.swapped)
+    wrong: list[int] = []
+    for visit in np.flatnonzero(agreed.distance > near):
         order = _order(data.measured[visit], predicted[visit], data.seen[visit])
-        exchanged = [data.markers[i] for i, j in enumerate(order) if i != j]
+        exchanged = tuple(data.markers[i] for i, j in enumerate(order) if i != j)
         if exchanged:
-            swapped.append((int(visit), tuple(exchanged)))
+            swapped.append((int(visit), exchanged))
         else:
-            wrong.append((int(visit), float(distance[visit])))
-    return GrossErrors(tuple(swapped), tuple(wrong))
-
-
-def _by_distances(data: MarkerPositions) -> tuple[tuple[int, tuple[str, ...]], ...]:
-    """Visits whose distances between markers are those of other visits in another order."""
-    k = len(data.markers)
-    if not 2 < k <= MOST_MARKERS:
-        return ()
-    x = data.measured
-    apart = np.linalg.norm(x[:, :, None] - x[:, None], axis=-1)
-    usual = np.nanmedian(apart, axis=0)
-    scatter = 1.4826 * np.nanmedian(np.abs(apart - usual), axis=0)
-    least = np.maximum(SCATTERS * scatter, SHAPE)
-    found = []
-    for visit in np.flatnonzero((np.abs(apart - usual) > least).any(axis=(1, 2))):
-        if not data.seen[visit].all():
-            continue
-        orders = {}
-        for order in permutations(range(k)):
-            index = np.ix_(order, order)
-            orders[order] = float(np.abs(apart[visit] - usual[index]).max())
-        best = min(orders, key=orders.__getitem__)
-        plain = orders[tuple(range(k))]
-        if orders[best] < EXPLAINED * plain:
-            exchanged = tuple(data.markers[i] for i, j in enumerate(best) if i != j)
-            found.append((int(visit), exchanged))
-    return tuple(found)
-
-
-def _agreed(flange: Array, data: MarkerPositions) -> tuple[Array | None, Array | None]:
-    """Distances (v,) of visits from the place that most agree with, and positions (v, k, 3)."""
-    k = len(data.markers)
-    few = -(-(12 + 3 * k) // (3 * k)) + 3
-    if len(data) < 2 * few:
-        return None, None
-    rng = np.random.default_rng(0)
-    best = np.inf
-    found: tuple[Array | None, Array | None] = (None, None)
-    everything = np.arange(len(data))
-    for draw in range(DRAWS + 1):
-        chosen: Indices = everything if not draw else rng.choice(len(data), few, replace=False)
-        if not data.seen[chosen].any(axis=0).all():
-            continue
-        start = linear_start(flange[chosen], data.measured[chosen], data.seen[chosen])
-        if not start.whole:
-            continue
-        local = flange[:, None, :3, 3] + np.einsum("mij,kj->mki", flange[:, :3, :3], start.tools)
-        points = local @ start.base[:3, :3].T + start.base[:3, 3]
-        apart = np.linalg.norm(data.measured - points, axis=-1)
-        apart = np.where(data.seen, apart, 0.0)
-        count = np.maximum(data.seen.sum(axis=1), 1)
-        distance = np.sqrt((apart**2).sum(axis=1) / count)
-        median = float(np.median(distance))
-        if median < best:
-            best = median
-            found = (distance, points)
-    return found
+            wrong.append(int(visit))
+    explained = explain_visits(agreed, data, wrong, near)
+    return GrossErrors(tuple(sorted(swapped)), explained, rigid.apart)
 
 
 def _order(measured: Array, predicted: Array, seen: Array) -> tuple[int, ...]:

@@ -1,16 +1,22 @@
 """Whether the frame of the instrument moved between two poses, by the residuals of a fit."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from edtk.inference.geometry.geometric_fit import MM, GeometricFit
+from edtk.inference.geometry.position_noise import only_seen
 from edtk.model.geometry.all_parameters import all_parameters
 from edtk.system.typing import Array
 
-FEWEST = 4  # poses before and after
+FEWEST = 2  # poses before, after and between
 UNLIKELY = 1e-6
-EXPLAINS = 0.2  # of the squares, at least: a drift of the floor explains less
+# Of the squares, at least: a drift of the floor explains less. Equal weights make more of errors
+# that the coordinates of a pose have in common, which are then as if fewer poses told something.
+EXPLAINS = {False: 0.2, True: 0.5}
+COORDINATES = {False: 3.0, True: 6.0}  # of a pose that err together
+BREAKS = 30  # poses at which a motion that is taken back is tried first
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,76 +24,143 @@ class MovedFrame:
     """A motion of the frame that explains a good part of the residuals.
 
     Attributes:
-        pose: The first pose (of the means, in order of the file) after it.
+        first: The first pose (of the means, in order of the file) after it.
+        end: The pose at which it was taken back; the number of poses where it was not.
         shift: How far positions are off after it, root mean square [m].
         explained: Share of the squared residuals that it explains.
     """
 
-    pose: int
+    first: int
+    end: int
     shift: float
     explained: float
 
 
 def moved_frame(fit: GeometricFit) -> MovedFrame | None:
-    """Try a rigid motion of the frame before each pose, and test the best.
+    """Try a rigid motion of the frame between any two poses, and test the best.
 
-    The motion has six parameters, whose columns B count from pose s on. With residuals z of the fit
-    and its columns X, both weighted, the squares fall by ``g' (B'B - B'X (X'X)^-1 X'B)^-1 g`` with
-    ``g = B'z``; sums from the end of the day give this for all s at once. The ratio to what is left
-    has Fisher's distribution for one s; the smallest probability counts as often as poses are.
+    The motion has six parameters, whose columns B count from pose s to pose t. With residuals z of
+    the fit and its columns X, both weighted, the squares fall by
+    ``g' (B'B - B'X (X'X)^-1 X'B)^-1 g`` with ``g = B'z``; running sums give this for all s and t.
+    The ratio to what is left has Fisher's distribution for one pair; the smallest probability
+    counts as often as pairs are. The frame does not move back as a rule: motions to the end of the
+    day are tried all, and others between some poses, and then near the best of these.
+
+    Residuals are weighted by the noise that was fitted, and equally: a motion is part of what was
+    fitted as noise, which may hide it.
 
     Args:
         fit: Of a sheet whose poses are in the order in which they were measured.
     """
-    z, X, B = _weighted(fit)
+    found = [_best(fit, white) for white in (False, True)]
+    told = [one for one in found if one is not None]
+    return max(told, key=lambda one: one.explained, default=None)
+
+
+def _best(fit: GeometricFit, white: bool) -> MovedFrame | None:
+    """The motion that lowers the squares most, where chance does not explain it."""
+    z, X, B = _weighted(fit, white)
     m = len(z)
-    p = X.shape[-1]
-    coordinates = int(np.isfinite(fit.residual).sum())
-    dof = coordinates - p - 6
-    if m < 2 * FEWEST or dof < FEWEST:
+    coordinates = 3 * int(fit.data.means.seen.sum())
+    dof = coordinates - X.shape[-1] - 6
+    if m < 2 * FEWEST or dof < 4:
         return None
-    H = np.linalg.pinv(np.einsum("mrp,mrq->pq", X, X), hermitian=True)
-    # The fit has other weights, so that something is left along its own columns.
-    z = z - X @ (H @ np.einsum("mrp,mr->p", X, z))
-    gradient = _from_end(np.einsum("mri,mr->mi", B, z))
-    square = _from_end(np.einsum("mri,mrj->mij", B, B))
-    cross = _from_end(np.einsum("mrp,mri->mpi", X, B))
-    inner = square - np.einsum("mpi,pq,mqj->mij", cross, H, cross, optimize=True)
-    total = float((z**2).sum())
-    best: tuple[float, int, Array] | None = None
-    for s in range(FEWEST, m - FEWEST + 1):
-        motion = np.linalg.pinv(inner[s], rcond=1e-8, hermitian=True) @ gradient[s]
-        fall = float(gradient[s] @ motion)
-        if best is None or fall > best[0]:
-            best = (fall, s, motion)
-    if best is None:
+    sums = _Sums.of(z, X, B)
+    total = float((sums.z**2).sum())
+    ends = [(s, m) for s in range(FEWEST, m - FEWEST + 1)]
+    best = max((sums.fall(s, t), s, t) for s, t in ends)
+    between = max(((sums.fall(s, t), s, t) for s, t in _pairs(m)), default=best)
+    between = max((sums.fall(s, t), s, t) for s, t in _near(between[1], between[2], m))
+    independent = max(dof / COORDINATES[white], 1.0)
+    judged = [
+        (_probability(fall, total, independent) * count, fall, s, t)
+        for (fall, s, t), count in ((best, m), (between, m * m))
+    ]
+    probability, fall, s, t = min(judged)
+    if probability > UNLIKELY or fall < EXPLAINS[white] * total:
         return None
-    return _judged(fit, best, total, dof, m)
+    return MovedFrame(s, t, _size(fit, sums.motion(s, t), s, t), fall / total)
 
 
-def _judged(
-    fit: GeometricFit, best: tuple[float, int, Array], total: float, dof: int, m: int
-) -> MovedFrame | None:
-    """The motion, where chance does not explain it."""
+def _pairs(m: int) -> Iterator[tuple[int, int]]:
+    """Some poses between which a motion is tried, the day's ends left out."""
+    breaks = np.unique(np.linspace(FEWEST, m - 1, BREAKS).astype(int)).tolist()
+    return ((s, t) for s in breaks for t in breaks if t - s >= FEWEST)
+
+
+def _near(s: int, t: int, m: int) -> list[tuple[int, int]]:
+    """Pairs near a pair, as near as the next that was tried, and itself."""
+    step = max(m // BREAKS, 1) + 1
+    pairs = {(s, t)}
+    for a in range(max(s - step, FEWEST), min(s + step, m - FEWEST) + 1):
+        for b in range(max(t - step, a + FEWEST), min(t + step, m) + 1):
+            pairs.add((a, b))
+    return sorted(pairs)
+
+
+def _probability(fall: float, total: float, dof: float) -> float:
+    """How likely chance lowers the squares as much between two given poses."""
     from scipy.stats import f
 
-    fall, s, motion = best
-    left = max(total - fall, 1e-300)
-    # Coordinates of a pose err together: as many poses as coordinates over three are independent.
-    probability = float(f.sf((fall / 6) / (left / dof), 6, max(dof / 3, 1.0)))
-    if probability * m > UNLIKELY or fall < EXPLAINS * total:
-        return None
+    share = fall / max(total, 1e-300)
+    return float(f.sf(share / max(1 - share, 1e-12) * dof / 6, 6, dof))
+
+
+def _size(fit: GeometricFit, motion: Array, s: int, t: int) -> float:
+    """How far a motion (6,) carries the markers of some poses, root mean square [m]."""
     model = fit.fitted.model
-    means = fit.data.means
     base = model.with_parameters(all_parameters(model.robot, model.markers, [], tool=False))
-    J = base.see(np.zeros(6), means.q[s:]).jacobian
+    J = base.see(np.zeros(6), fit.data.means.q[s:t]).jacobian
     assert J is not None
     off = (J * base.scales) @ motion
-    size = float(np.sqrt((off**2).sum(axis=-1).mean()))
-    return MovedFrame(s, size, fall / total)
+    return float(np.sqrt((off**2).sum(axis=-1).mean()))
 
 
-def _weighted(fit: GeometricFit) -> tuple[Array, Array, Array]:
+@dataclass(frozen=True, eq=False)
+class _Sums:
+    """Running sums over the poses, each before its pose.
+
+    Attributes:
+        z: Residuals (m, r) without what the columns explain.
+        gradient: Sums of B'z (m + 1, 6).
+        square: Sums of B'B (m + 1, 6, 6).
+        cross: Sums of X'B (m + 1, p, 6).
+        inverse: (X'X)^-1 (p, p).
+    """
+
+    z: Array
+    gradient: Array
+    square: Array
+    cross: Array
+    inverse: Array
+
+    @classmethod
+    def of(cls, z: Array, X: Array, B: Array) -> "_Sums":
+        """Of weighted residuals, columns and motions."""
+        H = np.linalg.pinv(np.einsum("mrp,mrq->pq", X, X), hermitian=True)
+        # The fit has other weights, so that something is left along its own columns.
+        z = z - X @ (H @ np.einsum("mrp,mr->p", X, z))
+        return cls(
+            z,
+            _before(np.einsum("mri,mr->mi", B, z)),
+            _before(np.einsum("mri,mrj->mij", B, B)),
+            _before(np.einsum("mrp,mri->mpi", X, B)),
+            H,
+        )
+
+    def motion(self, s: int, t: int) -> Array:
+        """The motion (6,) from pose s to pose t that lowers the squares most."""
+        cross = self.cross[t] - self.cross[s]
+        inner = self.square[t] - self.square[s] - cross.T @ self.inverse @ cross
+        gradient = self.gradient[t] - self.gradient[s]
+        return np.asarray(np.linalg.pinv(inner, rcond=1e-8, hermitian=True) @ gradient)
+
+    def fall(self, s: int, t: int) -> float:
+        """How much that lowers them."""
+        return float((self.gradient[t] - self.gradient[s]) @ self.motion(s, t))
+
+
+def _weighted(fit: GeometricFit, white: bool) -> tuple[Array, Array, Array]:
     """Residuals (m, r), columns (m, r, p) and those of the base (m, r, 6), in the fit's noise."""
     fitted = fit.fitted
     model = fitted.model
@@ -102,6 +175,9 @@ def _weighted(fit: GeometricFit) -> tuple[Array, Array, Array]:
     there = means.seen[..., None, None]
     motion = seen.by_joints.reshape(m, 3 * k, -1)
     V = fitted.noise.of_pose(motion, fit.data.counts)
+    if white:
+        size = np.einsum("mrr->", V) / V[..., 0].size
+        V = only_seen(np.broadcast_to(size * np.eye(3 * k), V.shape), means.seen)
     L = np.linalg.cholesky(V)
     X = MM * np.where(there, seen.jacobian * model.scales, 0.0).reshape(m, 3 * k, -1)
     B = MM * np.where(there, of_base.jacobian * base.scales, 0.0).reshape(m, 3 * k, -1)
@@ -113,6 +189,6 @@ def _weighted(fit: GeometricFit) -> tuple[Array, Array, Array]:
     )
 
 
-def _from_end(terms: Array) -> Array:
-    """Sums (m, ...) of all terms from each one to the last."""
-    return np.asarray(np.cumsum(terms[::-1], axis=0)[::-1])
+def _before(terms: Array) -> Array:
+    """Sums (m + 1, ...) of all terms before each one, and of all."""
+    return np.concatenate([np.zeros((1, *terms.shape[1:])), np.cumsum(terms, axis=0)])

@@ -14,6 +14,7 @@ from edtk.inference.geometry.geometric_fit import Predicted
 from edtk.inference.geometry.marker_positions import MarkerPositions
 from edtk.inference.geometry.read_positions import read_positions
 from edtk.study.study import Study
+from edtk.study.study_model import marker_names
 from edtk.system.errors import UserError
 from edtk.system.presented import Presented
 from edtk.system.typing import Array, Mask
@@ -153,18 +154,17 @@ def predict_positions(
     Raises:
         UserError: The file cannot be read, or the result is of another study.
     """
-    given = geometry.get("markers")
-    names = tuple(map(str, given)) if isinstance(given, list) else ()
-    setting = StudyGeometry.of(study, names)
+    setting = StudyGeometry.of_result(study, geometry.get("markers"))
     try:
         fitted, counting = geometry_of_dict(geometry, setting)
     except ValueError as error:
         raise UserError(str(error), where=where, key="geometry") from error
+    asked = (*setting.markers, *setting.references)
     data = read_positions(
-        poses, study.robot, study.fixed, (*setting.markers, *setting.references), measured=False
+        poses, study.robot, study.fixed, asked, measured=False, others=marker_names(study)
     )
     data = counting.of(setting.split(_without_lost(data))[0])
-    asked: Mask = np.greater_equal(data.row, 0)
+    wanted: Mask = np.greater_equal(data.row, 0)
     tests = data.seen.copy()
     if tool_rows:
         placing = np.logical_and(data.seen, data.row < tool_rows)
@@ -177,7 +177,7 @@ def predict_positions(
         tests &= ~placing
     else:
         predicted = fitted.predict(data.q, data.wrench, setting.loads)
-    return Prediction(data, predicted, tests, asked)
+    return Prediction(data, predicted, tests, wanted)
 
 
 def _without_lost(data: MarkerPositions) -> MarkerPositions:

@@ -7,6 +7,7 @@ import numpy as np
 from edtk.calibration.diagnostics.diagnostic import Severity
 from edtk.calibration.geometry.geometric_doubt import GeometricDoubt, rows_in_words
 from edtk.inference.geometry.marker_positions import MarkerPositions
+from edtk.inference.geometry.rigid_motion import rigid_motion
 from edtk.system.typing import Array, Indices, Mask
 
 SCATTERS = 10.0  # times its usual scatter a point has moved
@@ -51,7 +52,7 @@ def reference_points(points: MarkerPositions, tool: MarkerPositions) -> Referenc
     if together.any():
         for visit in np.flatnonzero(together):
             seen = points.seen[visit]
-            frames[visit] = _back(points.measured[visit][seen], place[seen])
+            frames[visit] = rigid_motion(points.measured[visit][seen], place[seen])
         doubts.append(_frame_moved(points, together, apart))
     for i in range(r):
         alone = np.flatnonzero(moved[:, i] & ~together)
@@ -91,16 +92,3 @@ def _frame_moved(points: MarkerPositions, together: Mask, apart: Array) -> Geome
         "base; positions there are taken back by the points on the base",
         rows,
     )
-
-
-def _back(moved: Array, place: Array) -> Array:
-    """The rigid motion (4, 4) that takes points (r, 3) to their place (Kabsch 1976)."""
-    a = moved.mean(axis=0)
-    b = place.mean(axis=0)
-    U, _, Vt = np.linalg.svd((moved - a).T @ (place - b))
-    turn = np.diag([1.0, 1.0, np.sign(np.linalg.det(U @ Vt))])
-    R = (U @ turn @ Vt).T
-    T = np.eye(4)
-    T[:3, :3] = R
-    T[:3, 3] = b - R @ a
-    return T

@@ -44,6 +44,14 @@ class StudyGeometry:
             tuple(name for one, name in pairs if is_reference(study, one)),
         )
 
+    @classmethod
+    def of_result(cls, study: Study, result_markers: object) -> "StudyGeometry":
+        """With the markers that a result has, which may be some of the study's."""
+        names = tuple(map(str, result_markers)) if isinstance(result_markers, list) else ()
+        setting = cls.of(study, names)
+        some = names and set(names) <= set(setting.markers)
+        return replace(setting, markers=names) if some else setting
+
     @property
     def model(self) -> GeometricModel:
         """The model with all parameters that the study asks for."""

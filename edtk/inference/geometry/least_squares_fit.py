@@ -10,6 +10,7 @@ from edtk.system.typing import Array
 
 MM = 1e3
 TOLERANCE = 1e-12
+MOST = 200  # evaluations; ten are the rule, and positions that no robot has end nowhere
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,6 +34,7 @@ def least_squares_fit(
     means: MarkerPositions,
     torque: Array | None = None,
     whitening: Array | None = None,
+    most: int = MOST,
 ) -> LeastSquaresFit:
     """Fit a model to measured positions by Levenberg-Marquardt, with the analytic Jacobian.
 
@@ -46,6 +48,7 @@ def least_squares_fit(
         torque: Loads (m, n) of the joints [N m].
         whitening: Matrices (m, 3k, 3k) that make the errors of a pose independent and of size one
             [1/mm]; rows of markers that were not seen are zero. None for equal weights.
+        most: Evaluations at most.
     """
     if not model.p:
         return LeastSquaresFit(theta, 0.0, True)
@@ -80,5 +83,6 @@ def least_squares_fit(
         xtol=TOLERANCE,
         ftol=TOLERANCE,
         gtol=TOLERANCE,
+        max_nfev=most,
     )
     return LeastSquaresFit(found.x * scales, float(found.cost), bool(found.status > 0))

@@ -15,6 +15,9 @@ from edtk.model.geometry.rotation import rotation
 from edtk.system.typing import Array
 
 QUARTER = np.pi / 2
+MOST = 200  # evaluations from the linear solution, which as a rule is near the end
+SOME = 6  # from each other place; the best of them go on to the end
+PROMISING = 4
 GOOD = 0.02  # of the spread of positions: a place that fits as well is not searched further
 
 
@@ -50,15 +53,29 @@ def place_robot(model: GeometricModel, means: MarkerPositions) -> tuple[Geometri
             else 0.0
             for one in placing
         ]
-        fit = least_squares_fit(there, np.array(values), means)
+        fit = least_squares_fit(there, np.array(values), means, most=SOME if found else MOST)
         found.append((fit.cost, there, fit.theta))
         if fit.cost < good:
             break
-    _, best, theta = min(found, key=lambda one: one[0])
+    best, theta = _descended(found, means)
     at = dict(zip(best.parameters, theta, strict=True))
     whole = replace(model, start=_moved(best, at))
     values = [at[one] if one.place == "tool" else 0.0 for one in whole.parameters]
     return whole, np.array(values)
+
+
+def _descended(
+    found: list[tuple[float, GeometricModel, Array]], means: MarkerPositions
+) -> tuple[GeometricModel, Array]:
+    """The best of the most promising places, at its end."""
+    if len(found) == 1:
+        return found[0][1:]
+    promising = sorted(found, key=lambda one: one[0])[:PROMISING]
+    ends: list[tuple[float, GeometricModel, Array]] = []
+    for _, model, theta in promising:
+        fit = least_squares_fit(model, theta, means)
+        ends.append((fit.cost, model, fit.theta))
+    return min(ends, key=lambda one: one[0])[1:]
 
 
 def _moved(model: GeometricModel, at: Mapping[GeometricParameter, float]) -> Array:

@@ -26,6 +26,7 @@ def read_positions(
     fixed: dict[int, float],
     markers: Sequence[str],
     measured: bool = True,
+    others: Sequence[str] = (),
 ) -> MarkerPositions:
     """Read a sheet of positions.
 
@@ -42,6 +43,7 @@ def read_positions(
         fixed: Values [rad or m] of joints, by index, that the file may leave out.
         markers: Names of the markers (k,); where there are none, those of the sheet count.
         measured: Whether there have to be positions; without them all markers are in every row.
+        others: Names of markers that the sheet may have besides, and that are passed over.
 
     Raises:
         PoseFileError: The file cannot be read; names the row or column.
@@ -55,6 +57,8 @@ def read_positions(
         _require_same(table, found, markers)
     plain = (*LOADED_COLUMNS, MARKER_NAME_COLUMN)
     known = (*own, *plain, VISIT_COLUMN, POSE_COLUMN)
+    beside = tuple(column for name in others for column in _wide(table, name))
+    table = table.without([column for column in beside if column not in known])
     table = without_strange(table, robot, known).with_known(robot, known)
     q = table.poses(robot, fixed)
     wrench = table.wrenches(NO_LOAD)
@@ -64,7 +68,7 @@ def read_positions(
         nothing = np.full((len(q), len(markers), 3), np.nan)
         row = np.repeat(np.arange(len(q))[:, None], len(markers), axis=1)
         return MarkerPositions(q, wrench, nothing, row, tuple(markers))
-    return _by_marker(table, q, wrench, tuple(markers), measured)
+    return _by_marker(table, q, wrench, (tuple(markers), tuple(others)), measured)
 
 
 def _names_in(table: PoseTable, robot: Robot) -> tuple[str, ...]:
@@ -101,10 +105,15 @@ def _by_pose(
 
 
 def _by_marker(
-    table: PoseTable, q: Array, wrench: Array, markers: tuple[str, ...], measured: bool
+    table: PoseTable,
+    q: Array,
+    wrench: Array,
+    names: tuple[tuple[str, ...], tuple[str, ...]],
+    measured: bool,
 ) -> MarkerPositions:
-    """A sheet with a marker a row; rows of markers that the study lacks are passed over."""
-    index = _markers(table, markers)
+    """A sheet with a marker a row; rows of others than the first names are passed over."""
+    markers, others = names
+    index = _markers(table, markers, others)
     x = np.full((len(q), 3), np.nan)
     if measured or any(column in table for column in LOADED_COLUMNS):
         x = _points(table, LOADED_COLUMNS)
@@ -145,7 +154,7 @@ def _require_same(table: PoseTable, found: Sequence[str], markers: Sequence[str]
         )
 
 
-def _markers(table: PoseTable, markers: tuple[str, ...]) -> Indices:
+def _markers(table: PoseTable, markers: tuple[str, ...], others: tuple[str, ...]) -> Indices:
     """Index (m,) of each row's marker, -1 for those that the study lacks.
 
     Raises:
@@ -165,6 +174,7 @@ def _markers(table: PoseTable, markers: tuple[str, ...]) -> Indices:
             f"no marker {strange[0]!r} in the study; expected one of {', '.join(markers)}",
             f"row 1, column {MARKER_NAME_COLUMN}",
         )
+    strange = [name for name in strange if name not in others]
     if strange:
         note(unknown_markers(strange), table.path)
     return np.array([markers.index(name) if name in markers else -1 for name in given], dtype=int)

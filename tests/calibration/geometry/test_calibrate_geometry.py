@@ -1,6 +1,5 @@
 """Sheets of positions as people bring them: good ones, and each kind of bad one, by name."""
 
-import csv
 import json
 from collections.abc import Callable
 from dataclasses import replace
@@ -8,63 +7,25 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
-from numpy.typing import NDArray
+from geometry_sheets import (
+    NAMES,
+    OFFSETS,
+    PLACE,
+    STUDY,
+    TEST_POSE,
+    Array,
+    by_marker,
+    by_pose,
+    run,
+    truth,
+)
 from small_arm import ROBOT
 
 import edtk
 from edtk.calibration.geometry.study_geometry import StudyGeometry
-from edtk.cli import main
 from edtk.model.transform import transform
-from edtk.study.study import Study
 
-Array = NDArray[np.float64]
 Edit = Callable[[Array, Array], None]
-
-OFFSETS = np.array([[0.09, 0.01, 0.05], [-0.03, 0.07, 0.04], [0.0, -0.06, 0.1]])
-PLACE = transform((1.5, -0.7, 0.2), (0.2, 0.1, 1.0))
-STUDY = Study(
-    robot=ROBOT,
-    measurement={"sigma_mm": 0.02},
-    parameters={"compliance": [], "geometry": "all", "base": True, "tool": True},
-    marker=[{"name": name} for name in "ABC"],
-)
-TEST_POSE = {
-    "q_deg": [10, 20, -30, 40, 50, 60],
-    "load": {"F_N": [0, 0, 0]},
-    "tool": {"position_mm": [0, 0, 100]},
-}
-NAMES = [f"q{i}_deg" for i in range(1, 7)]
-
-
-def truth(poses: int, seed: int = 0) -> tuple[Array, Array]:
-    """Joint angles (m, 6) [deg], and positions (m, 3, 3) [mm], of an erring arm."""
-    rng = np.random.default_rng(seed)
-    model = StudyGeometry.of(STUDY).model
-    model = replace(model, offsets=OFFSETS, start=PLACE)
-    theta = np.random.default_rng(5).normal(0, 0.7, model.p) * model.scales
-    q = np.round(rng.uniform(-100, 100, (poses, 6)), 3)
-    x = model.see(theta, np.deg2rad(q), derivatives=False).points
-    return q, 1e3 * x + rng.normal(0, 0.02, x.shape)
-
-
-def by_pose(path: Path, q: Array, x: Array) -> Path:
-    """Write a sheet with a pose a row."""
-    header = [*NAMES, *(f"{m}{axis}_mm" for m in "ABC" for axis in "xyz")]
-    lines = [*header], *([*a, *np.ravel(p)] for a, p in zip(q, x, strict=True))
-    with path.open("w", newline="") as file:
-        csv.writer(file).writerows(lines)
-    return path
-
-
-def by_marker(path: Path, q: Array, x: Array) -> Path:
-    """Write a sheet with a marker a row."""
-    with path.open("w", newline="") as file:
-        writer = csv.writer(file)
-        writer.writerow([*NAMES, "marker", "x_mm", "y_mm", "z_mm"])
-        for angles, points in zip(q, x, strict=True):
-            writer.writerows([*angles, m, *p] for m, p in zip("ABC", points, strict=True))
-    return path
 
 
 @pytest.fixture
@@ -73,12 +34,6 @@ def study(tmp_path: Path) -> Path:
     path = tmp_path / "study.toml"
     STUDY.to_toml(path)
     return path
-
-
-def run(*words: object) -> tuple[int, str, str]:
-    """Exit code, standard output and standard error of a command."""
-    done = CliRunner().invoke(main, [*map(str, words)])
-    return done.exit_code, done.stdout, done.stderr
 
 
 def test_a_study_of_geometry_is_written_and_read(study: Path) -> None:
@@ -192,7 +147,7 @@ def still(q: Array, x: Array) -> None:
         (lost, "row 7: 1 positions of C are zero"),
         (moved, "row 16: from here on positions are 1.1"),
         (wrong_pose, "row 6: positions are up to"),
-        (off, "row 8: up to 1"),
+        (off, "row 8: marker B or C is up to 0.58"),
         (signs, "fit if q2, q5 count the other way"),
         (follows, "fit if q3 turns with q2"),
     ],
@@ -274,7 +229,7 @@ def test_points_on_the_base_tell_what_moved(tmp_path: Path) -> None:
     found = edtk.identify(study, path)
     text = " | ".join(doubt.text for doubt in found.doubts)
     assert "row 4: the point Q on the base is where the marker C on the tool is" in text
-    assert "rows 21, 22, 23, 24, 25: the frame of the instrument moved" in text
+    assert "rows 21 to 25: the frame of the instrument moved" in text
     assert found.loo_rms_mm < 0.1
 
 
@@ -369,9 +324,9 @@ def test_commands_bring_the_markers_where_the_drawing_has_them(study: Path, tmp_
 
 
 def test_a_robust_fit_names_what_it_trusts_less(study: Path, tmp_path: Path) -> None:
-    """One wrong reading moves a robust fit less than squares, and is named by both."""
+    """One wrong pose moves a robust fit less than squares, and is named by both."""
     q, x = truth(60)
-    off(q[:30], x[:30])
+    q[7, 2] += 0.2
     sheet = by_pose(tmp_path / "sheet.csv", q[:30], x[:30])
     tests = by_pose(tmp_path / "tests.csv", q[30:], x[30:])
     squares = edtk.identify(study, sheet)
@@ -402,63 +357,3 @@ def test_joints_whose_zeros_are_far_off_are_calibrated(study: Path, tmp_path: Pa
     assert found.left_out == ()
     assert found.loo_rms_mm < 0.1
     assert any("the zero of joint q2" in doubt.text for doubt in found.doubts)
-
-
-def test_what_nothing_is_known_of_is_passed_over_with_a_note(study: Path, tmp_path: Path) -> None:
-    """Points and times of the instrument's own, and empty cells, leave the estimate as it is."""
-    q, x = truth(20)
-    plain = edtk.identify(study, by_pose(tmp_path / "plain.csv", q, x))
-    text = (tmp_path / "plain.csv").read_text().splitlines()
-    more = [f"{line},12:0{i % 10},1,2,3" for i, line in enumerate(text[1:])]
-    head = f"{text[0]},time,Dx_mm,Dy_mm,Dz_mm"
-    sheet = tmp_path / "more.csv"
-    sheet.write_text("\n".join([head, *more]))
-    code, out, err = run("identify", study, sheet, "--json")
-    assert code == 0
-    assert err.count("\n") == 1
-    assert "positions of D not used, as the study has no such marker; a [[marker]] with name" in err
-    assert "column time not used" in err
-    assert json.loads(out)["loo_rms_mm"] == plain.loo_rms_mm
-    x[[3, 8], 1] = np.nan
-    by_pose(sheet, q, x)
-    sheet.write_text(sheet.read_text().replace("nan", ""))
-    blank = edtk.identify(study, sheet)
-    assert [doubt.text for doubt in blank.doubts] == ["rows 4, 9: no position of B"]
-    assert blank.fit.data.count == 58
-    sheet.write_text(sheet.read_text().replace(",,,", f",{x[0, 0, 0]},,", 1))
-    assert "row 4, column By_mm" in run("identify", study, sheet)[2]
-
-
-def test_rows_of_other_markers_are_passed_over(study: Path, tmp_path: Path) -> None:
-    """A sheet with a marker a row may have some that the study lacks, but not these alone."""
-    q, x = truth(20)
-    sheet = by_marker(tmp_path / "sheet.csv", q, x)
-    lines = sheet.read_text().splitlines()
-    lines.insert(2, lines[1].replace(",A,", ",D,"))
-    sheet.write_text("\n".join(lines))
-    with pytest.warns(UserWarning, match="positions of D not used"):
-        found = edtk.identify(study, sheet)
-    assert found.fit.data.row[0].tolist() == [0, 2, 3]
-    sheet.write_text("\n".join(line.replace(",A,", ",D,") for line in lines[:2]))
-    code, _, err = run("identify", study, sheet)
-    assert (code, "no marker 'D' in the study; expected one of A, B, C" in err) == (2, True)
-    wide = by_pose(tmp_path / "wide.csv", q, x)
-    wide.write_text(wide.read_text().translate(str.maketrans("ABC", "DEF")))
-    code, _, err = run("identify", study, wide)
-    assert (code, "positions of D, E, F, and the study's markers are A, B, C" in err) == (2, True)
-
-
-@pytest.mark.parametrize("column", ["Fz", "q1_dge", "sigma_mm"])
-def test_columns_that_may_matter_are_refused(study: Path, tmp_path: Path, column: str) -> None:
-    """What may be a load, a misspelt joint or a size of errors is no column to pass over."""
-    q, x = truth(8)
-    sheet = by_pose(tmp_path / "sheet.csv", q, x)
-    text = sheet.read_text()
-    head, _, rest = text.partition("\n")
-    if column.startswith("q"):
-        sheet.write_text(head.replace("q1_deg", column) + "\n" + rest)
-    else:
-        sheet.write_text("\n".join([f"{head},{column}", *(f"{r},1" for r in rest.split())]))
-    code, out, err = run("identify", study, sheet)
-    assert (code, out) == (2, "")
-    assert f"unknown column '{column}'" in err

@@ -1,0 +1,78 @@
+"""Dialects of sheets of positions: what is read, passed over with a note, and refused."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from geometry_sheets import STUDY, by_marker, by_pose, run, truth
+
+import edtk
+
+
+@pytest.fixture
+def study(tmp_path: Path) -> Path:
+    """The study as a file."""
+    path = tmp_path / "study.toml"
+    STUDY.to_toml(path)
+    return path
+
+
+def test_what_nothing_is_known_of_is_passed_over_with_a_note(study: Path, tmp_path: Path) -> None:
+    """Points and times of the instrument's own, and empty cells, leave the estimate as it is."""
+    q, x = truth(20)
+    plain = edtk.identify(study, by_pose(tmp_path / "plain.csv", q, x))
+    text = (tmp_path / "plain.csv").read_text().splitlines()
+    more = [f"{line},12:0{i % 10},1,2,3" for i, line in enumerate(text[1:])]
+    head = f"{text[0]},time,Dx_mm,Dy_mm,Dz_mm"
+    sheet = tmp_path / "more.csv"
+    sheet.write_text("\n".join([head, *more]))
+    code, out, err = run("identify", study, sheet, "--json")
+    assert code == 0
+    assert err.count("\n") == 1
+    assert "positions of D not used, as the study has no such marker; a [[marker]] with name" in err
+    assert "column time not used" in err
+    assert json.loads(out)["loo_rms_mm"] == plain.loo_rms_mm
+    x[[3, 8], 1] = np.nan
+    by_pose(sheet, q, x)
+    sheet.write_text(sheet.read_text().replace("nan", ""))
+    blank = edtk.identify(study, sheet)
+    assert [doubt.text for doubt in blank.doubts] == ["rows 4, 9: no position of B"]
+    assert blank.fit.data.count == 58
+    sheet.write_text(sheet.read_text().replace(",,,", f",{x[0, 0, 0]},,", 1))
+    assert "row 4, column By_mm" in run("identify", study, sheet)[2]
+
+
+def test_rows_of_other_markers_are_passed_over(study: Path, tmp_path: Path) -> None:
+    """A sheet with a marker a row may have some that the study lacks, but not these alone."""
+    q, x = truth(20)
+    sheet = by_marker(tmp_path / "sheet.csv", q, x)
+    lines = sheet.read_text().splitlines()
+    lines.insert(2, lines[1].replace(",A,", ",D,"))
+    sheet.write_text("\n".join(lines))
+    with pytest.warns(UserWarning, match="positions of D not used"):
+        found = edtk.identify(study, sheet)
+    assert found.fit.data.row[0].tolist() == [0, 2, 3]
+    sheet.write_text("\n".join(line.replace(",A,", ",D,") for line in lines[:2]))
+    code, _, err = run("identify", study, sheet)
+    assert (code, "no marker 'D' in the study; expected one of A, B, C" in err) == (2, True)
+    wide = by_pose(tmp_path / "wide.csv", q, x)
+    wide.write_text(wide.read_text().translate(str.maketrans("ABC", "DEF")))
+    code, _, err = run("identify", study, wide)
+    assert (code, "positions of D, E, F, and the study's markers are A, B, C" in err) == (2, True)
+
+
+@pytest.mark.parametrize("column", ["Fz", "q1_dge", "sigma_mm"])
+def test_columns_that_may_matter_are_refused(study: Path, tmp_path: Path, column: str) -> None:
+    """What may be a load, a misspelt joint or a size of errors is no column to pass over."""
+    q, x = truth(8)
+    sheet = by_pose(tmp_path / "sheet.csv", q, x)
+    text = sheet.read_text()
+    head, _, rest = text.partition("\n")
+    if column.startswith("q"):
+        sheet.write_text(head.replace("q1_deg", column) + "\n" + rest)
+    else:
+        sheet.write_text("\n".join([f"{head},{column}", *(f"{r},1" for r in rest.split())]))
+    code, out, err = run("identify", study, sheet)
+    assert (code, out) == (2, "")
+    assert f"unknown column '{column}'" in err
