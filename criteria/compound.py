@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 
 from criteria.criterion import Criterion
 from criteria.criterion_error import CriterionError
+from criteria.curvature import Curvature
 from criteria.linalg.typing import Array
 from criteria.registry import register
 from criteria.relaxable import Formulation
@@ -68,6 +69,16 @@ class Compound(SeveralCriteria):
     def arguments(self) -> dict[str, Any]:
         """What the constructor took."""
         return {**super().arguments, "weights": self.weights.tolist()}
+
+    def curvatures(self, R: Array) -> tuple[Curvature, ...]:
+        """Those of the losses, times their weights: log cost is the sum of their logs."""
+        found = []
+        for loss, weight in zip(self.each_loss(), self.weights, strict=True):
+            term = loss.curvature(R)
+            if term is None:
+                return ()
+            found.append(term.power(weight))
+        return tuple(found)
 
     def polar(self, Z: Array, M: Array) -> float:
         """``prod (q_j / a_j)^(a_j)``."""

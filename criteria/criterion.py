@@ -185,6 +185,18 @@ class Criterion(ABC):
         """
         return None
 
+    def curvatures(self, R: Array) -> tuple[Curvature, ...]:
+        """The terms whose sum the derivatives of ``log cost`` are.
+
+        Args:
+            R: See `curvature`.
+
+        Returns:
+            The curvature alone, unless the cost is a product of others; none where there is none.
+        """
+        found = self.curvature(R)
+        return () if found is None else (found,)
+
     @property
     def order(self) -> int | None:
         """Number p of parameters that its target or its combinations have; None for any."""

@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from criteria.linalg.triangle import triangle
 from criteria.linalg.typing import Array
 
 # Half the log of the ratio of two eigenvalues that count as one: its square is rounding.
@@ -37,6 +38,22 @@ class Curvature:
     def power(self, exponent: float) -> "Curvature":
         """That of the cost to the power of an exponent, whose log is a multiple."""
         return replace(self, z=exponent * self.z, W=exponent * self.W, c=self.c / exponent)
+
+    def squares(self, E: Array) -> Array:
+        """P (q, k) with ``P'P`` the second derivative by the weights of k candidates.
+
+        Log cost is convex, so that on the diagonal ``diag(W) - c z z'`` is semidefinite. A root of
+        it takes the place of a square that is taken away, which terms of a sum cannot have each.
+
+        Args:
+            E: Upper triangles (q, k) of the candidates' information about the parameters of T.
+        """
+        rows, columns = triangle(len(self.z))
+        on_diagonal = rows == columns
+        P = np.sqrt(2.0 * self.W[rows, columns])[:, None] * E
+        values, U = np.linalg.eigh(np.diag(np.diag(self.W)) - self.c * np.outer(self.z, self.z))
+        P[on_diagonal] = (np.sqrt(np.maximum(values, 0.0)) * U).T @ E[on_diagonal]
+        return np.asarray(P)
 
 
 def curvature_of_variances(B: Array) -> Curvature:

@@ -25,6 +25,8 @@ from criteria.spectral_band import SpectralBand
 if TYPE_CHECKING:
     import cvxpy as cp
 
+DEPENDENT = 100.0  # condition number of combinations whose covariance keeps its digits
+
 
 class Interest(Relaxable):
     """A criterion phi of ``C_K(M) = (K' M^- K)^-1``, the information about ``theta = K'k`` alone.
@@ -110,8 +112,18 @@ class Interest(Relaxable):
         return self.of(T.T @ self.K)
 
     def transformed(self, T: Array) -> Self:
-        """The same combinations, told by the other parameters."""
-        return self.in_units(T)
+        """The same combinations, told by the other parameters.
+
+        Combinations ``T'K = Q R`` of k' may be nearly dependent, and their covariance has the
+        square of that. The base then is a function of the information about ``theta' = Q'k'``,
+        of which ``theta = R' theta'``.
+        """
+        told = T.T @ self.K
+        if _condition(told) <= DEPENDENT:
+            return self.in_units(T)
+        Q, R = np.linalg.qr(told)
+        base = self.base.transformed(R.T)
+        return self.in_units(T) if base is None else self._like(base, Q)
 
     def inverse(self, M: Array) -> tuple[Array, Array, Mask]:
         """A generalised inverse, and the mask of the matrices that tell all combinations."""
@@ -286,6 +298,12 @@ class Interest(Relaxable):
             N = scaled_inverse(variance)
             slope = N @ self.base.gradient_of_regular(N, variance) @ N
         return side @ slope @ np.swapaxes(side, -1, -2)
+
+
+def _condition(K: Array) -> float:
+    """Condition number of combinations (p, s) of the same length, one a column."""
+    s = np.linalg.svd(K / np.linalg.norm(K, axis=0), compute_uv=False)
+    return float(s[0] / s[-1]) if s[-1] > 0 else np.inf
 
 
 def _chosen(K: Array) -> Indices | None:

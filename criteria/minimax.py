@@ -11,6 +11,7 @@ from criteria.kinked_criterion import KinkedCriterion
 from criteria.linalg.soft_maximum import soft_maximum
 from criteria.linalg.triangle import triangle
 from criteria.linalg.typing import Array
+from criteria.loss import Loss
 from criteria.registry import register
 from criteria.relaxable import Formulation
 from criteria.several_criteria import SeveralCriteria
@@ -58,6 +59,12 @@ class Minimax(KinkedCriterion, SeveralCriteria):
         other = self._copy()
         KinkedCriterion.__init__(other, sharpness)
         return other
+
+    def largest_of(self, p: int) -> tuple[Loss, ...] | None:
+        """Its losses, unless it is smoothed, or a part has no curvature in closed form."""
+        losses = self.each_loss()
+        has_form = all(loss.curvature(np.eye(p)) is not None for loss in losses)
+        return losses if has_form and not self.smooth else None
 
     def polar(self, Z: Array, M: Array) -> float:
         """``sum q_j`` for parts of Z by the best shares that were found.

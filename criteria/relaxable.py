@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 from criteria.criterion import Criterion
 from criteria.linalg.typing import Array
+from criteria.loss import Loss
 from criteria.spectral_band import SpectralBand
 
 if TYPE_CHECKING:
@@ -98,6 +99,17 @@ class Relaxable(Criterion):
 
         Returns:
             The rows (j, r, p); None where the criterion has no such form.
+        """
+        return None
+
+    def largest_of(self, p: int) -> tuple[Loss, ...] | None:
+        """Smooth losses of which the cost is the largest.
+
+        Args:
+            p: Number of parameters.
+
+        Returns:
+            The losses; None where the criterion has no such form.
         """
         return None
 

@@ -18,6 +18,7 @@ from criteria.linalg.full_rank_root import full_rank_root
 from criteria.linalg.inverse import ROUNDING, guarded_inverse
 from criteria.linalg.is_semidefinite import is_semidefinite
 from criteria.linalg.typing import Array, Mask
+from criteria.loss import Loss
 from criteria.relaxable import Relaxable
 
 FLOOR = 1e-12  # least eigenvalue, of the largest, of what splits a multiplier into parts
@@ -150,6 +151,12 @@ class SeveralCriteria(Relaxable):
         ]
         return np.stack(found, axis=-3)
 
+    def each_loss(self) -> tuple[Loss, ...]:
+        """The losses f_j one by one."""
+        return tuple(
+            Loss(part, float(best)) for part, best in zip(self.parts, self.best, strict=True)
+        )
+
     def rests_on_solver(self, Z: Array, M: Array) -> bool:
         """Whether the bound of a part does."""
         return any(part.rests_on_solver(Z, M) for part in self.parts)
@@ -221,7 +228,12 @@ class SeveralCriteria(Relaxable):
         # Nor must rounding let the parts add up to more than the whole.
         whole = np.einsum("jai,jak->ik", roots, roots)
         most = max(1.0, float(np.linalg.eigvalsh(whole)[-1])) * (1 + len(Z) * ROUNDING)
-        roots = roots @ R / np.sqrt(most)
+        roots = roots / np.sqrt(most)
+        # Slopes of low rank, as of c, leave directions out; each part takes its share of these.
+        r, V = np.linalg.eigh(np.eye(len(R)) - whole / most)
+        left = np.sqrt(np.maximum(r - len(Z) * ROUNDING, 0.0))[:, None] * V.T
+        given = np.sqrt(shares / shares.sum())[:, None, None] * left
+        roots = np.concatenate([roots, given], axis=1) @ R
         parts = np.swapaxes(roots, 1, 2) @ roots
         one = np.ones(1)
         return np.array(

@@ -6,6 +6,7 @@ from matrices import make, positive, symmetric
 
 import criteria
 from criteria.linalg.inverse import whitener
+from criteria.linalg.triangle import triangle
 
 NAMES = (*(n for n in criteria.available() if n != "phi"), "phi 0", "phi 2")
 CURVED = [n for n in NAMES if make(n, 3).curvature(np.eye(3)) is not None]
@@ -86,3 +87,38 @@ def test_phi(q, derivative):
 def test_kinks_have_none(name):
     """Where a cost has kinks, there is no second derivative to give."""
     assert make(name, 3).curvature(np.eye(3)) is None
+
+
+@pytest.mark.parametrize("name", ["A", "D", "O5", "rho0"])
+def test_squares(name):
+    """As a sum of squares the second derivative is the same."""
+    rng = np.random.default_rng(3)
+    M = positive(rng, 4)
+    found = make(name, 4).curvature(whitener(M))
+    E = symmetric(rng, 4)
+    rows, columns = triangle(4)
+    P = found.squares(E[rows, columns, None])
+    expected = (found.W * E**2).sum() - found.c * (found.z @ np.diag(E)) ** 2
+    assert np.sum(P**2) == pytest.approx(expected, rel=1e-12)
+
+
+def test_sum_of_terms(derivative):
+    """Log cost of a compound is a sum, and so are its derivatives."""
+    rng = np.random.default_rng(4)
+    parts = ["D", {"name": "c", "c": [1.0, 2.0, 0.0]}, {"name": "phi", "q": 2}]
+    criterion = criteria.create("compound", criteria=parts, weights=[1, 2, 3], best=[2, 3, 4])
+    M = positive(rng, 3)
+    H = 0.1 * symmetric(rng, 3)
+    root = whitener(M)
+    terms = criterion.curvatures(root)
+    assert len(terms) == 3
+    changes = [(root @ term.V).T @ H @ (root @ term.V) for term in terms]
+    pairs = list(zip(terms, changes, strict=True))
+    slope = -sum(term.z @ np.diag(E) for term, E in pairs)
+    assert slope == pytest.approx(log_slope(criterion, M, H), rel=1e-9)
+    rows, columns = triangle(3)
+    second = sum(np.sum(term.squares(E[rows, columns, None]) ** 2) for term, E in pairs)
+    by_differences = derivative(
+        lambda t: log_slope(criterion, M + t[0] * H, H)[None], np.zeros(1), 1e-3
+    )[0, 0]
+    assert second == pytest.approx(by_differences, rel=1e-6)

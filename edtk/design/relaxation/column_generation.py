@@ -282,8 +282,7 @@ class ColumnGeneration:
         except (np.linalg.LinAlgError, ValueError, ArithmeticError) as error:
             raise RelaxationError(f"{NEWTON}: {' '.join(str(error).split())}") from error
         # Where a cost has kinks, many light weights together are worth more than each of them.
-        has_kinks = self.criterion.needs_all and not self.criterion.smooth
-        lost = LOST * self.gap if has_kinks else None
+        lost = None if self.criterion.smooth else LOST * self.gap
         weights = regular_weights(self.criterion, information, found, NEWTON, lost)
         if Z is None and accuracy <= EXACT and (weights == 0).any():
             # Without its light candidates a design may prove less than the gap that is asked for.

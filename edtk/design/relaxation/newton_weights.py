@@ -43,7 +43,7 @@ def suits_newton(criterion: Relaxable, p: int) -> bool:
     is_smooth = criterion.smooth and criterion.convex and criterion.degree > 0
     if not is_smooth:
         return False
-    return p <= BY_DIFFERENCES or criterion.curvature(np.eye(p)) is not None
+    return p <= BY_DIFFERENCES or bool(criterion.curvatures(np.eye(p)))
 
 
 def newton_weights(
@@ -184,9 +184,14 @@ class _Point:
         rows, columns = triangle(len(self.M))
         twice = np.where(rows == columns, 1.0, 2.0)
         T = whitener(self.M)
-        found = self.criterion.curvature(T)
-        if found is None:
+        terms = self.criterion.curvatures(T)
+        if not terms:
             return weight_equations(self._by_differences(), D, self.sensitivities)
+        if len(terms) > 1:
+            one = np.ones(len(rows))
+            P = [each.squares(self.active.triangles(T @ each.V, one)) for each in terms]
+            return weight_equations(np.vstack(P), D)
+        (found,) = terms
         scale = np.sqrt(found.W[rows, columns] * twice)
         lost = np.sqrt(found.c) * self.sensitivities if found.c else None
         return weight_equations(self.active.triangles(T @ found.V, scale), D, lost)

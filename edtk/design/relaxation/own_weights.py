@@ -4,6 +4,7 @@ import numpy as np
 
 from criteria import Relaxable
 from edtk.design.relaxation.active_information import ActiveInformation
+from edtk.design.relaxation.loss_weights import loss_weights
 from edtk.design.relaxation.newton_weights import NewtonError, newton_weights, suits_newton
 from edtk.design.relaxation.spectral_weights import spectral_weights
 from edtk.design.relaxation.variance_weights import variance_weights
@@ -12,7 +13,7 @@ from edtk.system.typing import Array
 
 def has_own_method(criterion: Relaxable, p: int) -> bool:
     """Whether a criterion of p parameters needs no program of cvxpy's."""
-    forms = (criterion.spectral_band(p), criterion.variance_rows(p))
+    forms = (criterion.spectral_band(p), criterion.variance_rows(p), criterion.largest_of(p))
     return suits_newton(criterion, p) or any(form is not None for form in forms)
 
 
@@ -42,6 +43,9 @@ def own_weights(
     rows = criterion.variance_rows(p)
     if rows is not None:
         return variance_weights(rows, active, start, accuracy)
+    losses = criterion.largest_of(p)
+    if losses is not None:
+        return loss_weights(losses, active, start, accuracy)
     if not suits_newton(criterion, p):
         raise NewtonError(f"criterion {criterion.name} is not smooth")
     weights = newton_weights(criterion, active, start, accuracy)

@@ -191,6 +191,24 @@ def test_interest_beside_nearly_dependent_columns():
     assert given.cost == pytest.approx(best.cost, rel=2 * GAP)
 
 
+@pytest.mark.parametrize("name", ["D", "A"])
+@pytest.mark.parametrize("s", [2, 3, 4])
+def test_some_coefficients_of_nearly_dependent_columns(name, s):
+    """The highest coefficients of a cubic of years are told as rational arithmetic says."""
+    rows = np.vander(np.linspace(2000, 2030, 31), 4, increasing=True)
+    r = relax(Problem(rows[:, None, :]), criteria.create(name, interest=np.eye(4)[:, 4 - s :]))
+    cov, _ = exact_inverse(exact_information(rows, r.weights))
+    part = [row[4 - s :] for row in cov[4 - s :]]
+    if name == "D":
+        _, determinant = exact_inverse(part)
+        log = _log(determinant.numerator) - _log(determinant.denominator)
+        exact = np.exp(log / s)
+    else:
+        exact = float(sum(part[i][i] for i in range(s)))
+    assert abs(r.cost / exact - 1) <= r.accuracy
+    assert -r.accuracy <= r.gap <= GAP
+
+
 def test_accuracy_is_told_where_it_shows():
     """The headline has the accuracy of a model that doubles just hold, and of no other."""
     assert ", numbers to " in solved("degree 6 on [10, 11]", "D").headline()

@@ -1,0 +1,247 @@
+"""The restricted master problem of a criterion that is the largest of several smooth losses."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from criteria.curvature import Curvature
+from criteria.linalg.inverse import whitener
+from criteria.linalg.triangle import triangle
+from criteria.loss import Loss
+from edtk.design.relaxation.active_information import ActiveInformation
+from edtk.design.relaxation.step_length import step_length
+from edtk.design.relaxation.weight_equations import Solve, weight_equations
+from edtk.system.typing import Array
+
+STEPS = 60
+TOWARDS_BOUNDARY = 0.95  # part of the way to the boundary that a step may take
+LEAST_SHRINKING = 1e-4  # of the products of primal and dual in one step
+SPREAD = 0.5  # part of the first weights that is spread over all candidates
+ABOVE = 0.5  # how far the first t is above the largest loss
+INSIDE = 0.5  # the largest sensitivity at the first point, where one is allowed
+HALVINGS = 40  # of an interval for t; what remains of it is nothing beside the interval
+# Slacks further than so many gaps from the slopes are brought back to them before the next step.
+ASTRAY = 1.0
+SHORTEST = 1e-6  # a shorter step counts as none
+
+
+def loss_weights(
+    losses: Sequence[Loss], active: ActiveInformation, start: Array, accuracy: float
+) -> tuple[Array, Array]:
+    """Minimise the largest of losses ``f_j(M(w))`` over weights of sum one.
+
+    As the losses are of degree one, that is to minimise t over ``w >= 0`` and t with
+    ``h_j(w) = log f_j(M(w)) + sum(w) <= t``; the sum then is one by itself. All h_j are convex. A
+    primal-dual interior point method with Mehrotra's predictor and corrector follows the optimality
+    conditions
+
+        1 - <Z, M_i> = s_i,   Z = sum_j u_j G_j,   sum_j u_j = 1,   w_i s_i = u_j c_j = mu
+
+    with ``G_j = -grad log f_j``, slacks s and ``c_j = t - h_j``, to mu near zero (Boyd and
+    Vandenberghe, Convex Optimization, section 11.7).
+
+    Args:
+        losses: Losses with a curvature in closed form (j).
+        active: Information of the candidates (k).
+        start: Weights (k,) to start near.
+        accuracy: Relative gap at which to end.
+
+    Returns:
+        Weights (k,), positive, of sum one, and the multiplier Z (p, p).
+
+    Raises:
+        LinAlgError: The first weights leave a direction open.
+    """
+    point = _Point.first(losses, active, start)
+    best = point
+    for _ in range(STEPS):
+        if best.error <= accuracy:
+            break
+        try:
+            step = point.step()
+        except np.linalg.LinAlgError:
+            # Where matrices are singular to rounding, the answer is as good as it can be.
+            break
+        if step is None:
+            break
+        point = step
+        best = point if point.error < best.error else best
+    return best.w / best.w.sum(), np.tensordot(best.u, best.slopes, axes=1)
+
+
+@dataclass(frozen=True, eq=False)
+class _Point:
+    """Weights, duals, and what follows from them.
+
+    Attributes:
+        losses: The losses (j).
+        active: Information of the candidates.
+        w: Weights (k,), positive.
+        room: How far t is above the largest h_j, positive.
+        s: Slacks (k,) of the weights, positive.
+        u: Duals of the losses (j,), positive.
+    """
+
+    losses: Sequence[Loss]
+    active: ActiveInformation
+    w: Array
+    room: float
+    s: Array
+    u: Array
+
+    @classmethod
+    def first(cls, losses: Sequence[Loss], active: ActiveInformation, start: Array) -> "_Point":
+        """A point that satisfies all equations, with products ``u_j c_j`` that are the same."""
+        w = (1 - SPREAD) * start + SPREAD / len(start)
+        point = cls(losses, active, w, ABOVE, w, np.zeros(len(losses)))
+        if not np.isfinite(point.h).all():
+            raise np.linalg.LinAlgError("the first weights leave a direction open")
+        u = 1.0 / point.c
+        u /= u.sum()
+        used = 1.0 - u @ point.J
+        # Longer weights have smaller slopes, and all h_j then change alike.
+        longer = w * used.max() / INSIDE
+        return cls(losses, active, longer, ABOVE, 1.0 - INSIDE * used / used.max(), u)
+
+    @cached_property
+    def M(self) -> Array:
+        """The design (p, p)."""
+        return self.active.information(self.w)
+
+    @cached_property
+    def h(self) -> Array:
+        """h_j (j,)."""
+        return np.array([loss.log(self.M) for loss in self.losses]) + self.w.sum()
+
+    @property
+    def c(self) -> Array:
+        """How far the h_j (j,) are below t."""
+        return self.h.max() - self.h + self.room
+
+    @cached_property
+    def slopes(self) -> Array:
+        """G_j (j, p, p)."""
+        return np.array([loss.slope(self.M) for loss in self.losses])
+
+    @cached_property
+    def J(self) -> Array:
+        """Slopes (j, k) of the h_j by the weights."""
+        return 1.0 - np.array([self.active.sensitivities(G) for G in self.slopes])
+
+    @cached_property
+    def missing(self) -> Array:
+        """What is missing (k,) in ``1 - <Z, M_i> = s_i``."""
+        return np.asarray(self.u @ self.J - self.s)
+
+    @property
+    def gap(self) -> float:
+        """The gap of primal and dual, relative since h is a logarithm."""
+        return float(self.w @ self.s + self.u @ self.c)
+
+    @property
+    def mu(self) -> float:
+        """Mean product of primal and dual."""
+        return self.gap / (len(self.w) + len(self.u))
+
+    @cached_property
+    def error(self) -> float:
+        """The gap, or what the equations miss."""
+        return max(self.gap, float(np.abs(self.missing).max()))
+
+    def step(self) -> "_Point | None":
+        """The next point; None where no step makes progress."""
+        solve = self._equations()
+        mu = self.mu
+        zero = np.zeros_like(self.u)
+        dw, dt, ds, du = self._direction(solve, 0.0, np.zeros_like(self.w), zero)
+        dc = dt - self.J @ dw
+        primal, dual = self._lengths(dw, dc, ds, du)
+        reached = (self.w + primal * dw) @ (self.s + dual * ds)
+        reached += np.maximum(self.c + primal * dc, 0.0) @ (self.u + dual * du)
+        ratio = float(reached) / self.gap
+        target = mu * min(1.0, max(ratio**3, LEAST_SHRINKING))
+        lost = dw * ds
+        lost_of_losses = dc * du
+        if np.abs(self.missing).max() > ASTRAY * self.gap:
+            target = mu
+            lost = np.zeros_like(lost)
+            lost_of_losses = zero
+        dw, dt, ds, du = self._direction(solve, target, lost, lost_of_losses)
+        primal, dual = self._lengths(dw, dt - self.J @ dw, ds, du)
+        s = self.s + dual * ds
+        u = self.u + dual * du
+        while primal > SHORTEST:
+            w = self.w + primal * dw
+            found = _Point(self.losses, self.active, w, self.room, s, u / u.sum())
+            # The h_j are convex: they fall less than their slopes say.
+            if found.h.max() <= self.h.max() + self.room + self.gap:
+                return replace(found, room=found.central_room(float(w @ s) / len(w)))
+            primal *= 0.5
+        return None
+
+    def central_room(self, mu: float) -> float:
+        """The room with ``sum_j mu / c_j = 1``, as on the central path, where the duals are so.
+
+        A step along the slopes of the h_j would leave some of them too near to t.
+        """
+        below = self.h.max() - self.h
+        low = mu
+        high = mu * len(below)
+        for _ in range(HALVINGS):
+            middle = 0.5 * (low + high)
+            if (mu / (below + middle)).sum() > 1.0:
+                low = middle
+            else:
+                high = middle
+        return high
+
+    def _direction(
+        self, solve: Solve, mu: float, lost: Array, lost_of_losses: Array
+    ) -> tuple[Array, float, Array, Array]:
+        """Changes of w, t, s and u towards the products mu, less those that the predictor leaves.
+
+        With ``q_j = u_j / c_j`` the duals change by ``du = a - q (dt - J dw)``, whose sum is zero.
+        """
+        q = self.u / self.c
+        products = mu - self.w * self.s - lost
+        a = (mu - self.c * self.u - lost_of_losses) / self.c
+        free = a - q * (a.sum() / q.sum())
+        dw = solve(products / self.w - self.missing - self.J.T @ free)
+        along = self.J @ dw
+        dt = float((a.sum() + q @ along) / q.sum())
+        ds = (products - self.s * dw) / self.w
+        return dw, dt, ds, a - q * (dt - along)
+
+    def _lengths(self, dw: Array, dc: Array, ds: Array, du: Array) -> tuple[float, float]:
+        """How far primal and dual may go."""
+        primal = min(
+            step_length(self.w, dw, TOWARDS_BOUNDARY), step_length(self.c, dc, TOWARDS_BOUNDARY)
+        )
+        dual = min(
+            step_length(self.s, ds, TOWARDS_BOUNDARY), step_length(self.u, du, TOWARDS_BOUNDARY)
+        )
+        return primal, dual
+
+    def _equations(self) -> Solve:
+        """The equations of a step: ``sum u_j h_j'' + S/W + J' (Q - q q' / sum q) J``."""
+        T = whitener(self.M)
+        one = np.ones(len(triangle(len(T))[0]))
+        curved = [
+            np.sqrt(u) * each.squares(self.active.triangles(T @ each.V, one))
+            for u, each in zip(self.u, self._curvatures(T), strict=True)
+        ]
+        q = self.u / self.c
+        values, U = np.linalg.eigh(np.diag(q) - np.outer(q, q) / q.sum())
+        among = (np.sqrt(np.maximum(values, 0.0)) * U).T @ self.J
+        return weight_equations(np.vstack([*curved, among]), self.s / self.w, most=np.inf)
+
+    def _curvatures(self, T: Array) -> list[Curvature]:
+        """The curvatures of the losses, where T (p, p) whitens the design."""
+        found = []
+        for loss in self.losses:
+            curvature = loss.curvature(T)
+            assert curvature is not None  # of losses that this method was asked for
+            found.append(curvature)
+        return found
