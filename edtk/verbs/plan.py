@@ -59,6 +59,7 @@ def plan(
     cost_budget: float | None = None,
     blocks: Sequence[int] | None = None,
     block_variance: float = ...,
+    out: Path | str | None = None,
     progress: Progress = ...,
 ) -> "ProblemPlan": ...
 
@@ -72,6 +73,7 @@ def plan(
     *,
     starts: int | None = None,
     keep: Problem | None = None,
+    out: Path | str | None = None,
     progress: Progress = ...,
 ) -> "RegionPlan": ...
 
@@ -136,7 +138,8 @@ def plan(
         budget: Seconds after which the search ends [s]; defaults to no limit.
         workers: Processes on this machine; defaults to one a core.
         dask: Address of a Dask scheduler (tcp://HOST:PORT) whose workers do the work instead.
-        out: File to write all experiments to (CSV); "-" is standard output.
+        out: File to write all experiments to (CSV), of problems and regions too; "-" is standard
+            output.
         certificate: File to write what proves the numbers to (JSON), for `edtk.verify`; likewise.
         detect: Sizes of faults like {"tool_z": "5mm", "load_direction": "2deg"}: the plan tells how
             likely each would be noticed, and the experiment that would help most.
@@ -175,7 +178,6 @@ def plan(
         "budget": budget,
         "workers": workers,
         "dask": dask,
-        "out": out,
         "certificate": certificate,
         "detect": detect,
     }
@@ -183,7 +185,9 @@ def plan(
         _require_none(of_study, "a problem of arrays")
         from edtk.verbs.plan_problem import plan_problem  # a study need not wait for it
 
-        return plan_problem(
+        files = TableAndCertificate(out, None)
+        files.require()
+        found = plan_problem(
             study,
             size,
             "D" if criterion is None else criterion,
@@ -193,6 +197,8 @@ def plan(
             progress=progress,
             **of_problem,  # type: ignore[arg-type]
         )
+        files.write(lambda: found.to_frame().reset_index(), str)
+        return found
     if size is None:
         raise ArgumentError("expected the number of experiments", argument="size")
     if isinstance(study, Region):
@@ -200,10 +206,14 @@ def plan(
         _require_none({**others, **of_study}, "a region")
         from edtk.verbs.plan_region import plan_region
 
-        return plan_region(study, size, criterion or "D", seed or 0, starts, keep, progress)
+        files = TableAndCertificate(out, None)
+        files.require()
+        of_region = plan_region(study, size, criterion or "D", seed or 0, starts, keep, progress)
+        files.write(of_region.to_frame, str)
+        return of_region
     _require_none(of_problem, "a study")
     asked, name = for_criterion(as_study(study), criterion)
-    return _plan_study(asked, size, name, seed, keep, progress, **of_study)  # type: ignore[arg-type]
+    return _plan_study(asked, size, name, seed, keep, progress, out=out, **of_study)  # type: ignore[arg-type]
 
 
 def _require_none(options: Mapping[str, object], what: str) -> None:

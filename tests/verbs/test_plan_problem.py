@@ -3,7 +3,9 @@
 from itertools import combinations, combinations_with_replacement, product
 
 import numpy as np
+import pandas as pd
 import pytest
+from no_dual import NoDual
 
 import criteria
 import edtk
@@ -298,3 +300,34 @@ def test_nearly_dependent_columns(low, high, degree):
     slack = 1e-3 if degree == 6 else 1e-8
     assert found.value == pytest.approx(float(same.cost(M)), rel=slack)
     assert 0.9 < found.efficiency <= 1.0
+
+
+def test_a_missing_bound_has_its_reason():
+    """Where no relaxation bounds a plan, its headline says why."""
+    rows = np.random.default_rng(2).normal(size=(7, 1, 2))
+    found = edtk.plan(edtk.Problem(rows), blocks=(3, 3), criterion="O2", starts=4)
+    assert found.basis == "no bound: in blocks O2 may be better with less information"
+    assert found.headline().endswith(found.basis)
+    assert found.bound == 0
+
+
+def test_a_word_is_marked():
+    """A bound that believes a solver's optimum is told from a proved one."""
+    problem = edtk.Problem(np.random.default_rng(2).normal(size=(7, 1, 2)))
+    headline = edtk.plan(problem, 3, NoDual(), starts=4).headline()
+    assert headline.endswith(" % by a solver's word")
+    assert edtk.plan(problem, 3, "D", starts=4).headline().endswith(" %")
+
+
+def test_plans_are_written(tmp_path):
+    """A plan of a problem, and one of a region, is written as the table that it shows."""
+    out = tmp_path / "plan.csv"
+    found = edtk.plan(PROBLEM, size=4, starts=4, out=out)
+    written = pd.read_csv(out)
+    assert written["candidate"].tolist() == found.support.tolist()
+    assert written["count"].sum() == 4
+    region = edtk.Region(lambda x: np.column_stack([np.ones(len(x)), x]), -1, 1)
+    edtk.plan(region, size=2, starts=2, out=tmp_path / "region.csv")
+    assert (tmp_path / "region.csv").read_text() == "x,count\n-1,1\n1,1\n"
+    with pytest.raises(OSError, match="is a folder"):
+        edtk.plan(PROBLEM, size=4, out=tmp_path)

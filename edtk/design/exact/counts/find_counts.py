@@ -6,7 +6,7 @@ from time import monotonic
 
 import numpy as np
 
-from criteria import Criterion
+from criteria import Criterion, Relaxable
 from edtk.design.bound import Bound, BoundKind
 from edtk.design.exact.counts.beside_blocks import Question, beside_blocks
 from edtk.design.exact.counts.counts_search import CountsSearch
@@ -61,7 +61,7 @@ def find_counts(
     bare.with_prior(limits.base / limits.m).require_identifiable(plain)
     question = beside_blocks(bare, plain, limits)
     _require_beside_blocks(question, limits, problem)
-    relaxed = _relaxed(question)
+    relaxed, reason = _relaxed(question, plain)
     search = _search(bare, plain, limits, relaxed)
     found = search.run(seed, starts, progress)
     cost = float(search.criterion.cost(search.scatter.information(found.places[None])[0]))
@@ -75,7 +75,7 @@ def find_counts(
         counts=counts + kept,
         cost=cost,
         lower_bound=_bound(criterion, relaxed),
-        basis="no bound" if relaxed is None else relaxed.basis,
+        basis=f"no bound: {reason}" if relaxed is None else relaxed.basis,
         starts=found.starts,
         found=found.found,
         ended=found.ended,
@@ -102,14 +102,17 @@ def _require_beside_blocks(question: Question | None, limits: Limits, problem: P
         )
 
 
-def _relaxed(question: Question | None) -> RelaxedCounts | None:
-    """The relaxation, if there is one."""
+def _relaxed(question: Question | None, criterion: Criterion) -> tuple[RelaxedCounts | None, str]:
+    """The relaxation, or why there is none."""
     if question is None:
-        return None
+        if isinstance(criterion, Relaxable):
+            return None, f"in blocks {criterion.label} may be better with less information"
+        return None, f"{criterion.label} has no convex form"
     try:
-        return relaxed_counts(*question)
+        found = relaxed_counts(*question)
     except RelaxationError:
-        return None
+        return None, "no solver found weights"
+    return (found, "") if found.cost > 0 else (None, "the multipliers found prove nothing")
 
 
 def _search(

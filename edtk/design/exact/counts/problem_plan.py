@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from criteria import Criterion
-from edtk.design.bound import Bound
+from edtk.design.bound import Bound, BoundKind
 from edtk.design.exact.bounded_plan import BoundedPlan
 from edtk.design.frame_problem import FrameProblem
 from edtk.design.problem import Problem
@@ -56,10 +56,15 @@ class ProblemPlan(BoundedPlan):
         """Criterion, value, size and efficiency."""
         factor, unit = self.criterion.shown
         value = f"{factor * self.value:.4g} {unit}".rstrip()
-        bounded = (
-            f"efficiency {100 * self.efficiency:.2f} %" if self.lower_bound.cost else "no bound"
-        )
-        return f"{self.criterion.label} = {value} with {self.size} experiments, {bounded}"
+        return f"{self.criterion.label} = {value} with {self.size} experiments, {self._bounded}"
+
+    @property
+    def _bounded(self) -> str:
+        """The efficiency, and what it rests on if that is not a proof; or why there is none."""
+        if not self.lower_bound.cost:
+            return self.basis
+        word = " by a solver's word" if self.lower_bound.kind is BoundKind.SOLVED else ""
+        return f"efficiency {100 * self.efficiency:.2f} %{word}"
 
     @property
     def size(self) -> int:
