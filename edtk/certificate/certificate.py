@@ -76,6 +76,11 @@ def require_certifiable(study: Study, name: str | None, path: Path | str | None)
         UserError: No certificate of poses tells the parameters of the criterion.
     """
     name = study.main_criterion if name is None else name
+    if path is not None and study.specification.parameters is not None:
+        raise UserError(
+            "a study of geometry has no certificate of poses; leave the certificate out",
+            where=study.where,
+        )
     if path is not None and name in criteria.families():
         raise UserError(
             f"criterion {name!r} has no certificate of poses, as it has parameters; leave the "

@@ -29,8 +29,7 @@ MOST_EXPERIMENTS = 10**12  # as in a study: beyond them numbers of repetitions a
 @click.option(
     "--size",
     type=click.IntRange(min=1, max=MOST_EXPERIMENTS),
-    required=True,
-    help="Number of experiments m, kept ones counted.",
+    help="Number of experiments m, kept ones counted; needed unless a budget of costs decides.",
 )
 @click.option(
     "--distinct",
@@ -42,6 +41,11 @@ MOST_EXPERIMENTS = 10**12  # as in a study: beyond them numbers of repetitions a
 @click.option("--exclude", type=FilePath, help="Plan (CSV) of poses to stay away from.")
 @click.option(
     "--budget", type=Range(min=0, min_open=True), help="Seconds after which the search ends."
+)
+@click.option(
+    "--cost-budget",
+    type=Range(min=0, min_open=True),
+    help="What a day may cost, for a study of geometry [default: the study's].",
 )
 @workers_option
 @dask_option
@@ -56,12 +60,13 @@ MOST_EXPERIMENTS = 10**12  # as in a study: beyond them numbers of repetitions a
 @certificate_option
 def command(
     study: Path,
-    size: int,
+    size: int | None,
     distinct: int | None,
     criterion: str | None,
     keep: Path | None,
     exclude: Path | None,
     budget: float | None,
+    cost_budget: float | None,
     workers: int | None,
     dask: str | None,
     seed: int | None,
@@ -87,11 +92,12 @@ def command(
             keep=keep,
             exclude=exclude,
             budget=budget,
+            cost_budget=cost_budget,
             workers=workers,
             dask=dask,
             out=out,
             certificate=certificate,
-            detect=_faults(detect),
+            detect=_faults(detect) or None,
             progress=lambda label, number: bar.set_description_str(label),
         )
     show(found, as_json, out, certificate)

@@ -79,16 +79,18 @@ class CandidateSource:
             ValueError: n < 1.
         """
         require_some(n)
-        p = self.space.model.p
         x = np.empty((n, self.space.size))
-        packed = np.empty((p * (p + 1) // 2, n))
+        told = np.empty(0)
         start = 0
-        for chunk in self.chunks(n):
-            end = start + len(chunk.x)
-            x[start:end] = chunk.x
-            packed[:, start:end] = chunk.problem.packed
-            start = end
-        return Candidates(x, self.space.problem_of(packed))
+        with closing(self._told_chunks(n)) as chunks:
+            for chunk in chunks:
+                if not start:
+                    told = np.empty((*chunk.told.shape[:-1], n))
+                end = start + len(chunk.x)
+                x[start:end] = chunk.x
+                told[..., start:end] = chunk.told
+                start = end
+        return Candidates(x, self.space.problem_of(told))
 
     def chunks(self, n: int) -> Iterator[Candidates]:
         """Draw the first n candidates in chunks, none of which is empty.
@@ -97,6 +99,12 @@ class CandidateSource:
             EmptyFeasibleSetError: No feasible pose turns up; names the constraint.
             ValueError: n < 1.
         """
+        with closing(self._told_chunks(n)) as chunks:
+            for chunk in chunks:
+                yield Candidates(chunk.x, self.space.problem_of(chunk.told))
+
+    def _told_chunks(self, n: int) -> Generator["_Chunk", None, None]:
+        """What the first n candidates tell, in chunks."""
         require_some(n)
         # A few candidates do not wait for a full chunk; 2 n samples often hold n feasible ones.
         size = min(CHUNK, 1 << (2 * n).bit_length())
@@ -106,7 +114,7 @@ class CandidateSource:
         with closing(evaluate(size)) as results:
             yield from self._first(n, size, results)
 
-    def _first(self, n: int, size: int, results: Iterable["_Chunk"]) -> Iterator[Candidates]:
+    def _first(self, n: int, size: int, results: Iterable["_Chunk"]) -> Iterator["_Chunk"]:
         """The first n candidates of evaluated chunks of `size` samples."""
         left = n
         samples = 0
@@ -121,7 +129,7 @@ class CandidateSource:
                 share = excluded[worst] / samples
                 raise EmptyFeasibleSetError(samples, self.space.labels[worst], share)
             if found:
-                yield Candidates(chunk.x[:left], self.space.problem_of(chunk.packed[:, :left]))
+                yield _Chunk(chunk.x[:left], chunk.told[..., :left], chunk.excluded)
                 left -= found
             if left <= 0:
                 return
@@ -172,7 +180,7 @@ class CandidateSource:
         drawn = self.space.at(self.space.draw(cube))
         inside = drawn.slack >= 0
         feasible = drawn[np.flatnonzero(inside.all(axis=-1))]
-        return _Chunk(feasible.x, feasible.packed, (~inside).sum(axis=0))
+        return _Chunk(feasible.x, self.space.told(feasible), (~inside).sum(axis=0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,12 +189,12 @@ class _Chunk:
 
     Attributes:
         x: Design variables (n, v).
-        packed: Their information, packed (p(p+1)/2, n).
+        told: What they tell, as `DesignSpace.told` has it (..., n).
         excluded: Number of samples that each constraint (c,) excludes.
     """
 
     x: Array
-    packed: Array
+    told: Array
     excluded: Indices
 
 

@@ -60,6 +60,16 @@ class DesignSpace:
             name = self.workspace.robot.joint_names[int(outside.argmax())]
             raise ValueError(f"joint {name} is fixed outside its limits")
 
+    @property
+    def p(self) -> int:
+        """Number of parameters."""
+        return self.model.p
+
+    @property
+    def doubles(self) -> int:
+        """Numbers that say what a candidate tells: those of its packed information."""
+        return self.p * (self.p + 1) // 2
+
     @cached_property
     def limits(self) -> Array:
         """Bounds (2, v) of the design variables."""
@@ -108,11 +118,15 @@ class DesignSpace:
 
     def problem(self, x: Array) -> Problem:
         """Make a problem of arrays with the experiments x (k, v) as its candidates."""
-        return self.problem_of(self.at(x).packed)
+        return self.problem_of(self.told(self.at(x)))
 
-    def problem_of(self, packed: Array) -> Problem:
+    def told(self, experiments: Experiments) -> Array:
+        """What experiments (k) tell, as `problem_of` takes it: packed information, k last."""
+        return experiments.packed
+
+    def problem_of(self, told: Array) -> Problem:
         """Make a problem of experiments whose packed information (p(p+1)/2, k) is at hand."""
-        return Problem.of_information(packed, self.model.parameters, self.prior)
+        return Problem.of_information(told, self.model.parameters, self.prior)
 
     def plan(self, x: Array, repeats: Indices) -> Plan:
         """Make a plan of the experiments x (k, v) with repetitions (k,)."""

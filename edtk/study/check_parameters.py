@@ -17,6 +17,10 @@ def check_parameters(study: "StudyObjects") -> None:
     """
     given = study.specification
     if given.parameters is None:
+        if given.costs is not None:
+            raise study.error(
+                "costs", "plans of compliances alone do not heed it; expected [parameters] too"
+            )
         return
     unknown = given.joints.unknown
     compliance = given.parameters.compliance
@@ -84,6 +88,11 @@ def _check_unused(study: "StudyObjects") -> None:
         "task": given.task is not None,
         "prior": given.prior != type(given.prior)(),
     }
+    for i, pose in enumerate(given.test_poses):
+        key = "test_pose" if len(given.test_poses) == 1 else f"test_pose.{i}"
+        unused[f"{key}.robust_deg"] = bool(pose.robust_deg)
+        unused[f"{key}.lever_mm"] = bool(pose.lever_mm)
+        unused[f"{key}.payload"] = pose.payload is not None
     instead = {
         "joints.known_rad_per_Nm": "list the joint in parameters.compliance",
         "noise.tracker_position_mm": "give measurement.sigma_mm",
@@ -94,4 +103,5 @@ def _check_unused(study: "StudyObjects") -> None:
     }
     for key, is_given in unused.items():
         if is_given:
-            raise study.error(key, f"a study of geometry does not heed this key; {instead[key]}")
+            why = instead.get(key, "give more test poses, with a load each")
+            raise study.error(key, f"a study of geometry does not heed this key; {why}")

@@ -31,8 +31,7 @@ def load_plan(study: "Study", path: Path | str) -> Plan:
     Raises:
         UserError: Names the file and the row.
     """
-    load = study.space.load
-    plan = read_plan(study, path, load.always if isinstance(load, FixedLoad) else None)
+    plan = read_plan(study, path, _default_wrench(study))
     revolute = np.array([joint.kind == "revolute" for joint in study.robot.joints])
     resolution = np.deg2rad(study.specification.workspace.plan_resolution_deg) * revolute
     workspace = Workspace(study.robot, study.specification.workspace.build())
@@ -43,6 +42,14 @@ def load_plan(study: "Study", path: Path | str) -> Plan:
         broken = "; ".join(map(str, workspace.violations(slack[row])))
         raise UserError(f"the pose violates {broken}", where=path, key=f"row {row + 1}")
     return plan
+
+
+def _default_wrench(study: "Study") -> Array | None:
+    """The wrench (6,) of a pose whose row says none: the study's only load; none of geometry."""
+    if study.specification.parameters is not None:
+        return np.zeros(6)
+    load = study.space.load
+    return load.always if isinstance(load, FixedLoad) else None
 
 
 def read_plan(study: "Study", path: Path | str, wrench: Array | None) -> Plan:

@@ -15,6 +15,7 @@ from pydantic_core import PydanticCustomError
 
 from edtk.model.controller_table import ControllerTable
 from edtk.model.loads.load import Load as LoadFamily
+from edtk.study.costs_table import CostsTable
 from edtk.study.criterion_table import CriterionTable
 from edtk.study.interest_table import InterestTable
 from edtk.study.joints_table import NO_SPRINGS, JointsTable
@@ -165,6 +166,10 @@ class Specification(Table):
     prior: PriorTable = Field(PriorTable(), description="Knowledge before the measurements")
     noise: NoiseTable | None = Field(
         None, description="Errors that are not white: of a tracker, of the joints, of the model"
+    )
+    costs: CostsTable | None = Field(
+        None,
+        description="What visits and load changes cost, for plans of a study with `parameters`",
     )
     uncertainty: UncertaintyTable = Field(
         UncertaintyTable(), description="How well the circumstances of a calibration are known"

@@ -41,6 +41,7 @@ class StudyKeys(TypedDict, total=False):
     simulation: Mapping[str, Any] | None
     prior: Mapping[str, Any] | None
     noise: Mapping[str, Any] | None
+    costs: Mapping[str, Any] | None
     uncertainty: Mapping[str, Any] | None
 
 

@@ -159,7 +159,7 @@ class StudyObjects:
         return tuple(dict.fromkeys((*self.specification.optimise, *self.specification.criteria)))
 
     def require_compliances_alone(self) -> None:
-        """Check that nothing but compliances is unknown, for what knows no geometry yet.
+        """Check that nothing but compliances is unknown, for what knows no geometry.
 
         Raises:
             UserError: The study has a table [parameters].
@@ -167,8 +167,7 @@ class StudyObjects:
         if self.specification.parameters is not None:
             raise self.error(
                 "parameters",
-                "plans of whole studies know compliances alone; expected a study without "
-                "[parameters], or edtk.geometry_problem in Python",
+                "this knows compliances alone; expected a study without [parameters]",
             )
 
     def criterion(self, name: str | None = None) -> criteria.Criterion:

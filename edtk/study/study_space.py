@@ -7,6 +7,7 @@ import numpy as np
 from edtk.design.design_space import DesignSpace
 from edtk.design.plan import Plan
 from edtk.model.constraints.excluded import Excluded
+from edtk.model.loads.load import Load
 from edtk.model.workspace import Workspace
 from edtk.study.load_plan import read_plan
 from edtk.study.study_model import study_sigma
@@ -24,12 +25,24 @@ def study_space(study: "Study") -> DesignSpace:
         UserError: A file of excluded poses cannot be read, or the study is about geometry too.
     """
     study.require_compliances_alone()
+    return pose_space(study, study.specification.build_load())
+
+
+def pose_space(study: "Study", load: Load) -> DesignSpace:
+    """The same with loads of the caller's choice, whatever is unknown.
+
+    Args:
+        study: The study.
+        load: The wrenches that may be applied.
+
+    Raises:
+        UserError: A file of excluded poses cannot be read.
+    """
     fixed = study.fixed
     values = np.array([fixed.get(j, 0.0) for j in range(study.robot.n)])
     free = [j for j in range(study.robot.n) if j not in fixed]
     constraints = (*study.specification.workspace.build(), *_exclusions(study))
     workspace = Workspace(study.robot, constraints)
-    load = study.specification.build_load()
     sigma = study_sigma(study)
     return DesignSpace(study.model, workspace, sigma, load, free, values, noise=study.noise)
 

@@ -29,5 +29,8 @@ def for_criterion(study: Study, criterion: CriterionLike | None) -> tuple[Study,
         if not criterion.needs_parameters:
             return study, criterion.name
         criterion = criterion.to_dict()
-    name = criteria.as_criterion(criterion, study.specification.joints.unknown).name
+    if study.specification.parameters is not None:
+        name = str(criterion.get("name"))  # which parameters it has only the design knows
+    else:
+        name = criteria.as_criterion(criterion, study.specification.joints.unknown).name
     return study.replace(criterion=dict(criterion)), name

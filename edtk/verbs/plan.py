@@ -28,12 +28,13 @@ if TYPE_CHECKING:
 @overload
 def plan(
     study: StudyLike,
-    size: int,
+    size: int | None = None,
     criterion: CriterionLike | None = None,
     seed: int | None = None,
     *,
     distinct: int | None = None,
     keep: PlanLike | None = None,
+    cost_budget: float | None = None,
     exclude: Path | str | None = None,
     budget: float | None = None,
     workers: int | None = None,
@@ -113,8 +114,8 @@ def plan(
 
     Args:
         study: A study, the path of a study file, a `Problem`, or a `Region`.
-        size: Number of experiments m; kept experiments count. A problem with a budget of costs
-            needs none.
+        size: Number of experiments m; kept experiments count. A problem or a study of geometry
+            with a budget of costs needs none.
         criterion: Name of the criterion to optimise; defaults to the study's main criterion. A
             problem or a region takes an object as well, and defaults to "D".
         seed: Seed of the search; defaults to the study's, and to 0 for a problem or a region.
@@ -127,7 +128,8 @@ def plan(
         most: How often each candidate may be measured, kept ones counted: a number (n,) for each,
             or one for all; 1 is a plan without replacement. Defaults to no limit.
         costs: Costs (n,) of one experiment with each candidate.
-        cost_budget: What the new experiments may cost together.
+        cost_budget: What the new experiments may cost together. For a study of geometry: what a
+            day may cost, load changes included, by the costs that the study says.
         blocks: Sizes of the blocks in which the experiments are made, each with an unknown effect
             of its own on all its readings. It is nuisance: only what differs within blocks counts.
         block_variance: Variance of random effects of blocks, in units of the noise; infinite, the
@@ -199,6 +201,23 @@ def plan(
         )
         files.write(lambda: found.to_frame().reset_index(), str)
         return found
+    if not isinstance(study, Region):
+        asked = as_study(study)
+        if asked.specification.parameters is not None:
+            from edtk.verbs.plan_geometry import plan_geometry
+
+            _require_none({**of_problem, "cost_budget": None}, "a study")
+            return plan_geometry(
+                asked,
+                size,
+                criterion,
+                seed,
+                keep,  # type: ignore[arg-type]
+                progress,
+                cost_budget=cost_budget,
+                out=out,
+                **of_study,  # type: ignore[arg-type]
+            )
     if size is None:
         raise ArgumentError("expected the number of experiments", argument="size")
     if isinstance(study, Region):
@@ -212,7 +231,7 @@ def plan(
         files.write(of_region.to_frame, str)
         return of_region
     _require_none(of_problem, "a study")
-    asked, name = for_criterion(as_study(study), criterion)
+    asked, name = for_criterion(asked, criterion)
     return _plan_study(asked, size, name, seed, keep, progress, out=out, **of_study)  # type: ignore[arg-type]
 
 

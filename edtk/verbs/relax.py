@@ -116,7 +116,6 @@ def relax(
         asked = "D" if criterion is None else criterion
         return _relax_region(question, asked, candidates, size, progress, out, certificate)
     from edtk.design.relaxation.relax_poses import PlanInterrupted
-    from edtk.study.relax_study import relax_study
     from edtk.study.run_options import RunOptions
     from edtk.verbs.for_criterion import for_criterion
     from edtk.verbs.inputs import as_study, errors_in
@@ -132,7 +131,7 @@ def relax(
         require_certifiable(study, name, certificate)
     try:
         with errors_in(study.where):
-            found = relax_study(
+            found = _relaxed_by(study)(
                 study,
                 name,
                 candidates=candidates,
@@ -146,6 +145,17 @@ def relax(
         raise
     _write(study, found, files)
     return found
+
+
+def _relaxed_by(study: "Study") -> Callable[..., "RelaxedPlan"]:
+    """What relaxes a study: of geometry, or of compliances alone."""
+    if study.specification.parameters is not None:
+        from edtk.calibration.geometry_design.relax_geometry import relax_geometry
+
+        return relax_geometry
+    from edtk.study.relax_study import relax_study
+
+    return relax_study
 
 
 def _write(study: "Study", found: "RelaxedPlan", files: "TableAndCertificate") -> None:

@@ -229,7 +229,7 @@ def test_more_candidates_than_memory_holds():
     """With 360 MB, 60,000 candidates do not fit; the answer is that of the memory that holds them,
     within the gaps.
     """
-    assert capacity(5, 6, 360) < 60_000 < capacity(5, 6, 1000)
+    assert capacity(15, 6, 360) < 60_000 < capacity(15, 6, 1000)
     small, large = (relaxed("--memory", m, name="A", n=60_000) for m in (360, 1000))
     assert small["candidates"] == large["candidates"] == 60_000
     for one, other in ((small, large), (large, small)):

@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 import criteria
-from edtk.calibration.geometry.study_geometry import StudyGeometry
+from edtk.calibration.geometry.study_geometry import StudyGeometry, StudyLoads
+from edtk.calibration.geometry_design.position_rows import PositionRows
 from edtk.design.problem import Problem
 from edtk.inference.geometry.fit_geometry import stages
-from edtk.inference.geometry.geometric_fit import Loads, resting_torque
 from edtk.inference.geometry.position_noise import PositionNoise
 from edtk.model.geometry.geometric_model import GeometricModel
 from edtk.model.geometry.identifiable import identifiable
@@ -18,9 +18,7 @@ from edtk.system.errors import ArgumentError
 from edtk.system.presented import Presented
 from edtk.system.typing import Array
 
-MM = 1e3
 POSES = 60  # random poses that show what any poses could tell
-BLOCK = 20_000  # poses whose columns are computed at once
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +40,7 @@ class GeometryProblem(Presented):
     wrench: Array
     model: GeometricModel
     noise: PositionNoise
-    loads: Loads | None
+    loads: StudyLoads | None
 
     def headline(self) -> str:
         """Number of candidates and of parameters."""
@@ -57,7 +55,8 @@ class GeometryProblem(Presented):
         """
         poses = np.atleast_2d(np.asarray(q, dtype=float))
         given = np.zeros(6) if wrench is None else np.asarray(wrench, dtype=float)
-        return _columns(self.model, poses, np.broadcast_to(given, (len(poses), 6)), self.loads)[0]
+        wrenches = np.broadcast_to(given, (len(poses), 6))
+        return PositionRows(self.model, self.loads)(poses, wrenches)
 
     def rho0(self, q: ArrayLike, wrench: ArrayLike | None = None) -> criteria.Criterion:
         """The position error to expect in tasks, where geometry and springs are compensated.
@@ -114,30 +113,14 @@ def geometry_problem(
     loads = setting.loads
     model = _minimal(setting.model, poses, forces, loads)
     errors = setting.noise if noise is None else noise
-    blocks = np.empty((len(poses), 3 * len(model.markers), model.p))
-    for first in range(0, len(poses), BLOCK):
-        part = slice(first, first + BLOCK)
-        rows, motion = _columns(model, poses[part], forces[part], loads)
-        V = errors.of_reading(motion) + errors.of_model(motion)
-        blocks[part] = np.linalg.solve(np.linalg.cholesky(V), rows)
+    blocks = PositionRows(model, loads, errors)(poses, forces)
     names = tuple(one.name for one in model.parameters)
     return GeometryProblem(Problem(blocks, parameters=names), poses, forces, model, errors, loads)
 
 
-def _columns(
-    model: GeometricModel, q: Array, wrench: Array, loads: Loads | None
-) -> tuple[Array, Array]:
-    """Columns (m, 3k, p) of the parameters [mm], and motions (m, 3k, n) by the joints."""
-    torque = resting_torque(np.zeros(model.robot.n), q, wrench, loads)
-    seen = model.see(np.zeros(model.p), q, torque)
-    assert seen.jacobian is not None
-    assert seen.by_joints is not None
-    width = 3 * len(model.markers)
-    rows = MM * (seen.jacobian * model.scales).reshape(len(q), width, -1)
-    return rows, seen.by_joints.reshape(len(q), width, -1)
-
-
-def _minimal(model: GeometricModel, q: Array, wrench: Array, loads: Loads | None) -> GeometricModel:
+def _minimal(
+    model: GeometricModel, q: Array, wrench: Array, loads: StudyLoads | None
+) -> GeometricModel:
     """The model with the parameters that any poses could tell under these loads."""
     rng = np.random.default_rng(0)
     lower, upper = np.clip(model.robot.limits, -np.pi, np.pi)
@@ -146,6 +129,6 @@ def _minimal(model: GeometricModel, q: Array, wrench: Array, loads: Loads | None
     few = np.unique(some)
     poses = np.concatenate([drawn, q[few]])
     forces = np.concatenate([wrench[some], wrench[few]])
-    rows = _columns(model, poses, forces, loads)[0].reshape(-1, model.p)
+    rows = PositionRows(model, loads)(poses, forces).reshape(-1, model.p)
     kept = identifiable(rows, model.parameters, stages(model)).kept
     return model.with_parameters(tuple(model.parameters[i] for i in kept))

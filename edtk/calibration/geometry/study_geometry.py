@@ -8,6 +8,7 @@ from edtk.inference.geometry.marker_positions import MarkerPositions
 from edtk.inference.geometry.position_noise import PositionNoise
 from edtk.model.dead_weights import DeadWeights
 from edtk.model.elastostatic_model import ElastostaticModel
+from edtk.model.frames import Frames
 from edtk.model.geometry.all_parameters import all_parameters
 from edtk.model.geometry.geometric_model import GeometricModel
 from edtk.study.study import Study
@@ -128,9 +129,7 @@ class StudyLoads:
 
     def __call__(self, q: Array, wrench: Array) -> Array:
         """Loads (m, n) of the free joints [N m or N] in poses q (m, n) under wrenches (m, 6)."""
-        weights = [one for one in (self.links, self.payload) if one is not None]
-        bodies = {*self.by_wrench.bodies, *(body for one in weights for body in one.bodies)}
-        frames = self.by_wrench.robot.frames(q, tuple(sorted(bodies)))
+        frames = self._frames(q)
         torque = self.by_wrench.torque_of(frames, wrench)
         loaded = wrench.any(axis=1)
         if self.links is not None:
@@ -138,3 +137,20 @@ class StudyLoads:
         if self.payload is not None:
             torque = torque + frames.folded(self.payload.torque(frames)) * loaded
         return np.ascontiguousarray(torque.T)
+
+    def slope(self, q: Array, wrench: Array, s: Array) -> Array:
+        """Derivatives (m, n) of ``sum_j s_j tau_j`` by the free joints, weights s (m, n) fixed."""
+        frames = self._frames(q)
+        weights = np.ascontiguousarray(s.T)
+        slope = self.by_wrench.torque_slope_of(frames, wrench, weights)
+        loaded = wrench.any(axis=1)
+        for body, counts in ((self.links, 1.0), (self.payload, loaded)):
+            if body is not None:
+                slope += frames.folded(body.torque_slope(frames, frames.spread(weights) * counts))
+        return np.ascontiguousarray(slope.T)
+
+    def _frames(self, q: Array) -> Frames:
+        """The chain in poses q (m, n), with all bodies that are loaded."""
+        weights = [one for one in (self.links, self.payload) if one is not None]
+        bodies = {*self.by_wrench.bodies, *(body for one in weights for body in one.bodies)}
+        return self.by_wrench.robot.frames(q, tuple(sorted(bodies)))

@@ -91,7 +91,7 @@ def find_plan(
     space = relaxed.space
     searched = space.alone if places is None else space
     if places is None:
-        places = _enough_places(space.model.p, m)
+        places = _enough_places(space.p, m)
     if not _rounds_well(relaxed, m, places):
         require_enough(space, m, places, relaxed.criterion)
     search = _Search(relaxed, searched, m, places, since + options.seconds, options)

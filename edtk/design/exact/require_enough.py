@@ -44,4 +44,4 @@ def require_enough(space: DesignSpace, m: int, places: int, criterion: Criterion
     for what, number in (("experiment", m), ("distinct pose", places)):
         if number < least:
             of = "" if criterion.needs_all else criterion.label
-            raise TooFewExperimentsError(what, number, space.model.p, least, of)
+            raise TooFewExperimentsError(what, number, space.p, least, of)

@@ -38,7 +38,7 @@ def smallest_size(space: DesignSpace, criterion: Criterion | None = None) -> int
     problem.require_identifiable(criterion)
     if criterion is not None and not criterion.needs_all:
         return _smallest_size_for(criterion, problem)
-    p = space.model.p
+    p = space.p
     T = whitener(problem.mean)
     blocks = T.T @ problem.blocks() @ T
     M = SINGULAR * np.eye(p)

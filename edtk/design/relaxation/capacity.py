@@ -27,20 +27,20 @@ class MemoryLimitError(ValueError):
         self.least_mb = least_mb
 
 
-def capacity(p: int, variables: int, memory_mb: float) -> int:
+def capacity(doubles: int, variables: int, memory_mb: float) -> int:
     """Count the candidates that fit below a limit on memory.
 
     Each has its information, a scaled copy of that, its design variables and its sensitivities.
 
     Args:
-        p: Number of parameters.
+        doubles: Numbers of a candidate's information, see `DesignSpace.doubles`.
         variables: Number of design variables of an experiment.
         memory_mb: Limit on memory [MB], for the whole process.
 
     Raises:
         MemoryLimitError: Fewer fit than are worth holding.
     """
-    bytes_each = 8 * (p * (p + 1) + variables + WORK)
+    bytes_each = 8 * (2 * doubles + variables + WORK)
     fit = (memory_mb - BASE_MB) * 1e6 / bytes_each
     if not fit >= KEPT:  # also where the limit is not a number
         raise MemoryLimitError(memory_mb, np.ceil(BASE_MB + KEPT * bytes_each / 1e6))

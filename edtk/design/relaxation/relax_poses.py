@@ -68,7 +68,7 @@ def relax_poses(
         PlanInterrupted: Ctrl-C after a first certified plan, which it carries.
     """
     require_some(n)
-    fit = capacity(source.space.model.p, source.space.size, options.memory_mb)
+    fit = capacity(source.space.doubles, source.space.size, options.memory_mb)
     relaxable = require_relaxable(criterion)
     run = _Run(source, n, relaxable, options, BestPlan(source, relaxable))
     try:

@@ -29,7 +29,7 @@ def exact_plan(found: ExactPlan) -> str:
         f"{criterion.name}, {criterion.title}; {whole.experiments} experiments "
         f"in {len(whole.q)} poses{kept}",
         f"  value       {factor * found.value:.6g}{unit}",
-        f"  bound       {factor * found.bound:.6g}{unit}  ({_reach(found)})",
+        f"  bound       {factor * found.bound:.6g}{unit}  ({reach(found)})",
         f"  efficiency  {100 * found.efficiency:.2f} %",
         *([] if found.expected is None else [str(found.expected)]),
         *_budget(found),
@@ -60,7 +60,7 @@ def _detection(robot: Robot, found: Detection) -> str:
     return f"{chance}, with one more experiment {100 * found.power_with:.0f} %, at {pose}"
 
 
-def _reach(found: ExactPlan) -> str:
+def reach(found: ExactPlan) -> str:
     """Which plans the bound speaks of."""
     searched = found.lower_bound.kind is BoundKind.SEARCHED
     reach = "searched over all poses, not proved" if searched else "over the candidates"

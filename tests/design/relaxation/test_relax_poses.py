@@ -269,9 +269,9 @@ def test_beyond_memory(name, little_memory):
     source = CandidateSource(KR270, 3)
     criterion = STUDY.criterion(name)
     n = 5000
-    assert 50 <= capacity(5, 6, 0.03) < 100
+    assert 50 <= capacity(15, 6, 0.03) < 100
     streamed = relax_poses(source, n, criterion, options=RelaxOptions(memory_mb=0.03))
-    assert little_memory == [capacity(5, 6, 0.03)]
+    assert little_memory == [capacity(15, 6, 0.03)]
     whole = relax_poses(source, n, criterion)
     assert streamed.candidates == whole.candidates == n
     assert streamed.gap <= GAP
@@ -288,7 +288,7 @@ def test_beyond_memory_and_the_candidates(little_memory):
     plan = relax_poses(CandidateSource(TWO, 4), 3000, create("D"), True, options)
     assert plan.candidates == 3000
     assert plan.searched_bound.gap_to(plan.cost) <= 1e-3
-    assert little_memory[0] == capacity(2, 6, 0.03) < 300
+    assert little_memory[0] == capacity(3, 6, 0.03) < 300
     assert_sound(plan)
     assert_certified(plan)
 

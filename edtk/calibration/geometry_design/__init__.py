@@ -1,0 +1,1 @@
+"""Plans of a study of geometry: which poses to measure, without and with a load."""

@@ -1,0 +1,328 @@
+"""The plan that a study of geometry asks for: visits, loads and what the day may cost."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import combinations
+from time import monotonic
+
+import numpy as np
+
+from criteria import Relaxable
+from edtk.calibration.geometry_design.day_costs import DayCosts
+from edtk.calibration.geometry_design.geometry_plan import GeometryPlan
+from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
+from edtk.calibration.geometry_design.geometry_space import GeometrySpace
+from edtk.calibration.geometry_design.poses_by_load import PosesByLoad
+from edtk.calibration.geometry_design.visit_search import FoundVisits, VisitSearch
+from edtk.design.bound import Bound
+from edtk.design.exact.exact_plan import ExactPlan
+from edtk.design.plan import Plan
+from edtk.design.problem import RankDeficientError
+from edtk.design.relaxation.relax import require_relaxable
+from edtk.design.relaxation.relax_options import RelaxOptions
+from edtk.design.relaxation.relax_poses import relax_poses
+from edtk.design.relaxation.relaxed_plan import RelaxedPlan
+from edtk.study.relax_study import source_of
+from edtk.study.run_options import DEFAULTS, RunOptions
+from edtk.study.study import Study
+from edtk.study.study_errors import study_errors
+from edtk.system.errors import ArgumentError
+
+TOLERANCE = 2e-2  # relative gap of a bound: that of 35 parameters would take minutes to 1e-3
+SHARE_OF_BOUND = 0.5  # of the seconds, at most, that the search for the bound may take
+MOST_LOADS = 5  # none counted: of more, too many sets would have to be searched one by one
+MOST_VISITS = 500
+AS_GOOD = 1e-4  # relative difference of costs of plans below which the cheaper day is better
+ROUNDING = 1e-9  # relative: a budget may be exceeded by the rounding of a sum
+
+
+def plan_geometry(
+    study: Study,
+    size: int | None = None,
+    criterion: str | None = None,
+    *,
+    kept: Plan | None = None,
+    cost_budget: float | None = None,
+    seconds: float | None = None,
+    options: RunOptions = DEFAULTS,
+) -> GeometryPlan:
+    """Search for the best visits of poses, without and with a load, with a bound on every plan.
+
+    Without a budget all loads are there to choose from, and the size alone decides. With one, a
+    plan of several loads has to pay for load changes: the best plans of each set of loads, none
+    counted as one, are searched within what the budget leaves, and the best of them is taken. A set
+    whose bound is no better than a plan that was found already is not searched.
+
+    Args:
+        study: The study, with [parameters].
+        size: Number of visits in all, kept ones counted; None where the budget decides.
+        criterion: Name of a criterion; defaults to the one that the study is about.
+        kept: Visits that were made already; they cost nothing more.
+        cost_budget: What the new visits may cost; defaults to the study's.
+        seconds: Time after which the best plan so far is returned; defaults to no limit.
+        options: Seed and progress.
+
+    Raises:
+        UserError: One line that says what cannot be done, and where.
+    """
+    with study_errors(study):
+        question = GeometryQuestion.of(study)
+        search = _Search.of(question, size, criterion, kept, cost_budget, seconds, options)
+        return search.run()
+
+
+@dataclass(frozen=True, eq=False)
+class _Trial:
+    """The best plan of one set of loads.
+
+    Attributes:
+        loads: Indices of the loads.
+        relaxed: The relaxation over its poses.
+        bound: No plan of these loads costs less.
+        found: The plan; None where it could not be better than another one.
+    """
+
+    loads: tuple[int, ...]
+    relaxed: RelaxedPlan
+    bound: Bound
+    found: FoundVisits | None
+
+
+@dataclass(frozen=True, eq=False)
+class _Search:
+    """One call of `plan_geometry`."""
+
+    question: GeometryQuestion
+    criterion: Relaxable
+    kept: Plan | None
+    new: int | None
+    costs: DayCosts | None
+    since: float
+    seconds: float
+    options: RunOptions
+
+    @classmethod
+    def of(
+        cls,
+        question: GeometryQuestion,
+        size: int | None,
+        criterion: str | None,
+        kept: Plan | None,
+        cost_budget: float | None,
+        seconds: float | None,
+        options: RunOptions,
+    ) -> "_Search":
+        """Check the arguments.
+
+        Raises:
+            ArgumentError: One of them is impossible.
+        """
+        costs = DayCosts.of(question.study, cost_budget)
+        budget = None if costs is None else costs.budget
+        if size is None and budget is None:
+            message = "expected the number of visits, unless a budget of costs decides"
+            raise ArgumentError(message, argument="size")
+        if budget is not None and len(question.wrenches) > MOST_LOADS + 1:
+            raise question.study.error(
+                "load.list_F_N",
+                f"plans within a budget choose among {MOST_LOADS} loads at most; list fewer",
+            )
+        return cls(
+            question,
+            require_relaxable(question.criterion(criterion)),
+            kept,
+            _new_visits(size, kept),
+            costs,
+            monotonic(),
+            np.inf if seconds is None else seconds,
+            options,
+        )
+
+    def run(self) -> GeometryPlan:
+        """Search each set of loads, and take the best plan."""
+        trials: list[_Trial] = []
+        refused: RankDeficientError | None = None
+        for loads, funds in self._sets():
+            least = min((one.found.cost for one in trials if one.found), default=np.inf)
+            try:
+                trials.append(self._trial(loads, funds, least))
+            except RankDeficientError as error:
+                # Without a load, springs are open; with it, they may be told.
+                refused = error
+        found = [one for one in trials if one.found is not None]
+        if not found:
+            raise refused or ArgumentError(
+                "pays for no plan that tells all parameters",
+                argument="cost_budget",
+                given=None if self.costs is None else self.costs.budget,
+            )
+        return self._result(self._cheapest(found), trials)
+
+    def _cheapest(self, found: list[_Trial]) -> _Trial:
+        """Of the plans that are as good as the best one, that which costs least."""
+        results = [(one, one.found) for one in found if one.found is not None]
+        least = min(plan.cost for _, plan in results)
+        best = [(one, plan) for one, plan in results if plan.cost <= least * (1 + AS_GOOD)]
+        if self.costs is None:
+            return best[0][0]
+        costs = self.costs
+        spent = []
+        for one, plan in best:
+            visits = one.relaxed.space.plan(plan.x, plan.repeats)
+            poses = PosesByLoad.of(visits, self.question.wrenches, self.question.study.robot)
+            spent.append(costs.total(poses.wrenches, poses.visits.sum(axis=0)))
+        return best[int(np.argmin(spent))][0]
+
+    def _sets(self) -> Iterator[tuple[tuple[int, ...], float]]:
+        """Sets of loads, and what the budget leaves for visits; infinite without a budget.
+
+        Raises:
+            ArgumentError: The budget pays for no plan.
+        """
+        every = tuple(range(len(self.question.wrenches)))
+        if self.costs is None or self.costs.budget is None:
+            yield every, np.inf
+            return
+        prices = self.costs.prices(self.question.wrenches)
+        any_left = False
+        # Large sets first: their plans are the best ones where load changes are cheap.
+        for number in range(len(every), 0, -1):
+            funds = self.costs.budget - self.costs.change * self.costs.changes_of(number)
+            for loads in combinations(every, number):
+                least = prices[list(loads)].min() * (self.new or 1)
+                if funds * (1 + ROUNDING) >= least:
+                    any_left = True
+                    yield loads, funds
+        if not any_left:
+            visits = "a visit" if self.new is None else f"{self.new} visits"
+            message = f"{visits} cost {prices.min() * (self.new or 1):g} or more"
+            raise ArgumentError(message, argument="cost_budget", given=self.costs.budget)
+
+    def _trial(self, loads: tuple[int, ...], funds: float, least: float) -> _Trial:
+        """The best plan of a set of loads, unless its bound is no better than a least cost."""
+        space = self.question.space.with_loads(self.question.wrenches, loads)
+        prices = np.ones(len(loads))
+        if self.costs is not None:
+            prices = self.costs.prices(self.question.wrenches)[list(loads)]
+        m = self.new
+        one_price = bool((prices == prices[0]).all()) or not np.isfinite(funds)
+        if m is None and one_price:
+            m = _most_visits(funds, prices[0])
+        total = float(funds if m is None else m)
+        if m is None:
+            space = replace(space, prices=prices)
+        space = self._beside_kept(space, total)
+        relaxed = self._relaxed(space)
+        bound = relaxed.best_bound.scaled(total)
+        if bound.cost >= least:
+            return _Trial(loads, relaxed, bound, None)
+        counted = replace(space, prices=None)
+        if m is None and space.prior is not None:
+            counted = self._beside_kept(replace(counted, prior=None), 1.0)
+        search = VisitSearch(
+            counted, relaxed, self.criterion, self._seed, self._late, self._progress
+        )
+        if m is not None and (one_price or prices.max() * m <= funds * (1 + ROUNDING)):
+            return _Trial(loads, relaxed, bound, search.of_size(m))
+        most = _most_visits(funds, prices.min()) if m is None else m
+        return _Trial(loads, relaxed, bound, search.within(prices, funds, most, m is not None))
+
+    def _beside_kept(self, space: GeometrySpace, total: float) -> GeometrySpace:
+        """The space with its share of what the kept visits tell."""
+        if self.kept is None:
+            return space
+        known = replace(self.question.space, prior=None).information(self.kept)
+        return replace(space, prior=known / total, sharing=max(int(total), 1))
+
+    def _relaxed(self, space: GeometrySpace) -> RelaxedPlan:
+        """The relaxation over all feasible poses."""
+        half = self.since + SHARE_OF_BOUND * self.seconds
+        return relax_poses(
+            source_of(self.question.study, self.options.seed, space),
+            self.question.study.specification.candidates,
+            self.criterion,
+            continuous=True,
+            options=RelaxOptions(
+                tolerance=TOLERANCE,
+                progress=lambda stage, gap: self.options.progress(f"bound: {stage}", gap),
+                stop=lambda: monotonic() >= half,
+            ),
+        )
+
+    @property
+    def _seed(self) -> int:
+        seed = self.options.seed
+        return self.question.study.specification.seed if seed is None else seed
+
+    def _late(self) -> bool:
+        """Whether the time has run out."""
+        return monotonic() >= self.since + self.seconds
+
+    def _progress(self, label: str, cost: float) -> None:
+        self.options.progress(label, cost)
+
+    def _result(self, best: _Trial, trials: list[_Trial]) -> GeometryPlan:
+        """The plan, with a bound on the plans of all sets of loads."""
+        found = best.found
+        assert found is not None
+        question = self.question
+        plan = best.relaxed.space.plan(found.x, found.repeats)
+        whole = plan if self.kept is None else self.kept + plan
+        M = replace(question.space, prior=None).information(whole)
+        least = min(trials, key=lambda one: one.bound.cost).bound
+        rho0 = None
+        if question.target is not None:
+            rho0 = float(question.criterion("rho0").value(M))
+        plain = ExactPlan(
+            best.relaxed,
+            plan,
+            self.kept,
+            float(self.criterion.cost(M)),
+            found.starts,
+            found.found,
+            found.optima,
+            monotonic() - self.since,
+            found.ended,
+            warnings=question.study.warnings,
+        )
+        return GeometryPlan(
+            **{name: getattr(plain, name) for name in plain.__dataclass_fields__},
+            question=question,
+            bound_of_all=least,
+            costs=self.costs,
+            tried={one.loads: one.found.cost if one.found else np.inf for one in trials}
+            if len(trials) > 1
+            else {},
+            rho0=rho0,
+        )
+
+
+def _new_visits(size: int | None, kept: Plan | None) -> int | None:
+    """Number of new visits; None where the budget decides.
+
+    Raises:
+        ArgumentError: There is nothing to plan, or the visits are too many.
+    """
+    if size is None:
+        return None
+    count = 0 if kept is None else kept.experiments
+    if size - count < 1:
+        message = f"{count} experiments are kept; expected more than that"
+        raise ArgumentError(message, argument="size", given=size)
+    if size - count > MOST_VISITS:
+        message = f"plans of more than {MOST_VISITS} new visits are not searched for"
+        raise ArgumentError(message, argument="size", given=size)
+    return size - count
+
+
+def _most_visits(funds: float, price: float) -> int:
+    """How many visits some funds pay for.
+
+    Raises:
+        ArgumentError: They are too many for a search.
+    """
+    number = int(np.floor(funds * (1 + ROUNDING) / price))
+    if number > MOST_VISITS:
+        message = f"pays for {number} visits; plans of more than {MOST_VISITS} are not searched for"
+        raise ArgumentError(message, argument="cost_budget")
+    return number

@@ -1,0 +1,182 @@
+"""The search for the best visits: exchange among good poses, then all joints move together."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from criteria import Criterion
+from edtk.calibration.geometry_design.geometry_space import GeometrySpace
+from edtk.design.candidates import Candidates
+from edtk.design.exact.apportion import apportion
+from edtk.design.exact.counts.find_counts import find_counts
+from edtk.design.exact.counts.limits import Limits
+from edtk.design.exact.exchange import exchange
+from edtk.design.exact.refine import refine
+from edtk.design.exact.round_poses import round_poses
+from edtk.design.relaxation.normalised import normalised
+from edtk.design.relaxation.relaxed_plan import RelaxedPlan
+from edtk.system.typing import Array, Indices
+
+STARTS = 8
+ELITE = 3  # plans that are refined: the best of the starts is best at the end in half of the cases
+SENSITIVE = 300  # candidates of largest sensitivity among which places are exchanged
+ROUNDS = 3  # of refinement, with an exchange between them; the third one seldom finds anything
+STEPS = 30  # of a descent: what is left after them is below 1e-3
+FINEST = 100
+SHARPNESS = (250.0,)  # of the soft maximum that stands for a criterion with kinks
+SHARPEST = (1000.0, 4000.0)
+GAIN = 1e-4  # relative improvement for which another round is made
+SAME = 1e-6  # relative difference of costs up to which two plans are one
+WEIGHTY = 0.5  # part of the starts that are drawn by the weights of the relaxation
+SEED = 2  # the stream of random numbers that starts come from
+
+
+@dataclass(frozen=True, eq=False)
+class FoundVisits:
+    """The best plan of a search.
+
+    Attributes:
+        x: Design variables (k, v) of its visits.
+        repeats: How often each is made (k,).
+        cost: Its cost.
+        starts: Number of starts.
+        found: How many of the refined plans came out as this one.
+        optima: How many different plans they came out as.
+        ended: Why the search ended: "starts", "budget" or "interrupted".
+    """
+
+    x: Array
+    repeats: Indices
+    cost: float
+    starts: int
+    found: int
+    optima: int
+    ended: str
+
+
+@dataclass(frozen=True, eq=False)
+class VisitSearch:
+    """A search for the best visits in a space of geometry.
+
+    Places are exchanged among the poses of the relaxation and the candidates of largest
+    sensitivity. Then all joints of a plan move together to an optimum nearby (`refine`), places
+    are exchanged again, and so on. Poses are rounded to the steps of the controller at the end.
+
+    Attributes:
+        space: Where visits may lie, each counted as one (`prices` None), with what is known
+            besides as its prior.
+        relaxed: A relaxation of the same space and criterion, whatever a visit costs there.
+        criterion: What is minimised.
+        seed: Seed.
+        late: Asked whether to end early.
+        progress: Called with a label and the best cost.
+    """
+
+    space: GeometrySpace
+    relaxed: RelaxedPlan
+    criterion: Criterion
+    seed: int
+    late: Callable[[], bool]
+    progress: Callable[[str, float], object]
+
+    def of_size(self, m: int) -> FoundVisits:
+        """The best plan of m visits, whatever each costs."""
+        pool, weights = self._pool()
+        rng = np.random.default_rng((self.seed, SEED))
+        starts = self._starts(rng, weights, m)
+        places, costs = exchange(pool.problem, self.criterion, starts, thorough=False)
+        elite = np.argsort(costs, kind="stable")[:ELITE]
+        self.progress(f"{STARTS} starts", float(costs[elite[0]]))
+        x = pool.x[places[elite]]
+        return self._finished(x, np.ones(x.shape[:2]), pool, STARTS)
+
+    def within(self, prices: Array, funds: float, m: int, sized: bool) -> FoundVisits:
+        """The best plan whose visits cost no more than some funds.
+
+        Args:
+            prices: What a visit costs under each load (s,).
+            funds: What all may cost together.
+            m: Number of visits, or the largest.
+            sized: Whether it is that number.
+        """
+        pool, _ = self._pool()
+        problem = pool.problem
+        base = np.zeros((problem.p, problem.p))
+        if problem.prior is not None:
+            base = problem.prior * self.space.sharing
+        limits = Limits(m, base, None, prices[self.space.load_of(pool.x)], funds, sized)
+        plain = problem.with_prior(None)
+        nothing = np.zeros(problem.n, dtype=int)
+        found = find_counts(plain, self.criterion, limits, nothing, seed=self.seed, starts=1)
+        self.progress("1 start", found.cost)
+        chosen = found.support
+        repeats = found.counts[chosen].astype(float)
+        return self._finished(pool.x[chosen][None], repeats[None], None, 1)
+
+    def _pool(self) -> tuple[Candidates, Array]:
+        """Visits among which places are exchanged, and the weights (n,) of the relaxation."""
+        head = self.relaxed.source.take(self.relaxed.candidates)
+        sensitivities = normalised(head.problem, self.criterion).sensitivities(
+            self.relaxed.multipliers
+        )
+        order = np.argsort(-sensitivities.max(axis=0), kind="stable")[:SENSITIVE]
+        x = np.concatenate([self.relaxed.x, head.x[order]])
+        weights = np.concatenate([self.relaxed.weights, np.zeros(len(order))])
+        return Candidates(x, self.space.problem(x)), weights
+
+    def _starts(self, rng: np.random.Generator, weights: Array, m: int) -> Indices:
+        """Places (starts, m) to start from: rounded weights, drawn by weight, and at random."""
+        n = len(weights)
+        drawn = [np.repeat(np.arange(n), apportion(weights, m))]
+        for i in range(1, STARTS):
+            by_weight = i < WEIGHTY * STARTS
+            drawn.append(rng.choice(n, m, p=weights / weights.sum() if by_weight else None))
+        return np.array(drawn)
+
+    def _finished(
+        self, x: Array, repeats: Array, pool: Candidates | None, starts: int
+    ) -> FoundVisits:
+        """The best of some plans (b, k) after refinement, in poses that a controller takes."""
+        ended = "starts"
+        costs = np.asarray(self.criterion.cost(self.space.at(x).information(repeats))).reshape(-1)
+        try:
+            for turn in range(ROUNDS):
+                if self.late():
+                    ended = "budget"
+                    break
+                x, reached = refine(
+                    self.space, self.criterion, x, repeats, STEPS, SHARPNESS, self.late
+                )
+                gained = bool((reached < costs * (1 - GAIN)).any())
+                costs = reached
+                self.progress("refine", float(costs.min()))
+                if pool is None or not gained or turn == ROUNDS - 1:
+                    break
+                x = self._exchanged(x, pool)
+        except KeyboardInterrupt:
+            ended = "interrupted"
+        best = int(np.argmin(costs))
+        alike = np.unique(np.floor(np.log(costs[np.isfinite(costs)]) / SAME))
+        same = int((costs <= costs[best] * (1 + SAME)).sum())
+        return self._rounded(x[best], repeats[best], (starts, same, len(alike), ended))
+
+    def _exchanged(self, x: Array, pool: Candidates) -> Array:
+        """Plans (b, k, v) after exchanges of places for those of other plans and of the pool."""
+        own = x.reshape(-1, x.shape[-1])
+        both = Candidates(own, self.space.problem(own)) + pool
+        places = np.arange(len(own)).reshape(x.shape[:2])
+        return both.x[exchange(both.problem, self.criterion, places, thorough=False)[0]]
+
+    def _rounded(self, x: Array, repeats: Array, search: tuple[int, int, int, str]) -> FoundVisits:
+        """One plan (k, v), refined to the end and rounded to the steps of the controller."""
+        starts, found, optima, ended = search
+        if ended == "starts":
+            x = refine(
+                self.space, self.criterion, x[None], repeats[None], FINEST, SHARPEST, self.late
+            )[0][0]
+        x, repeats = round_poses(self.space, self.criterion, x, repeats)
+        order = np.lexsort((*np.round(x.T[::-1], 9), self.space.load_of(x)))
+        x, repeats = x[order], repeats[order]
+        cost = float(self.criterion.cost(self.space.problem(x).information(repeats)))
+        return FoundVisits(x, repeats.astype(int), cost, starts, found, optima, ended)

@@ -1,0 +1,188 @@
+"""Plans of studies of geometry: values that are true, loads that pay, budgets that are kept."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from arm import ROBOT
+from click.testing import CliRunner
+
+import edtk
+from edtk.calibration.geometry_design.geometry_plan import GeometryPlan
+from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
+from edtk.calibration.geometry_design.plan_geometry import plan_geometry
+from edtk.cli import main
+from edtk.design.relaxation import search_continuum
+from edtk.study.study import Study
+
+LOAD = [0, 0, -100, 0, 0, 0]
+STUDY = Study(
+    robot=ROBOT,
+    tool={"position_mm": [500, 0, 0]},
+    load={"F_N": LOAD[:3]},
+    measurement={"sigma_mm": 0.1},
+    parameters={"geometry": ["zeros"], "compliance": ["q1", "q2"], "base": False},
+    test_pose={
+        "q_deg": [10, -60],
+        "tool": {"position_mm": [500, 0, 0]},
+        "load": {"F_N": [0, 0, -50]},
+    },
+    candidates=100,
+)
+FREE = {"load_change": 8, "visit": 2}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def small_screen() -> Iterator[None]:
+    """Two joints need no twenty thousand fresh poses to choose starts of ascents from."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(search_continuum, "SCREEN", 500)
+        yield
+
+
+def priced(**costs: object) -> Study:
+    """The study with costs of its own."""
+    return STUDY.replace(costs=FREE | costs)
+
+
+def covariance(found: GeometryPlan) -> np.ndarray:
+    """Covariance of the parameters (p, p) by plain stacking of weighted rows."""
+    plan = found.whole
+    A = found.question.rows(plan.q, plan.wrench).reshape(-1, found.question.model.p) / 0.1
+    weights = np.repeat(plan.repeats, 3).astype(float)
+    return np.linalg.inv(A.T @ (weights[:, None] * A))
+
+
+@pytest.fixture(scope="module")
+def eight() -> GeometryPlan:
+    """Eight visits, without regard to costs."""
+    return plan_geometry(STUDY, 8)
+
+
+def test_value_and_bound(eight: GeometryPlan) -> None:
+    """The value is that of the poses as they are written, and no plan can be much better."""
+    assert eight.whole.experiments == 8
+    assert eight.efficiency == pytest.approx(1, abs=0.02)
+    assert eight.efficiency <= 1 + 1e-6
+    rows = eight.question.rows(np.deg2rad([[10, -60]]), np.array([[0, 0, -50, 0, 0, 0]]))[0]
+    expected = np.sqrt(np.trace(rows @ covariance(eight) @ rows.T))
+    assert 1e3 * eight.value == pytest.approx(expected, rel=1e-9)
+    assert eight.to_dict()["rho0_mm"] == pytest.approx(expected, rel=1e-9)
+    assert eight.violation == 0.0
+
+
+def test_a_plan_is_better_than_chance(eight: GeometryPlan) -> None:
+    """No plan of as many random visits comes near it."""
+    question = eight.question
+    rng = np.random.default_rng(0)
+    criterion = question.criterion("rho0")
+    values = []
+    for _ in range(200):
+        q = rng.uniform(*STUDY.robot.limits, (8, 2))
+        wrench = np.array(LOAD) * rng.integers(0, 2, 8)[:, None]
+        plan = edtk.Plan(q, wrench, np.ones(8, dtype=int))
+        values.append(criterion.value(question.space.information(plan)))
+    assert eight.value < min(values)
+
+
+def test_the_poses_say_which_are_loaded(eight: GeometryPlan) -> None:
+    """The table of poses holds every visit once, in JSON, text and file alike."""
+    data = eight.to_dict()
+    loaded = sum(one["loaded"] for one in data["poses"])
+    assert loaded + sum(one["unloaded"] for one in data["poses"]) == 8
+    is_loaded = eight.whole.wrench.any(axis=1)
+    assert eight.whole.repeats[is_loaded].sum() == loaded
+    assert data["loads"] == [[0.0] * 6, [float(x) for x in LOAD]]
+    assert f"{loaded} visits under load, F = (0, 0, -100) N" in eight.summary()
+    assert data["costs"] is None
+
+
+def test_a_load_change_is_paid_for() -> None:
+    """Within a budget a plan of both loads has fewer visits, and the better plan is taken."""
+    dear = plan_geometry(priced(load_change=8), cost_budget=20, criterion="D")
+    assert dear.spent is not None
+    assert dear.spent <= 20
+    assert set(dear.tried) == {(0, 1), (1,)}  # without a load the springs are open
+    assert dear.whole.experiments == 10
+    assert dear.whole.wrench.any(axis=1).all()
+    assert dear.to_dict()["costs"] == {
+        "spent": 20.0,
+        "budget": 20.0,
+        "load_changes": 0,
+        "unit": "",
+    }
+    cheap = plan_geometry(priced(load_change=0), cost_budget=20, criterion="D")
+    assert cheap.value >= dear.value * (1 - 1e-4)
+
+
+def test_visits_of_different_prices() -> None:
+    """Where loaded visits cost more, the bound counts costs, and no plan exceeds the budget."""
+    found = plan_geometry(priced(loaded_visit=5, load_change=1), cost_budget=31)
+    visits = found.poses.visits.sum(axis=0)
+    assert found.spent == visits @ [2, 5] + (1 if visits.all() else 0)
+    assert found.spent <= 31
+    assert 0.8 < found.efficiency <= 1 + 1e-6
+
+
+def test_kept_visits_count() -> None:
+    """Visits that were made already are part of the plan, and cost nothing more."""
+    kept = edtk.Plan(np.deg2rad([[30.0, 40.0]]), np.array([LOAD], dtype=float), np.array([2]))
+    found = plan_geometry(priced(), 5, kept=kept)
+    assert found.whole.experiments == 5
+    assert found.plan.experiments == 3
+    assert found.spent == 2 * 3 + 8 * (len(set(found.plan.wrench[:, 2])) - 1)
+    assert found.value == pytest.approx(
+        found.question.criterion("rho0").value(found.question.space.information(found.whole))
+    )
+
+
+@pytest.mark.parametrize(
+    ("keys", "arguments", "message"),
+    [
+        ({}, {}, "size: expected the number of visits"),
+        ({}, {"size": 4, "cost_budget": 3.0}, "cost_budget 3.0: 4 visits cost 4 or more"),
+        ({"load": {"F_max_N": 10}}, {"size": 4}, "load: plans of geometry visit poses without"),
+        ({}, {"size": 10**6}, "more than 500 new visits"),
+    ],
+)
+def test_what_cannot_be_planned(
+    keys: dict[str, object], arguments: dict[str, object], message: str
+) -> None:
+    """One line names the argument or the key."""
+    with pytest.raises(edtk.UserError, match=message):
+        plan_geometry(STUDY.replace(**keys), **arguments)
+
+
+def test_costs_belong_to_geometry() -> None:
+    """A study of compliances alone does not pass them over in silence."""
+    with pytest.raises(edtk.UserError, match="costs: plans of compliances alone do not heed it"):
+        STUDY.replace(costs=FREE, parameters=None, joints={"unknown": ["q1", "q2"]})
+
+
+def test_fixed_joints_leave_something_open() -> None:
+    """What no feasible pose tells is named; a task that depends on it is refused."""
+    fixed = STUDY.replace(joints={"fixed_deg": {"q2": -60}}, criterion="D", test_pose=None)
+    question = GeometryQuestion.of(fixed)
+    assert question.model.p < question.structural.p
+    assert len(question.untold) == question.structural.p - question.model.p
+    other = fixed.replace(test_pose={**STUDY.to_dict()["test_pose"], "q_deg": [10, 20]})
+    with pytest.raises(edtk.UserError, match="test_pose: depends on what no feasible pose tells"):
+        GeometryQuestion.of(other).criterion("rho0")
+
+
+def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """`edtk plan` prints JSON with the keys of other plans, and writes a file of visits."""
+    monkeypatch.chdir(tmp_path)
+    STUDY.to_toml("study.toml")
+    words = ["plan", "study.toml", "--size", "5", "--json", "--out", "plan.csv"]
+    result = CliRunner().invoke(main, words)
+    assert result.exit_code == 0
+    found = json.loads(result.stdout)
+    assert {"value", "bound", "efficiency", "plan", "poses", "rank", "parameters"} <= set(found)
+    assert edtk.load_study("study.toml").load_plan("plan.csv").experiments == 5
+    for option in (["--distinct", "2"], ["--certificate", "c.json"], ["--detect", "x=1mm"]):
+        refused = CliRunner().invoke(main, ["plan", "study.toml", "--size", "5", *option])
+        assert refused.exit_code == 2
+        assert "is for plans of compliances alone" in refused.stderr
