@@ -1,8 +1,9 @@
 """The tables of fault_table.md."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
+from fault_bounds import SPREAD, Bound
 from fault_robots import robots
 from fault_shares import (
     ERRORS,
@@ -11,12 +12,15 @@ from fault_shares import (
     LEAST_RIGHT,
     MOST_ALARMS,
     MOST_FALSE,
+    PLANS,
     Cell,
     Shares,
 )
 from faults import FAULTS
 
 from edtk.report.markdown_table import markdown_table
+
+Possible = Mapping[tuple[str, str], Mapping[str, Bound]]  # by robot and plan, and by fault
 
 REPEATS = (1, 3)
 HEADER = (
@@ -43,7 +47,10 @@ INTRODUCTION = (
     "poses of faults are drawn by chance. All shares are in percent.\n\n"
     '*Detected*: the verdict is not "good", or the sheet is refused. *Before*: the same share '
     "before the nonlinear fit and the causes, of 60 sets of the KR 270, each experiment "
-    "measured once; that of other robots is not known, nor is the size of backlash then. "
+    "measured once; that of other robots is not known. Of backlash it is not known either how "
+    "large it was, and where: the last three rows of the KR 270 are those of which the sum of "
+    "squares, which detected it then, finds such shares. Of a joint that is drawn by chance no "
+    "size has them. "
     "*Named first*: of the detected "
     "sheets, those whose first cause is right; a sheet that is refused by the name of its "
     "fault counts. A wrong pose is right if its rows are; noise that repetitions share, and "
@@ -60,9 +67,34 @@ INTRODUCTION = (
     "detected, and detection no worse than before; a place misses one if it is off by more "
     f"than {ERRORS:g} standard errors of so many sheets.\n"
 )
+POSSIBLE = (
+    "## What is possible\n\n"
+    "Each experiment measured once. *Sum of squares*: detected by p < 0.01 of all residuals "
+    "alike, as before. *Best test*: the likelihood ratio of the fault, drawn by chance as above, "
+    "against good data. Of all tests with as many false alarms as `edtk.identify` has, it "
+    "detects most (Neyman and Pearson); it knows which fault it looks for, and how large that "
+    "is. *Best naming*: of the sheets that the best test for all faults at once detects, those "
+    "whose cause has the largest mean likelihood, all causes being equally likely (Bayes). No "
+    "naming is right more often on the average over the causes; one that is better for one "
+    "cause is worse for another. It knows the sizes that faults have here; in the second column "
+    f"only within a factor of {SPREAD:g} to either side, which is about what anybody knows. To "
+    "first order in the faults; random plans are the means of some.\n"
+)
+POSSIBLE_HEADER = (
+    "fault",
+    "plan",
+    "sum of squares",
+    "detected",
+    "best test",
+    "named first",
+    "best naming",
+    "of unknown size",
+)
 
 
-def page(table: Sequence[tuple[Cell, Shares]], missed: Sequence[Sequence[str]]) -> str:
+def page(
+    table: Sequence[tuple[Cell, Shares]], missed: Sequence[Sequence[str]], possible: Possible
+) -> str:
     """The report, as Markdown."""
     by_place = {
         (cell.robot, cell.fault, cell.repeats, cell.poses is None): shares
@@ -75,7 +107,11 @@ def page(table: Sequence[tuple[Cell, Shares]], missed: Sequence[Sequence[str]]) 
             times = "once" if repeats == 1 else f"{repeats} times"
             parts.append(f"## {robot}: each experiment measured {times}\n")
             rows = [_row(by_place, robot, number, repeats) for number in range(len(FAULTS))]
-            parts.append(markdown_table(HEADER, rows))
+            parts.append(markdown_table(HEADER, [row for row in rows if row[1] != "0"]))
+    parts.append(POSSIBLE)
+    for robot in robots():
+        parts.append(f"### {robot}\n")
+        parts.append(markdown_table(POSSIBLE_HEADER, _possible_rows(by_place, robot, possible)))
     good = [
         (
             cell.robot,
@@ -111,6 +147,25 @@ def _row(
             named += f" (joint too: {_words(shares.joint)})"
         row += [_words(shares.detected), before, named, _words(shares.wrong)]
     return row
+
+
+def _possible_rows(
+    by_place: dict[tuple[str, int, int, bool], Shares], robot: str, possible: Possible
+) -> list[list[str]]:
+    """What is possible beside what is, for each fault and plan."""
+    rows = []
+    for number, fault in enumerate(FAULTS):
+        for is_random, kind in enumerate(PLANS):
+            bound = possible[robot, kind].get(fault.title)
+            shares = by_place[robot, number, 1, bool(is_random)]
+            if bound is None or not shares.sets:
+                continue
+            pairs = (
+                (bound.plain, shares.detected, bound.detected),
+                (shares.right, bound.named, bound.named_unknown),
+            )
+            rows.append([fault.title, kind, *(_words(share) for pair in pairs for share in pair)])
+    return rows
 
 
 def _words(share: float) -> str:

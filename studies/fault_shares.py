@@ -108,6 +108,12 @@ def misses(table: Sequence[tuple[Cell, Shares]]) -> list[tuple[str, ...]]:
     return found
 
 
+def false_alarms(table: Sequence[tuple[Cell, Shares]]) -> float:
+    """Share of good sheets [%], over all places, whose verdict is not good."""
+    good = [shares for cell, shares in table if FAULTS[cell.fault] is GOOD]
+    return sum(one.sets * one.detected for one in good) / sum(one.sets for one in good)
+
+
 def today(cell: Cell, fault: Fault) -> float:
     """Detection before causes were named [%]; zero where it is not known."""
     words = fault.today.split(" / ")

@@ -61,6 +61,13 @@ def normal_quantile(probability: ArrayLike) -> Array:
     return np.asarray(ndtri(probability))
 
 
+def log_normal_below(x: ArrayLike) -> Array:
+    """Logarithm of the probability that a standard normal variable is below x."""
+    from scipy.special import log_ndtr
+
+    return np.asarray(log_ndtr(x))
+
+
 def poisson_tail(count: ArrayLike, mean: ArrayLike) -> Array:
     """Probability that a Poisson variable is larger than a count of at least zero."""
     from scipy.special import pdtrc

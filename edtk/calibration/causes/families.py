@@ -19,12 +19,16 @@ PERCENT = 100.0
 AXES = "xyz"
 
 # Sizes that faults usually have, within a factor of a few.
-USUAL_TURN = np.deg2rad(2.0)  # of a load or a frame that was not aligned
+USUAL_TILT = np.deg2rad(3.0)  # of a load that hangs or pushes askew
+USUAL_TURN = np.deg2rad(2.0)  # of a frame that was not aligned
 # Errors of a tool point that was measured by hand: flanges centre tools, whose lengths differ [m].
-USUAL_TOOL = (3e-3, 3e-3, 10e-3)
+USUAL_TOOL = (2e-3, 2e-3, 10e-3)
 USUAL_DRIFT = 0.05e-3  # motion of a tracker or a foundation within a few minutes [m]
-USUAL_SHARE = 0.3  # difference of a compliance between the two signs of its torque
-USUAL_PLAY = {"revolute": np.deg2rad(0.01), "prismatic": 0.05e-3}  # of a gear [rad, m]
+# Three of four drifts are a step that all readings share; the others grow from reading to reading.
+DRIFTS_ALIKE = 4 / 3
+DRIFTS_GROWING = 4.0
+USUAL_SHARE = 0.15  # of a compliance, by which the sign of its torque changes it to either side
+USUAL_PLAY = {"revolute": np.deg2rad(0.005), "prismatic": 0.05e-3}  # of a gear, to a side [rad, m]
 
 
 def families(model: ElastostaticModel, data: Measurements, A: Array, k: Array) -> Iterator[Family]:
@@ -55,7 +59,7 @@ def _load_direction(model: ElastostaticModel, data: Measurements) -> Family:
         wrench[:, 3:] = _turned(turn, wrench[:, 3:])
         return replace(data, wrench=wrench).regressor(model), np.zeros(data.deflection.shape)
 
-    return Family("load_direction", "deg", DEGREES, len(turns), USUAL_TURN, predict)
+    return Family("load_direction", "deg", DEGREES, len(turns), USUAL_TILT, predict)
 
 
 def _tool(model: ElastostaticModel, data: Measurements) -> Iterator[Family]:
@@ -118,13 +122,13 @@ def _drifts(model: ElastostaticModel, data: Measurements, A: Array) -> Iterator[
     """Something moves between the unloaded and the loaded reading: always, or more and more."""
     m = len(A)
     shift = translations(model, data)
-    for growth in (np.ones(m), np.linspace(-1, 1, m)):
+    for growth, tries in ((np.ones(m), DRIFTS_ALIKE), (np.linspace(-1, 1, m), DRIFTS_GROWING)):
         moved = growth[:, None, None] * shift
 
         def predict(c: Array, moved: Array = moved) -> tuple[Array, Array]:
             return A, moved @ c
 
-        yield Family("drift", "mm", MM, 3, USUAL_DRIFT, predict, tries=2)
+        yield Family("drift", "mm", MM, 3, USUAL_DRIFT, predict, tries)
 
 
 def _by_sign(model: ElastostaticModel, data: Measurements, A: Array) -> Iterator[Family]:
@@ -140,7 +144,7 @@ def _by_sign(model: ElastostaticModel, data: Measurements, A: Array) -> Iterator
     # One joint that has torques of both signs, or all joints alike: arms are built of equal gears.
     single = [(every & (np.arange(model.p) == j), names[j]) for j in np.flatnonzero(both)]
     for chosen, name in [*single, (every, "")] if both.any() else single:
-        tries = model.p + 1
+        tries = 2 * len(single) if name else 2  # all joints are as likely as a single one
         predict = _stiffer(A, sign * chosen)
         yield Family("torque_sign", "%", PERCENT, 1, USUAL_SHARE, predict, tries, name)
         kinds = {kind for kind, one in zip(kinds_of, chosen, strict=True) if one}
@@ -148,7 +152,8 @@ def _by_sign(model: ElastostaticModel, data: Measurements, A: Array) -> Iterator
             kind = kinds.pop()
             scale = ("deg", DEGREES) if kind == "revolute" else ("mm", MM)
             predict = _loose(A, (unit * sign * chosen).sum(axis=-1))
-            yield Family("backlash", *scale, 1, USUAL_PLAY[kind], predict, tries, name)
+            usual = USUAL_PLAY[kind]
+            yield Family("backlash", *scale, 1, usual, predict, tries, name, only_positive=True)
 
 
 def _torque(model: ElastostaticModel, data: Measurements) -> Array:

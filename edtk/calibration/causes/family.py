@@ -1,6 +1,5 @@
 """A fault of one kind and any size, as a model of the measurements with parameters of its own."""
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -26,13 +25,15 @@ class Family:
         unit: Unit of its size for people.
         per_unit: Units per SI unit.
         dims: Number of its parameters.
-        usual: Size that such a fault usually has, in SI units; much larger and much smaller ones
-            are less likely beforehand.
+        usual: Length of the size that such a fault usually has, in SI units; much larger and much
+            smaller ones are less likely beforehand.
         predict: Regressors A (m, rows, p) and constants b (m, rows) of a size c (dims,), in SI
             units; A(0) and b(0) = 0 are the model itself.
-        tries: How many families of the same kind there are: one a joint, one a pose.
+        tries: How many families of the same kind there are: one a joint, one a pose; less
+            where this one is likelier than the others.
         joint: Name of the joint that the fault is in; empty if it is in none.
         rows: Rows of the measurements that the fault is in, counted from 0; empty for all.
+        only_positive: Whether there is no such fault of a negative size.
     """
 
     cause: str
@@ -41,9 +42,10 @@ class Family:
     dims: int
     usual: float
     predict: Callable[[Array], tuple[Array, Array]]
-    tries: int = 1
+    tries: float = 1
     joint: str = ""
     rows: tuple[int, ...] = ()
+    only_positive: bool = False
 
     def derivative(self, c: Array, k: Array) -> Array:
         """Derivatives (m, rows, dims) of the predictions by the size of the fault."""
@@ -75,22 +77,6 @@ class FamilyFit:
     c: Array
     covariance: Array
     chi2: float
-
-    def rarity(self, usual: float) -> float:
-        """Twice the negative logarithm of the share of the likelihood that a fault's sizes have.
-
-        It is Laplace's approximation of the marginal likelihood, with Cauchy's distribution of the
-        usual width over the size: a fault that explains a small misfit, but is usually so large
-        that it would have made a large one, is less likely than one that is usually as small.
-
-        Args:
-            usual: Size that such a fault usually has, in SI units.
-        """
-        dims = len(self.c)
-        size = float(self.c @ self.c) / usual**2
-        # Normal at the peak, with Cauchy's tails.
-        width = dims * math.log(usual**2) - float(np.linalg.slogdet(self.covariance)[1])
-        return max(width, 0.0) + (dims + 1) * math.log1p(size)
 
 
 def fit_family(family: Family, measured: Array, sigma: RowNoise, k: Array) -> FamilyFit | None:

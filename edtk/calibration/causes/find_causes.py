@@ -10,6 +10,8 @@ from edtk.calibration.causes.cause import NOISE, OUTLIER, Cause
 from edtk.calibration.causes.families_with_known import families_with_known
 from edtk.calibration.causes.family import fit_family
 from edtk.calibration.causes.plain_fit import PlainFit
+from edtk.calibration.causes.rank_faults import COMMON, LEVEL, likely_faults, rank_faults
+from edtk.calibration.causes.rarity import rarity
 from edtk.calibration.causes.shifted import SEEN, shifted
 from edtk.calibration.causes.tried import Tried
 from edtk.calibration.causes.wrong_pose import wrong_pose
@@ -26,15 +28,10 @@ from edtk.inference.visit_residuals import visit_residuals
 from edtk.model.elastostatic_model import ElastostaticModel
 from edtk.system.typing import Array
 
-LEVEL = 0.01  # probability that any fault is named in good data
 MOST = 2  # causes that are named
-COMMON = "common_noise"
 POSE = "pose"
 PRIOR = "prior"
 NO_FAULTS = (COMMON, OUTLIER, PRIOR)  # of the day; they keep others from being blamed
-# Tested whatever is looked at beside them, at a share of the level: any cause is then named in less
-# than 2 % of good data.
-ALWAYS = {NOISE: 1.5, COMMON: 1.0}
 NEAR = 6.0  # score within which a second cause is as likely as the best, to a person
 UNASKED = 10.0  # a noise that is smaller than stated harms nobody: it has to be so much clearer
 CLEARLY_OFF = 6.0  # size of an outlier, in sigma, that larger noise does not make
@@ -53,9 +50,9 @@ def find_causes(
     """Refit the measurements with each fault that is known, and name those that explain them.
 
     A fault of any size c adds parameters to the model; the sum of squares falls by a chi-square
-    with as many degrees of freedom where the data are good. The fault with the least Bayesian
-    information criterion is named if so large a fall has a probability below 1 %, times the number
-    of faults tried (Bonferroni). That the noise is larger than stated is one of the alternatives.
+    with as many degrees of freedom where the data are good. Where so large a fall has a probability
+    below 1 %, after looking at all faults, the one of the largest marginal likelihood is named. A
+    noise that is larger than stated is one of the alternatives.
 
     Args:
         model: The robot with its calibration tool, and the measured rows.
@@ -76,14 +73,13 @@ def find_causes(
         return ()  # of very many measurements some do not identify all parameters
     if plain.dof < 1:
         return ()
-    likely = _likely(_tried(plain))
+    likely = likely_faults(_tried(plain))
     likely.sort(key=plain.score)
-    likely = _with_joints(plain, likely, typed)
-    likely.sort(key=plain.score)
-    if likely and likely[0].cause.cause in NO_FAULTS and _settles(likely[0], plain):
+    ranked = rank_faults(_with_joints(plain, likely, typed), plain.coordinates)
+    if ranked and ranked[0][1].cause.cause in NO_FAULTS and _settles(ranked[0][1], plain):
         return ()  # the tests of lack of fit and of outliers tell of it
-    likely = [one for one in likely if one.cause.cause not in NO_FAULTS]
-    best = [one for one in likely if plain.score(one) <= plain.score(likely[0]) + NEAR][:MOST]
+    ranked = [(score, one) for score, one in ranked if one.cause.cause not in NO_FAULTS]
+    best = [one for score, one in ranked if score <= ranked[0][0] + NEAR][:MOST]
     return tuple(replace(one.cause, explained=_explained(one, plain)) for one in best)
 
 
@@ -97,12 +93,21 @@ def _tried(plain: PlainFit) -> list[Tried]:
     shared = _common_noise(test) if strata is None else _shared(strata)
     return [
         *_smooth(plain),
-        *shifted(plain.whitened, plain.measured, plain.chi2, data.pose, POSE, _moved(plain)),
+        *_poses(plain),
         *_outliers(plain),
         *_noise(plain, repeated=test is not None),
         *(replace(one, deviance=one.deviance + plain.by_prior) for one in shared),
         *_prior(plain),
     ]
+
+
+def _poses(plain: PlainFit) -> Iterator[Tried]:
+    """A pose is another one than that written down."""
+    moved = _moved(plain)
+    parts = plain.data.deflection.shape[1] if moved is None else moved.shape[-1]
+    usual = plain.usual_shift(parts)
+    group = plain.data.pose
+    yield from shifted(plain.whitened, plain.measured, plain.chi2, group, POSE, usual, moved)
 
 
 def _moved(plain: PlainFit) -> Array | None:
@@ -122,17 +127,6 @@ def _moved(plain: PlainFit) -> Array | None:
     if plain.prior is None:
         return moved
     return np.moveaxis(plain.prior.zeros_below(np.moveaxis(moved, -1, 0)), 0, -1)
-
-
-def _likely(tried: list[Tried]) -> list[Tried]:
-    """The faults whose fall of the sum of squares is no chance, after looking at all of them."""
-    looks = sum({one.cause.cause: one.tries for one in tried}.values())
-    likely = []
-    for one in tried:
-        p = min(1.0, one.cause.p * ALWAYS.get(one.cause.cause, looks))
-        if p < LEVEL:
-            likely.append(replace(one, cause=replace(one.cause, p=p)))
-    return likely
 
 
 def _with_joints(plain: PlainFit, likely: list[Tried], typed: tuple[int, ...]) -> list[Tried]:
@@ -181,6 +175,8 @@ def _smooth(plain: PlainFit) -> Iterator[Tried]:
         along = fit.c / max(float(np.linalg.norm(fit.c)), 1e-300)
         std = math.sqrt(float(along @ fit.covariance @ along))
         p = float(chi_square_tail(max(plain.chi2 - fit.chi2, 0.0), family.dims))
+        if family.only_positive:
+            p = p / 2 if size > 0 else 1.0
         cause = Cause(
             family.cause,
             size * family.per_unit,
@@ -190,8 +186,8 @@ def _smooth(plain: PlainFit) -> Iterator[Tried]:
             joint=family.joint,
             rows=family.rows,
         )
-        rarity = fit.rarity(family.usual)
-        yield Tried(cause, fit.chi2, family.dims, family.tries, rarity)
+        cost = rarity(fit.c, fit.covariance, family.usual, family.only_positive)
+        yield Tried(cause, fit.chi2, family.dims, family.tries, cost)
 
 
 def _outliers(plain: PlainFit) -> Iterator[Tried]:
@@ -199,13 +195,18 @@ def _outliers(plain: PlainFit) -> Iterator[Tried]:
     whitened = plain.whitened
     rows = np.arange(len(plain.data))
     if len(np.unique(plain.data.pose)) < len(rows):
-        yield from shifted(whitened, plain.measured, plain.chi2, rows, OUTLIER)
+        usual = plain.usual_shift(plain.data.deflection.shape[1])
+        yield from shifted(whitened, plain.measured, plain.chi2, rows, OUTLIER, usual)
     residual = plain.measured_rows(whitened.residual(plain.measured))
     left = 1 - (plain.measured_rows(whitened.Q) ** 2).sum(axis=-1)
     drop = np.divide(residual**2, left, out=np.zeros_like(left), where=left > SEEN)
-    most = float(drop.max())
+    row, column = np.unravel_index(int(drop.argmax()), drop.shape)
+    most = float(drop[row, column])
     cause = Cause(OUTLIER, math.sqrt(most), "sigma", None, float(chi_square_tail(most, 1)))
-    yield Tried(cause, plain.chi2 - most, 1, drop.size)
+    free = left[row, column]
+    usual_size = plain.usual_shift(drop.shape[1])[column] * whitened.weight[row, column]
+    cost = rarity(residual[row, [column]] / free, np.array([[1 / free]]), float(usual_size))
+    yield Tried(cause, plain.chi2 - most, 1, drop.size, cost)
 
 
 def _common_noise(found: LackOfFit | None) -> Iterator[Tried]:

@@ -14,8 +14,10 @@ from edtk.system.typing import Array, Indices
 
 # Values tried over a turn; the deflection has at most two periods in it, so that this is fine.
 GRID = np.deg2rad(np.arange(-180.0, 180.0, 1.0))
-REFINEMENTS = 30  # golden-section steps, from a degree to the last digit that matters
-GOLDEN = (np.sqrt(5) - 1) / 2
+FINER = np.linspace(-1.0, 1.0, 33)  # many values at once cost little more than one
+REFINEMENTS = 3  # finer grids, from a degree to less than a thousandth of one
+BEND = np.deg2rad(0.1)  # step of the second derivative of the misfit
+LEAST_BEND = 1e-6  # of the misfit over such a step: measurements hardly tell the joint
 FITS = 0.01  # probability of residuals as large, from which a joint explains them
 CLEARLY = 9.0  # chi-square by which a joint must be better than every other one
 
@@ -29,12 +31,14 @@ class MistypedJoint:
         change: The value that explains them less the written one [rad].
         misfit: Sum of squares over sigma that it leaves.
         alone: Whether it explains them much better than any other joint does.
+        std: Standard deviation of the change [rad], from the curvature of the misfit.
     """
 
     joint: int
     change: float
     misfit: float
     alone: bool
+    std: float
 
 
 def mistyped_joint(
@@ -69,15 +73,17 @@ def mistyped_joint(
         on_grid = misfit(GRID)
         best = float(GRID[int(on_grid.argmin())])
         change = _minimum(misfit, best)
-        found.append((float(misfit(np.array([change]))[0]), joint, change))
+        below, at, above = misfit(change + BEND * np.array([-1.0, 0.0, 1.0])).tolist()
+        std = BEND * float(np.sqrt(2 / max(below - 2 * at + above, LEAST_BEND)))
+        found.append((at, joint, change, std))
     found.sort()
     if not found:
         return None
-    least, joint, change = found[0]
+    least, joint, change, std = found[0]
     if chi_square_tail(least, max(measured[rows].size - 1, 1)) < FITS:
         return None
     alone = len(found) == 1 or found[1][0] > least + CLEARLY
-    return MistypedJoint(joint, change, least, alone)
+    return MistypedJoint(joint, change, least, alone, std)
 
 
 def _misfit(
@@ -116,16 +122,10 @@ def _misfit(
 
 
 def _minimum(misfit: Callable[[Array], Array], centre: float) -> float:
-    """The minimum within a grid step of a value, by golden section."""
-    step = float(GRID[1] - GRID[0])
-    low = centre - step
-    high = centre + step
+    """The minimum within a grid step of a value, by finer and finer grids."""
+    reach = float(GRID[1] - GRID[0])
     for _ in range(REFINEMENTS):
-        left = high - GOLDEN * (high - low)
-        right = low + GOLDEN * (high - low)
-        at_left, at_right = misfit(np.array([left, right]))
-        if at_left < at_right:
-            high = right
-        else:
-            low = left
-    return (low + high) / 2
+        near = centre + reach * FINER
+        centre = float(near[int(misfit(near).argmin())])
+        reach *= float(FINER[1] - FINER[0])
+    return centre

@@ -12,7 +12,10 @@ from edtk.inference.measurements import Measurements
 from edtk.inference.prior_rows import PriorRows
 from edtk.inference.whiten import RowNoise, whiten
 from edtk.model.elastostatic_model import ElastostaticModel
+from edtk.model.sensors.pose_marker import COORDINATES
 from edtk.system.typing import Array
+
+TINY = 1e-12  # size of nothing [m, rad]
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,6 +108,17 @@ class PlainFit:
     def alone_dof(self) -> int:
         """Degrees of freedom of the measurements alone."""
         return self.dof if self.alone is None else self.data.deflection.size - len(self.k)
+
+    def usual_shift(self, parts: int) -> Array:
+        """Sizes (parts,) of shifts of single rows [m, rad]: lengths first, then rotations.
+
+        A reading of another pose, or a mistyped one, is off by about the size of all readings.
+        """
+        measured = self.measured_rows(self.measured)
+        lengths = self.data.lengths
+        sizes = [measured[which] for which in (lengths, ~lengths)]
+        length, turn = (max(float(np.sqrt(np.mean(x**2))), TINY) if x.size else TINY for x in sizes)
+        return np.where(np.arange(parts) < COORDINATES, length, turn)
 
     def below(self, family: Family) -> Family:
         """The same fault, whose predictions have the rows of the prior below them."""

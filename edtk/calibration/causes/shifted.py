@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from edtk.calibration.causes.cause import Cause
+from edtk.calibration.causes.rarity import rarity
 from edtk.calibration.causes.tried import Tried
 from edtk.inference.distributions import chi_square_tail
 from edtk.inference.least_squares import Whitened
@@ -19,6 +20,7 @@ def shifted(
     chi2: float,
     group: Indices,
     cause: str,
+    usual: Array,
     units: Array | None = None,
 ) -> Iterator[Tried]:
     """Try each group of rows, such as a pose with all its repetitions, as shifted by a constant.
@@ -29,6 +31,7 @@ def shifted(
         chi2: Sum of squares without a shift.
         group: Number (m,) of each row's group.
         cause: Name of such a fault.
+        usual: Sizes (c,) that the parts of a shift usually have [m, rad].
         units: What each unit of the shift adds to the measurements (m, rows, c); defaults to a unit
             of each coordinate.
     """
@@ -49,4 +52,8 @@ def shifted(
         c = vectors[:, seen] @ (parts[seen] / values[seen])
         size = 1e3 * float(np.linalg.norm(c[:3]))
         found = Cause(cause, size, "mm", None, p, rows=tuple(at.tolist()))
-        yield Tried(found, chi2 - drop, dims, len(numbers))
+        cost = None
+        if dims == len(usual):
+            own = np.linalg.inv(gram) / np.outer(usual, usual)
+            cost = rarity(c / usual, own, float(np.sqrt(dims)))
+        yield Tried(found, chi2 - drop, dims, len(numbers), cost)

@@ -14,14 +14,15 @@ class Tried:
         cause: The fault with its size; p is that of its own test.
         deviance: Twice the negative logarithm of the likelihood: the sum of squares that is left.
         dims: Number of its parameters.
-        tries: How many faults of the same kind there are: one a joint, one a pose.
-        rarity: What the parameters cost where their usual size is known, see `FamilyFit.rarity`.
+        tries: How many faults of the same kind there are: one a joint, one a pose; less
+            where this one is likelier than the others.
+        rarity: What the parameters cost where their usual size is known, see `rarity`.
     """
 
     cause: Cause
     deviance: float
     dims: int
-    tries: int
+    tries: float
     rarity: float | None = None
 
     def score(self, coordinates: int) -> float:

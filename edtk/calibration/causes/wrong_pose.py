@@ -6,6 +6,7 @@ import numpy as np
 
 from edtk.calibration.causes.cause import OUTLIER
 from edtk.calibration.causes.mistyped_joint import mistyped_joint
+from edtk.calibration.causes.rarity import rarity
 from edtk.calibration.causes.tried import Tried
 from edtk.inference.least_squares import Estimate, SingularPlanError, Whitened
 from edtk.inference.measurements import Measurements
@@ -15,6 +16,7 @@ from edtk.system.typing import Array
 
 # Poses are mostly off by one joint value: how much rarer they are off otherwise, all repeats alike.
 UNEXPLAINED = 5
+USUAL_CHANGE = np.deg2rad(10.0)  # of a joint value that was mistyped, or not gone to
 
 
 def wrong_pose(
@@ -63,4 +65,5 @@ def wrong_pose(
         name = model.robot.joint_names[found.joint]
         size = float(np.rad2deg(found.change))
         cause = replace(cause, size=size, unit="deg", joint=name)
-    return Tried(cause, deviance, 1, tried.tries * len(typed))
+    cost = rarity(np.array([found.change]), np.array([[found.std**2]]), USUAL_CHANGE)
+    return Tried(cause, deviance, 1, tried.tries * len(typed), cost)

@@ -1,0 +1,51 @@
+"""What the parameters of a fault cost, when the fault is compared with others."""
+
+import math
+
+import numpy as np
+
+from edtk.inference.distributions import log_normal_below
+from edtk.system.typing import Array
+
+# Student's distribution with so many degrees of freedom, of the usual width, is the one of a
+# fault's size beforehand: mostly within a factor of two, rarely five times as large.
+FREEDOM = 4.0
+# It is a mixture of normal ones, whose widths are these factors of the usual one.
+FACTORS = 2.0 ** np.arange(-2, 7)
+
+
+def rarity(c: Array, covariance: Array, usual: float, only_positive: bool = False) -> float:
+    """Twice the negative logarithm of the share of the likelihood that a fault's sizes have.
+
+    The likelihood of a size x is ``exp(-(x - c)' C^-1 (x - c) / 2)`` of its maximum. Its mean over
+    normal sizes of covariance ``t^2 I`` is
+
+        ``det(I + t^2 C^-1)^-1/2 exp(-c' (C + t^2 I)^-1 c / 2)``,
+
+    and that over Student's distribution is the mean of these (Gelman and others, Bayesian Data
+    Analysis, 3rd edition, sections 7.4 and 17.2). Of a fault that the measurements do not show, it
+    is what the maximum of the likelihood gained; of one that they show well, about
+    ``log det(t^2 C^-1)``, as with Bayes' information criterion. So a fault that explains a small
+    misfit, but is usually so large that it would have made a large one, is less likely than one
+    that is usually as small; and directions of a fault that measurements hardly show do not count
+    against it.
+
+    Args:
+        c: Size of the fault (dims,) at the maximum of the likelihood, SI.
+        covariance: Its covariance C (dims, dims).
+        usual: Length that such a size usually has, in SI units.
+        only_positive: Whether a negative size is none; with one parameter.
+    """
+    values, vectors = np.linalg.eigh(covariance)
+    values = np.maximum(values, np.finfo(float).tiny)[:, None]
+    along = (vectors.T @ c)[:, None] ** 2
+    t2 = (usual * FACTORS) ** 2 / len(c)  # of each parameter, so that the length is the usual one
+    cost = (along / (values + t2) + np.log1p(t2 / values)).sum(axis=0)
+    if only_positive:
+        # The share of the likelihood over positive sizes, which have twice the density.
+        z = float(c[0]) * np.sqrt(t2 / (values * (values + t2)))
+        cost = cost - 2 * (math.log(2) + log_normal_below(z[0]))
+    weight = FACTORS**-FREEDOM * np.exp(-FREEDOM / (2 * FACTORS**2))
+    least = float(cost.min())
+    mean = float(weight @ np.exp(-(cost - least) / 2)) / float(weight.sum())
+    return least - 2 * math.log(mean)
