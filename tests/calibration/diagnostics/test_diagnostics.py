@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from readings import PLAN, STUDY, measured, readings_of
+from scipy.stats import binom
 
 from edtk.calibration.diagnostics.diagnostic import Severity
 from edtk.calibration.diagnostics.diagnostics import diagnostics
@@ -46,11 +47,14 @@ def lines(data, *args, **options):
 
 @pytest.mark.slow
 def test_nothing_wrong(unassuming):
-    """Clean measurements raise no doubts in nineteen runs of twenty, and more."""
-    found = [
-        lines(measured(seed), study, PLAN) for seed in range(40) for study in (STUDY, unassuming)
-    ]
-    assert sum(map(bool, found)) <= 2
+    """Clean measurements raise doubts in so few runs as happen to, where one of twenty does."""
+    runs = 40
+    doubted = sum(
+        any(lines(measured(seed), study, PLAN) for study in (STUDY, unassuming))
+        for seed in range(runs)
+    )
+    # But for one sample of a thousand.
+    assert binom.sf(doubted - 1, runs, 0.05) > 1e-3
 
 
 @pytest.mark.parametrize(("factor", "named"), [(1e-3, "in metres"), (1e3, "in micrometres")])
