@@ -116,13 +116,14 @@ class CountsSearch:
         """Costs (b,) of the plans from some starts, and their places (b, m)."""
         rng = np.random.default_rng((seed, number))
         starts = [self._start(rng, number == 0, i) for i in range(size)]
-        places = self._improved(np.array(starts), RIDGE)
+        guide = self.pricing.guide if number % 2 == 0 else None
+        places = self._improved(np.array(starts), RIDGE, guide)
         scores = self.pricing.scores(places, RIDGE)
         together = min(self.pricing.kicks, max(1, self.pricing.together // size))
         for _ in range(self.pricing.kicks // together):
             n = self.pricing.candidates
             trials = kicked(rng, self.limits, np.repeat(places, together, axis=0), n)
-            trials = self._improved(trials, RIDGE)
+            trials = self._improved(trials, RIDGE, guide)
             reached = self.pricing.scores(trials, RIDGE).reshape(size, together)
             best = reached.argmin(axis=1)
             each = np.arange(size)
@@ -148,8 +149,10 @@ class CountsSearch:
             return rng.permutation(places)
         return draw_places(rng, self.limits, self.relaxed + 1e-3 * total / n)
 
-    def _improved(self, places: Indices, ridge: float) -> Indices:
-        """Plans (b, m) that no exchange of one place improves."""
+    def _improved(self, places: Indices, ridge: float, guide: Pricing | None = None) -> Indices:
+        """Plans (b, m) that no exchange of one place improves, after those for a guide."""
+        if guide is not None:
+            places = descend_places(guide, self.limits, places, ridge)
         places = descend_places(self.pricing, self.limits, places, ridge)
         if not self.limits.blocks:
             return places

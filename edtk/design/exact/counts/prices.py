@@ -49,6 +49,8 @@ class Pricing(ABC):
         together: Number of plans that are kicked in step, where there are fewer starts.
         kicks: How often a search kicks each of its plans out of a local optimum.
         patience: Starts without an improvement that a search makes at least, time permitting.
+        guide: Prices of a smooth criterion, under which every other wave of starts is improved
+            first; None where that is no help.
     """
 
     candidates: int
@@ -58,6 +60,7 @@ class Pricing(ABC):
     together: int = 96
     kicks: int
     patience: int
+    guide: "Pricing | None" = None
 
     @abstractmethod
     def prices(self, places: Indices, ridge: float, size: int) -> Prices:

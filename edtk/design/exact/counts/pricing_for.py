@@ -1,12 +1,16 @@
 """The quickest way to price the candidates of a problem under a criterion."""
 
+from dataclasses import replace
+
 import numpy as np
 
-from criteria import Criterion
+from criteria import Criterion, Relaxable
 from criteria.determinant_criterion import DeterminantCriterion
 from criteria.linalg.root import root
 from edtk.design.exact.counts.any_prices import AnyPricing
 from edtk.design.exact.counts.determinant_prices import DeterminantPricing
+from edtk.design.exact.counts.largest_variance_prices import LargestVariancePricing
+from edtk.design.exact.counts.least_eigenvalue_prices import LeastEigenvaluePricing
 from edtk.design.exact.counts.limits import Limits
 from edtk.design.exact.counts.linear_prices import LinearPricing
 from edtk.design.exact.counts.prices import Pricing
@@ -15,6 +19,8 @@ from edtk.design.exact.counts.two_level_prices import TwoLevelPricing, two_level
 from edtk.system.typing import Array
 
 SAME = 1e-9  # relative difference of two slopes that are the same
+MOST_VARIANCES = 2_000_000  # of a look at all candidates; beyond it short lists are quicker
+WELL = 1e8  # condition number of an order of matrices that keeps the digits of eigenvalues
 FEWEST_CORNERS = 4096  # of a cube; all of fewer are priced as quickly as coordinates are exchanged
 
 
@@ -37,9 +43,31 @@ def pricing_for(criterion: Criterion, scatter: Scatter, mean: Array) -> Pricing:
             return TwoLevelPricing(rows, limits, *corners)
         return DeterminantPricing(rows, limits)
     slope = constant_slope(criterion, mean)
-    if slope is None:
-        return AnyPricing(criterion, scatter, mean)
-    return LinearPricing(rows, limits, slope)
+    if slope is not None:
+        return LinearPricing(rows, limits, slope)
+    return _with_kinks(criterion, rows, limits, mean) or AnyPricing(criterion, scatter, mean)
+
+
+def _with_kinks(criterion: Criterion, rows: Array, limits: Limits, mean: Array) -> Pricing | None:
+    """Prices of a largest variance or of a least eigenvalue, if the criterion is one."""
+    p = len(mean)
+    if not isinstance(criterion, Relaxable):
+        return None
+    targets = criterion.variance_rows(p)
+    if targets is not None:
+        few = targets.size // p * len(rows) <= MOST_VARIANCES
+        return LargestVariancePricing(rows, limits, targets) if few else None
+    band = criterion.spectral_band(p)
+    if band is None or band.a or p == 1:
+        return None
+    values, V = np.linalg.eigh(band.floor)
+    if not values[0] * WELL > values[-1]:
+        return None
+    # The least t with M >= t F is an eigenvalue in parameters in which F is the identity.
+    T = V / np.sqrt(values)
+    own = replace(limits, base=T.T @ limits.base @ T)
+    guide = LinearPricing(rows, limits, band.floor)
+    return LeastEigenvaluePricing(rows @ T, own, T.T @ mean @ T, guide)
 
 
 def working_parameters(criterion: Criterion, rows: Array, limits: Limits) -> Array:

@@ -6,6 +6,8 @@ import pytest
 import criteria
 from edtk.design.exact.counts.any_prices import AnyPricing
 from edtk.design.exact.counts.determinant_prices import DeterminantPricing
+from edtk.design.exact.counts.largest_variance_prices import LargestVariancePricing
+from edtk.design.exact.counts.least_eigenvalue_prices import LeastEigenvaluePricing
 from edtk.design.exact.counts.limits import Limits
 from edtk.design.exact.counts.linear_prices import LinearPricing
 from edtk.design.exact.counts.pricing_for import constant_slope, pricing_for
@@ -18,6 +20,7 @@ M = 7
 ROWS = RNG.normal(size=(12, P))
 BASE = np.cov(RNG.normal(size=(P, 9)))
 SLOPE = BASE + np.eye(P)
+TARGETS = RNG.normal(size=(5, 2, P))
 LIMITS = Limits(M, BASE)
 PLACES = RNG.integers(0, 12, size=(3, M))
 
@@ -32,6 +35,9 @@ def informations(places: np.ndarray, place: int) -> np.ndarray:
 
 def costs_of(pricing, M):
     """The number that a pricing minimises, computed anew."""
+    if isinstance(pricing, LargestVariancePricing):
+        told = np.einsum("jra,...ab,jrb->...j", TARGETS, np.linalg.inv(M), TARGETS)
+        return told.max(axis=-1)
     if isinstance(pricing, LinearPricing):
         return np.trace(SLOPE @ np.linalg.inv(M), axis1=-2, axis2=-1)
     if isinstance(pricing, DeterminantPricing):
@@ -39,13 +45,14 @@ def costs_of(pricing, M):
     return pricing.criterion.cost(M)
 
 
-@pytest.mark.parametrize("kind", ["determinant", "linear", "any"])
+@pytest.mark.parametrize("kind", ["determinant", "linear", "variance", "any"])
 def test_prices_stay_right_over_many_exchanges(kind):
     """After each of a sweep's exchanges the best candidate and its gain are those of a new look."""
     scatter = Scatter(ROWS[:, None], LIMITS)
     pricing = {
         "determinant": DeterminantPricing(ROWS, LIMITS),
         "linear": LinearPricing(ROWS, LIMITS, SLOPE),
+        "variance": LargestVariancePricing(ROWS, LIMITS, TARGETS),
         "any": AnyPricing(criteria.create("E"), scatter, BASE),
     }[kind]
     places = PLACES.copy()
@@ -67,6 +74,33 @@ def test_prices_stay_right_over_many_exchanges(kind):
             prices.replace(better, place, new[better])
             places[better, place] = new[better]
     assert exchanged > 5
+
+
+def test_the_largest_least_eigenvalue_is_found_without_a_look_at_all():
+    """Whatever exchange improves the least eigenvalue, the best one is found; else none is."""
+    scatter = Scatter(ROWS[:, None], LIMITS)
+    T = np.linalg.inv(np.linalg.cholesky(BASE))
+    criterion = criteria.create("E").transformed(T)
+    pricing = pricing_for(criterion, scatter, BASE)
+    places = PLACES.copy()
+    prices = pricing.prices(places, 0.0, 0)
+    exchanged = 0
+    for place in [*range(M), *range(M)]:
+        allowed = RNG.random((3, 12)) < 0.8
+        new, gain = prices.best(place, allowed)
+        tried = criterion.cost(informations(places, place))
+        present = tried[np.arange(3), places[:, place]]
+        tried = np.where(allowed, tried, np.inf)
+        expected = np.maximum(1 - tried.min(axis=1) / present, 0.0)
+        assert gain == pytest.approx(expected, abs=1e-9)
+        better = np.flatnonzero(gain > 1e-10)
+        assert tried[better, new[better]] == pytest.approx(tried[better].min(axis=1), rel=1e-9)
+        exchanged += len(better)
+        prices.replace(better, place, new[better])
+        places[better, place] = new[better]
+    assert exchanged > 5
+    ones = pricing.scores(PLACES, 0.0)
+    assert -1 / ones == pytest.approx(criterion.cost(scatter.information(PLACES)), rel=1e-9)
 
 
 def test_a_ridge_is_information_of_every_place():
@@ -129,11 +163,13 @@ def test_a_criterion_linear_in_the_covariance_is_known_by_its_gradient():
 
 
 def test_every_criterion_has_its_quickest_prices():
-    """One row and a determinant, one row and a trace, and all the rest."""
+    """One row and a determinant, a trace, a largest variance or eigenvalue, and all the rest."""
     scatter = Scatter(ROWS[:, None], LIMITS)
     mean = BASE + np.eye(P)
     assert type(pricing_for(criteria.create("D"), scatter, mean)) is DeterminantPricing
     assert type(pricing_for(criteria.create("A"), scatter, mean)) is LinearPricing
-    assert type(pricing_for(criteria.create("E"), scatter, mean)) is AnyPricing
+    assert type(pricing_for(criteria.create("E"), scatter, mean)) is LeastEigenvaluePricing
+    assert type(pricing_for(criteria.create("G"), scatter, mean)) is LargestVariancePricing
+    assert type(pricing_for(criteria.create("O4"), scatter, mean)) is AnyPricing
     two = Scatter(RNG.normal(size=(12, 2, P)), LIMITS)
     assert type(pricing_for(criteria.create("D"), two, mean)) is AnyPricing
