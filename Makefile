@@ -12,8 +12,9 @@ study: $(VENV)/.installed
 
 # A file's tests run in one process, which share what they compute. Files run in their own order: by the
 # number of their tests, the longest would come last and run alone. Compiled modules are kept for the
-# processes that tests start, whatever the shell says.
-PYTEST := PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
+# processes that tests start, whatever the shell says. Each process computes in one thread: the matrices are
+# small, and threads of several processes would wait for each other, spinning.
+PYTEST := PYTHONDONTWRITEBYTECODE= OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
 test: $(VENV)/.installed
 	$(PYTEST)
