@@ -1,11 +1,16 @@
 """`edtk.evaluate`: a plan under every criterion."""
 
+from typing import TYPE_CHECKING
+
 from edtk.study.evaluate import Evaluation
 from edtk.study.evaluate import evaluate as evaluate_plan
 from edtk.verbs.inputs import PlanLike, StudyLike, as_plan, as_study, errors_in, name_of
 
+if TYPE_CHECKING:
+    from edtk.calibration.geometry_design.geometry_evaluation import GeometryEvaluation
 
-def evaluate(study: StudyLike, plan: PlanLike) -> Evaluation:
+
+def evaluate(study: StudyLike, plan: PlanLike) -> "Evaluation | GeometryEvaluation":
     """Score a plan under every criterion of a study.
 
     Args:
@@ -13,11 +18,17 @@ def evaluate(study: StudyLike, plan: PlanLike) -> Evaluation:
         plan: A plan, or the path of its CSV file.
 
     Returns:
-        Values of all criteria, standard deviations and covariance of the compliances, SI units.
+        Values of all criteria, standard deviations and covariance of the compliances, SI units. For
+        a study with [parameters] those of its parameters in their own units, with the rank and what
+        the plan leaves open in words.
 
     Raises:
-        UserError: A file is not valid, or the plan cannot identify all parameters.
+        UserError: A file is not valid, or the plan cannot identify all compliances.
     """
     question = as_study(study)
+    if question.specification.parameters is not None:
+        from edtk.calibration.geometry_design.evaluate_geometry import evaluate_geometry
+
+        return evaluate_geometry(question, as_plan(question, plan))
     with errors_in(name_of(plan, "plan")):
         return evaluate_plan(question, as_plan(question, plan))

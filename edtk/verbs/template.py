@@ -47,21 +47,35 @@ def template(
     """
     question = as_study(study)
     _require_own(question, markers)
+    geometry = question.specification.parameters is not None
+    if geometry and positions:
+        message = "a sheet of a study of geometry has positions anyway; leave this out"
+        raise ArgumentError(message, argument="positions")
     measured = as_plan(question, plan)
     if out is not None and not is_standard_output(out):
         require_output(out, *question.reads, plan if isinstance(plan, str | Path) else None)
         require_empty(Path(out))
-    rows = measured.experiments * (markers or len(question.model.instruments))
+    rows = measured.experiments * (markers or _rows_of_visit(question))
     if rows > MOST_ROWS:
         raise UserError(
             f"a sheet of {rows} rows, one for each repetition and marker; "
             f"expected {MOST_ROWS} at most",
             where=name_of(plan, "plan"),
         )
-    table = empty_sheet(question, measured, positions, markers or 0)
+    if geometry:
+        from edtk.calibration.geometry_design.position_sheet import position_sheet
+
+        table = position_sheet(question, measured)
+    else:
+        table = empty_sheet(question, measured, positions, markers or 0)
     if out is not None:
         write_template(table, out)
     return table
+
+
+def _rows_of_visit(study: Study) -> int:
+    """Rows of the sheet for each visit: one an instrument, reference points included."""
+    return max(len(study.specification.marker), len(study.model.instruments))
 
 
 def _require_own(study: Study, markers: int | None) -> None:
@@ -71,6 +85,9 @@ def _require_own(study: Study, markers: int | None) -> None:
         ArgumentError: They are.
     """
     sensors = study.model.sensors
+    if study.specification.parameters is not None and markers is not None:
+        message = "the markers of a study of geometry are its [[marker]]; leave this out"
+        raise ArgumentError(message, argument="markers", given=markers)
     if sensors and markers is not None:
         message = f"the study has {len(sensors)} instruments of its own; leave this out"
         raise ArgumentError(message, argument="markers", given=markers)

@@ -26,7 +26,7 @@ def geometry_plan(found: GeometryPlan) -> str:
         f"  efficiency  {100 * found.efficiency:.2f} %",
         *_identified(found),
         *_rho0(found),
-        *_loads(poses),
+        *visits_by_load(poses),
         *_costs(found),
         f"{found.starts} starts in {found.seconds:.1f} s; {found.found} of the plans refined "
         f"to the end are this one, among {found.optima} different",
@@ -50,7 +50,7 @@ def _rho0(found: GeometryPlan) -> list[str]:
     return [f"rho0 {1e3 * found.rho0:.4g} mm: error of the markers to expect in the test poses"]
 
 
-def _loads(poses: PosesByLoad) -> list[str]:
+def visits_by_load(poses: PosesByLoad) -> list[str]:
     """What loads the visits of each column; nothing where none is loaded."""
     if len(poses.wrenches) == 1:
         return []

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from arm import ROBOT
 from click.testing import CliRunner
+from loaded_arm import LOAD, STUDY
 
 import edtk
 from edtk.calibration.geometry_design.geometry_plan import GeometryPlan
@@ -17,20 +17,6 @@ from edtk.cli import main
 from edtk.design.relaxation import search_continuum
 from edtk.study.study import Study
 
-LOAD = [0, 0, -100, 0, 0, 0]
-STUDY = Study(
-    robot=ROBOT,
-    tool={"position_mm": [500, 0, 0]},
-    load={"F_N": LOAD[:3]},
-    measurement={"sigma_mm": 0.1},
-    parameters={"geometry": ["zeros"], "compliance": ["q1", "q2"], "base": False},
-    test_pose={
-        "q_deg": [10, -60],
-        "tool": {"position_mm": [500, 0, 0]},
-        "load": {"F_N": [0, 0, -50]},
-    },
-    candidates=100,
-)
 FREE = {"load_change": 8, "visit": 2}
 
 

@@ -1,0 +1,124 @@
+"""The worth of a plan of visits: rank, all criteria, and the error to expect in the test poses."""
+
+import numpy as np
+
+import criteria
+from edtk.calibration.geometry_design.geometry_evaluation import GeometryEvaluation
+from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
+from edtk.calibration.geometry_design.poses_by_load import PosesByLoad
+from edtk.calibration.geometry_design.position_rows import MM, PositionRows
+from edtk.design.plan import Plan
+from edtk.inference.geometry.fit_geometry import stages
+from edtk.model.geometry.identifiable import Identifiable, identifiable
+from edtk.study.evaluate import OBSERVABILITY
+from edtk.study.study import Study
+from edtk.study.study_errors import study_errors
+from edtk.system.errors import UserError
+from edtk.system.typing import Array
+
+UNTOLD = 1e-6  # [mm] an error in a task that a unit of what a plan leaves open may make
+
+
+def evaluate_geometry(study: Study, plan: Plan) -> GeometryEvaluation:
+    """Score a plan of visits under every criterion that the study can evaluate.
+
+    A plan that leaves parameters open is scored, too: the standard deviations are then those of the
+    parameters that it tells, criteria of all parameters have no value, and rho0 has one where no
+    open parameter moves a marker in the test poses.
+
+    Args:
+        study: The study, with [parameters].
+        plan: The plan, whether or not its poses are feasible.
+
+    Raises:
+        UserError: The study is no question of a plan, or a criterion that it names fails.
+    """
+    with study_errors(study):
+        question = GeometryQuestion.of(study)
+    told = _told(question, plan)
+    is_whole = not len(told.left)
+    parameters = tuple(question.model.parameters[i] for i in told.kept)
+    cov = _covariance(question, plan, told)
+    values: dict[str, float] = {}
+    skipped = _without_value(question)
+    if is_whole:
+        values, skipped = _values(question, question.space.information(plan))
+    return GeometryEvaluation(
+        question=question,
+        poses=PosesByLoad.of(plan, question.wrenches, study.robot),
+        criteria=values,
+        observability_unscaled=_unscaled(question, plan) if is_whole else {},
+        covariance=cov,
+        parameters=parameters,
+        open=told.words,
+        rho0=_rho0(question, told, cov),
+        skipped=skipped,
+        warnings=study.warnings,
+    )
+
+
+def _told(question: GeometryQuestion, plan: Plan) -> Identifiable:
+    """What a plan tells apart."""
+    rows = question.rows(plan.q, plan.wrench).reshape(-1, question.model.p)
+    return identifiable(rows, question.model.parameters, stages(question.model))
+
+
+def _covariance(question: GeometryQuestion, plan: Plan, told: Identifiable) -> Array:
+    """Covariance (r, r) of the parameters that a plan tells, in their units."""
+    setting = question.setting
+    A = PositionRows(question.model, setting.loads, setting.noise)(plan.q, plan.wrench)
+    weighted = np.sqrt(plan.repeats)[:, None, None] * A[..., told.kept]
+    # From the rows: their squares would lose half of the digits.
+    R = np.linalg.qr(weighted.reshape(-1, len(told.kept)), mode="r")
+    inverse = np.linalg.solve(R, np.eye(len(R)))
+    return np.asarray(inverse @ inverse.T)
+
+
+def _rho0(question: GeometryQuestion, told: Identifiable, cov: Array) -> float | None:
+    """The error in the test poses [m]; None without any, or where it depends on what is open."""
+    target = question.target
+    if target is None:
+        return None
+    apart = target[:, told.left] - target[:, told.kept] @ told.shares
+    if MM * np.abs(apart).max(initial=0.0) > UNTOLD:
+        return None
+    rows = target[:, told.kept]
+    return float(np.sqrt(np.einsum("rp,pq,rq->", rows, cov, rows)))
+
+
+def _values(question: GeometryQuestion, M: Array) -> tuple[dict[str, float], dict[str, str]]:
+    """Values of all criteria that apply, and why those of other plug-ins have none.
+
+    Raises:
+        UserError: A criterion that the study names fails.
+    """
+    loaded = criteria.load_all()
+    study = question.study
+    skipped = dict(loaded.problems)
+    values = {}
+    # Criteria that need parameters have them only where the study gives them.
+    own = {name: criteria.get(name) for name in study.names if name not in loaded.problems}
+    for name, criterion in (loaded.classes | own).items():
+        if question.target is None and criterion.needs_target:
+            continue
+        try:
+            values[name] = float(question.criterion(name).value(M))
+        except (criteria.CriterionError, UserError) as error:
+            message = error.message if isinstance(error, UserError) else str(error)
+            if name in study.names:
+                raise UserError(message, where=study.where) from error
+            skipped[name] = message
+    return values, skipped
+
+
+def _without_value(question: GeometryQuestion) -> dict[str, str]:
+    """Why the criteria of the study have no value."""
+    names = [name for name in question.study.names if not criteria.get(name).needs_target]
+    return dict.fromkeys(names, "the plan leaves parameters open")
+
+
+def _unscaled(question: GeometryQuestion, plan: Plan) -> dict[str, float]:
+    """O1 to O5 of the stacked regressor in millimetres, without division by the noise."""
+    rows = PositionRows(question.model, question.setting.loads)(plan.q, plan.wrench)
+    M = np.einsum("k,kri,krj->ij", plan.repeats, rows, rows)
+    return {name: float(question.criterion(name).value(M)) for name in OBSERVABILITY}

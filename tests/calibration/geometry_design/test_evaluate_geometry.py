@@ -1,0 +1,68 @@
+"""The worth of visits: rank, criteria and rho0 are those of the stacked rows, open ways named."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from loaded_arm import LOAD, STUDY
+
+import edtk
+from edtk.calibration.geometry_design.evaluate_geometry import evaluate_geometry
+from edtk.cli import main
+
+Q = np.deg2rad([[-80, -60], [10, 50], [60, -40], [-30, 90], [100, -100]])
+
+
+def visits(loaded: list[bool]) -> edtk.Plan:
+    """The first of some poses, each twice, with the load or without it."""
+    wrench = np.array(LOAD, dtype=float) * np.array(loaded)[:, None]
+    return edtk.Plan(Q[: len(loaded)], wrench, np.full(len(loaded), 2))
+
+
+def test_covariance_criteria_and_rho0() -> None:
+    """All follow from the weighted rows."""
+    plan = visits([True, True, False, True, False])
+    found = evaluate_geometry(STUDY, plan)
+    question = found.question
+    A = question.rows(plan.q, plan.wrench).reshape(-1, question.model.p) / 0.1
+    cov = np.linalg.inv(2 * A.T @ A)
+    assert found.rank == question.model.p == 6
+    assert found.open == ()
+    np.testing.assert_allclose(found.covariance, cov, rtol=1e-7)
+    assert found.criteria["A"] == pytest.approx(np.trace(cov))
+    assert found.criteria["O3"] == pytest.approx(np.sqrt(2) * np.linalg.svd(A)[1][-1])
+    rows = question.rows(np.deg2rad([[10, -60]]), np.array([[0, 0, -50, 0, 0, 0]]))[0]
+    rho0 = np.sqrt(np.trace(rows @ cov @ rows.T))
+    assert 1e3 * found.criteria["rho0"] == pytest.approx(rho0)
+    assert found.to_dict()["rho0_mm"] == pytest.approx(rho0)
+    assert found.to_dict()["poses"][0]["unloaded"] == 2
+
+
+def test_what_a_plan_leaves_open_is_said() -> None:
+    """Without a load springs are open, in words; what they harm in the task has no number."""
+    found = evaluate_geometry(STUDY, visits([False] * 5))
+    assert found.rank == 4
+    assert len(found.open) == 2
+    assert found.rho0 is None
+    assert found.criteria == {}
+    text = found.summary()
+    assert "4 parameters can be told apart of 6 that better poses would tell" in text
+    assert "open: the compliance of joint q1 moves no marker in these poses" in text
+    assert "no rho0: what is open moves the markers in the test poses" in text
+    unloaded = STUDY.to_dict()["test_pose"] | {"load": {"F_N": [0, 0, 0]}}
+    harmless = evaluate_geometry(STUDY.replace(test_pose=unloaded), visits([False] * 5))
+    assert harmless.rho0 is not None
+
+
+def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """`edtk evaluate` reads a plan without wrenches as one of unloaded visits."""
+    monkeypatch.chdir(tmp_path)
+    STUDY.to_toml("study.toml")
+    Path("plan.csv").write_text("q1_deg,q2_deg\n10,20\n30,-40\n-50,60\n")
+    result = CliRunner().invoke(main, ["evaluate", "study.toml", "plan.csv", "--json"])
+    assert result.exit_code == 0
+    found = json.loads(result.stdout)
+    assert (found["rank"], found["possible_rank"], found["experiments"]) == (4, 6, 3)
+    assert found["rho0_mm"] is None
