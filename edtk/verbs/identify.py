@@ -8,16 +8,13 @@ from edtk.calibration.geometry.calibrate_geometry import calibrate_geometry
 from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
 from edtk.calibration.inference_data import inference_data
 from edtk.report.calibration_files import NAMES, calibration_files
+from edtk.report.geometry_files import geometry_files
 from edtk.study.study import Study
 from edtk.system.atomic_file import Content, write_files
 from edtk.system.errors import ArgumentError
-from edtk.system.json_text import json_text
-from edtk.tables.csv_text import csv_text
 from edtk.verbs.inputs import PlanLike, StudyLike, as_plan, as_study
 from edtk.verbs.require_output import require_folder, require_output
 from edtk.verbs.sampling import Sampling
-
-GEOMETRY_FILES = ("k.json", "residuals.csv")
 
 
 def identify(
@@ -59,7 +56,12 @@ def identify(
     sampling = bayes if isinstance(bayes, Sampling) else Sampling()
     if question.specification.parameters is not None:
         return _geometry(
-            question, Path(measurements), robust, as_is, out, (sigma_unknown, plan, linear, bayes)
+            question,
+            Path(measurements),
+            (robust, as_is),
+            out,
+            sampling if bayes else None,
+            (sigma_unknown, plan, linear),
         )
     inputs = (*question.reads, measurements, plan if isinstance(plan, str | Path) else None)
     sampling.require_writable(*inputs)
@@ -92,9 +94,9 @@ def identify(
 def _geometry(
     study: Study,
     measurements: Path,
-    robust: bool,
-    as_is: bool,
+    how: tuple[bool, bool],
     out: Path | str | None,
+    sampling: Sampling | None,
     others: tuple[object, ...],
 ) -> GeometricCalibration:
     """Identify geometry, base, tools and springs of a study with [parameters].
@@ -102,33 +104,35 @@ def _geometry(
     Args:
         study: The study.
         measurements: The sheet of positions.
-        robust: Whether poses that fit badly count less.
-        as_is: Whether the sheet is taken as it is.
-        out: Folder for `k.json` and `residuals.csv`.
-        others: What was asked for and is not known here: sigma_unknown, plan, linear, bayes.
+        how: Whether poses that fit badly count less, and whether the sheet is taken as it is.
+        out: Folder for `k.json`, `residuals.csv` and `report.html`.
+        sampling: How the posterior is sampled; None where it is not asked for.
+        others: What was asked for and is not known here: sigma_unknown, plan, linear.
 
     Raises:
         ArgumentError: Something of that was asked for.
         UserError: A file is not valid, or the positions cannot be used.
     """
-    for name, given in zip(("sigma_unknown", "plan", "linear", "bayes"), others, strict=True):
+    for name, given in zip(("sigma_unknown", "plan", "linear"), others, strict=True):
         if given:
             raise ArgumentError(
                 "expected a study without [parameters]; geometry is fitted by least squares, with "
                 "the size of its errors estimated",
                 argument=name,
             )
+    for name in ("chain", "export") if sampling is not None else ():
+        if getattr(sampling, name) is not None:
+            raise ArgumentError(
+                "expected a study without [parameters]; the posterior of geometry is not kept",
+                argument=name,
+            )
     require_folder(out)
-    for name in GEOMETRY_FILES if out is not None else ():
+    for name in NAMES if out is not None else ():
         require_output(Path(out or "") / name, *study.reads, measurements)
-    found = calibrate_geometry(study, measurements, robust, as_is)
+    found = calibrate_geometry(study, measurements, *how)
+    if sampling is not None:
+        with sampling.arguments(measurements, study.specification.seed) as arguments:
+            found = found.sampled(**arguments)
     if out is not None:
-        folder = Path(out)
-        result, residuals = GEOMETRY_FILES
-        write_files(
-            {
-                folder / result: json_text(found.to_dict()),
-                folder / residuals: csv_text(found.residuals()),
-            }
-        )
+        write_files(geometry_files(found, Path(out)))
     return found

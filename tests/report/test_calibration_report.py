@@ -3,14 +3,12 @@
 import hashlib
 import os
 import re
-import shutil
-import subprocess
 from dataclasses import replace
-from html import escape
 from pathlib import Path
 
 import numpy as np
 import pytest
+from browser import CHROMIUM, WIDTHS, in_browser
 from matplotlib.figure import Figure
 from scipy.stats import probplot
 
@@ -40,9 +38,6 @@ pytestmark = pytest.mark.slow
 STUDY = load_study(Path(__file__).parents[2] / "studies" / "kr270_milling.toml")
 PLAN = STUDY.published_plans()["table_4_12"]
 A = np.repeat(STUDY.model.regressor(PLAN.q, PLAN.wrench), PLAN.repeats, axis=0)
-CHROMIUM = (
-    shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-)
 
 
 def calibrated(spoil=lambda y: y, k=STUDY.compliances, known=True, seed=3, study=STUDY):
@@ -258,23 +253,6 @@ def test_quantiles_are_those_of_scipy(good, count):
     assert points[:, 0] == pytest.approx(expected[np.isin(expected[:, 1], points[:, 1]), 0])
 
 
-PROBE = """<script>addEventListener('load', () => {
-  const drawings = [...document.querySelectorAll('figure svg')];
-  const shown = drawings.filter(drawing => drawing.getBoundingClientRect().width > 100).length;
-  const letters = drawings.flatMap(drawing => [...drawing.querySelectorAll('text')].map(
-    text => parseFloat(getComputedStyle(text).fontSize) * drawing.getScreenCTM().a));
-  const seen = document.getElementById('verdict').getBoundingClientRect();
-  document.title = [shown, drawings.length, seen.height > 20 && seen.top < 400,
-    document.documentElement.scrollWidth <= innerWidth, Math.min(...letters) >= 9,
-    innerWidth].join(' ');
-});</script></body>"""
-FRAMES = """<!doctype html><title></title><body>{}<script>addEventListener('load', () => {{
-  document.title = [...document.querySelectorAll('iframe')]
-    .map(frame => frame.contentDocument.title).join(', ');
-}});</script></body>"""
-WIDTHS = (1280, 390)
-
-
 @pytest.mark.skipif(CHROMIUM is None, reason="there is no chromium on this machine")
 def test_in_a_browser(tmp_path, good):
     """A headless browser shows verdict and pictures, at desk and phone width, without an error.
@@ -285,27 +263,6 @@ def test_in_a_browser(tmp_path, good):
     """
     options = SamplingOptions(Demand(0.3, length=10.0))
     sampled = calibration_report(good[0].sampled(np.random.default_rng(3), options))
-    pages = [escape(text.replace("</body>", PROBE)) for text in (good[1], sampled)]
-    frames = [
-        f'<iframe width="{width}" height="900" frameborder="0" srcdoc="{page}"></iframe>'
-        for page in pages
-        for width in WIDTHS
-    ]
-    path = tmp_path / "report.html"
-    path.write_text(FRAMES.format("".join(frames)), encoding="utf-8")
-    options = [
-        "--headless",
-        "--no-sandbox",
-        "--disable-gpu",
-        "--enable-logging=stderr",
-        f"--user-data-dir={tmp_path}",
-        "--window-size=1300,900",
-        "--virtual-time-budget=5000",
-        "--dump-dom",
-    ]
-    command = [CHROMIUM, *options, str(path)]
-    answer = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
-    assert "CONSOLE" not in answer.stderr
-    seen = re.search("<title>(.*)</title>", answer.stdout)[1].split(", ")
+    seen = in_browser((good[1], sampled), tmp_path)
     assert seen == [f"{n} {n} true true true {width}" for n in (5, 8) for width in WIDTHS]
     assert all("Good calibration." in text for text in (good[1], sampled))

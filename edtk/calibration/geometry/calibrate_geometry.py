@@ -23,6 +23,7 @@ from edtk.calibration.geometry.gross_errors import GrossErrors, gross_errors
 from edtk.calibration.geometry.reference_points import reference_points
 from edtk.calibration.geometry.study_geometry import StudyGeometry
 from edtk.calibration.geometry.with_standing import with_standing
+from edtk.calibration.origin import Origin
 from edtk.inference.geometry.fit_geometry import TooFewPosesError, fit_geometry
 from edtk.inference.geometry.geometric_fit import GeometricFit, root_mean_squares
 from edtk.inference.geometry.marker_positions import MarkerPositions
@@ -90,7 +91,14 @@ def calibrate_geometry(
         raise UserError(rough[0].text, where=path)
     doubts.sort(key=lambda doubt: -doubt.severity)
     return GeometricCalibration(
-        setting, fit, tuple(doubts), path, sound.counting, tuple(gross.visits)
+        setting,
+        fit,
+        tuple(doubts),
+        path,
+        sound.counting,
+        tuple(gross.visits),
+        robust,
+        Origin.of(path, False, as_is),
     )
 
 

@@ -1,6 +1,6 @@
 """Identified geometry and springs, with everything that a person wants to know about them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,7 +13,11 @@ from edtk.calibration.geometry.counting import Counting
 from edtk.calibration.geometry.geometric_doubt import GeometricDoubt
 from edtk.calibration.geometry.geometry_to_dict import geometry_to_dict
 from edtk.calibration.geometry.study_geometry import StudyGeometry
+from edtk.calibration.origin import Origin
 from edtk.inference.geometry.geometric_fit import GeometricFit
+from edtk.inference.geometry.geometry_density import GeometryDensity
+from edtk.inference.geometry.geometry_posterior import GeometryPosterior, geometry_posterior
+from edtk.inference.sample_posterior import SamplingOptions
 from edtk.study.study import Study
 from edtk.system.presented import Presented
 from edtk.tables.in_file_units import of_file_units
@@ -35,6 +39,9 @@ class GeometricCalibration(Presented):
         path: Where the positions are.
         counting: How the sheet counts the joints.
         left_out: Visits that were not fitted, as their positions are of no use.
+        robust: Whether poses that fit badly count less.
+        origin: The file as it was read, and what was asked for.
+        posterior: What is known of the parameters by the nonlinear model; None where nobody asked.
     """
 
     setting: StudyGeometry
@@ -43,6 +50,9 @@ class GeometricCalibration(Presented):
     path: Path
     counting: Counting
     left_out: tuple[int, ...] = ()
+    robust: bool = False
+    origin: Origin = field(default_factory=Origin)
+    posterior: GeometryPosterior | None = None
 
     def headline(self) -> str:
         """Rank, how well poses are predicted, and the verdict."""
@@ -128,8 +138,31 @@ class GeometricCalibration(Presented):
             "doubts": [doubt.text for doubt in self.doubts],
             "diagnostics": [doubt.to_dict() for doubt in self.doubts],
             "study_warnings": list(self.study.warnings),
+            "posterior": None if self.posterior is None else self.posterior.to_dict(),
             "geometry": geometry_to_dict(fit.fitted, self.counting),
         }
+
+    def sampled(
+        self,
+        rng: np.random.Generator,
+        options: SamplingOptions = SamplingOptions(),  # noqa: B008  (frozen)
+    ) -> "GeometricCalibration":
+        """The same calibration with the posterior, flat on all parameters before the positions.
+
+        Args:
+            rng: Source of randomness.
+            options: How accurately a chain is sampled, where the parameters are few enough.
+
+        Raises:
+            UnconvergedError: The chain does not converge.
+        """
+        density = GeometryDensity.of(self.fit, self.setting.loads, self.robust)
+        fitted = (self.fit.fitted.values, self.fit.fitted.std)
+        found = geometry_posterior(density, fitted, rng, options)
+        doubts = self.doubts
+        if not found.trusted:
+            doubts = (*doubts, GeometricDoubt(Severity.WARNING, "posterior", found.quality))
+        return replace(self, posterior=found, doubts=doubts)
 
     def to_frame(self) -> "pd.DataFrame":
         """A row for each identified parameter: `parameter`, `value`, `std`, `unit`, `meaning`."""
@@ -150,7 +183,8 @@ class GeometricCalibration(Presented):
             "pose": pose + 1,
             "marker": [fit.data.markers[i] for i in marker],
         }
-        for name, values in (("", fit.residual), ("left_out_", fit.left_out)):
+        # Not x_mm and so on: a sheet with such columns is one with measurements.
+        for name, values in (("residual_", fit.residual), ("left_out_", fit.left_out)):
             for axis in range(3):
                 columns[f"{name}{'xyz'[axis]}_mm"] = MM * values[pose, marker, axis]
         return pd.DataFrame(columns)

@@ -132,6 +132,17 @@ class GeometricModel:
         columns = self._chosen(moved, torque)
         return replace(seen, jacobian=columns, by_joints=moved["springs"])
 
+    def motions_of_many(self, theta: Array) -> tuple[Array, Array, Array, Array]:
+        """Motions and springs at many sets of parameters (w, p).
+
+        Returns:
+            Motions of the base (w, 6), before the joints (w, N, 6) and of the tools (w, k, 6), and
+            compliances (w, n) of the free joints.
+        """
+        parts = [(*self._motions(one), self.compliances(one)) for one in theta]
+        base, errors, tools, softness = (np.array(part) for part in zip(*parts, strict=True))
+        return base, errors, tools, softness
+
     def _motions(self, theta: Array) -> tuple[Array, Array, Array]:
         """Motions of the base (6,), before the joints (N, 6) and of the tools (k, 6)."""
         sizes = {"base": 1, "joint": self.chain.n, "tool": len(self.markers)}

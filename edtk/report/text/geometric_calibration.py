@@ -21,6 +21,8 @@ def geometric_calibration(found: GeometricCalibration) -> str:
     for doubt in found.doubts:
         if doubt.severity is Severity.NOTE:
             lines.append(f"note: {doubt.text}")
+    if found.posterior is not None:
+        lines += ["posterior", found.posterior.summary()]
     return "\n".join([*lines, f"verdict: {found.verdict}"])
 
 

@@ -1,0 +1,214 @@
+"""The report of a calibration of geometry: verdict first, then tables and pictures."""
+
+import numpy as np
+
+from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
+from edtk.calibration.geometry.geometric_doubt import rows_in_words
+from edtk.inference.geometry.geometric_fit import MM
+from edtk.model.geometry.geometric_parameter import GeometricParameter
+from edtk.report.draw.left_out_errors import left_out_errors
+from edtk.report.draw.marker_residuals import marker_residuals
+from edtk.report.geometry_facts import geometry_facts
+from edtk.report.new_figure import new_figure
+from edtk.report.page import Page, paragraph, picture, section, table, verdict
+from edtk.report.places_of import places_of
+from edtk.report.posterior_of_geometry import posterior_of_geometry
+
+SHOWN = 8  # rows of the table of poses
+WIDTH = 4.4  # of a picture [inch]: letters can be read on a phone, and on a desk two have room
+HEIGHT = 2.9
+MOST_PICTURES = 8  # of markers
+QUALITY = {
+    "good": "Good calibration.",
+    "usable": "Usable calibration, with a warning.",
+    "bad": "Do not use this calibration yet.",
+}
+GROUPS = {
+    "joint": "Geometry: how the robot differs from its drawing",
+    "compliance": "Springs of the joints",
+    "tool": "Markers, in the tool frame",
+    "base": "Base: what is left of its place",
+}
+
+
+def geometry_report(found: GeometricCalibration) -> str:
+    """The text of `report.html`."""
+    parts = [
+        _verdict(found),
+        section(
+            "How well are poses predicted?",
+            paragraph(_prediction(found)),
+            _quality(found),
+            _left_out(found),
+            paragraph("The poses that the others predict least:"),
+            _worst(found),
+        ),
+        section("Residuals of the markers", paragraph(_noise(found)), *_residuals(found)),
+        *_parameters(found),
+        section("What can be told apart?", *_rank(found)),
+        *([] if found.posterior is None else [posterior_of_geometry(found, found.posterior)]),
+        geometry_facts(found),
+    ]
+    return Page(f"Calibration: {found.study.specification.title}", tuple(parts)).html()
+
+
+def _verdict(found: GeometricCalibration) -> str:
+    """The box at the top, the most important line first."""
+    level = found.verdict
+    first = QUALITY[level]
+    if level != "bad":
+        first = (
+            f"{first} Expect errors of {found.loo_rms_mm:.2g} mm (rms) in poses like these, "
+            f"instead of {MM * found.fit.placed:.2g} mm by the drawing."
+        )
+    lines = [first, *(_sentence(doubt.text) for doubt in found.doubts)]
+    lines += [_sentence(f"the study: {warning}") for warning in found.study.warnings]
+    if not found.doubts and not found.study.warnings:
+        lines.append("Nothing is wrong: all that was asked for is told, and no pose surprises.")
+    return verdict(level, lines)
+
+
+def _sentence(text: str) -> str:
+    """The text with a capital letter and a full stop, unless it asks."""
+    text = f"{text[:1].upper()}{text[1:]}"
+    return text if text.endswith(("?", ".")) else f"{text}."
+
+
+def _prediction(found: GeometricCalibration) -> str:
+    """What the numbers of the table mean."""
+    share = 100 * found.fit.share_inside
+    text = (
+        "Each pose is predicted by a fit of all others: that error is the one to expect of new "
+        f"poses of the same kind. {share:.0f} % of the coordinates were inside their 95 % bands."
+    )
+    if found.rho0_mm is None:
+        return text
+    return (
+        f"{text} In the test poses, wrong parameters leave {found.rho0_mm:.2g} mm (rho0); what the "
+        "model leaves out comes on top of it."
+    )
+
+
+def _quality(found: GeometricCalibration) -> str:
+    """Distances of measured from predicted positions."""
+    fit = found.fit
+    distance = MM * np.linalg.norm(fit.left_out, axis=-1)
+    rows = [
+        ["base, markers alone", f"{MM * fit.placed:.3g}", "", ""],
+        ["all parameters", *_distances(MM * np.linalg.norm(fit.residual, axis=-1))],
+        ["each pose by the others", *_distances(distance)],
+    ]
+    return table(["fitted", "rms [mm]", "mean [mm]", "largest [mm]"], rows)
+
+
+def _distances(values: np.ndarray) -> list[str]:
+    """Root mean square, mean and largest."""
+    known = values[np.isfinite(values)]
+    return [f"{x:.3g}" for x in (np.sqrt((known**2).mean()), known.mean(), known.max())]
+
+
+def _left_out(found: GeometricCalibration) -> str:
+    """The picture of poses that were left out."""
+    figure = new_figure(WIDTH, HEIGHT)
+    left_out_errors(found.fit, figure.add_subplot())
+    return picture(figure, "Distance of each marker from where the other poses predict it.")
+
+
+def _worst(found: GeometricCalibration) -> str:
+    """A table of the poses that the others predict least."""
+    fit = found.fit
+    distance = MM * np.linalg.norm(fit.left_out, axis=-1)
+    largest = np.nanmax(np.where(np.isfinite(distance), distance, -1.0), axis=1)
+    rows = []
+    for pose in np.argsort(-largest, kind="stable")[:SHOWN]:
+        i = int(np.nanargmax(np.where(np.isfinite(distance[pose]), distance[pose], -1.0)))
+        apart = [f"{x:+.3f}" for x in MM * fit.left_out[pose, i]]
+        coordinates = 3 * int(fit.data.means.seen[pose].sum())
+        surprise = f"{fit.surprise[pose] / max(coordinates, 1):.2f}"
+        named = rows_in_words(fit.data.rows_of_pose(int(pose))[:4]).partition(" ")[2]
+        rows.append(
+            [pose + 1, named, fit.data.markers[i], *apart, f"{largest[pose]:.3f}", surprise]
+        )
+    axes = [f"{axis} [mm]" for axis in "xyz"]
+    header = ["pose", "rows", "marker", *axes, "distance [mm]", "squares over expected"]
+    return table(header, rows, full=True)
+
+
+def _noise(found: GeometricCalibration) -> str:
+    """What the errors of a pose are made of."""
+    noise = found.fit.fitted.noise
+    repeats = "as the study states"
+    if noise.repeats:
+        repeats = f"by {noise.repeats} differences of repeated readings"
+    joints = float(np.max(noise.model_joints, initial=0.0))
+    reading = float(np.max(noise.joints, initial=0.0))
+    common = f", and joints repeat to {reading:.2g} mrad" if reading else ""
+    text = f"A reading scatters by {noise.reading:.2g} mm a coordinate{common}, {repeats}."
+    if not joints and not noise.model_white:
+        return f"{text} The residuals show nothing beyond that."
+    return (
+        f"{text} The model leaves out more: it is as if each joint erred by {joints:.2g} mrad and "
+        f"each coordinate by {noise.model_white:.2g} mm, differently in each pose. Bands of "
+        "predictions include it."
+    )
+
+
+def _residuals(found: GeometricCalibration) -> list[str]:
+    """A picture for each marker."""
+    pictures = []
+    names = found.fit.data.markers
+    for i, name in enumerate(names[:MOST_PICTURES]):
+        figure = new_figure(WIDTH, HEIGHT)
+        marker_residuals(found.fit, i, figure.add_subplot())
+        pictures.append(
+            picture(figure, f"Residuals of marker {name}; the band is twice their usual size.")
+        )
+    more = len(names) - MOST_PICTURES
+    if more > 0:
+        pictures.append(paragraph(f"The residuals of {more} more markers are in residuals.csv."))
+    return pictures
+
+
+def _parameters(found: GeometricCalibration) -> list[str]:
+    """A section for each kind of parameter."""
+    parameters = found.fit.fitted.model.parameters
+    sections = []
+    for place, title in GROUPS.items():
+        own = [one for one in parameters if one.place == place]
+        if own:
+            sections.append(section(title, _table(found, own)))
+    return sections
+
+
+def _table(found: GeometricCalibration, parameters: list[GeometricParameter]) -> str:
+    """Values and standard deviations, in their units."""
+    rows = []
+    for one in parameters:
+        value = found.parameters[one.name]
+        std = float(value["std"])
+        places = places_of(std)
+        shown = [f"{value['value']:+.{places}f}", f"{std:.{places}f}", one.unit]
+        rows.append([one.name, *shown, one.words])
+    return table(["parameter", "value", "std", "unit", "meaning"], rows, words=1, full=True)
+
+
+def _rank(found: GeometricCalibration) -> list[str]:
+    """The rank, what no pose could tell, and what these poses do not."""
+    fit = found.fit
+    text = f"{fit.rank} parameters can be told apart"
+    if fit.open:
+        text += f", of {fit.structural} that better poses would tell"
+    parts = [
+        paragraph(
+            f"{text}. Others were asked for, and move the markers as these do: a minimal set is "
+            "kept, and no prediction depends on which."
+        )
+    ]
+    if fit.open:
+        parts.append(paragraph("These poses leave open, and others would tell:"))
+        parts.append(table(["not told by these poses"], [[one] for one in fit.open], 1, full=True))
+    if fit.redundant:
+        parts.append(
+            table(["told by no pose"], [[one] for one in fit.redundant], words=1, full=True)
+        )
+    return parts

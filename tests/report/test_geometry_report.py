@@ -1,0 +1,86 @@
+"""The report of a calibration of geometry: what it says, and that a browser shows all of it."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from browser import CHROMIUM, WIDTHS, in_browser
+from geometry_sheets import STUDY, by_pose, run, truth
+
+import edtk
+from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
+from edtk.report.geometry_report import geometry_report
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def found(tmp_path_factory: pytest.TempPathFactory) -> GeometricCalibration:
+    """A calibration from a sheet with one wrong row, with its posterior."""
+    q, x = truth(25)
+    q[4, 1] += 20
+    sheet = by_pose(tmp_path_factory.mktemp("day") / "day <1>.csv", q, x)
+    calibration = edtk.identify(STUDY, sheet, bayes=True)
+    assert isinstance(calibration, GeometricCalibration)
+    return calibration
+
+
+def test_it_says_what_a_person_wants_to_know(found: GeometricCalibration) -> None:
+    """Verdict with the error to expect, the row that is wrong, units, rank, and the file."""
+    text = geometry_report(found)
+    assert 'data-level="usable"' in text
+    assert f"Expect errors of {found.loo_rms_mm:.2g} mm (rms)" in text
+    assert "Row 5: positions are up to" in text
+    assert "as if q2 were typed wrongly" in text
+    assert "33 parameters can be told apart" in text
+    assert "cannot be told from the base&#x27;s x" in text
+    for parameter in found.fit.fitted.model.parameters:
+        assert f"<td>{parameter.name}</td>" in text
+    assert len(re.findall("<td>mrad</td>", text)) > 10
+    assert "Laplace&#x27;s approximation, checked by" in text
+    assert "day &lt;1&gt;.csv" in text
+    assert text.count("<figure") == 4
+
+
+def test_open_directions_are_in_the_report(tmp_path: Path) -> None:
+    """What the poses do not tell is named in a table."""
+    q, x = truth(12)
+    study = STUDY.replace(parameters={"geometry": ["q1", "q2"], "tool": False})
+    q[:, 0] = 20.0
+    found = edtk.identify(study, by_pose(tmp_path / "day.csv", q, x), as_is=True)
+    text = geometry_report(found)
+    assert "These poses leave open" in text
+    assert all(sentence.split(" cannot")[0] in text for sentence in found.fit.open)
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="there is no chromium on this machine")
+def test_in_a_browser(found: GeometricCalibration, tmp_path: Path) -> None:
+    """Verdict and pictures are shown at desk and phone width, and nothing is wider than those."""
+    seen = in_browser([geometry_report(found)], tmp_path)
+    assert seen == [f"4 4 true true true {width}" for width in WIDTHS]
+
+
+def test_files_are_written_again(tmp_path: Path) -> None:
+    """The same command twice writes the same three files."""
+    study = tmp_path / "study.toml"
+    STUDY.to_toml(study)
+    q, x = truth(10)
+    sheet = by_pose(tmp_path / "day.csv", q, x)
+    words = ("identify", study, sheet, "--out", tmp_path / "out")
+    assert run(*words)[0] == 0
+    before = {path.name: path.read_bytes() for path in (tmp_path / "out").iterdir()}
+    assert set(before) == {"k.json", "residuals.csv", "report.html"}
+    assert run(*words)[0] == 0
+    assert before == {path.name: path.read_bytes() for path in (tmp_path / "out").iterdir()}
+
+
+def test_many_points_are_thinned() -> None:
+    """Of many points the largest are drawn, and some evenly."""
+    from edtk.report.draw.thinned import MOST, thinned
+
+    sizes = np.arange(10 * MOST)[::-1].astype(float)
+    some = thinned(sizes)
+    assert set(range(MOST)) <= set(some.tolist())
+    assert 2 * MOST - 60 < len(some) <= 2 * MOST
+    assert len(thinned(sizes[: 2 * MOST])) == 2 * MOST
