@@ -11,6 +11,7 @@ from edtk.calibration.geometry.counting import (
     as_said,
     far_off,
     find_counting,
+    in_metres,
     in_radians,
     placed_by_most,
 )
@@ -232,6 +233,12 @@ def _counted(
     if in_radians(robot, data) and not as_is:
         raise UserError(
             "the robot fits the positions if joint angles are taken as radians; expected degrees",
+            where=path,
+        )
+    if in_metres(robot, data) and not as_is:
+        raise UserError(
+            "the robot fits the positions if prismatic joints are taken as metres; expected "
+            "millimetres",
             where=path,
         )
     found = find_counting(robot, data)

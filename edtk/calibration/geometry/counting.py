@@ -82,10 +82,9 @@ def placed_by_most(robot: Robot, data: MarkerPositions, matrix: Array | None = N
 
 def far_off(start: LinearStart, data: MarkerPositions) -> bool:
     """Whether the drawing is so far from the positions that something else is wrong."""
-    if not start.whole:
-        return False
     spread = float(np.sqrt(((data.measured[data.seen] - _center(data)) ** 2).sum(axis=-1).mean()))
-    return start.rms * start.scale > FAR * spread or start.mirrored
+    size = start.rms * (start.scale if np.isfinite(start.scale) else 1.0)
+    return size > FAR * spread or (start.whole and start.mirrored)
 
 
 def find_counting(robot: Robot, data: MarkerPositions) -> Counting | None:
@@ -177,6 +176,15 @@ def in_radians(robot: Robot, data: MarkerPositions) -> bool:
     """Whether the sheet's degrees fit far better as radians."""
     matrix = np.diag(np.where(_slides(robot), 1.0, 1 / DEGREE))
     meant = placed_by_most(robot, data, matrix)
+    return meant.whole and not far_off(meant, data)
+
+
+def in_metres(robot: Robot, data: MarkerPositions) -> bool:
+    """Whether the sheet's millimetres of prismatic joints fit far better as metres."""
+    slides = _slides(robot)
+    if not slides.any():
+        return False
+    meant = placed_by_most(robot, data, np.diag(np.where(slides, 1e3, 1.0)))
     return meant.whole and not far_off(meant, data)
 
 

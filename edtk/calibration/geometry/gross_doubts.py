@@ -6,7 +6,7 @@ from edtk.calibration.geometry.geometric_doubt import GeometricDoubt, rows_in_wo
 from edtk.calibration.geometry.gross_errors import GrossErrors
 from edtk.inference.geometry.marker_positions import MarkerPositions
 
-FEW = 0.5  # share of the visits that count, below which the result is not to be used
+FEW = 0.6  # share of the visits that count, below which these may be the wrong ones
 
 
 def gross_doubts(data: MarkerPositions, found: GrossErrors) -> list[GeometricDoubt]:

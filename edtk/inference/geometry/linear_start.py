@@ -8,6 +8,7 @@ from edtk.system.typing import Array, Mask
 
 # Singular values of the linear problem below this share of the largest leave a direction open.
 OPEN = 1e-6
+NOTHING = 1e-6  # of an open direction of unit length that is of the matrix: rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,7 +21,8 @@ class LinearStart:
         scale: Lengths measured over those of the drawing, 1 where units agree.
         mirrored: Whether a left-handed frame fits better than a right-handed one.
         rms: Root mean square distance that the linear problem leaves, in the drawing's lengths [m].
-        whole: Whether the poses tell all of it.
+        whole: Whether the poses tell the matrix, and so orientation and scale. Places of base and
+            markers may be open together, as along the axes of a SCARA: that moves no position.
     """
 
     base: Array
@@ -75,7 +77,7 @@ def linear_start(flange: Array, measured: Array, seen: Mask) -> LinearStart:
         scale=1.0 / float(np.median(sizes)) if np.median(sizes) > 0 else np.inf,
         mirrored=mirrored,
         rms=float(np.sqrt((left**2).sum(axis=-1).mean())),
-        whole=bool(kept.all()) and len(y) >= A.shape[1],
+        whole=bool((np.abs(Vt[~kept, :9]) < NOTHING).all()) and len(y) >= int(kept.sum()) + 3,
     )
 
 

@@ -272,3 +272,18 @@ def test_missing_markers_do_not_count() -> None:
     assert fit.rms < 1e-9
     assert np.isnan(fit.residual[7]).all()
     assert np.isnan(fit.residual[3, 1]).all()
+
+
+def test_a_place_of_parallel_axes_is_found() -> None:
+    """A SCARA leaves heights of base and markers open together, and tells orientation and scale."""
+    model = model_of(SCARA)
+    data, _, _ = simulate(model, 12, sigma_mm=0.0, size=0.0)
+    found = linear_start(SCARA.forward(data.q), data.measured, data.seen)
+    assert found.whole
+    assert found.rms < 1e-9
+    np.testing.assert_allclose(found.base[:3, :3], PLACE[:3, :3], atol=1e-9)
+    still = np.array(data.q)
+    still[:, 2] = 0.1
+    flat = SCARA.forward(still)
+    planar = linear_start(flat, flat[:, None, :3, 3] + OFFSETS, data.seen)
+    assert not planar.whole
