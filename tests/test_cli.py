@@ -14,6 +14,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from click.testing import CliRunner
+from forked_command import ForkedCommand
 
 import criteria
 from edtk.cli import main
@@ -331,7 +332,9 @@ def test_ctrl_c_leaves_the_best_certified_plan(tmp_path: Path) -> None:
     out = tmp_path / "plan.csv"
     study = load_study(PAPER)
     options = ["--criterion", "O4", "--candidates", 500, "--continuous", "--json", "--out", out]
-    answer = interrupted(b"continuum: gap", "relax", PAPER, *options)
+    with ForkedCommand("relax", PAPER, *options) as running:
+        printed, said = running.interrupted(b"continuum: gap")
+    answer = Answer(options, running.returncode, printed.decode(), said.decode())
     assert answer.returncode == 130, answer.stderr
     assert [line.split(";")[0] for line in messages(answer)] == ["edtk: interrupted"]
     result = json.loads(answer.stdout)

@@ -1,7 +1,7 @@
 """`edtk bayes`: its options, and what it leaves behind."""
 
 import json
-import subprocess
+import signal
 import sys
 import time
 import warnings
@@ -10,6 +10,7 @@ from pathlib import Path
 import emcee
 import pytest
 from click.testing import CliRunner
+from forked_command import ForkedCommand
 
 from edtk.cli import main
 
@@ -126,25 +127,13 @@ def test_files(tmp_path):
 def test_killed_run_goes_on(tmp_path):
     """A run that is killed leaves a whole chain, and another goes on from it."""
     path = tmp_path / "chain.h5"
-    command = [
-        sys.executable,
-        "-m",
-        "edtk",
-        "bayes",
-        STUDY,
-        PLAN,
-        "--chain",
-        path,
-        "--accuracy",
-        "0.001",
-    ]
-    # A loaded machine may take minutes to import everything: what tells a fault is a run that ends.
-    with subprocess.Popen(list(map(str, command)), stderr=subprocess.PIPE, cwd=ROOT) as process:
+    with ForkedCommand("bayes", STUDY, PLAN, "--chain", path, "--accuracy", 0.001) as process:
+        # A loaded machine may take minutes: what tells a fault is a run that ends.
         deadline = time.monotonic() + LONGEST_WAIT
         while not path.exists() and process.poll() is None and time.monotonic() < deadline:
             time.sleep(0.05)
-        process.kill()
-        said = process.stderr.read().decode()
+        process.send_signal(signal.SIGKILL)
+        said = process.communicate()[1].decode()
     assert path.exists(), f"no chain from a run that ended with {process.returncode}: {said}"
     before = emcee.backends.HDFBackend(path, read_only=True).get_chain()
     edtk(STUDY, PLAN, "--chain", path, "--accuracy", 0.001, "--most", len(before) + 500)

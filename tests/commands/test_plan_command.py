@@ -1,16 +1,13 @@
 """`edtk plan`: whole experiments that are what they are said to be, with a bound."""
 
 import json
-import os
-import signal
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 from click.testing import CliRunner
+from forked_command import ForkedCommand
 
 from edtk.cli import main
 from edtk.study.study import load_study
@@ -287,20 +284,11 @@ def test_ctrl_c_leaves_the_best_plan(tmp_path):
     study = write(tmp_path)
     out = tmp_path / "plan.csv"
     options = ["--size", 6, "--criterion", "A", "--workers", 1, "--json", "--out", out]
-    command = [sys.executable, "-m", "edtk", "plan", str(study), *map(str, options)]
-    env = {**os.environ, "PYTHONPATH": str(ROOT)}
-    with subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=env
-    ) as running:
-        said = b""
-        while b"starts" not in said:
-            said += (chunk := os.read(running.stderr.fileno(), 4096))
-            assert chunk, said
-        running.send_signal(signal.SIGINT)
-        stdout, rest = running.communicate(timeout=60)
-    assert running.returncode == 130, said + rest
-    assert rest.decode().splitlines()[-1] == "edtk: interrupted; this is the best plan so far"
-    assert b"Traceback" not in rest
+    with ForkedCommand("plan", study, *options) as running:
+        stdout, said = running.interrupted(b"starts")
+    assert running.returncode == 130, said
+    assert said.decode().splitlines()[-1] == "edtk: interrupted; this is the best plan so far"
+    assert b"Traceback" not in said
     answer = json.loads(stdout)
     assert (answer["ended"], answer["experiments"]) == ("interrupted", 6)
     evaluated = json.loads(edtk("evaluate", study, out, "--json").stdout)

@@ -1,17 +1,15 @@
 """Runs that are killed, interrupted or repeated, and folders with files of other runs."""
 
 import json
-import os
 import shutil
 import signal
-import subprocess
-import sys
 import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 from arm import arm
+from forked_command import ForkedCommand
 
 from edtk.study.checkpoint import Checkpoint, checkpoint_of
 from edtk.study.run_files import run_files
@@ -53,9 +51,7 @@ def times(paths):
 
 def started(study, out):
     """`edtk run` in a process of its own."""
-    command = [sys.executable, "-m", "edtk", "run", study, "--out", out, "--workers", "1"]
-    env = {**os.environ, "PYTHONPATH": str(ROOT)}
-    return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, env=env)
+    return ForkedCommand("run", study, "--out", out, "--workers", 1)
 
 
 def wait_for(process, there):
@@ -67,7 +63,7 @@ def wait_for(process, there):
         time.sleep(0.02)
 
 
-def test_killed_run_goes_on(tmp_path, whole_searches):
+def test_killed_run_goes_on(tmp_path):
     """Killed in the middle and started again, a run keeps what it had and ends as any other."""
     study = load_study_of(arm(sizes=[3, 4]), tmp_path)
     run(study, tmp_path / "first", workers=1)
@@ -75,6 +71,7 @@ def test_killed_run_goes_on(tmp_path, whole_searches):
     with started(study.path, out) as process:
         wait_for(process, lambda: len(list(out.glob("cases/[dor]*.json"))) >= 3)
         process.send_signal(signal.SIGKILL)
+        process.communicate()
     assert process.returncode == -signal.SIGKILL
     finished = times(out.glob("cases/[dor]*.json"))
     assert 3 <= len(finished) < len(list(tmp_path.glob("first/cases/*")))
@@ -91,7 +88,7 @@ def test_ctrl_c_keeps_finished_cases_only(tmp_path):
     with started(study.path, out) as process:
         wait_for(process, (out / "cases/relaxation_D.json").exists)
         process.send_signal(signal.SIGINT)
-        said = process.communicate(timeout=60)[1].decode()
+        said = process.communicate()[1].decode()
     assert process.returncode == 130, said
     assert said.splitlines()[-1] == "edtk: interrupted"
     assert "Traceback" not in said
