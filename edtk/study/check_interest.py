@@ -3,6 +3,9 @@
 from typing import TYPE_CHECKING
 
 import criteria
+from edtk.model.geometry.all_parameters import all_parameters
+from edtk.study.interest_table import InterestTable
+from edtk.study.study_model import on_robot
 from edtk.system.errors import UserError
 
 if TYPE_CHECKING:
@@ -18,6 +21,12 @@ def check_interest(study: "Study") -> None:
     table = study.specification.interest
     if table is None:
         return
+    if study.specification.parameters is not None:
+        _check_parameters(study, table)
+        return
+    if table.parameters:
+        message = "is for studies with [parameters]; expected joints or combinations"
+        raise study.error("interest.parameters", message)
     _check_joints(study, "interest.joints", table.joints)
     for i, factors in enumerate(table.combinations):
         _check_joints(study, f"interest.combinations[{i + 1}]", tuple(factors))
@@ -40,6 +49,33 @@ def check_interest(study: "Study") -> None:
             'expected another criterion too, such as optimise = ["D"]'
         )
         raise study.error("interest", message)
+
+
+def _check_parameters(study: "Study", table: InterestTable) -> None:
+    """Names of parameters, of which a study of geometry has more than compliances."""
+    if table.joints or table.combinations:
+        key = "interest.joints" if table.joints else "interest.combinations"
+        raise study.error(
+            key, "a study with [parameters] names what is of interest in `parameters`"
+        )
+    asked = study.specification.parameters
+    assert asked is not None
+    every = all_parameters(
+        study.robot,
+        tuple(name for _, name in on_robot(study)) or ("marker",),
+        asked.geometry,
+        study.specification.joints.unknown,
+        asked.base,
+        asked.tool,
+    )
+    for name in table.parameters:
+        if not any(name in one.groups for one in every):
+            known = ", ".join(dict.fromkeys(one.groups[-1] for one in every))
+            raise study.error(
+                "interest.parameters",
+                f"no parameter {name!r} is asked for; expected some of {known}, of kinds, joints, "
+                f"or single ones such as {every[-1].name}",
+            )
 
 
 def _check_joints(study: "Study", key: str, names: tuple[str, ...]) -> None:

@@ -25,9 +25,16 @@ class InterestTable(Table):
         "joint: `[{ q2 = 1, q3 = -1 }]` for the difference of two [-]",
     )
 
+    parameters: Annotated[tuple[str, ...], BeforeValidator(listed)] = Field(
+        (),
+        description="For a study with `parameters`, which of them are of interest: 'geometry', "
+        "'compliance', 'base', 'tool', joints ('q2': the six errors of the frame before it), kinds "
+        "('zeros', 'lengths', 'tilts') or single ones ('q2.rx', 'k_q2')",
+    )
+
     @model_validator(mode="after")
     def _something(self) -> "InterestTable":
-        if not self.joints and not self.combinations:
+        if not self.joints and not self.combinations and not self.parameters:
             raise PydanticCustomError("interest", "expected joints or combinations")
         return self
 

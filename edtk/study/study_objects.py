@@ -142,9 +142,14 @@ class StudyObjects:
 
     @cached_property
     def interest(self) -> Array | None:
-        """Combinations K (p, s) of the compliances that are of interest; None for all of them."""
+        """Combinations K (p, s) of the compliances that are of interest; None for all of them.
+
+        None, too, where the geometry is unknown, whose interest is told by names of parameters.
+        """
         table = self.specification.interest
-        return None if table is None else table.build(self.specification.joints.unknown)
+        if table is None or self.specification.parameters is not None:
+            return None
+        return table.build(self.specification.joints.unknown)
 
     @property
     def interest_names(self) -> tuple[str, ...]:

@@ -1,5 +1,7 @@
 """The worth of a plan of visits: rank, all criteria, and the error to expect in the test poses."""
 
+from contextlib import suppress
+
 import numpy as np
 
 import criteria
@@ -121,4 +123,8 @@ def _unscaled(question: GeometryQuestion, plan: Plan) -> dict[str, float]:
     """O1 to O5 of the stacked regressor in millimetres, without division by the noise."""
     rows = PositionRows(question.model, question.setting.loads)(plan.q, plan.wrench)
     M = np.einsum("k,kri,krj->ij", plan.repeats, rows, rows)
-    return {name: float(question.criterion(name).value(M)) for name in OBSERVABILITY}
+    found = {}
+    for name in OBSERVABILITY:
+        with suppress(UserError):  # an index that has no meaning for a part of the parameters
+            found[name] = float(question.criterion(name).value(M))
+    return found

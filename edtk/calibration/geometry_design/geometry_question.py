@@ -150,13 +150,41 @@ class GeometryQuestion:
         study = self.study
         name = study.main_criterion if name is None else name
         try:
-            return criteria.create(
-                name, self.target, targets=self.targets, **self._parameters(name)
-            )
+            given: Any = self._parameters(name)
+            found = criteria.create(name, self.target, targets=self.targets, **given)
+            says_itself = found.needs_target or not found.takes_interest
+            if study.specification.interest is None or says_itself:
+                return found
+            return criteria.Interest(found, *self._interest())
         except criteria.CriterionError as error:
             missing = isinstance(error, criteria.MissingTargetError)
             why = ", and the study has no [test_pose]" if missing else ""
             raise UserError(f"{error}{why}", where=study.where) from error
+
+    def _interest(self) -> tuple[Array, tuple[str, ...]]:
+        """What is of interest: columns (p, s) of the identity, and the names (s,).
+
+        The others are nuisance. Of parameters that cannot be told apart those count that the
+        minimal set has.
+
+        Raises:
+            UserError: It has none of those that the study names.
+        """
+        table = self.study.specification.interest
+        assert table is not None
+        for name in table.parameters:
+            if not any(name in one.groups for one in self.model.parameters):
+                raise self.study.error(
+                    "interest.parameters",
+                    f"{name!r} cannot be told from other parameters; this study tells "
+                    f"{', '.join(self.space.parameters)}",
+                )
+        chosen = [
+            i
+            for i, one in enumerate(self.model.parameters)
+            if set(one.groups) & set(table.parameters)
+        ]
+        return np.eye(self.model.p)[:, chosen], tuple(self.space.parameters[i] for i in chosen)
 
     def _parameters(self, name: str) -> dict[str, Any]:
         """The parameters of a criterion that the study gives.

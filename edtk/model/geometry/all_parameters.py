@@ -71,7 +71,7 @@ def _chosen(
         return every
     chosen: set[str] = set()
     for entry in geometry:
-        named = {one.name for one in every if entry in (one.name, one.of, _kind(one))}
+        named = {one.name for one in every if entry in (one.name, one.of, one.kind)}
         if not named:
             joints = ", ".join(dict.fromkeys(one.of for one in every))
             raise ValueError(
@@ -80,10 +80,3 @@ def _chosen(
             )
         chosen |= named
     return [one for one in every if one.name in chosen]
-
-
-def _kind(parameter: GeometricParameter) -> str:
-    """Of which kind a parameter before a joint is."""
-    if parameter.along:
-        return "zeros"
-    return "tilts" if parameter.turns else "lengths"

@@ -47,6 +47,23 @@ class GeometricParameter:
         return f"{self.of}.{self.component}"
 
     @property
+    def kind(self) -> str:
+        """Of which kind an error before a joint is: zeros, lengths or tilts; else its place."""
+        if self.place != "joint":
+            return self.place
+        if self.along:
+            return "zeros"
+        return "tilts" if self.turns else "lengths"
+
+    @property
+    def groups(self) -> tuple[str, ...]:
+        """Names by which lists of a study may mean it, the shortest list last."""
+        own = (self.name,)
+        if self.place == "joint":
+            return (*own, self.of, self.kind, "geometry")
+        return (*own, self.place)
+
+    @property
     def turns(self) -> bool:
         """Whether it is an angle."""
         return self.component in TURNS

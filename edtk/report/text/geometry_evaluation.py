@@ -2,7 +2,7 @@
 
 import criteria
 from edtk.calibration.geometry_design.geometry_evaluation import GeometryEvaluation
-from edtk.report.text.geometry_plan import visits_by_load
+from edtk.report.text.geometry_plan import about, visits_by_load
 from edtk.report.text_table import name_width
 
 
@@ -17,6 +17,7 @@ def geometry_evaluation(found: GeometryEvaluation) -> str:
         *(f"open: {words}" for words in found.open),
         *(f"not told by feasible poses: {words}" for words in question.untold),
         *_rho0(found),
+        *about(question),
     ]
     width = name_width([*found.criteria, ""], 6)
     for name, value in found.criteria.items():

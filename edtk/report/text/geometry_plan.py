@@ -3,6 +3,7 @@
 import numpy as np
 
 from edtk.calibration.geometry_design.geometry_plan import GeometryPlan
+from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
 from edtk.calibration.geometry_design.poses_by_load import PosesByLoad
 from edtk.report.text.exact_plan import reach
 from edtk.report.text_table import number_columns
@@ -40,7 +41,17 @@ def _identified(found: GeometryPlan) -> list[str]:
     lines = [f"{question.model.p} parameters can be told apart"]
     if question.untold:
         lines[0] += f" of {question.structural.p} that any poses would tell"
-    return [*lines, *(f"not told by feasible poses: {words}" for words in question.untold)]
+    lines += [f"not told by feasible poses: {words}" for words in question.untold]
+    return [*lines, *about(question)]
+
+
+def about(question: GeometryQuestion) -> list[str]:
+    """What the criteria are about, where that is not all that is unknown."""
+    table = question.study.specification.interest
+    if table is None:
+        return []
+    names = " and ".join(table.parameters)
+    return [f"criteria but rho0 and rho_max are about {names}; the rest is unknown too"]
 
 
 def _rho0(found: GeometryPlan) -> list[str]:

@@ -56,6 +56,48 @@ def test_what_a_plan_leaves_open_is_said() -> None:
     assert harmless.rho0 is not None
 
 
+def test_the_rest_is_nuisance() -> None:
+    """Criteria of springs, or of the tool, are those of their part of the whole covariance."""
+    plan = visits([True, True, False, True, False])
+    whole = evaluate_geometry(STUDY, plan)
+    names = [one.name for one in whole.parameters]
+    for groups, expected in (
+        (["compliance"], ["k_q1", "k_q2"]),
+        (["tool", "k_q2"], ["tool.marker.x", "tool.marker.y", "tool.marker.z", "k_q2"]),
+        (["zeros"], ["q1.ry"]),
+    ):
+        found = evaluate_geometry(STUDY.replace(interest={"parameters": groups}), plan)
+        part = [names.index(name) for name in expected]
+        variance = np.trace(whole.covariance[np.ix_(part, part)])
+        assert found.criteria["A"] == pytest.approx(variance, rel=1e-6)
+        assert found.criteria["rho0"] == whole.criteria["rho0"]
+        assert f"are about {' and '.join(groups)}; the rest is unknown too" in found.summary()
+
+
+@pytest.mark.parametrize(
+    ("interest", "message"),
+    [
+        ({"parameters": ["q9"]}, "no parameter 'q9' is asked for; expected"),
+        ({"joints": ["q1"]}, "names what is of interest in"),
+        ({"parameters": ["base"]}, "no parameter 'base'"),
+    ],
+)
+def test_interest_that_is_none(interest: dict[str, list[str]], message: str) -> None:
+    """One line names the key and what is there to choose from."""
+    with pytest.raises(edtk.UserError, match=message):
+        STUDY.replace(interest=interest)
+    plain = STUDY.replace(parameters=None, costs=None, joints={"unknown": ["q1", "q2"]})
+    with pytest.raises(edtk.UserError, match="is for studies with"):
+        plain.replace(interest={"parameters": ["k_q1"]})
+
+
+def test_what_cannot_be_told_is_of_no_interest() -> None:
+    """A parameter that the minimal set leaves out is named, with those that it has."""
+    study = STUDY.replace(interest={"parameters": ["q2.ry"]})
+    with pytest.raises(edtk.UserError, match=r"'q2.ry' cannot be told from other parameters"):
+        evaluate_geometry(study, visits([True] * 5))
+
+
 def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """`edtk evaluate` reads a plan without wrenches as one of unloaded visits."""
     monkeypatch.chdir(tmp_path)
