@@ -4,6 +4,7 @@ from pathlib import Path
 
 import click
 
+from edtk.commands.progress_line import progress_line
 from edtk.commands.shared import (
     FilePath,
     Range,
@@ -12,7 +13,6 @@ from edtk.commands.shared import (
     dask_option,
     end_interrupted,
     json_option,
-    progress_line,
     seed_option,
     show,
     warn,
@@ -82,7 +82,7 @@ def command(
     """
     from edtk.verbs.plan import plan
 
-    with progress_line("bound") as bar:
+    with progress_line("bound") as say:
         found = plan(
             study,
             size,
@@ -98,7 +98,7 @@ def command(
             out=out,
             certificate=certificate,
             detect=_faults(detect) or None,
-            progress=lambda label, number: bar.set_description_str(label),
+            progress=lambda label, number: say(label),
         )
     show(found, as_json, out, certificate)
     warn_about(study, found.warnings)

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import click
 
+from edtk.commands.progress_line import progress_line
 from edtk.commands.shared import (
     FilePath,
     Range,
@@ -11,7 +12,6 @@ from edtk.commands.shared import (
     criterion_option,
     end_interrupted,
     json_option,
-    progress_line,
     seed_option,
     show,
     warn,
@@ -70,11 +70,10 @@ def command(
     from edtk.verbs.relax import relax
 
     question = load_study(study)
-    with progress_line("candidates") as bar:
+    with progress_line("candidates") as say:
 
         def progress(stage: str, gap: float) -> None:
-            shown = stage if gap >= 1 else f"{stage}: gap {max(gap, 0.0):.1e}"
-            bar.set_description_str(shown)
+            say(stage if gap >= 1 else f"{stage}: gap {max(gap, 0.0):.1e}")
 
         try:
             found = relax(

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import click
 
+from edtk.commands.progress_line import SHOWN_AFTER_S
 from edtk.commands.shared import FilePath, FolderPath, dask_option, warn_about, workers_option
 from edtk.system.errors import shortened
 
@@ -30,7 +31,7 @@ def command(
 
     from edtk.verbs.run import run
 
-    with tqdm(total=1.0, file=sys.stderr, bar_format=BAR) as bar:
+    with tqdm(total=1.0, file=sys.stderr, bar_format=BAR, delay=SHOWN_AFTER_S) as bar:
 
         def progress(label: str, share: float) -> None:
             bar.set_postfix_str(label, refresh=False)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from edtk.commands.progress_line import SHOWN_AFTER_S
 from edtk.commands.shared import FilePath, Range, seed_option
 
 if TYPE_CHECKING:
@@ -52,7 +53,9 @@ class SamplingOptions:
 
         from edtk.verbs.sampling import Sampling
 
-        with tqdm(unit="step", file=sys.stderr, desc="emcee", delay=1.0, leave=False) as bar:
+        with tqdm(
+            unit="step", file=sys.stderr, desc="emcee", delay=SHOWN_AFTER_S, leave=False
+        ) as bar:
             yield Sampling(**vars(self), progress=lambda steps: bar.update(steps - bar.n))
 
 

@@ -2,8 +2,6 @@
 
 import math
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -107,19 +105,3 @@ def warn_about(where: Path, warnings: tuple[str, ...]) -> None:
 def end_interrupted() -> NoReturn:
     """End with the exit code of an interrupted program."""
     sys.exit(INTERRUPTED)
-
-
-@contextmanager
-def progress_line(first: str) -> Iterator[Any]:
-    """A line on standard error that says the current step and the time since the beginning.
-
-    Args:
-        first: The first step.
-
-    Yields:
-        The progress bar, whose description is the step.
-    """
-    from tqdm import tqdm
-
-    with tqdm(unit="step", file=sys.stderr, bar_format="{desc} [{elapsed}]", desc=first) as bar:
-        yield bar
