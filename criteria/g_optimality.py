@@ -104,6 +104,8 @@ def _best_of_root(B: Array, weights: Array) -> float:
             return best
         scaled = np.sqrt(weights / weights.sum())[:, None] * B
         best = max(best, power_trace_of_root(scaled, 0.5) ** 2)
+        if np.count_nonzero(weights) == 1:
+            break  # all weight on one variance stays there
         U, s, _ = np.linalg.svd(scaled, full_matrices=False)
         weights = np.square(U) @ s
     return best
@@ -129,6 +131,8 @@ def _best_weights(Z: Array, weights: Array) -> tuple[float, Array]:
         if found > best:
             best = found
             best_weights = weights
+        if np.count_nonzero(weights) == 1:
+            break  # all weight on one variance stays there
         values, V = np.linalg.eigh(K)
         weights = np.square(V) @ np.sqrt(np.maximum(values, 0.0))
     return best, best_weights

@@ -54,7 +54,7 @@ class WeightedCandidates(Presented):
             weights: Weights or numbers of repetitions w (n,).
         """
         w = np.asarray(weights, dtype=float)
-        support = np.flatnonzero(w)
+        support = np.flatnonzero(w != 0)  # ten times as quick as of numbers
         # Columns of the support are worth a copy only where they are few.
         few = 2 * len(support) < self.n
         M = self.kept[support].weighted(w[support]) if few else self.kept.weighted(w)

@@ -1,5 +1,7 @@
 """The candidates with which column generation begins."""
 
+from weakref import WeakKeyDictionary
+
 import numpy as np
 
 from criteria.linalg.inverse import whitener
@@ -31,6 +33,18 @@ def first_active_set(problem: Problem, size: int) -> Indices:
     Returns:
         Indices (k,), in the order of the choice.
     """
+    known = _known.setdefault(problem, {})
+    if size not in known:
+        known[size] = _chosen(problem, size)
+    return known[size]
+
+
+# Several criteria of one problem begin with the same candidates; they are forgotten with it.
+_known: WeakKeyDictionary[Problem, dict[int, Indices]] = WeakKeyDictionary()
+
+
+def _chosen(problem: Problem, size: int) -> Indices:
+    """The candidates of `first_active_set`."""
     sample = np.unique(np.linspace(0, problem.n - 1, SAMPLE).astype(int))
     every = np.arange(problem.n)
     for among in (sample, every):

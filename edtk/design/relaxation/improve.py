@@ -1,10 +1,11 @@
 """From a first design to one whose gap is proved: one convex program, or a family of them."""
 
 from collections.abc import Callable
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from edtk.design.problem import RankDeficientError
+from edtk.design.problem import Problem, RankDeficientError
 from edtk.design.relaxation.column_generation import ColumnGeneration
 from edtk.design.relaxation.incumbent import Incumbent
 from edtk.design.relaxation.restricted_master import RelaxationError
@@ -14,6 +15,8 @@ from edtk.system.typing import Array, Indices
 Progress = Callable[[int, float], object]
 # The bounds of a family's members only hold together, so that each must be sharper than the whole.
 MEMBER_GAP = 0.25
+# A member has done its part where it has raised the bound on its own cost by all but this part.
+LEFT = 0.1
 # Candidates from which on most programs look at every fiftieth of them only.
 LONG = 200_000
 EVERY = 50
@@ -50,11 +53,11 @@ def _improve_on_parts(
     """
     problem = incumbent.problem
     part = np.arange(0, problem.n, EVERY)
-    last = part[:0]
+    candidates = _first_part(problem)
     part_gap = FIRST_GAP
     for _ in range(PARTS):
-        inner = Incumbent(problem[part], incumbent.criterion, incumbent.multipliers)
-        inner.candidates = np.searchsorted(part, last)
+        inner = Incumbent(candidates, incumbent.criterion, incumbent.multipliers)
+        inner.last = incumbent.last.inside(part)
         try:
             inner.problem.require_identifiable(incumbent.criterion)
             _improve(inner, part_gap, options, _ignore_progress)
@@ -64,19 +67,30 @@ def _improve_on_parts(
         progress(incumbent.iterations, incumbent.gap)
         if incumbent.gap <= gap:
             return True
-        last = np.unique(part[inner.candidates])
-        incumbent.candidates = last
-        part = _most_sensitive(sensitivities, last)
+        incumbent.last = inner.last.outside(part)
+        part = _most_sensitive(sensitivities, incumbent.last.candidates)
         if MOST * len(part) > problem.n:
             return False
+        candidates = problem[part]
         part_gap = PART_GAP * gap
     return False
+
+
+def _first_part(problem: Problem) -> Problem:
+    """Every fiftieth candidate; criteria of the same candidates share it, and what it knows."""
+    if problem not in _first_parts:
+        _first_parts[problem] = problem[np.arange(0, problem.n, EVERY)]
+    return _first_parts[problem]
+
+
+# They are forgotten with the problem.
+_first_parts: WeakKeyDictionary[Problem, Problem] = WeakKeyDictionary()
 
 
 def _most_sensitive(sensitivities: Array, last: Indices) -> Indices:
     """About every fiftieth candidate, those of the largest sensitivities (r, n), and some more."""
     sample = sensitivities[:, :: max(1, sensitivities.shape[1] // SAMPLE)]
-    rank = sample.shape[1] - max(1, sample.shape[1] // (EVERY * len(sensitivities)))
+    rank = sample.shape[1] - max(1, sample.shape[1] // EVERY)
     least = np.partition(sample, rank, axis=1)[:, rank]
     near = [np.flatnonzero(own >= low) for own, low in zip(sensitivities, least, strict=True)]
     return np.unique(np.concatenate([last, *near]))
@@ -84,24 +98,35 @@ def _most_sensitive(sensitivities: Array, last: Indices) -> Indices:
 
 def _improve(incumbent: Incumbent, gap: float, options: SolverOptions, progress: Progress) -> None:
     """Solve the criterion's subproblems, one or several, over all candidates."""
-    criterion = incumbent.criterion
-    is_family = criterion.most_subproblems > 1
-    for _ in range(criterion.most_subproblems):
-        Z = incumbent.multipliers
-        t = incumbent.largest
+    for _ in range(incumbent.criterion.most_subproblems):
         bound_before = incumbent.lower_bound
-        subproblem = criterion.subproblem(Z, t, incumbent.M)
-        subproblem_gap = MEMBER_GAP * gap if is_family else gap
-        generation = ColumnGeneration(incumbent.problem, subproblem, subproblem_gap, options)
-        if not is_family:
-            # The proof of a convex criterion stands by itself.
-            Z = Z[:0]
-            t = t[:0]
-        for step in generation.steps(incumbent.candidates):
-            incumbent.update(step, Z, t)
-            progress(incumbent.iterations, incumbent.gap)
+        _improve_by_member(incumbent, gap, options, progress)
         stuck = 0 < incumbent.lower_bound <= bound_before
         if incumbent.gap <= gap or stuck:
+            return
+
+
+def _improve_by_member(
+    incumbent: Incumbent, gap: float, options: SolverOptions, progress: Progress
+) -> None:
+    """Solve the criterion itself, or the next member of its family."""
+    criterion = incumbent.criterion
+    Z = incumbent.multipliers
+    t = incumbent.largest
+    subproblem = criterion.subproblem(Z, t, incumbent.M)
+    is_family = criterion.most_subproblems > 1
+    known = subproblem.lower_bound(Z, t, incumbent.M) if is_family and len(t) else 0.0
+    subproblem_gap = MEMBER_GAP * gap if is_family else gap
+    generation = ColumnGeneration(incumbent.problem, subproblem, subproblem_gap, options)
+    if not is_family:
+        # The proof of a convex criterion stands by itself.
+        Z = Z[:0]
+        t = t[:0]
+    for step in generation.steps(incumbent.last):
+        incumbent.update(step, Z, t)
+        progress(incumbent.iterations, incumbent.gap)
+        cost = float(subproblem.cost(step.M))
+        if is_family and cost - step.proof.lower_bound <= LEFT * (cost - known):
             return
 
 

@@ -6,11 +6,12 @@ from criteria import Relaxable
 from edtk.design.bound import Bound, BoundKind
 from edtk.design.packed import pack
 from edtk.design.problem import Problem
-from edtk.design.relaxation.column_generation import Step
 from edtk.design.relaxation.experiment_blocks import experiment_blocks
 from edtk.design.relaxation.normalised import original_weights
 from edtk.design.relaxation.relaxation import Relaxation
 from edtk.design.relaxation.sparse_weights import sparse_weights
+from edtk.design.relaxation.step import Step
+from edtk.design.relaxation.warm_start import WarmStart
 from edtk.system.typing import Array, Indices
 
 # Part of the gap that the cost may grow by when support points are dropped: far below what is
@@ -38,7 +39,7 @@ class Incumbent:
         self.cost = np.inf
         self.active = np.empty(0, dtype=int)
         self.weights = np.empty(0)
-        self.candidates = self.active
+        self.last = WarmStart.none()
         self.M = problem.mean
         self.solver = ""
         nothing = np.empty((0, problem.p, problem.p))
@@ -60,7 +61,7 @@ class Incumbent:
             largest: The largest sensitivities (r,) to them.
         """
         self.iterations += 1
-        self.candidates = step.candidates
+        self.last = step.last
         cost = float(self.criterion.cost(step.M))
         if cost < self.cost:
             self.cost = cost
@@ -70,7 +71,10 @@ class Incumbent:
             self.solver = step.solver
         multipliers = np.concatenate([multipliers, step.proof.multiplier[None]])
         largest = np.append(largest, step.proof.largest)
-        lower_bound = self.criterion.lower_bound(multipliers, largest, step.M)
+        # A proof that stands by itself has told its bound, for which some criteria search.
+        lower_bound = step.proof.lower_bound
+        if self.criterion.most_subproblems > 1:
+            lower_bound = self.criterion.lower_bound(multipliers, largest, step.M)
         if lower_bound >= self.lower_bound:
             self.multipliers = multipliers
             self.largest = largest

@@ -134,12 +134,10 @@ class _Point:
         """How far the largest sensitivity exceeds the mean one, relatively."""
         return float(self.sensitivities.max() * self.weights.sum() / self.criterion.degree - 1.0)
 
-    def objective(self, weights: Array) -> float:
-        """``log cost + d sum(w)`` of weights; inf where the cost is not finite."""
-        cost = float(self.criterion.cost(self.active.information(weights)))
-        if not np.isfinite(cost):
-            return np.inf
-        return float(np.log(cost) + self.criterion.degree * weights.sum())
+    @property
+    def objective(self) -> float:
+        """``log cost + d sum(w)``."""
+        return float(np.log(self.cost) + self.criterion.degree * self.weights.sum())
 
     def step(self) -> "_Point | None":
         """The next point; None where no step makes progress."""
@@ -160,23 +158,27 @@ class _Point:
         dw = solve(products / w - gradient)
         dv = (products - v * dw) / w - v
         most = max(TOWARDS_BOUNDARY, 1.0 - mu)
-        along = self._search(dw, float(gradient @ dw), mu, step_length(w, dw, most))
-        if along == 0.0:
-            return None
         # A step almost to a bound may be rounded onto it.
         slacks = np.maximum(v + step_length(v, dv, most) * dv, EPS * v)
-        weights = np.maximum(w + along * dw, EPS * w)
-        return self.at(self.criterion, self.active, weights, slacks)
+        return self._search(dw, slacks, float(gradient @ dw), mu, step_length(w, dw, most))
 
-    def _search(self, dw: Array, slope: float, mu: float, along: float) -> float:
-        """The length of a step that does not raise the objective beyond what the path allows."""
-        allowed = self.objective(self.weights) + len(dw) * mu
+    def _search(
+        self, dw: Array, slacks: Array, slope: float, mu: float, along: float
+    ) -> "_Point | None":
+        """The end of a step that does not raise the objective beyond what the path allows."""
+        allowed = self.objective + len(dw) * mu
         while along > SHORTEST:
+            weights = np.maximum(self.weights + along * dw, EPS * self.weights)
             decrease = SUFFICIENT * along * abs(slope)
-            if self.objective(self.weights + along * dw) <= allowed + decrease:
-                return along
+            try:
+                found = self.at(self.criterion, self.active, weights, slacks)
+            except NewtonError:  # the weights leave a direction open
+                along *= 0.5
+                continue
+            if found.objective <= allowed + decrease:
+                return found
             along *= 0.5
-        return 0.0
+        return None
 
     def _equations(self) -> Solve:
         """The equations of a Newton step."""

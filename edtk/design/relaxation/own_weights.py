@@ -18,7 +18,11 @@ def has_own_method(criterion: Relaxable, p: int) -> bool:
 
 
 def own_weights(
-    criterion: Relaxable, active: ActiveInformation, start: Array, accuracy: float
+    criterion: Relaxable,
+    active: ActiveInformation,
+    start: Array,
+    accuracy: float,
+    near: Array | None = None,
 ) -> tuple[Array, Array | None]:
     """Find the best weights of a few candidates.
 
@@ -27,6 +31,7 @@ def own_weights(
         active: Information of the candidates (k).
         start: Weights (k,) to start from; those of zero are new.
         accuracy: Relative gap at which to end.
+        near: The multiplier (p, p) that the weights to start from had, if it is known.
 
     Returns:
         Weights (k,), positive, of sum one, and a multiplier (p, p); None where minus the gradient
@@ -39,10 +44,10 @@ def own_weights(
     p = len(active.information(start))
     band = criterion.spectral_band(p)
     if band is not None:
-        return spectral_weights(band, active, start, accuracy)
+        return spectral_weights(band, active, start, accuracy, near)
     rows = criterion.variance_rows(p)
     if rows is not None:
-        return variance_weights(rows, active, start, accuracy)
+        return variance_weights(rows, active, start, accuracy, near)
     losses = criterion.largest_of(p)
     if losses is not None:
         return loss_weights(losses, active, start, accuracy)

@@ -80,7 +80,7 @@ class Relaxation(Presented):
     @property
     def support(self) -> Indices:
         """Indices (k,) of the candidates that carry weight."""
-        return np.flatnonzero(self.weights)
+        return np.flatnonzero(self.weights != 0)
 
     def to_frame(self) -> "pd.DataFrame":
         """The candidates that carry weight, in the order of the problem, with their weights.

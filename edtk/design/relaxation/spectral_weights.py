@@ -10,6 +10,8 @@ from criteria.linalg.triangle import triangle
 from criteria.spectral_band import SpectralBand
 from edtk.design.relaxation.active_information import ActiveInformation
 from edtk.design.relaxation.conic_equations import ConicSolve, conic_equations
+from edtk.design.relaxation.definite_duals import definite_duals
+from edtk.design.relaxation.scaling import Scaling
 from edtk.design.relaxation.step_length import step_length
 from edtk.system.typing import Array
 
@@ -22,7 +24,11 @@ SPREAD = 0.5  # part of the first weights that is spread over all candidates
 
 
 def spectral_weights(
-    band: SpectralBand, active: ActiveInformation, start: Array, accuracy: float
+    band: SpectralBand,
+    active: ActiveInformation,
+    start: Array,
+    accuracy: float,
+    near: Array | None = None,
 ) -> tuple[Array, Array]:
     """Minimise ``b sum(w) + a kappa`` over ``w >= 0`` with ``F <= M(w) <= kappa C``.
 
@@ -38,6 +44,7 @@ def spectral_weights(
         active: Information of the candidates (k).
         start: Weights (k,) to start near.
         accuracy: Relative gap at which to end.
+        near: The multiplier (p, p) of a like program, of which the weights to start near are.
 
     Returns:
         Weights (k,), positive, of sum one, and the multiplier ``Y - Z`` (p, p).
@@ -47,6 +54,8 @@ def spectral_weights(
     """
     T = whitener(active.information(start))
     point = _Point.first(band.transformed(T), active, T, start)
+    if near is not None:
+        point = point.towards(start, near)
     best = point
     for _ in range(STEPS):
         if best.error <= accuracy or point.error > WORSE * best.error:
@@ -58,45 +67,6 @@ def spectral_weights(
             # Where matrices are singular to rounding, the answer is as good as it can be.
             break
     return best.w / best.w.sum(), T @ best.multiplier @ T.T
-
-
-@dataclass(frozen=True, eq=False)
-class _Scaling:
-    """Parameters in which each inequality X (c, p, p) and its dual S are the same.
-
-    Attributes:
-        H: ``H X H' = H^-T S H^-1 = diag(l)`` (c, p, p).
-        l: The diagonals (c, p).
-    """
-
-    H: Array
-    l: Array  # noqa: E741, the letter of the formula
-
-    @classmethod
-    def of(cls, X: Array, S: Array) -> "_Scaling":
-        """The scaling of Nesterov and Todd, by the singular values of a product of factors."""
-        L = np.linalg.cholesky(X)
-        K = np.linalg.cholesky(S)
-        _, l, rows = np.linalg.svd(np.swapaxes(K, 1, 2) @ L)  # noqa: E741
-        turned = np.swapaxes(rows, 1, 2) * np.sqrt(l)[:, None]
-        return cls(np.swapaxes(np.linalg.solve(np.swapaxes(L, 1, 2), turned), 1, 2), l)
-
-    def change(self, mu: float, lost: Array) -> Array:
-        """C (c, p, p) with ``(diag(l) C + C diag(l))/2 = mu I - diag(l)^2 - lost``."""
-        right = -lost
-        each = np.arange(self.l.shape[1])
-        right[:, each, each] += mu - self.l**2
-        return 2.0 * right / (self.l[:, :, None] + self.l[:, None])
-
-    def lengths(self, X: Array, S: Array) -> tuple[float, float]:
-        """How far steps along X and S (c, p, p) may go, in these parameters."""
-        root = np.sqrt(self.l)
-        both = np.stack([X, S]) / (root[:, :, None] * root[:, None])
-        eigenvalues = np.linalg.eigvalsh(both).reshape(2, -1)
-        primal, dual = (
-            step_length(np.ones_like(part), part, TOWARDS_BOUNDARY) for part in eigenvalues
-        )
-        return primal, dual
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +84,7 @@ class _Direction:
 
     def lengths(self, point: "_Point") -> tuple[float, float]:
         """How far primal and dual may go."""
-        primal, dual = point.scaling.lengths(self.X, self.S)
+        primal, dual = point.scaling.lengths(self.X, self.S, TOWARDS_BOUNDARY)
         return (
             min(step_length(point.w, self.w, TOWARDS_BOUNDARY), primal),
             min(step_length(point.v, self.v, TOWARDS_BOUNDARY), dual),
@@ -163,6 +133,43 @@ class _Point:
         duals = np.stack([Y, Z]) if band.a else Y[None]
         return cls(band, active, T, size * w, kappa, v, duals)
 
+    def towards(self, start: Array, near: Array) -> "_Point":
+        """The mean of this point and one on the boundary, of the answer to a like program.
+
+        Both satisfy all equations, and so does their mean. The further the answer is from the
+        optimum, as its gap tells, the closer the mean is to this point, which is well inside.
+
+        Args:
+            start: Weights (k,) of the answer, which T whitens.
+            near: Its multiplier (p, p).
+        """
+        band = self.band
+        size = float(np.linalg.eigvalsh(band.floor)[-1])
+        C = whitener(band.ceiling)
+        kappa = size * float(np.linalg.eigvalsh(C.T @ C)[-1])
+        S = np.linalg.inv(self.T)
+        duals = definite_duals(band, C, S @ near @ S.T)
+        allowed = np.full(len(start), band.b)
+        if band.a:
+            allowed = allowed + self.active.sensitivities(self.T @ duals[1] @ self.T.T)
+        used = self.active.sensitivities(self.T @ duals[0] @ self.T.T)
+        if not used.max() > 0:
+            return self
+        most = float((allowed / np.maximum(used, np.finfo(float).tiny)).min())
+        duals[0] *= most
+        objective = band.b * size + band.a * kappa
+        gap = 1 - float(np.vdot(duals[0], band.floor)) / objective
+        if not 0 <= gap < 1:
+            return self
+
+        def mean(own: Array, other: Array) -> Array:
+            return gap * own + (1 - gap) * other
+
+        w = mean(self.w, size * start)
+        v = mean(self.v, allowed - most * used)
+        kappa = gap * self.kappa + (1 - gap) * kappa
+        return _Point(band, self.active, self.T, w, kappa, v, mean(self.duals, duals))
+
     @cached_property
     def inequalities(self) -> Array:
         """``M - F``, and ``kappa C - M`` where there is an upper bound (c, p, p)."""
@@ -171,9 +178,9 @@ class _Point:
         return np.stack([lower, self.kappa * self.band.ceiling - M]) if self.band.a else lower[None]
 
     @cached_property
-    def scaling(self) -> _Scaling:
+    def scaling(self) -> Scaling:
         """The parameters in which the inequalities and their duals are the same."""
-        return _Scaling.of(self.inequalities, self.duals)
+        return Scaling.of(self.inequalities, self.duals)
 
     @property
     def count(self) -> int:

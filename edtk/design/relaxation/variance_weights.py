@@ -20,12 +20,16 @@ SPREAD = 0.5  # part of the first weights that is spread over all candidates
 LEFT = 0.01  # part of the distance from the largest variance that a step must leave
 # Slacks further than so many gaps from the slopes are brought back to them before the next step:
 # the slopes change fast where few candidates tell much.
-ASTRAY = 1.0
+ASTRAY = 10.0
 SHORTEST = 1e-6  # a shorter step counts as none
 
 
 def variance_weights(
-    rows: Array, active: ActiveInformation, start: Array, accuracy: float
+    rows: Array,
+    active: ActiveInformation,
+    start: Array,
+    accuracy: float,
+    near: Array | None = None,
 ) -> tuple[Array, Array]:
     """Minimise ``sum(w)`` over ``w >= 0`` with ``v_j(w) = trace(A_j cov A_j') <= 1`` for all j.
 
@@ -44,6 +48,7 @@ def variance_weights(
         active: Information of the candidates (k).
         start: Weights (k,) to start near.
         accuracy: Relative gap at which to end.
+        near: The multiplier (p, p) of a like program, of which the weights to start near are.
 
     Returns:
         Weights (k,), positive, of sum one, and the multiplier Z (p, p).
@@ -52,6 +57,8 @@ def variance_weights(
         LinAlgError: The first weights leave a direction open.
     """
     point = _Point.first(rows, active, start)
+    if near is not None:
+        point = point.towards(start, near)
     best = point
     for _ in range(STEPS):
         if best.error <= accuracy:
@@ -98,6 +105,36 @@ class _Point:
         used = active.sensitivities(point.multiplier)
         u *= INSIDE / used.max()
         return cls(rows, active, point.w, 1.0 - INSIDE / used.max() * used, u)
+
+    def towards(self, start: Array, near: Array) -> "_Point":
+        """The mean of this point and the answer to a like program.
+
+        The further the answer is from the optimum, as its gap tells, the closer the mean is to this
+        point, which is well inside.
+
+        Args:
+            start: Weights (k,) of the answer.
+            near: Its multiplier (p, p).
+        """
+        size = float(_Point(self.rows, self.active, start, self.s, self.u).variances.max())
+        u = _duals_of(self.rows, size * self.active.information(start), near)
+        answer = _Point(self.rows, self.active, size * start, self.s, u)
+        used = self.active.sensitivities(answer.multiplier)
+        most = float(used.max())
+        gap = 1 - float(used @ start) / most if most > 0 else 1.0
+        if not 0 <= gap < 1:
+            return self
+
+        def mean(own: Array, other: Array) -> Array:
+            return gap * own + (1 - gap) * other
+
+        return _Point(
+            self.rows,
+            self.active,
+            mean(self.w, answer.w),
+            mean(self.s, 1.0 - used / most),
+            mean(self.u, u / most),
+        )
 
     @cached_property
     def T(self) -> Array:
@@ -215,3 +252,13 @@ class _Point:
         curved = np.sqrt(l[rows] + l[columns])[:, None] * E
         P = np.vstack([curved, np.sqrt(self.u / self.c)[:, None] * J])
         return weight_equations(P, self.s / self.w, most=np.inf), J
+
+
+def _duals_of(rows: Array, M: Array, Z: Array) -> Array:
+    """Duals u (j,) with ``sum_j u_j A_j' A_j = M Z M``, as nearly as they are positive."""
+    T = whitener(M)
+    S = np.linalg.inv(T)
+    turned = rows @ T
+    squares = np.swapaxes(turned, 1, 2) @ turned
+    L = S @ Z @ S.T
+    return np.maximum(np.linalg.lstsq(squares.reshape(len(rows), -1).T, L.ravel())[0], 0.0)

@@ -1,0 +1,72 @@
+"""Why no weights of candidates have a lower cost."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from criteria import Relaxable
+from criteria.linalg.inverse import whitener
+from edtk.design.problem import Problem
+from edtk.system.typing import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Proof:
+    """A bound on the cost of all weights of the candidates.
+
+    Attributes:
+        multiplier: A multiplier Z (p, p).
+        largest: The largest sensitivity ``<Z, M_i>`` of a candidate to it.
+        lower_bound: The bound on the cost that both prove.
+    """
+
+    multiplier: Array
+    largest: float
+    lower_bound: float
+
+    @classmethod
+    def of(
+        cls, problem: Problem, criterion: Relaxable, M: Array, Z: Array | None
+    ) -> "tuple[Proof, Array]":
+        """Find what a solver's multiplier proves near a design.
+
+        Args:
+            problem: The candidates (n).
+            criterion: What is minimised.
+            M: The design (p, p).
+            Z: The multiplier (p, p); without one minus the gradient is one.
+
+        Returns:
+            The best proof, and the sensitivities (n,) of all candidates to its multiplier.
+        """
+        trials = _trial_multipliers(criterion, M, Z)
+        sensitivities = problem.sensitivities(trials)
+        largest = sensitivities.max(axis=-1)
+        found = [
+            criterion.lower_bound(trials[i : i + 1], largest[i : i + 1], M)
+            for i in range(len(trials))
+        ]
+        # A solver's multiplier may be so far off that its bound is negative or not a number.
+        bounds = np.where(np.isfinite(found), np.maximum(found, 0.0), 0.0)
+        best = int(np.argmax(bounds))
+        proof = cls(trials[best], float(largest[best]), float(bounds[best]))
+        return proof, sensitivities[best]
+
+
+def _trial_multipliers(criterion: Relaxable, M: Array, Z: Array | None) -> Array:
+    """Multipliers to try (r, p, p): the solver's, and minus the gradient at M of a smooth cost.
+
+    A multiplier of a monotone criterion must be positive semidefinite. Its negative eigenvalues,
+    which the solver's inaccuracy leaves, are cut off in the parameters that whiten M, where they
+    are small beside the others.
+    """
+    if Z is None:
+        return -criterion.gradient(M)[None]
+    if criterion.monotone:
+        T = whitener(M)
+        S = np.linalg.inv(T)
+        z, V = np.linalg.eigh(S @ Z @ S.T)
+        Z = T @ (V * np.maximum(z, 0.0)) @ V.T @ T.T
+    if not criterion.smooth:
+        return Z[None]
+    return np.stack([Z, -criterion.gradient(M)])

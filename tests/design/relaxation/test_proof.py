@@ -1,0 +1,30 @@
+"""What a multiplier proves over the candidates."""
+
+import numpy as np
+import pytest
+from relaxations import off_centre
+
+import criteria
+from edtk.design.problem import Problem
+from edtk.design.relaxation.proof import Proof
+
+
+def test_gradient_of_a_smooth_criterion():
+    """Without a multiplier minus the gradient proves the bound of the equivalence theorem."""
+    problem = Problem(off_centre(8, 50))
+    M = problem.mean
+    proof, sensitivities = Proof.of(problem, criteria.create("D"), M, None)
+    own = problem.sensitivities(np.linalg.inv(M))
+    cost = float(criteria.create("D").cost(M))
+    assert proof.lower_bound == pytest.approx(cost * 4 / own.max())
+    np.testing.assert_allclose(sensitivities / sensitivities.max(), own / own.max())
+
+
+def test_worthless_multiplier():
+    """A solver's multiplier that proves nothing has the bound zero, or the gradient's."""
+    problem = Problem(off_centre(8, 50))
+    Z = -np.eye(4)
+    assert Proof.of(problem, criteria.create("E"), problem.mean, Z)[0].lower_bound == 0.0
+    alone, _ = Proof.of(problem, criteria.create("A"), problem.mean, None)
+    both, _ = Proof.of(problem, criteria.create("A"), problem.mean, Z)
+    assert both.lower_bound == alone.lower_bound > 0
