@@ -84,7 +84,7 @@ def far_off(start: LinearStart, data: MarkerPositions) -> bool:
     """Whether the drawing is so far from the positions that something else is wrong."""
     spread = float(np.sqrt(((data.measured[data.seen] - _center(data)) ** 2).sum(axis=-1).mean()))
     size = start.rms * (start.scale if np.isfinite(start.scale) else 1.0)
-    return size > FAR * spread or (start.whole and start.mirrored)
+    return size > FAR * spread or (start.whole and (start.mirrored or start.distorted))
 
 
 def find_counting(robot: Robot, data: MarkerPositions) -> Counting | None:

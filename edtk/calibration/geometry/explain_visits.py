@@ -23,6 +23,7 @@ SCALES = {
 }
 EXPLAINED = 0.25  # of the distance remains at most
 FEWEST = 3  # visits one after the other that a motion of the frame has to explain
+MOST_TYPED = 15  # visits: nobody mistypes more, and the search for each takes a while
 GRID = 361  # values of a joint that are tried
 REFINED = 5  # times the grid about the best value is made ten times finer
 DEGREE = np.pi / 180
@@ -66,7 +67,7 @@ def explain_visits(
         kind, words = moved.get(visit, ("", ""))
         if not kind:
             limit = min(near, EXPLAINED * own)
-            causes = _causes(agreed, data, visit)
+            causes = _causes(agreed, data, visit, typed=len(visits) <= MOST_TYPED)
             kind, words = next(
                 ((kind, words) for kind, words, left in causes if left < limit), ("gross", "")
             )
@@ -96,7 +97,7 @@ def _moved(
 
 
 def _causes(
-    agreed: Consensus, data: MarkerPositions, visit: int
+    agreed: Consensus, data: MarkerPositions, visit: int, typed: bool
 ) -> Iterator[tuple[str, str, float]]:
     """Kind, words and what is left [m] of each cause, the most likely first."""
     robot = agreed.robot
@@ -118,7 +119,8 @@ def _causes(
             own = float(left(x, data.q[[visit + step]])[0])
             yield "shifted", f"as if they were of the pose {which}", own
     yield from _coordinates(left, x, q)
-    yield from _typed(agreed, left, x, q)
+    if typed:
+        yield from _typed(agreed, left, x, q)
 
 
 def _coordinates(left: Left, x: Array, q: Array) -> Iterator[tuple[str, str, float]]:

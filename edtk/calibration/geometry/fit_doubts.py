@@ -162,10 +162,11 @@ def _noise(fit: GeometricFit, setting: StudyGeometry) -> list[GeometricDoubt]:
         found.append(GeometricDoubt(Severity.NOTE, "sigma", text))
     if fit.rms * MM > NOISY * max(stated.reading, noise.reading):
         joints = float(np.max(noise.model_joints, initial=0.0))
+        up_to = "up to " if np.ptp(noise.model_joints) > 0 else ""
         text = (
             f"the model leaves {MM * fit.rms:.2g} mm, many times the noise: as if joints erred by "
-            f"{joints:.2g} mrad and positions by {noise.model_white:.2g} mm in each pose; bands "
-            "include it"
+            f"{up_to}{joints:.2g} mrad and positions by {noise.model_white:.2g} mm in each pose; "
+            "bands include it"
         )
         found.append(GeometricDoubt(Severity.NOTE, "discrepancy", text))
     return found

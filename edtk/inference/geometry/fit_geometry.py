@@ -24,7 +24,7 @@ from edtk.inference.geometry.position_noise import (
 from edtk.inference.geometry.working import working
 from edtk.model.geometry.geometric_model import GeometricModel
 from edtk.model.geometry.identifiable import Identifiable, identifiable
-from edtk.system.typing import Array
+from edtk.system.typing import Array, Mask
 
 POSES = 60  # random poses that show what any poses could tell
 ROUNDS = 8  # of fit and noise, in turn
@@ -88,9 +88,12 @@ def fit_geometry(
     kept = minimal.with_parameters(tuple(minimal.parameters[i] for i in told.kept))
     theta = least_squares_fit(kept, begin[told.kept], means, torque).theta
     theta, noise, weights = _in_turns(kept, theta, data, stated, loads, robust)
+    common, shown = _as_shown(kept, theta, noise, weights, data, loads)
     opened = tuple(minimal.parameters[i] for i in told.left)
     tools = placed_tools(placed, start)
-    fit = judge_fit(kept, theta, noise, weights, data, loads, (opened, told.shares, tools))
+    fit = judge_fit(
+        kept, theta, shown, (common, weights), data, loads, (opened, told.shares, tools)
+    )
     return replace(
         fit,
         structural=minimal.p,
@@ -170,7 +173,7 @@ def _in_turns(
     noise = stated
     weights = np.ones(len(means))
     last = np.zeros(2)
-    slides = np.array([joint.kind == "prismatic" for joint in model.robot.joints])
+    slides = _slides(model)
     for turn in range(ROUNDS):
         torque = resting_torque(model.compliances(theta), means.q, means.wrench, loads)
         rows = PoseRows.of(model, theta, means, torque)
@@ -196,6 +199,41 @@ def _in_turns(
             break
         last = now
     return theta, noise, weights
+
+
+def _as_shown(
+    model: GeometricModel,
+    theta: Array,
+    noise: PositionNoise,
+    weights: Array,
+    data: MarkerPositions,
+    loads: Loads | None,
+) -> tuple[Array, PositionNoise]:
+    """Covariances (m, r, r) that the fit was weighted by, and the noise that is stated with it.
+
+    Weights have one size of the model's error for all joints, which predicts best; the stated noise
+    has one a joint where the residuals say so, without which bands are too narrow where a load that
+    nobody told bends the robot.
+    """
+    means = data.means
+    torque = resting_torque(model.compliances(theta), means.q, means.wrench, loads)
+    rows = PoseRows.of(model, theta, means, torque)
+    root = np.sqrt(weights)[:, None]
+    shown = fit_model_error(
+        noise,
+        rows.motion,
+        data.counts,
+        rows.residual * root,
+        rows.design * root[..., None],
+        _slides(model),
+        True,
+    )
+    return noise.of_pose(rows.motion, data.counts), shown
+
+
+def _slides(model: GeometricModel) -> Mask:
+    """Which joints (n,) are prismatic."""
+    return np.array([joint.kind == "prismatic" for joint in model.robot.joints])
 
 
 def _trusted(residual: Array, V: Array, means: MarkerPositions) -> Array:

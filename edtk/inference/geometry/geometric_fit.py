@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 
 from edtk.inference.geometry.marker_positions import MarkerPositions
-from edtk.inference.geometry.position_noise import PositionNoise, joint_kinds
+from edtk.inference.geometry.position_noise import PositionNoise, fitted_kinds
 from edtk.model.geometry.geometric_model import GeometricModel
 from edtk.model.geometry.geometric_parameter import GeometricParameter
 from edtk.system.typing import Array, Mask
@@ -162,7 +162,8 @@ class FittedGeometry:
             return np.full(motion.shape[:2], np.inf)
         own = np.einsum("mrr->mr", self.noise.of_reading(motion) + self.noise.of_model(motion))
         slides = self.model.chain.robot.joints
-        masks = joint_kinds(np.array([joint.kind == "prismatic" for joint in slides]))
+        kinds = np.array([joint.kind == "prismatic" for joint in slides])
+        masks = fitted_kinds(kinds, len(fit.variances))
         parts = [np.ones(own.shape), *((motion[..., mask] ** 2).sum(axis=-1) for mask in masks)]
         slopes = np.stack(parts, axis=-1)
         dof = fit.relative_dof(slopes)

@@ -25,7 +25,7 @@ def judge_fit(
     model: GeometricModel,
     theta: Array,
     noise: PositionNoise,
-    weights: Array,
+    weighting: tuple[Array, Array],
     data: MarkerPositions,
     loads: Loads | None,
     beside: tuple[tuple[GeometricParameter, ...], Array, Array],
@@ -36,11 +36,25 @@ def judge_fit(
     ``(I - Q_b Q_b')^-1 z_b``, which is exact where the model is linear: tests compare it with fits
     without the pose. Parameters have the covariance ``R^-1 S R^-T``, ``S = sum_b Q_b' V_b Q_b``, of
     any weighted least squares whose weights are not the inverse of V (Huber 1967).
+
+    Args:
+        model: The identified parameters.
+        theta: Their values (p,) in SI units.
+        noise: The errors of a pose, and so V.
+        weighting: Covariances (m, 3k, 3k) of the poses with one size of the model's error for all
+            joints, by which the fit weighted them, and weights (m,) of a robust loss.
+        data: The positions.
+        loads: What loads the joints.
+        beside: Open parameters, how they hang on the others, and where the markers were placed.
     """
+    common, weights = weighting
     means = data.means
     torque = resting_torque(model.compliances(theta), means.q, means.wrench, loads)
     rows = PoseRows.of(model, theta, means, torque)
-    out = _LeftOut.of(rows, noise.of_pose(rows.motion, data.counts), weights)
+    work = working(common)
+    out = _LeftOut.of(rows, noise.of_pose(rows.motion, data.counts), work, weights)
+    # Sizes that each joint has of its own may be those of one wrong pose, which they would hide.
+    surprise = _LeftOut.of(rows, common, work, weights).surprise
     fitted = FittedGeometry(
         model=model,
         theta=theta,
@@ -64,7 +78,7 @@ def judge_fit(
         left_out=out.errors.reshape(shape) / MM + blank,
         left_out_half=half.reshape(shape) / MM + blank,
         # A pose that a robust loss trusts less surprises all the same.
-        surprise=out.surprise / weights,
+        surprise=surprise / weights,
         weights=weights,
     )
 
@@ -86,9 +100,9 @@ class _LeftOut:
     covariance: Array
 
     @classmethod
-    def of(cls, rows: PoseRows, V: Array, weights: Array) -> "_LeftOut":
-        """Of a fit with covariances V (m, r, r) of the poses, and their weights (m,)."""
-        L = np.linalg.cholesky(working(V) / weights[:, None, None])
+    def of(cls, rows: PoseRows, V: Array, work: Array, weights: Array) -> "_LeftOut":
+        """Of a fit with covariances V (m, r, r), weighted by others alike and by weights (m,)."""
+        L = np.linalg.cholesky(work / weights[:, None, None])
         inverse_L = np.linalg.inv(L)
         X = inverse_L @ rows.design
         z = (inverse_L @ rows.residual[..., None])[..., 0]

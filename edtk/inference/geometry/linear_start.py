@@ -8,6 +8,7 @@ from edtk.system.typing import Array, Mask
 
 # Singular values of the linear problem below this share of the largest leave a direction open.
 OPEN = 1e-6
+ROUND = 0.7  # of the largest scale of the matrix the smallest is at least, where it is a rotation
 NOTHING = 1e-6  # of an open direction of unit length that is of the matrix: rounding
 
 
@@ -20,6 +21,7 @@ class LinearStart:
         tools: Markers (k, 3) in the tool frame [m].
         scale: Lengths measured over those of the drawing, 1 where units agree.
         mirrored: Whether a left-handed frame fits better than a right-handed one.
+        distorted: Whether lengths in some direction fit much better with another scale.
         rms: Root mean square distance that the linear problem leaves, in the drawing's lengths [m].
         whole: Whether the poses tell the matrix, and so orientation and scale. Places of base and
             markers may be open together, as along the axes of a SCARA: that moves no position.
@@ -29,6 +31,7 @@ class LinearStart:
     tools: Array
     scale: float
     mirrored: bool
+    distorted: bool
     rms: float
     whole: bool
 
@@ -76,6 +79,7 @@ def linear_start(flange: Array, measured: Array, seen: Mask) -> LinearStart:
         tools=tools,
         scale=1.0 / float(np.median(sizes)) if np.median(sizes) > 0 else np.inf,
         mirrored=mirrored,
+        distorted=bool(sizes.min() < ROUND * sizes.max()),
         rms=float(np.sqrt((left**2).sum(axis=-1).mean())),
         whole=bool((np.abs(Vt[~kept, :9]) < NOTHING).all()) and len(y) >= int(kept.sum()) + 3,
     )

@@ -28,7 +28,8 @@ class PositionNoise:
         reading: r [mm].
         joints: s (n,) [mrad, or mm of a prismatic joint].
         model_white: w [mm].
-        model_joints: e (n,) likewise, the same for all joints of a kind.
+        model_joints: e (n,) likewise: the same for all joints of a kind, or one size a joint where
+            the residuals speak for that.
         model_fit: The fitted variances of the model's part; None where none was fitted.
         repeats: Degrees of freedom of the repeats that told r and s; zero where they were stated.
     """
@@ -74,6 +75,17 @@ def only_seen(V: Array, seen: Mask) -> Array:
 def joint_kinds(slides: Mask) -> list[Mask]:
     """Masks (n,) of the joints that share one size of the model's error: by kind."""
     return [mask for mask in (~slides, slides) if mask.any()]
+
+
+def single_joints(slides: Mask) -> list[Mask]:
+    """Masks (n,) of the joints where each has a size of its own."""
+    return list(np.eye(len(slides), dtype=bool))
+
+
+def fitted_kinds(slides: Mask, variances: int) -> list[Mask]:
+    """The masks (n,) that so many variances are of: that of coordinates comes first."""
+    kinds = joint_kinds(slides)
+    return kinds if variances == 1 + len(kinds) else single_joints(slides)
 
 
 def noise_of_repeats(
@@ -128,11 +140,14 @@ def fit_model_error(
     residual: Array,
     design: Array,
     slides: Mask,
+    singly: bool = False,
 ) -> PositionNoise:
     """Tell what the model leaves out from the residuals of poses.
 
     It is nothing unless the residuals speak for it: variances that cannot be negative are too large
-    on average where there is nothing to be found, and so would be all covariances.
+    on average where there is nothing to be found, and so would be all covariances. Likewise joints
+    have sizes of their own only where these gain more than as many free numbers would by chance
+    (Akaike 1974): a load that nobody told, for one, turns some joints and not others.
 
     Args:
         noise: The noise of a reading, which stays.
@@ -141,6 +156,7 @@ def fit_model_error(
         residual: Residuals (m, 3k) [mm], zero where nothing was seen.
         design: Columns (m, 3k, p) [mm per unit], zero there too.
         slides: Which joints (n,) are prismatic.
+        singly: Whether each joint may have a size of its own.
     """
     rigid = np.zeros(len(slides))
     plain = PositionNoise(noise.reading, noise.joints, 0.0, rigid, repeats=noise.repeats)
@@ -149,12 +165,21 @@ def fit_model_error(
     J = motion * there[:, :, None]
     eye = np.eye(J.shape[1]) * there[:, None]
     masks = joint_kinds(slides)
-    kinds = [eye, *(J[:, :, mask] @ np.swapaxes(J[:, :, mask], 1, 2) for mask in masks)]
     fixed = plain.of_pose(motion, counts)
-    found = fit_variances_of_blocks(fixed, kinds, residual, design)
+
+    def fitted(masks: list[Mask]) -> BlockVariances:
+        kinds = [eye, *(J[:, :, mask] @ np.swapaxes(J[:, :, mask], 1, 2) for mask in masks)]
+        return fit_variances_of_blocks(fixed, kinds, residual, design)
+
+    found = fitted(masks)
     nothing = fit_variances_of_blocks(fixed, (), residual, design)
     if 2 * (found.log_likelihood - nothing.log_likelihood) < SPEAKS:
         return plain
+    single = single_joints(slides)
+    if singly and len(single) > len(masks):
+        each = fitted(single)
+        if each.log_likelihood - found.log_likelihood > len(single) - len(masks):
+            found, masks = each, single
     sizes = np.sqrt(found.variances)
     joints = rigid.copy()
     for mask, size in zip(masks, sizes[1:], strict=True):

@@ -63,7 +63,10 @@ def test_few_parameters_are_sampled(tmp_path: Path) -> None:
     fit = edtk.identify(study, by_pose(tmp_path / "day.csv", q, x), as_is=True).fit
     density = GeometryDensity.of(fit, None, robust=False)
     found = geometry_posterior(
-        density, (fit.fitted.values, fit.fitted.std), np.random.default_rng(2), OPTIONS
+        density,
+        (fit.fitted.values, fit.fitted.std),
+        np.random.default_rng(2),
+        SamplingOptions(Demand(0.3, length=10.0)),
     )
     assert found.method == EMCEE
     assert len(found.parameters) == 8
