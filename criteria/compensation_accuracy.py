@@ -9,6 +9,7 @@ from criteria.convex_criterion import ConvexCriterion
 from criteria.curvature import Curvature, curvature_of_variances
 from criteria.linalg.inverse import lowered_root, power_trace_of_root
 from criteria.linalg.log_of_inverse import log_of_inverse
+from criteria.linalg.rounding_of_rows import rounding_of_rows
 from criteria.linalg.typing import Array
 from criteria.registry import register
 
@@ -65,6 +66,10 @@ class CompensationAccuracy(ConvexCriterion):
     def transformed(self, T: Array) -> Self:
         """The same target says the same of other parameters."""
         return self.in_units(T)
+
+    def rounding(self, W: Array) -> float:
+        """That of the target's rows together."""
+        return rounding_of_rows(self.target, W)
 
     def polar(self, Z: Array, M: Array) -> float:
         """``trace (A0 Z A0')^(1/2)``, as of a weighted A-criterion."""

@@ -197,6 +197,17 @@ class Criterion(ABC):
         found = self.curvature(R)
         return () if found is None else (found,)
 
+    def rounding(self, W: Array) -> float:
+        """Relative error, of a variance, that rounding of what the criterion was given can make.
+
+        It matters where parameters are nearly dependent: combinations that are well told then are
+        differences of large numbers.
+
+        Args:
+            W: Whitens a design (p, r), ``W' M W = I``, in the parameters as they were given.
+        """
+        return 0.0
+
     @property
     def order(self) -> int | None:
         """Number p of parameters that its target or its combinations have; None for any."""

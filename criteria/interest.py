@@ -17,6 +17,7 @@ from criteria.linalg.estimable import estimable_inverse, open_columns
 from criteria.linalg.inverse import scaled_inverse, whitener
 from criteria.linalg.is_semidefinite import is_semidefinite
 from criteria.linalg.null_space import open_directions
+from criteria.linalg.rounding_of_rows import rounding_of_rows
 from criteria.linalg.typing import Array, Indices, Mask
 from criteria.monotone import monotone
 from criteria.relaxable import Formulation, Relaxable
@@ -144,6 +145,10 @@ class Interest(Relaxable):
         hidden = " and ".join(open_directions(M, parameters)) or "other parameters"
         words = [combination(column, parameters) for column in self.K.T[is_open]]
         return tuple(f"{each} (open: {hidden})" if each != hidden else each for each in words)
+
+    def rounding(self, W: Array) -> float:
+        """That of the least exact of the combinations."""
+        return max(rounding_of_rows(column[None], W) for column in self.K.T)
 
     def side(self, cov: Array) -> Array:
         """``cov K`` (..., p, s); any rows (..., n, p) may stand for cov."""

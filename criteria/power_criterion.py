@@ -95,6 +95,10 @@ class PowerCriterion(ConvexCriterion):
         found = self.base.curvature(R)
         return None if found is None else found.power(self.exponent)
 
+    def rounding(self, W: Array) -> float:
+        """The base's, which is one of variances."""
+        return self.base.rounding(W)
+
     def rests_on_solver(self, Z: Array, M: Array) -> bool:
         """Whether the base's bound does."""
         return self.base.rests_on_solver(Z, M)

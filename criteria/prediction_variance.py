@@ -9,6 +9,7 @@ from criteria.a_optimality import AOptimality
 from criteria.criterion_error import CriterionError
 from criteria.linalg.full_rank_root import full_rank_root
 from criteria.linalg.inverse import ROUNDING
+from criteria.linalg.rounding_of_rows import rounding_of_rows
 from criteria.linalg.typing import Array
 from criteria.named_interest import SumOfVariances
 from criteria.registry import register
@@ -64,6 +65,7 @@ class PredictionVariance(SumOfVariances):
             raise CriterionError(f"criterion 'I': {given[0]}: {error}") from error
         K.flags.writeable = False
         self._fill(AOptimality(), K, ())
+        self._of_squares = W is not None
 
     def _describe(self, base: Relaxable) -> None:
         """What W decides."""
@@ -73,6 +75,16 @@ class PredictionVariance(SumOfVariances):
     def label(self) -> str:
         """The name alone: W has no short form in words."""
         return self.name
+
+    def rounding(self, W: Array) -> float:
+        """That of the combinations together, and of W itself where its squares were given."""
+        found = rounding_of_rows(self.K.T, W)
+        if not self._of_squares:
+            return found
+        # Entries of W are roundings, and its root leaves out what may be nothing else.
+        sizes = np.linalg.norm(self.K, axis=1) @ np.linalg.norm(W, axis=1)
+        variance = float(np.square(self.K.T @ W).sum())
+        return found + float(len(self.K) * ROUNDING * sizes**2 / variance)
 
     @property
     def arguments(self) -> dict[str, Any]:

@@ -157,6 +157,10 @@ class SeveralCriteria(Relaxable):
             Loss(part, float(best)) for part, best in zip(self.parts, self.best, strict=True)
         )
 
+    def rounding(self, W: Array) -> float:
+        """The largest of the parts'."""
+        return max(part.rounding(W) for part in self.parts)
+
     def rests_on_solver(self, Z: Array, M: Array) -> bool:
         """Whether the bound of a part does."""
         return any(part.rests_on_solver(Z, M) for part in self.parts)

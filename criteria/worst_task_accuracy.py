@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 from criteria.convex_criterion import ConvexCriterion
 from criteria.kinked_criterion import KinkedCriterion
 from criteria.linalg.inverse import power_trace, whitener
+from criteria.linalg.rounding_of_rows import rounding_of_rows
 from criteria.linalg.soft_maximum import soft_maximum
 from criteria.linalg.triangle import triangle
 from criteria.linalg.typing import Array, Indices
@@ -82,6 +83,10 @@ class WorstTaskAccuracy(KinkedCriterion, ConvexCriterion):
     def transformed(self, T: Array) -> Self:
         """The same target says the same of other parameters."""
         return self.in_units(T)
+
+    def rounding(self, W: Array) -> float:
+        """That of the least exact of the tasks."""
+        return max(rounding_of_rows(rows, W) for rows in self.targets)
 
     def polar(self, Z: Array, M: Array) -> float:
         """``trace (B Z B')^(1/2)``, ``B'B = sum l_i L_i``, for weights l of the tasks of sum one.

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
     from edtk.design.frame_problem import FrameProblem
 
+DISTANT = 1e-24  # ratio of squares: of units that are twelve decades apart
+
 
 class Problem(WeightedCandidates):
     """Candidate experiments of a linear (or linearised) model ``y_i = A_i k + noise``.
@@ -54,6 +56,9 @@ class Problem(WeightedCandidates):
     """
 
     parameters: tuple[str, ...]
+    # Entries of arrays are what they are; where a model has computed rows, one far below the others
+    # may be the rounding of a zero.
+    is_exact: bool = False
 
     def __init__(
         self,
@@ -63,6 +68,7 @@ class Problem(WeightedCandidates):
         prior: ArrayLike | None = None,
     ) -> None:
         self._set(rows_of_blocks(blocks, sigma), parameters, prior)
+        self.is_exact = True
         require_information(self.prior)
 
     @classmethod
@@ -177,7 +183,19 @@ class Problem(WeightedCandidates):
 
     def with_prior(self, prior: Array | None) -> "Problem":
         """The same candidates with other prior information (p, p), or without any."""
-        return Problem.of_kept(self.kept, self.parameters, prior)
+        problem = Problem.of_kept(self.kept, self.parameters, prior)
+        problem.is_exact = self.is_exact
+        return problem
+
+    @property
+    def has_distant_units(self) -> bool:
+        """Whether the parameters' units are so far apart that one looks like rounding.
+
+        Of rows that a model has computed it is taken for that.
+        """
+        largest = np.diag(self.mean)
+        told = largest[largest > 0]
+        return bool(self.is_exact and len(told) and told.min() <= DISTANT * told.max())
 
     @cached_property
     def conditioning(self) -> Conditioning:

@@ -2,6 +2,8 @@
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from criteria import Criterion
 from edtk.design.rank_deficient_error import RankDeficientError
 from edtk.design.rows import Rows
@@ -28,8 +30,7 @@ def require_identifiable(problem: "Problem", criterion: Criterion | None) -> Non
             f"regressors{how}"
         )
     if criterion is not None and not criterion.needs_all:
-        M = problem.mean if problem.conditioning.is_well else problem.conditioning.information()
-        missing = criterion.missing(M, problem.parameters)
+        missing = _missing(problem, criterion)
         if missing:
             raise RankDeficientError(
                 "the candidates together cannot identify what is of interest: no candidate "
@@ -43,3 +44,14 @@ def require_identifiable(problem: "Problem", criterion: Criterion | None) -> Non
             "the candidates together cannot identify all parameters: no candidate excites "
             f"{' or '.join(directions)}"
         )
+
+
+def _missing(problem: "Problem", criterion: Criterion) -> tuple[str, ...]:
+    """What the candidates leave open of all that a criterion needs, in words."""
+    found = problem.conditioning
+    if not problem.has_distant_units:
+        M = problem.mean if found.is_well else found.information()
+        return criterion.missing(M, problem.parameters)
+    # In units of the columns' lengths no parameter is taken for rounding.
+    M = found.information() / np.outer(found.scale, found.scale)
+    return criterion.in_units(np.diag(1.0 / found.scale)).missing(M, problem.parameters)

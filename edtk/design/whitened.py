@@ -33,7 +33,7 @@ class Whitened:
     @classmethod
     def of(cls, problem: Problem) -> "Whitened | None":
         """Whiten a problem, once; None where its squares are good enough as they are."""
-        if problem.conditioning.is_well:
+        if problem.conditioning.is_well and not problem.has_distant_units:
             return None
         if problem not in _known:
             _known[problem] = cls._of(problem)

@@ -331,3 +331,13 @@ def test_plans_are_written(tmp_path):
     assert (tmp_path / "region.csv").read_text() == "x,count\n-1,1\n1,1\n"
     with pytest.raises(OSError, match="is a folder"):
         edtk.plan(PROBLEM, size=4, out=tmp_path)
+
+
+def test_units_that_are_eighteen_decades_apart():
+    """A plan for one combination of parameters is the same in any units."""
+    own = np.random.default_rng(3).normal(size=(12, 3))
+    rows = own * 10.0 ** np.array([-9, 0, 9])
+    found = edtk.plan(edtk.Problem(rows[:, None, :]), 5, {"name": "c", "c": rows[0]}, starts=8)
+    same = edtk.plan(edtk.Problem(own[:, None, :]), 5, {"name": "c", "c": own[0]}, starts=8)
+    assert found.value == pytest.approx(same.value, rel=1e-9)
+    assert found.efficiency == pytest.approx(same.efficiency, rel=1e-6)

@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 import criteria
 from edtk.calibration.geometry.study_geometry import StudyGeometry, StudyLoads
 from edtk.calibration.geometry_design.position_rows import PositionRows
+from edtk.design.candidate_arrays import rows_of_blocks
 from edtk.design.problem import Problem
 from edtk.inference.geometry.fit_geometry import stages
 from edtk.inference.geometry.position_noise import PositionNoise
@@ -115,7 +116,8 @@ def geometry_problem(
     errors = setting.noise if noise is None else noise
     blocks = PositionRows(model, loads, errors)(poses, forces)
     names = tuple(one.name for one in model.parameters)
-    return GeometryProblem(Problem(blocks, parameters=names), poses, forces, model, errors, loads)
+    problem = Problem.of_kept(rows_of_blocks(blocks, 1.0), names, None)
+    return GeometryProblem(problem, poses, forces, model, errors, loads)
 
 
 def _minimal(

@@ -8,6 +8,7 @@ import numpy as np
 
 from edtk.calibration.geometry.study_geometry import StudyLoads
 from edtk.calibration.geometry_design.position_rows import PositionRows
+from edtk.design.candidate_arrays import rows_of_blocks
 from edtk.design.design_space import DesignSpace
 from edtk.design.experiments import Experiments
 from edtk.design.plan import Plan
@@ -67,7 +68,7 @@ class GeometrySpace(DesignSpace):
     def problem_of(self, told: Array) -> Problem:
         """Make a problem of experiments whose rows (3 markers, p, k) are at hand."""
         rows = np.ascontiguousarray(np.moveaxis(told, -1, 0))
-        return Problem(rows, parameters=self.parameters, prior=self.prior)
+        return Problem.of_kept(rows_of_blocks(rows, 1.0), self.parameters, self.prior)
 
     def information(self, plan: Plan) -> Array:
         """Information matrix (p, p) of a plan under the plan's own wrenches; prices do not count.

@@ -130,4 +130,9 @@ class Masters:
             M = part.information(weights)
             if not self.criterion.cost(M) <= enough:
                 return step
+        # A bound is told again near the design that is given; it must not be lost by the change.
+        Z = step.proof.multiplier[None]
+        bound = self.criterion.lower_bound(Z, np.array([step.proof.largest]), M)
+        if not bound >= step.proof.lower_bound * (1 - LIGHT_LOSS * self.gap):
+            return step
         return replace(step, active=heavy, weights=weights, M=M)

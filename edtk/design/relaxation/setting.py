@@ -9,7 +9,7 @@ from criteria import Relaxable
 from edtk.design.bound import BoundKind
 from edtk.design.problem import Problem
 from edtk.design.relaxation.inner_proof import InnerProof
-from edtk.design.relaxation.relative_accuracy import relative_accuracy
+from edtk.design.relaxation.relative_accuracy import EPS, relative_accuracy
 from edtk.design.rows import Rows
 from edtk.design.whitened import Whitened
 from edtk.system.typing import Array
@@ -28,6 +28,7 @@ class Setting:
         given: The criterion as it was given.
         whitened: How the problem was transformed; None where it is as it was given.
         of_squares: Whether information was transformed, for want of rows.
+        prior: Prior information (p, p) of the problem as it was given.
     """
 
     problem: Problem
@@ -35,6 +36,7 @@ class Setting:
     given: Relaxable
     whitened: Whitened | None
     of_squares: bool = False
+    prior: Array | None = None
 
     @classmethod
     def of(cls, problem: Problem, criterion: Relaxable) -> "Setting":
@@ -44,7 +46,21 @@ class Setting:
         if whitened is None or not isinstance(transformed, Relaxable):
             return cls(problem, criterion, criterion, None)
         of_squares = not isinstance(problem.kept, Rows)
-        return cls(whitened.problem, transformed, criterion, whitened, of_squares)
+        return cls(whitened.problem, transformed, criterion, whitened, of_squares, problem.prior)
+
+    def _lost_by_transforming(self, M: Array) -> float:
+        """Relative error, of a variance, of what is given beside the candidates: squares and rows.
+
+        A prior R is known to ``p eps (R_ii R_jj)^(1/2)``, as the design that it is a part of.
+        """
+        if self.whitened is None:
+            return 0.0
+        W = self.whitened.T @ self.criterion.whitener(M)
+        found = self.given.rounding(W)
+        if self.prior is not None:
+            own = np.linalg.norm(np.sqrt(np.diag(self.prior))[:, None] * W, 2)
+            found += float(len(W) ** 2 * EPS * own**2)
+        return found
 
     def inward(self, multipliers: Array | None) -> Array | None:
         """Multipliers (r, p, p) of the parameters as given as those of the problem here."""
@@ -65,6 +81,7 @@ class Setting:
             self.of_squares,
         )
         M = self.problem.information(found.weights)
+        accuracy += self.criterion.degree * self._lost_by_transforming(M)
         believes = self.criterion.rests_on_solver(found.multipliers, M)
         found = replace(found, accuracy=accuracy, rests_on_solver=believes)
         if believes:

@@ -209,6 +209,70 @@ def test_some_coefficients_of_nearly_dependent_columns(name, s):
     assert -r.accuracy <= r.gap <= GAP
 
 
+DISTANT = 10.0 ** np.array([-9, -3, 3, 9])
+OF_DISTANT = {
+    "c": lambda rows: {"c": rows[3]},
+    "I": lambda rows: {"points": rows[:6]},
+    # The units of k2 and k3 together are one.
+    "Ds": lambda rows: {"interest": np.eye(4)[:, 1:3]},
+    "prediction_G": lambda rows: {"points": rows[:6]},
+}
+
+
+@pytest.mark.parametrize("name", OF_DISTANT)
+def test_units_that_are_eighteen_decades_apart(name):
+    """No parameter of an array is taken for rounding because its unit is large."""
+    own = np.random.default_rng(3).normal(size=(25, 4))
+    rows = own * DISTANT
+    problem = Problem(rows[:, None, :])
+    found = relax(problem, criteria.create(name, **OF_DISTANT[name](rows)))
+    good = relax(Problem(own[:, None, :]), criteria.create(name, **OF_DISTANT[name](own)))
+    assert found.cost == pytest.approx(good.cost, rel=2 * GAP)
+    assert -1e-9 <= found.gap <= GAP
+    cost, bound = found.certify(problem)
+    assert cost == pytest.approx(found.cost, rel=1e-9)
+    assert bound == pytest.approx(found.proved_bound.cost, rel=1e-9)
+
+
+def test_what_a_model_computes_may_be_rounding():
+    """Rows of a model are judged as ever: a column of roundings is no parameter to be told."""
+    rows = np.random.default_rng(3).normal(size=(25, 3))
+    rows[:, 2] *= 1e-17
+    computed = Problem.of_kept(Problem(rows[:, None, :]).kept, None, None)
+    criterion = criteria.create("Ds", interest=np.eye(3)[:, :2])
+    found = relax(computed, criterion)
+    without = relax(Problem(rows[:, None, :2]), criteria.create("D"))
+    assert found.cost == pytest.approx(without.cost, rel=2 * GAP)
+
+
+@pytest.mark.parametrize("noise", [1e-4, 1e-6])
+def test_accuracy_counts_what_the_criterion_was_given(noise):
+    """A matrix W has the squares of nearly dependent rows; what they have lost is told."""
+    A = np.random.default_rng(1).normal(size=(30, 3))
+    A[:, 2] = A[:, 1] + noise * A[:, 2]
+    W = A.T @ A / 30
+    problem = Problem(A[:, None, :])
+    of_squares = relax(problem, criteria.create("I", W=W))
+    of_rows = relax(problem, criteria.create("I", points=A))
+    for found in (of_squares, of_rows):
+        cov, _ = exact_inverse(exact_information(A, found.weights))
+        exact = 0.0
+        if found is of_squares:
+            pairs = ((i, j) for i in range(3) for j in range(3))
+            exact = float(sum(Fraction(float(W[i, j])) * cov[i][j] for i, j in pairs))
+        else:
+            exact = float(
+                sum(
+                    Fraction(float(x[i])) * Fraction(float(x[j])) * cov[i][j] / 30
+                    for x in A
+                    for i in range(3)
+                    for j in range(3)
+                )
+            )
+        assert abs(found.cost / exact - 1) <= found.accuracy
+    assert of_squares.accuracy > 100 * of_rows.accuracy
+
+
 def test_accuracy_is_told_where_it_shows():
     """The headline has the accuracy of a model that doubles just hold, and of no other."""
     assert ", numbers to " in solved("degree 6 on [10, 11]", "D").headline()

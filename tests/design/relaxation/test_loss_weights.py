@@ -71,6 +71,16 @@ def test_same_as_cvxpy(case):
     assert own.cost == pytest.approx(other.cost, rel=1e-6)
 
 
+def test_a_small_share():
+    """Where one share is far below the other, the bound of a light design is not lost."""
+    z = np.linspace(-1, 1, 16)
+    problem = powers(z, 3)
+    parts = ["D", {"name": "c", "c": np.vander(z, 3, increasing=True)[8]}]
+    found = relax(problem, criteria.create("minimax", criteria=parts, best=[15.0**-2, 1.0]))
+    assert -1e-9 <= found.gap <= 1e-6
+    assert found.weights[8] > 0.999
+
+
 def test_bad_units():
     """Twelve decades between the parameters' units leave a proved gap as small as ever."""
     units = 10.0 ** np.linspace(-6, 6, 4)
