@@ -143,7 +143,9 @@ class Incumbent:
 
     def _heavy(self, weights: Array, blocks: Array, gap: float) -> Array:
         """Weights (k,) without those that only kept a singular design regular on the way to it."""
+        # Near a singular design rounding may tell a cost below the bound, which no design has.
         cost = float(self.criterion.cost(np.tensordot(weights, blocks, axes=1)))
+        cost = max(cost, self.lower_bound)
         for light in LIGHT:
             heavy = np.where(weights > light * weights.max(), weights, 0.0)
             heavy /= heavy.sum()
