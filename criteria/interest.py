@@ -26,6 +26,9 @@ from criteria.spectral_band import SpectralBand
 if TYPE_CHECKING:
     import cvxpy as cp
 
+# Names that a title lists, and those that it begins with where there are more.
+MOST_NAMED = 8
+FIRST_NAMED = 4
 DEPENDENT = 100.0  # condition number of combinations whose covariance keeps its digits
 
 
@@ -71,7 +74,7 @@ class Interest(Relaxable):
     def _describe(self, base: Relaxable) -> None:
         """Take over what the base declares."""
         self.name = base.name
-        self.title = f"{base.title} of {', '.join(self.names)}"
+        self.title = f"{base.title} of {_listed(self.names)}"
         self.formula = base.formula
         self.sense = base.sense
         self.degree = base.degree
@@ -89,7 +92,7 @@ class Interest(Relaxable):
     @property
     def label(self) -> str:
         """Such as "D of k2, k3"."""
-        return f"{self.name} of {', '.join(self.names)}"
+        return f"{self.name} of {_listed(self.names)}"
 
     @property
     def plan_criterion(self) -> Criterion:
@@ -316,3 +319,10 @@ def _chosen(K: Array) -> Indices | None:
     if not np.isin(K, (0.0, 1.0)).all() or not (K.sum(axis=0) == 1).all():
         return None
     return K.argmax(axis=0)
+
+
+def _listed(names: tuple[str, ...]) -> str:
+    """Names in a title, of many the first ones."""
+    if len(names) <= MOST_NAMED:
+        return ", ".join(names)
+    return f"{', '.join(names[:FIRST_NAMED])} and {len(names) - FIRST_NAMED} more"

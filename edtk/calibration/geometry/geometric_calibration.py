@@ -81,8 +81,8 @@ class GeometricCalibration(Presented):
     def rho0_mm(self) -> float | None:
         """The error of the markers to expect in the tasks, geometry and load compensated [mm].
 
-        It is the root mean square distance that wrong parameters leave; what the model leaves out
-        comes on top of it. None without tasks.
+        It is the root mean square distance that wrong parameters leave, over the tasks with their
+        weights; what the model leaves out comes on top of it. None without tasks.
         """
         poses = self.study.specification.test_poses
         if not poses:
@@ -92,7 +92,8 @@ class GeometricCalibration(Presented):
         fitted = self.fit.fitted
         rows = fitted.columns(self.counting.turned(q), wrench, self.setting.loads)
         squares = np.einsum("mrp,pq,mrq->mr", rows, fitted.covariance, rows)
-        return float(np.sqrt(3 * squares.mean()))
+        weights = [pose.weight for pose in poses]
+        return float(np.sqrt(3 * np.average(squares.mean(axis=1), weights=weights)))
 
     @property
     def verdict(self) -> str:

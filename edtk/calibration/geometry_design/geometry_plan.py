@@ -10,6 +10,7 @@ from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
 from edtk.calibration.geometry_design.poses_by_load import PosesByLoad
 from edtk.design.bound import Bound
 from edtk.design.exact.exact_plan import ExactPlan
+from edtk.system.typing import Indices
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -45,6 +46,14 @@ class GeometryPlan(ExactPlan):
     def poses(self) -> PosesByLoad:
         """The poses, each once, with its visits without and with each load; kept ones too."""
         return PosesByLoad.of(self.whole, self.question.wrenches, self.robot)
+
+    @property
+    def poses_kept(self) -> Indices:
+        """How many of the visits of each of these poses were made already (k,)."""
+        every = self.poses.visits.sum(axis=1)
+        if self.kept is None:
+            return np.zeros(len(every), dtype=int)
+        return self.poses.visits_of(self.kept)
 
     @property
     def spent(self) -> float | None:

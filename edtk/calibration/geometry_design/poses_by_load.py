@@ -51,6 +51,11 @@ class PosesByLoad:
         order = np.lexsort((start, kind))
         return cls(plan.q[start][order], visits[order], loads, robot)
 
+    def visits_of(self, plan: Plan) -> Indices:
+        """How many of the visits of each pose (k,) are those of a part of the plan."""
+        same = (np.abs(plan.q[:, None] - self.q) <= 10.0**-DIGITS).all(axis=-1)
+        return np.asarray((same * plan.repeats[:, None]).sum(axis=0))
+
     def to_list(self) -> list[dict[str, Any]]:
         """Plain numbers: each pose as files have it [deg, mm], and its visits by load."""
         shown = in_file_units(self.robot, self.q)

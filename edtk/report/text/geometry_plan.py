@@ -125,7 +125,9 @@ def _table(found: GeometryPlan, poses: PosesByLoad) -> list[str]:
     else:
         heads = ["no load", *(_name(poses, i) for i in range(1, len(poses.wrenches)))]
     lines = [f"{' '.join(f'{head:>8}' for head in heads)} {header}"]
-    for own, row in zip(poses.visits, rows, strict=True):
+    kept = found.poses_kept
+    for own, row, times in zip(poses.visits, rows, kept, strict=True):
         counts = " ".join(f"{number or '-':>8}" for number in own)
-        lines.append(f"{counts} {row}")
+        there = f"  {times} of them kept" if times else ""
+        lines.append(f"{counts} {row}{there}")
     return lines

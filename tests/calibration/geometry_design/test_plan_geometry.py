@@ -83,6 +83,7 @@ def test_the_poses_say_which_are_loaded(eight: GeometryPlan) -> None:
     assert data["loads"] == [[0.0] * 6, [float(x) for x in LOAD]]
     assert f"{loaded} visits under load, F = (0, 0, -100) N" in eight.summary()
     assert data["costs"] is None
+    assert "<table" in eight._repr_html_()
 
 
 def test_a_load_change_is_paid_for() -> None:
@@ -119,6 +120,8 @@ def test_kept_visits_count() -> None:
     assert found.whole.experiments == 5
     assert found.plan.experiments == 3
     assert found.spent == 2 * 3 + 8 * (len(set(found.plan.wrench[:, 2])) - 1)
+    assert found.poses_kept.sum() == 2
+    assert found.summary().count("2 of them kept") == 1
     assert found.value == pytest.approx(
         found.question.criterion("rho0").value(found.question.space.information(found.whole))
     )
