@@ -43,9 +43,10 @@ class Kind:
 
 
 CHEAP = (lines.EVALUATE, lines.TEMPLATE, lines.BIAS, lines.COMPENSATE, lines.IDENTIFY)
+OF_GEOMETRY = (lines.RELAX, lines.EVALUATE, lines.TEMPLATE, lines.VISITS, lines.DAY)
 READ_STUDY = (*CHEAP * 4, *(lines.RELAX, lines.BAYES) * 2, lines.PLAN, lines.RUN)
 READ_PLAN = (*(lines.EVALUATE, lines.TEMPLATE, lines.BIAS) * 3, f"{lines.IDENTIFY} --plan plan.csv")
-SLOW = (lines.PLAN, lines.RUN)
+SLOW = (lines.PLAN, lines.RUN, lines.VISITS, lines.DAY)
 CHAIN = f"{lines.BAYES} --chain chain.h5"
 KINDS = {
     "study": Kind(("study.toml",), READ_STUDY, mutate_toml, share=16),
@@ -82,14 +83,22 @@ KINDS = {
     "options of searches": Kind((), (lines.PLAN, lines.RUN, lines.RELAX, CHAIN), slow=True),
     "study of geometry": Kind(
         ("study.toml", "robot.toml"),
-        (*(lines.PREDICT, lines.IDENTIFY) * 3, *CHEAP, lines.RELAX, lines.PLAN, lines.RUN),
+        (*(lines.PREDICT, lines.IDENTIFY) * 3, *CHEAP, *OF_GEOMETRY, lines.PLAN, lines.RUN),
         mutate_toml,
         (GEOMETRY,),
+    ),
+    "plan of geometry": Kind(
+        ("plan.csv",), (lines.EVALUATE, lines.TEMPLATE), mutate_table, (GEOMETRY,), share=2
+    ),
+    "kept visits": Kind(
+        ("plan.csv",), (f"{lines.VISITS} --keep plan.csv",), mutate_table, (GEOMETRY,), slow=True
     ),
     "sheet of positions": Kind(("sheet.csv",), (lines.IDENTIFY,), mutate_table, (GEOMETRY,)),
     "result of geometry": Kind(("result.json",), (lines.PREDICT,), mutate_json, (GEOMETRY,)),
     "poses to predict": Kind(("tests.csv",), (lines.PREDICT,), mutate_table, (GEOMETRY,)),
-    "options of geometry": Kind((), (lines.PREDICT, lines.IDENTIFY), None, (GEOMETRY,), share=2),
+    "options of geometry": Kind(
+        (), (lines.PREDICT, lines.IDENTIFY, *OF_GEOMETRY), None, (GEOMETRY,), share=2
+    ),
     "paths": Kind((), (*CHEAP * 3, lines.VERIFY, lines.RELAX, lines.BAYES, lines.RUN), share=6),
 }
 

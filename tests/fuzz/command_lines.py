@@ -23,6 +23,8 @@ CRITERIA = "criteria"
 ROBOT = "robot robot.urdf --tip flange"
 NEW = "new --robot robot.urdf --tip flange --out new.toml"
 CONTROLLER = "controller robot.urdf positions.csv --tip flange"
+VISITS = "plan study.toml --size 8 --budget 0.1"
+DAY = "plan study.toml --cost-budget 15 --budget 0.1"
 PREDICT = "predict study.toml result.json tests.csv"
 VERBS = tuple(sorted(main.commands))
 

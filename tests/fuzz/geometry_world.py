@@ -10,6 +10,7 @@ import edtk
 STUDY = """
 title = "Geometry"
 robot = "robot.toml"
+candidates = 200
 
 [measurement]
 sigma_mm = 0.05
@@ -19,6 +20,15 @@ compliance = []
 geometry = "all"
 base = true
 tool = true
+
+[interest]
+parameters = ["geometry", "tool"]
+
+[costs]
+visit = 1.5
+load_change = 30
+budget = 60
+unit = "min"
 
 [[marker]]
 name = "A"
