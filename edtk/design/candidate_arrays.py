@@ -20,10 +20,21 @@ def rows_of_blocks(blocks: ArrayLike, sigma: ArrayLike) -> Rows:
         ValueError: The regressors do not have three axes, there are no candidates, an entry is not
             finite (its candidate is named), or sigma is not positive.
     """
+    if np.iscomplexobj(blocks):
+        raise ValueError("blocks must be real numbers; give real and imaginary parts as two rows")
     A = np.asarray(blocks, dtype=float)
     if A.ndim != 3 or 0 in A.shape:
-        raise ValueError(f"blocks must be a non-empty array (n, rows, p), not of shape {A.shape}")
-    scale = np.broadcast_to(np.asarray(sigma, dtype=float), A.shape[1:2])
+        hint = "; X[:, None, :] has one row a candidate" if A.ndim == 2 and A.size else ""
+        raise ValueError(
+            f"blocks must be a non-empty array (n, rows, p), not of shape {A.shape}{hint}"
+        )
+    given = np.asarray(sigma, dtype=float)
+    if given.shape not in ((), (1,), A.shape[1:2]):
+        raise ValueError(
+            f"sigma must be one number, or one for each of {A.shape[1]} rows, not of shape "
+            f"{given.shape}"
+        )
+    scale = np.broadcast_to(given, A.shape[1:2])
     if not (np.isfinite(scale) & (scale > 0)).all():
         raise ValueError("sigma must be finite and positive")
     _require_finite(np.isfinite(A).all(axis=(1, 2)))

@@ -69,6 +69,9 @@ class Problem(WeightedCandidates):
     ) -> None:
         self._set(rows_of_blocks(blocks, sigma), parameters, prior)
         self.is_exact = True
+        named_twice = {name for name in self.parameters if self.parameters.count(name) > 1}
+        if named_twice:
+            raise ValueError(f"several parameters have the name {min(named_twice)!r}")
         require_information(self.prior)
 
     @classmethod

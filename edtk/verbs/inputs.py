@@ -18,6 +18,10 @@ def as_study(study: StudyLike) -> Study:
     Raises:
         UserError: The file is not a valid study; the message names the file and the key.
     """
+    given: object = study
+    if not isinstance(given, Study | Path | str):
+        message = f"expected a study, or the path of one, not {type(given).__name__}; arrays of "
+        raise UserError(f"{message}regressors (n, rows, p) make an edtk.Problem")
     return study if isinstance(study, Study) else load_study(study)
 
 

@@ -1,6 +1,7 @@
 """`edtk.plan` of a problem of arrays: its arguments, checked."""
 
 from collections.abc import Callable, Sequence
+from numbers import Real
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,6 +14,7 @@ from edtk.design.problem import Problem
 from edtk.design.rows import Rows
 from edtk.system.errors import ArgumentError
 from edtk.system.typing import Array, Indices
+from edtk.system.whole_number import whole_number
 from edtk.verbs.for_criterion import CriterionLike
 
 MOST_PLACES = 5000  # experiments of a plan: a search looks at each of them in turn
@@ -42,8 +44,10 @@ def plan_problem(
         UserError: So few experiments cannot identify the parameters.
     """
     criterion = criteria.as_criterion(criterion, problem.parameters)
-    if starts is not None and starts < 1:
-        raise ArgumentError("expected one or more", argument="starts", given=starts)
+    if size is not None and not _is_number(size):
+        raise ArgumentError("expected a whole number", argument="size", given=size)
+    seed = whole_number(seed, "seed", 0)
+    starts = None if starts is None else whole_number(starts, "starts", 1)
     sizes = _block_sizes(blocks, block_variance, keep, problem)
     if sizes and size is None:
         size = sum(sizes)
@@ -77,13 +81,16 @@ def _block_sizes(
     blocks: Sequence[int] | None, variance: float, keep: object, problem: Problem
 ) -> tuple[int, ...]:
     """Sizes of the blocks; none without blocks."""
-    if blocks is None:
-        return ()
-    sizes = tuple(int(b) for b in blocks)
-    if not sizes or any(b < 1 or b != given for b, given in zip(sizes, blocks, strict=True)):
-        raise ArgumentError("expected sizes of blocks, whole and positive", argument="blocks")
-    if not variance > 0:
+    if not (_is_number(variance) and variance > 0):
         raise ArgumentError("expected above 0", argument="block_variance", given=variance)
+    if blocks is None:
+        if np.isfinite(variance):
+            raise ArgumentError("expected blocks beside it", argument="block_variance")
+        return ()
+    given = _numbers(blocks, "blocks")
+    sizes = tuple(int(b) for b in given.ravel())
+    if given.ndim != 1 or not sizes or (given < 1).any() or (given != sizes).any():
+        raise ArgumentError("expected sizes of blocks, whole and positive", argument="blocks")
     if keep is not None:
         message = "experiments cannot be kept where others are put in blocks"
         raise ArgumentError(message, argument="keep")
@@ -114,6 +121,8 @@ def _kept(keep: ArrayLike | Problem | None, problem: Problem) -> tuple[Indices, 
             raise ArgumentError(message, argument="keep")
         return nothing, keep.with_prior(None).information(np.ones(keep.n)), keep.n
     chosen = np.asarray(keep)
+    if chosen.shape == (0,):
+        chosen = chosen.astype(int)
     whole = chosen.ndim == 1 and np.issubdtype(chosen.dtype, np.integer)
     if not whole or not ((chosen >= 0) & (chosen < problem.n)).all():
         message = f"expected indices of candidates, from 0 to {problem.n - 1}, or a Problem"
@@ -147,13 +156,32 @@ def _funds(
     if costs is None or budget is None:
         missing = "costs" if costs is None else "cost_budget"
         raise ArgumentError("expected beside the other one of the two", argument=missing)
-    prices = np.asarray(costs, dtype=float)
+    prices = _numbers(costs, "costs")
     if prices.shape != (n,) or not (np.isfinite(prices) & (prices > 0)).all():
         message = f"expected a positive number for each of {n} candidates"
         raise ArgumentError(message, argument="costs")
-    if not (np.isfinite(budget) and budget > 0):
+    if not (_is_number(budget) and np.isfinite(budget) and budget > 0):
         raise ArgumentError("expected above 0", argument="cost_budget", given=budget)
     return prices, float(budget)
+
+
+def _is_number(given: object) -> bool:
+    return isinstance(given, Real)
+
+
+def _numbers(given: object, argument: str) -> Array:
+    """An argument as an array of finite numbers.
+
+    Raises:
+        ArgumentError: It is none.
+    """
+    try:
+        found = np.asarray(given, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise ArgumentError("expected numbers", argument=argument) from error
+    if not np.isfinite(found).all():
+        raise ArgumentError("expected finite numbers", argument=argument)
+    return found
 
 
 def _places(

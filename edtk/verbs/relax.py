@@ -110,9 +110,11 @@ def relax(
     from edtk.design.region import Region
 
     if isinstance(question, Problem):
+        _require_default("a problem of arrays", candidates=candidates, seed=seed)
         asked = "D" if criterion is None else criterion
         return _relax_problem(question, asked, size, out, certificate)
     if isinstance(question, Region):
+        _require_default("a region", seed=seed)
         asked = "D" if criterion is None else criterion
         return _relax_region(question, asked, candidates, size, progress, out, certificate)
     from edtk.design.relaxation.relax_poses import PlanInterrupted
@@ -169,6 +171,15 @@ def _write(study: "Study", found: "RelaxedPlan", files: "TableAndCertificate") -
     files.write(found.to_frame, proof)
 
 
+def _require_default(what: str, **options: object) -> None:
+    """Check that options of another kind of question are not given."""
+    from edtk.system.errors import ArgumentError
+
+    for name, value in options.items():
+        if value is not None:
+            raise ArgumentError(f"is not for the relaxation of {what}", argument=name)
+
+
 def _relax_problem(
     problem: "Problem",
     criterion: "CriterionLike",
@@ -180,12 +191,14 @@ def _relax_problem(
     import criteria
     from edtk.design.relaxation.relax import relax as relax_candidates
     from edtk.system.json_text import json_text
+    from edtk.system.whole_number import whole_number
     from edtk.verbs.table_and_certificate import TableAndCertificate
 
     criterion = criteria.as_criterion(criterion, problem.parameters)
     files = TableAndCertificate(out, certificate)
     files.require()
-    found = relax_candidates(problem, criterion.for_size(1 if size is None else size))
+    number = 1 if size is None else whole_number(size, "size", 1)
+    found = relax_candidates(problem, criterion.for_size(number))
     found = replace(found, problem=problem)
     files.write(lambda: found.to_frame().reset_index(), lambda: json_text(found.to_dict()) + "\n")
     return found

@@ -310,3 +310,18 @@ def test_example():
     result = doctest.testmod(import_module("edtk.design.problem"))
     assert result.attempted > 0
     assert result.failed == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"blocks": np.ones((4, 2))}, r"not of shape \(4, 2\); X\[:, None, :\] has one row"),
+        ({"blocks": np.ones((4, 1, 2), complex)}, "must be real numbers"),
+        ({"blocks": np.ones((4, 1, 2)), "sigma": [1, 2]}, "one for each of 1 rows, not of shape"),
+        ({"blocks": np.ones((4, 1, 2)), "parameters": ("a", "a")}, "have the name 'a'"),
+    ],
+)
+def test_arrays_that_newcomers_give(arguments, message):
+    """What is wrong is said in words of the problem, and not of a library."""
+    with pytest.raises(ValueError, match=message):
+        Problem(**arguments)

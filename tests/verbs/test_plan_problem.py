@@ -237,7 +237,7 @@ PROBLEM = edtk.Problem(RNG.normal(size=(5, 1, 2)))
         ({"size": 0}, "size 0: expected one or more"),
         ({"size": 2.5}, "size 2.5: expected one or more"),
         ({"size": 1}, "no plan of 1 new experiments was found"),
-        ({"size": 4, "starts": 0}, "starts 0: expected one or more"),
+        ({"size": 4, "starts": 0}, "starts 0: expected a whole number, 1 or more"),
         ({"size": 2, "keep": [1, 1]}, "expected one or more beside 2 kept experiments"),
         ({"size": 4, "keep": [5]}, "keep: expected indices of candidates, from 0 to 4"),
         ({"size": 9, "most": 1}, "most: allows 5 new experiments, expected 9 or more"),
@@ -252,6 +252,12 @@ PROBLEM = edtk.Problem(RNG.normal(size=(5, 1, 2)))
         ({"blocks": (2, 2), "keep": [0]}, "experiments cannot be kept where others are put in"),
         ({"blocks": (2, 2), "block_variance": 0.0}, "block_variance 0.0: expected above 0"),
         ({"size": 4, "workers": 2}, "workers: is not for plans of a problem of arrays"),
+        ({"size": "4"}, "size 4: expected a whole number"),
+        ({"size": 4, "seed": "a"}, "seed a: expected a whole number, 0 or more"),
+        ({"size": 4, "starts": 1.5}, "starts 1.5: expected a whole number, 1 or more"),
+        ({"size": 4, "costs": "a", "cost_budget": 1.0}, "costs: expected numbers"),
+        ({"size": 4, "blocks": 2}, "blocks: expected sizes of blocks, whole and positive"),
+        ({"size": 4, "block_variance": 1.0}, "block_variance: expected blocks beside it"),
         ({"size": 10**7}, "plans of more than 5000 experiments are not searched for"),
     ],
 )
@@ -259,6 +265,28 @@ def test_wrong_arguments_are_one_line(options, message):
     """What cannot be done is named, and what was expected."""
     with pytest.raises(UserError) as error:
         edtk.plan(PROBLEM, **options)
+    assert message in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_nothing_may_be_kept():
+    """An empty list of kept experiments is as good as none."""
+    found = edtk.plan(PROBLEM, size=4, keep=[], starts=2)
+    assert found.counts.sum() == 4
+
+
+@pytest.mark.parametrize(
+    ("question", "options", "message"),
+    [
+        (PROBLEM, {"candidates": 100}, "candidates: is not for the relaxation of a problem"),
+        (PROBLEM, {"size": 0}, "size 0: expected a whole number, 1 or more"),
+        (np.eye(3), {}, "expected a study, or the path of one, not ndarray; arrays of regressors"),
+    ],
+)
+def test_wrong_questions_for_a_relaxation_are_one_line(question, options, message):
+    """What a relaxation cannot answer is named, and what was expected."""
+    with pytest.raises(UserError) as error:
+        edtk.relax(question, "D", **options)
     assert message in str(error.value)
     assert "\n" not in str(error.value)
 
