@@ -2,10 +2,8 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from time import monotonic
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from criteria import Criterion
 from criteria.linalg.estimable import range_whitener
@@ -13,35 +11,18 @@ from edtk.design.candidate_source import CandidateSource
 from edtk.design.candidates import Candidates
 from edtk.design.design_space import DesignSpace
 from edtk.design.distinct import distinct
-from edtk.design.exact.best_repeats import best_repeats
+from edtk.design.exact.descent import COARSE, FINE, Descent, Search
 from edtk.design.exact.draw_starts import draw_starts
-from edtk.design.exact.exchange_in_turn import exchange_in_turn
+from edtk.design.exact.exchange_and_refine import exchange_and_refine
 from edtk.design.exact.plans import Plans
-from edtk.design.exact.refine import refine
-from edtk.system.typing import Array, Indices
+from edtk.system.typing import Array
 
 BATCH_SIZE = 16  # starts
 # Plans that are refined to the end. On the paper's study (rho0, D and O2; 3 to 12 experiments) the
 # final best was the best of the coarse descent in half of 36 batches, and its fourth in a tenth.
 ELITE = 4
-# Rounds of refinement, with an exchange between them. The last exchange still improved the best
-# plan by 1e-4 in a quarter of these batches; more gain is left to the next batch.
-ROUNDS = 4
-GAIN = 1e-6  # relative improvement for which another round is made
 SAME = 1e-3  # relative difference of information up to which two plans are refined as one
 POOL = 256  # fresh candidates for the starts, and for each exchange
-
-
-@dataclass(frozen=True)
-class _Effort:
-    """How far a descent goes: its steps, and the soft maxima of criteria with kinks."""
-
-    iterations: int
-    sharpness: tuple[float, ...]
-
-
-COARSE = _Effort(15, (30.0,))  # enough to tell good starts from bad ones
-FINE = _Effort(60, (250.0,))
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +37,6 @@ class Batch:
         support: Design variables (s, v) of the relaxed design.
         weights: Their weights (s,).
         seed: Seed of this batch.
-        seconds: Time [s] from the call after which the best plans so far are returned.
     """
 
     space: DesignSpace
@@ -66,31 +46,28 @@ class Batch:
     support: Array
     weights: Array
     seed: tuple[int, ...]
-    seconds: float = np.inf
 
-    def __call__(self) -> tuple[Array, Plans]:
-        """Costs (e,) of the plans that were refined to the end, the best first, and the plans."""
-        end = monotonic() + self.seconds
-        # The rounding of a product may depend on the number of threads, and so would the plan.
-        with threadpool_limits(1):
-            return self._search(lambda: monotonic() >= end)
+    def search(self, late: Callable[[], bool]) -> Search:
+        """Refine starts coarsely, the elite finely, then exchange and refine it in turn.
 
-    def _search(self, late: Callable[[], bool]) -> tuple[Array, Plans]:
-        """Refine starts coarsely, the elite finely, then exchange and refine it in turn."""
-        costs, plans = self._refined(self._starts(), COARSE, late)
-        costs, plans = self._refined(self._elite(costs, plans), FINE, late)
-        for turn in range(1, ROUNDS):
-            if late():
-                break
-            exchanged = self._exchanged(plans, self._fresh(turn))
-            reached, exchanged = self._refined(exchanged, FINE, late)
-            better = reached < costs * (1 - GAIN)
-            if not better.any():
-                break
-            costs = np.where(better, reached, costs)
-            plans = plans.replaced(better, exchanged)
-        order = np.argsort(costs, kind="stable")
-        return costs[order], plans[order]
+        Descents are asked for, so that whoever runs several batches can do theirs together.
+
+        Args:
+            late: Asked between descents whether to end early.
+
+        Yields:
+            Descents; costs and plans at their ends are sent back.
+
+        Returns:
+            Costs (e,) of the plans that were refined to the end, the best first, and the plans.
+        """
+        costs, plans = yield Descent(self._starts(), COARSE)
+        costs, plans = yield Descent(self._elite(costs, plans), FINE)
+        return (
+            yield from exchange_and_refine(
+                self.space, self.criterion, (costs, plans), self._fresh, late
+            )
+        )
 
     def _starts(self) -> Plans:
         """The plans from which this batch starts."""
@@ -119,41 +96,3 @@ class Batch:
     def _fresh(self, turn: int) -> Candidates:
         """Feasible candidates that no other batch has."""
         return CandidateSource(self.space, (*self.seed, turn), workers=1).take(POOL)
-
-    def _refined(
-        self, plans: Plans, effort: _Effort, late: Callable[[], bool]
-    ) -> tuple[Array, Plans]:
-        """Costs and plans after a descent of all of them."""
-        x, costs = refine(
-            self.space,
-            self.criterion,
-            plans.x,
-            plans.repeats,
-            effort.iterations,
-            effort.sharpness,
-            late,
-        )
-        return costs, Plans(x, plans.repeats)
-
-    def _exchanged(self, plans: Plans, fresh: Candidates) -> Plans:
-        """Plans after repetitions were moved and places exchanged, wherever that helps.
-
-        A place may be exchanged for a fresh candidate, or for a place of another plan.
-        """
-        own = plans.x.reshape(-1, plans.x.shape[-1])
-        pool = Candidates(own, self.space.problem(own)) + fresh
-        places = np.arange(len(own)).reshape(plans.repeats.shape)
-        repeats = self._best_repeats(pool, places, plans.repeats)
-        places, repeats = exchange_in_turn(pool.problem, self.criterion, places, repeats)
-        return Plans(pool.x[places], repeats)
-
-    def _best_repeats(self, pool: Candidates, places: Indices, repeats: Array) -> Array:
-        """Best repetitions (b, k) of plans at fixed places of the pool (b, k)."""
-        prior = pool.problem.prior
-        blocks = pool.problem.blocks(places)
-        return np.array(
-            [
-                best_repeats(self.criterion, own, times, prior)
-                for own, times in zip(blocks, repeats, strict=True)
-            ]
-        )

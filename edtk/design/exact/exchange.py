@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 
 from criteria import Criterion
 from edtk.design.absorb_prior import absorb_prior
+from edtk.design.exact.candidate_prices import CandidatePrices
 from edtk.design.exact.exchange_costs import exchange_costs
 from edtk.design.problem import Problem
 from edtk.system.errors import UserError
@@ -108,9 +109,12 @@ def _exchanged(
     thorough: bool,
 ) -> tuple[Indices, Array]:
     """Places (b, k) and costs (b,) of plans that no exchange improves."""
-    search = _Search(problem, criterion, criterion.smoothed(GUIDE_SHARPNESS), times)
+    prices = CandidatePrices.of(criterion, problem)
+    search = _Search(problem, criterion, criterion.smoothed(GUIDE_SHARPNESS), times, prices)
     plans = search.plans(places)
-    sizes = [size for size in shortlists if size < problem.n]
+    # Where a look at all candidates costs no more than one at a few, the best exchange is made.
+    sizes = [size for size in shortlists if size < problem.n and prices is None]
+    thorough = thorough or prices is not None
     left = np.arange(len(times))
     while len(left):
         plans, left = search.round(plans, left, sizes, thorough)
@@ -156,12 +160,14 @@ class _Search:
         criterion: The criterion to improve.
         guide: A smooth criterion near it, whose gradient ranks the candidates.
         times: Repetitions (b, k) of the places.
+        prices: The quickest way to the costs of all exchanges, if there is one.
     """
 
     problem: Problem
     criterion: Criterion
     guide: Criterion
     times: Array
+    prices: CandidatePrices | None
 
     def plans(self, places: Indices) -> _Plans:
         """The plans at places (b, k)."""
@@ -216,6 +222,12 @@ class _Search:
         of, place = _different_places(plans.places, times)
         r = times[of, place]
         rest = plans.M[of] - r[:, None, None] * problem.blocks(plans.places[of, place])
+        if self.prices is not None:
+            costs = np.full((*changed.shape, problem.n), np.inf)
+            costs[of, place] = self.prices.costs(rest, r)
+            where, which = np.divmod(costs.reshape(len(changed), -1).argmin(axis=1), problem.n)
+            changed[np.arange(len(changed)), where] = which
+            return changed
         width = candidates.shape[1]
         parts = min(width, max(1, width * len(of) // EXCHANGES_AT_ONCE))
         for part in np.array_split(candidates, parts, axis=1):

@@ -36,7 +36,8 @@ def exchange_costs(
         Costs (k, n).
     """
     _, cov, regular = guarded_inverse(rest, ACCURATE)
-    regular = regular & _no_smaller_than_rounding(rest, joined, times)
+    largest = times[:, None] * np.diagonal(joined, axis1=-2, axis2=-1).max(axis=1)
+    regular = regular & no_smaller_than_rounding(rest, largest)
     if regular.all():
         return _updated_costs(criterion, rest, cov, joined, factors, times)
     costs = np.empty(joined.shape[:2])
@@ -49,12 +50,15 @@ def exchange_costs(
     return costs
 
 
-def _no_smaller_than_rounding(rest: Array, joined: Array, times: Array) -> Mask:
-    """Whether each R (k,) has diagonal entries that rounding cannot have left."""
-    largest = times[:, None] * np.diagonal(joined, axis1=-2, axis2=-1).max(axis=1)
-    return np.asarray(
-        (np.diagonal(rest, axis1=-2, axis2=-1) >= ACCURATE * largest).all(axis=1), dtype=bool
-    )
+def no_smaller_than_rounding(rest: Array, joining: Array) -> Mask:
+    """Whether each R (k,) has diagonal entries that rounding cannot have left.
+
+    Args:
+        rest: Information R (k, p, p).
+        joining: The largest diagonal entries (k, p) of what may join it.
+    """
+    diagonal = np.diagonal(rest, axis1=-2, axis2=-1)
+    return np.asarray((diagonal >= ACCURATE * joining).all(axis=1), dtype=bool)
 
 
 def _updated_costs(

@@ -9,7 +9,9 @@ import numpy as np
 from edtk.design.design_space import DesignSpace
 from edtk.design.exact.apportion import apportion
 from edtk.design.exact.batch import BATCH_SIZE, Batch
+from edtk.design.exact.batches import Batches
 from edtk.design.exact.exact_plan import ExactPlan
+from edtk.design.exact.kicks import CHAMPIONS, Kicks
 from edtk.design.exact.require_enough import require_enough
 from edtk.design.exact.round_poses import round_poses
 from edtk.design.exact.search_record import SearchRecord
@@ -22,6 +24,10 @@ from edtk.system.workers import Workers
 Progress = Callable[[int, float], object]
 STARTS = 64 * BATCH_SIZE
 PATIENCE = 6  # batches without improvement; about a hundred starts
+# Variables of a plan in all batches that are done together. Of small plans that is as many batches
+# as every search needs; more variables leave nothing to gain, and take memory.
+TOGETHER = 420
+KICKED = 2**31  # number of the kicks among the batches, for their random numbers
 
 
 def no_progress(starts: int, cost: float) -> None:
@@ -36,8 +42,9 @@ class SearchOptions:
         seed: Seed.
         starts: Limit on the number of starts; rounded up to whole batches of 16.
         patience: Batches without an improvement of 1e-4 after which the search ends.
-        seconds: Time [s] after which the best plan so far is returned; one batch is made at least.
-        workers: Workers for the batches.
+        seconds: Time [s] after which the best plan so far is returned; one piece of work, of one
+            batch or a few small ones, is begun at least.
+        workers: Workers for the pieces.
         alone: Time [s] for which batches are done in this process before others of this machine
             are started, which takes longer than many a search.
         progress: Called with the number of starts so far and the best cost.
@@ -98,6 +105,8 @@ def find_plan(
     record = SearchRecord(searched)
     try:
         ended = search.run(record)
+        if ended != "budget":
+            search.kick(record)
     except KeyboardInterrupt:
         if record.empty:
             raise
@@ -180,17 +189,51 @@ class _Search:
         while record.batches < most:
             early = not options.workers.remote and monotonic() - since < options.alone
             workers = Workers() if early else options.workers
-            last = min(record.batches + workers.size, most)
-            wave = [self._batch(number) for number in range(record.batches, last)]
+            wave = self._wave(record.batches, workers.size, most)
             # The whole wave is awaited: entered as they come, batches would depend on speed.
-            for _, answer in sorted(workers.run(wave), key=lambda done: done[0]):
-                record.enter(*answer)
-                options.progress(record.batches * BATCH_SIZE, record.cost)
-                if record.idle >= options.patience:
-                    return "stagnation"
-            if self.end - monotonic() <= 0:
+            for _, answers in sorted(workers.run(wave), key=lambda done: done[0]):
+                for answer in answers:
+                    record.enter(*answer)
+                    options.progress(record.batches * BATCH_SIZE, record.cost)
+                    if record.idle >= options.patience:
+                        # Batches without time go nowhere.
+                        return "budget" if self.end <= monotonic() else "stagnation"
+            if self.end <= monotonic():
                 return "budget"
         return "starts"
+
+    def kick(self, record: SearchRecord) -> None:
+        """Kick the best plans out of their optima, if they are small enough for that to pay."""
+        costs, plans = record.champions(CHAMPIONS)
+        if not len(costs) or self._variables > TOGETHER:
+            return
+        x = record.plans.x
+        kicks = Kicks(
+            space=self.space,
+            criterion=self.relaxed.criterion,
+            best=(costs, plans),
+            known=x.reshape(-1, x.shape[-1]),
+            seed=(self.options.seed, self.m, self.places, KICKED),
+        )
+        ((_, answers),) = Workers().run([Batches((kicks,), self.end - monotonic())])
+        record.improve(*answers[0])
+
+    @property
+    def _variables(self) -> int:
+        """Number of variables of a plan."""
+        return self.places * max(1, len(self.space.movable))
+
+    def _wave(self, first: int, pieces: int, most: int) -> list[Batches]:
+        """So many pieces of work, from the batch of a number on, each of several batches."""
+        seconds = self.end - monotonic()
+        size = min(max(1, TOGETHER // self._variables), 1 + self.options.patience)
+        if seconds <= 0:
+            size = 1
+        last = min(first + pieces * size, most)
+        firsts = range(first, last, size)
+        return [
+            Batches(tuple(map(self._batch, range(i, min(i + size, last)))), seconds) for i in firsts
+        ]
 
     def _batch(self, number: int) -> Batch:
         relaxed = self.relaxed
@@ -202,5 +245,4 @@ class _Search:
             support=relaxed.x,
             weights=relaxed.weights,
             seed=(self.options.seed, self.m, self.places, number),
-            seconds=self.end - monotonic(),
         )

@@ -1,4 +1,4 @@
-"""One batch of a search for exact plans, which depends on nothing but itself."""
+"""Batches of a search for exact plans, each of which depends on nothing but itself."""
 
 import pickle
 from functools import cache
@@ -11,6 +11,7 @@ from threadpoolctl import threadpool_info, threadpool_limits
 from criteria import create
 from edtk.design.candidate_source import CandidateSource
 from edtk.design.exact.batch import ELITE, Batch
+from edtk.design.exact.batches import Batches
 from edtk.design.exact.draw_starts import draw_starts
 from edtk.design.relaxation.relax_poses import relax_poses
 
@@ -18,17 +19,22 @@ pytestmark = pytest.mark.slow
 
 
 @cache
-def batch(name="rho0", m=4, k=4, seed=(0,), seconds=np.inf, space=KR270):
+def batch(name="rho0", m=4, k=4, seed=(0,), space=KR270):
     """A batch after a relaxation over a few candidates."""
     criterion = STUDY.criterion("rho0") if name == "rho0" else create(name)
     plan = relax_poses(CandidateSource(space, 0, "sobol", workers=1), 200, criterion)
-    return Batch(space, criterion, m, k, plan.x, plan.weights, seed, seconds)
+    return Batch(space, criterion, m, k, plan.x, plan.weights, seed)
 
 
 @cache
 def answer(*args):
     """What it comes back with."""
-    return batch(*args)()
+    return alone(batch(*args))
+
+
+def alone(work, seconds=np.inf):
+    """The answer of a batch that is done by itself."""
+    return Batches((work,), seconds)()[0]
 
 
 def assert_equal(one, other):
@@ -64,7 +70,7 @@ def test_what_it_comes_back_with(args):
 @pytest.mark.parametrize("kind", ["bounded", "listed", "free"])
 def test_loads(kind):
     """Loads that are chosen along with the poses stay in their family."""
-    args = ("D", 3, 3, (0,), np.inf, LOADED[f"kr270 {kind}"])
+    args = ("D", 3, 3, (0,), LOADED[f"kr270 {kind}"])
     assert_sound(batch(*args), *answer(*args))
 
 
@@ -91,18 +97,27 @@ def test_better_than_its_starts(args):
 
 def test_it_depends_on_itself_alone():
     """A pickled copy gives the same answer, whatever the number of threads around it."""
-    copy = pickle.loads(pickle.dumps(batch()))
+    copy = pickle.loads(pickle.dumps(Batches((batch(),))))
     with threadpool_limits(2):
-        assert_equal(copy(), answer())
+        assert_equal(copy()[0], answer())
+
+
+@pytest.mark.parametrize("args", CASES)
+def test_company_does_not_matter(args):
+    """Batches that are done together come back with what each of them does alone, bit by bit."""
+    seeds = [(0,), (1,), (2,)]
+    together = Batches(tuple(batch(*args, seed) for seed in seeds))()
+    for own, seed in zip(together, seeds, strict=True):
+        assert_equal(own, answer(*args, seed))
 
 
 def test_one_thread(monkeypatch):
-    """A batch computes in one thread, so that the rounding of products is always the same."""
+    """Batches compute in one thread, so that the rounding of products is always the same."""
     monkeypatch.setattr(
-        Batch, "_search", lambda self, late: [pool["num_threads"] for pool in threadpool_info()]
+        Batches, "_run", lambda self, late: [pool["num_threads"] for pool in threadpool_info()]
     )
     with threadpool_limits(2):
-        assert set(batch()()) == {1}
+        assert set(Batches((batch(),))()) == {1}
 
 
 def test_seeds_differ():
@@ -113,6 +128,6 @@ def test_seeds_differ():
 @pytest.mark.parametrize("args", CASES)
 def test_no_time(args):
     """A batch without time makes its starts, no descent, and returns feasible plans."""
-    late = (*args, (0,), 0.0)
-    assert_sound(batch(*late), *answer(*late))
-    assert answer(*late)[0][0] >= answer(*args)[0][0] * (1 - 1e-9)
+    early = alone(batch(*args), 0.0)
+    assert_sound(batch(*args), *early)
+    assert early[0][0] >= answer(*args)[0][0] * (1 - 1e-9)

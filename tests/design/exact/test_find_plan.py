@@ -188,7 +188,8 @@ def test_a_batch_has_its_own_seed():
     one = search(relaxed(), 3, starts=BATCH)
     assert [starts for starts, _ in costs] == [BATCH, 2 * BATCH]
     assert costs[1][1] <= costs[0][1]
-    assert both.cost <= one.cost
+    # The kicks at the end begin elsewhere, and may come to the same plan with another last digit.
+    assert both.cost <= one.cost * (1 + 1e-9)
     assert both.optima + both.found > one.optima + one.found
 
 

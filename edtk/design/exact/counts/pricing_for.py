@@ -7,6 +7,7 @@ import numpy as np
 from criteria import Criterion, Relaxable
 from criteria.determinant_criterion import DeterminantCriterion
 from criteria.linalg.root import root
+from edtk.design.exact.constant_slope import constant_slope
 from edtk.design.exact.counts.any_prices import AnyPricing
 from edtk.design.exact.counts.determinant_prices import DeterminantPricing
 from edtk.design.exact.counts.largest_variance_prices import LargestVariancePricing
@@ -18,7 +19,6 @@ from edtk.design.exact.counts.scatter import Scatter
 from edtk.design.exact.counts.two_level_prices import TwoLevelPricing, two_levels
 from edtk.system.typing import Array
 
-SAME = 1e-9  # relative difference of two slopes that are the same
 MOST_VARIANCES = 2_000_000  # of a look at all candidates; beyond it short lists are quicker
 WELL = 1e8  # condition number of an order of matrices that keeps the digits of eigenvalues
 FEWEST_CORNERS = 4096  # of a cube; all of fewer are priced as quickly as coordinates are exchanged
@@ -90,33 +90,3 @@ def working_parameters(criterion: Criterion, rows: Array, limits: Limits) -> Arr
 def may_be_corners(rows: Array, limits: Limits) -> bool:
     """Whether rows (n, p) are so many that it pays to look whether they are corners of a cube."""
     return len(rows) >= FEWEST_CORNERS and not limits.restricts and not limits.blocks
-
-
-def constant_slope(criterion: Criterion, mean: Array) -> Array | None:
-    """W (p, p) where the criterion's cost is a power q of ``tr(W cov)``; None for other criteria.
-
-    The trace itself, ``cost^(1/q)`` with the degree q, has the gradient ``-cov W cov``. So minus M
-    times that times M is the same at every M, and its product with the covariance is the trace.
-
-    Args:
-        criterion: The criterion.
-        mean: A regular information matrix (p, p).
-    """
-    if not criterion.smooth or criterion.degree <= 0:
-        return None
-    L = np.linalg.cholesky(mean)
-    p = len(mean)
-    found = []
-    for spread in (np.ones(p), np.linspace(1.0, 2.0, p), np.linspace(3.0, 1.0, p) ** 2):
-        M = (L * spread) @ L.T
-        cost, G = criterion.cost_and_gradient(M)
-        trace = float(cost) ** (1.0 / criterion.degree)
-        own = -spread[:, None] * (L.T @ G @ L) * spread * trace / (criterion.degree * cost)
-        # The trace of the whitened slope with the covariance, which is diagonal here.
-        if not abs(float(np.sum(np.diag(own) / spread)) - trace) <= SAME * trace:
-            return None
-        found.append(own)
-    size = np.abs(found[0]).max()
-    if not all(np.abs(other - found[0]).max() <= SAME * size for other in found[1:]):
-        return None
-    return np.asarray(L @ found[0] @ L.T)

@@ -1,0 +1,141 @@
+"""What a user waits for: the whole command `edtk plan`, and its stages.
+
+`python studies/benchmarks/plan_command.py` writes plan_command.md beside this file, in some
+minutes. `--before DIR` names a checkout of another commit, whose command then runs in turn with
+this one's. The studies are those of three robots; their files are written into a folder of their
+own, so that both commits read the same.
+"""
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from statistics import median
+from time import perf_counter
+from typing import Any
+
+from measure import machine
+from tqdm import tqdm
+
+from edtk.report.markdown_table import markdown_table
+from edtk.system.atomic_file import write_text
+
+HERE = Path(__file__).parent
+ROOT = HERE.parents[1]
+SIZES = (3, 5, 12)
+REPEATS = 3
+# Progress tells when the search over all poses begins and ends, and when plans are searched for.
+STAGES = """
+import json, sys
+from time import perf_counter
+began = perf_counter()
+from edtk.verbs.plan import plan
+from edtk.verbs.load_study import load_study
+loaded = perf_counter()
+study = load_study(sys.argv[1])
+read = perf_counter()
+marks = {}
+def progress(label, number):
+    marks["bound" if label.startswith("bound") else "plan"] = perf_counter()
+found = plan(study, int(sys.argv[2]), progress=progress)
+ended = perf_counter()
+print(json.dumps([loaded - began, read - loaded, marks["bound"] - read,
+                  marks["plan"] - marks["bound"], ended - marks["plan"]]))
+"""
+
+
+def studies(folder: Path) -> dict[str, Path]:
+    """Files of the studies, by the names of their robots."""
+    sys.path.insert(0, str(HERE.parent))
+    from fault_robots import robots
+
+    paths = {}
+    for name, study in robots().items():
+        paths[name.split(",")[0]] = path = folder / f"{len(paths)}.toml"
+        path.write_text(study.to_toml(path), encoding="utf-8")
+    return paths
+
+
+def run(root: Path, arguments: list[str]) -> tuple[float, str]:
+    """Seconds and output of a Python process that finds the package in a checkout."""
+    since = perf_counter()
+    done = subprocess.run(
+        [sys.executable, *arguments],
+        env={**os.environ, "PYTHONPATH": str(root)},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return perf_counter() - since, done.stdout
+
+
+def command(root: Path, study: Path, size: int) -> tuple[float, dict[str, Any]]:
+    """Seconds of the command, and its answer."""
+    seconds, text = run(root, ["-m", "edtk", "plan", str(study), "--size", str(size), "--json"])
+    return seconds, json.loads(text)
+
+
+def row(name: str, study: Path, size: int, before: Path | None) -> list[object]:
+    """Median seconds, and values, of one question; with the stages of one more run."""
+    roots = [ROOT] if before is None else [before, ROOT]
+    seconds: dict[Path, list[float]] = {root: [] for root in roots}
+    values = {}
+    for _ in range(REPEATS):
+        # In turn, so that a machine that gets slower slows both down alike.
+        for root in roots:
+            took, answer = command(root, study, size)
+            seconds[root].append(took)
+            values[root] = answer["value"]
+    stages = json.loads(run(ROOT, ["-c", STAGES, str(study), str(size)])[1])
+    own = median(seconds[ROOT])
+    cells = [name, size, f"{1e3 * values[ROOT]:.6g}", f"{own:.2f}"]
+    cells += [f"{stage:.2f}" for stage in stages]
+    if before is not None:
+        earlier = median(seconds[before])
+        cells += [f"{1e3 * values[before]:.6g}", f"{earlier:.2f}", f"{own / earlier:.2f}"]
+    return cells
+
+
+HEADER = ("robot", "m", "rho0 [mm]", "command", "imports", "study", "bound", "plan", "rest")
+BEFORE = ("rho0 before [mm]", "command before", "ratio")
+
+
+def page(rows: list[list[object]], commit: str) -> str:
+    """The report, as Markdown."""
+    header = HEADER + BEFORE if commit else HEADER
+    compared = (
+        f" Before is commit {commit}, run in turn with this one on the same files."
+        if commit
+        else ""
+    )
+    return (
+        "# What a user waits for\n\n"
+        "`python studies/benchmarks/plan_command.py` wrote this file.\n\n"
+        f"Seconds of the whole command `edtk plan STUDY --size m`, the median of {REPEATS} runs, "
+        f"each in a process of its own, on all cores; {machine()}. The stages are those of one "
+        "more run: imports, reading the study, the bound over all poses, the search for the plan, "
+        f"and the rest: rounding, errors to expect, the budget.{compared}\n\n"
+        f"{markdown_table(header, rows)}"
+    )
+
+
+def main() -> None:
+    """Measure, and write plan_command.md."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--before", type=Path, help="a checkout of another commit")
+    before = parser.parse_args().before
+    commit = ""
+    if before is not None:
+        asked = ["git", "-C", str(before), "rev-parse", "--short", "HEAD"]
+        commit = subprocess.run(asked, capture_output=True, text=True, check=True).stdout.strip()
+    with tempfile.TemporaryDirectory() as folder:
+        cases = [(*item, m) for item in studies(Path(folder)).items() for m in SIZES]
+        rows = [row(*case, before) for case in tqdm(cases, file=sys.stderr)]
+    write_text(HERE / "plan_command.md", page(rows, commit))
+
+
+if __name__ == "__main__":
+    main()
