@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from edtk.calibration.diagnostics.diagnostic import Severity
+from edtk.calibration.geometry.beyond_reach import without_beyond_reach
 from edtk.calibration.geometry.counting import (
     Counting,
     as_said,
@@ -138,7 +139,8 @@ def _sound(setting: StudyGeometry, every: MarkerPositions, path: Path, as_is: bo
     tool, base = setting.split(seen)
     references = reference_points(base, tool)
     tool = _taken_back(tool, references.frames)
-    doubts = [*lost, *_blank(every), *references.doubts]
+    tool, beyond = without_beyond_reach(tool, setting.study.robot.reach)
+    doubts = [*lost, *_blank(every), *references.doubts, *beyond]
     tool = tool[np.flatnonzero(tool.seen.any(axis=1))]
     if not len(tool):
         raise UserError("no marker of the tool was seen in any row", where=path)

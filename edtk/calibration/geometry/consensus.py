@@ -12,6 +12,7 @@ from edtk.system.typing import Array, Indices
 DRAWS = 80  # of a few poses each, of which one at least is likely free of errors
 MOST = 0.5  # share of the visits that have to agree
 SOME = 0.25  # likewise, where so many do not
+SPARE = 4  # visits beside those of a draw, at least: some of them show whether these are sound
 FAR = 0.02  # of the spread of positions: no drawing is as wrong
 
 
@@ -57,8 +58,10 @@ def _least(robot: Robot, flange: Array, data: MarkerPositions, share: float) -> 
     """The place to which a share of the visits is nearest."""
     k = len(data.markers)
     few = -(-(12 + 3 * k) // (3 * k)) + 3
-    if len(data) < 2 * few:
+    if len(data) < few + SPARE:
         return None
+    # Visits that were fitted agree by themselves: more than these have to.
+    share = max(share, (few + 1) / len(data))
     rng = np.random.default_rng(0)
     draws: list[Indices] = [np.arange(len(data))]
     draws += [rng.choice(len(data), few, replace=False) for _ in range(DRAWS)]

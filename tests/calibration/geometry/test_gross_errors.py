@@ -124,3 +124,10 @@ def test_a_turned_joint_is_found_beside_wrong_rows(tmp_path: Path) -> None:
     assert found.counting.words == "q2 counts the other way"
     assert found.loo_rms_mm < 0.1
     assert {4, 8} <= {row for doubt in found.doubts for row in doubt.rows}
+
+
+def test_few_visits_tell_a_wrong_one() -> None:
+    """Ten visits are enough: nine of them agree, and show which joint was typed wrongly."""
+    found = gross_errors(STUDY.robot, positions(typed, poses=10))
+    assert [one.visit for one in found.wrong] == [9]
+    assert "typed wrongly" in found.wrong[0].words
