@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 
 from edtk.calibration.diagnostics.diagnostic import Severity
-from edtk.calibration.geometry.beyond_reach import without_beyond_reach
 from edtk.calibration.geometry.counting import (
     Counting,
     as_said,
@@ -25,6 +24,7 @@ from edtk.calibration.geometry.gross_errors import GrossErrors, gross_errors
 from edtk.calibration.geometry.reference_points import reference_points
 from edtk.calibration.geometry.study_geometry import StudyGeometry
 from edtk.calibration.geometry.with_standing import with_standing
+from edtk.calibration.geometry.without_beyond_reach import without_beyond_reach
 from edtk.calibration.origin import Origin
 from edtk.inference.geometry.fit_geometry import TooFewPosesError, fit_geometry
 from edtk.inference.geometry.geometric_fit import GeometricFit, root_mean_squares

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from edtk.calibration.geometry.beyond_reach import without_beyond_reach
+from edtk.calibration.geometry.without_beyond_reach import without_beyond_reach
 from edtk.inference.geometry.marker_positions import MarkerPositions
 
 REACH = 1.5  # m
