@@ -4,7 +4,7 @@ import numpy as np
 
 from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
 from edtk.calibration.geometry.geometric_doubt import rows_in_words
-from edtk.inference.geometry.geometric_fit import MM
+from edtk.inference.geometry.geometric_fit import MM, root_mean_square
 from edtk.model.geometry.geometric_parameter import GeometricParameter
 from edtk.report.draw.left_out_errors import left_out_errors
 from edtk.report.draw.marker_residuals import marker_residuals
@@ -81,6 +81,10 @@ def _prediction(found: GeometricCalibration) -> str:
         "Each pose is predicted by a fit of all others: that error is the one to expect of new "
         f"poses of the same kind. {share:.0f} % of the coordinates were inside their 95 % bands."
     )
+    turns = found.fit.turns
+    if turns is not None:
+        rms = np.rad2deg(root_mean_square(turns.left_out))
+        text += f" Orientations were {rms:.2g} deg (rms) off."
     if found.rho0_mm is None:
         return text
     return (
@@ -123,7 +127,7 @@ def _worst(found: GeometricCalibration) -> str:
     for pose in np.argsort(-largest, kind="stable")[:SHOWN]:
         i = int(np.nanargmax(np.where(np.isfinite(distance[pose]), distance[pose], -1.0)))
         apart = [f"{x:+.3f}" for x in MM * fit.left_out[pose, i]]
-        coordinates = 3 * int(fit.data.means.seen[pose].sum())
+        coordinates = fit.data.rows * int(fit.data.means.seen[pose].sum())
         surprise = f"{fit.surprise[pose] / max(coordinates, 1):.2f}"
         named = rows_in_words(fit.data.rows_of_pose(int(pose))[:4]).partition(" ")[2]
         rows.append(

@@ -50,9 +50,12 @@ def _check_measured(study: "StudyObjects") -> None:
     given = study.specification
     if given.distance:
         raise study.error("distance", "a study of geometry knows no distances; expected markers")
-    if given.measurement.rows != "position":
+    full = given.measurement.rows == "pose"
+    if full and not given.marker:
+        raise study.error("marker", "expected one with a name, whose poses are measured")
+    if full and any(is_reference(study, marker) for marker in given.marker):
         raise study.error(
-            "measurement.rows", "a study of geometry measures positions; expected 'position'"
+            "measurement.rows", "points on the base have positions alone; expected 'position'"
         )
     if given.measurement.reference != "unloaded":
         raise study.error(
@@ -64,8 +67,8 @@ def _check_measured(study: "StudyObjects") -> None:
             "measurement.sigma_mm", "expected, the standard deviation of a coordinate [mm]"
         )
     for i, marker in enumerate(given.marker):
-        if marker.rows == "pose":
-            message = "a study of geometry measures positions; expected 'position'"
+        if marker.rows not in (None, given.measurement.rows):
+            message = "expected that of measurement.rows for all markers of a study of geometry"
             raise study.error(f"marker.{i}.rows", message)
         if marker.joint is not None and not is_reference(study, marker):
             raise study.error(

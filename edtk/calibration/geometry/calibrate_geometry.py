@@ -74,7 +74,8 @@ def calibrate_geometry(
     path = Path(path)
     named = StudyGeometry.of(study)
     asked = (*named.markers, *named.references) if study.specification.marker else ()
-    every = read_positions(path, study.robot, study.fixed, asked)
+    turned = named.markers if named.full_poses else ()
+    every = read_positions(path, study.robot, study.fixed, asked, turned=turned)
     setting, every, standing = with_standing(StudyGeometry.of(study, every.markers), every)
     sound = _sound(setting, every, path, as_is)
     setting = replace(setting, markers=sound.data.markers)
@@ -194,19 +195,19 @@ def _without_unseen(data: MarkerPositions, doubts: list[GeometricDoubt]) -> Mark
         return data
     text = f"no row has positions of {', '.join(unseen)}; nothing is told of them"
     doubts.append(GeometricDoubt(Severity.NOTE, "unseen", text))
-    return replace(
-        data,
-        measured=data.measured[:, kept],
-        row=data.row[:, kept],
-        markers=tuple(data.markers[i] for i in kept),
-    )
+    return data.of_markers(kept)
 
 
 def _taken_back(data: MarkerPositions, frames: Array) -> MarkerPositions:
     """Positions in the frame in which the instrument was at most times."""
     moved = np.einsum("vij,vkj->vki", frames[:, :3, :3], data.measured) + frames[:, None, :3, 3]
     same = (frames == np.eye(4)).all(axis=(1, 2))
-    return replace(data, measured=np.where(same[:, None, None], data.measured, moved))
+    turns = data.turns
+    if turns is not None:
+        turned = frames[:, None, :3, :3] @ turns
+        turns = np.where(same[:, None, None, None], turns, turned)
+    measured = np.where(same[:, None, None], data.measured, moved)
+    return replace(data, measured=measured, turns=turns)
 
 
 def _counted(

@@ -114,6 +114,7 @@ def compensate_geometry(
             beyond the joints' limits; names the row.
     """
     setting = StudyGeometry.of_result(study, result["geometry"].get("markers"))
+    setting.require_positions("a compensation")
     try:
         fitted, counting = geometry_of_dict(result["geometry"], setting)
     except ValueError as error:

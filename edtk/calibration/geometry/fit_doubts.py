@@ -6,7 +6,7 @@ from edtk.calibration.diagnostics.diagnostic import Severity
 from edtk.calibration.geometry.geometric_doubt import GeometricDoubt, rows_in_words
 from edtk.calibration.geometry.moved_frame import moved_frame
 from edtk.calibration.geometry.study_geometry import StudyGeometry
-from edtk.inference.geometry.geometric_fit import MM, GeometricFit
+from edtk.inference.geometry.geometric_fit import MM, GeometricFit, root_mean_square
 from edtk.model.geometry.geometric_parameter import GeometricParameter
 
 UNLIKELY = 1e-6  # probability, over all poses, below which a pose is named
@@ -15,6 +15,7 @@ MOST_LETTERS = 120  # of their names together
 LARGE = 60.0  # mm or mrad: no robot is built as wrongly
 FEW = 2.5  # coordinates a parameter, below which poses are few
 ROUGH = 0.02  # of the spread of positions that the fit leaves: the drawing is of another robot
+ROUGH_DEG = 1.0  # orientations that the fit leaves
 NOISY = 5.0  # times the stated noise
 
 
@@ -22,6 +23,7 @@ def fit_doubts(fit: GeometricFit, setting: StudyGeometry) -> list[GeometricDoubt
     """Everything that looks wrong, in any order."""
     found = [
         *_rough(fit),
+        *_turned(fit),
         *_open(fit),
         *_few(fit),
         *_outliers(fit),
@@ -46,6 +48,20 @@ def _rough(fit: GeometricFit) -> list[GeometricDoubt]:
     return [GeometricDoubt(Severity.ALARM, "rough", text)]
 
 
+def _turned(fit: GeometricFit) -> list[GeometricDoubt]:
+    """Orientations that leave degrees are given in another way."""
+    if fit.turns is None:
+        return []
+    off = float(np.rad2deg(root_mean_square(fit.turns.residual)))
+    if off < ROUGH_DEG:
+        return []
+    text = (
+        f"the fit leaves {off:.3g} deg of the orientations: are they rotation vectors (axis times "
+        "angle) in degrees, or quaternions, in the frame of the positions?"
+    )
+    return [GeometricDoubt(Severity.ALARM, "rough_turns", text)]
+
+
 def _open(fit: GeometricFit) -> list[GeometricDoubt]:
     """Directions that the poses leave open."""
     if not fit.open:
@@ -63,11 +79,11 @@ def _open(fit: GeometricFit) -> list[GeometricDoubt]:
 
 def _few(fit: GeometricFit) -> list[GeometricDoubt]:
     """Hardly more coordinates than parameters."""
-    coordinates = 3 * fit.data.means.count
+    coordinates = fit.data.rows * fit.data.means.count
     if coordinates >= FEW * fit.structural:
         return []
     markers = len(fit.data.markers)
-    missing = int(np.ceil((FEW * fit.structural - coordinates) / (3 * markers)))
+    missing = int(np.ceil((FEW * fit.structural - coordinates) / (fit.data.rows * markers)))
     poses = f"{missing} more pose{'s' if missing > 1 else ''}"
     text = (
         f"{coordinates} coordinates for {fit.structural} parameters leave little to judge by; "
@@ -80,7 +96,7 @@ def _outliers(fit: GeometricFit) -> list[GeometricDoubt]:
     """Poses that the others do not predict."""
     from scipy.stats import chi2
 
-    coordinates = 3 * fit.data.means.seen.sum(axis=1)
+    coordinates = fit.data.rows * fit.data.means.seen.sum(axis=1)
     probability = chi2.sf(fit.surprise, np.maximum(coordinates, 1))
     wrong = np.flatnonzero(probability * len(probability) < UNLIKELY)
     if not len(wrong):

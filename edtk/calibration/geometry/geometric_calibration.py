@@ -14,7 +14,7 @@ from edtk.calibration.geometry.geometric_doubt import GeometricDoubt
 from edtk.calibration.geometry.geometry_to_dict import geometry_to_dict
 from edtk.calibration.geometry.study_geometry import StudyGeometry
 from edtk.calibration.origin import Origin
-from edtk.inference.geometry.geometric_fit import GeometricFit
+from edtk.inference.geometry.geometric_fit import GeometricFit, root_mean_square
 from edtk.inference.geometry.geometry_density import GeometryDensity
 from edtk.inference.geometry.geometry_posterior import GeometryPosterior, geometry_posterior
 from edtk.inference.sample_posterior import SamplingOptions
@@ -91,6 +91,9 @@ class GeometricCalibration(Presented):
         wrench = np.array([pose.load.build() for pose in poses])
         fitted = self.fit.fitted
         rows = fitted.columns(self.counting.turned(q), wrench, self.setting.loads)
+        # Of full poses the positions alone.
+        of_marker = fitted.model.row_count
+        rows = rows[:, np.arange(rows.shape[1]) % of_marker < 3]
         squares = np.einsum("mrp,pq,mrq->mr", rows, fitted.covariance, rows)
         weights = [pose.weight for pose in poses]
         return float(np.sqrt(3 * np.average(squares.mean(axis=1), weights=weights)))
@@ -129,6 +132,7 @@ class GeometricCalibration(Presented):
             "loo_rms_mm": self.loo_rms_mm,
             "rho0_mm": self.rho0_mm,
             "placed_rms_mm": MM * fit.placed,
+            **self._turns(),
             "parameters": self.parameters,
             "redundant": list(fit.redundant),
             "open": list(fit.open),
@@ -157,6 +161,7 @@ class GeometricCalibration(Presented):
         Raises:
             UnconvergedError: The chain does not converge.
         """
+        self.setting.require_positions("the posterior")
         density = GeometryDensity.of(self.fit, self.setting.loads, self.robust)
         fitted = (self.fit.fitted.values, self.fit.fitted.std)
         found = geometry_posterior(density, fitted, rng, options)
@@ -164,6 +169,16 @@ class GeometricCalibration(Presented):
         if not found.trusted:
             doubts = (*doubts, GeometricDoubt(Severity.WARNING, "posterior", found.quality))
         return replace(self, posterior=found, doubts=doubts)
+
+    def _turns(self) -> dict[str, float]:
+        """How well orientations fit and are predicted [deg], where they were measured."""
+        turns = self.fit.turns
+        if turns is None:
+            return {}
+        return {
+            "turn_rms_deg": float(np.rad2deg(root_mean_square(turns.residual))),
+            "turn_loo_rms_deg": float(np.rad2deg(root_mean_square(turns.left_out))),
+        }
 
     def to_frame(self) -> "pd.DataFrame":
         """A row for each identified parameter: `parameter`, `value`, `std`, `unit`, `meaning`."""
@@ -188,4 +203,10 @@ class GeometricCalibration(Presented):
         for name, values in (("residual_", fit.residual), ("left_out_", fit.left_out)):
             for axis in range(3):
                 columns[f"{name}{'xyz'[axis]}_mm"] = MM * values[pose, marker, axis]
+        turns = fit.turns
+        if turns is not None:
+            for name, values in (("residual_", turns.residual), ("left_out_", turns.left_out)):
+                for axis in range(3):
+                    degrees = np.rad2deg(values[pose, marker, axis])
+                    columns[f"{name}r{'xyz'[axis]}_deg"] = degrees
         return pd.DataFrame(columns)

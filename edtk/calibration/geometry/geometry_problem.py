@@ -106,6 +106,7 @@ def geometry_problem(
             "expected a study of geometry, with a table [parameters]", argument="study"
         )
     setting = StudyGeometry.of(study)
+    setting.require_positions("a plan")
     poses = np.asarray(q, dtype=float)
     if poses.ndim != 2 or poses.shape[1] != study.robot.n or not len(poses):
         raise ValueError(f"poses have the shape {poses.shape}, expected (n, {study.robot.n})")

@@ -51,6 +51,11 @@ def geometry_to_dict(fitted: FittedGeometry, counting: Counting) -> dict[str, An
             "variances": [] if found is None else found.variances.tolist(),
             "variances_covariance": [] if found is None else found.covariance.tolist(),
             "repeats": noise.repeats,
+            **(
+                {}
+                if noise.turn is None
+                else {"turn_mrad": noise.turn, "model_turn_mrad": noise.model_turn}
+            ),
         },
     }
 
@@ -90,7 +95,7 @@ def geometry_of_dict(
         _covariance(given, "covariance", p),
         tuple(opened),
         _numbers(given, "shares", (p, len(opened))),
-        _noise(given.get("noise"), n),
+        _noise(given.get("noise"), n, setting.full_poses),
         _numbers(given, "placed_m", (len(model.markers), 3)),
     )
     words = given.get("counting_words", "")
@@ -122,7 +127,7 @@ def _named(
     return [every[name] for name in names]
 
 
-def _noise(given: object, n: int) -> PositionNoise:
+def _noise(given: object, n: int, full_poses: bool) -> PositionNoise:
     """The noise.
 
     Raises:
@@ -148,6 +153,8 @@ def _noise(given: object, n: int) -> PositionNoise:
         _not_negative(given, "model_joints_mrad", (n,)),
         found,
         int(_not_negative(given, "repeats", ())),
+        float(_not_negative(given, "turn_mrad", ())) if full_poses else None,
+        float(_not_negative(given, "model_turn_mrad", ())) if full_poses else 0.0,
     )
 
 

@@ -112,7 +112,7 @@ def _size(fit: GeometricFit, motion: Array, s: int, t: int) -> float:
     base = model.with_parameters(all_parameters(model.robot, model.markers, [], tool=False))
     J = base.see(np.zeros(6), fit.data.means.q[s:t]).jacobian
     assert J is not None
-    off = (J * base.scales) @ motion
+    off = (J[:, :, :3] * base.scales) @ motion
     return float(np.sqrt((off**2).sum(axis=-1).mean()))
 
 
@@ -173,14 +173,18 @@ def _weighted(fit: GeometricFit, white: bool) -> tuple[Array, Array, Array]:
     assert of_base.jacobian is not None
     m, k = means.seen.shape
     there = means.seen[..., None, None]
-    motion = seen.by_joints.reshape(m, 3 * k, -1)
+    rows = means.rows
+    motion = seen.by_joints.reshape(m, rows * k, -1)
     V = fitted.noise.of_pose(motion, fit.data.counts)
+    # Positions show a motion of the frame; orientations are left aside.
+    positions = np.flatnonzero(np.arange(rows * k) % rows < 3)
+    V = V[:, positions[:, None], positions]
     if white:
         size = np.einsum("mrr->", V) / V[..., 0].size
         V = only_seen(np.broadcast_to(size * np.eye(3 * k), V.shape), means.seen)
     L = np.linalg.cholesky(V)
-    X = MM * np.where(there, seen.jacobian * model.scales, 0.0).reshape(m, 3 * k, -1)
-    B = MM * np.where(there, of_base.jacobian * base.scales, 0.0).reshape(m, 3 * k, -1)
+    X = MM * np.where(there, seen.jacobian[:, :, :3] * model.scales, 0.0).reshape(m, 3 * k, -1)
+    B = MM * np.where(there, of_base.jacobian[:, :, :3] * base.scales, 0.0).reshape(m, 3 * k, -1)
     z = MM * np.nan_to_num(fit.residual).reshape(m, 3 * k, 1)
     return (
         np.linalg.solve(L, z)[..., 0],

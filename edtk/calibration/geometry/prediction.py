@@ -84,6 +84,27 @@ class Prediction(Presented):
         return float(self.predicted.inside(self.data.measured)[self.tests].mean())
 
     @property
+    def turn_errors(self) -> Array | None:
+        """Angles (t,) between measured and predicted orientations [rad]; None without any."""
+        turns = self.data.turns
+        if turns is None or not self.tests.any():
+            return None
+        apart = turns @ np.swapaxes(self.predicted.turns, -1, -2)
+        # Of small angles the cosine has half the digits: the sine is that of the skew part.
+        skew = 0.5 * (apart - np.swapaxes(apart, -1, -2))[self.tests]
+        sine = np.sqrt((skew**2).sum(axis=(-1, -2)) / 2)
+        cosine = (np.trace(apart[self.tests], axis1=-2, axis2=-1) - 1) / 2
+        return np.asarray(np.arctan2(sine, cosine))
+
+    @property
+    def turn_rms_deg(self) -> float | None:
+        """Their root mean square [deg]."""
+        errors = self.turn_errors
+        if errors is None or not np.isfinite(errors).any():
+            return None
+        return float(np.rad2deg(np.sqrt(np.nanmean(errors**2))))
+
+    @property
     def open_rows(self) -> tuple[int, ...]:
         """Rows, counted from 0, that move along directions which the calibration left open."""
         far = self.predicted.open > OPEN
@@ -104,12 +125,14 @@ class Prediction(Presented):
             "rms_mm": self.rms_mm if measured else None,
             "max_mm": self.max_mm if measured else None,
             "share_inside": self.share_inside if measured else None,
+            **({} if self.predicted.turn_half is None else {"turn_rms_deg": self.turn_rms_deg}),
             "open_rows": [row + 1 for row in self.open_rows],
         }
 
     def _positions(self) -> list[dict[str, Any]]:
         """A table for each position."""
         found = []
+        vectors = self._vectors()
         for visit, marker in zip(*np.nonzero(self.asked), strict=True):
             entry: dict[str, Any] = {
                 "row": int(self.data.row[visit, marker]) + 1,
@@ -119,6 +142,11 @@ class Prediction(Presented):
                 entry[f"{name}_mm"] = MM * float(self.predicted.points[visit, marker, axis])
             for axis, name in enumerate("xyz"):
                 entry[f"band_{name}_mm"] = MM * float(self.predicted.half[visit, marker, axis])
+            if vectors is not None and self.predicted.turn_half is not None:
+                half = np.rad2deg(self.predicted.turn_half[visit, marker])
+                for axis, name in enumerate("xyz"):
+                    entry[f"r{name}_deg"] = float(vectors[visit, marker, axis])
+                    entry[f"band_r{name}_deg"] = float(half[axis])
             if self.data.seen[visit, marker]:
                 apart = self.data.measured[visit, marker] - self.predicted.points[visit, marker]
                 entry["error_mm"] = MM * float(np.linalg.norm(apart))
@@ -127,6 +155,16 @@ class Prediction(Presented):
                 entry["test"] = bool(self.tests[visit, marker])
             found.append(entry)
         return found
+
+    def _vectors(self) -> Array | None:
+        """Predicted orientations as rotation vectors (v, k, 3) [deg]; None where none is asked."""
+        if self.predicted.turn_half is None:
+            return None
+        from scipy.spatial.transform import Rotation
+
+        turns = self.predicted.turns
+        vectors = Rotation.from_matrix(turns.reshape(-1, 3, 3)).as_rotvec(degrees=True)
+        return np.asarray(vectors.reshape(turns.shape[:-1]))
 
     def to_frame(self) -> "pd.DataFrame":
         """A row for each position, as in `to_dict`."""
@@ -161,8 +199,16 @@ def predict_positions(
         raise UserError(str(error), where=where, key="geometry") from error
     asked = (*setting.markers, *setting.references)
     data = read_positions(
-        poses, study.robot, study.fixed, asked, measured=False, others=marker_names(study)
+        poses,
+        study.robot,
+        study.fixed,
+        asked,
+        measured=False,
+        others=marker_names(study),
+        turned=setting.markers if setting.full_poses else (),
     )
+    if tool_rows:
+        setting.require_positions("placing a tool by rows")
     data = counting.of(setting.split(_without_lost(data))[0])
     wanted: Mask = np.greater_equal(data.row, 0)
     tests = data.seen.copy()

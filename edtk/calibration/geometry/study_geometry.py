@@ -1,6 +1,7 @@
 """What a study of geometry says of its robot: model, noise and loads."""
 
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
@@ -54,6 +55,25 @@ class StudyGeometry:
         return replace(setting, markers=names) if some else setting
 
     @property
+    def full_poses(self) -> bool:
+        """Whether orientations are measured with the positions."""
+        return self.study.specification.measurement.rows == "pose"
+
+    def require_positions(self, where: str) -> None:
+        """Check that positions alone are measured, for what knows no more.
+
+        Args:
+            where: What asks.
+
+        Raises:
+            UserError: Orientations are measured, too.
+        """
+        if self.full_poses:
+            raise self.study.error(
+                "measurement.rows", f"{where} of a study of geometry knows positions alone"
+            )
+
+    @property
     def model(self) -> GeometricModel:
         """The model with all parameters that the study asks for."""
         study = self.study
@@ -67,13 +87,18 @@ class StudyGeometry:
             study.specification.joints.unknown,
             asked.base,
             asked.tool,
+            self.full_poses,
         )
         places = np.array([offsets.get(name, np.zeros(3)) for name in self.markers])
-        return GeometricModel(study.robot, places, self.markers, parameters)
+        rows: Literal["position", "pose"] = "pose" if self.full_poses else "position"
+        return GeometricModel(study.robot, places, self.markers, parameters, rows=rows)
 
     @property
     def noise(self) -> PositionNoise:
         """The stated noise of a reading [mm, mrad]."""
+        turn = None
+        if self.full_poses:
+            turn = 1e3 * float(np.deg2rad(self.study.specification.measurement.sigma_deg or 0.0))
         study = self.study
         sigma = study.specification.measurement.sigma_mm
         assert sigma is not None
@@ -81,7 +106,7 @@ class StudyGeometry:
         joints = np.zeros(study.robot.n)
         if table is not None:
             joints = 1e3 * table.repeatability(study.robot.units) * np.ones(study.robot.n)
-        return PositionNoise(sigma, joints)
+        return PositionNoise(sigma, joints, turn=turn)
 
     @property
     def loads(self) -> "StudyLoads | None":
@@ -93,17 +118,8 @@ class StudyGeometry:
     def split(self, data: MarkerPositions) -> tuple[MarkerPositions, MarkerPositions]:
         """Positions of the markers on the tool, and of the references."""
         k = len(self.markers)
-        parts = []
-        for columns, names in ((slice(0, k), self.markers), (slice(k, None), self.references)):
-            parts.append(
-                replace(
-                    data,
-                    measured=data.measured[:, columns],
-                    row=data.row[:, columns],
-                    markers=names,
-                )
-            )
-        return parts[0], parts[1]
+        tool = replace(data.of_markers(slice(0, k)), markers=self.markers)
+        return tool, replace(data.of_markers(slice(k, None)), markers=self.references)
 
 
 @dataclass(frozen=True, eq=False)

@@ -45,12 +45,7 @@ def with_standing(
         markers=tuple(setting.markers[i] for i in moving),
         references=(*setting.references, *names),
     )
-    ordered = replace(
-        data,
-        measured=data.measured[:, order],
-        row=data.row[:, order],
-        markers=tuple(data.markers[i] for i in order),
-    )
+    ordered = data.of_markers(order)
     given = bool(setting.study.specification.marker)
     text = (
         f"{', '.join(names)} stay{'s' * (len(names) == 1)} in place while others move, and "

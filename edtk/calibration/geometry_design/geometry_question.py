@@ -59,6 +59,7 @@ class GeometryQuestion:
             UserError: Its loads are none that a plan can choose among, or no pose is feasible.
         """
         setting = StudyGeometry.of(study)
+        setting.require_positions("a plan")
         wrenches = wrenches_of(study)
         anywhere = _anywhere(setting.model, wrenches)
         told = _told(setting, setting.model, *anywhere)

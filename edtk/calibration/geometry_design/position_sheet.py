@@ -30,6 +30,7 @@ def position_sheet(study: Study, plan: Plan) -> "pd.DataFrame":
         plan: The visits.
     """
     setting = StudyGeometry.of(study)
+    setting.require_positions("a template")
     lower, upper = study.robot.limits
     plan = Plan(rounded(study.robot, plan.q), plan.wrench, plan.repeats)
     order = _order(study, plan, upper - lower)

@@ -107,7 +107,7 @@ def placed_tools(model: GeometricModel, theta: Array) -> Array:
     """Markers (k, 3) in the tool frame, with the shifts among parameters theta (p,) [m]."""
     places = np.array(model.offsets, dtype=float)
     for one, value in zip(model.parameters, theta, strict=True):
-        if one.place == "tool":
+        if one.place == "tool" and not one.turns:
             places[model.markers.index(one.of), "xyz".index(one.component)] += value
     return places
 
@@ -154,9 +154,9 @@ def _require_enough(means: MarkerPositions, rank: int) -> None:
     Raises:
         TooFewPosesError: There are not.
     """
-    coordinates = 3 * means.count
+    coordinates = means.rows * means.count
     if coordinates < rank:
-        missing = -(-(rank - coordinates) // (3 * len(means.markers)))
+        missing = -(-(rank - coordinates) // (means.rows * len(means.markers)))
         raise TooFewPosesError(coordinates, rank, missing)
 
 
@@ -191,7 +191,7 @@ def _in_turns(
         V = noise.of_pose(rows.motion, data.counts)
         if robust:
             weights = _trusted(rows.residual, V, means)
-        whitening = np.linalg.inv(np.linalg.cholesky(working(V)))
+        whitening = np.linalg.inv(np.linalg.cholesky(working(V, means.rows)))
         whitening = whitening * np.sqrt(weights)[:, None, None]
         theta = least_squares_fit(model, theta, means, torque, whitening).theta
         now = np.array([noise.model_white, np.max(noise.model_joints, initial=0.0)])
@@ -239,5 +239,5 @@ def _slides(model: GeometricModel) -> Mask:
 def _trusted(residual: Array, V: Array, means: MarkerPositions) -> Array:
     """Weights (m,) of poses with multivariate t errors, one at most (Lange et al. 1989)."""
     z2 = np.einsum("mr,mr->m", residual, np.linalg.solve(V, residual[..., None])[..., 0])
-    weights = (NU + 3.0 * means.seen.sum(axis=1)) / (NU + z2)
+    weights = (NU + means.rows * means.seen.sum(axis=1)) / (NU + z2)
     return np.minimum(weights, 1.0)

@@ -35,12 +35,17 @@ class Predicted:
         half: Half the width (m, k, 3) of the 95 % band [m].
         open: How far (m, k) what the calibration left open may move each marker, at one standard
             deviation [m].
+        turns: Orientations (m, k, 3, 3).
+        turn_half: Half the width (m, k, 3) of the 95 % band of a measured orientation about them,
+            as turns in the axes of the instrument [rad]; None where none is measured.
     """
 
     points: Array
     std: Array
     half: Array
     open: Array
+    turns: Array
+    turn_half: Array | None = None
 
     def inside(self, measured: Array) -> Mask:
         """Which measured coordinates (m, k, 3) are within the bands; NaN are not."""
@@ -123,20 +128,24 @@ class FittedGeometry:
         assert seen.jacobian is not None
         assert seen.by_joints is not None
         m, k = seen.points.shape[:2]
-        J = MM * (seen.jacobian * self.model.scales).reshape(m, 3 * k, -1)
-        motion = seen.by_joints.reshape(m, 3 * k, -1)
+        rows = self.model.row_count
+        J = MM * (seen.jacobian * self.model.scales).reshape(m, rows * k, -1)
+        motion = seen.by_joints.reshape(m, rows * k, -1)
         known = np.einsum("mrp,pq,mrq->mr", J, self.covariance, J)
         own = np.einsum("mrr->mr", self.noise.of_reading(motion) + self.noise.of_model(motion))
         left = self._left(q, torque, J)
         # Rounding may leave less than nothing of a variance that is none.
         var = np.maximum(known + own + left, 0.0)
         half = np.sqrt(var) * student_quantile(self.dof(motion))
-        shape = (m, k, 3)
+        shape = (m, k, rows)
+        half = half.reshape(shape) / MM
         return Predicted(
             points=seen.points,
-            std=np.sqrt(var).reshape(shape) / MM,
-            half=half.reshape(shape) / MM,
-            open=np.sqrt(left.reshape(shape).sum(axis=-1)) / MM,
+            std=np.sqrt(var).reshape(shape)[..., :3] / MM,
+            half=half[..., :3],
+            open=np.sqrt(left.reshape(shape)[..., :3].sum(axis=-1)) / MM,
+            turns=seen.turns,
+            turn_half=half[..., 3:] if rows > 3 else None,
         )
 
     def _left(self, q: Array, torque: Array | None, J: Array) -> Array:
@@ -163,8 +172,12 @@ class FittedGeometry:
         own = np.einsum("mrr->mr", self.noise.of_reading(motion) + self.noise.of_model(motion))
         slides = self.model.chain.robot.joints
         kinds = np.array([joint.kind == "prismatic" for joint in slides])
-        masks = fitted_kinds(kinds, len(fit.variances))
-        parts = [np.ones(own.shape), *((motion[..., mask] ** 2).sum(axis=-1) for mask in masks)]
+        whites = self.noise.white_kinds(own.shape[1])
+        masks = fitted_kinds(kinds, len(fit.variances), len(whites))
+        parts = [
+            *(np.broadcast_to(white, own.shape) for white in whites),
+            *((motion[..., mask] ** 2).sum(axis=-1) for mask in masks),
+        ]
         slopes = np.stack(parts, axis=-1)
         dof = fit.relative_dof(slopes)
         # Only the part that was fitted is uncertain.
@@ -192,6 +205,21 @@ def student_quantile(dof: Array) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
+class TurnResiduals:
+    """Residuals of orientations, as turns in the axes of the instrument [rad].
+
+    Attributes:
+        residual: Of the fit (m, k, 3); NaN where a marker was not seen.
+        left_out: Of each pose predicted without it (m, k, 3).
+        left_out_half: Half the widths of the 95 % bands of those (m, k, 3).
+    """
+
+    residual: Array
+    left_out: Array
+    left_out_half: Array
+
+
+@dataclass(frozen=True, eq=False)
 class GeometricFit:
     """A fit of one sheet, with what tells how good it is.
 
@@ -209,6 +237,7 @@ class GeometricFit:
         surprise: Squared size (m,) of each pose's error left out, over its covariance: chi-square
             with as many degrees of freedom as coordinates.
         weights: Weights (m,) of the poses: one, or less where a robust loss trusts them less.
+        turns: The residuals of orientations; None where these were not measured.
     """
 
     fitted: FittedGeometry
@@ -222,6 +251,7 @@ class GeometricFit:
     left_out_half: Array
     surprise: Array
     weights: Array
+    turns: TurnResiduals | None = None
 
     @property
     def rank(self) -> int:
@@ -241,8 +271,12 @@ class GeometricFit:
     @cached_property
     def share_inside(self) -> float:
         """Share of coordinates that, left out, are within their 95 % bands."""
-        seen = np.isfinite(self.left_out)
-        return float((np.abs(self.left_out) <= self.left_out_half)[seen].mean())
+        pairs = [(self.left_out, self.left_out_half)]
+        if self.turns is not None:
+            pairs.append((self.turns.left_out, self.turns.left_out_half))
+        errors, halves = (np.concatenate(part, axis=-1) for part in zip(*pairs, strict=True))
+        seen = np.isfinite(errors)
+        return float((np.abs(errors) <= halves)[seen].mean())
 
 
 def root_mean_square(distances: Array) -> float:

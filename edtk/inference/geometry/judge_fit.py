@@ -9,6 +9,7 @@ from edtk.inference.geometry.geometric_fit import (
     FittedGeometry,
     GeometricFit,
     Loads,
+    TurnResiduals,
     resting_torque,
     student_quantile,
 )
@@ -51,7 +52,7 @@ def judge_fit(
     means = data.means
     torque = resting_torque(model.compliances(theta), means.q, means.wrench, loads)
     rows = PoseRows.of(model, theta, means, torque)
-    work = working(common)
+    work = working(common, means.rows)
     out = _LeftOut.of(rows, noise.of_pose(rows.motion, data.counts), work, weights)
     # Sizes that each joint has of its own may be those of one wrong pose, which they would hide.
     surprise = _LeftOut.of(rows, common, work, weights).surprise
@@ -65,8 +66,11 @@ def judge_fit(
         placed=beside[2],
     )
     half = out.std * student_quantile(fitted.dof(rows.motion))
-    shape = (len(means), len(data.markers), 3)
+    shape = (len(means), len(data.markers), means.rows)
     blank = np.where(means.seen[..., None], 0.0, np.nan)
+    residual = rows.residual.reshape(shape) / MM + blank
+    left_out = out.errors.reshape(shape) / MM + blank
+    left_out_half = half.reshape(shape) / MM + blank
     return GeometricFit(
         fitted=fitted,
         data=data,
@@ -74,9 +78,12 @@ def judge_fit(
         redundant=(),
         open=(),
         placed=np.nan,
-        residual=rows.residual.reshape(shape) / MM + blank,
-        left_out=out.errors.reshape(shape) / MM + blank,
-        left_out_half=half.reshape(shape) / MM + blank,
+        residual=residual[..., :3],
+        left_out=left_out[..., :3],
+        left_out_half=left_out_half[..., :3],
+        turns=TurnResiduals(*(part[..., 3:] for part in (residual, left_out, left_out_half)))
+        if means.turns is not None
+        else None,
         # A pose that a robust loss trusts less surprises all the same.
         surprise=surprise / weights,
         weights=weights,

@@ -2,9 +2,8 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from edtk.inference.geometry.marker_positions import MarkerPositions
+from edtk.inference.geometry.pose_rows import measured_less_seen
 from edtk.model.geometry.geometric_model import GeometricModel
 from edtk.system.typing import Array
 
@@ -55,26 +54,25 @@ def least_squares_fit(
     from scipy.optimize import least_squares
 
     scales = model.scales
-    measured = np.where(means.seen[..., None], means.measured, 0.0)
 
     def weighted(rows: Array) -> Array:
-        """Rows (m, k, 3, ...) in units of the noise, as (m 3k, ...)."""
+        """Rows (m, k, rows, ...) in units of the noise, one beneath the other."""
         m, k = means.seen.shape
         rows = rows * means.seen.reshape(m, k, *(1,) * (rows.ndim - 2))
-        flat = MM * rows.reshape(m, 3 * k, -1)
+        flat = MM * rows.reshape(m, means.rows * k, -1)
         flat = flat if whitening is None else whitening @ flat
-        return flat.reshape(m * 3 * k, *rows.shape[3:])
+        return flat.reshape(m * means.rows * k, *rows.shape[3:])
 
     def residual(u: Array) -> Array:
         there = model.see(u * scales, means.q, torque, derivatives=False)
-        return weighted(there.points - measured)
+        return weighted(-measured_less_seen(means, there))
 
     def jacobian(u: Array) -> Array:
         J = model.see(u * scales, means.q, torque).jacobian
         assert J is not None
         return weighted(J * scales)
 
-    enough = means.seen.size * 3 >= model.p
+    enough = means.seen.size * means.rows >= model.p
     found = least_squares(
         residual,
         theta / scales,

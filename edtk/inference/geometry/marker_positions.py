@@ -19,6 +19,8 @@ class MarkerPositions(Presented):
         measured: Positions (v, k, 3) in the frame of the instrument [m].
         row: Row of the file (v, k) that holds each, counted from 0; -1 where there is none.
         markers: Names (k,).
+        turns: Orientations (v, k, 3, 3) there, where they were measured with the positions; NaN
+            where nothing was seen.
     """
 
     q: Array
@@ -26,14 +28,31 @@ class MarkerPositions(Presented):
     measured: Array
     row: Indices
     markers: tuple[str, ...]
+    turns: Array | None = None
 
     def __len__(self) -> int:
         return len(self.q)
 
     def __getitem__(self, chosen: Indices | slice | Mask) -> "MarkerPositions":
         """Some of the visits."""
-        names = ("q", "wrench", "measured", "row")
+        names = ["q", "wrench", "measured", "row", *(["turns"] if self.turns is not None else [])]
         return replace(self, **{name: getattr(self, name)[chosen] for name in names})
+
+    def of_markers(self, chosen: Indices | list[int] | slice) -> "MarkerPositions":
+        """Some of the markers, in their order."""
+        order = np.arange(len(self.markers))[chosen]
+        return replace(
+            self,
+            measured=self.measured[:, order],
+            row=self.row[:, order],
+            markers=tuple(self.markers[i] for i in order),
+            turns=None if self.turns is None else self.turns[:, order],
+        )
+
+    @property
+    def rows(self) -> int:
+        """Measured coordinates of a marker: three, or six with its orientation."""
+        return 3 if self.turns is None else 6
 
     def headline(self) -> str:
         """How many positions in how many poses."""
@@ -82,8 +101,23 @@ class MarkerPositions(Presented):
             mean = total / self.counts[..., None]
         _, first = np.unique(self.pose, return_index=True)
         return MarkerPositions(
-            self.q[first], self.wrench[first], mean, self.row[first], self.markers
+            self.q[first],
+            self.wrench[first],
+            mean,
+            self.row[first],
+            self.markers,
+            None if self.turns is None else self._mean_turns(self.turns),
         )
+
+    def _mean_turns(self, turns: Array) -> Array:
+        """The rotations (poses, k, 3, 3) nearest to the sums of those of the visits."""
+        total = np.zeros((self.poses, len(self.markers), 3, 3))
+        np.add.at(total, self.pose, np.where(self.seen[..., None, None], turns, 0.0))
+        unseen = (self.counts == 0)[..., None, None]
+        U, _, Vt = np.linalg.svd(np.where(unseen, np.eye(3), total))
+        sign = np.ones((*unseen.shape[:2], 3))
+        sign[..., 2] = np.linalg.det(U @ Vt)
+        return np.where(unseen, np.nan, (U * sign[..., None, :]) @ Vt)
 
     def rows_of_pose(self, pose: int) -> list[int]:
         """Rows of the file that a pose is in, counted from 0."""

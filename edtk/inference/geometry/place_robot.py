@@ -10,7 +10,7 @@ from edtk.inference.geometry.least_squares_fit import MM, least_squares_fit
 from edtk.inference.geometry.linear_start import LinearStart, linear_start
 from edtk.inference.geometry.marker_positions import MarkerPositions
 from edtk.model.geometry.geometric_model import GeometricModel
-from edtk.model.geometry.geometric_parameter import GeometricParameter
+from edtk.model.geometry.geometric_parameter import COMPONENTS, GeometricParameter
 from edtk.model.geometry.rotation import rotation
 from edtk.system.typing import Array
 
@@ -45,10 +45,13 @@ def place_robot(model: GeometricModel, means: MarkerPositions) -> tuple[Geometri
     only = model.with_parameters(placing)
     found: list[tuple[float, GeometricModel, Array]] = []
     good = 0.5 * GOOD**2 * _spread(means)
+    tool_turns = any(one.place == "tool" and one.turns for one in placing)
     for start, tools in _starts(only, means, "base" in places, "tool" in places):
         there = replace(only, start=start)
+        turned = _tool_turns(there, means) if tool_turns else np.zeros((len(model.markers), 3))
+        every = np.concatenate([tools, turned], axis=1)
         values = [
-            tools[model.markers.index(one.of), "xyz".index(one.component)]
+            every[model.markers.index(one.of), COMPONENTS.index(one.component)]
             if one.place == "tool"
             else 0.0
             for one in placing
@@ -62,6 +65,23 @@ def place_robot(model: GeometricModel, means: MarkerPositions) -> tuple[Geometri
     whole = replace(model, start=_moved(best, at))
     values = [at[one] if one.place == "tool" else 0.0 for one in whole.parameters]
     return whole, np.array(values)
+
+
+def _tool_turns(model: GeometricModel, means: MarkerPositions) -> Array:
+    """Turns (k, 3) of the tools by which measured orientations are predicted from this base."""
+    from scipy.spatial.transform import Rotation
+
+    assert means.turns is not None
+    tips = model.see(np.zeros(model.p), means.q, derivatives=False).turns
+    turned = np.where(
+        means.seen[..., None, None], np.swapaxes(tips, -1, -2) @ np.nan_to_num(means.turns), 0.0
+    ).sum(axis=0)
+    found = np.zeros((len(turned), 3))
+    for i, one in enumerate(turned):
+        U, _, Vt = np.linalg.svd(one)
+        R = U @ np.diag([1.0, 1.0, np.linalg.det(U @ Vt)]) @ Vt
+        found[i] = Rotation.from_matrix(R).as_rotvec()
+    return found
 
 
 def _descended(

@@ -3,14 +3,17 @@
 import numpy as np
 
 from edtk.inference.geometry.marker_positions import MarkerPositions
-from edtk.model.geometry.geometric_model import GeometricModel
+from edtk.model.geometry.geometric_model import GeometricModel, Seen
 from edtk.system.typing import Array
 
 MM = 1e3
 
 
 class PoseRows:
-    """Residuals, columns and motions of the poses, in millimetres; zero where nothing was seen."""
+    """Residuals, columns and motions of the poses, in millimetres and milliradians.
+
+    They are zero where nothing was seen.
+    """
 
     def __init__(self, residual: Array, design: Array, motion: Array) -> None:
         self.residual = residual
@@ -26,11 +29,28 @@ class PoseRows:
         assert seen.jacobian is not None
         assert seen.by_joints is not None
         m, k = means.seen.shape
-        there = means.seen[..., None]
-        z = np.where(there, means.measured - seen.points, 0.0)
-        design = np.where(there[..., None], seen.jacobian * model.scales, 0.0)
+        width = means.rows * k
+        there = means.seen[..., None, None]
+        design = np.where(there, seen.jacobian * model.scales, 0.0)
         return cls(
-            MM * z.reshape(m, 3 * k),
-            MM * design.reshape(m, 3 * k, -1),
-            seen.by_joints.reshape(m, 3 * k, -1),
+            MM * measured_less_seen(means, seen).reshape(m, width),
+            MM * design.reshape(m, width, -1),
+            seen.by_joints.reshape(m, width, -1),
         )
+
+
+def measured_less_seen(means: MarkerPositions, seen: Seen) -> Array:
+    """Residuals (m, k, rows) [m, rad], zero where nothing was seen.
+
+    That of an orientation is the vector of the turn from the predicted to the measured one, in the
+    axes of the instrument.
+    """
+    apart = np.where(means.seen[..., None], means.measured - seen.points, 0.0)
+    if means.turns is None:
+        return apart
+    from scipy.spatial.transform import Rotation
+
+    turned = means.turns @ np.swapaxes(seen.turns, -1, -2)
+    turned = np.where(means.seen[..., None, None], turned, np.eye(3))
+    vectors = Rotation.from_matrix(turned.reshape(-1, 3, 3)).as_rotvec().reshape(apart.shape)
+    return np.concatenate([apart, vectors], axis=-1)

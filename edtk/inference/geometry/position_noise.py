@@ -32,6 +32,9 @@ class PositionNoise:
             the residuals speak for that.
         model_fit: The fitted variances of the model's part; None where none was fitted.
         repeats: Degrees of freedom of the repeats that told r and s; zero where they were stated.
+        turn: The same as r, of orientations [mrad], where they are measured; their rows follow the
+            positions of each marker.
+        model_turn: The same as w, of orientations [mrad].
     """
 
     reading: float
@@ -40,17 +43,36 @@ class PositionNoise:
     model_joints: Array = field(default_factory=lambda: np.zeros(0))
     model_fit: BlockVariances | None = None
     repeats: int = 0
+    turn: float | None = None
+    model_turn: float = 0.0
+
+    @property
+    def rows(self) -> int:
+        """Measured coordinates of a marker."""
+        return 3 if self.turn is None else 6
+
+    def white_kinds(self, width: int) -> list[Array]:
+        """Masks (r,) of the coordinates that share a white error: positions, and orientations."""
+        return white_kinds(self.rows, width)
+
+    def _white(self, position: float, turn: float, width: int) -> Array:
+        """Variances (r,) of white errors."""
+        sizes = (position, turn)
+        kinds = self.white_kinds(width)
+        return np.asarray(sum(size**2 * kind for size, kind in zip(sizes, kinds, strict=False)))
 
     def of_reading(self, motion: Array) -> Array:
         """Covariances R (m, r, r) [mm^2] of one reading, for motions (m, r, n) [mm/mrad]."""
         J = motion * self.joints
-        white = max(self.reading, ROUNDING) ** 2
-        return white * np.eye(motion.shape[1]) + J @ np.swapaxes(J, 1, 2)
+        turn = max(self.turn or 0.0, ROUNDING)
+        white = self._white(max(self.reading, ROUNDING), turn, motion.shape[1])
+        return np.diag(white) + J @ np.swapaxes(J, 1, 2)
 
     def of_model(self, motion: Array) -> Array:
         """Covariances D (m, r, r) [mm^2] of what the model leaves out."""
         J = motion * (self.model_joints if len(self.model_joints) else 0.0)
-        return self.model_white**2 * np.eye(motion.shape[1]) + J @ np.swapaxes(J, 1, 2)
+        white = self._white(self.model_white, self.model_turn, motion.shape[1])
+        return np.diag(white) + J @ np.swapaxes(J, 1, 2)
 
     def of_pose(self, motion: Array, counts: Indices) -> Array:
         """Covariances (m, r, r) of means over some readings.
@@ -60,16 +82,24 @@ class PositionNoise:
             counts: Readings (m, k) of each marker; where there is none, the coordinates count as
                 independent and of size one.
         """
-        size = np.sqrt(np.repeat(np.maximum(counts, 1), 3, axis=1).astype(float))
+        size = np.sqrt(np.repeat(np.maximum(counts, 1), self.rows, axis=1).astype(float))
         V = self.of_reading(motion) / (size[:, :, None] * size[:, None]) + self.of_model(motion)
         return only_seen(V, counts > 0)
 
 
 def only_seen(V: Array, seen: Mask) -> Array:
-    """Covariances (m, 3k, 3k) in which markers that were not seen are independent, of size one."""
-    there = np.repeat(seen, 3, axis=1).astype(float)
+    """Covariances (m, r, r) in which markers that were not seen are independent, of size one."""
+    there = np.repeat(seen, V.shape[1] // seen.shape[1], axis=1).astype(float)
     absent = np.eye(V.shape[1]) * (1 - there)[:, None]
     return V * there[:, :, None] * there[:, None] + absent
+
+
+def white_kinds(rows: int, width: int) -> list[Array]:
+    """Masks (width,) of the coordinates that share a white error: positions, and orientations."""
+    if rows == 3:
+        return [np.ones(width)]
+    turns = np.arange(width) % rows >= 3
+    return [(~turns).astype(float), turns.astype(float)]
 
 
 def joint_kinds(slides: Mask) -> list[Mask]:
@@ -82,10 +112,10 @@ def single_joints(slides: Mask) -> list[Mask]:
     return list(np.eye(len(slides), dtype=bool))
 
 
-def fitted_kinds(slides: Mask, variances: int) -> list[Mask]:
-    """The masks (n,) that so many variances are of: that of coordinates comes first."""
+def fitted_kinds(slides: Mask, variances: int, whites: int) -> list[Mask]:
+    """The masks (n,) that so many variances are of: those of coordinates come first."""
     kinds = joint_kinds(slides)
-    return kinds if variances == 1 + len(kinds) else single_joints(slides)
+    return kinds if variances == whites + len(kinds) else single_joints(slides)
 
 
 def noise_of_repeats(
@@ -106,17 +136,28 @@ def noise_of_repeats(
         return stated, None
     J = motion[pose]
     n = motion.shape[2]
-    eye = np.broadcast_to(np.eye(J.shape[1]), (len(J), J.shape[1], J.shape[1]))
-    kinds = [eye, *(J[:, :, [j]] @ np.swapaxes(J[:, :, [j]], 1, 2) for j in range(n))]
+    shape = (len(J), J.shape[1], J.shape[1])
+    eye = np.broadcast_to(np.eye(J.shape[1]), shape)
+    whites = stated.white_kinds(J.shape[1])
+    kinds = [
+        *(np.broadcast_to(np.diag(white), shape) for white in whites),
+        *(J[:, :, [j]] @ np.swapaxes(J[:, :, [j]], 1, 2) for j in range(n)),
+    ]
     nothing = np.zeros((*contrasts.shape, 0))
     found = fit_variances_of_blocks(ROUNDING**2 * eye, kinds, contrasts, nothing)
     sizes = np.sqrt(found.variances)
-    told = PositionNoise(float(max(sizes[0], ROUNDING)), sizes[1:], repeats=contrasts.size)
+    reading, *turn = np.maximum(sizes[: len(whites)], ROUNDING).tolist()
+    told = PositionNoise(
+        reading,
+        sizes[len(whites) :],
+        repeats=contrasts.size,
+        turn=turn[0] if turn else None,
+    )
     return told, found
 
 
 def contrasts_of(data: MarkerPositions) -> tuple[Array, Indices]:
-    """Orthonormal contrasts (c, 3k) of whole visits of a pose [mm], and their poses (c,)."""
+    """Orthonormal contrasts (c, r) of whole visits of a pose [mm, mrad], and their poses (c,)."""
     whole = data.seen.all(axis=1)
     rows: list[Array] = []
     poses: list[int] = []
@@ -124,13 +165,25 @@ def contrasts_of(data: MarkerPositions) -> tuple[Array, Indices]:
         visits = np.flatnonzero(whole & (data.pose == pose))
         if len(visits) < 2:
             continue
-        z = 1e3 * data.measured[visits].reshape(len(visits), -1)
+        z = 1e3 * _coordinates(data, visits).reshape(len(visits), -1)
         # Helmert: each visit against the mean of those before it.
         for i in range(1, len(visits)):
             rows.append((z[i] - z[:i].mean(axis=0)) * np.sqrt(i / (i + 1)))
             poses.append(pose)
-    width = 3 * len(data.markers)
+    width = data.rows * len(data.markers)
     return np.array(rows).reshape(-1, width), np.array(poses, dtype=int)
+
+
+def _coordinates(data: MarkerPositions, visits: Indices) -> Array:
+    """Positions, and orientations as turns from that of the first visit (v, k, rows) [m, rad]."""
+    x = data.measured[visits]
+    if data.turns is None:
+        return x
+    from scipy.spatial.transform import Rotation
+
+    turned = data.turns[visits] @ np.swapaxes(data.turns[visits[:1]], -1, -2)
+    vectors = Rotation.from_matrix(turned.reshape(-1, 3, 3)).as_rotvec()
+    return np.concatenate([x, vectors.reshape(x.shape)], axis=-1)
 
 
 def fit_model_error(
@@ -159,16 +212,17 @@ def fit_model_error(
         singly: Whether each joint may have a size of its own.
     """
     rigid = np.zeros(len(slides))
-    plain = PositionNoise(noise.reading, noise.joints, 0.0, rigid, repeats=noise.repeats)
-    seen = counts > 0
-    there = np.repeat(seen, 3, axis=1).astype(float)
+    plain = PositionNoise(
+        noise.reading, noise.joints, 0.0, rigid, repeats=noise.repeats, turn=noise.turn
+    )
+    there = np.repeat(counts > 0, noise.rows, axis=1).astype(float)
     J = motion * there[:, :, None]
-    eye = np.eye(J.shape[1]) * there[:, None]
+    whites = [np.diag(kind) * there[:, None] for kind in noise.white_kinds(J.shape[1])]
     masks = joint_kinds(slides)
     fixed = plain.of_pose(motion, counts)
 
     def fitted(masks: list[Mask]) -> BlockVariances:
-        kinds = [eye, *(J[:, :, mask] @ np.swapaxes(J[:, :, mask], 1, 2) for mask in masks)]
+        kinds = [*whites, *(J[:, :, mask] @ np.swapaxes(J[:, :, mask], 1, 2) for mask in masks)]
         return fit_variances_of_blocks(fixed, kinds, residual, design)
 
     found = fitted(masks)
@@ -182,6 +236,15 @@ def fit_model_error(
             found, masks = each, single
     sizes = np.sqrt(found.variances)
     joints = rigid.copy()
-    for mask, size in zip(masks, sizes[1:], strict=True):
+    for mask, size in zip(masks, sizes[len(whites) :], strict=True):
         joints[mask] = size
-    return PositionNoise(noise.reading, noise.joints, float(sizes[0]), joints, found, noise.repeats)
+    return PositionNoise(
+        noise.reading,
+        noise.joints,
+        float(sizes[0]),
+        joints,
+        found,
+        noise.repeats,
+        noise.turn,
+        float(sizes[1]) if len(whites) > 1 else 0.0,
+    )

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from edtk.inference.geometry.marker_positions import MarkerPositions
+from edtk.inference.geometry.turn_columns import turn_columns, with_turns
 from edtk.inference.geometry.without_strange import unknown_markers, without_strange
 from edtk.model.robot import Robot
 from edtk.system.note import note
@@ -27,6 +28,7 @@ def read_positions(
     markers: Sequence[str],
     measured: bool = True,
     others: Sequence[str] = (),
+    turned: Sequence[str] = (),
 ) -> MarkerPositions:
     """Read a sheet of positions.
 
@@ -35,7 +37,7 @@ def read_positions(
     for each marker. A marker whose three cells are empty was not seen. Loads are forces and torques
     as in a plan, zero by default. Readings of one visit have the same number in the column `visit`;
     without it each repetition of a marker is a visit of its own. Columns and markers that nothing
-    is known of are passed over, with a note.
+    is known of are passed over, with a note. For orientations see `turn_columns`.
 
     Args:
         path: The CSV file.
@@ -44,6 +46,7 @@ def read_positions(
         markers: Names of the markers (k,); where there are none, those of the sheet count.
         measured: Whether there have to be positions; without them all markers are in every row.
         others: Names of markers that the sheet may have besides, and that are passed over.
+        turned: Names of the markers whose orientations are measured, too.
 
     Raises:
         PoseFileError: The file cannot be read; names the row or column.
@@ -56,19 +59,23 @@ def read_positions(
     if measured and not own and found and MARKER_NAME_COLUMN not in table:
         _require_same(table, found, markers)
     plain = (*LOADED_COLUMNS, MARKER_NAME_COLUMN)
-    known = (*own, *plain, VISIT_COLUMN, POSE_COLUMN)
+    of_turns = turn_columns(table, turned, measured)
+    turns = tuple(column for columns in of_turns.values() for column in columns)
+    known = (*own, *plain, VISIT_COLUMN, POSE_COLUMN, *turns)
     beside = tuple(column for name in others for column in _wide(table, name))
     table = table.without([column for column in beside if column not in known])
     table = without_strange(table, robot, known).with_known(robot, known)
     q = table.poses(robot, fixed)
     wrench = table.wrenches(NO_LOAD)
     if own:
-        return _by_pose(table, q, wrench, wide)
+        positions = _by_pose(table, q, wrench, wide)
+        return with_turns(table, positions, of_turns) if turned else positions
     if not measured and not any(column in table for column in plain):
         nothing = np.full((len(q), len(markers), 3), np.nan)
         row = np.repeat(np.arange(len(q))[:, None], len(markers), axis=1)
         return MarkerPositions(q, wrench, nothing, row, tuple(markers))
-    return _by_marker(table, q, wrench, (tuple(markers), tuple(others)), measured)
+    positions = _by_marker(table, q, wrench, (tuple(markers), tuple(others)), measured)
+    return with_turns(table, positions, of_turns) if turned else positions
 
 
 def _names_in(table: PoseTable, robot: Robot) -> tuple[str, ...]:

@@ -1,7 +1,10 @@
 """Text of a calibration of geometry."""
 
+import numpy as np
+
 from edtk.calibration.diagnostics.diagnostic import Severity
 from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
+from edtk.inference.geometry.geometric_fit import root_mean_square
 from edtk.report.text_table import name_width
 
 MM = 1e3
@@ -38,6 +41,17 @@ def _parameters(found: GeometricCalibration) -> list[str]:
     return lines
 
 
+def _turns(found: GeometricCalibration) -> list[str]:
+    """How well orientations fit, where they were measured."""
+    turns = found.fit.turns
+    if turns is None:
+        return []
+    fit, left_out = (
+        float(np.rad2deg(root_mean_square(part))) for part in (turns.residual, turns.left_out)
+    )
+    return [f"orientations: {fit:.3g} deg rms off in the fit, {left_out:.3g} deg left out"]
+
+
 def _quality(found: GeometricCalibration) -> list[str]:
     """How well positions fit, and are predicted."""
     fit = found.fit
@@ -49,6 +63,7 @@ def _quality(found: GeometricCalibration) -> list[str]:
         f"{MM * fit.rms:.4g} with all",
         f"each pose predicted without it: {found.loo_rms_mm:.4g} mm rms, "
         f"{100 * fit.share_inside:.1f} % of the coordinates inside their 95 % bands",
+        *_turns(found),
         *(
             [f"rho0 {found.rho0_mm:.4g} mm: error of the markers to expect in the test poses"]
             if found.rho0_mm is not None

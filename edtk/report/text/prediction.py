@@ -26,4 +26,6 @@ def prediction(found: Prediction) -> str:
             f"{found.rms_mm:.4g} mm rms, {found.max_mm:.4g} mm largest; "
             f"{100 * found.share_inside:.1f} % of the coordinates inside their 95 % bands"
         )
+    if found.turn_rms_deg is not None:
+        lines.append(f"orientations: {found.turn_rms_deg:.3g} deg rms off")
     return "\n".join(lines)

@@ -238,7 +238,14 @@ def test_points_on_the_base_tell_what_moved(tmp_path: Path) -> None:
     [
         ({"parameters": {"geometry": ["q9"]}}, "parameters.geometry: no parameter 'q9'"),
         ({"parameters": {"compliance": ["q9"]}}, "parameters.compliance: no joint 'q9'"),
-        ({"measurement": {"sigma_mm": 0.1, "rows": "pose", "sigma_deg": 1}}, "measurement.rows"),
+        (
+            {
+                "measurement": {"sigma_mm": 0.1, "rows": "pose", "sigma_deg": 1},
+                "marker": [{"name": "A"}, {"name": "P", "joint": "base"}],
+            },
+            "measurement.rows: points on the base",
+        ),
+        ({"marker": [{"name": "A", "rows": "pose"}]}, "sigma_deg|marker.0.rows"),
         ({"marker": [{"name": "A", "joint": "q3"}]}, "marker.0.joint"),
         ({"marker": [{"name": "P", "joint": "base"}]}, "expected one on the tool"),
         (
