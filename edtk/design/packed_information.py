@@ -73,6 +73,16 @@ class PackedInformation:
         """``<Z, M_i>`` (..., n) of symmetric Z (..., p, p)."""
         return np.asarray(sensitivity_rows(Z) @ self.triangles)
 
+    def largest_sensitivities(self, Z: Array) -> Array:
+        """The largest ``<Z, M_i>`` (r,) to each of symmetric Z (r, p, p)."""
+        rows = sensitivity_rows(Z)
+        found = np.full(len(rows), -np.inf)
+        # All sensitivities at once would be written to memory, and read again.
+        for start in range(0, self.n, AT_ONCE):
+            part = rows @ self.triangles[:, start : start + AT_ONCE]
+            np.maximum(found, part.max(axis=1), out=found)
+        return found
+
     def sensitivities_to_root(self, B: Array) -> Array:
         """``<B B', M_i>`` (n,) of B (p, q)."""
         return self.sensitivities(B @ B.T)

@@ -103,6 +103,10 @@ class Rows:
             one[:] = self._sums(partial(_inner, z))
         return found.reshape(*Z.shape[:-2], self.n)
 
+    def largest_sensitivities(self, Z: Array) -> Array:
+        """The largest ``<A_i Z, A_i>`` (r,) to each of symmetric Z (r, p, p)."""
+        return np.array([self._sums(partial(_inner, z)).max() for z in Z])
+
     def sensitivities_to_root(self, B: Array) -> Array:
         """``<B B', A_i' A_i> = |A_i B|^2`` (n,) of B (p, q): squares, which cannot cancel."""
         return self._sums(lambda A: np.square(A @ B).sum(axis=1))

@@ -97,6 +97,16 @@ class WeightedCandidates(Presented):
             return own
         return own + (sensitivity_rows(Z) @ pack(self.prior))[..., None]
 
+    def largest_sensitivities(self, Z: Array) -> Array:
+        """The largest sensitivity (r,) of a candidate to each of multipliers Z (r, p, p).
+
+        It is that of `sensitivities`, without an array of all of them.
+        """
+        own = self.kept.largest_sensitivities(Z)
+        if self.prior is None:
+            return own
+        return np.asarray(own + sensitivity_rows(Z) @ pack(self.prior))
+
     def sensitivities_to_root(self, B: Array) -> Array:
         """Sensitivities (n,) to the multiplier ``Z = B B'`` of a factor B (p, q).
 

@@ -6,6 +6,7 @@ from importlib import import_module
 import numpy as np
 import pytest
 
+from edtk.design import packed_information
 from edtk.design.problem import Problem, RankDeficientError
 
 EPS = np.finfo(float).eps
@@ -154,6 +155,22 @@ def test_prior_counts_in_every_sensitivity(blocks, prior):
     expected = np.einsum("rij,ij->r", Z, problem.information(w))
     np.testing.assert_allclose(problem.sensitivities(Z) @ w, expected, rtol=1e-11)
     assert problem.sensitivities(Z[:0]).shape == (0, 7)
+
+
+@pytest.mark.parametrize("with_prior", [False, True])
+@pytest.mark.parametrize("as_rows", [False, True])
+def test_largest_sensitivities(prior, with_prior, as_rows, monkeypatch):
+    """They are those of `sensitivities`, however many candidates are priced at a time."""
+    monkeypatch.setattr(packed_information, "AT_ONCE", 7)
+    rows = np.random.default_rng(5).normal(size=(30, 2, 4))
+    problem = Problem(rows, prior=prior if with_prior else None)
+    if not as_rows:
+        problem = Problem.of_information(problem.packed, prior=problem.prior)
+    Z = np.random.default_rng(2).normal(size=(3, 4, 4))
+    Z = Z + np.swapaxes(Z, -1, -2)
+    expected = problem.sensitivities(Z).max(axis=1)
+    np.testing.assert_allclose(problem.largest_sensitivities(Z), expected, rtol=1e-12)
+    assert problem.largest_sensitivities(Z[:0]).shape == (0,)
 
 
 def test_prior_is_no_part_of_a_candidate(blocks, prior):

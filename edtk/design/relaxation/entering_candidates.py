@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from edtk.system.typing import Array, Indices
+from edtk.system.typing import Array, Indices, Mask
 
 # Candidates per one that enters from which on the choice is spread over parts of the list.
 SPREAD = 20
@@ -29,15 +29,20 @@ def entering_candidates(sensitivities: Array, active: Indices, batch: int) -> In
     """
     n = len(sensitivities)
     size = min(batch + len(active), n)
+    is_active = np.zeros(n, dtype=bool)
+    is_active[active] = True
     largest = _largest(sensitivities, size)
-    chosen = _inactive_by_sensitivity(sensitivities, active, largest)
+    chosen = _inactive_by_sensitivity(sensitivities, is_active, largest)
     parts = 3 * batch // 4
     if parts and n >= SPREAD * batch:
         width = n // parts
         in_parts = sensitivities[: width * parts].reshape(parts, width)
         spread = in_parts.argmax(axis=1) + width * np.arange(parts)
-        both = np.union1d(chosen[: batch - parts], spread)
-        chosen = _inactive_by_sensitivity(sensitivities, active, both)
+        # No two of the spread ones are the same; those of both kinds are marked to count once.
+        first = chosen[: batch - parts]
+        is_active[first] = True
+        others = np.sort(np.concatenate([first, spread[~is_active[spread]]]))
+        chosen = others[np.argsort(-sensitivities[others], kind="stable")]
     return chosen[:batch]
 
 
@@ -56,7 +61,7 @@ def _largest(sensitivities: Array, size: int) -> Indices:
     return np.argpartition(-sensitivities, size - 1)[:size]
 
 
-def _inactive_by_sensitivity(sensitivities: Array, active: Indices, chosen: Indices) -> Indices:
+def _inactive_by_sensitivity(sensitivities: Array, is_active: Mask, chosen: Indices) -> Indices:
     """Those of chosen candidates that are not active, the largest sensitivity first."""
-    inactive = np.setdiff1d(chosen, active)
+    inactive = np.sort(chosen[~is_active[chosen]])
     return inactive[np.argsort(-sensitivities[inactive], kind="stable")]

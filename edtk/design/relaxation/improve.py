@@ -22,7 +22,7 @@ LONG = 200_000
 EVERY = 50
 # Gap over the first of such parts, which are evenly spaced; over the most sensitive ones, in parts
 # of what is asked for.
-FIRST_GAP = 0.02
+FIRST_GAP = 0.05
 PART_GAP = 0.5
 PARTS = 6
 SAMPLE = 10_000  # sensitivities that tell which are among the largest
@@ -63,12 +63,12 @@ def _improve_on_parts(
             _improve(inner, part_gap, options, _ignore_progress)
         except (RankDeficientError, RelaxationError):
             return False
-        sensitivities = incumbent.update_from(inner, part, part_gap)
+        sensitivities = incumbent.update_from(inner, part, part_gap, part_gap <= gap)
         progress(incumbent.iterations, incumbent.gap)
         if incumbent.gap <= gap:
             return True
         incumbent.last = inner.last.outside(part)
-        part = _most_sensitive(sensitivities, incumbent.last.candidates)
+        part = _most_sensitive(sensitivities(), incumbent.last.candidates)
         if MOST * len(part) > problem.n:
             return False
         candidates = problem[part]
@@ -92,8 +92,9 @@ def _most_sensitive(sensitivities: Array, last: Indices) -> Indices:
     sample = sensitivities[:, :: max(1, sensitivities.shape[1] // SAMPLE)]
     rank = sample.shape[1] - max(1, sample.shape[1] // EVERY)
     least = np.partition(sample, rank, axis=1)[:, rank]
-    near = [np.flatnonzero(own >= low) for own, low in zip(sensitivities, least, strict=True)]
-    return np.unique(np.concatenate([last, *near]))
+    near = np.asarray((sensitivities >= least[:, None]).any(axis=0))
+    near[last] = True
+    return np.flatnonzero(near)
 
 
 def _improve(incumbent: Incumbent, gap: float, options: SolverOptions, progress: Progress) -> None:

@@ -1,5 +1,8 @@
 """The best design and the best proof that a relaxation has found so far."""
 
+from collections.abc import Callable
+from functools import partial
+
 import numpy as np
 
 from criteria import Relaxable
@@ -80,16 +83,20 @@ class Incumbent:
             self.largest = largest
             self.lower_bound = lower_bound
 
-    def update_from(self, part: "Incumbent", chosen: Indices, gap: float) -> Array:
+    def update_from(
+        self, part: "Incumbent", chosen: Indices, gap: float, shall_end: bool
+    ) -> Callable[[], Array]:
         """Take over what is better of the same relaxation over some of the candidates.
 
         Args:
             part: The incumbent of the candidates chosen.
             chosen: Their indices (k,).
             gap: Relative gap to which the part was solved.
+            shall_end: Whether the sensitivities will hardly be asked for.
 
         Returns:
-            Sensitivities (r, n) of all candidates to the multipliers that prove the part's bound.
+            Tells the sensitivities (r, n) of all candidates to the multipliers that prove the
+            part's bound.
         """
         self.iterations += part.iterations
         if part.cost < self.cost:
@@ -99,8 +106,13 @@ class Incumbent:
             self.weights = part.weights
             self.solver = part.solver
         multipliers, _ = part._final_multipliers((1 - gap) * part.cost)
-        sensitivities = self.problem.sensitivities(multipliers)
-        largest = sensitivities.max(axis=-1)
+        if shall_end:
+            largest = self.problem.largest_sensitivities(multipliers)
+            sensitivities = partial(self.problem.sensitivities, multipliers)
+        else:
+            found = self.problem.sensitivities(multipliers)
+            largest = found.max(axis=-1)
+            sensitivities = partial(np.asarray, found)
         lower_bound = self.criterion.lower_bound(multipliers, largest, part.M)
         if lower_bound >= self.lower_bound:
             self.multipliers = multipliers
