@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from criteria import Relaxable
-from criteria.linalg.inverse import whitener
+from criteria.linalg.inverse import ROUNDING, whitener
 from edtk.design.problem import Problem
 from edtk.system.typing import Array
 
@@ -54,19 +54,28 @@ class Proof:
 
 
 def _trial_multipliers(criterion: Relaxable, M: Array, Z: Array | None) -> Array:
-    """Multipliers to try (r, p, p): the solver's, and minus the gradient at M of a smooth cost.
-
-    A multiplier of a monotone criterion must be positive semidefinite. Its negative eigenvalues,
-    which the solver's inaccuracy leaves, are cut off in the parameters that whiten M, where they
-    are small beside the others.
-    """
-    if Z is None:
-        return -criterion.gradient(M)[None]
+    """Multipliers to try (r, p, p): the solver's, and minus the gradient at M of a smooth cost."""
+    trials = [] if Z is None else [Z]
+    if Z is None or criterion.smooth:
+        trials.append(-criterion.gradient(M))
     if criterion.monotone:
         T = whitener(M)
-        S = np.linalg.inv(T)
-        z, V = np.linalg.eigh(S @ Z @ S.T)
-        Z = T @ (V * np.maximum(z, 0.0)) @ V.T @ T.T
-    if not criterion.smooth:
-        return Z[None]
-    return np.stack([Z, -criterion.gradient(M)])
+        trials = [_semidefinite(trial, T) for trial in trials]
+    return np.stack(trials)
+
+
+def _semidefinite(Z: Array, T: Array) -> Array:
+    """A multiplier (p, p) without what rounding or a solver's inaccuracy has left.
+
+    A multiplier of a monotone criterion must be positive semidefinite. Its negative eigenvalues are
+    cut off in the parameters that T whitens, where they are small beside the others. A parameter of
+    which it has a rounding of zero gets zeros: other units would make that of order one.
+    """
+    S = np.linalg.inv(T)
+    z, V = np.linalg.eigh(S @ Z @ S.T)
+    if z[0] < 0:
+        F = T @ V * np.sqrt(np.maximum(z, 0.0))
+        Z = F @ F.T
+    rounding = len(Z) * ROUNDING * z[-1] * np.square(T).sum(axis=1)
+    has_some = np.diag(Z) > rounding
+    return np.where(has_some[:, None] & has_some, Z, 0.0)

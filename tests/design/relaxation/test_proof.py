@@ -28,3 +28,16 @@ def test_worthless_multiplier():
     alone, _ = Proof.of(problem, criteria.create("A"), problem.mean, None)
     both, _ = Proof.of(problem, criteria.create("A"), problem.mean, Z)
     assert both.lower_bound == alone.lower_bound > 0
+
+
+def test_rounding_of_a_parameter_without_sensitivity():
+    """It becomes zero, which no units can make as large as the others, and the bound is valid."""
+    rows = np.array([[1.0, 0, 0], [0, 1, 0], [0, 0, 1]])[:, None, :]
+    problem = Problem(rows)
+    z = np.array([0.0, 3.0, -4.0])
+    Z = np.outer(z, z) + 1e-16 * np.diag([1.0, 0, 0])
+    Z[0, 1] = Z[1, 0] = 1e-15
+    proof, _ = Proof.of(problem, criteria.create("E"), problem.mean, Z)
+    assert (proof.multiplier[0] == 0).all()
+    assert (proof.multiplier[:, 0] == 0).all()
+    np.testing.assert_allclose(proof.multiplier, np.outer(z, z), atol=1e-14)
