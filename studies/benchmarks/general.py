@@ -33,7 +33,8 @@ HERE = Path(__file__).parent
 STUDY = HERE.parent / "kr270_milling.toml"
 TEN = ("A", "D", "E", "G", "O1", "O2", "O3", "O4", "O5", "rho0")
 POSES = 1_000_000
-PASSES = 9  # of which the fastest counts
+PASSES = 5  # beside each criterion; the fastest of all counts
+ASKED = 150  # passes for all ten
 LIMIT_S = 100.0
 
 
@@ -144,9 +145,10 @@ def passes(n: int) -> tuple[float, dict[str, tuple[float, float]]]:
     problem = CandidateSource(study.space, (study.specification.seed, 0)).take(n).problem
     P = np.ascontiguousarray(problem.packed)
     z = np.random.default_rng(0).normal(size=len(P))
-    one = min(_seconds(lambda: z @ P) for _ in range(PASSES))
+    one = np.inf
     found = {}
     for name in TEN:
+        one = min(one, *(_seconds(lambda: z @ P) for _ in range(PASSES)))
         criterion = study.criterion(name)
         relax(problem, criterion)
         times = []
@@ -217,7 +219,8 @@ def _report(
             _robots(robots),
             "## A million pose blocks\n",
             "KUKA KR 270, 5 parameters. Seconds of the processor, the least of three calls after a "
-            "first one, and the same in pricing passes `z @ P` over the data.\n",
+            f"first one, and the same in pricing passes `z @ P` over the data; asked were {ASKED} "
+            "for all ten.\n",
             _million(million),
         ]
     )
