@@ -5,8 +5,10 @@ import pytest
 from relaxations import WELL, criterion_of, solved
 
 from edtk.design.problem import Problem
-from edtk.design.relaxation.column_generation import Proof, Step
 from edtk.design.relaxation.incumbent import Incumbent
+from edtk.design.relaxation.proof import Proof
+from edtk.design.relaxation.step import Step
+from edtk.design.relaxation.warm_start import WarmStart
 
 PROBLEM = Problem(WELL["off-centre"])
 
@@ -17,7 +19,8 @@ def step_of(weights, Z):
     largest = float(PROBLEM.sensitivities(Z).max())
     bound = criterion_of("A").lower_bound(Z[None], np.array([largest]), M)
     active = np.flatnonzero(weights)
-    return Step(active, weights[active], M, Proof(Z, largest, bound), "some solver", active)
+    last = WarmStart(active, weights[active], Z)
+    return Step(active, weights[active], M, Proof(Z, largest, bound), "some solver", last)
 
 
 def test_design_and_proof_are_kept_apart():
