@@ -2,16 +2,14 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from edtk.calibration.causes.families_with_known import families_with_known
 from edtk.calibration.causes.family import Family
-from edtk.calibration.planned_measurements import planned_measurements
+from edtk.calibration.with_candidates import with_candidates
 from edtk.design.detection import LEVEL, Detection
 from edtk.design.plan import Plan
-from edtk.design.sample_feasible import sample_feasible
 from edtk.inference.distributions import chi_square_quantile
 from edtk.inference.least_squares import Whitened
 from edtk.inference.measurements import Measurements
@@ -20,7 +18,6 @@ from edtk.study.study import Study
 from edtk.system.errors import ArgumentError
 from edtk.system.typing import Array, Indices
 
-CANDIDATES = 300  # poses among which one more experiment is looked for
 UNITS = {"mm": 1e-3, "deg": np.pi / 180, "%": 1e-2}
 # Unit of the size of each fault; those of a joint mean the joint in which it is hardest to see.
 FAULTS = {
@@ -93,11 +90,10 @@ def detect(study: Study, plan: Plan, faults: tuple[SizedFault, ...]) -> tuple[De
     """
     if not faults:
         return ()
-    data = planned_measurements(study, plan)
-    both = _joined(data, _candidates(study))
+    m, both = with_candidates(study, plan)
     A = both.regressor(study.model)
     known = tuple(families_with_known(study.model, both, A, study.compliances, study.known))
-    return tuple(_detection(study, len(data), both, A, known, fault) for fault in faults)
+    return tuple(_detection(study, m, both, A, known, fault) for fault in faults)
 
 
 def _detection(
@@ -153,28 +149,6 @@ def _power(A: Array, D: Array, sigma: RowNoise, parameters: tuple[str, ...], dim
     noncentrality = float((whitened.residual(D) ** 2).sum())
     threshold = float(chi_square_quantile(1 - LEVEL, dims))
     return float(1 - chndtr(threshold, dims, noncentrality))
-
-
-def _candidates(study: Study) -> Measurements:
-    """Feasible experiments, of which one more may be made."""
-    x = sample_feasible(study.space, CANDIDATES, study.specification.seed)
-    return planned_measurements(study, study.space.plan(x, np.ones(len(x), dtype=int)))
-
-
-def _joined(first: Measurements, second: Measurements) -> Measurements:
-    """The rows of both."""
-
-    def both(name: str) -> Any:
-        """One column of both; None where there is none."""
-        columns = (getattr(first, name), getattr(second, name))
-        return None if columns[0] is None else np.concatenate(columns)
-
-    noise = None
-    if first.covariance is not None and second.covariance is not None:
-        noise = first.covariance.and_then(second.covariance)
-    names = ("q", "wrench", "deflection", "sigma", "marker", "sensor", "turn")
-    columns = {name: both(name) for name in names}
-    return Measurements(**columns, covariance=noise, absolute=first.absolute)
 
 
 def _sized(name: str, size: str) -> SizedFault:

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from edtk.calibration.cause_wording import cause_wording
+from edtk.calibration.causes_wording import causes_wording
 from edtk.calibration.finding import Finding, Kind
 from edtk.calibration.prior_wording import ON_PRIORS, prior_wording
 from edtk.calibration.reading_wording import READINGS, reading_wording
@@ -203,17 +203,6 @@ def _lack_of_fit(found: Finding) -> str:
     return f"{agree}: {common} that they share is taken into account"
 
 
-def _cause(found: Finding) -> str:
-    """A fault that explains the residuals."""
-    cause = found.data["cause"]
-    others = found.data["others"]
-    share = f"{100 * cause.explained:.3g} % of the misfit (p = {cause.p:.1g})"
-    if not others:
-        return f"{cause_wording(cause)}: that explains {share}"
-    either = ", or ".join(cause_wording(one) for one in (cause, *others))
-    return f"{either}: these measurements cannot tell which; the first explains {share}"
-
-
 def _do_not_compensate(found: Finding) -> str:
     """A compensation that does harm."""
     total = f"{1e3 * found.data['total']:.2g} mm"
@@ -288,7 +277,7 @@ _SENTENCES: dict[Kind, Callable[[Finding], str]] = {
     Kind.LINEAR_MODEL: _linear_model,
     Kind.LACK_OF_FIT: _lack_of_fit,
     **dict.fromkeys(ON_VISITS, visit_wording),
-    Kind.CAUSE: _cause,
+    Kind.CAUSE: causes_wording,
     Kind.DO_NOT_COMPENSATE: _do_not_compensate,
     Kind.GAINS_LITTLE: _gains_little,
     Kind.BEYOND_LIMITS: _beyond_limits,

@@ -53,7 +53,7 @@ MOST_EXPERIMENTS = 10**12  # as in a study: beyond them numbers of repetitions a
 @click.option(
     "--detect",
     metavar="FAULT=SIZE,...",
-    help="How likely faults would be noticed, like tool_z=5mm,load_direction=2deg.",
+    help="How likely faults would be noticed, and told apart, like tool_z=5mm,drift=0.05mm.",
 )
 @json_option
 @click.option("--out", type=FilePath, help="Write all experiments (CSV, - to print).")

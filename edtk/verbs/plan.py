@@ -144,7 +144,8 @@ def plan(
             output.
         certificate: File to write what proves the numbers to (JSON), for `edtk.verify`; likewise.
         detect: Sizes of faults like {"tool_z": "5mm", "load_direction": "2deg"}: the plan tells how
-            likely each would be noticed, and the experiment that would help most.
+            likely each would be noticed, and each two be told apart, and the experiment that would
+            help most.
 
     Returns:
         The plan with its `.value`, its `.bound`, and its `.efficiency` between 0 and 1. That of a
@@ -307,11 +308,14 @@ def _judged(study: Study, found: ExactPlan, faults: tuple["SizedFault", ...]) ->
     from edtk.calibration.detect import detect
     from edtk.calibration.plan_budget import plan_budget
     from edtk.calibration.plan_tasks import plan_tasks
+    from edtk.calibration.separations import separations
 
     whole = found.whole
+    detections = detect(study, whole, faults)
     return replace(
         found,
         error_budget=plan_budget(study, whole),
-        detections=detect(study, whole, faults),
+        detections=detections,
+        separations=separations(study, whole, detections),
         tasks=plan_tasks(study, whole),
     )

@@ -1,5 +1,7 @@
 """Findings as sentences."""
 
+from dataclasses import replace
+
 import pytest
 
 from edtk.calibration.causes.cause import Cause
@@ -32,3 +34,6 @@ def test_two_causes_are_one_or_the_other():
         "looks 12 +- 2 mm further against the tool's x axis: these measurements cannot tell which; "
         "the first explains 90 % of the misfit (p = 1e-09)"
     )
+    second = replace(second, times=3)
+    text = wording(Finding(Kind.CAUSE, data={"cause": first, "others": (second,)}))
+    assert "cannot tell which, measuring each experiment 3 times could; the first" in text

@@ -21,6 +21,8 @@ class Cause:
         explained: Share of the misfit (chi-square beyond its expectation) that the fault explains.
         joint: The joint that it is in; empty if it is in none.
         rows: Rows that it is in, counted from 0; empty for all.
+        times: Of a second cause: how often each experiment would have to be measured until the
+            first one is told from it; None if that is not known, or a hundred times do not.
     """
 
     cause: str
@@ -31,6 +33,7 @@ class Cause:
     explained: float = 1.0
     joint: str = ""
     rows: tuple[int, ...] = ()
+    times: int | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Plain numbers for JSON; rows are counted from 1."""
@@ -43,4 +46,5 @@ class Cause:
             "explained": self.explained,
             "joint": self.joint or None,
             "rows": [row + 1 for row in self.rows],
+            "times": self.times,
         }

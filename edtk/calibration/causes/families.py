@@ -28,7 +28,8 @@ USUAL_DRIFT = 0.05e-3  # motion of a tracker or a foundation within a few minute
 DRIFTS_ALIKE = 4 / 3
 DRIFTS_GROWING = 4.0
 USUAL_SHARE = 0.15  # of a compliance, by which the sign of its torque changes it to either side
-USUAL_PLAY = {"revolute": np.deg2rad(0.005), "prismatic": 0.05e-3}  # of a gear, to a side [rad, m]
+# To a side: robots' gears have a lost motion of about one arc-minute in all [rad, m].
+USUAL_PLAY = {"revolute": np.deg2rad(1 / 120), "prismatic": 0.05e-3}
 
 
 def families(model: ElastostaticModel, data: Measurements, A: Array, k: Array) -> Iterator[Family]:

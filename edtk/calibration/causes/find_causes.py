@@ -11,8 +11,9 @@ from edtk.calibration.causes.families_with_known import families_with_known
 from edtk.calibration.causes.family import fit_family
 from edtk.calibration.causes.plain_fit import PlainFit
 from edtk.calibration.causes.rank_faults import COMMON, LEVEL, likely_faults, rank_faults
-from edtk.calibration.causes.rarity import rarity
+from edtk.calibration.causes.rarity import likely_size, rarity
 from edtk.calibration.causes.shifted import SEEN, shifted
+from edtk.calibration.causes.times_to_tell import times_to_tell
 from edtk.calibration.causes.tried import Tried
 from edtk.calibration.causes.wrong_pose import wrong_pose
 from edtk.calibration.whole_rows import whole_rows
@@ -80,7 +81,12 @@ def find_causes(
         return ()  # the tests of lack of fit and of outliers tell of it
     ranked = [(score, one) for score, one in ranked if one.cause.cause not in NO_FAULTS]
     best = [one for score, one in ranked if score <= ranked[0][0] + NEAR][:MOST]
-    return tuple(replace(one.cause, explained=_explained(one, plain)) for one in best)
+    return tuple(
+        replace(
+            one.cause, explained=_explained(one, plain), times=times_to_tell(best[0], one, plain)
+        )
+        for one in best
+    )
 
 
 def _tried(plain: PlainFit) -> list[Tried]:
@@ -168,12 +174,14 @@ def _smooth(plain: PlainFit) -> Iterator[Tried]:
     told = plain.prior is not None
     found = families_with_known(plain.model, plain.data, plain.A, plain.k, plain.known, told)
     for family in found:
-        fit = fit_family(plain.below(family), plain.measured, plain.noise, plain.k)
+        whole = plain.below(family)
+        fit = fit_family(whole, plain.measured, plain.noise, plain.k)
         if fit is None:
             continue
-        size = float(np.linalg.norm(fit.c)) if family.dims > 1 else float(fit.c[0])
-        along = fit.c / max(float(np.linalg.norm(fit.c)), 1e-300)
-        std = math.sqrt(float(along @ fit.covariance @ along))
+        c, covariance = likely_size(fit.c, fit.covariance, family.usual)
+        size = float(np.linalg.norm(c)) if family.dims > 1 else float(c[0])
+        along = c / max(float(np.linalg.norm(c)), 1e-300)
+        std = math.sqrt(float(along @ covariance @ along))
         p = float(chi_square_tail(max(plain.chi2 - fit.chi2, 0.0), family.dims))
         if family.only_positive:
             p = p / 2 if size > 0 else 1.0
@@ -187,7 +195,7 @@ def _smooth(plain: PlainFit) -> Iterator[Tried]:
             rows=family.rows,
         )
         cost = rarity(fit.c, fit.covariance, family.usual, family.only_positive)
-        yield Tried(cause, fit.chi2, family.dims, family.tries, cost)
+        yield Tried(cause, fit.chi2, family.dims, family.tries, cost, whole, c)
 
 
 def _outliers(plain: PlainFit) -> Iterator[Tried]:

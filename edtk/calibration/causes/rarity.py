@@ -12,6 +12,8 @@ from edtk.system.typing import Array
 FREEDOM = 4.0
 # It is a mixture of normal ones, whose widths are these factors of the usual one.
 FACTORS = 2.0 ** np.arange(-2, 7)
+WEIGHTS = FACTORS**-FREEDOM * np.exp(-FREEDOM / (2 * FACTORS**2))
+WEIGHTS = WEIGHTS / WEIGHTS.sum()
 
 
 def rarity(c: Array, covariance: Array, usual: float, only_positive: bool = False) -> float:
@@ -36,16 +38,49 @@ def rarity(c: Array, covariance: Array, usual: float, only_positive: bool = Fals
         usual: Length that such a size usually has, in SI units.
         only_positive: Whether a negative size is none; with one parameter.
     """
+    cost = _costs(c, covariance, usual, only_positive)
+    least = float(cost.min())
+    return least - 2 * math.log(float(WEIGHTS @ np.exp(-(cost - least) / 2)))
+
+
+def likely_size(c: Array, covariance: Array, usual: float) -> tuple[Array, Array]:
+    """Mean (dims,) and covariance (dims, dims) of a fault's size, with what is usual.
+
+    The maximum of the likelihood c is far off along directions that measurements hardly show; there
+    the usual size tells more.
+
+    Args:
+        c: Size of the fault (dims,) at the maximum of the likelihood, SI.
+        covariance: Its covariance C (dims, dims).
+        usual: Length that such a size usually has, in SI units.
+    """
+    cost = _costs(c, covariance, usual, only_positive=False)
+    weights = WEIGHTS * np.exp(-(cost - cost.min()) / 2)
+    weights = weights / weights.sum()
+    values, vectors = np.linalg.eigh(covariance)
+    t2 = _variances(usual, len(c))
+    kept = t2 / (np.maximum(values, 0.0)[:, None] + t2)
+    means = (vectors.T @ c)[:, None] * kept
+    mean = means @ weights
+    within = np.diag((values[:, None] * kept) @ weights)
+    off = means - mean[:, None]
+    return vectors @ mean, vectors @ (within + (off * weights) @ off.T) @ vectors.T
+
+
+def _variances(usual: float, dims: int) -> Array:
+    """Variances (factors,) of each parameter, such that its vector has the usual length."""
+    return np.asarray((usual * FACTORS) ** 2 / dims)
+
+
+def _costs(c: Array, covariance: Array, usual: float, only_positive: bool) -> Array:
+    """Twice the negative logarithms (factors,) of the shares over normal sizes."""
     values, vectors = np.linalg.eigh(covariance)
     values = np.maximum(values, np.finfo(float).tiny)[:, None]
     along = (vectors.T @ c)[:, None] ** 2
-    t2 = (usual * FACTORS) ** 2 / len(c)  # of each parameter, so that the length is the usual one
+    t2 = _variances(usual, len(c))
     cost = (along / (values + t2) + np.log1p(t2 / values)).sum(axis=0)
     if only_positive:
         # The share of the likelihood over positive sizes, which have twice the density.
         z = float(c[0]) * np.sqrt(t2 / (values * (values + t2)))
         cost = cost - 2 * (math.log(2) + log_normal_below(z[0]))
-    weight = FACTORS**-FREEDOM * np.exp(-FREEDOM / (2 * FACTORS**2))
-    least = float(cost.min())
-    mean = float(weight @ np.exp(-(cost - least) / 2)) / float(weight.sum())
-    return least - 2 * math.log(mean)
+    return np.asarray(cost)

@@ -4,9 +4,11 @@ import math
 from dataclasses import dataclass
 
 from edtk.calibration.causes.cause import Cause
+from edtk.calibration.causes.family import Family
+from edtk.system.typing import Array
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Tried:
     """A fault that was tried: its deviance, and what is to be said of it.
 
@@ -17,6 +19,8 @@ class Tried:
         tries: How many faults of the same kind there are: one a joint, one a pose; less
             where this one is likelier than the others.
         rarity: What the parameters cost where their usual size is known, see `rarity`.
+        family: The family that it is one of; None for faults of single rows and of noise.
+        size: Size of the fault (dims,) in that family, SI; None without one.
     """
 
     cause: Cause
@@ -24,6 +28,8 @@ class Tried:
     dims: int
     tries: float
     rarity: float | None = None
+    family: Family | None = None
+    size: Array | None = None
 
     def score(self, coordinates: int) -> float:
         """Deviance, with what the parameters and the alternatives of the same kind cost.

@@ -11,6 +11,7 @@ from edtk.design.detection import Detection
 from edtk.design.exact.bounded_plan import BoundedPlan
 from edtk.design.plan import Plan
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
+from edtk.design.separation import Separation
 from edtk.model.error_budget import ErrorBudget
 from edtk.model.expected_error import ExpectedError
 from edtk.model.robot import Robot
@@ -42,6 +43,7 @@ class ExactPlan(BoundedPlan):
         error_budget: The error to expect in the task, in parts; None where nobody asked, or
             where no compliances are assumed.
         detections: The chances that faults would be noticed which somebody asked for.
+        separations: The chances that each two of these faults would be told apart.
         with_prior: Whether the study's prior counts beside the experiments.
         tasks: Errors to expect in each of several test poses; None for one, or where nobody asked.
     """
@@ -59,6 +61,7 @@ class ExactPlan(BoundedPlan):
     warnings: tuple[str, ...] = ()
     error_budget: ErrorBudget | None = None
     detections: tuple[Detection, ...] = ()
+    separations: tuple[Separation, ...] = ()
     with_prior: bool = False
     tasks: TaskAccuracy | None = None
 
@@ -145,6 +148,11 @@ class ExactPlan(BoundedPlan):
             "warnings": list(self.warnings),
             "budget_mm": None if self.error_budget is None else self.error_budget.to_dict(),
             "detect": [detection.to_dict() for detection in self.detections],
+            **(
+                {"told_apart": [one.to_dict() for one in self.separations]}
+                if self.separations
+                else {}
+            ),
             **({"with_prior": True} if self.with_prior else {}),
             **({} if self.tasks is None else {"tasks": self.tasks.to_dict()}),
             "plan": ([] if self.kept is None else self._rows(self.kept, kept=True))
@@ -155,6 +163,12 @@ class ExactPlan(BoundedPlan):
                 "kept": None if self.kept is None else self.kept.to_dict(),
             },
         }
+
+    def _told_apart(self) -> dict[str, Any]:
+        """The chances of right names, where somebody asked for several faults."""
+        if not self.separations:
+            return {}
+        return {"told_apart": [separation.to_dict() for separation in self.separations]}
 
     def _rows(self, plan: Plan, kept: bool) -> list[dict[str, Any]]:
         """The poses of a plan, one dictionary each."""

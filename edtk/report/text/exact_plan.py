@@ -3,10 +3,9 @@
 import numpy as np
 
 from edtk.design.bound import BoundKind
-from edtk.design.detection import Detection
 from edtk.design.exact.exact_plan import ExactPlan
-from edtk.model.robot import Robot
 from edtk.report.text.error_budget import error_budget
+from edtk.report.text.shown_faults import shown_faults
 from edtk.report.text_table import number_columns
 from edtk.tables.in_file_units import in_file_units
 from edtk.tables.pose_columns import pose_columns
@@ -33,7 +32,7 @@ def exact_plan(found: ExactPlan) -> str:
         f"  efficiency  {100 * found.efficiency:.2f} %",
         *([] if found.expected is None else [str(found.expected)]),
         *_budget(found),
-        *(_detection(found.robot, detection) for detection in found.detections),
+        *shown_faults(found.robot, found.detections, found.separations),
         f"{found.starts} starts in {found.seconds:.1f} s; {found.found} of the plans refined "
         f"to the end are this one, among {found.optima} different",
     ]
@@ -45,19 +44,6 @@ def _budget(found: ExactPlan) -> list[str]:
     if found.error_budget is not None:
         return [error_budget(found.error_budget)]
     return [] if found.expected is None else [NO_BUDGET]
-
-
-def _detection(robot: Robot, found: Detection) -> str:
-    """The chance that a fault is noticed, with the experiment that would help."""
-    where = f" of {found.joint}" if found.joint else ""
-    what = f"{found.fault}{where} {found.size:g} {found.unit}"
-    if found.never:
-        return f"{what}: never noticed, compliances take it up"
-    chance = f"{what}: noticed with {100 * found.power:.0f} %"
-    if found.better is None:
-        return chance
-    pose = ", ".join(f"{x:.2f}" for x in in_file_units(robot, found.better[None])[0])
-    return f"{chance}, with one more experiment {100 * found.power_with:.0f} %, at {pose}"
 
 
 def reach(found: ExactPlan) -> str:

@@ -6,7 +6,7 @@ from scipy.integrate import quad
 from scipy.special import gammaln
 from scipy.stats import multivariate_normal, special_ortho_group
 
-from edtk.calibration.causes.rarity import FREEDOM, rarity
+from edtk.calibration.causes.rarity import FREEDOM, likely_size, rarity
 
 
 def student(x, width):
@@ -65,3 +65,33 @@ def test_a_negative_size_of_a_positive_fault():
         below = rarity(np.array([-size]), np.array([[0.04]]), 1.0, only_positive=True)
         above = rarity(np.array([size]), np.array([[0.04]]), 1.0, only_positive=True)
         assert below > above + (size / 0.2) ** 2
+
+
+@pytest.mark.parametrize(("size", "std"), [(0.5, 0.2), (3.0, 1.0), (0.0, 2.0)])
+def test_likely_size_is_the_mean_and_variance_of_all(size, std):
+    """With one parameter these are integrals over likelihood times Student's distribution."""
+
+    def moment(power):
+        return quad(
+            lambda x: x**power * np.exp(-(((x - size) / std) ** 2) / 2) * student(x, 1.0),
+            -60,
+            60,
+            points=[0.0, size],
+            limit=200,
+        )[0]
+
+    mean = moment(1) / moment(0)
+    variance = moment(2) / moment(0) - mean**2
+    found, covariance = likely_size(np.array([size]), np.array([[std**2]]), 1.0)
+    # By the mixture that stands for Student's distribution.
+    assert found[0] == pytest.approx(mean, rel=0.03, abs=1e-9)
+    assert covariance[0, 0] == pytest.approx(variance, rel=0.1)
+
+
+def test_what_is_usual_counts_where_measurements_show_nothing():
+    """A direction that is hardly shown is as usual, and one that is shown well is as measured."""
+    c, covariance = likely_size(np.array([0.9, 20.0]), np.diag([1e-6, 400.0]), 1.0)
+    assert c[0] == pytest.approx(0.9, rel=1e-3)
+    assert abs(c[1]) < 0.1
+    assert covariance[0, 0] == pytest.approx(1e-6, rel=1e-3)
+    assert 0.3 < np.sqrt(covariance[1, 1]) < 2
