@@ -4,10 +4,13 @@ import os
 import select
 import signal
 import sys
+import threading
 import time
 import traceback
 import warnings
 from typing import NoReturn, Self
+
+from tqdm import tqdm
 
 from edtk.cli import main
 
@@ -94,6 +97,8 @@ def _run(words: list[str], stdout: int, stderr: int) -> NoReturn:
         sys.stdout = open(1, "w", encoding="utf-8", closefd=False)  # noqa: SIM115
         sys.stderr = open(2, "w", encoding="utf-8", buffering=1, closefd=False)  # noqa: SIM115
         signal.signal(signal.SIGINT, signal.default_int_handler)
+        # Bars share a lock between processes: a copy that is killed while it holds it keeps it.
+        tqdm.set_lock(threading.RLock())
         main(words, prog_name="edtk")
     except SystemExit as end:
         code = end.code if isinstance(end.code, int) else 1
