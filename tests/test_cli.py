@@ -6,6 +6,7 @@ import re
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -14,7 +15,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from click.testing import CliRunner
-from forked_command import ForkedCommand
+from forked_command import BAR_S
 
 import criteria
 from edtk.cli import main
@@ -58,8 +59,12 @@ def interrupted(after: bytes, *args: object) -> Answer:
         while after not in said:
             said += (chunk := os.read(running.stderr.fileno(), 4096))
             assert chunk, f"ended before {after!r}: {said!r}"
+        time.sleep(BAR_S)
         running.send_signal(signal.SIGINT)
-        stdout, rest = running.communicate(timeout=60)
+        try:
+            stdout, rest = running.communicate(timeout=60)
+        finally:
+            running.kill()  # one that gives no answer would be waited for without end
     return subprocess.CompletedProcess(
         command, running.returncode, stdout.decode(), (said + rest).decode()
     )
@@ -332,9 +337,7 @@ def test_ctrl_c_leaves_the_best_certified_plan(tmp_path: Path) -> None:
     out = tmp_path / "plan.csv"
     study = load_study(PAPER)
     options = ["--criterion", "O4", "--candidates", 500, "--continuous", "--json", "--out", out]
-    with ForkedCommand("relax", PAPER, *options) as running:
-        printed, said = running.interrupted(b"continuum: gap")
-    answer = Answer(options, running.returncode, printed.decode(), said.decode())
+    answer = interrupted(b"continuum: gap", "relax", PAPER, *options)
     assert answer.returncode == 130, answer.stderr
     assert [line.split(";")[0] for line in messages(answer)] == ["edtk: interrupted"]
     result = json.loads(answer.stdout)

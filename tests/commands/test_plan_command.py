@@ -277,13 +277,14 @@ def test_budget(tmp_path):
     assert answer["value"] == pytest.approx(evaluated["criteria"]["rho0"], rel=1e-8)
 
 
-def test_ctrl_c_leaves_the_best_plan(tmp_path):
+def test_ctrl_c_leaves_the_best_plan(tmp_path, monkeypatch):
     """Ctrl-C during the search prints and writes the best plan so far, says so, and
     exits with 130.
     """
     study = write(tmp_path)
     out = tmp_path / "plan.csv"
     options = ["--size", 6, "--criterion", "A", "--workers", 1, "--json", "--out", out]
+    monkeypatch.setattr("edtk.study.plan_study.STARTS", 10**6)  # it does not end by itself
     with ForkedCommand("plan", study, *options) as running:
         stdout, said = running.interrupted(b"starts")
     assert running.returncode == 130, said

@@ -15,6 +15,7 @@ from tqdm import tqdm
 from edtk.cli import main
 
 CHUNK = 4096
+BAR_S = 0.1  # until the line of progress that was read has been written to its end
 PATIENCE_S = 60.0  # for the end, on a loaded machine
 
 
@@ -67,6 +68,7 @@ class ForkedCommand:
         while after not in said:
             said += (chunk := os.read(self._stderr, CHUNK))
             assert chunk, f"ended before {after!r}: {said!r}"
+        time.sleep(BAR_S)
         self.send_signal(signal.SIGINT)
         stdout, rest = self.communicate()
         return stdout, said + rest
