@@ -1,5 +1,7 @@
 """What a command says while a user waits."""
 
+import time
+
 import pytest
 
 from edtk.commands import progress_line as progress
@@ -22,3 +24,17 @@ def test_long_work_says_its_steps(
         say("third")
     shown = capsys.readouterr().err
     assert all(f"{step} [00:00]" in shown for step in ("first", "second", "third"))
+
+
+def test_a_first_step_that_takes_long_is_said_while_it_goes_on(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nobody need tell of a next step, and the line is ended as any other."""
+    monkeypatch.setattr(progress, "SHOWN_AFTER_S", 0.01)
+    shown = ""
+    with progress.progress_line("first"):
+        while not shown:
+            time.sleep(0.01)
+            shown = capsys.readouterr().err
+    assert "first [00:00]" in shown
+    assert capsys.readouterr().err.endswith("first [00:00]\n")
