@@ -29,6 +29,7 @@ from edtk.study.study_errors import study_errors
 from edtk.system.errors import ArgumentError
 
 TOLERANCE = 2e-2  # relative gap of a bound: that of 35 parameters would take minutes to 1e-3
+SEARCHES = 12  # over all poses for the bound, at most: what is left after them is a per cent or two
 SHARE_OF_BOUND = 0.5  # of the seconds, at most, that the search for the bound may take
 MOST_LOADS = 5  # none counted: of more, too many sets would have to be searched one by one
 MOST_VISITS = 500
@@ -237,6 +238,13 @@ class _Search:
     def _relaxed(self, space: GeometrySpace) -> RelaxedPlan:
         """The relaxation over all feasible poses."""
         half = self.since + SHARE_OF_BOUND * self.seconds
+        rounds = 0
+
+        def progress(stage: str, gap: float) -> None:
+            nonlocal rounds
+            rounds += stage == "continuum"
+            self.options.progress(f"bound: {stage}", gap)
+
         return relax_poses(
             source_of(self.question.study, self.options.seed, space),
             self.question.study.specification.candidates,
@@ -244,8 +252,8 @@ class _Search:
             continuous=True,
             options=RelaxOptions(
                 tolerance=TOLERANCE,
-                progress=lambda stage, gap: self.options.progress(f"bound: {stage}", gap),
-                stop=lambda: monotonic() >= half,
+                progress=progress,
+                stop=lambda: rounds >= SEARCHES or monotonic() >= half,
             ),
         )
 

@@ -13,7 +13,6 @@ from edtk.system.typing import Array
 
 MM = 1e3
 BLOCK = 1024  # poses at once: their arrays fit into a core's cache
-STEP = 1e-5  # of a joint [rad or m]: central differences are then good to ten digits
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,51 +70,87 @@ class PositionRows:
         return found
 
     def slopes(self, q: Array, wrench: Array, B: Array) -> Array:
-        """Derivatives (m, n) of ``<B, rows>`` by the joints, weights B (m, 3k, p) held fixed."""
+        """Derivatives (m, n) of ``<B, rows>`` by the joints, weights B (m, 3k, p) held fixed.
+
+        Where errors are correlated, ``rows = L^-1 A`` with ``V = L L'``, and B must be such that
+        ``B rows'`` is symmetric, as it is for ``B = rows G`` with symmetric G, from differentials
+        of information: then it does not matter how L turns, see `Experiments.slope`.
+        """
         found = np.empty(q.shape)
         for first in range(0, len(q), BLOCK):
             part = slice(first, first + BLOCK)
-            own = self._slope if self.is_white else self._difference
-            found[part] = own(q[part], wrench[part], B[part])
+            found[part] = self._slope(q[part], wrench[part], B[part])
         return found
 
     def _block(self, q: Array, wrench: Array) -> Array:
         """The rows of a block of poses."""
         placed = self.columns.at(q)
-        J = placed.jacobian(self._torque(q, wrench)).reshape(self.model.p, -1, len(q))
-        rows = np.moveaxis(J, (0, 1), (2, 1)) * self.scales
+        rows = self._rows(placed, self._torque(q, wrench))
         if self.is_white:
             return np.asarray(rows / self._sigma)
         return self._whitened(rows, placed)
 
+    def _rows(self, placed: PlacedColumns, torque: Array | None) -> Array:
+        """Rows (m, 3k, p) in millimetres."""
+        J = placed.jacobian(torque)
+        flat = J.reshape(self.model.p, -1, J.shape[-1])
+        return np.asarray(np.moveaxis(flat, (0, 1), (2, 1)) * self.scales)
+
     def _whitened(self, rows: Array, placed: PlacedColumns) -> Array:
         """Rows (m, r, p) in units of correlated noise."""
+        L = np.linalg.cholesky(self._covariance(_motion(placed)))
+        return np.asarray(np.linalg.solve(L, rows))
+
+    def _covariance(self, motion: Array) -> Array:
+        """Covariances (m, r, r) of a visit [mm^2], for motions (m, r, n) by the joints."""
         assert self.noise is not None
-        n = len(placed.by_joints)
-        motion = np.moveaxis(placed.by_joints.reshape(n, rows.shape[1], -1), (0, 1), (2, 1))
-        V = self.noise.of_reading(motion) + self.noise.of_model(motion)
-        return np.asarray(np.linalg.solve(np.linalg.cholesky(V), rows))
+        return self.noise.of_reading(motion) + self.noise.of_model(motion)
 
     def _torque(self, q: Array, wrench: Array) -> Array | None:
         """Loads (n, m) of the free joints, whose springs have not given way."""
         return None if self.loads is None else self.loads(q, wrench).T
 
     def _slope(self, q: Array, wrench: Array, B: Array) -> Array:
-        """The derivatives of a block of poses, where noise is white."""
-        k = len(self.model.markers)
-        weights = np.moveaxis(B * (self.scales / self._sigma), (2, 1), (0, 1))
-        weights = weights.reshape(self.model.p, k, 3, len(q))
-        by_motion, by_torque = self.columns.at(q).slope(weights, self._torque(q, wrench))
-        if self.loads is None:
-            return by_motion.T
-        return np.asarray(by_motion.T + self.loads.slope(q, wrench, by_torque.T))
+        """The derivatives of a block of poses."""
+        placed = self.columns.at(q)
+        torque = self._torque(q, wrench)
+        weights = B / self._sigma
+        of_noise = np.zeros(q.shape)
+        if not self.is_white:
+            weights, of_noise = self._correlated(placed, self._rows(placed, torque), B)
+        by_motion, by_torque = placed.slope(
+            _component_first(weights * self.scales, len(self.model.markers)), torque
+        )
+        found = by_motion.T + of_noise
+        return found if self.loads is None else found + self.loads.slope(q, wrench, by_torque.T)
 
-    def _difference(self, q: Array, wrench: Array, B: Array) -> Array:
-        """The same where noise changes with the pose."""
-        found = np.empty(q.shape)
-        for j in range(q.shape[1]):
-            step = np.zeros(q.shape[1])
-            step[j] = STEP
-            change = self._block(q + step, wrench) - self._block(q - step, wrench)
-            found[:, j] = np.einsum("mrp,mrp->m", B, change) / (2 * STEP)
-        return found
+    def _correlated(self, placed: PlacedColumns, rows: Array, B: Array) -> tuple[Array, Array]:
+        """Weights (m, r, p) of the rows in millimetres, and what the noise adds (m, n).
+
+        ``d<B, L^-1 A> = <W, dA> - <W A' V^-1, dV>/2`` with ``W = L^-T B``; the covariance changes
+        by ``dV = dJ S J' + J S dJ'``, with the variances S of the joints.
+        """
+        noise = self.noise
+        assert noise is not None
+        motion = _motion(placed)
+        V = self._covariance(motion)
+        L = np.linalg.cholesky(V)
+        W: Array = np.linalg.solve(np.swapaxes(L, 1, 2), B).astype(float, copy=False)
+        Q = W @ np.swapaxes(np.linalg.solve(V, rows), 1, 2)
+        variances = np.square(noise.joints)
+        if len(noise.model_joints):
+            variances = variances + np.square(noise.model_joints)
+        C = -0.5 * (Q + np.swapaxes(Q, 1, 2)) @ (motion * variances)
+        return W, placed.motion_slope(_component_first(C, len(self.model.markers))).T
+
+
+def _motion(placed: PlacedColumns) -> Array:
+    """Motions (m, 3k, n) of all coordinates by the joints [mm/mrad]."""
+    n, k, _, m = placed.by_joints.shape
+    return np.moveaxis(placed.by_joints.reshape(n, 3 * k, m), (0, 1), (2, 1))
+
+
+def _component_first(A: Array, markers: int) -> Array:
+    """Arrays (m, 3k, c) as (c, k, 3, m)."""
+    m, _, c = A.shape
+    return np.moveaxis(A, (2, 1), (0, 1)).reshape(c, markers, 3, m)

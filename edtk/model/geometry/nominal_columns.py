@@ -5,6 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
+from edtk.model.columns_slope import columns_slope
 from edtk.model.combine import combine
 from edtk.model.frames import Frames
 from edtk.model.geometry.geometric_model import GeometricModel
@@ -220,6 +221,19 @@ class PlacedColumns:
         slope = np.einsum("jcm,jcm->jm", self.frames.angular_of_each, behind)
         slope += np.einsum("jkcm,jkcm->jm", self.by_each, before)
         return self.frames.folded(slope), by_torque
+
+    def motion_slope(self, C: Array) -> Array:
+        """Derivatives (n, m) of ``<C, by_joints>`` by the free joints, C (n, k, 3, m) held fixed.
+
+        The motions by the joints are columns of a Jacobian for each marker, see `columns_slope`.
+        """
+        by_each = self.frames.spread(C)
+        angular = self.frames.angular_of_each
+        slopes = [
+            columns_slope(self.by_each[:, marker], angular, by_each[:, marker])
+            for marker in range(len(self.points))
+        ]
+        return self.frames.folded(np.sum(slopes, axis=0))
 
 
 def _cross(u: Array, points: Array, out: Array) -> None:

@@ -1,0 +1,78 @@
+"""Rows of positions: those of the geometric model, whitened, and their slopes by the joints."""
+
+import numpy as np
+import pytest
+from loaded_arm import LOAD, STUDY
+
+from edtk.calibration.geometry.study_geometry import StudyGeometry
+from edtk.calibration.geometry_design.position_rows import PositionRows
+from edtk.inference.geometry.position_noise import PositionNoise
+
+RNG = np.random.default_rng(4)
+MARKERS = [{"name": "A", "position_mm": [10, 30, 0]}, {"name": "B", "position_mm": [-40, 0, 60]}]
+ARM = STUDY.to_dict()["robot"]
+LINKS = [joint | {"mass_kg": 5.0, "center_m": [0.2, 0, 0.1]} for joint in ARM["joints"]]
+HEAVY = STUDY.replace(
+    robot=ARM | {"joints": LINKS},
+    marker=MARKERS,
+    parameters={"geometry": "all", "compliance": ["q1", "q2"]},
+    payload={"mass_kg": 3.0, "center_mm": [10, 0, 40]},
+)
+NOISES = {
+    "white": PositionNoise(0.05, np.zeros(2)),
+    "joints": PositionNoise(0.05, np.array([0.1, 0.2])),
+    "model": PositionNoise(0.05, np.zeros(2), 0.03, np.array([0.2, 0.1])),
+}
+Q = RNG.uniform(-1, 1, (5, 2))
+WRENCH = np.array(LOAD, dtype=float) * np.array([1, 0, 1, 0, 1])[:, None]
+
+
+def rows_with(noise: PositionNoise | None) -> PositionRows:
+    """Rows of the arm with heavy links and a payload."""
+    setting = StudyGeometry.of(HEAVY)
+    return PositionRows(setting.model, setting.loads, noise)
+
+
+def test_rows_are_those_of_the_model() -> None:
+    """They are millimetres a unit; links bend the arm always, a payload where a load does."""
+    setting = StudyGeometry.of(HEAVY)
+    assert setting.loads is not None
+    model = setting.model
+    seen = model.see(np.zeros(model.p), Q, setting.loads(Q, WRENCH))
+    assert seen.jacobian is not None
+    expected = 1e3 * (seen.jacobian * model.scales).reshape(5, 6, -1)
+    np.testing.assert_allclose(rows_with(None)(Q, WRENCH), expected, atol=1e-11)
+
+
+@pytest.mark.parametrize("name", NOISES)
+def test_rows_are_whitened(name: str) -> None:
+    """Their squares are those of the rows under the inverse covariance of a visit."""
+    noise = NOISES[name]
+    plain = rows_with(None)(Q, WRENCH)
+    setting = StudyGeometry.of(HEAVY)
+    seen = setting.model.see(np.zeros(setting.model.p), Q)
+    assert seen.by_joints is not None
+    motion = seen.by_joints.reshape(5, 6, -1)
+    V = noise.of_reading(motion) + noise.of_model(motion)
+    expected = np.swapaxes(plain, 1, 2) @ np.linalg.solve(V, plain)
+    A = rows_with(noise)(Q, WRENCH)
+    np.testing.assert_allclose(np.swapaxes(A, 1, 2) @ A, expected, rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", NOISES)
+def test_slopes_of_information(name: str) -> None:
+    """Derivatives of <G, M> by the joints agree with differences, loads and noise included."""
+    rows = rows_with(NOISES[name])
+    A = rows(Q, WRENCH)
+    G = RNG.normal(size=(A.shape[-1],) * 2)
+    G = G + G.T
+    found = rows.slopes(Q, WRENCH, 2 * A @ G)
+    for j in range(2):
+        step = 1e-5 * np.eye(2)[j]
+        higher, lower = (
+            np.einsum("mrp,pq,mrq->m", own, G, own)
+            for own in (rows(Q + step, WRENCH), rows(Q - step, WRENCH))
+        )
+        expected = (higher - lower) / 2e-5
+        size = abs(expected).max()
+        np.testing.assert_allclose(found[:, j], expected, atol=1e-6 * size)
