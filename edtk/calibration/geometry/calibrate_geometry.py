@@ -90,8 +90,11 @@ def calibrate_geometry(
         *fit_doubts(fit, setting),
     ]
     rough = [doubt for doubt in doubts if doubt.kind == "rough"]
-    if rough and not as_is:
+    moved = any(doubt.kind == "frame_moved" for doubt in doubts)
+    if rough and not moved and not as_is:
         raise UserError(rough[0].text, where=path)
+    # Where the frame moved that is what is wrong, and not the robot.
+    doubts = [doubt for doubt in doubts if doubt.kind != "rough" or not moved]
     doubts.sort(key=lambda doubt: -doubt.severity)
     return GeometricCalibration(
         setting,

@@ -84,7 +84,7 @@ def _frame_moved(points: MarkerPositions, together: Mask, apart: Array) -> Geome
     """The doubt that names the visits in which all points moved."""
     visits = np.flatnonzero(together)
     rows = tuple(sorted({int(row) for row in points.row[visits].ravel() if row >= 0}))
-    size = 1e3 * float(np.nanmax(apart[visits]))
+    size = 1e3 * float(np.nanmax(np.nanmedian(apart[visits], axis=1)))
     return GeometricDoubt(
         Severity.WARNING,
         "frame_moved",

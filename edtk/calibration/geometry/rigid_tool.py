@@ -11,6 +11,7 @@ from edtk.system.typing import Array, Mask
 SCATTERS = 10.0  # times its usual scatter a distance between two markers has changed
 SHAPE = 2e-4  # [m] below it a change of a distance is left to the fit
 EXPLAINED = 0.25  # of the change remains, where markers were swapped
+ALIKE = 3.0  # times the least remaining change, two orders explain it alike
 MOST_MARKERS = 5  # whose orders are tried
 CLEARLY = 0.5  # times nearer to others, another visit shows the tool better
 AGREE = 0.4  # of the visits, at least, that show the tool as it is
@@ -99,7 +100,10 @@ def _order(apart: Array, usual: Array) -> tuple[int, ...]:
         order: float(np.abs(apart - usual[np.ix_(order, order)]).max())
         for order in permutations(range(k))
     }
-    best = min(sizes, key=sizes.__getitem__)
+    # Of orders that explain a tool of two or three equal sides alike, that with fewest exchanges.
+    likely = max(ALIKE * min(sizes.values()), SHAPE)
+    alike = [order for order, size in sizes.items() if size <= likely]
+    best = min(alike, key=lambda order: (sum(i != j for i, j in enumerate(order)), sizes[order]))
     return best if sizes[best] < EXPLAINED * sizes[plain] else plain
 
 

@@ -11,6 +11,7 @@ from geometry_sheets import STUDY, Array, by_pose, run, truth
 import edtk
 from edtk.calibration.geometry.gross_doubts import gross_doubts
 from edtk.calibration.geometry.gross_errors import gross_errors
+from edtk.calibration.geometry.rigid_tool import rigid_tool
 from edtk.inference.geometry.marker_positions import MarkerPositions
 
 Edit = Callable[[Array, Array], None]
@@ -131,3 +132,29 @@ def test_few_visits_tell_a_wrong_one() -> None:
     found = gross_errors(STUDY.robot, positions(typed, poses=10))
     assert [one.visit for one in found.wrong] == [9]
     assert "typed wrongly" in found.wrong[0].words
+
+
+def test_the_fewest_exchanges_explain_a_swap_on_an_even_triangle() -> None:
+    """Where all sides are alike, any order of three explains two that are swapped."""
+    rng = np.random.default_rng(0)
+    tool = np.array([[0.0, 0, 0], [20, 0, 0], [10, 17.3, 0]]) / 1e3
+    turns = np.linalg.qr(rng.standard_normal((12, 3, 3)))[0]
+    x = tool @ np.swapaxes(turns, 1, 2) + rng.uniform(-1, 1, (12, 1, 3))
+    x = x + rng.normal(0, 2e-5, x.shape)
+    x[:, 2] += 2e-3 * turns[:, :, 0]  # sides of 20.0, 20.9 and 19.1 mm
+    x[3] = x[3][[1, 0, 2]]
+    rows = np.repeat(np.arange(12)[:, None], 3, axis=1)
+    data = MarkerPositions(np.zeros((12, 6)), np.zeros((12, 6)), x, rows, tuple("ABC"))
+    assert rigid_tool(data).swapped == ((3, ("A", "B")),)
+
+
+def test_a_frame_that_moved_far_is_named_and_not_the_robot(tmp_path: Path) -> None:
+    """A motion too small for a gross error and too large for any fit is what is said."""
+    q, x = truth(24)
+    q[:, 1] += 5.0  # the drawing alone is far off, the fit is not
+    x[10:] += [25.0, 0, 0]
+    found = edtk.identify(STUDY, by_pose(tmp_path / "sheet.csv", q, x))
+    assert found.verdict == "bad"
+    named = [doubt for doubt in found.doubts if doubt.kind == "frame_moved"]
+    assert named
+    assert named[0].rows == (10,)
