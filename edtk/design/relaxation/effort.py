@@ -7,7 +7,7 @@ from edtk.design.relaxation.step import Step
 
 # Accuracy of Newton's method in parts of the gap that the candidates outside leave, and where they
 # leave none.
-INNER = 0.1
+INNER = 0.05
 EXACT = 1e-10
 # While the gap is above this, cvxpy solves a program to a few digits: its multiplier is good enough
 # to say which candidates should enter, and the solver takes fewer iterations.
