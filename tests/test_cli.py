@@ -330,10 +330,14 @@ def test_missing_files_and_wrong_usage(study: Path) -> None:
     assert_one_line(edtk("walk"), "walk")
 
 
-def test_ctrl_c_leaves_the_best_certified_plan(tmp_path: Path) -> None:
-    """A long run that is interrupted prints and writes its best plan, proved to 1e-6, says so, and
-    exits with 130.
+def test_ctrl_c_leaves_the_best_certified_plan(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A long run that is interrupted prints and writes its best plan with the bound that is proved
+    so far, says so, and exits with 130.
     """
+    # Progress at once: else the run may be over before its first line.
+    monkeypatch.setattr("edtk.commands.progress_line.SHOWN_AFTER_S", 0.0)
     out = tmp_path / "plan.csv"
     study = load_study(PAPER)
     options = ["--criterion", "O4", "--candidates", 500, "--continuous", "--json", "--out", out]
@@ -348,7 +352,10 @@ def test_ctrl_c_leaves_the_best_certified_plan(tmp_path: Path) -> None:
     assert result["value"] == pytest.approx(
         s[-1] ** 2 / s[0], rel=1e-11
     )  # eps times a condition number of 1e3
-    assert result["value"] <= result["bound"] <= result["value"] * (1 + 2e-6)
+    # The poses of the last search have changed the plan, and the bound of the candidates is solved
+    # no sharper than these searches need: they may be anywhere between the first and the last.
+    assert result["value"] <= result["bound"] <= result["value"] * 1.01
+    assert result["gap"] == pytest.approx(1 - result["value"] / result["bound"], abs=1e-9)
     assert pd.read_csv(out)["weight"].to_numpy() == pytest.approx(weights, rel=1e-9)
     assert list(tmp_path.iterdir()) == [out]
 
