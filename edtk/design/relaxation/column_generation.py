@@ -87,7 +87,7 @@ class ColumnGeneration:
             # After an exact solution a candidate outside has the largest sensitivity, unless the
             # gap is closed: where an active one has it, the solver was not accurate enough.
             inaccurate = gap <= self.gap or bool(sensitivities.argmax() in start.candidates)
-            effort = effort.after(step, inaccurate, gap, self.problem.p)
+            effort = effort.after(step, inaccurate, gap, self.problem.p, gap <= self.gap)
             if not effort.solvers:
                 return
             start = self._next(step, sensitivities, gap, least)

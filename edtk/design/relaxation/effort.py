@@ -28,7 +28,9 @@ class Effort:
         """Whether an answer to a few digits will do."""
         return self.accuracy > EXACT
 
-    def after(self, step: Step, inaccurate: bool, gap: float, p: int) -> "Effort":
+    def after(
+        self, step: Step, inaccurate: bool, gap: float, p: int, is_proved: bool = False
+    ) -> "Effort":
         """The effort for the next program: more where the last answer was too inaccurate.
 
         Args:
@@ -36,10 +38,14 @@ class Effort:
             inaccurate: Whether it was too inaccurate to say which candidates should enter.
             gap: The relative gap that it left.
             p: Number of parameters.
+            is_proved: Whether this gap is small enough, so that a last program only sharpens it.
         """
         solvers = self.solvers
+        if is_proved and step.solver == NEWTON:
+            # Where the method breaks down now, no program of cvxpy's is worth its time and memory.
+            solvers = (NEWTON,)
         if inaccurate and not self.loose:
-            solvers = self.solvers[self.solvers.index(step.solver) + 1 :]
+            solvers = solvers[solvers.index(step.solver) + 1 :]
             if step.solver == NEWTON and p > TOO_MANY:
                 solvers = ()
         by_newton = step.solver == NEWTON

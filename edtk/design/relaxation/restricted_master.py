@@ -109,6 +109,7 @@ class RestrictedMaster:
             np.linalg.LinAlgError,
             ValueError,
             ArithmeticError,
+            MemoryError,
         ) as error:
             raise RelaxationError(f"{solver}: {' '.join(str(error).split())}") from error
         information = ActiveInformation.of_blocks(blocks)
