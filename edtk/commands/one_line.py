@@ -17,7 +17,10 @@ USER_ERROR = 2  # exit code
 INTERRUPTED = 130  # exit code after Ctrl-C, as shells have it
 
 
-FLAGS = {"memory_mb": "--memory"}  # of arguments whose flags have other names
+FLAGS = {
+    "memory_mb": "--memory",
+    "cost_budget": "--cost-budget",
+}  # of arguments whose flags have other names
 # Options that help where the library raises an error of this class: only commands know a flag.
 HINTS = {
     "InputError": "; --as-is takes it as it is",

@@ -150,14 +150,29 @@ class _Search:
             except RankDeficientError as error:
                 # Without a load, springs are open; with it, they may be told.
                 refused = error
-        found = [one for one in trials if one.found is not None]
+        found = [one for one in trials if one.found and np.isfinite(one.found.cost)]
+        if not found and not trials:
+            assert refused is not None
+            raise refused
         if not found:
-            raise refused or ArgumentError(
-                "pays for no plan that tells all parameters",
-                argument="cost_budget",
-                given=None if self.costs is None else self.costs.budget,
-            )
+            raise self._too_few()
         return self._result(self._cheapest(found), trials)
+
+    def _too_few(self) -> ArgumentError:
+        """The error of visits that leave open what the criterion needs."""
+        model = self.question.model
+        message = f"so few visits cannot tell what {self.criterion.name} needs; expected more"
+        if self.criterion.needs_all:
+            least = -(-model.p // (3 * len(model.markers)))
+            message = (
+                f"so few visits cannot tell {model.p} parameters apart; expected {least} or more, "
+                f"each of {len(model.markers)} markers"
+            )
+        if self.new is None:
+            given = None if self.costs is None else self.costs.budget
+            return ArgumentError(message, argument="cost_budget", given=given)
+        kept = 0 if self.kept is None else self.kept.experiments
+        return ArgumentError(message, argument="size", given=self.new + kept)
 
     def _cheapest(self, found: list[_Trial]) -> _Trial:
         """Of the plans that are as good as the best one, that which costs least."""
@@ -195,8 +210,8 @@ class _Search:
                     any_left = True
                     yield loads, funds
         if not any_left:
-            visits = "a visit" if self.new is None else f"{self.new} visits"
-            message = f"{visits} cost {prices.min() * (self.new or 1):g} or more"
+            visits = "a visit costs" if self.new is None else f"{self.new} visits cost"
+            message = f"{visits} {prices.min() * (self.new or 1):g} or more"
             raise ArgumentError(message, argument="cost_budget", given=self.costs.budget)
 
     def _trial(self, loads: tuple[int, ...], funds: float, least: float) -> _Trial:

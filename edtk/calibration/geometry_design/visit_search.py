@@ -1,7 +1,7 @@
 """The search for the best visits: exchange among good poses, then all joints move together."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -112,7 +112,12 @@ class VisitSearch:
         self.progress("1 start", found.cost)
         chosen = found.support
         repeats = found.counts[chosen].astype(float)
-        return self._finished(pool.x[chosen][None], repeats[None], None, 1)
+        finishing = self
+        if problem.prior is not None:
+            # Only now the number of visits is known that share what is known besides.
+            shared = replace(self.space, prior=base / repeats.sum(), sharing=int(repeats.sum()))
+            finishing = replace(self, space=shared)
+        return finishing._finished(pool.x[chosen][None], repeats[None], None, 1)
 
     def _pool(self) -> tuple[Candidates, Array]:
         """Visits among which places are exchanged, and the weights (n,) of the relaxation."""

@@ -127,6 +127,14 @@ def test_kept_visits_count() -> None:
     )
 
 
+def test_kept_visits_beside_different_prices() -> None:
+    """The search judges plans of any number of visits beside all that was measured already."""
+    kept = edtk.Plan(np.deg2rad([[30.0, 40.0]]), np.array([LOAD], dtype=float), np.array([4]))
+    found = plan_geometry(priced(loaded_visit=5, load_change=0), cost_budget=20, kept=kept)
+    assert min(found.tried.values()) == pytest.approx(found.cost, rel=1e-4)
+    assert found.efficiency <= 1 + 1e-6
+
+
 @pytest.mark.parametrize(
     ("keys", "arguments", "message"),
     [
@@ -134,6 +142,12 @@ def test_kept_visits_count() -> None:
         ({}, {"size": 4, "cost_budget": 3.0}, "cost_budget 3.0: 4 visits cost 4 or more"),
         ({"load": {"F_max_N": 10}}, {"size": 4}, "load: plans of geometry visit poses without"),
         ({}, {"size": 10**6}, "more than 500 new visits"),
+        ({}, {"size": 1, "criterion": "D"}, "size 1: so few visits cannot tell 6 parameters"),
+        (
+            {"interest": {"parameters": ["compliance"]}},
+            {"size": 1, "criterion": "A"},
+            "size 1: so few visits cannot tell what A needs",
+        ),
     ],
 )
 def test_what_cannot_be_planned(
