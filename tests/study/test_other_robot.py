@@ -48,7 +48,7 @@ robot = "gantry.toml"
 seed = 3
 sizes = [3]
 candidates = 300
-starts = 1
+starts = 64
 optimise = ["rho0"]
 criteria = ["G", "rho0"]
 [tool]
