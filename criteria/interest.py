@@ -58,6 +58,9 @@ class Interest(Relaxable):
 
     needs_all = False
     takes_interest = False
+    # How many times eps of its length a combination is known to: more where it is a difference of
+    # large numbers, as one that other parameters tell.
+    rounded: float = 1.0
 
     def __init__(self, base: Criterion, K: ArrayLike, names: tuple[str, ...] | None = None) -> None:
         self._fill(monotone(base), combinations_of(K), names)
@@ -123,16 +126,19 @@ class Interest(Relaxable):
         of which ``theta = R' theta'``.
         """
         told = T.T @ self.K
-        if _condition(told) <= DEPENDENT:
-            return self.in_units(T)
-        Q, R = np.linalg.qr(told)
-        base = self.base.transformed(R.T)
-        return self.in_units(T) if base is None else self._like(base, Q)
+        base = None
+        if _condition(told) > DEPENDENT:
+            Q, R = np.linalg.qr(told)
+            base = self.base.transformed(R.T)
+        other = self.in_units(T) if base is None else self._like(base, Q)
+        sizes = np.linalg.norm(np.abs(T).T @ np.abs(self.K), axis=0)
+        other.rounded = self.rounded * float((sizes / np.linalg.norm(told, axis=0)).max())
+        return other
 
     def inverse(self, M: Array) -> tuple[Array, Array, Mask]:
         """A generalised inverse, and the mask of the matrices that tell all combinations."""
         self.require_order(M.shape[-1])
-        return estimable_inverse(M, self.K)
+        return estimable_inverse(M, self.K, self.rounded)
 
     def whitener(self, M: Array) -> Array:
         """``T = G K F`` (p, s) with ``F' V F = I`` for ``V = K'G K``: ``T' M T = I``."""
@@ -142,7 +148,7 @@ class Interest(Relaxable):
     def missing(self, M: Array, parameters: tuple[str, ...]) -> tuple[str, ...]:
         """The combinations that M leaves open, each with the directions that hide it."""
         self.require_order(M.shape[-1])
-        is_open = open_columns(M, self.K)
+        is_open = open_columns(M, self.K, self.rounded)
         if not is_open.any():
             return ()
         hidden = " and ".join(open_directions(M, parameters)) or "other parameters"

@@ -127,7 +127,8 @@ class SeveralCriteria(Relaxable):
         """An inverse that is good enough for all parts."""
         if self.needs_all:
             return guarded_inverse(M)
-        return estimable_inverse(M, np.hstack([part.K for part in self.interests]))
+        rounded = max(part.rounded for part in self.interests)
+        return estimable_inverse(M, np.hstack([part.K for part in self.interests]), rounded)
 
     def missing(self, M: Array, parameters: tuple[str, ...]) -> tuple[str, ...]:
         """What each part misses, once."""

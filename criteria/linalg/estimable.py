@@ -16,7 +16,7 @@ NOTHING = 1e-29
 SLACK = 64.0
 
 
-def estimable_inverse(M: Array, K: Array) -> tuple[Array, Array, Mask]:
+def estimable_inverse(M: Array, K: Array, rounded: float = 1.0) -> tuple[Array, Array, Mask]:
     """Invert information matrices M as far as the combinations ``K'k`` need it.
 
     K'k is estimable under M if the columns of K lie in the range of M. Then ``K' G K`` is the same
@@ -27,6 +27,7 @@ def estimable_inverse(M: Array, K: Array) -> tuple[Array, Array, Mask]:
     Args:
         M: Symmetric matrices (..., p, p).
         K: Combinations (p, s) of full column rank.
+        rounded: How many times eps of its length each combination is known to.
 
     Returns:
         ``(safe, G, estimable)``: M and a generalised inverse, both with the identity in place of
@@ -43,15 +44,15 @@ def estimable_inverse(M: Array, K: Array) -> tuple[Array, Array, Mask]:
     good = np.array(regular).reshape(-1)
     for i in np.flatnonzero(doubtful.reshape(-1)):
         found = _Spectrum.of(flat[i]) if np.isfinite(flat[i]).all() else None
-        good[i] = found is not None and not found.leaves_open(K).any()
+        good[i] = found is not None and not found.leaves_open(K, rounded).any()
         safe[i] = flat[i] if good[i] else np.eye(p)
         cov[i] = found.inverse() if found is not None and good[i] else np.eye(p)
     return safe.reshape(M.shape), cov.reshape(M.shape), good.reshape(M.shape[:-2])
 
 
-def open_columns(M: Array, K: Array) -> Mask:
+def open_columns(M: Array, K: Array, rounded: float = 1.0) -> Mask:
     """Which columns (s,) of K are combinations that M (p, p) leaves open."""
-    return _Spectrum.of(M).leaves_open(K)
+    return _Spectrum.of(M).leaves_open(K, rounded)
 
 
 def range_whitener(M: Array) -> Array:
@@ -107,11 +108,11 @@ class _Spectrum:
         r, V = np.linalg.eigh(R)
         return cls(r, V, d, r <= len(M) * ROUNDING)
 
-    def leaves_open(self, K: Array) -> Mask:
+    def leaves_open(self, K: Array, rounded: float) -> Mask:
         """Which columns (s,) of K have a component along an open direction, beyond rounding."""
         scaled = K / self.d[:, None]
         gap = self.r[~self.is_open].min(initial=1.0)
-        allowed = SLACK * len(K) * EPS / gap * np.linalg.norm(scaled, axis=0)
+        allowed = SLACK * len(K) * EPS * rounded / gap * np.linalg.norm(scaled, axis=0)
         along = np.abs(self.V[:, self.is_open].T @ scaled)
         return np.asarray((along > allowed).any(axis=0))
 

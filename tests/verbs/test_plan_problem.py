@@ -369,3 +369,16 @@ def test_units_that_are_eighteen_decades_apart():
     same = edtk.plan(edtk.Problem(own[:, None, :]), 5, {"name": "c", "c": own[0]}, starts=8)
     assert found.value == pytest.approx(same.value, rel=1e-9)
     assert found.efficiency == pytest.approx(same.efficiency, rel=1e-6)
+
+
+def test_a_combination_of_nearly_dependent_columns():
+    """A combination of two candidates is told by these two, however alike the columns are."""
+    own = np.random.default_rng(4).normal(size=(8, 3))
+    rows = np.column_stack([own[:, 0], own[:, 1], own[:, 1] + 1e-6 * own[:, 2]])
+    found = edtk.plan(
+        edtk.Problem(rows[:, None, :]), 4, {"name": "c", "c": 2 * rows[3] + rows[0]}, starts=8
+    )
+    # One reading at the first and three at the other: 1/1 + 4/3; with weights (1 + 2)^2 / 4.
+    assert found.counts[[0, 3]].tolist() == [1, 3]
+    assert found.value == pytest.approx(1 + 4 / 3, rel=1e-8)
+    assert found.bound == pytest.approx(9 / 4, rel=1e-6)
