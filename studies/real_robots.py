@@ -22,7 +22,7 @@ from edtk.inference.geometry.fit_variances_of_blocks import fit_variances_of_blo
 from edtk.inference.geometry.geometric_fit import FittedGeometry, GeometricFit
 from edtk.inference.geometry.marker_positions import MarkerPositions
 from edtk.inference.geometry.place_robot import place_robot
-from edtk.inference.geometry.position_noise import PositionNoise, contrasts_of
+from edtk.inference.geometry.position_noise import PositionNoise, contrasts_of, fit_model_error
 from edtk.inference.geometry.working import working
 from edtk.report.markdown_table import markdown_table
 from edtk.system.atomic_file import write_text
@@ -221,7 +221,8 @@ class Subsets:
         self.J = MM * (seen.jacobian * fitted.model.scales).reshape(m, -1, fitted.model.p)
         self.r = MM * (means.measured - seen.points).reshape(m, -1)
         motion = seen.by_joints.reshape(m, self.r.shape[1], -1)
-        V = fitted.noise.of_reading(motion) + fitted.noise.of_model(motion)
+        noise = _weighting_noise(fit, motion, self.r, self.J)
+        V = noise.of_reading(motion) + noise.of_model(motion)
         L = np.linalg.cholesky(working(V))
         self.Jw = np.linalg.solve(L, self.J)
         self.rw = np.linalg.solve(L, self.r[..., None])[..., 0]
@@ -247,6 +248,12 @@ class Subsets:
         """Poses that are scored."""
         every = np.arange(len(self.r)) if self.tests is None else self.tests
         return np.setdiff1d(every, chosen)
+
+
+def _weighting_noise(fit: GeometricFit, motion: Array, r: Array, J: Array) -> PositionNoise:
+    """The noise by which a fit weights poses: with one size of the model's error for all joints."""
+    rigid = np.zeros(motion.shape[2], dtype=bool)
+    return fit_model_error(fit.fitted.noise, motion, fit.data.counts, r, J, rigid)
 
 
 def rows_of_design(

@@ -129,7 +129,7 @@ def _worst(found: GeometricCalibration) -> str:
         apart = [f"{x:+.3f}" for x in MM * fit.left_out[pose, i]]
         coordinates = fit.data.rows * int(fit.data.means.seen[pose].sum())
         surprise = f"{fit.surprise[pose] / max(coordinates, 1):.2f}"
-        named = rows_in_words(fit.data.rows_of_pose(int(pose))[:4]).partition(" ")[2]
+        named = rows_in_words(fit.data.rows_of_pose(int(pose))).partition(" ")[2]
         rows.append(
             [pose + 1, named, fit.data.markers[i], *apart, f"{largest[pose]:.3f}", surprise]
         )
@@ -151,8 +151,8 @@ def _noise(found: GeometricCalibration) -> str:
     if not joints and not noise.model_white:
         return f"{text} The residuals show nothing beyond that."
     return (
-        f"{text} The model leaves out more: it is as if each joint erred by {joints:.2g} mrad and "
-        f"each coordinate by {noise.model_white:.2g} mm, differently in each pose. Bands of "
+        f"{text} The model leaves out more: it is as if joints erred by up to {joints:.2g} mrad "
+        f"and each coordinate by {noise.model_white:.2g} mm, differently in each pose. Bands of "
         "predictions include it."
     )
 

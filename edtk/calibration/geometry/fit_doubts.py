@@ -16,6 +16,7 @@ LARGE = 60.0  # mm or mrad: no robot is built as wrongly
 FEW = 2.5  # coordinates a parameter, below which poses are few
 ROUGH = 0.02  # of the spread of positions that the fit leaves: the drawing is of another robot
 ROUGH_DEG = 1.0  # orientations that the fit leaves
+SAME = 1e-6  # [rad or m] a joint that moves less stands still
 NOISY = 5.0  # times the stated noise
 
 
@@ -70,11 +71,22 @@ def _open(fit: GeometricFit) -> list[GeometricDoubt]:
     named = "; ".join(fit.open[:count])
     more = len(fit.open) - count
     rest = f"; and {more} more" if more > 0 else ""
+    still = _still(fit)
     text = (
-        f"{fit.rank} of {fit.structural} parameters can be told: {named}{rest}. Poses that move "
-        "these apart would tell, and predictions elsewhere have wide bands"
+        f"{fit.rank} of {fit.structural} parameters can be told{still}: {named}{rest}. Poses that "
+        "move these apart would tell, and predictions elsewhere have wide bands"
     )
     return [GeometricDoubt(Severity.WARNING, "open", text)]
+
+
+def _still(fit: GeometricFit) -> str:
+    """The joints that stand still in all poses, in words."""
+    robot = fit.fitted.model.robot
+    still = np.ptp(fit.data.q, axis=0) <= SAME
+    names = [name for name, is_still in zip(robot.joint_names, still, strict=True) if is_still]
+    if not names or len(names) == robot.n:
+        return ""
+    return f", as {', '.join(names)} stand{'s' * (len(names) == 1)} still in all poses"
 
 
 def _few(fit: GeometricFit) -> list[GeometricDoubt]:

@@ -202,7 +202,7 @@ def test_open_directions_are_named(study: Path, tmp_path: Path) -> None:
     sheet = by_pose(tmp_path / "sheet.csv", q, x)
     code, out, err = run("identify", study, sheet)
     assert code == 0
-    assert "29 of 33 parameters can be told: " in err
+    assert "29 of 33 parameters can be told, as q1 stands still in all poses: " in err
     assert "of 33 that better poses would tell" in out
     result = edtk.identify(study, sheet)
     poses = tmp_path / "poses.csv"
