@@ -31,6 +31,6 @@ def left_out_errors(fit: GeometricFit, ax: "Axes") -> None:
     ax.axhline(rms, color="grey", linestyle="--", linewidth=1, label="rms")
     ax.set(xlabel="pose", ylabel="distance [mm]")
     ax.set_ylim(bottom=0)
-    ax.xaxis.get_major_locator().set_params(integer=True)
+    ax.locator_params(axis="x", integer=True)
     ax.grid(alpha=0.3)
     ax.legend(ncols=4, fontsize=9, frameon=False, loc="lower right", bbox_to_anchor=(1.0, 1.0))

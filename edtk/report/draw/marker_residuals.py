@@ -39,6 +39,6 @@ def marker_residuals(fit: GeometricFit, marker: int, ax: "Axes") -> None:
     ax.axhspan(-band, band, color="grey", alpha=0.15, linewidth=0)
     ax.set(xlabel="pose", ylabel="residual [mm]")
     ax.set_title(f"marker {fit.data.markers[marker]}", fontsize=10, loc="left")
-    ax.xaxis.get_major_locator().set_params(integer=True)
+    ax.locator_params(axis="x", integer=True)
     ax.grid(alpha=0.3)
     ax.legend(ncols=3, fontsize=9, frameon=False, loc="lower right", bbox_to_anchor=(1.0, 1.0))
