@@ -1,7 +1,6 @@
 """`edtk.plan`: the best plan of exactly m experiments."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, overload
 
@@ -10,17 +9,14 @@ from numpy.typing import ArrayLike
 from edtk.design.exact.exact_plan import ExactPlan
 from edtk.design.problem import Problem
 from edtk.design.region import Region
-from edtk.study.plan_study import plan_study
-from edtk.study.run_options import Progress, RunOptions, no_progress
-from edtk.study.study import Study
+from edtk.study.run_options import Progress, no_progress
 from edtk.system.errors import ArgumentError
 from edtk.verbs.for_criterion import CriterionLike, for_criterion
-from edtk.verbs.inputs import PlanLike, StudyLike, as_plan, as_study, errors_in
+from edtk.verbs.inputs import PlanLike, StudyLike, as_study
+from edtk.verbs.plan_of_study import plan_of_study
 from edtk.verbs.table_and_certificate import TableAndCertificate
-from edtk.verbs.workers_for import workers_for
 
 if TYPE_CHECKING:
-    from edtk.calibration.detect import SizedFault
     from edtk.design.exact.counts.problem_plan import ProblemPlan
     from edtk.design.exact.region_plan import RegionPlan
 
@@ -233,7 +229,7 @@ def plan(
         return of_region
     _require_none(of_problem, "a study")
     asked, name = for_criterion(asked, criterion)
-    return _plan_study(asked, size, name, seed, keep, progress, out=out, **of_study)  # type: ignore[arg-type]
+    return plan_of_study(asked, size, name, seed, keep, progress, out=out, **of_study)  # type: ignore[arg-type]
 
 
 def _require_none(options: Mapping[str, object], what: str) -> None:
@@ -241,81 +237,3 @@ def _require_none(options: Mapping[str, object], what: str) -> None:
     for name, value in options.items():
         if value is not None:
             raise ArgumentError(f"is not for plans of {what}", argument=name)
-
-
-def _plan_study(
-    study: StudyLike,
-    size: int,
-    criterion: str | None,
-    seed: int | None,
-    keep: PlanLike | None,
-    progress: Progress,
-    *,
-    distinct: int | None,
-    exclude: Path | str | None,
-    budget: float | None,
-    workers: int | None,
-    dask: str | None,
-    out: Path | str | None,
-    certificate: Path | str | None,
-    detect: Mapping[str, str] | None,
-) -> ExactPlan:
-    """The plan of a study, and its files."""
-    question = as_study(study) if exclude is None else as_study(study).excluding(exclude)
-    faults = _faults(question, detect or {})
-    kept = None if keep is None else as_plan(question, keep)
-    files = TableAndCertificate(out, certificate)
-    files.require(*question.reads, keep if isinstance(keep, str | Path) else None)
-    if certificate is not None:
-        from edtk.certificate.certificate import require_certifiable
-
-        require_certifiable(question, criterion, certificate)
-    with workers_for(workers, dask) as pool, errors_in(question.where):
-        found = plan_study(
-            question,
-            size,
-            criterion,
-            distinct=distinct,
-            kept=kept,
-            budget=budget,
-            options=RunOptions(seed=seed, workers=pool, progress=progress),
-        )
-    found = _judged(question, found, faults)
-    files.write(
-        lambda: found.whole.to_frame(question.robot), lambda: _certificate_text(question, found)
-    )
-    return found
-
-
-def _certificate_text(study: Study, found: ExactPlan) -> str:
-    """What proves the numbers of a plan."""
-    from edtk.certificate.certificate import certificate_text
-
-    return certificate_text(study, found)
-
-
-def _faults(study: Study, given: Mapping[str, str]) -> tuple["SizedFault", ...]:
-    """The faults that were asked for: checked before a long search."""
-    if not given:
-        return ()
-    from edtk.calibration.detect import sized_faults
-
-    return sized_faults(study, given)
-
-
-def _judged(study: Study, found: ExactPlan, faults: tuple["SizedFault", ...]) -> ExactPlan:
-    """The plan with its errors in the task, and with the chances that faults would be noticed."""
-    from edtk.calibration.detect import detect
-    from edtk.calibration.plan_budget import plan_budget
-    from edtk.calibration.plan_tasks import plan_tasks
-    from edtk.calibration.separations import separations
-
-    whole = found.whole
-    detections = detect(study, whole, faults)
-    return replace(
-        found,
-        error_budget=plan_budget(study, whole),
-        detections=detections,
-        separations=separations(study, whole, detections),
-        tasks=plan_tasks(study, whole),
-    )
