@@ -376,3 +376,43 @@ def test_wynn_quadrilateral():
     region = Region(rows, [-1, -1], [2, 2], constraints=edges)
     corners = [[-1, -1], [-1, 1], [1, -1], [2, 2]]
     check(region, "D", (32 / 81) ** (1 / 3), corners, np.array([4, 9, 9, 10]) / 32)
+
+
+def test_counts_that_fall_with_two_doses():
+    """Counts of mean exp(a - b x - c y): no dose, and each alone at 2/b or 2/c (Wang, 2006)."""
+    a, b, c = 1.0, 2.0, 1.0
+
+    def rows(x):
+        root = np.exp((a - b * x[:, 0] - c * x[:, 1]) / 2)
+        return np.stack([root, root * x[:, 0], root * x[:, 1]], axis=-1)
+
+    points = np.array([[0, 0], [0, 2 / c], [2 / b, 0]])
+    det = np.linalg.det(rows(points)) ** 2 / 27
+    check(Region(rows, [0, 0], [5, 5]), "D", det ** (-1 / 3), points, np.full(3, 1 / 3))
+
+
+def test_readings_that_lose_their_worth_towards_the_ends():
+    """Weights x (1 - x) of a parabola: the nodes of Gauss and Legendre (Fedorov 1972, 2.3)."""
+
+    def rows(x):
+        x = x[:, 0]
+        root = np.sqrt(x * (1 - x))
+        return np.stack([root, root * x, root * x**2], axis=-1)
+
+    nodes = 0.5 + 0.5 * legendre.legroots([0, 0, 0, 1])
+    det = np.linalg.det(rows(nodes[:, None])) ** 2 / 27
+    check(Region(rows, 0, 1), "D", det ** (-1 / 3), nodes, np.full(3, 1 / 3))
+
+
+def test_a_forecast_from_calendar_years():
+    """A parabola over 2000 to 2030, told in 2040: T_2(5/3)^2, Chebyshev's polynomial."""
+
+    def rows(x):
+        return np.vander(x[:, 0], 3, increasing=True)
+
+    forecast = criteria.create("c", c=[1.0, 2040.0, 2040.0**2])
+    value = (2 * (5 / 3) ** 2 - 1) ** 2
+    r = relax_region(Region(rows, 2000, 2030), forecast)
+    assert r.cost == pytest.approx(value, rel=GAP)
+    assert r.gap <= GAP
+    np.testing.assert_allclose(r.points.ravel(), [2000, 2015, 2030], atol=0.01)
