@@ -23,6 +23,7 @@ from edtk.report.markdown_table import markdown_table
 Possible = Mapping[tuple[str, str], Mapping[str, Bound]]  # by robot and plan, and by fault
 
 REPEATS = (1, 3)
+EARLIER = "*"  # behind numbers of an earlier version
 HEADER = (
     "fault",
     "sheets",
@@ -41,7 +42,7 @@ INTRODUCTION = (
     "missed.\n\n"
     "The truth is the loaded, nonlinear equilibrium "
     "of the robot, with the stated noise; the sheet is written to a file and judged by "
-    "`edtk.identify`, as a user does it. *Optimal* is the plan of "
+    "`edtk.identify`, as a user does it. *Optimal* is a plan of "
     f"`edtk plan` with {EXPERIMENTS} experiments, of which some share a pose; *random* are "
     f"{EXPERIMENTS} feasible poses, new ones for each sheet. Directions, signs, joints and "
     "poses of faults are drawn by chance. All shares are in percent.\n\n"
@@ -65,7 +66,9 @@ INTRODUCTION = (
     f"Targets: a cause named in at most {MOST_FALSE:g} % of good sheets, p < 0.01 in at most "
     f"{MOST_ALARMS:g} %, the right cause first in at least {LEAST_RIGHT:g} % of those "
     "detected, and detection no worse than before; a place misses one if it is off by more "
-    f"than {ERRORS:g} standard errors of so many sheets.\n"
+    f"than {ERRORS:g} standard errors of so many sheets. A star behind the number of sheets: "
+    "simulated with an earlier version of the program, which weighed faults otherwise, and with "
+    "another optimal plan that is as good.\n"
 )
 POSSIBLE = (
     "## What is possible\n\n"
@@ -106,8 +109,12 @@ def page(
         for repeats in REPEATS:
             times = "once" if repeats == 1 else f"{repeats} times"
             parts.append(f"## {robot}: each experiment measured {times}\n")
-            rows = [_row(by_place, robot, number, repeats) for number in range(len(FAULTS))]
-            parts.append(markdown_table(HEADER, [row for row in rows if row[1] != "0"]))
+            rows = [
+                _row(by_place, robot, number, repeats)
+                for number in range(len(FAULTS))
+                if _is_there(by_place, robot, number, repeats)
+            ]
+            parts.append(markdown_table(HEADER, rows))
     parts.append(POSSIBLE)
     for robot in robots():
         parts.append(f"### {robot}\n")
@@ -128,9 +135,31 @@ def page(
     parts.append("## False alarms: good sheets of random poses, each measured once\n")
     parts.append(markdown_table(head, good))
     parts.append("## Missed targets\n")
-    head = ("robot", "fault", "plan", "share", "asked", "found")
-    parts.append(markdown_table(head, missed) if missed else "None.\n")
+    head = ("robot", "fault", "plan", "share", "asked", "found", "best possible")
+    rows = [[*miss, _best(miss, possible)] for miss in missed]
+    parts.append(markdown_table(head, rows) if missed else "None.\n")
     return "\n".join(parts)
+
+
+def _best(miss: Sequence[str], possible: Possible) -> str:
+    """What is possible where a target is missed: of naming, with sizes unknown and known."""
+    robot, title, plan, share, *_ = miss
+    kind, _, times = plan.partition(" ")
+    bound = possible[robot, kind].get(title)
+    if bound is None or not times.endswith("once"):
+        return "-"
+    if share == "detected":
+        return f"{bound.detected:.0f} %"
+    low, high = sorted((bound.named_unknown, bound.named))
+    return f"{low:.0f} to {high:.0f} %"
+
+
+def _is_there(
+    by_place: dict[tuple[str, int, int, bool], Shares], robot: str, number: int, repeats: int
+) -> bool:
+    """Whether a fault was simulated: not all robots have all faults."""
+    shares = by_place.get((robot, number, repeats, True))
+    return shares is not None and shares.sets > 0
 
 
 def _row(
@@ -139,7 +168,9 @@ def _row(
     """A fault as a row of a robot's table."""
     fault = FAULTS[number]
     words = fault.today.split(" / ") if fault.today else ["", ""]
-    row = [fault.title, str(by_place[robot, number, repeats, True].sets)]
+    both = [by_place[robot, number, repeats, is_random] for is_random in (False, True)]
+    mark = EARLIER if any(shares.earlier for shares in both) else ""
+    row = [fault.title, f"{both[1].sets}{mark}"]
     for is_random, before in zip((False, True), words, strict=True):
         shares = by_place[robot, number, repeats, is_random]
         named = _words(shares.right) if fault.cause_is_seen else ""
@@ -157,9 +188,9 @@ def _possible_rows(
     for number, fault in enumerate(FAULTS):
         for is_random, kind in enumerate(PLANS):
             bound = possible[robot, kind].get(fault.title)
-            shares = by_place[robot, number, 1, bool(is_random)]
-            if bound is None or not shares.sets:
+            if bound is None or not _is_there(by_place, robot, number, 1):
                 continue
+            shares = by_place[robot, number, 1, bool(is_random)]
             pairs = (
                 (bound.plain, shares.detected, bound.detected),
                 (shares.right, bound.named, bound.named_unknown),

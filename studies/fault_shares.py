@@ -52,6 +52,7 @@ class Shares:
         wrong: In which another cause is named first.
         joint: Of those named right, those whose joint is named too.
         unlikely: Whose residuals have p < 0.01.
+        earlier: Whether they were simulated with an earlier version of the program.
     """
 
     sets: int
@@ -60,6 +61,7 @@ class Shares:
     wrong: float
     joint: float
     unlikely: float
+    earlier: bool = False
 
     @classmethod
     def of(cls, sheets: Sequence[Judged]) -> "Shares":

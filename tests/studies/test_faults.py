@@ -119,3 +119,30 @@ def test_intervals_cover_a_nonlinear_truth(script):
     assert held.holds
     assert not replace(held, shares=(92.0, 92.0)).holds
     assert not replace(held, alarms=8.0).holds
+
+
+def test_shares_are_kept(script, tmp_path):
+    """What was counted is read again, with shares of nothing; other places are other keys."""
+    store = script("fault_store.py")
+    table = script("fault_shares.py")
+    found = {
+        store.key(table.Cell("robot", 0, None, 12, repeats)): table.Shares(
+            200, 3.0, float("nan"), 2.5, float("nan"), 1.0, earlier=repeats == 3
+        )
+        for repeats in (1, 3)
+    }
+    assert len(found) == 2
+    path = tmp_path / "shares.json"
+    store.write(found, path)
+    again = store.read(path)
+    assert [repr(shares) for shares in again.values()] == [repr(x) for x in found.values()]
+    assert list(again) == list(found)
+    assert store.read(tmp_path / "none.json") == {}
+
+
+def test_optimal_plans_can_be_measured(robots, script):
+    """The kept plans have twelve experiments, and are feasible."""
+    table = script("fault_table.py")
+    for name, study in robots.items():
+        plan = study.load_plan(table.HERE / "plans" / table.OPTIMAL[name])
+        assert plan.experiments == 12
