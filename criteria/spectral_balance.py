@@ -1,6 +1,5 @@
 """The family of problems by which O4 is optimised, and the polygon that its multipliers prove."""
 
-from itertools import combinations
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -111,12 +110,17 @@ def _intersections(rows: Array) -> Array:
     """
     normals = rows[:, :2]
     heights = rows[:, 2]
-    pairs = np.array(list(combinations(range(len(rows)), 2)))
-    G = normals[pairs]
-    scale = np.prod(np.linalg.norm(G, axis=2), axis=1)
+    i, j = np.triu_indices(len(rows), 1)
+    # Cramer's rule: of a few dozen pairs it takes a fifth of the time of a solver.
+    determinant = normals[i, 0] * normals[j, 1] - normals[i, 1] * normals[j, 0]
+    lengths = np.linalg.norm(normals, axis=1)
     # Parallel lines have no corner, nor have lines with an infinite coefficient: their det is nan.
-    cross = np.abs(np.linalg.det(G)) > PARALLEL * scale
-    points = np.linalg.solve(G[cross], heights[pairs[cross]][..., None])[..., 0]
+    cross = np.abs(determinant) > PARALLEL * lengths[i] * lengths[j]
+    i = i[cross]
+    j = j[cross]
+    x = heights[i] * normals[j, 1] - heights[j] * normals[i, 1]
+    y = heights[j] * normals[i, 0] - heights[i] * normals[j, 0]
+    points = np.column_stack([x, y]) / determinant[cross, None]
     slack = OUTSIDE * np.abs(points) @ np.abs(normals).T
     inside = (points @ normals.T >= heights - slack).all(axis=1)
     return points[inside]
