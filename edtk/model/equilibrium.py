@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 from edtk.model.frames import cross
 from edtk.model.loading import Loading
 from edtk.model.robot import Robot
+from edtk.model.rotation_vector import rotation_vector
 from edtk.system.typing import Array, Mask
 
 # Joint deflection [rad or m] beyond which the load is raised in steps: Newton's method could then
@@ -162,13 +163,10 @@ def _checked(
 
 def _displacement(robot: Robot, q: Array, theta: Array) -> Array:
     """Motion (N, 6) of the tool between the joints q and q + theta (N, n) [m, rad]."""
-    # Imported here, as it takes 0.2 s, and commands without an equilibrium do not need it.
-    from scipy.spatial.transform import Rotation
-
     before = robot.forward(q)
     after = robot.forward(q + theta)
     turn = after[:, :3, :3] @ np.swapaxes(before[:, :3, :3], -1, -2)
-    rotation = Rotation.from_matrix(turn).as_rotvec() if len(turn) else np.zeros((0, 3))
+    rotation = rotation_vector(np.moveaxis(turn, 0, -1)).T
     return np.concatenate([after[:, :3, 3] - before[:, :3, 3], rotation], axis=-1)
 
 

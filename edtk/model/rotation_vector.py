@@ -10,14 +10,31 @@ SMALL = 1e-2
 
 
 def rotation_vector(R: Array) -> Array:
-    """Rotation vectors (3, ...) of rotations (3, 3, ...) [rad]."""
-    # Imported here, as it takes 0.2 s, and commands without an equilibrium do not need it.
-    from scipy.spatial.transform import Rotation
+    """Rotation vectors (3, ...) of rotations (3, 3, ...) [rad].
 
-    batch = R.shape[2:]
-    matrices = np.moveaxis(R, (0, 1), (-2, -1)).reshape(-1, 3, 3)
-    found = Rotation.from_matrix(matrices).as_rotvec() if len(matrices) else np.zeros((0, 3))
-    return np.moveaxis(found.reshape(*batch, 3), -1, 0)
+    By way of the quaternion, of which the largest component is found first, so that nothing is
+    divided by a small one (Shepperd, J. Guidance and Control 1, 1978). Written out, as scipy's
+    takes longer to import than many a command to do its work.
+    """
+    trace = R[0, 0] + R[1, 1] + R[2, 2]
+    turn = [R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]
+    xy = R[0, 1] + R[1, 0]
+    xz = R[0, 2] + R[2, 0]
+    yz = R[1, 2] + R[2, 1]
+    x, y, z = (1.0 + 2.0 * R[k, k] - trace for k in range(3))
+    # Each row is the quaternion times four of its components in turn.
+    rows = np.array(
+        [[1.0 + trace, *turn], [turn[0], x, xy, xz], [turn[1], xy, y, yz], [turn[2], xz, yz, z]]
+    )
+    largest = np.argmax([rows[k, k] for k in range(4)], axis=0)
+    q = np.take_along_axis(rows, largest[None, None], axis=0)[0]
+    q = q / np.linalg.norm(q, axis=0)
+    q = np.where(q[0] < 0, -q, q)
+    size = np.linalg.norm(q[1:], axis=0)
+    small = size < SMALL
+    series = 2.0 + size**2 / 3.0 + 3.0 * size**4 / 20.0 + 5.0 * size**6 / 56.0
+    closed = 2.0 * np.arctan2(size, q[0]) / np.where(small, 1.0, size)
+    return np.asarray(q[1:] * np.where(small, series, closed))
 
 
 def inverse_left_jacobian(r: Array) -> Array:

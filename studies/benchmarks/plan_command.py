@@ -9,14 +9,15 @@ own, so that both commits read the same.
 import argparse
 import json
 import os
+import resource
 import subprocess
 import sys
 import tempfile
 from pathlib import Path
-from statistics import median
 from time import perf_counter
 from typing import Any
 
+import numpy as np
 from measure import machine
 from tqdm import tqdm
 
@@ -26,7 +27,7 @@ from edtk.system.atomic_file import write_text
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
 SIZES = (3, 5, 12)
-REPEATS = 3
+REPEATS = 1
 # Progress tells when the search over all poses begins and ends, and when plans are searched for.
 STAGES = """
 import json, sys
@@ -59,9 +60,10 @@ def studies(folder: Path) -> dict[str, Path]:
     return paths
 
 
-def run(root: Path, arguments: list[str]) -> tuple[float, str]:
-    """Seconds and output of a Python process that finds the package in a checkout."""
+def run(root: Path, arguments: list[str]) -> tuple[float, float, str]:
+    """Seconds, seconds of processors, and output of Python with the package of a checkout."""
     since = perf_counter()
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
     done = subprocess.run(
         [sys.executable, *arguments],
         env={**os.environ, "PYTHONPATH": str(root)},
@@ -69,38 +71,43 @@ def run(root: Path, arguments: list[str]) -> tuple[float, str]:
         text=True,
         check=True,
     )
-    return perf_counter() - since, done.stdout
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    work = after.ru_utime - before.ru_utime + after.ru_stime - before.ru_stime
+    return perf_counter() - since, work, done.stdout
 
 
-def command(root: Path, study: Path, size: int) -> tuple[float, dict[str, Any]]:
-    """Seconds of the command, and its answer."""
-    seconds, text = run(root, ["-m", "edtk", "plan", str(study), "--size", str(size), "--json"])
-    return seconds, json.loads(text)
+def command(root: Path, study: Path, size: int) -> tuple[float, float, dict[str, Any]]:
+    """Seconds of the command, seconds of processors, and its answer."""
+    words = ["-m", "edtk", "plan", str(study), "--size", str(size), "--json"]
+    seconds, work, text = run(root, words)
+    return seconds, work, json.loads(text)
 
 
 def row(name: str, study: Path, size: int, before: Path | None) -> list[object]:
-    """Median seconds, and values, of one question; with the stages of one more run."""
+    """Least seconds, and values, of one question; with the stages of one more run."""
     roots = [ROOT] if before is None else [before, ROOT]
-    seconds: dict[Path, list[float]] = {root: [] for root in roots}
+    runs: dict[Path, list[tuple[float, float]]] = {root: [] for root in roots}
     values = {}
     for _ in range(REPEATS):
         # In turn, so that a machine that gets slower slows both down alike.
         for root in roots:
-            took, answer = command(root, study, size)
-            seconds[root].append(took)
+            seconds, work, answer = command(root, study, size)
+            runs[root].append((seconds, work))
             values[root] = answer["value"]
-    stages = json.loads(run(ROOT, ["-c", STAGES, str(study), str(size)])[1])
-    own = median(seconds[ROOT])
-    cells = [name, size, f"{1e3 * values[ROOT]:.6g}", f"{own:.2f}"]
+    stages = json.loads(run(ROOT, ["-c", STAGES, str(study), str(size)])[2])
+    own = np.min(runs[ROOT], axis=0)
+    cells = [name, size, f"{1e3 * values[ROOT]:.6g}", *(f"{number:.2f}" for number in own)]
     cells += [f"{stage:.2f}" for stage in stages]
     if before is not None:
-        earlier = median(seconds[before])
-        cells += [f"{1e3 * values[before]:.6g}", f"{earlier:.2f}", f"{own / earlier:.2f}"]
+        earlier = np.min(runs[before], axis=0)
+        cells += [f"{1e3 * values[before]:.6g}", *(f"{number:.2f}" for number in earlier)]
+        cells += [f"{ratio:.2f}" for ratio in own / earlier]
     return cells
 
 
-HEADER = ("robot", "m", "rho0 [mm]", "command", "imports", "study", "bound", "plan", "rest")
-BEFORE = ("rho0 before [mm]", "command before", "ratio")
+HEADER = ("robot", "m", "rho0 [mm]", "command", "work")
+HEADER += ("imports", "study", "bound", "plan", "rest")
+BEFORE = ("rho0 before [mm]", "command before", "work before", "ratio", "ratio of work")
 
 
 def page(rows: list[list[object]], commit: str) -> str:
@@ -114,8 +121,9 @@ def page(rows: list[list[object]], commit: str) -> str:
     return (
         "# What a user waits for\n\n"
         "`python studies/benchmarks/plan_command.py` wrote this file.\n\n"
-        f"Seconds of the whole command `edtk plan STUDY --size m`, the median of {REPEATS} runs, "
-        f"each in a process of its own, on all cores; {machine()}. The stages are those of one "
+        f"Seconds of the whole command `edtk plan STUDY --size m` on all cores, the least of "
+        f"{REPEATS}, and the work of all its processes [s of a processor], which other programs on "
+        f"the machine disturb less; {machine()}. The stages are seconds of one "
         "more run: imports, reading the study, the bound over all poses, the search for the plan, "
         f"and the rest: rounding, errors to expect, the budget.{compared}\n\n"
         f"{markdown_table(header, rows)}"

@@ -16,11 +16,13 @@ from edtk.design.exact.counts.limits import Limits
 from edtk.design.exact.counts.linear_prices import LinearPricing
 from edtk.design.exact.counts.prices import Pricing
 from edtk.design.exact.counts.scatter import Scatter
+from edtk.design.exact.counts.several_rows_prices import SeveralRowsPricing
 from edtk.design.exact.counts.two_level_prices import TwoLevelPricing, two_levels
 from edtk.system.typing import Array
 
 MOST_VARIANCES = 2_000_000  # of a look at all candidates; beyond it short lists are quicker
 WELL = 1e8  # condition number of an order of matrices that keeps the digits of eigenvalues
+MANY_PRODUCTS = 5e7  # for a look at all candidates, from which on a bound that spares it pays
 FEWEST_CORNERS = 4096  # of a cube; all of fewer are priced as quickly as coordinates are exchanged
 
 
@@ -35,7 +37,7 @@ def pricing_for(criterion: Criterion, scatter: Scatter, mean: Array) -> Pricing:
     """
     limits = scatter.limits
     if scatter.rows.shape[1] > 1 or limits.blocks:
-        return AnyPricing(criterion, scatter, mean)
+        return _of_several_rows(criterion, scatter, mean) or AnyPricing(criterion, scatter, mean)
     rows = scatter.rows[:, 0]
     if isinstance(criterion, DeterminantCriterion):
         corners = two_levels(rows) if may_be_corners(rows, limits) else None
@@ -46,6 +48,19 @@ def pricing_for(criterion: Criterion, scatter: Scatter, mean: Array) -> Pricing:
     if slope is not None:
         return LinearPricing(rows, limits, slope)
     return _with_kinks(criterion, rows, limits, mean) or AnyPricing(criterion, scatter, mean)
+
+
+def _of_several_rows(criterion: Criterion, scatter: Scatter, mean: Array) -> Pricing | None:
+    """Prices that leave most candidates out, where they are very many and it can be told which."""
+    few = scatter.rows.size * len(mean) < MANY_PRODUCTS
+    if few or scatter.limits.blocks or not criterion.convex:
+        return None
+    if isinstance(criterion, DeterminantCriterion):
+        return SeveralRowsPricing(criterion, scatter, mean)
+    slope = constant_slope(criterion, mean)
+    if slope is None:
+        return None
+    return SeveralRowsPricing(criterion, scatter, mean, root(slope).T)
 
 
 def _with_kinks(criterion: Criterion, rows: Array, limits: Limits, mean: Array) -> Pricing | None:
