@@ -23,6 +23,10 @@ if TYPE_CHECKING:
     )
     from edtk.calibration.geometry.geometry_problem import geometry_problem as geometry_problem
     from edtk.calibration.geometry.prediction import Prediction as Prediction
+    from edtk.calibration.geometry_design.geometry_evaluation import (
+        GeometryEvaluation as GeometryEvaluation,
+    )
+    from edtk.calibration.geometry_design.geometry_plan import GeometryPlan as GeometryPlan
     from edtk.calibration.plan_bias import PlanBias as PlanBias
     from edtk.calibration.posterior_check import PosteriorCheck as PosteriorCheck
     from edtk.certificate.verification import Verification as Verification
@@ -99,6 +103,8 @@ _HOME = {
     "Calibration": "edtk.calibration.calibration",
     "GeometricCalibration": "edtk.calibration.geometry.geometric_calibration",
     "Prediction": "edtk.calibration.geometry.prediction",
+    "GeometryPlan": "edtk.calibration.geometry_design.geometry_plan",
+    "GeometryEvaluation": "edtk.calibration.geometry_design.geometry_evaluation",
     "PosteriorCheck": "edtk.calibration.posterior_check",
     "PlanBias": "edtk.calibration.plan_bias",
     "Compensation": "edtk.calibration.compensation",

@@ -75,7 +75,9 @@ class GeometryProblem(Presented):
         positions = rows.shape[0] * rows.shape[1] / 3
         A0 = rows.reshape(-1, rows.shape[-1]) / np.sqrt(positions)
         # As many rows as parameters say the same as all: only A0'A0 counts.
-        return criteria.create("rho0", np.linalg.qr(A0, mode="r") if len(A0) > A0.shape[1] else A0)
+        found = criteria.create("rho0", np.linalg.qr(A0, mode="r") if len(A0) > A0.shape[1] else A0)
+        found.shown = (1.0, "mm")  # its target is in millimetres already
+        return found
 
 
 def geometry_problem(

@@ -40,7 +40,8 @@ class GeometryQuestion:
             study can tell apart under these loads.
         structural: Parameters that any poses could tell, feasible or not.
         shares: How those that feasible poses leave open hang on the others, see `Identifiable`.
-        untold: A sentence for each of these.
+        untold: A sentence for each of these, and for each spring that the study asks for and no
+            pose tells.
     """
 
     study: Study
@@ -74,7 +75,7 @@ class GeometryQuestion:
             replace(space, geometry=_with(structural, shares)),
             structural,
             shares,
-            shares.words,
+            (*_springs(setting.model, told), *shares.words),
         )
 
     @property
@@ -105,8 +106,8 @@ class GeometryQuestion:
             worst = int(apart.max(axis=(0, 1)).argmax())
             raise self.study.error(
                 "test_pose",
-                f"depends on what no feasible pose tells: {self.untold[worst]}; free joints that "
-                "are fixed, or widen the workspace",
+                f"depends on what no feasible pose tells: {self.shares.words[worst]}; free joints "
+                "that are fixed, or widen the workspace",
             )
         return kept
 
@@ -217,6 +218,15 @@ def _space(base: DesignSpace, model: GeometricModel, setting: StudyGeometry) -> 
 def _with(model: GeometricModel, told: Identifiable) -> GeometricModel:
     """The model with the parameters that are kept."""
     return model.with_parameters(tuple(model.parameters[i] for i in told.kept))
+
+
+def _springs(model: GeometricModel, told: Identifiable) -> tuple[str, ...]:
+    """Sentences on the springs that no pose tells; much of the geometry is redundant anyway."""
+    return tuple(
+        words
+        for i, words in zip(told.left, told.words, strict=True)
+        if model.parameters[i].place == "compliance"
+    )
 
 
 def _told(setting: StudyGeometry, model: GeometricModel, q: Array, wrench: Array) -> Identifiable:

@@ -39,7 +39,7 @@ def _identified(found: GeometryPlan) -> list[str]:
     """How many parameters a plan tells, and what no plan of this study does."""
     question = found.question
     lines = [f"{question.model.p} parameters can be told apart"]
-    if question.untold:
+    if question.model.p < question.structural.p:
         lines[0] += f" of {question.structural.p} that any poses would tell"
     lines += [f"not told by feasible poses: {words}" for words in question.untold]
     return [*lines, *about(question)]

@@ -90,6 +90,7 @@ def test_plans_and_bounds_of_geometry() -> None:
     relaxed = edtk.relax(found.problem, criterion)
     plan = edtk.plan(found.problem, 14, criterion, most=1, starts=1)
     assert plan.counts.sum() == 14
+    assert plan.headline().startswith(f"rho0 = {plan.value:.4g} mm")
     assert plan.counts.max() == 1
     rng = np.random.default_rng(0)
     random = [

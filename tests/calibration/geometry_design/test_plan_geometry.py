@@ -175,6 +175,16 @@ def test_fixed_joints_leave_something_open() -> None:
         GeometryQuestion.of(other).criterion("rho0")
 
 
+def test_springs_that_no_load_bends() -> None:
+    """A load along the axes of both joints turns neither, and the plan says so."""
+    question = GeometryQuestion.of(STUDY.replace(load={"F_N": [0, -100, 0]}))
+    assert [words.split(" moves")[0] for words in question.untold] == [
+        "the compliance of joint q1",
+        "the compliance of joint q2",
+    ]
+    assert question.model.p == question.structural.p
+
+
 def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """`edtk plan` prints JSON with the keys of other plans, and writes a file of visits."""
     monkeypatch.chdir(tmp_path)
