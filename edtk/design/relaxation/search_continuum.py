@@ -18,8 +18,10 @@ STARTS = 96  # ascents in all, shared out among the multipliers
 MOST_STARTS = 16  # ascents from known poses per multiplier: more find nothing new
 LEAST_STARTS = 6
 # Designs of many parameters rest on more poses than these, and miss several of them at a time: of
-# 35 parameters of geometry, searches of 16 ascents left a gap of 5 % after twenty rounds.
+# 35 parameters of geometry, searches of 16 ascents left a gap of 5 % after twenty rounds. Ten
+# parameters or fewer, as compliances alone are, need no more.
 STARTS_PER_PARAMETER = 4
+WITHOUT_MORE = 6
 FRESH_SHARE = 3  # one ascent from a fresh pose for so many from known poses
 DIFFERENT = 0.1  # relative difference of information from which on two starts are worth two ascents
 # White noise gives mirrored and turned poses the same information, and one ascent is enough for all
@@ -76,7 +78,7 @@ def _starts(
         to each multiplier.
     """
     T = range_whitener(known.problem.mean)
-    most = max(MOST_STARTS, STARTS_PER_PARAMETER * known.problem.p)
+    most = max(MOST_STARTS, STARTS_PER_PARAMETER * (known.problem.p - WITHOUT_MORE))
     size = max(LEAST_STARTS, min(most, max(STARTS, most) // len(multipliers)))
     size = size if white else MORE * size
     of_fresh_poses = size // FRESH_SHARE if white else size
