@@ -66,6 +66,8 @@ def run(root: Path, arguments: list[str]) -> tuple[float, float, str]:
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     done = subprocess.run(
         [sys.executable, *arguments],
+        # Python looks for modules in the folder where it begins first.
+        cwd=root,
         env={**os.environ, "PYTHONPATH": str(root)},
         capture_output=True,
         text=True,
@@ -121,10 +123,10 @@ def page(rows: list[list[object]], commit: str) -> str:
     return (
         "# What a user waits for\n\n"
         "`python studies/benchmarks/plan_command.py` wrote this file.\n\n"
-        f"Seconds of the whole command `edtk plan STUDY --size m` on all cores, the least of "
-        f"{REPEATS}, and the work of all its processes [s of a processor], which other programs on "
-        f"the machine disturb less; {machine()}. The stages are seconds of one "
-        "more run: imports, reading the study, the bound over all poses, the search for the plan, "
+        "Seconds of the whole command `edtk plan STUDY --size m` on all cores, and the work of all "
+        "its processes [s of a processor], which other programs on the machine disturb less: the "
+        f"least of {REPEATS}; {machine()}. The stages are seconds of one more run: imports, "
+        "reading the study, the bound over all poses, the search for the plan, "
         f"and the rest: rounding, errors to expect, the budget.{compared}\n\n"
         f"{markdown_table(header, rows)}"
     )
