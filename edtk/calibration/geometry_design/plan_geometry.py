@@ -1,20 +1,23 @@
 """The plan that a study of geometry asks for: visits, loads and what the day may cost."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from itertools import combinations
 from time import monotonic
 
 import numpy as np
 
 from criteria import Relaxable
+from edtk.calibration.geometry_design.day_budget import (
+    MOST_VISITS,
+    DayBudget,
+    affords,
+    most_visits,
+)
 from edtk.calibration.geometry_design.day_costs import DayCosts
 from edtk.calibration.geometry_design.geometry_plan import GeometryPlan
 from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
 from edtk.calibration.geometry_design.geometry_space import GeometrySpace
-from edtk.calibration.geometry_design.poses_by_load import PosesByLoad
-from edtk.calibration.geometry_design.visit_search import FoundVisits, VisitSearch
-from edtk.design.bound import Bound
+from edtk.calibration.geometry_design.load_trial import LoadTrial
+from edtk.calibration.geometry_design.visit_search import VisitSearch
 from edtk.design.exact.exact_plan import ExactPlan
 from edtk.design.plan import Plan
 from edtk.design.problem import RankDeficientError
@@ -32,9 +35,7 @@ TOLERANCE = 2e-2  # relative gap of a bound: that of 35 parameters would take mi
 SEARCHES = 12  # over all poses for the bound, at most: what is left after them is a per cent or two
 SHARE_OF_BOUND = 0.5  # of the seconds, at most, that the search for the bound may take
 MOST_LOADS = 5  # none counted: of more, too many sets would have to be searched one by one
-MOST_VISITS = 500
 AS_GOOD = 1e-4  # relative difference of costs of plans below which the cheaper day is better
-ROUNDING = 1e-9  # relative: a budget may be exceeded by the rounding of a sum
 
 
 def plan_geometry(
@@ -70,23 +71,6 @@ def plan_geometry(
         question = GeometryQuestion.of(study)
         search = _Search.of(question, size, criterion, kept, cost_budget, seconds, options)
         return search.run()
-
-
-@dataclass(frozen=True, eq=False)
-class _Trial:
-    """The best plan of one set of loads.
-
-    Attributes:
-        loads: Indices of the loads.
-        relaxed: The relaxation over its poses.
-        bound: No plan of these loads costs less.
-        found: The plan; None where it could not be better than another one.
-    """
-
-    loads: tuple[int, ...]
-    relaxed: RelaxedPlan
-    bound: Bound
-    found: FoundVisits | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,9 +125,9 @@ class _Search:
 
     def run(self) -> GeometryPlan:
         """Search each set of loads, and take the best plan."""
-        trials: list[_Trial] = []
+        trials: list[LoadTrial] = []
         refused: RankDeficientError | None = None
-        for loads, funds in self._sets():
+        for loads, funds in self.budget.sets():
             least = min((one.found.cost for one in trials if one.found), default=np.inf)
             try:
                 trials.append(self._trial(loads, funds, least))
@@ -174,56 +158,24 @@ class _Search:
         kept = 0 if self.kept is None else self.kept.experiments
         return ArgumentError(message, argument="size", given=self.new + kept)
 
-    def _cheapest(self, found: list[_Trial]) -> _Trial:
+    def _cheapest(self, found: list[LoadTrial]) -> LoadTrial:
         """Of the plans that are as good as the best one, that which costs least."""
         results = [(one, one.found) for one in found if one.found is not None]
         least = min(plan.cost for _, plan in results)
         best = [(one, plan) for one, plan in results if plan.cost <= least * (1 + AS_GOOD)]
         if self.costs is None:
             return best[0][0]
-        costs = self.costs
-        spent = []
-        for one, plan in best:
-            visits = one.relaxed.space.plan(plan.x, plan.repeats)
-            poses = PosesByLoad.of(visits, self.question.wrenches, self.question.study.robot)
-            spent.append(costs.total(poses.wrenches, poses.visits.sum(axis=0)))
+        spent = [one.price(self.question, self.costs) for one, _ in best]
         return best[int(np.argmin(spent))][0]
 
-    def _sets(self) -> Iterator[tuple[tuple[int, ...], float]]:
-        """Sets of loads, and what the budget leaves for visits; infinite without a budget.
-
-        Raises:
-            ArgumentError: The budget pays for no plan.
-        """
-        every = tuple(range(len(self.question.wrenches)))
-        if self.costs is None or self.costs.budget is None:
-            yield every, np.inf
-            return
-        prices = self.costs.prices(self.question.wrenches)
-        any_left = False
-        # Large sets first: their plans are the best ones where load changes are cheap.
-        for number in range(len(every), 0, -1):
-            funds = self.costs.budget - self.costs.change * self.costs.changes_of(number)
-            for loads in combinations(every, number):
-                least = prices[list(loads)].min() * (self.new or 1)
-                if funds * (1 + ROUNDING) >= least:
-                    any_left = True
-                    yield loads, funds
-        if not any_left:
-            visits = "a visit costs" if self.new is None else f"{self.new} visits cost"
-            message = f"{visits} {prices.min() * (self.new or 1):g} or more"
-            raise ArgumentError(message, argument="cost_budget", given=self.costs.budget)
-
-    def _trial(self, loads: tuple[int, ...], funds: float, least: float) -> _Trial:
+    def _trial(self, loads: tuple[int, ...], funds: float, least: float) -> LoadTrial:
         """The best plan of a set of loads, unless its bound is no better than a least cost."""
         space = self.question.space.with_loads(self.question.wrenches, loads)
-        prices = np.ones(len(loads))
-        if self.costs is not None:
-            prices = self.costs.prices(self.question.wrenches)[list(loads)]
+        prices = self.budget.prices(loads)
         m = self.new
         one_price = bool((prices == prices[0]).all()) or not np.isfinite(funds)
         if m is None and one_price:
-            m = _most_visits(funds, prices[0])
+            m = most_visits(funds, prices[0])
         total = float(funds if m is None else m)
         if m is None:
             space = replace(space, prices=prices)
@@ -231,17 +183,17 @@ class _Search:
         relaxed = self._relaxed(space)
         bound = relaxed.best_bound.scaled(total)
         if bound.cost >= least:
-            return _Trial(loads, relaxed, bound, None)
+            return LoadTrial(loads, relaxed, bound, None)
         counted = replace(space, prices=None)
         if m is None and space.prior is not None:
             counted = self._beside_kept(replace(counted, prior=None), 1.0)
         search = VisitSearch(
             counted, relaxed, self.criterion, self._seed, self._late, self._progress
         )
-        if m is not None and (one_price or prices.max() * m <= funds * (1 + ROUNDING)):
-            return _Trial(loads, relaxed, bound, search.of_size(m))
-        most = _most_visits(funds, prices.min()) if m is None else m
-        return _Trial(loads, relaxed, bound, search.within(prices, funds, most, m is not None))
+        if m is not None and (one_price or affords(funds, prices.max() * m)):
+            return LoadTrial(loads, relaxed, bound, search.of_size(m))
+        most = most_visits(funds, prices.min()) if m is None else m
+        return LoadTrial(loads, relaxed, bound, search.within(prices, funds, most, m is not None))
 
     def _beside_kept(self, space: GeometrySpace, total: float) -> GeometrySpace:
         """The space with its share of what the kept visits tell."""
@@ -273,6 +225,11 @@ class _Search:
         )
 
     @property
+    def budget(self) -> DayBudget:
+        """What the costs of the day leave for visits."""
+        return DayBudget(self.question.wrenches, self.new, self.costs)
+
+    @property
     def _seed(self) -> int:
         seed = self.options.seed
         return self.question.study.specification.seed if seed is None else seed
@@ -284,7 +241,7 @@ class _Search:
     def _progress(self, label: str, cost: float) -> None:
         self.options.progress(label, cost)
 
-    def _result(self, best: _Trial, trials: list[_Trial]) -> GeometryPlan:
+    def _result(self, best: LoadTrial, trials: list[LoadTrial]) -> GeometryPlan:
         """The plan, with a bound on the plans of all sets of loads."""
         found = best.found
         assert found is not None
@@ -336,16 +293,3 @@ def _new_visits(size: int | None, kept: Plan | None) -> int | None:
         message = f"plans of more than {MOST_VISITS} new visits are not searched for"
         raise ArgumentError(message, argument="size", given=size)
     return size - count
-
-
-def _most_visits(funds: float, price: float) -> int:
-    """How many visits some funds pay for.
-
-    Raises:
-        ArgumentError: They are too many for a search.
-    """
-    number = int(np.floor(funds * (1 + ROUNDING) / price))
-    if number > MOST_VISITS:
-        message = f"pays for {number} visits; plans of more than {MOST_VISITS} are not searched for"
-        raise ArgumentError(message, argument="cost_budget")
-    return number
