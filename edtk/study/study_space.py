@@ -11,6 +11,7 @@ from edtk.model.loads.load import Load
 from edtk.model.workspace import Workspace
 from edtk.study.load_plan import read_plan
 from edtk.study.study_model import study_sigma
+from edtk.system.typing import Array
 
 if TYPE_CHECKING:
     from edtk.study.study import Study
@@ -56,4 +57,10 @@ def _exclusions(study: "Study") -> list[Excluded]:
     elif study.excluded is not None:
         plans.append(read_plan(study, study.excluded, NO_WRENCH))
     within = float(np.deg2rad(workspace.excluded_within_deg))
-    return [Excluded(plan.q, within) for plan in plans]
+    return [Excluded(_distinct(plan.q), within) for plan in plans]
+
+
+def _distinct(q: Array) -> Array:
+    """Poses (m, n) without those that came before: a sheet has each as often as it was visited."""
+    _, first = np.unique(q, axis=0, return_index=True)
+    return q[np.sort(first)]

@@ -27,6 +27,7 @@ PATIENCE = 6  # batches without improvement; about a hundred starts
 # Variables of a plan in all batches that are done together. Of small plans that is as many batches
 # as every search needs; more variables leave nothing to gain, and take memory.
 TOGETHER = 420
+INEQUALITIES = 100_000  # of the plans of all batches that are done together: memory, as above
 KICKED = 2**31  # number of the kicks among the batches, for their random numbers
 
 
@@ -205,7 +206,7 @@ class _Search:
     def kick(self, record: SearchRecord) -> None:
         """Kick the best plans out of their optima, if they are small enough for that to pay."""
         costs, plans = record.champions(CHAMPIONS)
-        if not len(costs) or self._variables > TOGETHER:
+        if not len(costs) or self._variables > TOGETHER or self._inequalities > INEQUALITIES:
             return
         x = record.plans.x
         kicks = Kicks(
@@ -223,10 +224,16 @@ class _Search:
         """Number of variables of a plan."""
         return self.places * max(1, len(self.space.movable))
 
+    @property
+    def _inequalities(self) -> int:
+        """Number of inequalities of the plans of a batch."""
+        return BATCH_SIZE * self.places * max(1, len(self.space.workspace.inequalities))
+
     def _wave(self, first: int, pieces: int, most: int) -> list[Batches]:
         """So many pieces of work, from the batch of a number on, each of several batches."""
         seconds = self.end - monotonic()
-        size = min(max(1, TOGETHER // self._variables), 1 + self.options.patience)
+        size = min(TOGETHER // self._variables, INEQUALITIES // self._inequalities)
+        size = max(1, min(size, 1 + self.options.patience))
         if seconds <= 0:
             size = 1
         last = min(first + pieces * size, most)
