@@ -6,6 +6,7 @@ from edtk.calibration.calibration import Calibration
 from edtk.inference.identification import Identification
 from edtk.report.budget_section import budget_section
 from edtk.report.calibration_facts import calibration_facts
+from edtk.report.calibration_title import calibration_title
 from edtk.report.calibration_verdict import calibration_verdict
 from edtk.report.digits import digits
 from edtk.report.draw.correlation import correlation
@@ -48,7 +49,7 @@ def calibration_report(found: Calibration) -> str:
     if found.check is not None:
         parts.append(posterior_report(found.check))
     parts.append(calibration_facts(found))
-    return Page(f"Calibration: {found.study.specification.title}", tuple(parts)).html()
+    return Page(calibration_title(found.study), tuple(parts)).html()
 
 
 def _compliances(found: Calibration) -> str:

@@ -6,6 +6,7 @@ from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
 from edtk.calibration.geometry.geometric_doubt import rows_in_words
 from edtk.inference.geometry.geometric_fit import MM, root_mean_square
 from edtk.model.geometry.geometric_parameter import GeometricParameter
+from edtk.report.calibration_title import calibration_title
 from edtk.report.draw.left_out_errors import left_out_errors
 from edtk.report.draw.marker_residuals import marker_residuals
 from edtk.report.geometry_facts import geometry_facts
@@ -49,7 +50,7 @@ def geometry_report(found: GeometricCalibration) -> str:
         *([] if found.posterior is None else [posterior_of_geometry(found, found.posterior)]),
         geometry_facts(found),
     ]
-    return Page(f"Calibration: {found.study.specification.title}", tuple(parts)).html()
+    return Page(calibration_title(found.study), tuple(parts)).html()
 
 
 def _verdict(found: GeometricCalibration) -> str:

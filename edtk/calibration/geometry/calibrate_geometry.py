@@ -168,13 +168,13 @@ def _without_lost(data: MarkerPositions) -> tuple[MarkerPositions, list[Geometri
         return data, []
     rows = tuple(sorted({int(row) for row in data.row[lost]}))
     names = [data.markers[i] for i in np.flatnonzero(lost.sum(axis=0))]
-    doubt = GeometricDoubt(
-        Severity.WARNING,
-        "lost_beam",
-        f"{rows_in_words(rows)}: {int(lost.sum())} positions of {', '.join(names)} are zero, as of "
-        "lost beams; they do not count",
-        rows,
-    )
+    of = ", ".join(names)
+    count = int(lost.sum())
+    said = f"{count} positions of {of} are zero, as of lost beams; they do not count"
+    if count == 1:
+        said = f"1 position of {of} is zero, as of a lost beam; it does not count"
+    text = f"{rows_in_words(rows)}: {said}"
+    doubt = GeometricDoubt(Severity.WARNING, "lost_beam", text, rows)
     measured = np.where(lost[..., None], np.nan, data.measured)
     return replace(data, measured=measured), [doubt]
 

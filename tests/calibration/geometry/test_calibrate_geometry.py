@@ -144,7 +144,7 @@ def still(q: Array, x: Array) -> None:
     ("spoil", "said"),
     [
         (swapped, "rows 5, 10: markers A and B are swapped"),
-        (lost, "row 7: 1 positions of C are zero"),
+        (lost, "row 7: 1 position of C is zero, as of a lost beam; it does not count"),
         (moved, "row 16: from here on positions are 1.1"),
         (wrong_pose, "row 6: positions are up to"),
         (off, "row 8: marker B or C is up to 0.58"),
