@@ -78,9 +78,10 @@ def _costs(c: Array, covariance: Array, usual: float, only_positive: bool) -> Ar
     values = np.maximum(values, np.finfo(float).tiny)[:, None]
     along = (vectors.T @ c)[:, None] ** 2
     t2 = _variances(usual, len(c))
-    cost = (along / (values + t2) + np.log1p(t2 / values)).sum(axis=0)
+    # Rounding may leave no variance at all, and then a quotient by it would overflow.
+    cost = (along / (values + t2) + np.log(values + t2) - np.log(values)).sum(axis=0)
     if only_positive:
         # The share of the likelihood over positive sizes, which have twice the density.
-        z = float(c[0]) * np.sqrt(t2 / (values * (values + t2)))
+        z = float(c[0]) * np.sqrt(t2 / (values + t2)) / np.sqrt(values)
         cost = cost - 2 * (math.log(2) + log_normal_below(z[0]))
     return np.asarray(cost)

@@ -95,3 +95,11 @@ def test_what_is_usual_counts_where_measurements_show_nothing():
     assert abs(c[1]) < 0.1
     assert covariance[0, 0] == pytest.approx(1e-6, rel=1e-3)
     assert 0.3 < np.sqrt(covariance[1, 1]) < 2
+
+
+@pytest.mark.parametrize("variance", [0.0, -1e-12, 1e-300])
+@pytest.mark.parametrize("only_positive", [False, True])
+def test_no_variance_at_all_is_no_fault(variance, only_positive):
+    """Rounding may leave a variance of zero or below: the cost is finite, and no warning comes."""
+    found = rarity(np.array([0.1]), np.array([[variance]]), 100.0, only_positive)
+    assert 500 < found < 1000
