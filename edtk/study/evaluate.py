@@ -1,7 +1,6 @@
 """The worth of a plan: all criteria, standard deviations and covariance."""
 
 from collections.abc import Iterable
-from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -12,18 +11,17 @@ from edtk.design.plan import Plan
 from edtk.model.expected_error import ExpectedError
 from edtk.model.task_accuracy import TaskAccuracy
 from edtk.study.accuracy_of_tasks import accuracy_of_tasks
+from edtk.study.criteria_frame import criteria_frame
+from edtk.study.criterion_values import criterion_values, observability
 from edtk.study.plan_accuracy import plan_accuracy
 from edtk.study.plan_covariance import plan_covariance
 from edtk.study.plan_plausibility import plan_plausibility
 from edtk.study.study import Study
-from edtk.system.errors import UserError
 from edtk.system.presented import Presented
 from edtk.system.typing import Array
 
 if TYPE_CHECKING:
     import pandas as pd
-
-OBSERVABILITY = ("O1", "O2", "O3", "O4", "O5")  # indices that others also print without sigma
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,18 +72,7 @@ class Evaluation(Presented):
 
     def to_frame(self) -> "pd.DataFrame":
         """A table with a criterion a row, by name: value [SI units], sense, title and formula."""
-        import pandas as pd
-
-        classes = [criteria.get(name) for name in self.criteria]
-        return pd.DataFrame(
-            {
-                "value": list(self.criteria.values()),
-                "sense": [criterion.sense for criterion in classes],
-                "title": [criterion.title for criterion in classes],
-                "formula": [criterion.formula for criterion in classes],
-            },
-            index=pd.Index(list(self.criteria), name="criterion"),
-        )
+        return criteria_frame(self.criteria)
 
     def to_dict(self) -> dict[str, Any]:
         """Plain numbers, for JSON."""
@@ -118,7 +105,8 @@ def evaluate(study: Study, plan: Plan) -> Evaluation:
     """
     M = study.information(plan)
     cov = plan_covariance(study, M)
-    values, skipped = _values(study, M)
+    has_target = study.target is not None
+    values, skipped = criterion_values(study, M, study.criterion, has_target)
     return Evaluation(
         criteria=values,
         observability_unscaled=_unscaled(study, plan),
@@ -136,30 +124,6 @@ def evaluate(study: Study, plan: Plan) -> Evaluation:
         labels=_labels(study, values),
         interest=_interest(study, M),
     )
-
-
-def _values(study: Study, M: Array) -> tuple[dict[str, float], dict[str, str]]:
-    """Values of all criteria that apply, and why those of other plug-ins have none.
-
-    Raises:
-        UserError: A criterion that the study names fails.
-    """
-    loaded = criteria.load_all()
-    values = {}
-    skipped = dict(loaded.problems)
-    # Criteria that need parameters have them only where the study gives them.
-    own = {name: criteria.get(name) for name in study.names if name not in loaded.problems}
-    for name, criterion in (loaded.classes | own).items():
-        if study.target is None and criterion.needs_target:
-            continue
-        try:
-            values[name] = float(study.criterion(name).value(M))
-        except (criteria.CriterionError, UserError) as error:
-            message = error.message if isinstance(error, UserError) else str(error)
-            if name in study.names:
-                raise UserError(message, where=study.where) from error
-            skipped[name] = message
-    return values, skipped
 
 
 def _labels(study: Study, names: Iterable[str]) -> dict[str, str]:
@@ -183,8 +147,4 @@ def _unscaled(study: Study, plan: Plan) -> dict[str, float]:
     """O1 to O5 of the stacked regressor without division by sigma."""
     A = study.model.regressor(plan.q, plan.wrench)
     M = np.einsum("k,kri,krj->ij", plan.repeats, A, A)
-    found = {}
-    for name in OBSERVABILITY:
-        with suppress(UserError):  # an index that has no meaning for a part of the compliances
-            found[name] = float(study.criterion(name).value(M))
-    return found
+    return observability(M, study.criterion)

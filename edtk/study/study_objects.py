@@ -14,6 +14,7 @@ from edtk.model.rigid_joints import rigid_joints_in_words
 from edtk.model.robot import Robot
 from edtk.model.task import Task
 from edtk.model.tasks import Tasks
+from edtk.study.given_parameters import given_parameters
 from edtk.study.schema import Specification
 from edtk.study.study_model import study_model, study_sigma
 from edtk.study.study_noise import study_noise
@@ -209,24 +210,13 @@ class StudyObjects:
             CriterionError: It gives none, and the criterion needs them, or they name other joints;
                 or experiments share a prior, which the study says elsewhere.
         """
-        table = self.specification.criterion
         if name.startswith("bayes_") and criteria.get(name).needs_parameters:
             raise criteria.CriterionError(
                 f"criterion {name!r}: a study has its prior in [prior]; give in_design = true "
                 f"there, and criterion = {name.removeprefix('bayes_')!r}"
             )
-        if table is not None and table.name == name:
-            try:
-                return table.build(self.specification.joints.unknown)
-            except ValueError as error:
-                raise criteria.CriterionError(f"criterion {name!r}: {error}") from error
-        if criteria.get(name).needs_parameters:
-            expected = ", ".join(criteria.parameters_of(name))
-            raise criteria.CriterionError(
-                f"criterion {name!r} needs parameters; give criterion = {{ name = {name!r}, ... }} "
-                f"with {expected}"
-            )
-        return {}
+        table = self.specification.criterion
+        return given_parameters(name, table, self.specification.joints.unknown)
 
     @cached_property
     def compliances(self) -> Array:

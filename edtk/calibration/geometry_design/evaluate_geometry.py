@@ -1,7 +1,5 @@
 """The worth of a plan of visits: rank, all criteria, and the error to expect in the test poses."""
 
-from contextlib import suppress
-
 import numpy as np
 
 import criteria
@@ -12,10 +10,9 @@ from edtk.calibration.geometry_design.position_rows import MM, PositionRows
 from edtk.design.plan import Plan
 from edtk.inference.geometry.fit_geometry import stages
 from edtk.model.geometry.identifiable import Identifiable, identifiable
-from edtk.study.evaluate import OBSERVABILITY
+from edtk.study.criterion_values import criterion_values, observability
 from edtk.study.study import Study
 from edtk.study.study_errors import study_errors
-from edtk.system.errors import UserError
 from edtk.system.typing import Array
 
 UNTOLD = 1e-6  # [mm] an error in a task that a unit of what a plan leaves open may make
@@ -44,7 +41,9 @@ def evaluate_geometry(study: Study, plan: Plan) -> GeometryEvaluation:
     values: dict[str, float] = {}
     skipped = _without_value(question)
     if is_whole:
-        values, skipped = _values(question, question.space.information(plan))
+        M = question.space.information(plan)
+        has_target = question.target is not None
+        values, skipped = criterion_values(study, M, question.criterion, has_target)
     return GeometryEvaluation(
         question=question,
         poses=PosesByLoad.of(plan, question.wrenches, study.robot),
@@ -88,31 +87,6 @@ def _rho0(question: GeometryQuestion, told: Identifiable, cov: Array) -> float |
     return float(np.sqrt(np.einsum("rp,pq,rq->", rows, cov, rows)))
 
 
-def _values(question: GeometryQuestion, M: Array) -> tuple[dict[str, float], dict[str, str]]:
-    """Values of all criteria that apply, and why those of other plug-ins have none.
-
-    Raises:
-        UserError: A criterion that the study names fails.
-    """
-    loaded = criteria.load_all()
-    study = question.study
-    skipped = dict(loaded.problems)
-    values = {}
-    # Criteria that need parameters have them only where the study gives them.
-    own = {name: criteria.get(name) for name in study.names if name not in loaded.problems}
-    for name, criterion in (loaded.classes | own).items():
-        if question.target is None and criterion.needs_target:
-            continue
-        try:
-            values[name] = float(question.criterion(name).value(M))
-        except (criteria.CriterionError, UserError) as error:
-            message = error.message if isinstance(error, UserError) else str(error)
-            if name in study.names:
-                raise UserError(message, where=study.where) from error
-            skipped[name] = message
-    return values, skipped
-
-
 def _without_value(question: GeometryQuestion) -> dict[str, str]:
     """Why the criteria of the study have no value."""
     names = [name for name in question.study.names if not criteria.get(name).needs_target]
@@ -123,8 +97,4 @@ def _unscaled(question: GeometryQuestion, plan: Plan) -> dict[str, float]:
     """O1 to O5 of the stacked regressor in millimetres, without division by the noise."""
     rows = PositionRows(question.model, question.setting.loads)(plan.q, plan.wrench)
     M = np.einsum("k,kri,krj->ij", plan.repeats, rows, rows)
-    found = {}
-    for name in OBSERVABILITY:
-        with suppress(UserError):  # an index that has no meaning for a part of the parameters
-            found[name] = float(question.criterion(name).value(M))
-    return found
+    return observability(M, question.criterion)

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-import criteria
 from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
 from edtk.calibration.geometry_design.poses_by_load import PosesByLoad
 from edtk.model.geometry.geometric_parameter import GeometricParameter
+from edtk.study.criteria_frame import criteria_frame
 from edtk.system.presented import Presented
 from edtk.system.typing import Array
 
@@ -72,18 +72,7 @@ class GeometryEvaluation(Presented):
 
     def to_frame(self) -> "pd.DataFrame":
         """A table with a criterion a row, by name: value, sense, title and formula."""
-        import pandas as pd
-
-        classes = [criteria.get(name) for name in self.criteria]
-        return pd.DataFrame(
-            {
-                "value": list(self.criteria.values()),
-                "sense": [criterion.sense for criterion in classes],
-                "title": [criterion.title for criterion in classes],
-                "formula": [criterion.formula for criterion in classes],
-            },
-            index=pd.Index(list(self.criteria), name="criterion"),
-        )
+        return criteria_frame(self.criteria)
 
     def to_dict(self) -> dict[str, Any]:
         """Plain numbers, for JSON."""

@@ -18,6 +18,7 @@ from edtk.model.geometry.geometric_model import GeometricModel
 from edtk.model.geometry.identifiable import Identifiable, identifiable
 from edtk.model.loads.fixed_load import FixedLoad
 from edtk.model.loads.listed_load import ListedLoad
+from edtk.study.given_parameters import given_parameters
 from edtk.study.study import Study
 from edtk.study.study_space import pose_space
 from edtk.system.errors import UserError
@@ -152,7 +153,8 @@ class GeometryQuestion:
         study = self.study
         name = study.main_criterion if name is None else name
         try:
-            given: Any = self._parameters(name)
+            table = study.specification.criterion
+            given: Any = given_parameters(name, table, self.space.parameters)
             found = criteria.create(name, self.target, targets=self.targets, **given)
             says_itself = found.needs_target or not found.takes_interest
             if study.specification.interest is None or says_itself:
@@ -187,26 +189,6 @@ class GeometryQuestion:
             if set(one.groups) & set(table.parameters)
         ]
         return np.eye(self.model.p)[:, chosen], tuple(self.space.parameters[i] for i in chosen)
-
-    def _parameters(self, name: str) -> dict[str, Any]:
-        """The parameters of a criterion that the study gives.
-
-        Raises:
-            CriterionError: They are of other parameters, or missing.
-        """
-        table = self.study.specification.criterion
-        if table is not None and table.name == name:
-            try:
-                return table.build(self.space.parameters)
-            except ValueError as error:
-                raise criteria.CriterionError(f"criterion {name!r}: {error}") from error
-        if criteria.get(name).needs_parameters:
-            expected = ", ".join(criteria.parameters_of(name))
-            raise criteria.CriterionError(
-                f"criterion {name!r} needs parameters; give criterion = {{ name = {name!r}, ... }} "
-                f"with {expected}"
-            )
-        return {}
 
 
 def _space(base: DesignSpace, model: GeometricModel, setting: StudyGeometry) -> GeometrySpace:

@@ -8,11 +8,11 @@ import numpy as np
 from criteria.linalg.inverse import whitener
 from criteria.linalg.triangle import triangle
 from edtk.design.relaxation.active_information import ActiveInformation
+from edtk.design.relaxation.nearest_point import nearest_point
 from edtk.design.relaxation.step_length import step_length
 from edtk.design.relaxation.weight_equations import Solve, weight_equations
 from edtk.system.typing import Array
 
-STEPS = 60
 TOWARDS_BOUNDARY = 0.95  # part of the way to the boundary that a step may take
 LEAST_SHRINKING = 1e-4  # of the products of primal and dual in one step
 INSIDE = 0.5  # the largest variance of the first point, where one is allowed
@@ -59,19 +59,7 @@ def variance_weights(
     point = _Point.first(rows, active, start)
     if near is not None:
         point = point.towards(start, near)
-    best = point
-    for _ in range(STEPS):
-        if best.error <= accuracy:
-            break
-        try:
-            step = point.step()
-        except np.linalg.LinAlgError:
-            # Where matrices are singular to rounding, the answer is as good as it can be.
-            break
-        if step is None:
-            break
-        point = step
-        best = point if point.error < best.error else best
+    best = nearest_point(point, accuracy)
     return best.w / best.w.sum(), best.multiplier
 
 

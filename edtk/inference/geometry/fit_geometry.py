@@ -179,14 +179,9 @@ def _in_turns(
         rows = PoseRows.of(model, theta, means, torque)
         if not turn:
             noise = noise_of_repeats(data, rows.motion, stated)[0]
-        root = np.sqrt(weights)[:, None]
+        trusted = rows.weighted(weights)
         noise = fit_model_error(
-            noise,
-            rows.motion,
-            data.counts,
-            rows.residual * root,
-            rows.design * root[..., None],
-            slides,
+            noise, rows.motion, data.counts, trusted.residual, trusted.design, slides
         )
         V = noise.of_pose(rows.motion, data.counts)
         if robust:
@@ -217,16 +212,9 @@ def _as_shown(
     """
     means = data.means
     torque = resting_torque(model.compliances(theta), means.q, means.wrench, loads)
-    rows = PoseRows.of(model, theta, means, torque)
-    root = np.sqrt(weights)[:, None]
+    rows = PoseRows.of(model, theta, means, torque).weighted(weights)
     shown = fit_model_error(
-        noise,
-        rows.motion,
-        data.counts,
-        rows.residual * root,
-        rows.design * root[..., None],
-        _slides(model),
-        True,
+        noise, rows.motion, data.counts, rows.residual, rows.design, _slides(model), True
     )
     return noise.of_pose(rows.motion, data.counts), shown
 

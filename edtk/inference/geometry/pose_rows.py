@@ -38,6 +38,11 @@ class PoseRows:
             seen.by_joints.reshape(m, width, -1),
         )
 
+    def weighted(self, weights: Array) -> "PoseRows":
+        """With residuals and columns scaled by the roots of the poses' weights (m,)."""
+        root = np.sqrt(weights)[:, None]
+        return PoseRows(self.residual * root, self.design * root[..., None], self.motion)
+
 
 def measured_less_seen(means: MarkerPositions, seen: Seen) -> Array:
     """Residuals (m, k, rows) [m, rad], zero where nothing was seen.
