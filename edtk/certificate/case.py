@@ -125,9 +125,7 @@ class Case:
         return LargestSensitivities(
             setting=self.setting,
             proof=self.proof,
-            multipliers=Multipliers.from_list(
-                self.proof.multipliers, self.name, len(self.setting.unknown)
-            ),
+            multipliers=Multipliers.from_list(self.proof.multipliers, self.name, self.setting.p),
             prior=self._prior,
             per_trace=self.degree == 0,
             # The weights of a relaxation may be on poses that are no candidates. The bound holds
@@ -145,17 +143,35 @@ class Case:
         Raises:
             ValueError: The multipliers prove nothing.
         """
-        degree = self.degree
         found = self.largest
-        t = found.searched if searched else found.proved
+        cost = self._least_cost(found.searched if searched else found.proved)
+        if self.kind == "plan":
+            cost *= self.made.amount.sum() ** -self.degree
+        return values.printed(self.name, cost)
+
+    @property
+    def excess(self) -> float:
+        """By how much a search of the check's own beats the sensitivities of the stated one.
+
+        It is relative to them. Of O2, whose cost is of degree zero, they may be nearly zero, and
+        nothing beside the multiplier: there it is the share by which the bound falls.
+
+        Raises:
+            ValueError: The multipliers prove nothing.
+        """
+        stated = self.largest.searched
+        found = self.largest.climbed
+        if self.degree:
+            return float(np.max((found - stated) / np.abs(stated)))
+        return self._least_cost(stated) / self._least_cost(found) - 1
+
+    def _least_cost(self, t: Array) -> float:
+        """The cost that no design of one experiment beats whose sensitivities are t (r,)."""
         rows = self.made.stacked(self.setting)
         # Only G needs the matrix itself, to find good weights; bad ones would prove less, not more.
         M = rows.T @ rows / self.made.amount.sum() + self._prior
         targets = self.setting.tasks.proving(self.name, self.proof.task_weights, len(t))
-        cost = lower_bound(self.name, found.multipliers.Z, t, targets, M, self.interest)
-        if self.kind == "plan":
-            cost *= self.made.amount.sum() ** -degree
-        return values.printed(self.name, cost)
+        return lower_bound(self.name, self.largest.multipliers.Z, t, targets, M, self.interest)
 
     @property
     def interest(self) -> Array | None:
@@ -177,7 +193,7 @@ class Case:
         The weights of a relaxation have the share of a single experiment.
         """
         if self.setting.prior is None:
-            return np.empty((0, len(self.setting.unknown)))
+            return np.empty((0, self.setting.p))
         return np.asarray(self.setting.prior / np.sqrt(self.sharing))
 
     def _require_sound(self) -> None:

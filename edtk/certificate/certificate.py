@@ -18,7 +18,9 @@ from edtk.system.json_text import json_text
 from edtk.version import __version__
 
 
-def certificate(study: Study, found: RelaxedPlan | ExactPlan) -> dict[str, Any]:
+def certificate(
+    study: Study, found: RelaxedPlan | ExactPlan, setting: dict[str, Any] | None = None
+) -> dict[str, Any]:
     """Collect all that `verify_certificate` needs: setting, experiments, multipliers and claims.
 
     The content stands alone: robot, load, noise and constraints are part of it, in SI units and
@@ -27,6 +29,8 @@ def certificate(study: Study, found: RelaxedPlan | ExactPlan) -> dict[str, Any]:
     Args:
         study: The study that was answered.
         found: A relaxation, or an exact plan of this study.
+        setting: Robot, load, noise and constraints as plain data; defaults to `setting_to_dict`,
+            which knows studies of compliances alone.
 
     Returns:
         Plain data for JSON.
@@ -54,7 +58,7 @@ def certificate(study: Study, found: RelaxedPlan | ExactPlan) -> dict[str, Any]:
         "criterion": relaxed.criterion.name,
         **answer,
         "proof": _proof(relaxed),
-        "setting": setting_to_dict(study, relaxed.space),
+        "setting": setting_to_dict(study, relaxed.space) if setting is None else setting,
         **_sharing(study, found),
     }
 
@@ -76,11 +80,6 @@ def require_certifiable(study: Study, name: str | None, path: Path | str | None)
         UserError: No certificate of poses tells the parameters of the criterion.
     """
     name = study.main_criterion if name is None else name
-    if path is not None and study.specification.parameters is not None:
-        raise UserError(
-            "a study of geometry has no certificate of poses; leave the certificate out",
-            where=study.where,
-        )
     if path is not None and name in criteria.families():
         raise UserError(
             f"criterion {name!r} has no certificate of poses, as it has parameters; leave the "
@@ -96,9 +95,11 @@ def _sharing(study: Study, found: RelaxedPlan | ExactPlan) -> dict[str, int]:
     return {"sharing": found.space.sharing}
 
 
-def certificate_text(study: Study, found: RelaxedPlan | ExactPlan) -> str:
+def certificate_text(
+    study: Study, found: RelaxedPlan | ExactPlan, setting: dict[str, Any] | None = None
+) -> str:
     """The text of the certificate file of a result, see `certificate`."""
-    return json_text(certificate(study, found), indent=1) + "\n"
+    return json_text(certificate(study, found, setting), indent=1) + "\n"
 
 
 def _proof(relaxed: RelaxedPlan) -> dict[str, Any]:

@@ -74,4 +74,4 @@ class Experiments:
         if repeated and setting.noise is not None:
             visits = setting.noise.visits(setting.chain, self.q, self.amount)
         rows = self.rows(setting, visits) * np.sqrt(self.amount)[:, None, None]
-        return rows.reshape(-1, len(setting.unknown))
+        return rows.reshape(-1, setting.p)

@@ -57,8 +57,8 @@ class LargestSensitivities:
         return np.maximum(self.proved, found)
 
     @cached_property
-    def excess(self) -> float:
-        """By how much a search of this module's own beats `searched`, relative to it.
+    def climbed(self) -> Array:
+        """Maxima (r,) over `searched` and what a search of this module's own finds.
 
         It climbs from the best candidates, from poses of its own, and from those of the proof. The
         poses of the design count too.
@@ -67,13 +67,12 @@ class LargestSensitivities:
         own = candidates(self.setting, [OWN_SEED], "random", OWN_DRAWS)
         starts = np.concatenate([best, *own, self.proof.points, self.proof.searched])
         heights = self._at(starts)
-        worst = 0.0
-        for j, largest in enumerate(self.searched):
+        found = np.array(self.searched)
+        for j in range(len(found)):
             order = np.argsort(-heights[j])[:STARTS]
             reached = climb(self.setting, starts[order], self._height(j))
-            top = max(float(self._height(j)(reached).max()), float(self._of_own[j]))
-            worst = max(worst, (top - largest) / abs(largest))
-        return float(worst)
+            found[j] = max(found[j], float(self._height(j)(reached).max()), self._of_own[j])
+        return found
 
     @cached_property
     def _over_candidates(self) -> tuple[Array, Array]:

@@ -24,7 +24,7 @@ def physics_to_dict(model: ElastostaticModel) -> dict[str, Any]:
     return {
         "physics": {
             "sensors": [_sensor(sensor) for sensor in model.whole_instruments],
-            "load_point": _place(model.load_point),
+            "load_point": place_to_dict(model.load_point),
             "weights": [] if model.weights is None else weights_to_list(model.weights),
         }
     }
@@ -33,14 +33,14 @@ def physics_to_dict(model: ElastostaticModel) -> dict[str, Any]:
 def weights_to_list(weights: DeadWeights) -> list[dict[str, Any]]:
     """Mass [kg] and centre of mass of each weight."""
     parts = zip(weights.masses, weights.centers, strict=True)
-    return [{"mass": mass, **_place(center)} for mass, center in parts]
+    return [{"mass": mass, **place_to_dict(center)} for mass, center in parts]
 
 
 def _sensor(sensor: Sensor) -> dict[str, Any]:
     anchor = {"anchor": sensor.anchor.tolist()} if isinstance(sensor, Distance) else {}
-    return {"kind": KINDS[type(sensor)], **_place(sensor.point), **anchor}
+    return {"kind": KINDS[type(sensor)], **place_to_dict(sensor.point), **anchor}
 
 
-def _place(point: BodyPoint) -> dict[str, Any]:
-    """Offset (3,) [m], in the frame of the joint of this index, or of the tool."""
+def place_to_dict(point: BodyPoint) -> dict[str, Any]:
+    """Offset (3,) of a point [m], in the frame of the joint of this index, or of the tool."""
     return {"offset": point.offset.tolist(), "joint": point.joint}

@@ -5,11 +5,10 @@ from typing import Any
 import numpy as np
 
 from criteria.linalg.inverse import ROUNDING
+from edtk.certificate.feasible_to_dict import feasible_to_dict
 from edtk.certificate.noise_to_dict import noise_to_dict
 from edtk.certificate.physics_to_dict import physics_to_dict, weights_to_list
 from edtk.design.design_space import DesignSpace
-from edtk.model.constraints.excluded import Excluded
-from edtk.model.robot import Robot
 from edtk.model.task import Task
 from edtk.study.study import Study
 from edtk.system.typing import Array
@@ -24,22 +23,17 @@ def setting_to_dict(study: Study, space: DesignSpace) -> dict[str, Any]:
         study: The study.
         space: The design space that was searched, with the poses that it excludes.
     """
-    keys = study.specification
-    excluded = [
-        {"poses": part.poses.tolist(), "distance": part.distance}
-        for part in space.workspace.constraints
-        if isinstance(part, Excluded)
-    ]
+    feasible = feasible_to_dict(study, space)
     return {
-        "robot": _robot(study.robot),
+        "robot": feasible["robot"],
         "unknown": list(study.model.joints),
         "rows": study.model.rows,
         **(noise_to_dict(study.noise) or {"sigma": study.sigma.tolist()}),
         "load": _load(study),
-        "workspace": keys.workspace.model_dump(mode="json", exclude_none=True),
-        "excluded": excluded,
-        "free": list(space.free),
-        "fixed": space.fixed.tolist(),
+        "workspace": feasible["workspace"],
+        "excluded": feasible["excluded"],
+        "free": feasible["free"],
+        "fixed": feasible["fixed"],
         "test_pose": _test_pose(study),
         **physics_to_dict(study.model),
         **({} if study.interest is None else {"interest": study.interest.tolist()}),
@@ -62,36 +56,6 @@ def _load(study: Study) -> dict[str, Any]:
     if keys.load is not None:
         return keys.load.model_dump(mode="json", exclude_none=True, exclude={"at_mm"})
     return {"F_N": keys.build_load().wrench(np.zeros(0))[:3].tolist(), "T_Nm": [0.0, 0.0, 0.0]}
-
-
-def _robot(robot: Robot) -> dict[str, Any]:
-    """The chain: transforms [m], axes, limits [rad or m]; masters by their index among the free."""
-    follows = {
-        tied.name: {
-            "joint": robot.joint_names.index(tied.master),
-            "factor": tied.factor,
-            "offset": tied.offset,
-        }
-        for tied in robot.tied
-    }
-    joints = [
-        {
-            "name": joint.name,
-            "kind": joint.kind,
-            "origin": joint.origin.tolist(),
-            "axis": joint.axis.tolist(),
-            "limits": list(joint.limits),
-            **({"continuous": True} if joint.continuous else {}),
-            **({"follows": follows[joint.name]} if joint.name in follows else {}),
-        }
-        for joint in robot.chain
-    ]
-    return {
-        "name": robot.name,
-        "base": robot.base.tolist(),
-        "tool": robot.tool.tolist(),
-        "joints": joints,
-    }
 
 
 def _test_pose(study: Study) -> dict[str, Any] | list[dict[str, Any]] | None:

@@ -61,10 +61,10 @@ def verify_certificate(content: dict[str, Any]) -> Verification:
 
 
 def _words(case: Case) -> tuple[str, ...]:
-    """What the criterion is about, by the numbers of the joints; none for all compliances."""
+    """What the criterion is about, in names of parameters; none for all of them."""
     if case.interest is None:
         return ()
-    names = tuple(f"k{j + 1}" for j in case.setting.unknown)
+    names = case.setting.parameters
     return tuple(combination(column, names) for column in case.interest.T)
 
 
@@ -198,7 +198,7 @@ def _unbeaten(case: Case, claim: Claim) -> Claim:
 def _search(case: Case) -> Claim:
     """No pose that a search of this module's own finds has a much larger sensitivity."""
     try:
-        excess = case.largest.excess
+        excess = case.excess
     except (ValueError, ArithmeticError) as error:
         return Claim("search", False, 0.0, None, f"cannot be repeated: {error}")
     return _at_most("search", excess, EXCESS, "a pose of a larger sensitivity was found")

@@ -42,16 +42,18 @@ def plan_geometry(
         ArgumentError: An argument is for plans of compliances alone.
         UserError: One line that says what cannot be done, and where.
     """
-    unknown = {"distinct": distinct, "dask": dask, "certificate": certificate, "detect": detect}
+    unknown = {"distinct": distinct, "dask": dask, "detect": detect}
     for argument, given in unknown.items():
         if given is not None:
             message = "is for plans of compliances alone; this study has [parameters]"
             raise ArgumentError(message, argument=argument)
     question = study if exclude is None else study.excluding(exclude)
     kept = None if keep is None else as_plan(question, keep)
-    files = TableAndCertificate(out, None)
+    files = TableAndCertificate(out, certificate)
     files.require(*question.reads, keep if isinstance(keep, str | Path) else None)
     asked, name = for_criterion(question, criterion)
+    if certificate is not None:
+        _require_certifiable(asked, name, certificate, cost_budget)
     with errors_in(question.where):
         found = plan_of_study(
             asked,
@@ -62,5 +64,32 @@ def plan_geometry(
             seconds=budget,
             options=RunOptions(seed=seed, progress=progress),
         )
-    files.write(lambda: found.whole.to_frame(question.robot), lambda: "")
+    files.write(lambda: found.whole.to_frame(question.robot), lambda: _proof(asked, found))
     return found
+
+
+def _require_certifiable(
+    study: Study, criterion: str | None, path: Path | str, cost_budget: float | None
+) -> None:
+    """Check, before a long search, that its certificate can be written.
+
+    Raises:
+        UserError: The criterion has parameters, or a budget of costs limits the loads.
+    """
+    from edtk.certificate.certificate import require_certifiable
+
+    require_certifiable(study, criterion, path)
+    costs = study.specification.costs
+    if cost_budget is not None or (costs is not None and costs.budget is not None):
+        raise ArgumentError(
+            "the plans that a budget of costs pays for have no certificate; leave one of both out",
+            argument="certificate",
+        )
+
+
+def _proof(study: Study, found: "GeometryPlan") -> str:
+    """What proves the numbers of a plan."""
+    from edtk.calibration.geometry_design.geometry_setting import geometry_setting
+    from edtk.certificate.certificate import certificate_text
+
+    return certificate_text(study, found, geometry_setting(found.question))

@@ -165,8 +165,9 @@ def _write(study: "Study", found: "RelaxedPlan", files: "TableAndCertificate") -
 
     def proof() -> str:
         from edtk.certificate.certificate import certificate_text
+        from edtk.verbs.setting_of import setting_of
 
-        return certificate_text(study, found)
+        return certificate_text(study, found, setting_of(study, found.space))
 
     files.write(found.to_frame, proof)
 

@@ -87,11 +87,11 @@ def _of_problem(content: dict[str, Any], problem: object, where: str) -> Verific
 def _same_study(content: dict[str, Any], study: "StudyLike") -> Claim:
     """The claim that a certificate's robot, load, noise and limits are those of a study."""
     # Imported late: studies bring pydantic, which the check of a file alone need not pay.
-    from edtk.certificate.setting_to_dict import setting_to_dict
     from edtk.verbs.inputs import as_study
+    from edtk.verbs.setting_of import setting_of
 
     known = as_study(study)
-    expected = json.loads(json.dumps(setting_to_dict(known, known.space)))
+    expected = json.loads(json.dumps(setting_of(known)))
     stated = content["setting"]
     keys = [*expected, *(key for key in stated if key not in expected)]
     other = [key for key in keys if stated.get(key) != expected.get(key)]

@@ -159,13 +159,13 @@ class GeometryQuestion:
             says_itself = found.needs_target or not found.takes_interest
             if study.specification.interest is None or says_itself:
                 return found
-            return criteria.Interest(found, *self._interest())
+            return criteria.Interest(found, *self.interest())
         except criteria.CriterionError as error:
             missing = isinstance(error, criteria.MissingTargetError)
             why = ", and the study has no [test_pose]" if missing else ""
             raise UserError(f"{error}{why}", where=study.where) from error
 
-    def _interest(self) -> tuple[Array, tuple[str, ...]]:
+    def interest(self) -> tuple[Array, tuple[str, ...]]:
         """What is of interest: columns (p, s) of the identity, and the names (s,).
 
         The others are nuisance. Of parameters that cannot be told apart those count that the

@@ -158,6 +158,10 @@ class Chain:
         """Positions (k, 3) of a point, given as for `jacobian`, at poses q (k, n) [m]."""
         return _placed(self._frames(self._all(q))[2][-1 if body is None else body], offset)
 
+    def frames(self, q: Array) -> list[Array]:
+        """Frames (k, 4, 4) behind each of all joints, then of the tool, at poses q (k, n)."""
+        return self._frames(self._all(q))[2]
+
     def _frames(self, q: Array) -> tuple[list[Array], list[Array], list[Array]]:
         """Axes and points on them (k, 3), and frames (k, 4, 4) of all bodies, then of the tool.
 

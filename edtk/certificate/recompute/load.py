@@ -8,7 +8,8 @@ import numpy as np
 from edtk.certificate.recompute.plain_data import number, numbers, rows, table
 from edtk.system.typing import Array, Mask
 
-KEYS = ("F_N", "T_Nm", "F_max_N", "direction", "list_F_N")
+KEYS = ("F_N", "T_Nm", "F_max_N", "direction", "list_F_N", "wrenches")
+CHOICES = ("F_N", "F_max_N", "list_F_N", "wrenches")
 MOST_LISTED = 1000  # loads to choose from
 TINY = 1e-9  # of a load, beside the largest one, that is rounding
 
@@ -39,9 +40,9 @@ class Load:
         """
         where = "setting.load"
         load = table(load, (), where, KEYS)
-        given = [key for key in ("F_N", "F_max_N", "list_F_N") if key in load]
+        given = [key for key in CHOICES if key in load]
         if len(given) != 1:
-            raise ValueError(f"{where}: expected one of F_N, F_max_N and list_F_N")
+            raise ValueError(f"{where}: expected one of F_N, F_max_N, list_F_N and wrenches")
         torque = numbers(load.get("T_Nm", [0, 0, 0]), (3,), f"{where}.T_Nm")
         if given != ["F_N"] and torque.any():
             raise ValueError(f"{where}: T_Nm goes with F_N only")
@@ -57,6 +58,12 @@ class Load:
             if not len(forces):
                 raise ValueError(f"{where}.list_F_N: expected at least one force")
             return cls(np.hstack([forces, np.zeros_like(forces)]), False, 0.0, None)
+        if given == ["wrenches"]:
+            rows(load["wrenches"], MOST_LISTED, f"{where}.wrenches")
+            wrenches = numbers(load["wrenches"], (None, 6), f"{where}.wrenches")
+            if not len(wrenches):
+                raise ValueError(f"{where}.wrenches: expected at least one")
+            return cls(wrenches, False, 0.0, None)
         largest = number(load["F_max_N"], f"{where}.F_max_N")
         if largest <= 0:
             raise ValueError(f"{where}.F_max_N: expected a positive force")

@@ -158,13 +158,16 @@ def _noise_amplification(Z: Array, t: Array) -> float:
     unit = float(np.median(np.abs(lines), axis=0)[0]) if lines else 0.0  # of 1/s
     if not unit > 0:
         return 0.0
-    least = _least_product(np.array(lines) / [unit, 1.0])
-    return float(np.sqrt(least / unit)) if np.isfinite(least) else 0.0
+    slopes = [b for _, b in lines if b > 0]
+    # In units of both kappa and s, or lines of large condition numbers would all be parallel.
+    flat = float(np.median(slopes)) if slopes else 1.0  # of 1/kappa
+    least = _least_product(np.array(lines) / [unit, flat], flat)
+    return float(np.sqrt(least / unit / flat)) if np.isfinite(least) else 0.0
 
 
-def _least_product(lines: Array) -> float:
-    """The least ``x y`` over ``a x + b y >= 1`` for lines (a, b), ``x >= 0`` and ``y >= 1``."""
-    A, b = _distinct_lines(lines)
+def _least_product(lines: Array, lowest: float) -> float:
+    """The least ``x y`` over ``a x + b y >= 1`` for lines (a, b), ``x >= 0``, ``y >= lowest``."""
+    A, b = _distinct_lines(lines, lowest)
     first, second = np.triu_indices(len(A), 1)
     determinant = A[first, 0] * A[second, 1] - A[first, 1] * A[second, 0]
     x = (b[first] * A[second, 1] - b[second] * A[first, 1]) / determinant
@@ -176,7 +179,7 @@ def _least_product(lines: Array) -> float:
     return float((np.maximum(x, 0.0) * np.maximum(y, 0.0))[inside].min(initial=np.inf))
 
 
-def _distinct_lines(lines: Array) -> tuple[Array, Array]:
+def _distinct_lines(lines: Array, lowest: float) -> tuple[Array, Array]:
     """Unit normals (k, 2) and distances (k,) of the axes and of lines that are not nearly parallel.
 
     The corner of nearly parallel lines cannot be computed. The one that lies closer to the origin
@@ -193,4 +196,4 @@ def _distinct_lines(lines: Array) -> tuple[Array, Array]:
         if all(abs(normal[0] * one[1] - normal[1] * one[0]) > PARALLEL for one in normals):
             normals.append(normal)
             distances.append(1 / float(length[i]))
-    return np.array([*normals, [1.0, 0.0], [0.0, 1.0]]), np.array([*distances, 0.0, 1.0])
+    return np.array([*normals, [1.0, 0.0], [0.0, 1.0]]), np.array([*distances, 0.0, lowest])

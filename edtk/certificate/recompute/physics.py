@@ -104,6 +104,13 @@ class Physics:
         """Derivatives (k, rows, n) of all measured rows by the joints, at poses q (k, n)."""
         return np.concatenate([self._motion(chain, q, *sensor) for sensor in self.sensors], axis=1)
 
+    def positions(self, A: Array) -> Array:
+        """The rows (rows, p) of a measurement that are positions, not rotations or distances."""
+        kept = []
+        for kind, _, _ in self.sensors:
+            kept += [row < 3 and kind != "distance" for row in range(MEASURED[kind])]
+        return np.asarray(A[np.array(kept)])
+
     def _motion(self, chain: Chain, q: Array, kind: str, place: Place, anchor: Array) -> Array:
         """Derivatives (k, rows, n) of the rows of one instrument by the joints."""
         columns = chain.jacobian(q, place.offset, place.joint)

@@ -7,6 +7,7 @@ import numpy as np
 
 from edtk.certificate.recompute.chain import Chain
 from edtk.certificate.recompute.combinations import combinations
+from edtk.certificate.recompute.geometry import Geometry
 from edtk.certificate.recompute.load import Load
 from edtk.certificate.recompute.noise import Noise
 from edtk.certificate.recompute.physics import Physics
@@ -19,7 +20,7 @@ from edtk.system.typing import Array, Mask
 TINY = 1e-9  # violation of a constraint that is rounding [m or rad]
 MEASURED = {"position": 3, "pose": 6}  # rows that an experiment measures
 KEYS = ("robot", "unknown", "rows", "sigma", "load", "workspace", "excluded", "free", "fixed")
-OPTIONAL = ("physics", "noise", "interest", "prior")
+OPTIONAL = ("physics", "noise", "interest", "prior", "geometry")
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,6 +43,7 @@ class Setting:
             parameters.
         prior: Whitened rows (r, p) of measurements that tell as much as what is known beforehand.
         noise: Noise that is not white; None without it.
+        geometry: The parameters, where they are not compliances alone; None where they are.
     """
 
     name: str
@@ -57,6 +59,7 @@ class Setting:
     interest: Array | None = None
     prior: Array | None = None
     noise: Noise | None = None
+    geometry: Geometry | None = None
 
     @classmethod
     def from_dict(cls, content: Any) -> "Setting":
@@ -80,8 +83,14 @@ class Setting:
         if "noise" in content:
             noise = Noise.from_dict(content["noise"], n, measured)
             physics = physics or Physics.at_tool_point(kind)
+        geometry = None
+        if "geometry" in content:
+            if physics is None:
+                raise ValueError("setting: the key 'physics' is missing")
+            geometry = Geometry.from_dict(content["geometry"], chain, physics)
+        p = len(unknown) if geometry is None else geometry.p
         white = (sigma > 0).all() or (noise is not None and (sigma >= 0).all())
-        if not unknown or not white:
+        if not p or not white:
             raise ValueError("setting: expected an unknown joint, and sigmas above zero")
         return cls(
             name=_name(content["robot"]["name"]),
@@ -92,12 +101,25 @@ class Setting:
             load=Load.from_dict(content["load"]),
             free=_indices(content["free"], n, "setting.free"),
             fixed=numbers(content["fixed"], (n,), "setting.fixed"),
-            tasks=Tasks.from_content(content["test_pose"], content["robot"], unknown),
+            tasks=_tasks(content, chain, physics, geometry, unknown),
             physics=physics,
-            interest=_interest(content, len(unknown)),
-            prior=_prior(content, len(unknown)),
+            interest=_interest(content, p),
+            prior=_prior(content, p),
             noise=noise,
+            geometry=geometry,
         )
+
+    @property
+    def p(self) -> int:
+        """Number of parameters."""
+        return len(self.unknown) if self.geometry is None else self.geometry.p
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of the parameters (p,)."""
+        if self.geometry is None:
+            return tuple(f"k{j + 1}" for j in self.unknown)
+        return tuple(one.name for one in self.geometry.parameters)
 
     def whitened_rows(self, q: Array, wrench: Array, visits: Array | None = None) -> Array:
         """Regressors over sigma (k, rows, p) of poses q (k, n) with wrenches (k, 6).
@@ -106,13 +128,19 @@ class Setting:
         share the model's errors in each pose, by default one.
         """
         if self.physics is not None:
-            A = self.physics.regressors(self.chain, self.unknown, q, wrench)
+            A = self._regressors(self.physics, q, wrench)
             if self.noise is None:
                 return A / self.sigma[:, None]
             visits = np.ones(len(q)) if visits is None else visits
             return self.noise.whitened(A, self.chain, self.physics, self.sigma, q, visits)
         A = regressors(self.chain, self.unknown, q, wrench)
         return A[:, : len(self.sigma)] / self.sigma[:, None]
+
+    def _regressors(self, physics: Physics, q: Array, wrench: Array) -> Array:
+        """Regressors (k, rows, p) of what is measured."""
+        if self.geometry is not None:
+            return self.geometry.rows(self.chain, physics, q, wrench)
+        return physics.regressors(self.chain, self.unknown, q, wrench)
 
     def violation(self, q: Array) -> Array:
         """By how much each pose (k,) violates its worst constraint [m or rad].
@@ -128,6 +156,19 @@ class Setting:
         """Whether each experiment x (k, n + d) is allowed, but for rounding."""
         n = len(self.fixed)
         return (self.violation(x[:, :n]) <= TINY) & self.load.allows(x[:, n:])
+
+
+def _tasks(
+    content: dict[str, Any],
+    chain: Chain,
+    physics: Physics | None,
+    geometry: Geometry | None,
+    unknown: list[int],
+) -> Tasks:
+    """The tasks: of the tool point under a load, or of all markers where geometry is unknown."""
+    if geometry is None or physics is None:
+        return Tasks.from_content(content["test_pose"], content["robot"], unknown)
+    return Tasks.of_markers(content["test_pose"], chain, physics, geometry)
 
 
 def _prior(content: dict[str, Any], p: int) -> Array | None:

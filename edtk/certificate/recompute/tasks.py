@@ -6,8 +6,9 @@ from typing import Any
 import numpy as np
 
 from edtk.certificate.recompute.chain import Chain
+from edtk.certificate.recompute.geometry import Geometry
 from edtk.certificate.recompute.neighbourhood import neighbourhood
-from edtk.certificate.recompute.physics import read_weights
+from edtk.certificate.recompute.physics import Physics, read_weights
 from edtk.certificate.recompute.plain_data import number, numbers, rows, table
 from edtk.certificate.recompute.regressors import regressors
 from edtk.system.typing import Array
@@ -50,15 +51,31 @@ class Tasks:
         places = [f"{WHERE}.{i}" for i in range(len(rows(content, MOST_TASKS, WHERE)))]
         given = zip(content, places, strict=True)
         each = [_harm(task, robot, unknown, place) for task, place in given]
-        weights = np.array(
-            [
-                number(task.get("weight", 1.0), place)
-                for task, place in zip(content, places, strict=True)
-            ]
-        )
-        if not (weights >= 0).all() or not weights.any():
-            raise ValueError(f"{WHERE}: expected weights that are not negative, and not all zero")
-        return cls(each, weights / weights.sum())
+        return cls(each, _shares(content, places))
+
+    @classmethod
+    def of_markers(
+        cls, content: Any, chain: Chain, physics: Physics, geometry: Geometry
+    ) -> "Tasks":
+        """Read test poses of a study of geometry, in which the harm is that of all markers.
+
+        The squares of a task's rows are the mean over the markers: ``|A0 d|^2 = sum_k |x_k|^2 / k``
+        for displacements x_k of the k markers [m].
+
+        Raises:
+            ValueError: A part is missing, or is not what it should be.
+        """
+        if content is None:
+            return cls([], np.empty(0))
+        places = [f"{WHERE}.{i}" for i in range(len(rows(content, MOST_TASKS, WHERE)))]
+        each = []
+        for task, place in zip(content, places, strict=True):
+            task = table(task, ("q", "wrench", "weight"), place)
+            q = numbers(task["q"], (chain.n,), f"{place}.q")[None]
+            wrench = numbers(task["wrench"], (6,), f"{place}.wrench")[None]
+            A = geometry.rows(chain, physics, q, wrench)[0]
+            each.append(physics.positions(A) / np.sqrt(len(physics.sensors)))
+        return cls(each, _shares(content, places))
 
     def targets(self, name: str) -> list[Array]:
         """The targets of which a criterion is the worst: each task's, or one of all for rho0."""
@@ -96,6 +113,19 @@ class Tasks:
         """Rows (r, p) whose squares are the mean of the tasks' harms."""
         parts = [np.sqrt(share) * A for share, A in zip(shares, self.each, strict=True) if share]
         return np.concatenate(parts)
+
+
+def _shares(content: list[Any], places: list[str]) -> Array:
+    """Weights of the tasks, divided by their sum.
+
+    Raises:
+        ValueError: They are none.
+    """
+    given = zip(content, places, strict=True)
+    weights = np.array([number(task.get("weight", 1.0), place) for task, place in given])
+    if not (weights >= 0).all() or not weights.any():
+        raise ValueError(f"{WHERE}: expected weights that are not negative, and not all zero")
+    return np.asarray(weights / weights.sum())
 
 
 def _harm(content: Any, robot: Any, unknown: list[int], where: str) -> Array:

@@ -195,7 +195,7 @@ def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     found = json.loads(result.stdout)
     assert {"value", "bound", "efficiency", "plan", "poses", "rank", "parameters"} <= set(found)
     assert edtk.load_study("study.toml").load_plan("plan.csv").experiments == 5
-    for option in (["--distinct", "2"], ["--certificate", "c.json"], ["--detect", "x=1mm"]):
+    for option in (["--distinct", "2"], ["--detect", "x=1mm"]):
         refused = CliRunner().invoke(main, ["plan", "study.toml", "--size", "5", *option])
         assert refused.exit_code == 2
         assert "is for plans of compliances alone" in refused.stderr

@@ -1,0 +1,148 @@
+"""What positions tell of geometry and springs together, one column after the other."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from edtk.certificate.recompute.chain import Chain
+from edtk.certificate.recompute.physics import (
+    MEASURED,
+    Physics,
+    Weight,
+    read_weights,
+    weight_torque,
+)
+from edtk.certificate.recompute.plain_data import rows, table, text, whole
+from edtk.system.typing import Array
+
+WHERE = "setting.geometry"
+PLACES = ("base", "joint", "tool", "compliance")
+MOST_PARAMETERS = 300
+LONGEST_NAME = 200
+UNIT = 1e-3  # of a shift [m] and of a turn [rad]
+SOFTNESS = 1e-6  # of a spring [rad/(N m) or m/N]
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One unknown: a small motion of a frame, or a spring.
+
+    Attributes:
+        name: Its name.
+        place: What it moves: "base", the frame before a "joint", a "tool", or a "compliance".
+        of: Index of the joint among all, of the marker, or of the free joint; zero for the base.
+        component: 0 to 2 for a shift along an axis of its frame, 3 to 5 for a turn about one.
+    """
+
+    name: str
+    place: str
+    of: int
+    component: int
+
+    @property
+    def axis(self) -> int:
+        """Which axis of its frame."""
+        return self.component % 3
+
+    @property
+    def turns(self) -> bool:
+        """Whether it turns."""
+        return self.component >= 3
+
+
+@dataclass(frozen=True, eq=False)
+class Geometry:
+    """The unknowns of a study of geometry, in their own units (mm, mrad, 1e-6 rad/(N m)).
+
+    Attributes:
+        parameters: The unknowns.
+        payload: Mass [kg] and centre of what the robot carries wherever a wrench loads it.
+    """
+
+    parameters: list[Parameter]
+    payload: list[Weight]
+
+    @classmethod
+    def from_dict(cls, content: Any, chain: Chain, physics: Physics) -> "Geometry":
+        """Read the part `setting.geometry` of a certificate.
+
+        Raises:
+            ValueError: A part is missing, or is not what it should be.
+        """
+        content = table(content, ("parameters", "payload"), WHERE)
+        found = []
+        sizes = {
+            "base": 1,
+            "joint": len(chain.axes),
+            "tool": len(physics.sensors),
+            "compliance": chain.n,
+        }
+        for i, one in enumerate(rows(content["parameters"], MOST_PARAMETERS, WHERE)):
+            place = f"{WHERE}.parameters[{i}]"
+            one = table(one, ("name", "place", "of", "component"), place)
+            name = one["name"]
+            # Names are printed, so that none must hold a line that looks like a verdict.
+            if not isinstance(name, str) or not name.isprintable() or len(name) > LONGEST_NAME:
+                raise ValueError(f"{place}.name: expected a name")
+            kind = text(one["place"], PLACES, f"{place}.place")
+            of = whole(one["of"], 0, sizes[kind] - 1, f"{place}.of")
+            last = 0 if kind == "compliance" else 5
+            component = whole(one["component"], 0, last, f"{place}.component")
+            found.append(Parameter(name, kind, of, component))
+        if not found:
+            raise ValueError(f"{WHERE}.parameters: expected at least one")
+        if any(kind == "distance" for kind, _, _ in physics.sensors):
+            raise ValueError("setting.physics.sensors: expected positions or poses")
+        weights = read_weights(content["payload"], len(chain.axes), f"{WHERE}.payload")
+        return cls(found, weights)
+
+    @property
+    def p(self) -> int:
+        """Number of parameters."""
+        return len(self.parameters)
+
+    def rows(self, chain: Chain, physics: Physics, q: Array, wrench: Array) -> Array:
+        """Rows (k, measured, p) [m, rad] of poses q (k, n) under wrenches (k, 6), unit by unit."""
+        frames = chain.frames(q)
+        torque = self._torque(chain, physics, q, wrench)
+        parts = []
+        for marker, (kind, place, _) in enumerate(physics.sensors):
+            point = chain.point(q, place.offset, place.joint)
+            springs = chain.jacobian(q, place.offset, place.joint)
+            columns = [
+                SOFTNESS * springs[:, :, one.of] * torque[:, one.of, None]
+                if one.place == "compliance"
+                else UNIT * _moved(one, chain, frames, point, marker)
+                for one in self.parameters
+            ]
+            parts.append(np.stack(columns, axis=-1)[:, : MEASURED[kind]])
+        return np.concatenate(parts, axis=1)
+
+    def _torque(self, chain: Chain, physics: Physics, q: Array, wrench: Array) -> Array:
+        """Loads (k, n) of the free joints: of the wrench, of the links, of a payload beside it."""
+        at_load = chain.jacobian(q, physics.load_point.offset, physics.load_point.joint)
+        torque = np.einsum("krn,kr->kn", at_load, wrench) + weight_torque(chain, physics.weights, q)
+        loaded = (wrench != 0).any(axis=1, keepdims=True)
+        return np.asarray(torque + loaded * weight_torque(chain, self.payload, q))
+
+
+def _moved(one: Parameter, chain: Chain, frames: list[Array], point: Array, marker: int) -> Array:
+    """How a point (k, 3) of a marker moves and turns (k, 6) by one unit of a motion."""
+    still = np.zeros((len(point), 6))
+    if one.place == "base":
+        frame = np.broadcast_to(np.eye(4), (len(point), 4, 4))
+    elif one.place == "joint":
+        before = chain.base[None] if one.of == 0 else frames[one.of - 1]
+        frame = np.broadcast_to(before @ chain.origins[one.of], (len(point), 4, 4))
+    elif one.of != marker:
+        return still
+    else:
+        # A tool's own turn is about the marker itself.
+        frame = np.array(frames[-1])
+        frame[:, :3, 3] = point
+    axis = frame[:, :3, one.axis]
+    if one.turns:
+        return np.concatenate([np.cross(axis, point - frame[:, :3, 3]), axis], axis=1)
+    still[:, :3] = axis
+    return still
