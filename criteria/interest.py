@@ -94,8 +94,10 @@ class Interest(Relaxable):
 
     @property
     def label(self) -> str:
-        """Such as "D of k2, k3"."""
-        return f"{self.name} of {_listed(self.names)}"
+        """Such as "D of k2, k3", or "phi (q = 2) of k2, k3"."""
+        # A class that is named anew, as Ds is, keeps nothing of what its base is called.
+        name = self.base.label if self.name == self.base.name else self.name
+        return f"{name} of {_listed(self.names)}"
 
     @property
     def plan_criterion(self) -> Criterion:

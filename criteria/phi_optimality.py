@@ -54,7 +54,7 @@ class PhiOptimality(CovarianceCriterion, ConvexCriterion):
                 "infinity, use E"
             )
         self.q = float(q)
-        self.title = f"Kiefer's phi_q, q = {self.q:g}"
+        self.title = f"Kiefer's phi_q (q = {self.q:g})"
         self.unit_free = self.q == 0
 
     @property

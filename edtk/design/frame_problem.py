@@ -1,5 +1,6 @@
 """Candidates from a data frame, by a formula of its columns."""
 
+import re
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,6 +12,10 @@ from edtk.system.typing import Array
 
 if TYPE_CHECKING:
     import pandas as pd
+
+
+PARENTHESES = re.compile(r"\([^()]*\)")
+POWER = re.compile(r"\b[^\W\d]\w*\s*(\*\*|\^)\s*\d+")
 
 
 class FrameProblem(Problem):
@@ -100,10 +105,31 @@ def _model_matrix(formula: str, frame: "pd.DataFrame") -> Any:
             argument="formula",
             given=repr(formula),
         )
+    power = _lost_power(formula)
+    if power:
+        raise ArgumentError(
+            f"{power} is crossing in a formula, and leaves the column as it is; a power is "
+            f"I({power.replace('^', '**')})",
+            argument="formula",
+            given=repr(formula),
+        )
     # Names in a formula are columns; those of the calling code would change what it means.
     return _by_formulaic(
         lambda data: formulaic.model_matrix(formula, data, context={}, na_action="raise"), frame
     )
+
+
+def _lost_power(formula: str) -> str | None:
+    """The first power of a single name that a formula crosses with itself, such as x^2.
+
+    Outside of parentheses `x^2` and `x**2` mean x alone, as in R; nobody wants that.
+    """
+    outside = formula
+    nested = 1
+    while nested:
+        outside, nested = PARENTHESES.subn("", outside)
+    found = POWER.search(outside)
+    return None if found is None else found[0].replace(" ", "")
 
 
 def _by_formulaic(make: Any, frame: "pd.DataFrame") -> Any:

@@ -169,7 +169,9 @@ class Problem(WeightedCandidates):
 
     def headline(self) -> str:
         """Number of candidates and of parameters."""
-        return f"{self.n} candidates, {self.p} parameters ({', '.join(self.parameters)})"
+        candidates = "1 candidate" if self.n == 1 else f"{self.n} candidates"
+        parameters = "1 parameter" if self.p == 1 else f"{self.p} parameters"
+        return f"{candidates}, {parameters} ({', '.join(self.parameters)})"
 
     def __getitem__(self, chosen: Indices) -> "Problem":
         """The same problem with some of its candidates."""

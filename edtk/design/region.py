@@ -114,7 +114,8 @@ class Region(Presented):
         )
         c = int(self.slack_at(self._middle()).shape[-1])
         some = f" under {c} constraint{'s' * (c > 1)}" if c else ""
-        return f"{box}{some}; {self.p} parameters ({', '.join(self.parameters)})"
+        plural = "s" if self.p > 1 else ""
+        return f"{box}{some}; {self.p} parameter{plural} ({', '.join(self.parameters)})"
 
     @property
     def size(self) -> int:

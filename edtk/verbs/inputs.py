@@ -21,7 +21,8 @@ def as_study(study: StudyLike) -> Study:
     given: object = study
     if not isinstance(given, Study | Path | str):
         message = f"expected a study, or the path of one, not {type(given).__name__}; arrays of "
-        raise UserError(f"{message}regressors (n, rows, p) make an edtk.Problem")
+        hint = "regressors (n, rows, p) make an edtk.Problem, data frames edtk.Problem.from_frame"
+        raise UserError(message + hint)
     return study if isinstance(study, Study) else load_study(study)
 
 

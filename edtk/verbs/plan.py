@@ -236,4 +236,4 @@ def _require_none(options: Mapping[str, object], what: str) -> None:
     """Check that options of another kind of question are not given."""
     for name, value in options.items():
         if value is not None:
-            raise ArgumentError(f"is not for plans of {what}", argument=name)
+            raise ArgumentError(f"not for plans of {what}", argument=name)

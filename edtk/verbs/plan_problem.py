@@ -154,8 +154,8 @@ def _funds(
     if costs is None and budget is None:
         return None, np.inf
     if costs is None or budget is None:
-        missing = "costs" if costs is None else "cost_budget"
-        raise ArgumentError("expected beside the other one of the two", argument=missing)
+        missing, given = ("costs", "cost_budget") if costs is None else ("cost_budget", "costs")
+        raise ArgumentError(f"expected beside {given}", argument=missing)
     prices = _numbers(costs, "costs")
     if prices.shape != (n,) or not (np.isfinite(prices) & (prices > 0)).all():
         message = f"expected a positive number for each of {n} candidates"
@@ -193,7 +193,8 @@ def _places(
         ArgumentError: There is no such number, or it is too large for a search.
     """
     if size is None and prices is None:
-        raise ArgumentError("expected, unless there are costs and a budget", argument="size")
+        message = "expected the number of experiments, or costs and a cost_budget"
+        raise ArgumentError(message, argument="size")
     m = _affordable(left, prices, funds) if size is None else int(size) - kept
     if size is not None and (m != size - kept or m < 1):
         beside = f" beside {kept} kept experiments" if kept else ""

@@ -178,7 +178,7 @@ def _require_default(what: str, **options: object) -> None:
 
     for name, value in options.items():
         if value is not None:
-            raise ArgumentError(f"is not for the relaxation of {what}", argument=name)
+            raise ArgumentError(f"not for the relaxation of {what}", argument=name)
 
 
 def _relax_problem(

@@ -211,3 +211,13 @@ def test_what_may_stand_for_a_criterion():
     for wrong in (3, {"q": 2}, None):
         with pytest.raises(CriterionError, match="a criterion, its name or a table with a name"):
             criteria.as_criterion(wrong)
+
+
+def test_a_criterion_of_some_parameters_keeps_the_order_of_its_mean():
+    """The label and the title of phi of two parameters have q, and Ds is not called D."""
+    names = ("k1", "k2", "k3")
+    given = {"name": "phi", "q": 2, "interest": ["k2", "k3"]}
+    found = criteria.as_criterion(given, names)
+    assert found.label == "phi (q = 2) of k2, k3"
+    assert found.title == "Kiefer's phi_q (q = 2) of k2, k3"
+    assert criteria.as_criterion({"name": "Ds", "interest": ["k2"]}, names).label == "Ds of k2"

@@ -47,6 +47,12 @@ def test_without_a_frame_results_are_numbers_of_candidates():
     assert found.index.tolist() == [0, 20]
 
 
+def test_powers_that_mean_something_are_left_alone():
+    """A power inside of I, and the interactions of a sum."""
+    assert edtk.Problem.from_frame(FRAME, "x + I((x)**2) + I(x**3)").p == 4
+    assert edtk.Problem.from_frame(FRAME, "(x + group)**2").p == 4
+
+
 def test_categories_and_interactions():
     """A factor takes a column for each level but the first."""
     problem = edtk.Problem.from_frame(FRAME, "x * C(group)")
@@ -77,6 +83,8 @@ def test_regressors_at_other_places():
         (FRAME, "1 + I(x", "formula: Formula ended before"),
         (FRAME, "y ~ x", "right-hand side of a formula alone"),
         (FRAME, 3, "right-hand side of a formula alone"),
+        (FRAME, "1 + x + x^2", r"x\^2 is crossing .* a power is I\(x\*\*2\)"),
+        (FRAME, "I(x**3) + x ** 2", r"x\*\*2 is crossing"),
         (FRAME, "0", "formula: the formula has no terms"),
         (FRAME.assign(x=np.nan), "x", "contains null values"),
         (FRAME, "np.log(x + 1)", "is not finite in row row 0"),

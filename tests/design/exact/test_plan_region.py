@@ -151,7 +151,7 @@ def test_the_front_door():
     assert edtk.plan(region, size=4, criterion=criteria.create("A"), starts=2).criterion.name == "A"
     with pytest.raises(ArgumentError, match="keep: expected a Problem"):
         edtk.plan(region, 4, keep=[1, 2])
-    with pytest.raises(ArgumentError, match="most: is not for plans of a region"):
+    with pytest.raises(ArgumentError, match="most: not for plans of a region"):
         edtk.plan(region, 4, most=1)
     with pytest.raises(ArgumentError, match="size: expected the number of experiments"):
         edtk.plan(region)

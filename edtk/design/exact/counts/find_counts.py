@@ -146,8 +146,9 @@ def _require_regular(cost: float, limits: Limits, problem: Problem) -> None:
     if np.isfinite(cost):
         return
     blocks = f" in {len(limits.blocks)} blocks" if limits.blocks else ""
+    experiments = f"{limits.m} new experiment{'s' if limits.m > 1 else ''}"
     raise UserError(
-        f"no plan of {limits.m} new experiments{blocks} was found that identifies the "
+        f"no plan of {experiments}{blocks} was found that identifies the "
         f"{problem.p} parameters; more are needed"
     )
 
