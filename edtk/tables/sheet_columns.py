@@ -53,6 +53,7 @@ SHEET_COLUMNS = tuple(column for group in MEASURED_TOGETHER for column in group)
 UNCOMPENSATED_COLUMN = "uncompensated_mm"
 REMAINING_COLUMN = "remaining_rms_mm"
 BAND_COLUMNS = ("remaining_low_mm", "remaining_high_mm")
+UNCOMPENSATED_ROTATION_COLUMN = "uncompensated_rotation_deg"
 REMAINING_ROTATION_COLUMN = "remaining_rotation_rms_deg"
 
 # Headers that no joint may have.
@@ -61,5 +62,6 @@ RESERVED = (
     UNCOMPENSATED_COLUMN,
     REMAINING_COLUMN,
     *BAND_COLUMNS,
+    UNCOMPENSATED_ROTATION_COLUMN,
     REMAINING_ROTATION_COLUMN,
 )

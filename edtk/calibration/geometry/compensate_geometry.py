@@ -1,13 +1,14 @@
 """Commands that bring the markers where the robot of the drawing would have them."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from edtk.calibration.geometry.geometry_to_dict import geometry_of_dict
+from edtk.calibration.geometry.marker_goal import FAR, MarkerGoal
 from edtk.calibration.geometry.study_geometry import StudyGeometry
 from edtk.design.plan import Plan
 from edtk.inference.geometry.geometric_fit import FittedGeometry, Loads
@@ -20,15 +21,40 @@ from edtk.system.typing import Array
 from edtk.tables.csv_text import csv_text
 from edtk.tables.pose_columns import pose_columns
 from edtk.tables.pose_table import WRENCH_COLUMNS, pose_factors
+from edtk.tables.sheet_columns import (
+    REMAINING_COLUMN,
+    REMAINING_ROTATION_COLUMN,
+    UNCOMPENSATED_COLUMN,
+    UNCOMPENSATED_ROTATION_COLUMN,
+)
 
 if TYPE_CHECKING:
     import pandas as pd
 
 MM = 1e3
-STEPS = 30  # of Newton's method; four are the rule
-SETTLED = 1e-9  # [m] a step that moves no marker by more ends the search
-SINGULAR = 1e-4  # of the largest singular value: smaller ones of a Jacobian are not used
-FAR = 0.2  # [rad or m] a correction is never so large
+
+
+@dataclass(frozen=True, eq=False)
+class TurnErrors:
+    """Errors of the orientations of markers.
+
+    Attributes:
+        uncompensated: Root mean square angle (t,) without compensation [rad].
+        left: The same after compensation, by the identified model [rad].
+        remaining: The same to expect after compensation [rad].
+    """
+
+    uncompensated: Array
+    left: Array
+    remaining: Array
+
+    def to_dict(self) -> dict[str, Any]:
+        """SI units."""
+        return {
+            "uncompensated": self.uncompensated.tolist(),
+            "left": self.left.tolist(),
+            "remaining": self.remaining.tolist(),
+        }
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,8 +68,10 @@ class GeometricCompensation(Presented):
         command: Joint variables (t, n) to command [rad or m].
         uncompensated: Root mean square distance (t,) of the markers, were `desired` commanded [m].
         left: The same after compensation, by the identified model [m].
-        remaining: Standard deviation (t,) of a marker's distance after compensation [m].
+        remaining: Root mean square distance (t,) to expect after compensation [m]: what is left,
+            and what the calibration does not know.
         verdict: The verdict of the calibration; None where the result does not say.
+        turns: The same errors of the markers' orientations; None where these were not measured.
     """
 
     robot: Robot
@@ -54,12 +82,19 @@ class GeometricCompensation(Presented):
     left: Array
     remaining: Array
     verdict: str | None = None
+    turns: "TurnErrors | None" = None
 
     def headline(self) -> str:
         """How far off markers are before and after."""
         before = MM * float(self.uncompensated.max())
         after = MM * float(self.remaining.max())
-        return f"{len(self.desired)} commands, {before:.3g} mm off without, {after:.3g} with them"
+        text = f"{len(self.desired)} commands, {before:.3g} mm off without, {after:.3g} with them"
+        if self.turns is None:
+            return text
+        before, after = (
+            float(np.rad2deg(one.max())) for one in (self.turns.uncompensated, self.turns.remaining)
+        )
+        return f"{text}; orientations {before:.3g} deg off without, {after:.3g} with them"
 
     def to_dict(self) -> dict[str, Any]:
         """SI units."""
@@ -72,18 +107,22 @@ class GeometricCompensation(Presented):
             "left": self.left.tolist(),
             "remaining": self.remaining.tolist(),
             "verdict": self.verdict,
+            **({} if self.turns is None else {"turns": self.turns.to_dict()}),
         }
 
     def to_frame(self) -> "pd.DataFrame":
-        """A row for each command: joints in degrees and millimetres, wrench, errors [mm]."""
+        """A row for each command: joints in degrees and millimetres, wrench, errors [mm, deg]."""
         import pandas as pd
 
         shown = self.robot.shown(self.command) / pose_factors(self.robot)
         table = pd.DataFrame(shown, columns=list(pose_columns(self.robot)))
         for i, column in enumerate(WRENCH_COLUMNS):
             table[column] = self.wrench[:, i]
-        table["uncompensated_mm"] = MM * self.uncompensated
-        table["remaining_rms_mm"] = MM * self.remaining
+        table[UNCOMPENSATED_COLUMN] = MM * self.uncompensated
+        table[REMAINING_COLUMN] = MM * self.remaining
+        if self.turns is not None:
+            table[UNCOMPENSATED_ROTATION_COLUMN] = np.rad2deg(self.turns.uncompensated)
+            table[REMAINING_ROTATION_COLUMN] = np.rad2deg(self.turns.remaining)
         return table
 
     def to_csv(self, path: Path | str) -> None:
@@ -98,9 +137,8 @@ def compensate_geometry(
 
     The robot of the drawing stands where it fitted the positions best, with the markers where they
     fitted best, and moves without a load. A command q of the identified robot brings its markers
-    there, under the load of the pose: ``sum_i |x_i(q) - y_i|^2`` is least, by Newton's method with
-    the smallest steps (Gauss-Newton with a pseudo-inverse). Three markers fix position and
-    orientation, one the position alone.
+    there, under the load of the pose, see `MarkerGoal`. Three markers fix position and orientation,
+    one the position alone, unless its orientation was measured too.
 
     Args:
         study: A study with [parameters].
@@ -114,19 +152,27 @@ def compensate_geometry(
             beyond the joints' limits; names the row.
     """
     setting = StudyGeometry.of_result(study, result["geometry"].get("markers"))
-    setting.require_positions("a compensation")
     try:
         fitted, counting = geometry_of_dict(result["geometry"], setting)
     except ValueError as error:
         raise UserError(str(error), where=where, key="geometry") from error
+    if setting.full_poses and fitted.placed_turns is None:
+        message = "the result is older than commands for full poses; identify the sheet anew"
+        raise UserError(message, where=where, key="geometry.placed_turns_rad")
     desired = counting.turned(task.q)
-    goal = _goal(fitted, desired)
+    goal = MarkerGoal.of(fitted, desired)
     loads = setting.loads
-    command = _command(fitted, desired, task.wrench, loads, goal)
-    left = _distance(fitted, command, task.wrench, loads, goal)
-    plain = _distance(fitted, desired, task.wrench, loads, goal)
+    command = goal.commands(fitted, desired, task.wrench, loads)
     asked = counting.back(command)
     _require_reached(study.robot, asked, task.q, poses)
+    plain, plain_turn = _errors(fitted, goal, desired, task.wrench, loads)
+    left, left_turn = _errors(fitted, goal, command, task.wrench, loads)
+    predicted = fitted.predict(command, task.wrench, loads)
+    noise = fitted.noise
+    turns = None
+    if plain_turn is not None and left_turn is not None and predicted.turn_std is not None:
+        remaining = _remaining(predicted.turn_std, (noise.turn or 0.0) / MM, left_turn)
+        turns = TurnErrors(plain_turn, left_turn, remaining)
     verdict = result.get("verdict")
     return GeometricCompensation(
         robot=study.robot,
@@ -135,51 +181,35 @@ def compensate_geometry(
         command=asked,
         uncompensated=plain,
         left=left,
-        remaining=_remaining(fitted, command, task.wrench, loads),
+        remaining=_remaining(predicted.std, noise.reading / MM, left),
         verdict=str(verdict) if isinstance(verdict, str) else None,
+        turns=turns,
     )
 
 
-def _goal(fitted: FittedGeometry, q: Array) -> Array:
-    """Where the drawing's robot carries the markers (t, k, 3) [m]."""
-    drawing = replace(fitted.model, parameters=(), offsets=fitted.placed)
-    return drawing.see(np.zeros(0), q, derivatives=False).points
-
-
-def _command(
-    fitted: FittedGeometry, desired: Array, wrench: Array, loads: Loads | None, goal: Array
-) -> Array:
-    """Commands (t, n) by Newton's method."""
-    q = desired.copy()
-    for _ in range(STEPS):
-        seen = fitted.model.see(fitted.theta, q, fitted.torque(q, wrench, loads))
-        assert seen.by_joints is not None
-        t, n = q.shape
-        J = seen.by_joints.reshape(t, -1, n)
-        apart = (goal - seen.points).reshape(t, -1, 1)
-        step = (np.linalg.pinv(J, rcond=SINGULAR) @ apart)[..., 0]
-        step = np.clip(step, -FAR, FAR)
-        q = q + step
-        if np.abs(J @ step[..., None]).max(initial=0.0) < SETTLED:
-            break
-    return q
-
-
-def _distance(
-    fitted: FittedGeometry, q: Array, wrench: Array, loads: Loads | None, goal: Array
-) -> Array:
-    """Root mean square distance (t,) of the markers from their goals [m]."""
+def _errors(
+    fitted: FittedGeometry,
+    goal: MarkerGoal,
+    q: Array,
+    wrench: Array,
+    loads: Loads | None,
+) -> tuple[Array, Array | None]:
+    """Root mean square distances [m] and angles [rad] of the markers (t,) from their goals."""
     torque = fitted.torque(q, wrench, loads)
-    points = fitted.model.see(fitted.theta, q, torque, derivatives=False).points
-    return np.asarray(np.sqrt(((points - goal) ** 2).sum(axis=-1).mean(axis=-1)))
+    seen = fitted.model.see(fitted.theta, q, torque, derivatives=False)
+    return goal.distance(seen), goal.angle(seen)
 
 
-def _remaining(fitted: FittedGeometry, q: Array, wrench: Array, loads: Loads | None) -> Array:
-    """Standard deviation (t,) of a marker's distance, all errors but a reading's [m]."""
-    predicted = fitted.predict(q, wrench, loads)
-    squares = (predicted.std**2).sum(axis=-1).mean(axis=-1)
-    reading = 3 * (fitted.noise.reading / MM) ** 2
-    return np.asarray(np.sqrt(np.maximum(squares - reading, 0.0)))
+def _remaining(std: Array, reading: float, left: Array) -> Array:
+    """Root mean square error (t,) of a marker, of all errors but a reading's.
+
+    Args:
+        std: Standard deviations (t, k, 3) of measured coordinates.
+        reading: That of a reading.
+        left: What the commands leave (t,), by the identified model.
+    """
+    squares = (std**2).sum(axis=-1).mean(axis=-1)
+    return np.asarray(np.sqrt(np.maximum(squares - 3 * reading**2, 0.0) + left**2))
 
 
 def _require_reached(robot: Robot, command: Array, desired: Array, where: Path | str) -> None:
@@ -188,7 +218,8 @@ def _require_reached(robot: Robot, command: Array, desired: Array, where: Path |
     Raises:
         UserError: It did not; names the row.
     """
-    far = np.flatnonzero(np.abs(command - desired).max(axis=1) > FAR)
+    near = np.abs(command - desired).max(axis=1) <= FAR
+    far = np.flatnonzero(~near)
     if len(far):
         raise UserError(
             "no command near the pose brings the markers there; is the arm stretched?",

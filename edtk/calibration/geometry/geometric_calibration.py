@@ -82,7 +82,8 @@ class GeometricCalibration(Presented):
         """The error of the markers to expect in the tasks, geometry and load compensated [mm].
 
         It is the root mean square distance that wrong parameters leave, over the tasks with their
-        weights; what the model leaves out comes on top of it. None without tasks.
+        weights; what the model leaves out comes on top of it. Of full poses it is that of the
+        positions. None without tasks.
         """
         poses = self.study.specification.test_poses
         if not poses:
@@ -91,9 +92,7 @@ class GeometricCalibration(Presented):
         wrench = np.array([pose.load.build() for pose in poses])
         fitted = self.fit.fitted
         rows = fitted.columns(self.counting.turned(q), wrench, self.setting.loads)
-        # Of full poses the positions alone.
-        of_marker = fitted.model.row_count
-        rows = rows[:, np.arange(rows.shape[1]) % of_marker < 3]
+        rows = rows[:, fitted.model.placed_rows]
         squares = np.einsum("mrp,pq,mrq->mr", rows, fitted.covariance, rows)
         weights = [pose.weight for pose in poses]
         return float(np.sqrt(3 * np.average(squares.mean(axis=1), weights=weights)))
@@ -161,7 +160,6 @@ class GeometricCalibration(Presented):
         Raises:
             UnconvergedError: The chain does not converge.
         """
-        self.setting.require_positions("the posterior")
         density = GeometryDensity.of(self.fit, self.setting.loads, self.robust)
         fitted = (self.fit.fitted.values, self.fit.fitted.std)
         found = geometry_posterior(density, fitted, rng, options)

@@ -50,6 +50,9 @@ class GeometryProblem(Presented):
     def rows(self, q: ArrayLike, wrench: ArrayLike | None = None) -> Array:
         """How positions of all markers move with the parameters (m, 3k, p) [mm].
 
+        Where the study measures full poses, each marker has three more rows: its orientation as a
+        turn [mrad].
+
         Args:
             q: Poses (m, n) [rad or m].
             wrench: Forces and torques (m, 6) or (6,); none by default.
@@ -64,14 +67,14 @@ class GeometryProblem(Presented):
 
         It is the root mean square distance of the markers from where the calibrated model has them,
         over all tasks and markers, in millimetres: ``rho0^2 = trace(A0 M^-1 A0')`` with the rows A0
-        of the tasks over the square root of the number of positions. No choice among parameters
+        of positions in the tasks over the square root of their number. No choice among parameters
         that cannot be told apart changes it.
 
         Args:
             q: Poses (t, n) of the tasks [rad or m].
             wrench: Their forces and torques (t, 6) or (6,); none by default.
         """
-        rows = self.rows(q, wrench)
+        rows = self.rows(q, wrench)[:, self.model.placed_rows]
         positions = rows.shape[0] * rows.shape[1] / 3
         A0 = rows.reshape(-1, rows.shape[-1]) / np.sqrt(positions)
         # As many rows as parameters say the same as all: only A0'A0 counts.
@@ -108,7 +111,6 @@ def geometry_problem(
             "expected a study of geometry, with a table [parameters]", argument="study"
         )
     setting = StudyGeometry.of(study)
-    setting.require_positions("a plan")
     poses = np.asarray(q, dtype=float)
     if poses.ndim != 2 or poses.shape[1] != study.robot.n or not len(poses):
         raise ValueError(f"poses have the shape {poses.shape}, expected (n, {study.robot.n})")
@@ -117,6 +119,9 @@ def geometry_problem(
     loads = setting.loads
     model = _minimal(setting.model, poses, forces, loads)
     errors = setting.noise if noise is None else noise
+    if errors.rows != model.row_count:
+        asked = "a size for orientations" if setting.full_poses else "none for orientations"
+        raise ValueError(f"noise.turn is {errors.turn}; expected {asked}")
     blocks = PositionRows(model, loads, errors)(poses, forces)
     names = tuple(one.name for one in model.parameters)
     problem = Problem.of_kept(rows_of_blocks(blocks, 1.0), names, None)

@@ -36,6 +36,11 @@ def geometry_to_dict(fitted: FittedGeometry, counting: Counting) -> dict[str, An
         "base": fitted.model.start.tolist(),
         "offsets_m": np.asarray(fitted.model.offsets).tolist(),
         "placed_m": fitted.placed.tolist(),
+        **(
+            {}
+            if fitted.placed_turns is None
+            else {"placed_turns_rad": fitted.placed_turns.tolist()}
+        ),
         "names": [one.name for one in fitted.model.parameters],
         "values": fitted.values.tolist(),
         "covariance": fitted.covariance.tolist(),
@@ -97,6 +102,10 @@ def geometry_of_dict(
         _numbers(given, "shares", (p, len(opened))),
         _noise(given.get("noise"), n, setting.full_poses),
         _numbers(given, "placed_m", (len(model.markers), 3)),
+        # Results of full poses that are older do not have them; commands ask for them.
+        _numbers(given, "placed_turns_rad", (len(model.markers), 3))
+        if "placed_turns_rad" in given and setting.full_poses
+        else None,
     )
     words = given.get("counting_words", "")
     return fitted, Counting(_numbers(given, "counting", (n, n)), str(words))

@@ -13,6 +13,7 @@ from edtk.calibration.geometry.tool_from_rows import tool_from_rows
 from edtk.inference.geometry.geometric_fit import Predicted
 from edtk.inference.geometry.marker_positions import MarkerPositions
 from edtk.inference.geometry.read_positions import read_positions
+from edtk.model.geometry.rotation import rotation_vectors
 from edtk.study.study import Study
 from edtk.study.study_model import marker_names
 from edtk.system.errors import UserError
@@ -160,11 +161,7 @@ class Prediction(Presented):
         """Predicted orientations as rotation vectors (v, k, 3) [deg]; None where none is asked."""
         if self.predicted.turn_half is None:
             return None
-        from scipy.spatial.transform import Rotation
-
-        turns = self.predicted.turns
-        vectors = Rotation.from_matrix(turns.reshape(-1, 3, 3)).as_rotvec(degrees=True)
-        return np.asarray(vectors.reshape(turns.shape[:-1]))
+        return np.asarray(np.rad2deg(rotation_vectors(self.predicted.turns)))
 
     def to_frame(self) -> "pd.DataFrame":
         """A row for each position, as in `to_dict`."""

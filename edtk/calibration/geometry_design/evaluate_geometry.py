@@ -94,7 +94,7 @@ def _without_value(question: GeometryQuestion) -> dict[str, str]:
 
 
 def _unscaled(question: GeometryQuestion, plan: Plan) -> dict[str, float]:
-    """O1 to O5 of the stacked regressor in millimetres, without division by the noise."""
+    """O1 to O5 of the stacked regressor in mm and mrad, without division by the noise."""
     rows = PositionRows(question.model, question.setting.loads)(plan.q, plan.wrench)
     M = np.einsum("k,kri,krj->ij", plan.repeats, rows, rows)
     return observability(M, question.criterion)

@@ -26,7 +26,8 @@ class GeometryEvaluation(Presented):
         poses: The poses with their visits by load.
         criteria: Value of every criterion that applies, by name; rho0 and rho_max in metres. None
             but these where parameters are open.
-        observability_unscaled: O1 to O5 from the singular values of the rows in millimetres.
+        observability_unscaled: O1 to O5 from the singular values of the rows in millimetres and
+            milliradians.
         covariance: Covariance (r, r) of the parameters that the plan tells.
         parameters: These parameters (r,).
         open: A sentence for each parameter that feasible poses could tell, and this plan does not.

@@ -61,7 +61,6 @@ class GeometryQuestion:
             UserError: Its loads are none that a plan can choose among, or no pose is feasible.
         """
         setting = StudyGeometry.of(study)
-        setting.require_positions("a plan")
         wrenches = wrenches_of(study)
         anywhere = _anywhere(setting.model, wrenches)
         told = _told(setting, setting.model, *anywhere)
@@ -85,12 +84,14 @@ class GeometryQuestion:
         return self.space.geometry
 
     def rows(self, q: Array, wrench: Array) -> Array:
-        """How markers move with the parameters (m, 3k, p) [mm] in poses under wrenches."""
+        """How markers move with the parameters (m, k r, p) [mm, mrad] in poses under wrenches."""
         return PositionRows(self.model, self.setting.loads)(q, wrench)
 
     @cached_property
     def tasks(self) -> Array | None:
-        """Rows (t, 3k, p) of the markers in the test poses [mm]; None without any.
+        """Rows (t, 3k, p) of the markers' positions in the test poses [mm]; None without any.
+
+        Where orientations are measured, too, tasks ask for positions all the same.
 
         Raises:
             UserError: Something that no feasible pose tells moves a marker there.
@@ -101,6 +102,7 @@ class GeometryQuestion:
         q = of_file_units(self.study.robot, np.array([pose.q_deg for pose in poses]))
         wrench = np.array([pose.load.build() for pose in poses])
         rows = PositionRows(self.structural, self.setting.loads)(q, wrench)
+        rows = rows[:, self.model.placed_rows]
         kept = rows[..., self.shares.kept]
         apart = np.abs(rows[..., self.shares.left] - kept @ self.shares.shares)
         if apart.size and apart.max() > UNTOLD:

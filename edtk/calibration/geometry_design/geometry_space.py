@@ -25,9 +25,9 @@ class GeometrySpace(DesignSpace):
     """A design space whose experiments are visits of a pose, each under one of the study's loads.
 
     Design variables are the joints, then the index of the load where there are several; the first
-    load is none. What a visit tells are the positions of all markers, whose rows are those of
-    `PositionRows`. Candidates are kept as rows: parameters of geometry are nearly dependent, and
-    squares would lose their digits.
+    load is none. What a visit tells are the positions of all markers, and their orientations where
+    the study measures full poses: the rows, r for each marker, of `PositionRows`. Candidates are
+    kept as rows: parameters of geometry are nearly dependent, and squares would lose their digits.
 
     Args:
         geometry: Markers and parameters, in the parameters' own units.
@@ -55,18 +55,18 @@ class GeometrySpace(DesignSpace):
     @property
     def doubles(self) -> int:
         """Numbers that say what a candidate tells: those of its rows."""
-        return 3 * len(self.geometry.markers) * self.p
+        return self.geometry.row_count * len(self.geometry.markers) * self.p
 
     def at(self, x: Array) -> "GeometryExperiments":
         """The experiments of design variables x (..., v)."""
         return GeometryExperiments(self, x, self.model.frames(x[..., : len(self.fixed)]))
 
     def told(self, experiments: Experiments) -> Array:
-        """What experiments (k) tell: rows (3 markers, p, k)."""
+        """What experiments (k) tell: rows (r markers, p, k)."""
         return np.moveaxis(experiments.regressor, 0, -1)
 
     def problem_of(self, told: Array) -> Problem:
-        """Make a problem of experiments whose rows (3 markers, p, k) are at hand."""
+        """Make a problem of experiments whose rows (r markers, p, k) are at hand."""
         rows = np.ascontiguousarray(np.moveaxis(told, -1, 0))
         return Problem.of_kept(rows_of_blocks(rows, 1.0), self.parameters, self.prior)
 
@@ -98,7 +98,7 @@ class GeometrySpace(DesignSpace):
         return np.rint(u[:, 0]).astype(int) if u.shape[1] else np.zeros(len(x), dtype=int)
 
     def rows(self, x: Array) -> Array:
-        """Whitened rows (m, 3 markers, p) of experiments x (m, v), for one unit of costs each."""
+        """Whitened rows (m, r markers, p) of experiments x (m, v), for one unit of costs each."""
         q, wrench = self._visits(x)
         return self._rows(q, wrench) * self._shares(x)[:, None, None]
 
@@ -143,13 +143,13 @@ class GeometryExperiments(Experiments):
 
     @cached_property
     def regressor(self) -> Array:
-        """Whitened rows (..., 3 markers, p)."""
+        """Whitened rows (..., r markers, p)."""
         A = self.space.rows(self.x.reshape(-1, self.x.shape[-1]))
         return A.reshape(*self.x.shape[:-1], *A.shape[1:])
 
     @cached_property
     def _regressor(self) -> Array:
-        """The same, component first (p, 3 markers, ...)."""
+        """The same, component first (p, r markers, ...)."""
         return np.moveaxis(self.regressor, (-1, -2), (0, 1))
 
     def slope(self, B: Array) -> Array:

@@ -147,10 +147,12 @@ class _Search:
         model = self.question.model
         message = f"so few visits cannot tell what {self.criterion.name} needs; expected more"
         if self.criterion.needs_all:
-            least = -(-model.p // (3 * len(model.markers)))
+            count = len(model.markers)
+            least = -(-model.p // (model.row_count * count))
+            poses = "full poses of " if model.rows == "pose" else ""
             message = (
                 f"so few visits cannot tell {model.p} parameters apart; expected {least} or more, "
-                f"each of {len(model.markers)} markers"
+                f"each of {poses}{count} marker{'s' if count > 1 else ''}"
             )
         if self.new is None:
             given = None if self.costs is None else self.costs.budget

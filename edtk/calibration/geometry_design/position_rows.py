@@ -1,4 +1,4 @@
-"""What positions in a pose tell of geometry and springs: the rows of the regressor."""
+"""What markers in a pose tell of geometry and springs: the rows of the regressor."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -17,14 +17,16 @@ BLOCK = 1024  # poses at once: their arrays fit into a core's cache
 
 @dataclass(frozen=True, eq=False)
 class PositionRows:
-    """How positions of all markers move with the parameters, at the geometry of the drawing.
+    """How what is seen of all markers moves with the parameters, at the geometry of the drawing.
 
-    With the noise of a pose they are whitened: ``L^-1 J`` of its covariance ``L L'``.
+    A marker has r = 3 rows, its position [mm], or r = 6 with its orientation as a turn in the axes
+    of the instrument [mrad]. With the noise of a pose they are whitened: ``L^-1 J`` of its
+    covariance ``L L'``.
 
     Args:
         model: Markers and parameters.
         loads: What loads the joints; None without springs.
-        noise: The errors of a pose; None for rows in millimetres.
+        noise: The errors of a pose; None for rows in millimetres and milliradians.
     """
 
     model: GeometricModel
@@ -38,39 +40,46 @@ class PositionRows:
 
     @cached_property
     def scales(self) -> Array:
-        """Millimetres that a metre by one unit of each parameter is (p,)."""
+        """Millimetres that a metre by one unit of each parameter is, or mrad that a rad is (p,)."""
         return MM * self.model.scales
 
     @property
     def is_white(self) -> bool:
-        """Whether the errors of all coordinates are independent and alike."""
+        """Whether the errors of all coordinates are independent, and of positions alike."""
         noise = self.noise
         return noise is None or not (np.any(noise.joints) or np.any(noise.model_joints))
 
+    @cached_property
+    def _sigma(self) -> Array:
+        """Their standard deviations (k r,) [mm, mrad]; one without noise."""
+        noise = self.noise
+        if noise is None:
+            return np.ones(self._width)
+        of_marker = [np.hypot(noise.reading, noise.model_white)] * 3
+        if noise.turn is not None:
+            of_marker += [np.hypot(noise.turn, noise.model_turn)] * 3
+        return np.tile(of_marker, len(self.model.markers))
+
     @property
-    def _sigma(self) -> float:
-        """Their standard deviation [mm]; one without noise."""
-        return (
-            1.0
-            if self.noise is None
-            else float(np.hypot(self.noise.reading, self.noise.model_white))
-        )
+    def _width(self) -> int:
+        """Rows of a pose."""
+        return self.model.row_count * len(self.model.markers)
 
     def __call__(self, q: Array, wrench: Array) -> Array:
-        """Rows (m, 3k, p), in millimetres (or in units of the noise) for a unit of each parameter.
+        """Rows (m, k r, p) for a unit of each parameter, in mm and mrad or in units of the noise.
 
         Args:
             q: Poses (m, n) [rad or m].
             wrench: Their forces and torques (m, 6) [N, N m].
         """
-        found = np.empty((len(q), 3 * len(self.model.markers), self.model.p))
+        found = np.empty((len(q), self._width, self.model.p))
         for first in range(0, len(q), BLOCK):
             part = slice(first, first + BLOCK)
             found[part] = self._block(q[part], wrench[part])
         return found
 
     def slopes(self, q: Array, wrench: Array, B: Array) -> Array:
-        """Derivatives (m, n) of ``<B, rows>`` by the joints, weights B (m, 3k, p) held fixed.
+        """Derivatives (m, n) of ``<B, rows>`` by the joints, weights B (m, k r, p) held fixed.
 
         Where errors are correlated, ``rows = L^-1 A`` with ``V = L L'``, and B must be such that
         ``B rows'`` is symmetric, as it is for ``B = rows G`` with symmetric G, from differentials
@@ -87,11 +96,11 @@ class PositionRows:
         placed = self.columns.at(q)
         rows = self._rows(placed, self._torque(q, wrench))
         if self.is_white:
-            return np.asarray(rows / self._sigma)
+            return np.asarray(rows / self._sigma[:, None])
         return self._whitened(rows, placed)
 
     def _rows(self, placed: PlacedColumns, torque: Array | None) -> Array:
-        """Rows (m, 3k, p) in millimetres."""
+        """Rows (m, k r, p) in millimetres and milliradians."""
         J = placed.jacobian(torque)
         flat = J.reshape(self.model.p, -1, J.shape[-1])
         return np.asarray(np.moveaxis(flat, (0, 1), (2, 1)) * self.scales)
@@ -102,7 +111,7 @@ class PositionRows:
         return np.asarray(np.linalg.solve(L, rows))
 
     def _covariance(self, motion: Array) -> Array:
-        """Covariances (m, r, r) of a visit [mm^2], for motions (m, r, n) by the joints."""
+        """Covariances (m, k r, k r) of a visit, for motions (m, k r, n) by the joints."""
         assert self.noise is not None
         return self.noise.of_reading(motion) + self.noise.of_model(motion)
 
@@ -114,7 +123,7 @@ class PositionRows:
         """The derivatives of a block of poses."""
         placed = self.columns.at(q)
         torque = self._torque(q, wrench)
-        weights = B / self._sigma
+        weights = B / self._sigma[:, None]
         of_noise = np.zeros(q.shape)
         if not self.is_white:
             weights, of_noise = self._correlated(placed, self._rows(placed, torque), B)
@@ -145,12 +154,12 @@ class PositionRows:
 
 
 def _motion(placed: PlacedColumns) -> Array:
-    """Motions (m, 3k, n) of all coordinates by the joints [mm/mrad]."""
-    n, k, _, m = placed.by_joints.shape
-    return np.moveaxis(placed.by_joints.reshape(n, 3 * k, m), (0, 1), (2, 1))
+    """Motions (m, k r, n) of all coordinates by the joints [mm/mrad]."""
+    n, _, _, m = placed.by_joints.shape
+    return np.moveaxis(placed.by_joints.reshape(n, -1, m), (0, 1), (2, 1))
 
 
 def _component_first(A: Array, markers: int) -> Array:
-    """Arrays (m, 3k, c) as (c, k, 3, m)."""
+    """Arrays (m, k r, c) as (c, k, r, m)."""
     m, _, c = A.shape
-    return np.moveaxis(A, (2, 1), (0, 1)).reshape(c, markers, 3, m)
+    return np.moveaxis(A, (2, 1), (0, 1)).reshape(c, markers, -1, m)

@@ -8,9 +8,11 @@ from edtk.calibration.geometry.study_geometry import StudyGeometry
 from edtk.calibration.geometry_design.day_costs import DayCosts
 from edtk.calibration.visiting_order import visiting_order
 from edtk.design.plan import Plan
+from edtk.inference.geometry.turn_columns import VECTOR
 from edtk.study.study import Study
 from edtk.system.typing import Array, Indices
 from edtk.tables.in_file_units import rounded
+from edtk.tables.pose_columns import pose_columns
 from edtk.tables.sheet_columns import LOADED_COLUMNS, MARKER_NAME_COLUMN, VISIT_COLUMN
 
 if TYPE_CHECKING:
@@ -22,15 +24,15 @@ def position_sheet(study: Study, plan: Plan) -> "pd.DataFrame":
 
     All poses without a load come first, then those under each load, each in an order of little
     joint travel. Where the study asks for more load changes, the visits of each load are shared out
-    among so many rounds. Reference points on the base have rows in every visit, too. Angles have
-    the digits that a controller takes; `edtk identify` reads the sheet when it is filled in.
+    among so many rounds. Reference points on the base have rows in every visit, too. Orientations
+    of full poses are rotation vectors. Angles have the digits that a controller takes; `edtk
+    identify` reads the sheet when it is filled in.
 
     Args:
         study: The study, with [parameters].
         plan: The visits.
     """
     setting = StudyGeometry.of(study)
-    setting.require_positions("a template")
     lower, upper = study.robot.limits
     plan = Plan(rounded(study.robot, plan.q), plan.wrench, plan.repeats)
     order = _order(study, plan, upper - lower)
@@ -40,7 +42,16 @@ def position_sheet(study: Study, plan: Plan) -> "pd.DataFrame":
     table[VISIT_COLUMN] = np.arange(len(table)) // len(names) + 1
     table[MARKER_NAME_COLUMN] = list(names) * len(order)
     table[list(LOADED_COLUMNS)] = np.nan
+    if setting.full_poses:
+        table[_turn_columns(study, setting.markers)] = np.nan
     return table
+
+
+def _turn_columns(study: Study, markers: tuple[str, ...]) -> list[str]:
+    """Columns of the orientations; with the markers' names where a joint has one of them."""
+    if set(VECTOR) & set(pose_columns(study.robot)):
+        return [f"{name}_{column}" for name in markers for column in VECTOR]
+    return list(VECTOR)
 
 
 def _order(study: Study, plan: Plan, span: Array) -> Indices:

@@ -23,6 +23,7 @@ from edtk.inference.geometry.position_noise import (
 )
 from edtk.inference.geometry.working import working
 from edtk.model.geometry.geometric_model import GeometricModel
+from edtk.model.geometry.geometric_parameter import TURNS
 from edtk.model.geometry.identifiable import Identifiable, identifiable
 from edtk.system.typing import Array, Mask
 
@@ -91,8 +92,9 @@ def fit_geometry(
     common, shown = _as_shown(kept, theta, noise, weights, data, loads)
     opened = tuple(minimal.parameters[i] for i in told.left)
     tools = placed_tools(placed, start)
+    turned = placed_turns(placed, start)
     fit = judge_fit(
-        kept, theta, shown, (common, weights), data, loads, (opened, told.shares, tools)
+        kept, theta, shown, (common, weights), data, loads, (opened, told.shares, tools, turned)
     )
     return replace(
         fit,
@@ -110,6 +112,17 @@ def placed_tools(model: GeometricModel, theta: Array) -> Array:
         if one.place == "tool" and not one.turns:
             places[model.markers.index(one.of), "xyz".index(one.component)] += value
     return places
+
+
+def placed_turns(model: GeometricModel, theta: Array) -> Array | None:
+    """Orientations (k, 3) of the markers there, as rotation vectors [rad]; None without any."""
+    if model.rows == "position":
+        return None
+    turns = np.zeros((len(model.markers), 3))
+    for one, value in zip(model.parameters, theta, strict=True):
+        if one.place == "tool" and one.turns:
+            turns[model.markers.index(one.of), TURNS.index(one.component)] = value
+    return turns
 
 
 def stages(model: GeometricModel) -> list[list[int]]:

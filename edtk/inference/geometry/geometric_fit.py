@@ -36,8 +36,9 @@ class Predicted:
         open: How far (m, k) what the calibration left open may move each marker, at one standard
             deviation [m].
         turns: Orientations (m, k, 3, 3).
-        turn_half: Half the width (m, k, 3) of the 95 % band of a measured orientation about them,
-            as turns in the axes of the instrument [rad]; None where none is measured.
+        turn_std: Standard deviation (m, k, 3) of a measured orientation about them, as a turn in
+            the axes of the instrument [rad]; None where none is measured.
+        turn_half: Half the width (m, k, 3) of its 95 % band [rad]; None likewise.
     """
 
     points: Array
@@ -45,6 +46,7 @@ class Predicted:
     half: Array
     open: Array
     turns: Array
+    turn_std: Array | None = None
     turn_half: Array | None = None
 
     def inside(self, measured: Array) -> Mask:
@@ -65,6 +67,8 @@ class FittedGeometry:
         noise: The errors of a pose.
         placed: Markers (k, 3) in the tool frame, where the geometry of the drawing has them [m]:
             that of the model's start and these is the robot that commands are made for.
+        placed_turns: Their orientations (k, 3) there, as rotation vectors [rad]; None where
+            positions alone are measured.
     """
 
     model: GeometricModel
@@ -74,6 +78,7 @@ class FittedGeometry:
     shares: Array
     noise: PositionNoise
     placed: Array
+    placed_turns: Array | None = None
 
     @cached_property
     def std(self) -> Array:
@@ -139,12 +144,14 @@ class FittedGeometry:
         half = np.sqrt(var) * student_quantile(self.dof(motion))
         shape = (m, k, rows)
         half = half.reshape(shape) / MM
+        std = np.sqrt(var).reshape(shape) / MM
         return Predicted(
             points=seen.points,
-            std=np.sqrt(var).reshape(shape)[..., :3] / MM,
+            std=std[..., :3],
             half=half[..., :3],
             open=np.sqrt(left.reshape(shape)[..., :3].sum(axis=-1)) / MM,
             turns=seen.turns,
+            turn_std=std[..., 3:] if rows > 3 else None,
             turn_half=half[..., 3:] if rows > 3 else None,
         )
 

@@ -7,9 +7,9 @@ import numpy as np
 from edtk.inference.geometry.fit_geometry import NU
 from edtk.inference.geometry.geometric_fit import MM, GeometricFit, Loads, resting_torque
 from edtk.inference.geometry.least_squares_fit import least_squares_fit
-from edtk.inference.geometry.many_positions import many_positions
+from edtk.inference.geometry.many_seen import many_seen
 from edtk.inference.geometry.marker_positions import MarkerPositions
-from edtk.inference.geometry.pose_rows import PoseRows
+from edtk.inference.geometry.pose_rows import PoseRows, measured_less_seen
 from edtk.model.geometry.geometric_model import GeometricModel
 from edtk.system.typing import Array
 
@@ -18,7 +18,7 @@ BLOCK = 3_000_000  # coordinates that are computed at once
 
 @dataclass(frozen=True, eq=False)
 class GeometryDensity:
-    """Flat on all parameters, times the likelihood of the positions by the nonlinear model.
+    """Flat on all parameters, times the likelihood of the sheet by the nonlinear model.
 
     Errors of a pose have the covariance that was fitted, with normal errors or, where the fit was
     robust, with multivariate t ones. Coordinates are those of the normal approximation about the
@@ -30,7 +30,8 @@ class GeometryDensity:
         root: Factor (p, p) of the covariance of the normal approximation, in these units.
         means: The measured poses.
         torque: Loads of the joints (m, n).
-        whitening: Matrices (m, 3k, 3k) that make errors of a pose independent, of size one [1/mm].
+        whitening: Matrices (m, k r, k r) that make errors of a pose independent, of size one
+            [1/mm, 1/mrad], with the r = 3 coordinates of a marker, or 6 with its orientation.
         nu: Degrees of freedom of t errors; None for normal ones.
     """
 
@@ -56,7 +57,7 @@ class GeometryDensity:
         V = fitted.noise.of_pose(
             PoseRows.of(model, fitted.theta, means, torque).motion, fit.data.counts
         )
-        there = np.repeat(means.seen, 3, axis=1)[:, :, None]
+        there = np.repeat(means.seen, means.rows, axis=1)[:, :, None]
         whitening = np.linalg.inv(np.linalg.cholesky(V)) * there
         weights = np.sqrt(fit.weights)[:, None, None]
         theta = least_squares_fit(model, fitted.theta, means, torque, whitening * weights).theta
@@ -74,19 +75,18 @@ class GeometryDensity:
     def log_density(self, x: Array) -> Array:
         """Logarithm (n,) of the density of coordinates (n, p), up to a constant."""
         m, k = self.means.seen.shape
-        step = max(1, BLOCK // (3 * m * k))
+        step = max(1, BLOCK // (self.means.rows * m * k))
         parts = [self._squares(x[first : first + step]) for first in range(0, len(x), step)]
         squares = np.concatenate(parts)
         if self.nu is None:
             return np.asarray(-0.5 * squares.sum(axis=1))
-        d = 3.0 * self.means.seen.sum(axis=1)
+        d = self.means.rows * self.means.seen.sum(axis=1)
         return np.asarray(-0.5 * ((self.nu + d) * np.log1p(squares / self.nu)).sum(axis=1))
 
     def _squares(self, x: Array) -> Array:
         """Squared sizes (n, m) of the errors of the poses."""
         theta = self.parameters(x) * self.model.scales
-        points = many_positions(self.model, theta, self.means.q, self.torque)
-        there = self.means.seen[..., None]
-        apart = MM * np.where(there, self.means.measured - points, 0.0)
-        z = np.einsum("mrs,nms->nmr", self.whitening, apart.reshape(len(x), len(there), -1))
+        seen = many_seen(self.model, theta, self.means.q, self.torque)
+        apart = MM * measured_less_seen(self.means, seen)
+        z = np.einsum("mrs,nms->nmr", self.whitening, apart.reshape(len(x), len(self.means), -1))
         return np.asarray((z**2).sum(axis=-1))

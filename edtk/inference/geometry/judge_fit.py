@@ -29,7 +29,7 @@ def judge_fit(
     weighting: tuple[Array, Array],
     data: MarkerPositions,
     loads: Loads | None,
-    beside: tuple[tuple[GeometricParameter, ...], Array, Array],
+    beside: tuple[tuple[GeometricParameter, ...], Array, Array, Array | None],
 ) -> GeometricFit:
     """The fit with its covariance, and each pose as it is predicted without it.
 
@@ -46,7 +46,8 @@ def judge_fit(
             joints, by which the fit weighted them, and weights (m,) of a robust loss.
         data: The positions.
         loads: What loads the joints.
-        beside: Open parameters, how they hang on the others, and where the markers were placed.
+        beside: Open parameters, how they hang on the others, and where the markers were placed
+            and how they were turned there.
     """
     common, weights = weighting
     means = data.means
@@ -64,6 +65,7 @@ def judge_fit(
         shares=beside[1],
         noise=noise,
         placed=beside[2],
+        placed_turns=beside[3],
     )
     half = out.std * student_quantile(fitted.dof(rows.motion))
     shape = (len(means), len(data.markers), means.rows)

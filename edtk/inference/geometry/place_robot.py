@@ -11,7 +11,7 @@ from edtk.inference.geometry.linear_start import LinearStart, linear_start
 from edtk.inference.geometry.marker_positions import MarkerPositions
 from edtk.model.geometry.geometric_model import GeometricModel
 from edtk.model.geometry.geometric_parameter import COMPONENTS, GeometricParameter
-from edtk.model.geometry.rotation import rotation
+from edtk.model.geometry.rotation import rotation, rotation_vectors
 from edtk.system.typing import Array
 
 QUARTER = np.pi / 2
@@ -69,8 +69,6 @@ def place_robot(model: GeometricModel, means: MarkerPositions) -> tuple[Geometri
 
 def _tool_turns(model: GeometricModel, means: MarkerPositions) -> Array:
     """Turns (k, 3) of the tools by which measured orientations are predicted from this base."""
-    from scipy.spatial.transform import Rotation
-
     assert means.turns is not None
     tips = model.see(np.zeros(model.p), means.q, derivatives=False).turns
     turned = np.where(
@@ -79,8 +77,7 @@ def _tool_turns(model: GeometricModel, means: MarkerPositions) -> Array:
     found = np.zeros((len(turned), 3))
     for i, one in enumerate(turned):
         U, _, Vt = np.linalg.svd(one)
-        R = U @ np.diag([1.0, 1.0, np.linalg.det(U @ Vt)]) @ Vt
-        found[i] = Rotation.from_matrix(R).as_rotvec()
+        found[i] = rotation_vectors(U @ np.diag([1.0, 1.0, np.linalg.det(U @ Vt)]) @ Vt)
     return found
 
 

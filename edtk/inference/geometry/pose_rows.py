@@ -4,6 +4,7 @@ import numpy as np
 
 from edtk.inference.geometry.marker_positions import MarkerPositions
 from edtk.model.geometry.geometric_model import GeometricModel, Seen
+from edtk.model.geometry.rotation import rotation_vectors
 from edtk.system.typing import Array
 
 MM = 1e3
@@ -53,9 +54,6 @@ def measured_less_seen(means: MarkerPositions, seen: Seen) -> Array:
     apart = np.where(means.seen[..., None], means.measured - seen.points, 0.0)
     if means.turns is None:
         return apart
-    from scipy.spatial.transform import Rotation
-
     turned = means.turns @ np.swapaxes(seen.turns, -1, -2)
     turned = np.where(means.seen[..., None, None], turned, np.eye(3))
-    vectors = Rotation.from_matrix(turned.reshape(-1, 3, 3)).as_rotvec().reshape(apart.shape)
-    return np.concatenate([apart, vectors], axis=-1)
+    return np.concatenate([apart, rotation_vectors(turned)], axis=-1)

@@ -6,6 +6,7 @@ import numpy as np
 
 from edtk.inference.geometry.fit_variances_of_blocks import BlockVariances, fit_variances_of_blocks
 from edtk.inference.geometry.marker_positions import MarkerPositions
+from edtk.model.geometry.rotation import rotation_vectors
 from edtk.system.typing import Array, Indices, Mask
 
 ENOUGH = 20  # degrees of freedom of repeats, from which they tell the noise of a reading
@@ -179,11 +180,8 @@ def _coordinates(data: MarkerPositions, visits: Indices) -> Array:
     x = data.measured[visits]
     if data.turns is None:
         return x
-    from scipy.spatial.transform import Rotation
-
     turned = data.turns[visits] @ np.swapaxes(data.turns[visits[:1]], -1, -2)
-    vectors = Rotation.from_matrix(turned.reshape(-1, 3, 3)).as_rotvec()
-    return np.concatenate([x, vectors.reshape(x.shape)], axis=-1)
+    return np.concatenate([x, rotation_vectors(turned)], axis=-1)
 
 
 def fit_model_error(

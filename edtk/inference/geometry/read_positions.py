@@ -59,7 +59,7 @@ def read_positions(
     if measured and not own and found and MARKER_NAME_COLUMN not in table:
         _require_same(table, found, markers)
     plain = (*LOADED_COLUMNS, MARKER_NAME_COLUMN)
-    of_turns = turn_columns(table, turned, measured)
+    of_turns = turn_columns(table, turned, pose_columns(robot), measured)
     turns = tuple(column for columns in of_turns.values() for column in columns)
     known = (*own, *plain, VISIT_COLUMN, POSE_COLUMN, *turns)
     beside = tuple(column for name in others for column in _wide(table, name))

@@ -15,7 +15,7 @@ UNIT = 0.01  # by how much the length of a quaternion may differ from one
 
 
 def turn_columns(
-    table: PoseTable, names: Sequence[str], measured: bool = True
+    table: PoseTable, names: Sequence[str], joints: Sequence[str], measured: bool = True
 ) -> dict[str, tuple[str, ...]]:
     """The columns of the orientation of each marker, in the frame of the instrument.
 
@@ -26,6 +26,7 @@ def turn_columns(
     Args:
         table: The sheet.
         names: Markers whose orientations are measured.
+        joints: Columns of the joints, which are no orientations: one may be called rx.
         measured: Whether there have to be any.
 
     Raises:
@@ -38,7 +39,11 @@ def turn_columns(
             for before in (name, f"{name}_", "")
             for columns in (VECTOR, QUATERNION)
         ]
-        there = [form for form in forms if all(column in table for column in form)]
+        there = [
+            form
+            for form in forms
+            if all(column in table and column not in joints for column in form)
+        ]
         if there:
             found[name] = there[0]
         elif measured:

@@ -10,7 +10,7 @@ from edtk.model.geometry.erring_chain import ErringChain, PlacedChain
 from edtk.model.geometry.geometric_parameter import COMPONENTS, GeometricParameter
 from edtk.model.geometry.rotation import left_jacobian, rotation
 from edtk.model.robot import Robot
-from edtk.system.typing import Array, Indices
+from edtk.system.typing import Array, Indices, Mask
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,6 +76,11 @@ class GeometricModel:
     def row_count(self) -> int:
         """Measured rows of one marker."""
         return 3 if self.rows == "position" else 6
+
+    @property
+    def placed_rows(self) -> Mask:
+        """Which of the rows of a pose (k rows,) are positions."""
+        return np.tile(np.arange(self.row_count) < 3, len(self.markers))
 
     @cached_property
     def scales(self) -> Array:

@@ -13,6 +13,8 @@ from edtk.model.geometry.geometric_parameter import COMPONENTS
 from edtk.system.typing import Array
 
 BASE = -1  # the frame of the base's error, which no joint moves
+MOVED = slice(0, 3)  # the rows of a marker that are its position
+TURNED = slice(3, 6)  # and those of its orientation, where that is measured
 
 
 @dataclass(frozen=True)
@@ -25,7 +27,7 @@ class Element:
             tool.
         turns: Whether it is a turn.
         axis: Which unit vector of the frame; None for the axis of the joint, of a spring.
-        marker: The only marker that it moves; None for all.
+        marker: The only marker that it moves, and turns about itself; None for all.
         joint: The free joint whose load it is multiplied by; None for none.
         factor: What it is multiplied by besides.
     """
@@ -41,10 +43,11 @@ class Element:
 
 @dataclass(frozen=True, eq=False)
 class NominalColumns:
-    """Derivatives of marker positions by small errors, springs and joints, about the drawing.
+    """Derivatives of what markers show by small errors, springs and joints, about the drawing.
 
     With errors of zero, each parameter moves the markers x by a twist: along a unit vector u, or
-    about it through a point o, ``u x (x - o)``; that of a spring is multiplied by its load tau. All
+    about it through a point o, ``u x (x - o)``; that of a spring is multiplied by its load tau.
+    Where orientations are measured, a marker has three more rows: u of a turn, zero of a shift. All
     arrays are component first, so that every operation runs over contiguous poses; it takes a tenth
     of the time of `GeometricModel.see`, which knows errors of any size.
 
@@ -74,7 +77,7 @@ class NominalColumns:
             axis = COMPONENTS.index(one.component) % 3
             if one.place == "tool":
                 marker = self.model.markers.index(one.of)
-                found.append(Element(i, count, False, axis, marker))
+                found.append(Element(i, count, one.turns, axis, marker))
             else:
                 frame = BASE if one.place == "base" else robot.body_names.index(one.of)
                 found.append(Element(i, frame, one.turns, axis))
@@ -102,6 +105,17 @@ class PlacedColumns:
     @property
     def _poses(self) -> int:
         return int(self.frames.position.shape[-1])
+
+    @property
+    def _shape(self) -> tuple[int, int, int]:
+        """Markers, rows of each, and poses."""
+        model = self.columns.model
+        return len(model.markers), model.row_count, self._poses
+
+    @property
+    def _has_turns(self) -> bool:
+        """Whether orientations are measured."""
+        return self.columns.model.rows == "pose"
 
     @cached_property
     def points(self) -> Array:
@@ -140,43 +154,47 @@ class PlacedColumns:
 
     @cached_property
     def twists(self) -> Array:
-        """How each twist moves the markers (e, k, 3, m), springs by a load of one."""
+        """How each twist moves the markers (e, k, rows, m), springs by a load of one."""
         points = self.points
-        found = np.zeros((len(self.columns.elements), *points.shape))
+        found = np.zeros((len(self.columns.elements), *self._shape))
         for place, u, one in zip(found, self.units, self.columns.elements, strict=True):
-            if one.turns:
+            if one.marker is not None:
+                place[one.marker, TURNED if one.turns else MOVED] = u
+            elif one.turns:
                 o = 0.0 if one.frame == BASE else self.frames.origins[one.frame]
-                _cross(u, points - o, place)
-            elif one.marker is None:
-                place[:] = u
+                _cross(u, points - o, place[:, MOVED])
+                if self._has_turns:
+                    place[:, TURNED] = u
             else:
-                place[one.marker] = u
+                place[:, MOVED] = u
         return found
 
     @cached_property
     def by_joints(self) -> Array:
-        """Velocities of the markers per free joint (n, k, 3, m) [m/rad, or 1 if prismatic]."""
+        """Velocities of the markers per free joint (n, k, rows, m) [m/rad, or 1 if prismatic]."""
         return self.frames.folded(self.by_each)
 
     @cached_property
     def by_each(self) -> Array:
-        """The same per joint of the chain (N, k, 3, m)."""
-        found = np.empty((len(self.frames.axes), *self.points.shape))
+        """The same per joint of the chain (N, k, rows, m)."""
+        found = np.zeros((len(self.frames.axes), *self._shape))
         for j, axis in enumerate(self.frames.axes):
             if self.frames.prismatic[j]:
-                found[j] = axis
-            else:
-                _cross(axis, self.points - self.frames.origins[j], found[j])
+                found[j, :, MOVED] = axis
+                continue
+            _cross(axis, self.points - self.frames.origins[j], found[j, :, MOVED])
+            if self._has_turns:
+                found[j, :, TURNED] = axis
         return found
 
     def jacobian(self, torque: Array | None) -> Array:
-        """Derivatives of the markers by the parameters (p, k, 3, m), in SI units.
+        """Derivatives of the markers by the parameters (p, k, rows, m), in SI units.
 
         Args:
             torque: Loads (n, m) of the free joints [N m or N]; None for none.
         """
         model = self.columns.model
-        found = np.zeros((model.p, *self.points.shape))
+        found = np.zeros((model.p, *self._shape))
         for twist, one in zip(self.twists, self.columns.elements, strict=True):
             if one.joint is None:
                 found[one.parameter] = twist
@@ -187,14 +205,14 @@ class PlacedColumns:
     def slope(self, B: Array, torque: Array | None) -> tuple[Array, Array]:
         """Derivatives of ``<B, jacobian>`` by the free joints, weights B and loads held fixed.
 
-        A joint that is before a frame turns all of its twists, ``d(c) = a x c`` for a column c.
-        One at or behind it moves the markers alone, by v, and the twist of a turn about u by
-        ``u x v``. So, with b the weights of a column,
+        A joint that is before a frame turns all of its twists, ``d(c) = a x c`` for a column c, of
+        points and of turns alike. One at or behind it moves the markers alone, by v, and the twist
+        of a turn about u by ``u x v``. So, with b the weights of a column,
 
             d/dq_k = a_k . sum_{frames behind k} c x b + v_k . sum_{others, turns} b x u.
 
         Args:
-            B: Weights (p, k, 3, m) of the entries.
+            B: Weights (p, k, rows, m) of the entries.
             torque: Loads (n, m) of the free joints; None for none.
 
         Returns:
@@ -213,27 +231,37 @@ class PlacedColumns:
                 by_torque[one.joint] += np.einsum("kcm,kcm->m", twist, b)
                 b = b * torque[one.joint]
             if one.frame != BASE:
-                turning[one.frame + 1] += _crossed(twist, b)
-            if one.turns:
-                moving[one.frame + 1] += _turned(b, u)
+                turning[one.frame + 1] += _crossed(_vectors(twist), _vectors(b))
+            if one.turns and one.marker is None:
+                moving[one.frame + 1] += _turned(b[:, MOVED], u)
         behind = np.cumsum(turning[::-1], axis=0)[::-1][2:]
         before = np.cumsum(moving, axis=0)[1:-1]
         slope = np.einsum("jcm,jcm->jm", self.frames.angular_of_each, behind)
-        slope += np.einsum("jkcm,jkcm->jm", self.by_each, before)
+        slope += np.einsum("jkcm,jkcm->jm", self.by_each[:, :, MOVED], before)
         return self.frames.folded(slope), by_torque
 
     def motion_slope(self, C: Array) -> Array:
-        """Derivatives (n, m) of ``<C, by_joints>`` by the free joints, C (n, k, 3, m) held fixed.
+        """Derivatives (n, m) of ``<C, by_joints>`` by the free joints, C (n, k, rows, m) fixed.
 
         The motions by the joints are columns of a Jacobian for each marker, see `columns_slope`.
         """
         by_each = self.frames.spread(C)
         angular = self.frames.angular_of_each
         slopes = [
-            columns_slope(self.by_each[:, marker], angular, by_each[:, marker])
+            columns_slope(
+                self.by_each[:, marker, MOVED],
+                angular,
+                by_each[:, marker, MOVED],
+                by_each[:, marker, TURNED] if self._has_turns else None,
+            )
             for marker in range(len(self.points))
         ]
         return self.frames.folded(np.sum(slopes, axis=0))
+
+
+def _vectors(rows: Array) -> Array:
+    """Rows (k, rows, m) as vectors of points and of turns (k or 2 k, 3, m)."""
+    return rows.reshape(-1, 3, rows.shape[-1])
 
 
 def _cross(u: Array, points: Array, out: Array) -> None:

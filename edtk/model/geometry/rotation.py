@@ -28,6 +28,14 @@ def rotation(w: Array) -> Array:
     return np.eye(3) + np.sinc(angle / np.pi) * S + 0.5 * half**2 * (S @ S)
 
 
+def rotation_vectors(R: Array) -> Array:
+    """Vectors (..., 3) of rotations (..., 3, 3) [rad], of an angle of at most pi."""
+    from scipy.spatial.transform import Rotation
+
+    vectors = Rotation.from_matrix(R.reshape(-1, 3, 3)).as_rotvec()
+    return np.asarray(vectors.reshape(R.shape[:-1]))
+
+
 def left_jacobian(w: Array) -> Array:
     """``J_l(w)`` (..., 3, 3) with ``exp([w + dw]x) = exp([J_l dw]x) exp([w]x)`` to first order.
 

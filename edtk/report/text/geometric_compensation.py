@@ -1,5 +1,7 @@
 """Text of a compensation of geometry."""
 
+import numpy as np
+
 from edtk.calibration.geometry.compensate_geometry import GeometricCompensation
 from edtk.tables.pose_table import pose_factors
 
@@ -15,7 +17,12 @@ def geometric_compensation(found: GeometricCompensation) -> str:
         joints = " ".join(f"{value:9.4f}" for value in values)
         before = MM * found.uncompensated[row]
         after = MM * found.remaining[row]
-        lines.append(f"{row + 1:4d} {joints}   {before:.3g} mm, with this command {after:.3g} mm")
+        line = f"{row + 1:4d} {joints}   {before:.3g} mm, with this command {after:.3g} mm"
+        if found.turns is not None:
+            turned = np.rad2deg(found.turns.uncompensated[row])
+            then = np.rad2deg(found.turns.remaining[row])
+            line += f"; {turned:.3g} deg, then {then:.3g} deg"
+        lines.append(line)
     more = len(shown) - MOST_LINES
     if more > 0:
         lines.append(f"... and {more} more, in --json or --out")

@@ -68,7 +68,8 @@ def visits_by_load(poses: PosesByLoad) -> list[str]:
     lines = []
     for i, (W, visits) in enumerate(zip(poses.wrenches, poses.visits.T, strict=True)):
         what = "without a load" if not W.any() else f"under {_name(poses, i)}, {_wrench(W)}"
-        lines.append(f"{visits.sum()} visits {what}")
+        count = visits.sum()
+        lines.append(f"{count} visit{'' if count == 1 else 's'} {what}")
     both = int(((poses.visits > 0).sum(axis=1) > 1).sum())
     if both:
         lines.append(f"{both} of the poses are visited under more than one of them")

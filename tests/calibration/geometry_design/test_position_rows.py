@@ -18,51 +18,61 @@ HEAVY = STUDY.replace(
     parameters={"geometry": "all", "compliance": ["q1", "q2"]},
     payload={"mass_kg": 3.0, "center_mm": [10, 0, 40]},
 )
+FULL = HEAVY.replace(measurement={"sigma_mm": 0.05, "rows": "pose", "sigma_deg": 0.01})
 NOISES = {
     "white": PositionNoise(0.05, np.zeros(2)),
     "joints": PositionNoise(0.05, np.array([0.1, 0.2])),
     "model": PositionNoise(0.05, np.zeros(2), 0.03, np.array([0.2, 0.1])),
+    "poses": PositionNoise(0.05, np.zeros(2), 0.03, turn=0.2, model_turn=0.1),
+    "poses, joints": PositionNoise(0.05, np.array([0.1, 0.2]), turn=0.2),
 }
 Q = RNG.uniform(-1, 1, (5, 2))
 WRENCH = np.array(LOAD, dtype=float) * np.array([1, 0, 1, 0, 1])[:, None]
 
 
-def rows_with(noise: PositionNoise | None) -> PositionRows:
-    """Rows of the arm with heavy links and a payload."""
-    setting = StudyGeometry.of(HEAVY)
-    return PositionRows(setting.model, setting.loads, noise)
+def setting_of(name: str) -> StudyGeometry:
+    """The arm with heavy links and a payload, whose positions or whose full poses are measured."""
+    return StudyGeometry.of(FULL if name.startswith("poses") else HEAVY)
 
 
-def test_rows_are_those_of_the_model() -> None:
+def rows_with(name: str) -> PositionRows:
+    """Rows with the noise of that name; plain ones without a noise."""
+    setting = setting_of(name)
+    return PositionRows(setting.model, setting.loads, NOISES[name])
+
+
+@pytest.mark.parametrize("name", ["white", "poses"])
+def test_rows_are_those_of_the_model(name: str) -> None:
     """They are millimetres a unit; links bend the arm always, a payload where a load does."""
-    setting = StudyGeometry.of(HEAVY)
+    setting = setting_of(name)
     assert setting.loads is not None
     model = setting.model
     seen = model.see(np.zeros(model.p), Q, setting.loads(Q, WRENCH))
     assert seen.jacobian is not None
-    expected = 1e3 * (seen.jacobian * model.scales).reshape(5, 6, -1)
-    np.testing.assert_allclose(rows_with(None)(Q, WRENCH), expected, atol=1e-11)
+    expected = 1e3 * (seen.jacobian * model.scales).reshape(5, -1, model.p)
+    found = PositionRows(model, setting.loads)(Q, WRENCH)
+    np.testing.assert_allclose(found, expected, atol=1e-11)
 
 
 @pytest.mark.parametrize("name", NOISES)
 def test_rows_are_whitened(name: str) -> None:
     """Their squares are those of the rows under the inverse covariance of a visit."""
     noise = NOISES[name]
-    plain = rows_with(None)(Q, WRENCH)
-    setting = StudyGeometry.of(HEAVY)
+    setting = setting_of(name)
+    plain = PositionRows(setting.model, setting.loads)(Q, WRENCH)
     seen = setting.model.see(np.zeros(setting.model.p), Q)
     assert seen.by_joints is not None
-    motion = seen.by_joints.reshape(5, 6, -1)
+    motion = seen.by_joints.reshape(5, -1, 2)
     V = noise.of_reading(motion) + noise.of_model(motion)
     expected = np.swapaxes(plain, 1, 2) @ np.linalg.solve(V, plain)
-    A = rows_with(noise)(Q, WRENCH)
+    A = rows_with(name)(Q, WRENCH)
     np.testing.assert_allclose(np.swapaxes(A, 1, 2) @ A, expected, rtol=1e-9, atol=1e-9)
 
 
 @pytest.mark.parametrize("name", NOISES)
 def test_slopes_of_information(name: str) -> None:
     """Derivatives of <G, M> by the joints agree with differences, loads and noise included."""
-    rows = rows_with(NOISES[name])
+    rows = rows_with(name)
     A = rows(Q, WRENCH)
     G = RNG.normal(size=(A.shape[-1],) * 2)
     G = G + G.T

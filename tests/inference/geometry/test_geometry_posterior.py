@@ -10,7 +10,7 @@ from geometry_sheets import STUDY, by_pose, run, truth
 import edtk
 from edtk.inference.geometry.geometry_density import GeometryDensity
 from edtk.inference.geometry.geometry_posterior import EMCEE, LAPLACE, geometry_posterior
-from edtk.inference.geometry.many_positions import many_positions
+from edtk.inference.geometry.many_seen import many_seen
 from edtk.inference.run_chain import Demand
 from edtk.inference.sample_posterior import SamplingOptions
 
@@ -31,7 +31,7 @@ def test_many_sets_of_parameters_are_seen_at_once(density: GeometryDensity) -> N
     theta = rng.normal(0, 5, (3, model.p)) * model.scales
     q = density.means.q[:4]
     expected = [model.see(one, q, derivatives=False).points for one in theta]
-    np.testing.assert_allclose(many_positions(model, theta, q), expected, atol=1e-12)
+    np.testing.assert_allclose(many_seen(model, theta, q).points, expected, atol=1e-12)
 
 
 def test_the_density_is_largest_at_its_mode_with_unit_curvature(density: GeometryDensity) -> None:

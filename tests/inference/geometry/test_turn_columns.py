@@ -102,30 +102,6 @@ def test_wrong_orientations_are_refused(
     assert said in err
 
 
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        (("plan", "study.toml", "--size", 4), "a plan of a study of geometry knows positions"),
-        (("identify", "study.toml", "day.csv", "--bayes"), "the posterior of a study of geometry"),
-        (("compensate", "study.toml", "k.json", "day.csv"), "a compensation of a study of"),
-    ],
-)
-def test_what_knows_positions_alone_says_so(
-    words: tuple[object, ...], said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Verbs that do not know full poses end in one line."""
-    monkeypatch.chdir(tmp_path)
-    FULL.to_toml("study.toml")
-    q, x, turns = measured(8)
-    sheet(Path("day.csv"), [*NAMES, *POSITION, *VECTOR], q, x, turns.as_rotvec(degrees=True))
-    if words[0] == "compensate":
-        Path("k.json").write_text(json.dumps(edtk.identify(FULL, "day.csv").to_dict()))
-        sheet(Path("day.csv"), NAMES, q)
-    code, out, err = run(*words)
-    assert (code, out, err.count("\n")) == (2, "", 1)
-    assert said in err
-
-
 def test_rows_of_a_marker_each_may_have_orientations(tmp_path: Path) -> None:
     """In a sheet with a marker a row, orientations have no name before them."""
     q, x, turns = measured(20)

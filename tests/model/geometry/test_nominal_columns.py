@@ -1,5 +1,7 @@
 """Columns at the geometry of the drawing: those of the model of any errors, and their slopes."""
 
+from typing import Literal
+
 import numpy as np
 import pytest
 from chains import mixed_chain, tied_chain
@@ -15,10 +17,11 @@ RNG = np.random.default_rng(3)
 CHAINS = {"mixed": mixed_chain(6), "tied": tied_chain()}
 
 
-def model_of(robot: Robot) -> GeometricModel:
+def model_of(robot: Robot, rows: Literal["position", "pose"]) -> GeometricModel:
     """All parameters of a chain with two markers, springs in every free joint."""
-    parameters = all_parameters(robot, ("A", "B"), "all", robot.joint_names)
-    return GeometricModel(robot, RNG.normal(size=(2, 3)), ("A", "B"), parameters)
+    names = ("A", "B")
+    parameters = all_parameters(robot, names, "all", robot.joint_names, pose=rows == "pose")
+    return GeometricModel(robot, RNG.normal(size=(2, 3)), names, parameters, rows=rows)
 
 
 def jacobian(model: GeometricModel, q: Array, torque: Array | None) -> Array:
@@ -29,9 +32,12 @@ def jacobian(model: GeometricModel, q: Array, torque: Array | None) -> Array:
 
 @pytest.mark.parametrize("name", CHAINS)
 @pytest.mark.parametrize("loaded", [False, True])
-def test_columns_are_those_of_the_model(name: str, loaded: bool) -> None:
+@pytest.mark.parametrize("rows", ["position", "pose"])
+def test_columns_are_those_of_the_model(
+    name: str, loaded: bool, rows: Literal["position", "pose"]
+) -> None:
     """Both kinds of joint, joints that follow others, base, tools and springs agree with `see`."""
-    model = model_of(CHAINS[name])
+    model = model_of(CHAINS[name], rows)
     q = RNG.uniform(-1, 1, (4, model.robot.n))
     torque = RNG.normal(size=q.shape) if loaded else None
     seen = model.see(np.zeros(model.p), q, torque)
@@ -41,12 +47,13 @@ def test_columns_are_those_of_the_model(name: str, loaded: bool) -> None:
 
 
 @pytest.mark.parametrize("name", CHAINS)
-def test_slopes_are_those_of_differences(name: str) -> None:
+@pytest.mark.parametrize("rows", ["position", "pose"])
+def test_slopes_are_those_of_differences(name: str, rows: Literal["position", "pose"]) -> None:
     """Derivatives by every joint agree with central differences, and weights of loads with 1."""
-    model = model_of(CHAINS[name])
+    model = model_of(CHAINS[name], rows)
     q = RNG.uniform(-1, 1, (3, model.robot.n))
     torque = RNG.normal(size=q.shape)
-    B = RNG.normal(size=(3, 2, 3, model.p))
+    B = RNG.normal(size=(3, 2, model.row_count, model.p))
     weights = np.ascontiguousarray(np.moveaxis(B, (3, 0), (0, 3)))
     slope, by_torque = NominalColumns(model).at(q).slope(weights, torque.T)
     step = 1e-5

@@ -1,15 +1,13 @@
-"""Positions of the markers for many sets of parameters at once."""
+"""What is measured of the markers for many sets of parameters at once."""
 
 import numpy as np
 
-from edtk.model.geometry.geometric_model import GeometricModel
+from edtk.model.geometry.geometric_model import GeometricModel, Seen
 from edtk.model.geometry.rotation import rotation
 from edtk.system.typing import Array
 
 
-def many_positions(
-    model: GeometricModel, theta: Array, q: Array, torque: Array | None = None
-) -> Array:
+def many_seen(model: GeometricModel, theta: Array, q: Array, torque: Array | None = None) -> Seen:
     """What `GeometricModel.see` predicts, for each of many sets of parameters.
 
     Args:
@@ -19,7 +17,8 @@ def many_positions(
         torque: Loads (m, n) of the free joints [N m or N]; None for none.
 
     Returns:
-        Positions (w, m, k, 3) in the frame of the instrument [m].
+        Positions (w, m, k, 3) in the frame of the instrument [m], and orientations
+        (w, m, k, 3, 3), none (0,) where positions alone are measured. No derivatives.
     """
     base, errors, tools, softness = model.motions_of_many(theta)
     robot = model.robot
@@ -45,4 +44,7 @@ def many_positions(
     points = p[:, :, None] + np.einsum("wmij,wkj->wmki", R, local)
     B = model.start[:3, :3] @ rotation(base[:, 3:])
     origin = model.start[:3, 3] + base[:, :3] @ model.start[:3, :3].T
-    return np.asarray(origin[:, None, None] + np.einsum("wij,wmkj->wmki", B, points))
+    turns = np.zeros(0)
+    if model.rows == "pose":
+        turns = (B[:, None] @ R)[:, :, None] @ rotation(tools[..., 3:])[:, None]
+    return Seen(origin[:, None, None] + np.einsum("wij,wmkj->wmki", B, points), turns)
