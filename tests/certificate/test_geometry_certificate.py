@@ -62,6 +62,14 @@ def test_all_criteria_are_verified(criterion: str, tmp_path: Path) -> None:
     assert {"value", "bound", "gap", "study"} <= {claim.claim for claim in found.claims}
 
 
+@pytest.mark.parametrize("criterion", ["D", "rho0"])
+def test_full_poses_are_verified(criterion: str, tmp_path: Path) -> None:
+    """Orientations count with their own noise, and tasks are about positions."""
+    full = RICH.replace(measurement={"sigma_mm": 0.1, "rows": "pose", "sigma_deg": 0.02})
+    found = edtk.verify(written(full, criterion, tmp_path / "c.json"), full)
+    assert found.valid, found.summary()
+
+
 def test_a_search_over_all_poses_is_repeated(tmp_path: Path) -> None:
     """Another search finds no pose of larger sensitivity, and the stated bound holds."""
     content = written(STUDY, "rho0", tmp_path / "c.json", continuous=True)

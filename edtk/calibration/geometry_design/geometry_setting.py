@@ -27,7 +27,7 @@ def geometry_setting(question: GeometryQuestion) -> dict[str, Any]:
     return {
         "robot": feasible["robot"],
         "unknown": [],
-        "rows": "position",
+        "rows": question.model.rows,
         **_noise(question),
         "load": _load(question.wrenches),
         "workspace": feasible["workspace"],
@@ -37,7 +37,7 @@ def geometry_setting(question: GeometryQuestion) -> dict[str, Any]:
         "test_pose": _test_poses(question),
         "physics": {
             "sensors": [
-                {"kind": "position", "offset": offset.tolist(), "joint": None}
+                {"kind": question.model.rows, "offset": offset.tolist(), "joint": None}
                 for offset in question.model.offsets
             ],
             "load_point": place_to_dict(
@@ -56,15 +56,15 @@ def geometry_setting(question: GeometryQuestion) -> dict[str, Any]:
 def _noise(question: GeometryQuestion) -> dict[str, Any]:
     """The white part, and the joints' repeatability where there is any."""
     noise = question.setting.noise
-    count = 3 * len(question.model.markers)
-    white = {"sigma": [noise.reading / 1e3] * count}
+    of_marker = [noise.reading / 1e3] * 3 + ([] if noise.turn is None else [noise.turn / 1e3] * 3)
+    white = {"sigma": of_marker * len(question.model.markers)}
     if not np.any(noise.joints):
         return white
     return white | {
         "noise": {
             "tracker": None,
             "repeatability": (np.asarray(noise.joints) / 1e3).tolist(),
-            "discrepancy": [0.0] * count,
+            "discrepancy": [0.0] * len(white["sigma"]),
             "within": 0.0,
             "readings": 1,
         }
