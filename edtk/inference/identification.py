@@ -157,10 +157,15 @@ class Identification(Presented):
 
     @property
     def interval(self) -> Array:
-        """Ends (2, p) of the 95 % intervals [rad/(N m)], without their negative parts."""
+        """Ends (2, p) of the 95 % intervals [rad/(N m)], without their negative parts.
+
+        An interval reaches to its estimate k, which the bound of another compliance may have moved
+        out of what it would be without.
+        """
         half = self.half_interval
         # Compliances are not negative: cutting off what cannot be keeps the coverage.
-        return np.maximum(np.stack([self.unbounded - half, self.unbounded + half]), 0.0)
+        low, high = np.maximum(np.stack([self.unbounded - half, self.unbounded + half]), 0.0)
+        return np.stack([np.minimum(low, self.k), np.maximum(high, self.k)])
 
     def to_frame(self) -> "pd.DataFrame":
         """One row a compliance: `parameter`, and `k`, `std`, `low_95`, `high_95` [rad/(N m)]."""

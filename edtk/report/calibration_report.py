@@ -19,6 +19,7 @@ from edtk.report.noise_parts import noise_parts
 from edtk.report.page import Page, paragraph, picture, section, table
 from edtk.report.posterior_report import posterior_report
 from edtk.report.residual_causes import residual_causes
+from edtk.report.shown_probability import shown_probability
 from edtk.report.task_section import task_section
 from edtk.tables.coordinate_columns import coordinate_names
 
@@ -62,7 +63,8 @@ def _compliances(found: Calibration) -> str:
         k = fit.k[i]
         std = fit.std[i]
         relative = f"{100 * std / k:.2g}" if k > 0 else "-"
-        ends = f"{digits(low[i], std)} to {digits(high[i], std)}"
+        # Both ends have the digits of the larger.
+        ends = f"{digits(low[i], std, high[i])} to {digits(high[i], std)}"
         rows.append([name, digits(k, std), f"{std:.1e}", relative, ends])
     header = ["parameter", "estimate", "std", "std [%]", "95 % interval"]
     units = set(model.units)
@@ -102,7 +104,7 @@ def _noise(found: Calibration) -> str:
             "noise by."
         )
     loss = " The fit has Huber's loss, by which outliers count less." if fit.robust else ""
-    p = "" if fit.p_value is None else f" (p = {fit.p_value:.2g})"
+    p = "" if fit.p_value is None else f" (p {shown_probability(fit.p_value)})"
     text = f"Chi-square is {fit.chi2:.4g} for {fit.dof} degrees of freedom{p}"
     if fit.known:
         return f"{text}: the residuals are {fit.scale:.3g} times the stated noise.{loss}"

@@ -5,6 +5,7 @@ import numpy as np
 from edtk.calibration.calibration import Calibration
 from edtk.inference.estimate_noise import NoiseEstimate
 from edtk.report.page import paragraph, table
+from edtk.report.shown_probability import shown_probability
 
 HEADER = ("part of the noise", "estimate", "std", "unit", "root mean square of a coordinate [mm]")
 
@@ -21,7 +22,9 @@ def _together(noise: NoiseEstimate) -> str:
     """Whether markers of a visit move together."""
     strata = noise.strata
     moved = strata.visits if noise.revisited else strata.poses
-    numbers = f"F = {noise.F:.3g} for {moved.dof} degrees of freedom, p = {noise.p:.2g}"
+    numbers = (
+        f"F = {noise.F:.3g} for {moved.dof} degrees of freedom, p {shown_probability(noise.p)}"
+    )
     if noise.moves:
         return f"Measurements of a visit are off together, as if joints had moved ({numbers})."
     return f"Measurements of a visit are not off together by more than chance ({numbers})."

@@ -6,6 +6,7 @@ from edtk.calibration.diagnostics.noise_diagnostics import UNLIKELY
 from edtk.calibration.row_names import row_names
 from edtk.inference.lack_of_fit import LackOfFit
 from edtk.report.page import paragraph, table
+from edtk.report.shown_probability import shown_probability
 
 
 def residual_causes(found: Calibration) -> list[str]:
@@ -38,7 +39,7 @@ def _told(found: Calibration) -> bool:
 def _repetitions(found: Calibration, test: LackOfFit) -> str:
     """Whether repetitions agree among themselves better than with the model."""
     numbers = f"F = {test.F:.3g} for {test.dof[0]} and {test.dof[1]} degrees of freedom"
-    numbers = f"{numbers}, p = {test.p:.2g}"
+    numbers = f"{numbers}, p {shown_probability(test.p)}"
     who = "Repetitions of a pose"
     if found.noise is not None:
         who = "Visits of a pose" if found.noise.revisited else "Markers of a visit"
@@ -76,10 +77,10 @@ def _row(cause: Cause) -> list[str]:
     return [
         "noise of another size" if cause.cause == NOISE else cause.cause.replace("_", " "),
         f"{cause.size:.3g}",
-        "-" if cause.std is None else f"{cause.std:.1g}",
+        "-" if cause.std is None else f"{float(f'{cause.std:.1g}'):g}",
         cause.unit or "-",
         cause.joint or "-",
         row_names(cause.rows).partition(" ")[2] if cause.rows else "all",
         f"{100 * cause.explained:.3g}",
-        f"{cause.p:.1g}",
+        shown_probability(cause.p, 1).removeprefix("= "),
     ]

@@ -123,7 +123,9 @@ def test_file_has_what_is_printed(given, tmp_path):
 def test_without_covariance_nothing_is_said_about_the_rest(given):
     """Plain compliances give commands, nulls in JSON and a sentence in the text."""
     k, task, _ = given
-    assert "remaining rms (95 % band)" in edtk(PATH, k, task).stdout
+    text = edtk(PATH, k, task).stdout
+    assert "remaining rms (95 % band)" in text
+    assert "those of load and tool add to it" in text
     k.write_text(json.dumps(K), encoding="utf-8")
     assert "what errors of theirs leave is not known" in edtk(PATH, k, task).stdout
     row = json.loads(edtk(PATH, k, task, "--json").stdout)[0]

@@ -143,6 +143,10 @@ def test_negative_compliances(robust):
     assert fit.unbounded[2] < 0 == fit.k[2]
     np.testing.assert_allclose(fit.residual, y - A @ fit.unbounded)
     assert "1 of them zero" in repr(fit)
+    far = identify(A, measure(A, K0 * [1, 1, -9, 1, 1], seed=10), TWELVE, NAMES, robust)
+    low, high = far.interval
+    assert ((low <= far.k) & (far.k <= high)).all()
+    assert (np.abs(far.k - far.unbounded) > far.half_interval).sum() > 1  # it would be outside
     if not robust:
         rest = estimate(A[..., [0, 1, 3, 4]], y, SIGMA, NAMES[:4])  # without k4 altogether
         np.testing.assert_allclose(fit.k[[0, 1, 3, 4]], rest.k, rtol=1e-10)

@@ -21,3 +21,11 @@ from edtk.report.digits import digits
 def test_digits(value, std, text):
     """Down to the second digit of the standard deviation, with three digits at least."""
     assert digits(value, std) == text
+
+
+def test_ends_of_an_interval_have_the_same_digits():
+    """Of the same decade a value has as many as the one that it is compared with."""
+    assert digits(6.56e-7, 7.1e-8, 9.361e-7) == "6.560e-07"
+    assert digits(9.361e-7, 7.1e-8, 9.361e-7) == "9.361e-07"
+    assert digits(6.56e-8, 7.1e-8, 9.361e-7) == "6.56e-08"
+    assert digits(0.0, 7.1e-8, 9.361e-7) == "0.00e+00"

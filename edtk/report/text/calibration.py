@@ -2,11 +2,12 @@
 
 import numpy as np
 
-from edtk.calibration.calibration import Calibration
+from edtk.calibration.calibration import VERDICTS, Calibration
 from edtk.calibration.diagnostics.diagnostic import Severity
 from edtk.calibration.row_names import row_names
 from edtk.inference.estimate_noise import NoiseEstimate
 from edtk.report.digits import digits
+from edtk.report.shown_probability import shown_probability
 from edtk.report.text.error_budget import error_budget
 from edtk.report.text_table import name_width
 from edtk.tables.coordinate_columns import coordinate_columns
@@ -56,7 +57,11 @@ def _compliances(found: Calibration) -> list[str]:
 def _fit(found: Calibration) -> list[str]:
     """Chi-square and the noise."""
     fit = found.fit
-    p = "" if fit.p_value is None else f", probability of more {fit.p_value:.3g}"
+    p = (
+        ""
+        if fit.p_value is None
+        else f", probability of more {shown_probability(fit.p_value, 3).removeprefix('= ')}"
+    )
     lines = [f"chi-square {fit.chi2:.5g} with {fit.dof} degrees of freedom{p}"]
     if np.isfinite(fit.scale):
         lines.append(f"sigma from the residuals {1e3 * found.sigma_hat:.4g} mm")
@@ -79,6 +84,8 @@ def _parts_of_noise(noise: NoiseEstimate) -> str:
 def _accuracy(found: Calibration) -> list[str]:
     """The error to expect in the test pose; nothing without one."""
     lines = []
+    if found.verdict == VERDICTS[Severity.ALARM]:
+        lines.append("if nothing else were wrong:")
     if found.study.target is not None:
         value, (low, high) = found.fit.accuracy(found.study.target)
         interval = f", with 95 % between {1e3 * low:.5g} and {1e3 * high:.5g} mm"

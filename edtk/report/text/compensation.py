@@ -36,4 +36,9 @@ def compensation(found: Compensation) -> str:
     elif found.rho0_bias is not None:
         bias = f"{1e3 * found.rho0_bias:.2g} mm"
         lines.append(f"beside that, identifying with the linear model left {bias} in the test pose")
+    if found.remaining is not None:
+        lines.append(
+            "what remains is by errors of the compliances; those of load and tool add to it, see "
+            "the error budget of edtk identify"
+        )
     return "\n".join([*lines, found.rigid] if found.rigid else lines)

@@ -5,6 +5,7 @@ import numpy as np
 from edtk.design.bound import BoundKind
 from edtk.design.exact.exact_plan import ExactPlan
 from edtk.report.text.error_budget import error_budget
+from edtk.report.text.search_summary import search_summary
 from edtk.report.text.shown_faults import shown_faults
 from edtk.report.text_table import number_columns
 from edtk.tables.in_file_units import in_file_units
@@ -33,8 +34,7 @@ def exact_plan(found: ExactPlan) -> str:
         *([] if found.expected is None else [str(found.expected)]),
         *_budget(found),
         *shown_faults(found.robot, found.detections, found.separations),
-        f"{found.starts} starts in {found.seconds:.1f} s; {found.found} of the plans refined "
-        f"to the end are this one, among {found.optima} different",
+        search_summary(found.starts, found.seconds, found.found, found.optima),
     ]
     return "\n".join([*lines, *_experiments(found)])
 

@@ -6,6 +6,7 @@ from edtk.calibration.geometry_design.geometry_plan import GeometryPlan
 from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
 from edtk.calibration.geometry_design.poses_by_load import PosesByLoad
 from edtk.report.text.exact_plan import reach
+from edtk.report.text.search_summary import search_summary
 from edtk.report.text_table import number_columns
 from edtk.system.typing import Array
 from edtk.tables.in_file_units import in_file_units
@@ -29,8 +30,7 @@ def geometry_plan(found: GeometryPlan) -> str:
         *_rho0(found),
         *visits_by_load(poses),
         *_costs(found),
-        f"{found.starts} starts in {found.seconds:.1f} s; {found.found} of the plans refined "
-        f"to the end are this one, among {found.optima} different",
+        search_summary(found.starts, found.seconds, found.found, found.optima),
     ]
     return "\n".join([*lines, *_table(found, poses)])
 

@@ -160,8 +160,7 @@ def test_summary():
     assert lines[2].split()[:3] == ["bound", f"{1e3 * plan.bound:.6g}", "mm"]
     assert "not proved" in lines[2]
     assert lines[3].split() == ["efficiency", "80.00", "%"]
-    assert lines[4].startswith("32 starts in 1.2 s; 3 of the plans")
-    assert lines[4].endswith("among 4 different")
+    assert lines[4] == "32 starts in 1.2 s ended in 4 different plans, 3 times in this one"
     assert lines[5].split() == ["repeats", *(f"q{i}_deg" for i in range(1, 7))]
     assert [line.split()[0] for line in lines[6:]] == ["3", "2"]
     assert lines[6].split()[1:] == [f"{x:.3f}" for x in np.rad2deg(plan.plan.q[0])]
