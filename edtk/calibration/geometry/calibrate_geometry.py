@@ -37,6 +37,7 @@ from edtk.system.typing import Array
 
 SCALE_WITHIN = 0.2  # relative: how near to one of these a unit has to be
 AGREES = 5.0  # times the error of poses left out, within which a visit agrees with the others
+UNSURE = 3.0  # standard deviations of a prediction, within which it does, too
 LOST = 1e-9  # [m] a position as near to the instrument's origin is a lost beam
 
 
@@ -112,7 +113,8 @@ def _fitted(setting: StudyGeometry, sound: Sound, robust: bool) -> tuple[Geometr
     """The fit without visits that are far off, and those that are so indeed.
 
     They were far from where the drawing has them. Where the fitted geometry, which may differ much
-    from it, predicts them as well as others, they count again.
+    from it, predicts them as well as others, they count again; and where it cannot predict them
+    better, since they are those of a plan that tell what no other visit does.
     """
     gross = sound.gross
     kept = np.ones(len(sound.data), dtype=bool)
@@ -124,7 +126,10 @@ def _fitted(setting: StudyGeometry, sound: Sound, robust: bool) -> tuple[Geometr
     data = sound.data[wrong]
     predicted = fit.fitted.predict(data.q, data.wrench, setting.loads)
     apart = root_mean_squares(data.measured - predicted.points)
-    near = apart < AGREES * max(fit.loo_rms, fit.rms)
+    # What is open everywhere excuses nothing.
+    squares = (predicted.std**2).sum(axis=-1) - predicted.open**2
+    unsure = np.sqrt(np.where(data.seen, squares, 0.0).sum(axis=1) / data.seen.sum(axis=1))
+    near = apart < np.maximum(AGREES * max(fit.loo_rms, fit.rms), UNSURE * unsure)
     if not near.any():
         return fit, gross
     kept[wrong[near]] = True

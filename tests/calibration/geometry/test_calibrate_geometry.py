@@ -354,6 +354,25 @@ def test_rho0_is_the_error_that_parameters_leave_in_the_test_poses(tmp_path: Pat
     assert edtk.identify(STUDY, tmp_path / "few.csv").rho0_mm is None
 
 
+@pytest.mark.parametrize("seed", [0, 2])
+def test_a_pose_that_tells_what_no_other_does_counts(seed: int, tmp_path: Path) -> None:
+    """Plans have such poses: far from the drawing, and from what the others can predict."""
+    rng = np.random.default_rng(seed)
+    model = replace(StudyGeometry.of(STUDY).model, offsets=OFFSETS, start=PLACE)
+    theta = rng.normal(0, 1.5, model.p) * model.scales
+    q = np.array([10, -30, 40, 20, 50, -30]) + rng.uniform(-15, 15, (14, 6))
+    q[13] = rng.uniform(-120, 120, 6)
+    q = np.round(q, 3)
+    x = 1e3 * model.see(theta, np.deg2rad(q), derivatives=False).points
+    x += rng.normal(0, 0.02, x.shape)
+    found = edtk.identify(STUDY, by_pose(tmp_path / "day.csv", q, x))
+    assert found.left_out == ()
+    q[4, 2] += 1
+    found = edtk.identify(STUDY, by_pose(tmp_path / "typed.csv", q, x))
+    assert found.left_out == (4,)
+    assert any("as if q3 were typed wrongly" in doubt.text for doubt in found.doubts)
+
+
 def test_joints_whose_zeros_are_far_off_are_calibrated(study: Path, tmp_path: Path) -> None:
     """A controller that counts q2 from elsewhere makes no pose a wrong one, and is named."""
     q, x = truth(30)
