@@ -6,6 +6,7 @@ import numpy as np
 
 from edtk.calibration.check_posterior import check_posterior
 from edtk.calibration.first_estimate import first_estimate
+from edtk.calibration.measured_names import measured_names
 from edtk.calibration.plan_noise import visits_noise
 from edtk.calibration.posterior_check import PosteriorCheck
 from edtk.design.plan import Plan
@@ -50,7 +51,7 @@ def check_plan_posterior(
     fit, untold = first_estimate(study, A, measured, sigma)
     found = check_posterior(study, A, measured, sigma, fit, rng, noise=noise, options=options)
     table = found.table.assign(reference=study.compliances)
-    if untold:
-        return replace(found, table=table, reference="assumed truth")  # Eq. (13) has no inverse
-    table = table.rename(columns={"std_fit": "std_eq13"})
-    return replace(found, table=table, reference="assumed truth")
+    if not untold:  # else Eq. (13) has no inverse
+        table = table.rename(columns={"std_fit": "std_eq13"})
+    names = measured_names(study.model)
+    return replace(found, table=table, reference="assumed truth", coordinates=names)

@@ -38,6 +38,8 @@ class PosteriorCheck(Presented):
             priors are flat.
         untold: Names of the parameters that measurements alone do not tell, so that what is said of
             them is the prior's.
+        coordinates: Names (rows,) of what a measurement holds; empty for those of its number of
+            rows, as a position or a pose has them.
     """
 
     table: "pd.DataFrame"
@@ -50,6 +52,7 @@ class PosteriorCheck(Presented):
     pose: PoseError | None
     sigma_estimated: bool = False
     untold: tuple[str, ...] = ()
+    coordinates: tuple[str, ...] = ()
 
     def headline(self) -> str:
         """Number of compliances and measurements, and the range of the ratios."""

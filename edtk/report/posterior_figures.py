@@ -6,7 +6,11 @@ from typing import TYPE_CHECKING
 from edtk.calibration.posterior_check import PosteriorCheck
 from edtk.report.draw.corner import corner
 from edtk.report.draw.labelled_samples import LabelledSamples
-from edtk.report.draw.predictive_residuals import PredictiveResiduals, predictive_residuals
+from edtk.report.draw.predictive_residuals import (
+    MOST_PANELS,
+    PredictiveResiduals,
+    predictive_residuals,
+)
 from edtk.report.draw.trace import trace
 from edtk.report.new_figure import new_figure
 
@@ -63,8 +67,10 @@ def _residuals(check: PosteriorCheck) -> "Figure":
     """Residuals in bands."""
     found = PredictiveResiduals.of(check)
     rows = found.residual.shape[1]
-    figure = new_figure(9.0, 1.0 + 1.7 * rows)
-    predictive_residuals(found, figure.subplots(rows, 1, sharex=True, squeeze=False)[:, 0])
-    title = "Residuals, and where 95 % of new measurements would fall"
+    panels = min(rows, MOST_PANELS)
+    figure = new_figure(9.0, 1.0 + 1.7 * panels)
+    predictive_residuals(found, figure.subplots(panels, 1, sharex=True, squeeze=False)[:, 0])
+    some = f" (first {panels} of {rows} coordinates)" if panels < rows else ""
+    title = f"Residuals{some}, and where 95 % of new measurements would fall"
     figure.suptitle(f"{title}: {100 * found.inside:.0f} % are inside", fontsize=11)
     return figure

@@ -10,7 +10,7 @@ from pathlib import Path
 from threadpoolctl import threadpool_limits
 
 from tests.fuzz.campaign import run_cases, run_number
-from tests.fuzz.case import make_case
+from tests.fuzz.case import kind_of, make_case
 from tests.fuzz.findings import Tally, findings_table, record
 from tests.fuzz.run_case import run_case
 from tests.fuzz.sandbox import Sandbox
@@ -23,6 +23,7 @@ def main() -> int:
     parser.add_argument("--case", type=int, help="run this one alone, and show everything")
     parser.add_argument("--first", type=int, default=0, help="number of the first case")
     parser.add_argument("--cases", type=int, default=2000, help="number of cases")
+    parser.add_argument("--kind", default="", help="only kinds of input that have this in them")
     parser.add_argument("--seconds", type=float, default=float("inf"), help="end after them")
     parser.add_argument("--workers", type=int, default=os.cpu_count(), help="processes")
     parser.add_argument("--record", type=Path, help="write the table of what was run (Markdown)")
@@ -33,13 +34,14 @@ def main() -> int:
         return _show(given.case, worlds)
     tally = Tally()
     end = time.monotonic() + given.seconds
-    numbers = range(given.first, given.first + given.cases)
+    every = range(given.first, given.first + given.cases)
+    numbers = [number for number in every if given.kind in kind_of(number)]
     try:
         for outcome in run_cases(numbers, worlds, given.workers):
             for signature in tally.add(outcome):
                 print(f"\rcase {outcome['number']}: {signature}", file=sys.stderr)
             if sys.stderr.isatty() or tally.cases % 1000 == 0:
-                progress = f"{tally.cases} of {given.cases} cases, {tally.findings} findings"
+                progress = f"{tally.cases} of {len(numbers)} cases, {tally.findings} findings"
                 print(f"\r{progress}", end="", file=sys.stderr, flush=True)
             if time.monotonic() > end:
                 break
@@ -51,7 +53,7 @@ def main() -> int:
     for (kind, verb), seconds in tally.times.most_common(given.times):
         print(f"{seconds:8.2f} s  {kind}: {verb}")
     if given.record is not None:
-        given.record.write_text(record(tally, numbers[0]), encoding="utf-8")
+        given.record.write_text(record(tally, given.first), encoding="utf-8")
     return int(bool(tally.groups))
 
 

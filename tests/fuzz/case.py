@@ -11,7 +11,7 @@ from tests.fuzz.mutate_chain import mutate_chain
 from tests.fuzz.mutate_table import mutate_table
 from tests.fuzz.mutate_text import OF_BYTES, OF_TEXT
 from tests.fuzz.mutate_tree import mutate_json, mutate_toml
-from tests.fuzz.worlds import ANY, FIRST, GEOMETRY, OF_TABLES, WRITTEN, Files
+from tests.fuzz.worlds import ANY, FIRST, FULL_POSES, GEOMETRY, MIX, OF_TABLES, WRITTEN, Files
 
 Mutate = Callable[[bytes, Random], bytes]
 
@@ -101,6 +101,40 @@ KINDS = {
     ),
     "paths": Kind((), (*CHEAP * 3, lines.VERIFY, lines.RELAX, lines.BAYES, lines.RUN), share=6),
 }
+READ_RESULT = (lines.PREDICT, lines.CORRECT)
+READ_POSES = (*(lines.PREDICT, lines.IDENTIFY) * 3, lines.EVALUATE, lines.TEMPLATE, lines.CORRECT)
+POSTERIOR = f"{lines.IDENTIFY} --bayes"
+# Kinds that came later have numbers of their own, so that all others mean what they meant.
+EVERY = 9
+LATER = {
+    "study of a mix": Kind(("study.toml", "robot.toml"), READ_STUDY, mutate_toml, (MIX,), share=8),
+    "plan of a mix": Kind(("plan.csv",), READ_PLAN, mutate_table, (MIX,)),
+    "sheet of a mix": Kind(("sheet.csv",), (lines.IDENTIFY,), mutate_table, (MIX,), share=8),
+    "certificate of a mix": Kind(
+        ("certificate.json",), (lines.VERIFY,), mutate_json, (MIX,), share=2
+    ),
+    "options of a mix": Kind((), (*CHEAP, lines.RELAX, lines.BAYES), None, (MIX,)),
+    "study of full poses": Kind(
+        ("study.toml", "robot.toml"),
+        (*READ_POSES * 2, *OF_GEOMETRY, POSTERIOR),
+        mutate_toml,
+        (FULL_POSES,),
+        share=8,
+    ),
+    "plan of full poses": Kind(
+        ("plan.csv",), (lines.EVALUATE, lines.TEMPLATE), mutate_table, (FULL_POSES,)
+    ),
+    "kept visits of full poses": Kind(
+        ("plan.csv",), (f"{lines.VISITS} --keep plan.csv",), mutate_table, (FULL_POSES,), slow=True
+    ),
+    "sheet of full poses": Kind(
+        ("sheet.csv",), (*(lines.IDENTIFY,) * 5, POSTERIOR), mutate_table, (FULL_POSES,), share=8
+    ),
+    "result of full poses": Kind(("result.json",), READ_RESULT, mutate_json, (FULL_POSES,)),
+    "poses of full poses": Kind(("tests.csv",), (lines.PREDICT,), mutate_table, (FULL_POSES,)),
+    "poses to command": Kind(("poses.csv",), (lines.CORRECT,), mutate_table, (FULL_POSES,)),
+    "options of full poses": Kind((), (*READ_POSES, *OF_GEOMETRY, POSTERIOR), None, (FULL_POSES,)),
+}
 
 
 @dataclass(frozen=True)
@@ -141,9 +175,7 @@ def make_case(number: int, worlds: dict[str, Files]) -> Case:
     """
     rng = Random(number)
     long = number >= SHORT
-    shares = [kind.share * (_slow_share(long) if kind.slow else 1.0) for kind in KINDS.values()]
-    name = rng.choices(list(KINDS), shares)[0]
-    kind = KINDS[name]
+    name, kind = _kind(number, rng)
     world = rng.choice(kind.worlds)
     line = rng.choice(kind.readers)
     if not long and not kind.slow and line in SLOW and rng.random() < 0.8:
@@ -162,6 +194,20 @@ def make_case(number: int, worlds: dict[str, Files]) -> Case:
         file = rng.choice([path for path in valid if path.startswith(kind.files)])
         changed[file] = _in_time(_mutated(valid[file], kind, rng))
     return Case(number, name, world, tuple(words), changed)
+
+
+def kind_of(number: int) -> str:
+    """Name of the kind of input that the case of a number has."""
+    return _kind(number, Random(number))[0]
+
+
+def _kind(number: int, rng: Random) -> tuple[str, Kind]:
+    """A kind of input and its name."""
+    kinds = LATER if number % EVERY == EVERY - 1 else KINDS
+    slow = _slow_share(number >= SHORT)
+    shares = [kind.share * (slow if kind.slow else 1.0) for kind in kinds.values()]
+    name = rng.choices(list(kinds), shares)[0]
+    return name, kinds[name]
 
 
 def _slow_share(long: bool) -> float:

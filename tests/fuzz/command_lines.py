@@ -26,6 +26,7 @@ CONTROLLER = "controller robot.urdf positions.csv --tip flange"
 VISITS = "plan study.toml --size 8 --budget 0.1"
 DAY = "plan study.toml --cost-budget 15 --budget 0.1"
 PREDICT = "predict study.toml result.json tests.csv"
+CORRECT = "compensate study.toml result.json poses.csv"
 VERBS = tuple(sorted(main.commands))
 
 # Words that may be added to each command; those that take long are left to the long campaign.

@@ -5,6 +5,7 @@ import io
 import json
 import os
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -12,215 +13,16 @@ import numpy as np
 import edtk
 from edtk.cli import main
 from edtk.study.load_plan import load_plan
-from tests.fuzz import cell_world, geometry_world
+from tests.fuzz import arm_worlds as arms
+from tests.fuzz import cell_world, geometry_world, mix_world, poses_world
 
 Files = dict[str, bytes]
 
-ROBOT = """
-name = "arm"
-source = "made up"
-
-[[joints]]
-name = "q1"
-origin_m = [0, 0, 0.5]
-axis = [0, 0, 1]
-limits_deg = [-170, 170]
-
-[[joints]]
-name = "q2"
-origin_m = [0.1, 0, 0.3]
-axis = [0, 1, 0]
-limits_deg = [-120, 60]
-
-[[joints]]
-name = "q3"
-origin_m = [0.7, 0, 0]
-axis = [0, 1, 0]
-limits_deg = [-120, 150]
-"""
-
-RAIL_ROBOT = """
-name = "rail"
-source = "made up"
-base = { position_m = [0, 0, 0.2], rpy_deg = [0, 0, 90] }
-
-[[joints]]
-name = "rail"
-kind = "prismatic"
-origin_m = [0, 0, 0.5]
-axis = [1, 0, 0]
-limits_m = [0, 2]
-
-[[joints]]
-name = "shoulder"
-origin_m = [0.1, 0, 0.3]
-rpy_deg = [0, 0, 10]
-axis = [0, 1, 0]
-limits_rad = [-2, 1]
-
-[[joints]]
-name = "elbow"
-origin_m = [0.7, 0, 0]
-axis = [0, 1, 0]
-limits_deg = [-120, 150]
-"""
-
-ARM = """
-title = "Arm"
-robot = "robot.toml"
-seed = 7
-sizes = [2]
-candidates = 30
-starts = 1
-optimise = ["D"]
-criteria = ["D", "rho0"]
-published = ["pub.csv"]
-
-[tool]
-position_mm = [500, 0, 50]
-
-[load]
-F_N = [0, 0, -300]
-
-[measurement]
-sigma_mm = 0.1
-
-[joints]
-unknown = ["q2", "q3"]
-fixed_deg = { q1 = 0 }
-
-[test_pose]
-q_deg = [0, -60, 80]
-tool = { position_mm = [600, 0, 0] }
-load = { F_N = [0, 100, -200] }
-
-[simulation]
-compliance_rad_per_Nm = { q2 = 1e-6, q3 = 3e-6 }
-"""
-
-POSE = """
-title = "Arm with rotations"
-robot = "robot.toml"
-seed = 1
-sizes = [2]
-candidates = 20
-sampling = "sobol"
-starts = 1
-optimise = ["rho0"]
-criteria = ["rho0", "rho_max", "A"]
-published = ["pub.csv"]
-
-[tool]
-position_mm = [500, 0, 50]
-rpy_deg = [0, 90, 0]
-
-[load]
-F_N = [0, 20, -300]
-T_Nm = [1, 2, 3]
-
-[measurement]
-rows = "pose"
-sigma_mm = 0.1
-sigma_deg = 0.02
-
-[joints]
-unknown = ["q1", "q2", "q3"]
-
-[workspace]
-height_min_mm = -500
-radius_min_mm = 100
-tilt_max_deg = 90
-plan_resolution_deg = 0.1
-excluded = ["exclude.csv"]
-excluded_within_deg = 2
-
-[task]
-file = "task.csv"
-tool = { position_mm = [600, 0, 0], rpy_deg = [0, 0, 5] }
-load = { F_N = [0, 100, -200], T_Nm = [0, 1, 0] }
-
-[simulation]
-compliance_rad_per_Nm = { q1 = 2e-6, q2 = 1e-6, q3 = 3e-6 }
-
-[prior]
-earlier_file = "earlier.json"
-sigma_factor = 2
-nu = 5
-all = { kind = "half-normal", scale_rad_per_Nm = 1e-5 }
-
-[prior.joints]
-q2 = { kind = "log-normal", median_rad_per_Nm = 1e-6, factor = 2 }
-"""
-
-RAIL = """
-title = "Rail"
-robot = "robot.toml"
-sizes = [2, 3]
-candidates = 20
-starts = 1
-optimise = ["E"]
-
-[tool]
-position_mm = [500, 0, 50]
-
-[load]
-F_max_N = 300
-direction = [0, 0, -1]
-
-[measurement]
-sigma_mm = 0.1
-
-[joints]
-unknown = ["shoulder", "elbow"]
-fixed_mm = { rail = 100 }
-
-[[test_pose]]
-q_deg = [500, -60, 80]
-tool = { position_mm = [600, 0, 0] }
-load = { F_N = [0, 100, -200] }
-
-[[test_pose]]
-q_deg = [200, -30, 100]
-tool = { position_mm = [600, 0, 0] }
-load = { F_N = [50, 0, -200] }
-weight = 3
-
-[simulation]
-compliance_rad_per_Nm = { shoulder = 1e-6, elbow = 3e-6 }
-
-[prior.earlier]
-mean_rad_per_Nm = { shoulder = 1e-6, elbow = 3e-6 }
-covariance = [[1e-12, 0], [0, 1e-12]]
-"""
-
-PLAN = """q1_deg,q2_deg,q3_deg,repeats
-0,-60,80,1
-10,-30,40,2
--20,-80,110,1
-"""
-TASK = """q1_deg,q2_deg,q3_deg,Fx_N,Fy_N,Fz_N,Tx_Nm
-0,-60,80,0,100,-200,0
-15,-45,60,10,0,-100,1
-"""
-EXCLUDE = "q1_deg,q2_deg,q3_deg\n100,-100,-100\n"
-
-RAIL_PLAN = """rail_mm,shoulder_deg,elbow_deg,Fx_N,Fy_N,Fz_N,repeats
-100,-60,80,0,0,-300,1
-100,-30,40,0,0,-300,2
-100,-80,110,0,0,-150,1
-"""
-RAIL_TASK = """rail_mm,shoulder_deg,elbow_deg,Fz_N
-500,-60,80,-200
-700,-45,60,-100
-"""
-RAIL_EXCLUDE = "rail_mm,shoulder_deg,elbow_deg\n100,-100,-100\n"
-EARLIER = '{"k": {"q1": 2e-6, "q2": 1e-6, "q3": 3e-6}, "std": [1e-6, 1e-6, 1e-6]}\n'
-
 # Study, robot, plan, task and excluded poses.
 WRITTEN = {
-    "arm": (ARM, ROBOT, PLAN, TASK, EXCLUDE),
-    "pose": (POSE, ROBOT, PLAN, TASK, EXCLUDE),
-    "rail": (RAIL, RAIL_ROBOT, RAIL_PLAN, RAIL_TASK, RAIL_EXCLUDE),
+    "arm": (arms.ARM, arms.ROBOT, arms.PLAN, arms.TASK, arms.EXCLUDE),
+    "pose": (arms.POSE, arms.ROBOT, arms.PLAN, arms.TASK, arms.EXCLUDE),
+    "rail": (arms.RAIL, arms.RAIL_ROBOT, arms.RAIL_PLAN, arms.RAIL_TASK, arms.RAIL_EXCLUDE),
     "cell": (
         cell_world.STUDY,
         cell_world.URDF,
@@ -230,7 +32,9 @@ WRITTEN = {
     ),
 }
 GEOMETRY = "geometry"  # absolute positions, without a load
-WORLDS = (*WRITTEN, GEOMETRY)
+MIX = "mix"  # positions, a pose and distances in one study
+FULL_POSES = "full poses"  # absolute poses, loaded or not: geometry and springs
+WORLDS = (*WRITTEN, GEOMETRY, MIX, FULL_POSES)
 FIRST = "arm"
 ANY = "cell"  # any robot and any task: a URDF, markers, a payload, noise
 OF_TABLES = ("arm", "pose", "rail")  # robots are in TOML files there
@@ -263,12 +67,15 @@ def world(name: str) -> Files:
 def _texts(name: str) -> dict[str, str]:
     """The files of a world that are written above."""
     if name == GEOMETRY:
-        return {"study.toml": geometry_world.STUDY, "robot.toml": ROBOT, "plan.csv": PLAN}
-    written = dict(zip(NAMES, WRITTEN[name], strict=True))
+        return {"study.toml": geometry_world.STUDY, "robot.toml": arms.ROBOT, "plan.csv": arms.PLAN}
+    if name == FULL_POSES:
+        return poses_world.FILES
+    mixed = (mix_world.STUDY, *WRITTEN[FIRST][1:])
+    written = dict(zip(NAMES, mixed if name == MIX else WRITTEN[name], strict=True))
     if name == ANY:
         written["robot.urdf"] = written.pop("robot.toml")
     texts = {**written, "pub.csv": written["plan.csv"]}
-    texts["earlier.json"] = EARLIER
+    texts["earlier.json"] = arms.EARLIER
     # One experiment that was made, so that there is another one to plan.
     texts["keep.csv"] = "\n".join(written["plan.csv"].splitlines()[:2]) + "\n"
     return texts
@@ -279,7 +86,10 @@ def _make(name: str) -> None:
     if name == GEOMETRY:
         geometry_world.calibrate()
         return
-    _calibrate()
+    if name == FULL_POSES:
+        poses_world.calibrate()
+        return
+    _calibrate(mix_world.fill if name == MIX else _fill)
     _edtk("relax", "study.toml", "--certificate", "certificate.json")
     if name == FIRST:
         _search()
@@ -287,10 +97,10 @@ def _make(name: str) -> None:
         _measure_positions()
 
 
-def _calibrate() -> None:
+def _calibrate(fill: Callable[[Path], None]) -> None:
     """Make a filled-in sheet and k.json."""
     _edtk("template", "study.toml", "plan.csv", "--out", "sheet.csv")
-    _fill(Path("sheet.csv"))
+    fill(Path("sheet.csv"))
     found = edtk.identify("study.toml", "sheet.csv")
     Path("k.json").write_text(json.dumps(found.to_dict(), indent=2), encoding="utf-8")
 

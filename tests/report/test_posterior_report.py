@@ -4,11 +4,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from arm import arm
 
 from edtk.calibration.check_plan_posterior import check_plan_posterior
+from edtk.calibration.posterior_check import PosteriorCheck
+from edtk.design.plan import Plan
 from edtk.inference.noise import Noise
 from edtk.inference.run_chain import Demand
 from edtk.inference.sample_posterior import SamplingOptions
+from edtk.report.posterior_figures import posterior_figures
 from edtk.report.posterior_report import posterior_report
 from edtk.study.study import load_study
 
@@ -29,3 +33,31 @@ def test_posterior_report():
     assert "Noise over the stated one: " in text
     assert "In the test pose the error after compensation is " in text
     assert text.count('<svg role="img"') == 3
+
+
+def test_panels_have_the_names_of_the_instruments(monkeypatch):
+    """Several markers beside a distance have a panel for each of their rows, with its own name; of
+    very many rows the first are drawn, and the picture says how many there are.
+    """
+    check = _many_instruments()
+    names = [*(f"marker {i} {axis}" for i in (1, 2) for axis in "xyz"), "wire"]
+    figure = posterior_figures(check).residuals
+    assert [axis.get_ylabel() for axis in figure.axes] == [f"{name}\n[sigma]" for name in names]
+    assert "coordinates" not in figure.get_suptitle()
+    monkeypatch.setattr("edtk.report.posterior_figures.MOST_PANELS", 2)
+    figure = posterior_figures(check).residuals
+    assert [axis.get_ylabel() for axis in figure.axes] == [f"{x}\n[sigma]" for x in names[:2]]
+    assert "(first 2 of 7 coordinates)" in figure.get_suptitle()
+
+
+def _many_instruments() -> PosteriorCheck:
+    """The check of a plan in which two markers and a draw wire are measured."""
+    study = arm(
+        marker=[{"position_mm": [10 * i, 0, 50]} for i in range(2)],
+        distance=[{"name": "wire", "anchor_mm": [3000, 0, 0]}],
+        simulation={"compliance_rad_per_Nm": {"q1": 1e-6, "q2": 2e-6}},
+    )
+    q = np.deg2rad([[-30.0, 60.0], [-60.0, 40.0]])
+    plan = Plan(q, np.tile([0, 0, -100.0, 0, 0, 0], (2, 1)), np.ones(2, dtype=int))
+    options = SamplingOptions(Demand(0.5, length=10.0))
+    return check_plan_posterior(study, plan, np.random.default_rng(0), options=options)

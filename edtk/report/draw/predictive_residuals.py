@@ -6,12 +6,15 @@ import numpy as np
 
 from edtk.calibration.posterior_check import PosteriorCheck
 from edtk.inference.whiten import whiten, whiten_columns
+from edtk.report.draw.short_names import short_names
 from edtk.report.palette import BLUE, ORANGE
+from edtk.report.plain import plain
 from edtk.system.typing import Array, Indices
 from edtk.tables.coordinate_columns import coordinate_names
 
 MOST_MEASUREMENTS = 200  # that are drawn
 MOST_SAMPLES = 4000  # from which the bands are computed
+MOST_PANELS = 24  # a picture of more would be metres high
 FEW = 24  # measurements that all have a tick
 
 
@@ -26,12 +29,14 @@ class PredictiveResiduals:
         residual: Residuals (m, rows).
         low: Lower ends (m, rows) of the bands.
         high: Upper ends (m, rows) of the bands.
+        names: What the rows are called.
     """
 
     shown: Indices
     residual: Array
     low: Array
     high: Array
+    names: tuple[str, ...]
 
     @property
     def inside(self) -> float:
@@ -52,7 +57,8 @@ class PredictiveResiduals:
         errors = _errors(check, chosen, A.shape[:2], rng)
         predicted = np.einsum("mrp,np->nmr", whiten_columns(A, sigma), k[chosen] - mean)
         low, high = np.quantile(predicted + errors, [0.025, 0.975], axis=0)
-        return cls(shown, whiten(check.measured[shown] - A @ mean, sigma), low, high)
+        names = check.coordinates or coordinate_names(A.shape[1])
+        return cls(shown, whiten(check.measured[shown] - A @ mean, sigma), low, high, names)
 
 
 def _errors(
@@ -76,9 +82,9 @@ def _errors(
 
 
 def predictive_residuals(found: PredictiveResiduals, axes: np.ndarray) -> None:
-    """Draw residuals over their bands, a panel for each measured coordinate."""
+    """Draw residuals over their bands, a panel for each of the first measured coordinates."""
     m = len(found.shown)
-    names = [name.replace("rotation", "rot") for name in coordinate_names(found.residual.shape[1])]
+    names = short_names([name.replace("rotation", "rot") for name in found.names])
     x = found.shown + 1
     width = max(1.5, 350 / m)
     size = 5 if m <= 60 else 3
@@ -88,7 +94,7 @@ def predictive_residuals(found: PredictiveResiduals, axes: np.ndarray) -> None:
         ax.vlines(x, low, high, color=BLUE, alpha=0.25, linewidth=width)
         ax.axhline(0, color="black", linewidth=0.6)
         ax.plot(x, found.residual[:, row], "o", color=ORANGE, markersize=size)
-        ax.set_ylabel(f"{names[row]}  [sigma]", fontsize=9)
+        ax.set_ylabel(f"{plain(names[row])}\n[sigma]", fontsize=9)
         ax.tick_params(labelsize=8)
     axes[-1].set_xlabel("measurement")
     some = np.unique(np.linspace(1, found.shown[-1] + 1, 12).astype(int))
