@@ -58,15 +58,26 @@ def _verdict(found: GeometricCalibration) -> str:
     level = found.verdict
     first = QUALITY[level]
     if level != "bad":
-        first = (
-            f"{first} Expect errors of {found.loo_rms_mm:.2g} mm (rms) in poses like these, "
-            f"instead of {MM * found.fit.placed:.2g} mm by the drawing."
-        )
+        first = f"{first} {_expected(found)}"
     lines = [first, *(_sentence(doubt.text) for doubt in found.doubts)]
     lines += [_sentence(f"the study: {warning}") for warning in found.study.warnings]
     if not found.doubts and not found.study.warnings:
         lines.append("Nothing is wrong: all that was asked for is told, and no pose surprises.")
     return verdict(level, lines)
+
+
+def _expected(found: GeometricCalibration) -> str:
+    """The error to expect, or why it is not known."""
+    left_out = f"{found.loo_rms_mm:.2g} mm (rms)"
+    drawn = f"{MM * found.fit.placed:.2g} mm by the drawing"
+    if not found.needs_each_pose:
+        return f"Expect errors of {left_out} in poses like these, instead of {drawn}."
+    # A plan for the test poses may visit others once, only to tell parameters: what the fit would
+    # be without one of them says nothing about the test poses.
+    others = f"Other poses are not known well: left out, each is {left_out} off, {drawn}."
+    if found.rho0_mm is None:
+        return f"{others} More poses are needed."
+    return f"Expect errors of {found.rho0_mm:.2g} mm (rms) in the test poses. {others}"
 
 
 def _sentence(text: str) -> str:

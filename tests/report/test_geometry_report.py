@@ -1,6 +1,7 @@
 """The report of a calibration of geometry: what it says, and that a browser shows all of it."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -41,6 +42,18 @@ def test_it_says_what_a_person_wants_to_know(found: GeometricCalibration) -> Non
     assert "Laplace&#x27;s approximation, checked by" in text
     assert "day &lt;1&gt;.csv" in text
     assert text.count("<figure") == 4
+
+
+def test_poses_that_no_other_predicts_are_no_promise(found: GeometricCalibration) -> None:
+    """Where a pose is predicted worse than by the drawing, no such error is promised."""
+    few = replace(found, fit=replace(found.fit, placed=1e-9))
+    assert few.needs_each_pose
+    assert not found.needs_each_pose
+    text = geometry_report(few)
+    assert "in poses like these" not in text
+    assert "More poses are needed" in text
+    assert "plan more" in few.summary()
+    assert "plan more" not in found.summary()
 
 
 def test_open_directions_are_in_the_report(tmp_path: Path) -> None:

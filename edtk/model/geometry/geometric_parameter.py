@@ -86,15 +86,16 @@ class GeometricParameter:
     def words(self) -> str:
         """What it is, for people."""
         axis = self.component[-1:]
+        joint = self.of if self.of.startswith("joint") else f"joint {self.of}"
         if self.place == "compliance":
-            return f"the compliance of joint {self.of}"
+            return f"the compliance of {joint}"
         if self.place == "base":
             return f"the base's turn about {axis}" if self.turns else f"the base's {axis}"
         if self.place == "tool":
             tool = f"the tool of {self.of}" if self.of else "the tool"
             return f"{tool}'s turn about {axis}" if self.turns else f"{tool} along {axis}"
         if self.along:
-            return f"the zero of joint {self.of}"
+            return f"the zero of {joint}"
         if self.turns:
-            return f"the tilt about {axis} before joint {self.of}"
-        return f"the length along {axis} before joint {self.of}"
+            return f"the tilt about {axis} before {joint}"
+        return f"the length along {axis} before {joint}"

@@ -8,6 +8,9 @@ from edtk.inference.geometry.geometric_fit import root_mean_square
 from edtk.report.text_table import name_width
 
 MM = 1e3
+NEEDED = (
+    "that is worse than the drawing: some poses tell what no other does; for other poses plan more"
+)
 
 
 def geometric_calibration(found: GeometricCalibration) -> str:
@@ -57,18 +60,24 @@ def _quality(found: GeometricCalibration) -> list[str]:
     fit = found.fit
     noise = fit.fitted.noise
     joints = max(noise.model_joints.tolist(), default=0.0)
+    left_out = (
+        f"what the model leaves out: {joints:.3g} mrad a joint and {noise.model_white:.3g} mm a "
+        "coordinate"
+    )
+    if not joints and not noise.model_white:
+        left_out = "the residuals show nothing that the model leaves out"
     repeats = f"; repeats of readings scatter by {noise.reading:.3g} mm" if noise.repeats else ""
     return [
         f"distance of positions: {MM * fit.placed:.4g} mm rms with base and tools fitted alone, "
         f"{MM * fit.rms:.4g} with all",
         f"each pose predicted without it: {found.loo_rms_mm:.4g} mm rms, "
         f"{100 * fit.share_inside:.1f} % of the coordinates inside their 95 % bands",
+        *([NEEDED] if found.needs_each_pose else []),
         *_turns(found),
         *(
             [f"rho0 {found.rho0_mm:.4g} mm: error of the markers to expect in the test poses"]
             if found.rho0_mm is not None
             else []
         ),
-        f"what the model leaves out: {joints:.3g} mrad a joint and {noise.model_white:.3g} mm a "
-        f"coordinate{repeats}",
+        left_out + repeats,
     ]

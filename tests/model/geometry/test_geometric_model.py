@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from edtk.model.geometry.all_parameters import all_parameters
 from edtk.model.geometry.geometric_model import GeometricModel
+from edtk.model.geometry.geometric_parameter import GeometricParameter
 from edtk.model.geometry.identifiable import Identifiable, identifiable
 from edtk.model.joint import Joint
 from edtk.model.robot import Robot
@@ -149,6 +150,13 @@ def test_redundant_directions_have_words() -> None:
         word.split(" and ")[0] for word in found.words
     )
     assert any("the tool of A along x" in word for word in found.words)
+
+
+def test_a_joint_is_not_called_a_joint_twice() -> None:
+    """Names of URDF files often begin with the word."""
+    parameter = GeometricParameter("joint", "joint_a2", "ry", along=True)
+    assert parameter.words == "the zero of joint_a2"
+    assert replace(parameter, along=False).words == "the tilt about y before joint_a2"
 
 
 def test_a_spring_that_no_load_turns_is_named() -> None:
