@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 
+from edtk.calibration.geometry_design.geometry_designs import GeometryDesigns
 from edtk.design.exact.batch import BATCH_SIZE
 from edtk.report.comparison.all_values import all_values
 from edtk.report.comparison.around_the_task import around_the_task
@@ -11,7 +12,10 @@ from edtk.report.comparison.fewer_poses import fewer_poses
 from edtk.report.comparison.in_each_task import in_each_task
 from edtk.report.comparison.loss_of_others import loss_of_others
 from edtk.report.comparison.relaxation_table import relaxation_table
+from edtk.report.comparison.setting_of_geometry import setting_of_geometry
 from edtk.report.comparison.verdict import verdict
+from edtk.report.comparison.visits_by_load import visits_by_load
+from edtk.report.task_table import TOOL_POINT
 from edtk.study.describe_measured import describe_measured
 from edtk.study.describe_noise import describe_noise
 from edtk.study.study_run import StudyRun
@@ -25,6 +29,10 @@ EFFICIENCY = (
 UNITS = (
     "Each cell is the criterion's own value, in SI units (rho0 and rho_max in 1e-3 mm). O1 to O5 "
     "are those of A/sigma.\n"
+)
+UNITS_OF_GEOMETRY = (
+    "Each cell is the criterion's own value, for parameters in mm, mrad and 1e-6 rad/(N m) (rho0 "
+    "and rho_max in 1e-3 mm). O1 to O5 are those of A/sigma.\n"
 )
 RELAXATION = (
     "Weights over poses instead of whole experiments, per experiment. The first bound is proved: "
@@ -52,6 +60,7 @@ def comparison_report(run: StudyRun, sizes: Iterable[Efficiencies]) -> str:
         verdict(run),
         f"![{main} against the number of experiments](comparison.png)\n",
         by_size(run),
+        *_visits(run),
         *_tasks(run),
         f"## What plans for other criteria cost in {main}\n",
         loss_of_others(run),
@@ -60,7 +69,7 @@ def comparison_report(run: StudyRun, sizes: Iterable[Efficiencies]) -> str:
         "## All plans under all criteria\n",
         EFFICIENCY,
         *(efficiencies(found) for found in sizes),
-        UNITS,
+        UNITS_OF_GEOMETRY if isinstance(run.designs, GeometryDesigns) else UNITS,
         all_values(run),
         "## The relaxation\n",
         RELAXATION,
@@ -75,10 +84,20 @@ def _tasks(run: StudyRun) -> list[str]:
     """What accuracy to expect in the test pose or in several, and around them."""
     if not run.study.tasks:
         return []
+    if run.expected is None and isinstance(run.designs, GeometryDesigns):
+        return []
     if len(run.study.tasks) == 1:
         return [f"## {AROUND}\n", around_the_task(run)]
-    each = [in_each_task(found) for found in list(run.accuracies.values())[:1]]
+    of = "the markers" if isinstance(run.designs, GeometryDesigns) else TOOL_POINT
+    each = [in_each_task(found, of) for found in list(run.accuracies.values())[:1]]
     return [f"## {IN_EACH}\n", *each, around_the_task(run)]
+
+
+def _visits(run: StudyRun) -> list[str]:
+    """How many visits are loaded, of a study of geometry where that may differ."""
+    if not isinstance(run.designs, GeometryDesigns):
+        return []
+    return list(filter(None, [visits_by_load(run, run.designs)]))
 
 
 def _plain(text: str) -> str:
@@ -88,6 +107,8 @@ def _plain(text: str) -> str:
 
 def _setting(run: StudyRun) -> str:
     """One paragraph on the question."""
+    if isinstance(run.designs, GeometryDesigns):
+        return f"Robot {_plain(run.study.robot.name)}; {setting_of_geometry(run.designs)}"
     specification = run.study.specification
     main = run.study.main_criterion
     unknown = ", ".join(run.study.model.parameters)

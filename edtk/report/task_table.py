@@ -5,6 +5,7 @@ import numpy as np
 from edtk.model.task_accuracy import TaskAccuracy
 from edtk.system.typing import Array, Indices
 
+TOOL_POINT = "the tool point"
 MOST_ROWS = 60  # of a table that a person reads
 
 
@@ -65,8 +66,13 @@ def _marked(found: TaskAccuracy) -> int:
     return found.worst_of(found.error if found.total is None else found.total)
 
 
-def task_sentence(found: TaskAccuracy) -> str:
-    """The mean and the worst, and how many poses the table shows."""
+def task_sentence(found: TaskAccuracy, of: str = TOOL_POINT) -> str:
+    """The mean and the worst, and how many poses the table shows.
+
+    Args:
+        found: The accuracy.
+        of: Whose errors they are.
+    """
     shown = len(shown_poses(found))
     count = len(found.error)
     some = "" if shown == count else f" The table shows {shown} of the {count} poses."
@@ -75,12 +81,12 @@ def task_sentence(found: TaskAccuracy) -> str:
     over = f"over the {count} poses (root mean square{weighted})"
     if found.total is None:
         return (
-            "The error of the tool point after compensation is "
+            f"The error of {of} after compensation is "
             f"{_mean_and_worst(found, noise, over)}. It comes from the noise of the measurements "
             f"alone.{some}"
         )
     return (
-        "The total error of the tool point after compensation is "
+        f"The total error of {of} after compensation is "
         f"{_mean_and_worst(found, found.total, over)}. The noise of the measurements alone makes "
         f"{_mean_and_worst(found, noise, 'of it')}.{some}"
     )

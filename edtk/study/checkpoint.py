@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 import criteria
+from edtk.design.design_space import DesignSpace
 from edtk.model.robot_to_dict import robot_to_dict
 from edtk.study.study import Study
 from edtk.system.atomic_file import write_text
@@ -99,16 +100,25 @@ class Checkpoint:
                 path.unlink()
 
 
-def checkpoint_of(study: Study, folder: Path) -> Checkpoint:
-    """The checkpoint of a study, in a folder."""
+def checkpoint_of(
+    study: Study, folder: Path, space_of: Callable[[], DesignSpace] | None = None
+) -> Checkpoint:
+    """The checkpoint of a study, in a folder.
+
+    Args:
+        study: The study.
+        folder: The folder.
+        space_of: Gives the design space; defaults to the study's own.
+    """
+    constraints = (study.space if space_of is None else space_of()).workspace.constraints
     digest = hashlib.sha256(study.digest.encode())
     # The study's own digest knows the name of a robot's file, not its content.
     digest.update(json.dumps(robot_to_dict(study.robot)).encode())
-    for constraint in study.space.workspace.constraints:
+    for constraint in constraints:
         digest.update(repr(constraint.labels(study.robot)).encode())
-    for poses in (getattr(c, "poses", None) for c in study.space.workspace.constraints):
+    for poses in (getattr(c, "poses", None) for c in constraints):
         digest.update(b"" if poses is None else _bytes(poses))
-    if study.tasks:
+    if study.tasks and study.specification.parameters is None:
         digest.update(_bytes(study.tasks.targets))  # those of a path are in a file of their own
     if study.prior_information is not None:
         digest.update(_bytes(study.prior_information))

@@ -8,8 +8,7 @@ import numpy as np
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
 from edtk.study.bound_for import bound_for
 from edtk.study.case import Case
-from edtk.study.plan_accuracy import plan_accuracy
-from edtk.study.study import Study
+from edtk.study.designs import Designs
 from edtk.version import __version__
 
 if TYPE_CHECKING:
@@ -19,12 +18,12 @@ ERRORS = ("error_test_pose", "error_mean", "error_largest")
 
 
 def comparison_table(
-    study: Study, cases: Iterable[Case], relaxations: Mapping[str, RelaxedPlan]
+    designs: Designs, cases: Iterable[Case], relaxations: Mapping[str, RelaxedPlan]
 ) -> "pd.DataFrame":
     """Compare plans under all criteria of a study.
 
     Args:
-        study: The study.
+        designs: The designs of the study.
         cases: The plans; one that does not exist has a row with its reason and without values.
         relaxations: Relaxations by `relaxation_key`, whose bounds efficiencies refer to.
 
@@ -35,10 +34,11 @@ def comparison_table(
     """
     import pandas as pd
 
-    return pd.DataFrame([_row(study, case, relaxations) for case in cases])
+    return pd.DataFrame([_row(designs, case, relaxations) for case in cases])
 
 
-def _row(study: Study, case: Case, relaxations: Mapping[str, RelaxedPlan]) -> dict[str, Any]:
+def _row(designs: Designs, case: Case, relaxations: Mapping[str, RelaxedPlan]) -> dict[str, Any]:
+    study = designs.study
     row: dict[str, Any] = {
         "plan": case.name,
         "kind": case.kind,
@@ -48,15 +48,15 @@ def _row(study: Study, case: Case, relaxations: Mapping[str, RelaxedPlan]) -> di
         "poses": 0 if case.plan is None else len(case.plan.q),
         "reason": case.reason,
     }
-    M = None if case.plan is None else study.information(case.plan)
+    M = None if case.plan is None else designs.information(case.plan)
     for name in study.specification.criteria:
-        row[name] = np.nan if M is None else float(study.criterion(name).value(M))
+        row[name] = np.nan if M is None else float(designs.criterion(name).value(M))
     for name in dict.fromkeys(relaxed.criterion.name for relaxed in relaxations.values()):
-        cost = np.inf if M is None else float(study.criterion(name).cost(M))
+        cost = np.inf if M is None else float(designs.criterion(name).cost(M))
         bound = bound_for(relaxations, name, case.size)
         row[f"efficiency_{name}"] = np.nan if bound is None else bound.efficiency(cost)
     if study.tasks:
-        row |= _errors(study, case)
+        row |= _errors(designs, case)
     return row | {
         "seed": study.specification.seed,
         "study_sha256": study.digest,
@@ -64,9 +64,9 @@ def _row(study: Study, case: Case, relaxations: Mapping[str, RelaxedPlan]) -> di
     }
 
 
-def _errors(study: Study, case: Case) -> dict[str, float]:
+def _errors(designs: Designs, case: Case) -> dict[str, float]:
     """The errors that a plan promises in the test pose and around it [m]; NaN where it has none."""
-    found = None if case.plan is None else plan_accuracy(study, case.plan)
+    found = None if case.plan is None else designs.expected(case.plan)
     if found is None:
         return dict.fromkeys(ERRORS, np.nan)
     return dict(zip(ERRORS, (found.test_pose, found.mean, found.largest), strict=True))

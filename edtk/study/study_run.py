@@ -9,15 +9,11 @@ from typing import TYPE_CHECKING, Any
 from edtk.design.bound import Bound
 from edtk.design.plan import Plan
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
-from edtk.inference.least_squares import SingularPlanError
 from edtk.model.expected_error import ExpectedError
 from edtk.model.task_accuracy import TaskAccuracy
-from edtk.study.accuracy_of_tasks import accuracy_of_tasks
 from edtk.study.bound_for import bound_for
 from edtk.study.case import Case
-from edtk.study.plan_accuracy import plan_accuracy
-from edtk.study.plan_covariance import plan_covariance
-from edtk.study.plan_plausibility import plan_plausibility
+from edtk.study.designs import Designs
 from edtk.study.study import Study
 from edtk.system.presented import Presented
 
@@ -35,6 +31,7 @@ class StudyRun(Presented):
         relaxations: The relaxation of every criterion that can be relaxed, by `relaxation_key`.
         cases: The plans in the order of the table, with how they were found.
         folder: Folder that holds the files of the run.
+        own_designs: The designs of the study; None for those of compliances alone.
     """
 
     study: Study
@@ -42,6 +39,12 @@ class StudyRun(Presented):
     relaxations: Mapping[str, RelaxedPlan]
     cases: tuple[Case, ...]
     folder: Path
+    own_designs: Designs | None = None
+
+    @property
+    def designs(self) -> Designs:
+        """What the designs of the study are."""
+        return Designs(self.study) if self.own_designs is None else self.own_designs
 
     def headline(self) -> str:
         """Title, number of plans, and the efficiency of the largest plan for the main criterion."""
@@ -60,7 +63,7 @@ class StudyRun(Presented):
     @property
     def expected(self) -> ExpectedError | None:
         """Errors to expect of the largest plan for the main criterion; None without a test pose."""
-        return None if self._best is None else plan_accuracy(self.study, self._best)
+        return None if self._best is None else self.designs.expected(self._best)
 
     @cached_property
     def accuracies(self) -> dict[str, TaskAccuracy]:
@@ -74,7 +77,7 @@ class StudyRun(Presented):
         size = self._best.experiments
         main = self.study.main_criterion
         alike = [case for case in self.cases if case.size == size and case.kind != "distinct"]
-        found = {_plan_name(case): _accuracy(self.study, case.plan) for case in alike}
+        found = {_plan_name(case): self._accuracy(case.plan) for case in alike}
         first = f"optimised for {main}"
         order = (first, *(name for name in found if name != first))
         return {name: one for name in order if (one := found[name]) is not None}
@@ -82,8 +85,12 @@ class StudyRun(Presented):
     @cached_property
     def warnings(self) -> tuple[str, ...]:
         """What is hard to believe in the study or in that plan, a line each."""
-        of_plan = () if self._best is None else plan_plausibility(self.study, self._best)
+        of_plan = () if self._best is None else self.designs.warnings(self._best)
         return self.study.warnings + of_plan
+
+    def _accuracy(self, plan: Plan | None) -> TaskAccuracy | None:
+        """What a plan promises in each test pose; None if it leaves a parameter open."""
+        return None if plan is None else self.designs.accuracy(plan)
 
     @property
     def _best(self) -> Plan | None:
@@ -123,13 +130,3 @@ def _plan_name(case: Case) -> str:
     if case.kind == "optimised":
         return f"optimised for {case.optimised}"
     return f"{case.kind} ({case.label})" if case.label else case.kind
-
-
-def _accuracy(study: Study, plan: Plan | None) -> TaskAccuracy | None:
-    """What a plan promises in each test pose; None if it leaves a parameter open."""
-    if plan is None:
-        return None
-    try:
-        return accuracy_of_tasks(study, plan_covariance(study, study.information(plan)))
-    except SingularPlanError:
-        return None

@@ -42,7 +42,7 @@ def plan_geometry(
         ArgumentError: An argument is for plans of compliances alone.
         UserError: One line that says what cannot be done, and where.
     """
-    unknown = {"distinct": distinct, "dask": dask, "detect": detect}
+    unknown = {"dask": dask, "detect": detect}
     for argument, given in unknown.items():
         if given is not None:
             message = "is for plans of compliances alone; this study has [parameters]"
@@ -59,6 +59,7 @@ def plan_geometry(
             asked,
             size,
             name,
+            distinct=distinct,
             kept=kept,
             cost_budget=cost_budget,
             seconds=budget,

@@ -2,15 +2,17 @@
 
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 from criteria import Criterion
 from edtk.certificate.certificate import certificate_text, is_certifiable
 from edtk.design.exact.exact_plan import ExactPlan
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
 from edtk.report.comparison_files import comparison_files
+from edtk.study.designs import Designs
 from edtk.study.run_files import KINDS, run_files
 from edtk.study.run_options import Progress, RunOptions, no_progress
 from edtk.study.run_study import run_study
@@ -66,13 +68,24 @@ def run(
     _require_apart(question, folder)
     with workers_for(workers, dask) as pool, errors_in(question.where), _alone_in(folder):
         options = RunOptions(workers=pool, progress=progress)
-        found = run_study(question, folder, fresh=fresh, options=options)
+        found = run_study(
+            question, folder, fresh=fresh, options=options, designs_of=_designs_of(question)
+        )
         files = run_files(found) | _certificates(found) | comparison_files(found)
         write_files(files)
         for path in _of_earlier_runs(folder):
             if path not in files and path.is_file():
                 path.unlink()
     return found
+
+
+def _designs_of(study: Study) -> Callable[[Study], Designs]:
+    """What tells the designs of a study: of compliances, or of geometry."""
+    if study.specification.parameters is None:
+        return Designs
+    from edtk.calibration.geometry_design.geometry_designs import GeometryDesigns
+
+    return GeometryDesigns.of
 
 
 @contextmanager
@@ -109,11 +122,21 @@ def _certificates(found: StudyRun) -> dict[Path, Content]:
     }
     results |= {case.name: case.found for case in found.cases if case.found is not None}
     folder = found.folder / "certificates"
+    setting = _setting(found)
     return {
-        folder / f"{name}.json": certificate_text(found.study, result)
+        folder / f"{name}.json": certificate_text(found.study, result, setting)
         for name, result in results.items()
         if is_certifiable(_criterion_of(result).name)
     }
+
+
+def _setting(found: StudyRun) -> dict[str, Any] | None:
+    """The setting of a study of geometry; None for the usual one."""
+    if found.study.specification.parameters is None:
+        return None
+    from edtk.verbs.setting_of import setting_of
+
+    return setting_of(found.study)
 
 
 def _criterion_of(result: RelaxedPlan | ExactPlan) -> Criterion:

@@ -209,13 +209,11 @@ def test_second_run_is_the_same_with_two_workers(done, tmp_path):
     assert_same(first, tmp_path / "second")
 
 
-def test_what_an_interrupted_search_leaves_is_no_answer(monkeypatch):
+def test_what_an_interrupted_search_leaves_is_no_answer():
     """A search that Ctrl-C ended with a plan is not kept as a case."""
-    monkeypatch.setattr(
-        runner, "find_plan", lambda *args, **options: SimpleNamespace(ended="interrupted")
-    )
+    interrupted = SimpleNamespace(search=lambda *args: SimpleNamespace(ended="interrupted"))
     with pytest.raises(KeyboardInterrupt):
-        runner._Search(None, 6, None, SearchOptions())()
+        runner._Search(interrupted, None, None, 1)()
 
 
 def test_size_too_small_is_a_row_with_its_reason(done):

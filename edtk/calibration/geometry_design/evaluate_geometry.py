@@ -7,9 +7,9 @@ from edtk.calibration.geometry_design.geometry_evaluation import GeometryEvaluat
 from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
 from edtk.calibration.geometry_design.poses_by_load import PosesByLoad
 from edtk.calibration.geometry_design.position_rows import MM, PositionRows
+from edtk.calibration.geometry_design.told_by_plan import ToldByPlan
 from edtk.design.plan import Plan
-from edtk.inference.geometry.fit_geometry import stages
-from edtk.model.geometry.identifiable import Identifiable, identifiable
+from edtk.model.geometry.identifiable import Identifiable
 from edtk.study.criterion_values import criterion_values, observability
 from edtk.study.study import Study
 from edtk.study.study_errors import study_errors
@@ -34,10 +34,11 @@ def evaluate_geometry(study: Study, plan: Plan) -> GeometryEvaluation:
     """
     with study_errors(study):
         question = GeometryQuestion.of(study)
-    told = _told(question, plan)
+    by_plan = ToldByPlan(question, plan)
+    told = by_plan.told
     is_whole = not len(told.left)
     parameters = tuple(question.model.parameters[i] for i in told.kept)
-    cov = _covariance(question, plan, told)
+    cov = by_plan.covariance
     values: dict[str, float] = {}
     skipped = _without_value(question)
     if is_whole:
@@ -56,23 +57,6 @@ def evaluate_geometry(study: Study, plan: Plan) -> GeometryEvaluation:
         skipped=skipped,
         warnings=study.warnings,
     )
-
-
-def _told(question: GeometryQuestion, plan: Plan) -> Identifiable:
-    """What a plan tells apart."""
-    rows = question.rows(plan.q, plan.wrench).reshape(-1, question.model.p)
-    return identifiable(rows, question.model.parameters, stages(question.model))
-
-
-def _covariance(question: GeometryQuestion, plan: Plan, told: Identifiable) -> Array:
-    """Covariance (r, r) of the parameters that a plan tells, in their units."""
-    setting = question.setting
-    A = PositionRows(question.model, setting.loads, setting.noise)(plan.q, plan.wrench)
-    weighted = np.sqrt(plan.repeats)[:, None, None] * A[..., told.kept]
-    # From the rows: their squares would lose half of the digits.
-    R = np.linalg.qr(weighted.reshape(-1, len(told.kept)), mode="r")
-    inverse = np.linalg.solve(R, np.eye(len(R)))
-    return np.asarray(inverse @ inverse.T)
 
 
 def _rho0(question: GeometryQuestion, told: Identifiable, cov: Array) -> float | None:

@@ -19,6 +19,7 @@ from edtk.calibration.geometry_design.geometry_space import GeometrySpace
 from edtk.calibration.geometry_design.load_trial import LoadTrial
 from edtk.calibration.geometry_design.visit_search import VisitSearch
 from edtk.design.exact.exact_plan import ExactPlan
+from edtk.design.exact.require_enough import TooFewExperimentsError, require_enough
 from edtk.design.plan import Plan
 from edtk.design.problem import RankDeficientError
 from edtk.design.relaxation.relax import require_relaxable
@@ -43,6 +44,7 @@ def plan_geometry(
     size: int | None = None,
     criterion: str | None = None,
     *,
+    distinct: int | None = None,
     kept: Plan | None = None,
     cost_budget: float | None = None,
     seconds: float | None = None,
@@ -59,6 +61,8 @@ def plan_geometry(
         study: The study, with [parameters].
         size: Number of visits in all, kept ones counted; None where the budget decides.
         criterion: Name of a criterion; defaults to the one that the study is about.
+        distinct: Different new visits at most, where no budget limits them; a pose without a load
+            and under it are two. Defaults to any number.
         kept: Visits that were made already; they cost nothing more.
         cost_budget: What the new visits may cost; defaults to the study's.
         seconds: Time after which the best plan so far is returned; defaults to no limit.
@@ -70,7 +74,7 @@ def plan_geometry(
     with study_errors(study):
         question = GeometryQuestion.of(study)
         search = _Search.of(question, size, criterion, kept, cost_budget, seconds, options)
-        return search.run()
+        return search.limited(distinct).run()
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,6 +89,7 @@ class _Search:
     since: float
     seconds: float
     options: RunOptions
+    distinct: int | None = None
 
     @classmethod
     def of(
@@ -122,6 +127,28 @@ class _Search:
             np.inf if seconds is None else seconds,
             options,
         )
+
+    def limited(self, distinct: int | None) -> "_Search":
+        """The same search for plans of so many different visits at most.
+
+        Raises:
+            ArgumentError: They are more than the visits, too few, or a budget limits visits anyway.
+        """
+        if distinct is None:
+            return self
+        if self.new is None or (self.costs is not None and self.costs.budget is not None):
+            message = "cannot go with a budget of costs, which limits the visits; leave one out"
+            raise ArgumentError(message, argument="distinct")
+        if distinct > self.new:
+            message = f"expected at most {self.new}, the number of new visits"
+            raise ArgumentError(message, argument="distinct", given=distinct)
+        if self.kept is None and self.criterion.needs_all:
+            try:
+                require_enough(self.question.space, self.new, distinct, self.criterion)
+            except TooFewExperimentsError as error:
+                argument = "size" if self.new < error.least else "distinct"
+                raise ArgumentError(str(error), argument=argument) from error
+        return replace(self, distinct=distinct)
 
     def run(self) -> GeometryPlan:
         """Search each set of loads, and take the best plan."""
@@ -193,7 +220,7 @@ class _Search:
             counted, relaxed, self.criterion, self._seed, self._late, self._progress
         )
         if m is not None and (one_price or affords(funds, prices.max() * m)):
-            return LoadTrial(loads, relaxed, bound, search.of_size(m))
+            return LoadTrial(loads, relaxed, bound, search.of_size(m, self.distinct))
         most = most_visits(funds, prices.min()) if m is None else m
         return LoadTrial(loads, relaxed, bound, search.within(prices, funds, most, m is not None))
 

@@ -12,8 +12,10 @@ from edtk.design.exact.apportion import apportion
 from edtk.design.exact.counts.find_counts import find_counts
 from edtk.design.exact.counts.limits import Limits
 from edtk.design.exact.exchange import exchange
+from edtk.design.exact.exchange_in_turn import exchange_in_turn
 from edtk.design.exact.refine import refine
 from edtk.design.exact.round_poses import round_poses
+from edtk.design.problem import Problem
 from edtk.design.relaxation.normalised import normalised
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
 from edtk.system.typing import Array, Indices
@@ -71,6 +73,7 @@ class VisitSearch:
         seed: Seed.
         late: Asked whether to end early.
         progress: Called with a label and the best cost.
+        starts: Number of starts.
     """
 
     space: GeometrySpace
@@ -79,17 +82,25 @@ class VisitSearch:
     seed: int
     late: Callable[[], bool]
     progress: Callable[[str, float], object]
+    starts: int = STARTS
 
-    def of_size(self, m: int) -> FoundVisits:
-        """The best plan of m visits, whatever each costs."""
+    def of_size(self, m: int, distinct: int | None = None) -> FoundVisits:
+        """The best plan of m visits, whatever each costs.
+
+        Args:
+            m: Number of visits.
+            distinct: Number of different visits at most; a pose without a load and under it are
+                two. Defaults to any.
+        """
         pool, weights = self._pool()
         rng = np.random.default_rng((self.seed, SEED))
-        starts = self._starts(rng, weights, m)
-        places, costs = exchange(pool.problem, self.criterion, starts, thorough=False)
+        k = m if distinct is None else min(m, distinct)
+        starts = self._starts(rng, weights, k)
+        even = np.tile(apportion(np.ones(k), m).astype(float), (len(starts), 1))
+        places, repeats, costs = self._exchanged(pool, starts, even)
         elite = np.argsort(costs, kind="stable")[:ELITE]
-        self.progress(f"{STARTS} starts", float(costs[elite[0]]))
-        x = pool.x[places[elite]]
-        return self._finished(x, np.ones(x.shape[:2]), pool, STARTS)
+        self.progress(f"{self.starts} starts", float(costs[elite[0]]))
+        return self._finished(pool.x[places[elite]], repeats[elite], pool, self.starts)
 
     def within(self, prices: Array, funds: float, m: int, sized: bool) -> FoundVisits:
         """The best plan whose visits cost no more than some funds.
@@ -131,11 +142,11 @@ class VisitSearch:
         return Candidates(x, self.space.problem(x)), weights
 
     def _starts(self, rng: np.random.Generator, weights: Array, m: int) -> Indices:
-        """Places (starts, m) to start from: rounded weights, drawn by weight, and at random."""
+        """Places (starts, k) to start from: the best weights, drawn by weight, and at random."""
         n = len(weights)
         drawn = [np.repeat(np.arange(n), apportion(weights, m))]
-        for i in range(1, STARTS):
-            by_weight = i < WEIGHTY * STARTS
+        for i in range(1, self.starts):
+            by_weight = i < WEIGHTY * self.starts
             drawn.append(rng.choice(n, m, p=weights / weights.sum() if by_weight else None))
         return np.array(drawn)
 
@@ -158,7 +169,10 @@ class VisitSearch:
                 self.progress("refine", float(costs.min()))
                 if pool is None or not gained or turn == ROUNDS - 1:
                     break
-                x = self._exchanged(x, pool)
+                both = Candidates(x.reshape(-1, x.shape[-1]), self._problem(x)) + pool
+                places = np.arange(x.shape[0] * x.shape[1]).reshape(x.shape[:2])
+                places, repeats, _ = self._exchanged(both, places, repeats)
+                x = both.x[places]
         except KeyboardInterrupt:
             ended = "interrupted"
         best = int(np.argmin(costs))
@@ -166,16 +180,29 @@ class VisitSearch:
         same = int((costs <= costs[best] * (1 + SAME)).sum())
         return self._rounded(x[best], repeats[best], (starts, same, len(alike), ended))
 
-    def _exchanged(self, x: Array, pool: Candidates) -> Array:
-        """Plans (b, k, v) after exchanges of places for those of other plans and of the pool."""
-        own = x.reshape(-1, x.shape[-1])
-        both = Candidates(own, self.space.problem(own)) + pool
-        places = np.arange(len(own)).reshape(x.shape[:2])
-        return both.x[exchange(both.problem, self.criterion, places, thorough=False)[0]]
+    def _problem(self, x: Array) -> Problem:
+        """The visits of plans (b, k, v)."""
+        return self.space.problem(x.reshape(-1, x.shape[-1]))
+
+    def _exchanged(
+        self, pool: Candidates, places: Indices, repeats: Array
+    ) -> tuple[Indices, Array, Array]:
+        """Places (b, k) after exchanges, how often each is visited (b, k), and costs (b,).
+
+        Visits move between the places, too, where there are more of them than places.
+        """
+        if repeats.sum() > repeats.size:
+            places, repeats = exchange_in_turn(
+                pool.problem, self.criterion, places, repeats, thorough=False
+            )
+        places, costs = exchange(pool.problem, self.criterion, places, repeats, thorough=False)
+        return places, repeats, costs
 
     def _rounded(self, x: Array, repeats: Array, search: tuple[int, int, int, str]) -> FoundVisits:
         """One plan (k, v), refined to the end and rounded to the steps of the controller."""
         starts, found, optima, ended = search
+        used = repeats > 0
+        x, repeats = x[used], repeats[used]
         if ended == "starts":
             x = refine(
                 self.space, self.criterion, x[None], repeats[None], FINEST, SHARPEST, self.late

@@ -2,10 +2,11 @@
 
 from criteria import Criterion
 from edtk.design.design_space import DesignSpace
+from edtk.design.exact.no_plan_error import NoPlanError
 from edtk.design.exact.smallest_size import smallest_size
 
 
-class TooFewExperimentsError(ValueError):
+class TooFewExperimentsError(NoPlanError):
     """More experiments, or more distinct poses, are needed to identify all parameters.
 
     Attributes:

@@ -15,5 +15,8 @@ def all_values(run: StudyRun) -> str:
         if row["reason"]:
             cells = [row["reason"], *[""] * (len(names) - 1)]
         rows.append([row["plan"], *cells])
-    header = ["plan", *(f"{each.label} ({each.sense})" for each in map(run.study.criterion, names))]
+    header = [
+        "plan",
+        *(f"{each.label} ({each.sense})" for each in map(run.designs.criterion, names)),
+    ]
     return markdown_table(header, rows)

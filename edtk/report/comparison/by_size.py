@@ -4,14 +4,14 @@ from edtk.report.comparison.cell import number, percent
 from edtk.report.markdown_table import markdown_table
 from edtk.report.other_plans import other_plans
 from edtk.report.plans_of import plans_of
-from edtk.report.shown_unit import shown_unit
+from edtk.report.run_unit import run_unit
 from edtk.study.study_run import StudyRun
 
 
 def by_size(run: StudyRun) -> str:
     """A table of our plan, its efficiency, the bound, and plans that were not optimised."""
     main = run.study.main_criterion
-    factor, unit = shown_unit(main)
+    factor, unit = run_unit(run, main)
     others = other_plans(run.table)
     rows = []
     for _, row in plans_of(run.table, "optimised", main).sort_values("experiments").iterrows():

@@ -7,7 +7,7 @@ from edtk.report.comparison.cell import number
 from edtk.report.comparison.relative_loss import relative_loss
 from edtk.report.markdown_table import markdown_table
 from edtk.report.plans_of import plans_of
-from edtk.report.shown_unit import shown_unit
+from edtk.report.run_unit import run_unit
 from edtk.study.study_run import StudyRun
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ WORTH = 0.01  # relative loss that fewer distinct poses are worth
 def fewer_poses(run: StudyRun) -> str:
     """A table of the loss by the number of distinct poses, and the number that suffices."""
     main = run.study.main_criterion
-    factor, unit = shown_unit(main)
+    factor, unit = run_unit(run, main)
     some = run.table[(run.table["kind"] == "distinct") & run.table[main].notna()]
     if some.empty:
         return "No size allows fewer distinct poses.\n"

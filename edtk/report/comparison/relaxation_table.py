@@ -1,7 +1,7 @@
 """The relaxations of all criteria."""
 
 from edtk.report.markdown_table import markdown_table
-from edtk.report.shown_unit import shown_unit
+from edtk.report.run_unit import run_unit
 from edtk.study.study_run import StudyRun
 
 
@@ -9,7 +9,7 @@ def relaxation_table(run: StudyRun) -> str:
     """Value and both bounds of every relaxation, for one experiment's worth of weight."""
     rows = []
     for relaxed in run.relaxations.values():
-        factor, unit = shown_unit(relaxed.criterion.name)
+        factor, unit = run_unit(run, relaxed.criterion.name)
         sharing = relaxed.space.sharing
         plural = "" if sharing == 1 else "s"
         among = f", {sharing} experiment{plural}" if sharing else ""

@@ -3,14 +3,14 @@
 import criteria
 from edtk.report.other_plans import other_plans
 from edtk.report.plans_of import plans_of
-from edtk.report.shown_unit import shown_unit
+from edtk.report.run_unit import run_unit
 from edtk.study.study_run import StudyRun
 
 
 def verdict(run: StudyRun) -> str:
     """How good the largest plan for the main criterion is, in at most three sentences."""
     main = run.study.main_criterion
-    factor, unit = shown_unit(main)
+    factor, unit = run_unit(run, main)
     best = plans_of(run.table, "optimised", main).dropna(subset=[main]).sort_values("experiments")
     if best.empty:
         return "No size allows a plan that identifies all parameters.\n"

@@ -8,7 +8,7 @@ from edtk.report.other_plans import other_plans
 from edtk.report.palette import COLOURS, MARKERS
 from edtk.report.plain import plain
 from edtk.report.plans_of import plans_of
-from edtk.report.shown_unit import shown_unit
+from edtk.report.run_unit import run_unit
 from edtk.study.study_run import StudyRun
 from edtk.system.errors import shortened
 
@@ -21,7 +21,7 @@ LONGEST_LABEL = 40  # characters of a plan's name in a picture
 def criterion_by_size(run: StudyRun, ax: "Axes") -> None:
     """Draw the main criterion for every kind of plan, and the bound; without a legend."""
     main = run.study.main_criterion
-    factor, unit = shown_unit(main)
+    factor, unit = run_unit(run, main)
     others = [name for name in run.study.specification.optimise if name != main]
     ours = {f"optimised for {name}": plans_of(run.table, "optimised", name) for name in others}
     groups = {f"optimised for {main}": plans_of(run.table, "optimised", main)}

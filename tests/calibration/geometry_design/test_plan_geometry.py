@@ -195,7 +195,25 @@ def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     found = json.loads(result.stdout)
     assert {"value", "bound", "efficiency", "plan", "poses", "rank", "parameters"} <= set(found)
     assert edtk.load_study("study.toml").load_plan("plan.csv").experiments == 5
-    for option in (["--distinct", "2"], ["--detect", "x=1mm"]):
+    for option, reason in (
+        (["--distinct", "2"], "2 distinct poses cannot identify 6 parameters; the smallest number"),
+        (["--distinct", "6"], "expected at most 5, the number of new visits"),
+        (["--distinct", "3", "--cost-budget", "9"], "cannot go with a budget of costs"),
+        (["--detect", "x=1mm"], "is for plans of compliances alone"),
+    ):
         refused = CliRunner().invoke(main, ["plan", "study.toml", "--size", "5", *option])
         assert refused.exit_code == 2
-        assert "is for plans of compliances alone" in refused.stderr
+        assert reason in refused.stderr
+
+
+def test_few_different_visits() -> None:
+    """Eight visits of three kinds repeat them as often as is best; more kinds are no worse."""
+    three = plan_geometry(STUDY, 8, "D", distinct=3)
+    assert sorted(three.plan.repeats) == [2, 3, 3]  # as whole numbers share eight evenly
+    four = plan_geometry(STUDY, 8, "D", distinct=4)
+    assert len(four.plan.q) <= 4
+    assert three.plan.experiments == four.plan.experiments == 8
+    # Another search, of robots, finds 79.80 and 84.10.
+    assert three.value == pytest.approx(79.8037, rel=1e-4)
+    assert four.value == pytest.approx(84.0985, rel=2e-3)
+    assert four.efficiency <= 1 + 1e-6
