@@ -62,7 +62,8 @@ INTRODUCTION = (
     "and the error budget has a part for it. Only a factor as large as that of two units is "
     "told from the sizes that residuals, and the compliances of [simulation], have. With a "
     "torque of one sign in all poses, a joint's dependence on that sign is no fault of the "
-    "plan; such joints are left out.\n\n"
+    "plan; such joints are left out. Random poses that are measured once are repeated nowhere, "
+    "so that no noise is common to any.\n\n"
     f"Targets: a cause named in at most {MOST_FALSE:g} % of good sheets, p < 0.01 in at most "
     f"{MOST_ALARMS:g} %, the right cause first in at least {LEAST_RIGHT:g} % of those "
     "detected, and detection no worse than before; a place misses one if it is off by more "
@@ -79,7 +80,9 @@ POSSIBLE = (
     "is. *Best naming*: of the sheets that the best test for all faults at once detects, those "
     "whose cause has the largest mean likelihood, all causes being equally likely (Bayes). No "
     "naming is right more often on the average over the causes; one that is better for one "
-    "cause is worse for another. It knows the sizes that faults have here; in the second column "
+    "cause is worse for another. It never says that it is none of these, as `edtk.identify` does "
+    "where no cause is clear enough after looking at all. It knows the sizes that faults have "
+    "here; in the second column "
     f"only within a factor of {SPREAD:g} to either side, which is about what anybody knows. To "
     "first order in the faults; random plans are the means of some.\n"
 )
@@ -157,9 +160,9 @@ def _best(miss: Sequence[str], possible: Possible) -> str:
 def _is_there(
     by_place: dict[tuple[str, int, int, bool], Shares], robot: str, number: int, repeats: int
 ) -> bool:
-    """Whether a fault was simulated: not all robots have all faults."""
-    shares = by_place.get((robot, number, repeats, True))
-    return shares is not None and shares.sets > 0
+    """Whether a fault was simulated: not all robots and plans have all faults."""
+    found = [by_place.get((robot, number, repeats, kind)) for kind in (False, True)]
+    return any(shares is not None and shares.sets > 0 for shares in found)
 
 
 def _row(
@@ -170,7 +173,7 @@ def _row(
     words = fault.today.split(" / ") if fault.today else ["", ""]
     both = [by_place[robot, number, repeats, is_random] for is_random in (False, True)]
     mark = EARLIER if any(shares.earlier for shares in both) else ""
-    row = [fault.title, f"{both[1].sets}{mark}"]
+    row = [fault.title, f"{max(shares.sets for shares in both)}{mark}"]
     for is_random, before in zip((False, True), words, strict=True):
         shares = by_place[robot, number, repeats, is_random]
         named = _words(shares.right) if fault.cause_is_seen else ""
@@ -191,6 +194,8 @@ def _possible_rows(
             if bound is None or not _is_there(by_place, robot, number, 1):
                 continue
             shares = by_place[robot, number, 1, bool(is_random)]
+            if not shares.sets:
+                continue
             pairs = (
                 (bound.plain, shares.detected, bound.detected),
                 (shares.right, bound.named, bound.named_unknown),

@@ -86,8 +86,10 @@ def noise(scene: Scene, rng: np.random.Generator) -> Scene:
     return replace(scene, noise=1.5)
 
 
-def common_noise(scene: Scene, rng: np.random.Generator) -> Scene:
-    """Repetitions of a pose share half of the variance of their noise."""
+def common_noise(scene: Scene, rng: np.random.Generator) -> Scene | None:
+    """Repetitions of a pose share half of the variance of their noise; None without any."""
+    if len(np.unique(scene.pose)) == len(scene.pose):
+        return None  # noise as stated
     return replace(scene, common=COMMON_SHARE)
 
 

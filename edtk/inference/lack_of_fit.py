@@ -22,6 +22,7 @@ class LackOfFit:
         common: Standard deviation of what repetitions have in common and the model does not
             explain, over the stated sigma; 0 where F is below one.
         dof: Degrees of freedom of the groups' means, and of the pure error.
+        repetitions: How many readings a group has; the effective number of unequal groups.
     """
 
     F: float
@@ -29,6 +30,7 @@ class LackOfFit:
     pure_error: float
     common: float
     dof: tuple[int, int]
+    repetitions: float = 1.0
 
     @property
     def seen(self) -> bool:
@@ -80,4 +82,5 @@ def lack_of_fit(z: Array, group: Indices, parameters: int) -> LackOfFit | None:
         pure_error=float(np.sqrt(pure)),
         common=float(np.sqrt(common)),
         dof=(means_dof, pure_dof),
+        repetitions=max(float(repetitions), 1.0),
     )

@@ -75,6 +75,14 @@ def test_every_fault_changes_the_sheet(good, faults, tmp_path):
             assert path.read_text() != right, fault.title
 
 
+def test_noise_is_common_only_where_a_pose_is_repeated(good, faults, robots, scenes):
+    """A plan without repetitions cannot have that fault."""
+    once = scenes.Scene.of(robots["UR10, 10 kg"], good.q[::2], good.wrench[::2], 1)
+    rng = np.random.default_rng(0)
+    assert faults.common_noise(good, rng) is not None
+    assert faults.common_noise(once, rng) is None
+
+
 def test_judged(good, faults, answers):
     """The first cause counts; a wrong pose needs its rows, noise and outliers need no cause."""
     by_title = {fault.title: fault for fault in faults.FAULTS}

@@ -9,6 +9,7 @@ import numpy as np
 from edtk.calibration.causes.cause import NOISE, OUTLIER, Cause
 from edtk.calibration.causes.families_with_known import families_with_known
 from edtk.calibration.causes.family import fit_family
+from edtk.calibration.causes.noise_rarity import noise_rarity
 from edtk.calibration.causes.plain_fit import PlainFit
 from edtk.calibration.causes.rank_faults import COMMON, LEVEL, likely_faults, rank_faults
 from edtk.calibration.causes.rarity import likely_size, rarity
@@ -18,7 +19,7 @@ from edtk.calibration.causes.tried import Tried
 from edtk.calibration.causes.wrong_pose import wrong_pose
 from edtk.calibration.whole_rows import whole_rows
 from edtk.inference.distributions import chi_square_tail, fisher_tail
-from edtk.inference.error_strata import ErrorStrata
+from edtk.inference.error_strata import ErrorStrata, Stratum
 from edtk.inference.estimate_noise import yardstick
 from edtk.inference.lack_of_fit import LackOfFit, lack_of_fit
 from edtk.inference.least_squares import SingularPlanError
@@ -96,7 +97,7 @@ def _tried(plain: PlainFit) -> list[Tried]:
     if plain.alone is not None:
         test = lack_of_fit(plain.z, data.places, len(plain.k))
     strata = _strata(plain)
-    shared = _common_noise(test) if strata is None else _shared(strata)
+    shared = _common_noise(test) if strata is None else _shared(strata, data)
     return [
         *_smooth(plain),
         *_poses(plain),
@@ -224,7 +225,11 @@ def _common_noise(found: LackOfFit | None) -> Iterator[Tried]:
     means_dof, pure_dof = found.dof
     pure = found.pure_error**2
     deviance = pure_dof * (1 + math.log(pure)) + means_dof * (1 + math.log(pure * found.F))
-    yield Tried(Cause(COMMON, found.common, "times stated", None, found.p), deviance, 2, 1)
+    own = Stratum(pure * pure_dof, pure_dof)
+    means = Stratum(pure * found.F * means_dof, means_dof)
+    cost = noise_rarity(own, [(means, found.repetitions)])
+    cause = Cause(COMMON, found.common, "times stated", None, found.p)
+    yield Tried(cause, deviance, 2, 1, cost)
 
 
 def _strata(plain: PlainFit) -> ErrorStrata | None:
@@ -240,7 +245,7 @@ def _strata(plain: PlainFit) -> ErrorStrata | None:
     return strata if yardstick(strata) is not None and strata.poses.dof > 0 else None
 
 
-def _shared(strata: ErrorStrata) -> Iterator[Tried]:
+def _shared(strata: ErrorStrata, data: Measurements) -> Iterator[Tried]:
     """Markers of a visit share a part of the noise, and visits of a pose do."""
     apart = yardstick(strata)
     if apart is None:
@@ -253,7 +258,16 @@ def _shared(strata: ErrorStrata) -> Iterator[Tried]:
     deviance = sum(part.dof * (1 + math.log(max(part.mean_square, 1e-300))) for part in strata.all)
     size = math.sqrt(max(ratios))
     cause = Cause(COMMON, size, "times stated", None, min(1.0, len(tests) * p))
-    yield Tried(cause, deviance, len(strata.all), 1)
+    groups = (data.pose, data.visits, data.places)
+    parts = (strata.poses, strata.visits, strata.shape)
+    shared = [
+        (part, len(data) / len(np.unique(group)))
+        for part, group in zip(parts, groups, strict=True)
+        if part.dof > 0
+    ]
+    own = strata.tracker if strata.tracker.dof > 0 else shared.pop()[0]
+    cost = noise_rarity(own, shared)
+    yield Tried(cause, deviance, len(strata.all), 1, cost)
 
 
 def _noise(plain: PlainFit, repeated: bool) -> Iterator[Tried]:
@@ -269,7 +283,8 @@ def _noise(plain: PlainFit, repeated: bool) -> Iterator[Tried]:
     p = min(p, UNASKED * (1 - p))
     deviance = dof * (math.log(max(scale, 1e-300)) + 1) + plain.by_prior
     std = math.sqrt(scale / (2 * dof))
-    yield Tried(Cause(NOISE, math.sqrt(scale), "times stated", std, p), deviance, 1, 1)
+    cost = noise_rarity(Stratum(chi2, dof))
+    yield Tried(Cause(NOISE, math.sqrt(scale), "times stated", std, p), deviance, 1, 1, cost)
 
 
 def _prior(plain: PlainFit) -> Iterator[Tried]:
