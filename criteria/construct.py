@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from criteria.criterion import Criterion
 from criteria.criterion_error import CriterionError, MissingTargetError
 from criteria.require_homogeneous import require_homogeneous
+from criteria.require_slope import require_slope
 
 
 def construct(
@@ -57,29 +58,30 @@ def _with_parameters(
     except (TypeError, ValueError, ArithmeticError) as error:  # of what is no array of numbers
         words = " ".join(str(error).split())
         raise CriterionError(f"criterion {cls.name!r}: wrong parameters: {words}") from error
-    return _of_its_degree(made, 3)
+    return _sound(made, 3)
 
 
 def _create(cls: type[Criterion], target: ArrayLike | None, targets: ArrayLike | None) -> Criterion:
     """Construct a criterion of all parameters."""
     if not cls.needs_target:
-        return _of_its_degree(cls(), 3)
+        return _sound(cls(), 3)
     given = targets if cls.per_task and targets is not None else target
     if given is None:
         raise MissingTargetError(
             f"criterion {cls.name!r} needs a target: the regressor A0 of the test pose"
         )
     made = cls(given)  # type: ignore[call-arg]
-    return _of_its_degree(made, np.shape(given)[-1])
+    return _sound(made, np.shape(given)[-1])
 
 
-def _of_its_degree(criterion: Criterion, p: int) -> Criterion:
-    """The criterion of a third party, which is asked for the degree that it declares.
+def _sound(criterion: Criterion, p: int) -> Criterion:
+    """The criterion of a third party, asked for the degree that it declares, and for its gradient.
 
-    Where its cost of p parameters cannot be computed, whoever uses it finds out.
+    Where its cost of p parameters cannot be computed, whoever uses it finds out; a criterion that
+    is only compared needs no gradient.
 
     Raises:
-        CriterionError: Its cost has another degree.
+        CriterionError: Its cost has another degree, or another gradient.
     """
     if type(criterion).__module__.split(".")[0] == "criteria":
         return criterion
@@ -89,4 +91,9 @@ def _of_its_degree(criterion: Criterion, p: int) -> Criterion:
     except Exception:
         return criterion
     require_homogeneous(criterion, M)
+    try:
+        criterion.gradient(M)
+    except Exception:
+        return criterion
+    require_slope(criterion, M)
     return criterion
