@@ -12,6 +12,7 @@ from edtk.design.problem import Problem
 from edtk.design.relaxation.effort import EXACT, INNER, Effort
 from edtk.design.relaxation.entering_candidates import entering_candidates
 from edtk.design.relaxation.first_active_set import first_active_set
+from edtk.design.relaxation.leverages import leverages
 from edtk.design.relaxation.masters import Masters
 from edtk.design.relaxation.own_weights import has_own_method
 from edtk.design.relaxation.proof import Proof
@@ -23,8 +24,8 @@ from edtk.system.typing import Array, Indices
 
 # Gap that a program solved to a few digits can still prove; a smaller one needs an exact solution.
 COARSE = 1e-3
-# A candidate leaves if its weight is below this part of the largest, and its sensitivity below the
-# mean by more than so many gaps.
+# A candidate leaves if its weight is below this part of the largest, its leverage below this part
+# of one, and its sensitivity below the mean by more than so many gaps.
 LIGHT = 1e-4
 GAPS = 2.0
 # Of a criterion with kinks, those stay whose weight is above this part of the largest, and others,
@@ -165,7 +166,9 @@ class ColumnGeneration:
         own = sensitivities[step.active]
         mean = float(step.weights @ own)
         near = own > (1 - GAPS * max(gap, self.gap)) * mean
-        kept = np.asarray((step.weights > LIGHT * step.weights.max()) | near)
+        heavy = step.weights > LIGHT * step.weights.max()
+        carried = leverages(self.problem[step.active], step.weights, step.M)
+        kept = np.asarray(heavy | near | (carried > LIGHT))
         return step.active[kept], step.weights[kept]
 
     def _pool(self, step: Step, sensitivities: Array) -> tuple[Indices, Array]:

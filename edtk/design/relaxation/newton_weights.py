@@ -10,6 +10,7 @@ from criteria.derivatives import derivatives
 from criteria.linalg.inverse import whitener
 from criteria.linalg.triangle import triangle
 from edtk.design.relaxation.active_information import ActiveInformation
+from edtk.design.relaxation.rounding_of_inverse import rounding_of_inverse
 from edtk.design.relaxation.step_length import step_length
 from edtk.design.relaxation.weight_equations import Solve, weight_equations
 from edtk.system.typing import Array
@@ -74,7 +75,7 @@ def newton_weights(
     point = _Point.at(criterion, active, *_first(criterion, active, start))
     best = point
     for _ in range(STEPS):
-        if best.excess <= accuracy:
+        if best.excess <= accuracy or best.excess <= best.rounding:
             break
         step = point.step()
         if step is None:
@@ -134,6 +135,16 @@ class _Point:
         """How far the largest sensitivity exceeds the mean one, relatively."""
         return float(self.sensitivities.max() * self.weights.sum() / self.criterion.degree - 1.0)
 
+    @cached_property
+    def T(self) -> Array:
+        """Whitener (p, p) of the design."""
+        return whitener(self.M)
+
+    @cached_property
+    def rounding(self) -> float:
+        """Relative error that rounding makes in cost and sensitivities."""
+        return rounding_of_inverse(self.M, np.square(self.T).sum(axis=1))
+
     @property
     def objective(self) -> float:
         """``log cost + d sum(w)``."""
@@ -150,7 +161,7 @@ class _Point:
         dw = solve(-gradient)
         dv = -v - v / w * dw
         reached = (w + step_length(w, dw, 1.0) * dw) @ (v + step_length(v, dv, 1.0) * dv) / len(w)
-        target = mu * max(float(reached / mu) ** 3, LEAST_SHRINKING)
+        target = max(mu * max(float(reached / mu) ** 3, LEAST_SHRINKING), self._least_target(mu))
         # Corrector: towards the central path, with the products that the predictor has left out.
         products = target - dw * dv
         if np.abs(gradient - v).max() > ASTRAY * len(w) * mu:
@@ -161,6 +172,15 @@ class _Point:
         # A step almost to a bound may be rounded onto it.
         slacks = np.maximum(v + step_length(v, dv, most) * dv, EPS * v)
         return self._search(dw, slacks, float(gradient @ dw), mu, step_length(w, dw, most))
+
+    def _least_target(self, mu: float) -> float:
+        """The product at which rounding is as large as the gap that products leave.
+
+        Near a singular optimum the information about the direction that it leaves open is
+        proportional to the products, and rounding to its inverse.
+        """
+        k = len(self.weights)
+        return float(np.sqrt(self.rounding * k * mu) / k)
 
     def _search(
         self, dw: Array, slacks: Array, slope: float, mu: float, along: float
@@ -185,7 +205,7 @@ class _Point:
         D = self.slacks / self.weights
         rows, columns = triangle(len(self.M))
         twice = np.where(rows == columns, 1.0, 2.0)
-        T = whitener(self.M)
+        T = self.T
         terms = self.criterion.curvatures(T)
         if not terms:
             return weight_equations(self._by_differences(), D, self.sensitivities)

@@ -11,6 +11,8 @@ from criteria import Relaxable
 from criteria.linalg.inverse import guarded_inverse, whitener
 from criteria.linalg.triangle import triangle
 from edtk.design.relaxation.active_information import ActiveInformation
+from edtk.design.relaxation.leverages import leverages
+from edtk.design.relaxation.rounding_of_inverse import rounding_of_inverse
 from edtk.system.typing import Array
 
 # Tolerances as sharp as the solvers can reach on programs of order one: a bound loses what they
@@ -33,6 +35,10 @@ POLISH = "SLSQP"
 CHAIN = (*SOLVERS, POLISH)  # interior points are the most accurate, splitting the most robust
 WHITE = 1e3  # factor by which a design's eigenvalues may differ from one and count as white
 PRUNE = 1e-7  # weights below this part of the largest are dropped: the solvers' inaccuracy
+# Relative error of a cost above which a design is too near to a singular one, if a little weight on
+# every candidate leaves this part of the error at most.
+BLURRED = 1e-8
+SHARPER = 0.5
 # Least eigenvalue at unit diagonal that a little weight on every candidate exceeds.
 NEARLY_SINGULAR = 1e-10
 POLISH_OPTIONS = {"maxiter": 300, "ftol": 1e-13}
@@ -213,27 +219,48 @@ def regular_weights(
         weights: Weights (k,) as a solver gives them.
         solver: Its name, for the message.
         lost: Share of all weights that the dropped ones may have together; by default each weight
-            below 1e-7 of the largest is dropped.
+            below 1e-7 of the largest is dropped, unless it is all that some direction has.
 
     Raises:
         RelaxationError: The candidates leave a direction open.
     """
     if lost is None:
-        weights = np.where(weights > PRUNE * weights.max(), weights, 0.0)
+        weights = _without_light(active, weights)
     else:
         order = np.argsort(weights)
         light = order[np.cumsum(weights[order]) <= lost * weights.sum()]
         weights = weights.copy()
         weights[light] = 0.0
     weights /= weights.sum()
-    if _is_regular(criterion, active.information(weights)):
+    M = active.information(weights)
+    is_regular = _is_regular(criterion, M)
+    blurred = _rounding(M)
+    if is_regular and blurred <= BLURRED:
         return weights
     # The optimum may leave a direction of the parameters all but open. A little weight on every
     # candidate closes it, and costs less than the gaps that are asked for.
-    weights = (1 - PRUNE) * weights + PRUNE / len(weights)
-    if _is_regular(criterion, active.information(weights)):
+    closed = (1 - PRUNE) * weights + PRUNE / len(weights)
+    M = active.information(closed)
+    if _is_regular(criterion, M) and (not is_regular or _rounding(M) <= SHARPER * blurred):
+        return closed
+    if is_regular:
         return weights
     raise RelaxationError(f"{solver}: the candidates leave a direction open")
+
+
+def _without_light(active: ActiveInformation, weights: Array) -> Array:
+    """Weights (k,) without those that are both light and of no leverage."""
+    is_light = weights <= PRUNE * weights.max()
+    if not is_light.any():
+        return weights
+    carried = leverages(active, weights, active.information(weights))
+    return np.where(is_light & (carried <= PRUNE), 0.0, weights)
+
+
+def _rounding(M: Array) -> float:
+    """See `rounding_of_inverse`; inf where M (p, p) is singular to working precision."""
+    _, cov, is_regular = guarded_inverse(M)
+    return rounding_of_inverse(M, np.diag(cov)) if is_regular else np.inf
 
 
 def is_clearly_regular(M: Array) -> bool:

@@ -155,7 +155,8 @@ class _Point:
         used = self.active.sensitivities(self.T @ duals[0] @ self.T.T)
         if not used.max() > 0:
             return self
-        most = float((allowed / np.maximum(used, np.finfo(float).tiny)).min())
+        with np.errstate(over="ignore"):  # of candidates that tell nothing, which limit nothing
+            most = float((allowed / np.maximum(used, np.finfo(float).tiny)).min())
         duals[0] *= most
         objective = band.b * size + band.a * kappa
         gap = 1 - float(np.vdot(duals[0], band.floor)) / objective
