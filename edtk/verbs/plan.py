@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, overload
+from typing import TYPE_CHECKING, Any, overload
 
 from numpy.typing import ArrayLike
 
@@ -10,6 +10,7 @@ from edtk.design.exact.exact_plan import ExactPlan
 from edtk.design.problem import Problem
 from edtk.design.region import Region
 from edtk.study.run_options import Progress, no_progress
+from edtk.study.study import Study
 from edtk.system.errors import ArgumentError
 from edtk.verbs.for_criterion import CriterionLike, for_criterion
 from edtk.verbs.inputs import PlanLike, StudyLike, as_study
@@ -19,6 +20,8 @@ from edtk.verbs.table_and_certificate import TableAndCertificate
 if TYPE_CHECKING:
     from edtk.design.exact.counts.problem_plan import ProblemPlan
     from edtk.design.exact.region_plan import RegionPlan
+
+FIXED = float("inf")  # variance of effects of blocks of which nothing is known
 
 
 @overload
@@ -86,7 +89,7 @@ def plan(
     costs: ArrayLike | None = None,
     cost_budget: float | None = None,
     blocks: Sequence[int] | None = None,
-    block_variance: float = float("inf"),
+    block_variance: float = FIXED,
     keep: PlanLike | ArrayLike | Problem | None = None,
     distinct: int | None = None,
     exclude: Path | str | None = None,
@@ -170,6 +173,7 @@ def plan(
         "costs": costs,
         "cost_budget": cost_budget,
         "blocks": blocks,
+        "block_variance": None if block_variance == FIXED else block_variance,
     }
     of_study = {
         "distinct": distinct,
@@ -182,54 +186,86 @@ def plan(
     }
     if isinstance(study, Problem):
         _require_none(of_study, "a problem of arrays")
-        from edtk.verbs.plan_problem import plan_problem  # a study need not wait for it
+        return _of_problem(study, size, criterion, seed, keep, out, progress, of_problem)
+    if isinstance(study, Region):
+        _require_none({**of_problem, "starts": None, **of_study}, "a region")
+        return _of_region(study, size, criterion, seed, keep, out, progress, starts)
+    _require_none({**of_problem, "cost_budget": None}, "a study")
+    of_study["out"] = out
+    return _of_study(as_study(study), size, criterion, seed, keep, cost_budget, progress, of_study)
 
-        files = TableAndCertificate(out, None)
-        files.require()
-        found = plan_problem(
-            study,
-            size,
-            "D" if criterion is None else criterion,
-            0 if seed is None else seed,
-            keep=keep,  # type: ignore[arg-type]
-            block_variance=block_variance,
-            progress=progress,
-            **of_problem,  # type: ignore[arg-type]
+
+def _of_problem(
+    problem: Problem,
+    size: int | None,
+    criterion: CriterionLike | None,
+    seed: int | None,
+    keep: Any,
+    out: Path | str | None,
+    progress: Progress,
+    options: Mapping[str, Any],
+) -> "ProblemPlan":
+    """The plan of a problem of arrays, and its table."""
+    from edtk.verbs.plan_problem import plan_problem  # a study need not wait for it
+
+    files = TableAndCertificate(out, None)
+    files.require()
+    given = {name: value for name, value in options.items() if value is not None}
+    asked = "D" if criterion is None else criterion
+    found = plan_problem(problem, size, asked, seed or 0, keep=keep, progress=progress, **given)
+    files.write(lambda: found.to_frame().reset_index(), str)
+    return found
+
+
+def _of_region(
+    region: Region,
+    size: int | None,
+    criterion: CriterionLike | None,
+    seed: int | None,
+    keep: Any,
+    out: Path | str | None,
+    progress: Progress,
+    starts: int | None,
+) -> "RegionPlan":
+    """The plan of a region, and its table."""
+    from edtk.verbs.plan_region import plan_region
+
+    files = TableAndCertificate(out, None)
+    files.require()
+    asked = "D" if criterion is None else criterion
+    found = plan_region(region, _given(size), asked, seed or 0, starts, keep, progress)
+    files.write(found.to_frame, str)
+    return found
+
+
+def _of_study(
+    study: Study,
+    size: int | None,
+    criterion: CriterionLike | None,
+    seed: int | None,
+    keep: Any,
+    cost_budget: float | None,
+    progress: Progress,
+    options: Mapping[str, Any],
+) -> ExactPlan:
+    """The plan of a study, of compliances alone or of geometry too, and its files."""
+    if study.specification.parameters is not None:
+        from edtk.verbs.plan_geometry import plan_geometry
+
+        return plan_geometry(
+            study, size, criterion, seed, keep, progress, cost_budget=cost_budget, **options
         )
-        files.write(lambda: found.to_frame().reset_index(), str)
-        return found
-    if not isinstance(study, Region):
-        asked = as_study(study)
-        if asked.specification.parameters is not None:
-            from edtk.verbs.plan_geometry import plan_geometry
+    _require_none({"cost_budget": cost_budget}, "a study")
+    m = _given(size)
+    asked, name = for_criterion(study, criterion)
+    return plan_of_study(asked, m, name, seed, keep, progress, **options)
 
-            _require_none({**of_problem, "cost_budget": None}, "a study")
-            return plan_geometry(
-                asked,
-                size,
-                criterion,
-                seed,
-                keep,  # type: ignore[arg-type]
-                progress,
-                cost_budget=cost_budget,
-                out=out,
-                **of_study,  # type: ignore[arg-type]
-            )
+
+def _given(size: int | None) -> int:
+    """The number of experiments, which nothing else says."""
     if size is None:
         raise ArgumentError("expected the number of experiments", argument="size")
-    if isinstance(study, Region):
-        others = {name: value for name, value in of_problem.items() if name != "starts"}
-        _require_none({**others, **of_study}, "a region")
-        from edtk.verbs.plan_region import plan_region
-
-        files = TableAndCertificate(out, None)
-        files.require()
-        of_region = plan_region(study, size, criterion or "D", seed or 0, starts, keep, progress)
-        files.write(of_region.to_frame, str)
-        return of_region
-    _require_none(of_problem, "a study")
-    asked, name = for_criterion(asked, criterion)
-    return plan_of_study(asked, size, name, seed, keep, progress, out=out, **of_study)  # type: ignore[arg-type]
+    return size
 
 
 def _require_none(options: Mapping[str, object], what: str) -> None:

@@ -153,6 +153,8 @@ def test_the_front_door():
         edtk.plan(region, 4, keep=[1, 2])
     with pytest.raises(ArgumentError, match="most: not for plans of a region"):
         edtk.plan(region, 4, most=1)
+    with pytest.raises(ArgumentError, match="block_variance: not for plans of a region"):
+        edtk.plan(region, 4, block_variance=1)
     with pytest.raises(ArgumentError, match="size: expected the number of experiments"):
         edtk.plan(region)
 
