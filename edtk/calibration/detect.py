@@ -1,6 +1,6 @@
 """The power of a plan to notice a fault, and the experiment that would add most to it."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,34 +40,40 @@ class SizedFault:
     Attributes:
         name: Its name.
         size: Its size, in its unit.
+        unit: That unit.
     """
 
     name: str
     size: float
-
-    @property
-    def unit(self) -> str:
-        """Unit of the size."""
-        return FAULTS[self.name]
+    unit: str
 
 
-def sized_faults(study: Study, given: Mapping[str, str]) -> tuple[SizedFault, ...]:
+def sized_faults(
+    study: Study,
+    given: Mapping[str, str],
+    units: Mapping[str, str] = FAULTS,
+    by_springs: Collection[str] | None = None,
+) -> tuple[SizedFault, ...]:
     """Read sizes of faults.
 
     Args:
         study: The study, whose [simulation] faults are judged by.
         given: Sizes with units, like "5mm", "2deg" or "3%", by the name of the fault; "load" is
             short for "load_size".
+        units: Units of the faults that there are.
+        by_springs: Those that are judged by compliances; default to all.
 
     Raises:
         UserError: The study has no [simulation]; a fault or a unit is not known.
     """
-    if given and study.specification.simulation is None:
+    found = tuple(
+        _sized("load_size" if name == "load" else name, size, units) for name, size in given.items()
+    )
+    judged = any(by_springs is None or fault.name in by_springs for fault in found)
+    if judged and study.specification.simulation is None:
         message = "expected a table with compliances, by which faults are judged"
         raise study.error("simulation", message)
-    return tuple(
-        _sized("load_size" if name == "load" else name, size) for name, size in given.items()
-    )
+    return found
 
 
 def detect(study: Study, plan: Plan, faults: tuple[SizedFault, ...]) -> tuple[Detection, ...]:
@@ -151,17 +157,17 @@ def _power(A: Array, D: Array, sigma: RowNoise, parameters: tuple[str, ...], dim
     return float(1 - chndtr(threshold, dims, noncentrality))
 
 
-def _sized(name: str, size: str) -> SizedFault:
+def _sized(name: str, size: str, units: Mapping[str, str]) -> SizedFault:
     """A fault with the number that is written before its unit."""
-    if name not in FAULTS:
-        message = f"no fault {name!r}; expected one of {', '.join(FAULTS)}"
+    if name not in units:
+        message = f"no fault {name!r}; expected one of {', '.join(units)}"
         raise ArgumentError(message, argument="detect")
-    number, unit, rest = size.partition(FAULTS[name])
+    number, unit, rest = size.partition(units[name])
     try:
         value = float(number)
     except ValueError:
         value = np.nan
     if not unit or rest or not np.isfinite(value):
-        message = f"{name}={size}: expected a number with its unit, {FAULTS[name]}"
+        message = f"{name}={size}: expected a number with its unit, {units[name]}"
         raise ArgumentError(message, argument="detect")
-    return SizedFault(name, value)
+    return SizedFault(name, value, units[name])

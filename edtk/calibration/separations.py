@@ -86,7 +86,7 @@ def separations(
                 right,
                 both.q[more[best, 0]] if helps else None,
                 max(with_one[best], right),
-                None if both.covariance is not None else _times(own, pair),
+                None if both.covariance is not None else times_to_tell(own, pair),
             )
         )
     return tuple(found)
@@ -164,7 +164,7 @@ def _gain(s: Array, gram: Array, fault: SizedFamily) -> Array:
     return np.asarray(most + 2 * np.log(mean) - 2 * np.log(family.tries))
 
 
-def _times(gram: Array, faults: tuple[SizedFamily, SizedFamily]) -> int | None:
+def times_to_tell(gram: Array, faults: tuple[SizedFamily, SizedFamily]) -> int | None:
     """How often each experiment has to be measured until the right fault is named."""
     for times in range(1, MOST_TIMES + 1):
         if right_share(times * gram, faults) >= ENOUGH:

@@ -1,9 +1,14 @@
 """`edtk.plan` of a study of geometry: its arguments, checked, and its files."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from edtk.calibration.geometry_design.detect_in_visits import (
+    detect_in_visits,
+    sized_visit_faults,
+)
 from edtk.calibration.geometry_design.plan_geometry import plan_geometry as plan_of_study
 from edtk.study.run_options import Progress, RunOptions
 from edtk.study.study import Study
@@ -42,12 +47,13 @@ def plan_geometry(
         ArgumentError: An argument is for plans of compliances alone.
         UserError: One line that says what cannot be done, and where.
     """
-    unknown = {"dask": dask, "detect": detect}
+    unknown = {"dask": dask}
     for argument, given in unknown.items():
         if given is not None:
             message = "is for plans of compliances alone; this study has [parameters]"
             raise ArgumentError(message, argument=argument)
     question = study if exclude is None else study.excluding(exclude)
+    faults = sized_visit_faults(question, detect or {})
     kept = None if keep is None else as_plan(question, keep)
     files = TableAndCertificate(out, certificate)
     files.require(*question.reads, keep if isinstance(keep, str | Path) else None)
@@ -65,6 +71,8 @@ def plan_geometry(
             seconds=budget,
             options=RunOptions(seed=seed, progress=progress),
         )
+    detections, separations = detect_in_visits(found.question, found.whole, faults)
+    found = replace(found, detections=detections, separations=separations)
     files.write(lambda: found.whole.to_frame(question.robot), lambda: _proof(asked, found))
     return found
 

@@ -10,7 +10,7 @@ from edtk.calibration.visiting_order import visiting_order
 from edtk.design.plan import Plan
 from edtk.inference.geometry.turn_columns import VECTOR
 from edtk.study.study import Study
-from edtk.system.typing import Array, Indices
+from edtk.system.typing import Indices
 from edtk.tables.in_file_units import rounded
 from edtk.tables.pose_columns import pose_columns
 from edtk.tables.sheet_columns import LOADED_COLUMNS, MARKER_NAME_COLUMN, VISIT_COLUMN
@@ -33,9 +33,8 @@ def position_sheet(study: Study, plan: Plan) -> "pd.DataFrame":
         plan: The visits.
     """
     setting = StudyGeometry.of(study)
-    lower, upper = study.robot.limits
     plan = Plan(rounded(study.robot, plan.q), plan.wrench, plan.repeats)
-    order = _order(study, plan, upper - lower)
+    order = visit_order(study, plan)
     names = (*setting.markers, *setting.references)
     table = plan.to_frame(study.robot).drop(columns="repeats")
     table = table.iloc[np.repeat(order, len(names))].reset_index(drop=True)
@@ -54,8 +53,10 @@ def _turn_columns(study: Study, markers: tuple[str, ...]) -> list[str]:
     return list(VECTOR)
 
 
-def _order(study: Study, plan: Plan, span: Array) -> Indices:
+def visit_order(study: Study, plan: Plan) -> Indices:
     """Indices of the plan's poses in the order in which they are visited, repeats included."""
+    lower, upper = study.robot.limits
+    span = upper - lower
     loads = np.unique(plan.wrench, axis=0)
     loads = loads[np.argsort(loads.any(axis=1), kind="stable")]
     costs = DayCosts.of(study)

@@ -7,6 +7,7 @@ from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
 from edtk.calibration.geometry_design.poses_by_load import PosesByLoad
 from edtk.report.text.exact_plan import reach
 from edtk.report.text.search_summary import search_summary
+from edtk.report.text.shown_faults import shown_faults
 from edtk.report.text_table import number_columns
 from edtk.system.typing import Array
 from edtk.tables.in_file_units import in_file_units
@@ -30,6 +31,7 @@ def geometry_plan(found: GeometryPlan) -> str:
         *_rho0(found),
         *visits_by_load(poses),
         *_costs(found),
+        *shown_faults(found.robot, found.detections, found.separations, "the parameters"),
         search_summary(found.starts, found.seconds, found.found, found.optima),
     ]
     return "\n".join([*lines, *_table(found, poses)])

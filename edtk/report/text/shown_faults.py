@@ -9,22 +9,32 @@ from edtk.tables.in_file_units import in_file_units
 
 
 def shown_faults(
-    robot: Robot, detections: Sequence[Detection], separations: Sequence[Separation]
+    robot: Robot,
+    detections: Sequence[Detection],
+    separations: Sequence[Separation],
+    unknown: str = "compliances",
 ) -> list[str]:
-    """A line for each fault, and for each two of them, with what would help."""
+    """A line for each fault, and for each two of them, with what would help.
+
+    Args:
+        robot: The robot, which says the units of the joints.
+        detections: The chances that faults are noticed.
+        separations: The chances that they are told apart.
+        unknown: What may take up a fault.
+    """
     return [
-        *(_detection(robot, detection) for detection in detections),
+        *(_detection(robot, detection, unknown) for detection in detections),
         *(_separation(robot, separation) for separation in separations),
     ]
 
 
-def _detection(robot: Robot, found: Detection) -> str:
+def _detection(robot: Robot, found: Detection, unknown: str) -> str:
     """The chance that a fault is noticed, with the experiment that would help."""
     what = _fault(found)
     if found.never:
-        return f"{what}: never noticed, compliances take it up"
+        return f"{what}: never noticed, {unknown} take it up"
     chance = f"{what}: noticed with {100 * found.power:.0f} %"
-    if found.better is None:
+    if found.better is None or round(100 * found.power_with) == round(100 * found.power):
         return chance
     pose = ", ".join(f"{x:.2f}" for x in in_file_units(robot, found.better[None])[0])
     return f"{chance}, with one more experiment {100 * found.power_with:.0f} %, at {pose}"

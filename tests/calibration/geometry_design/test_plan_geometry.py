@@ -199,7 +199,8 @@ def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         (["--distinct", "2"], "2 distinct poses cannot identify 6 parameters; the smallest number"),
         (["--distinct", "6"], "expected at most 5, the number of new visits"),
         (["--distinct", "3", "--cost-budget", "9"], "cannot go with a budget of costs"),
-        (["--detect", "x=1mm"], "is for plans of compliances alone"),
+        (["--detect", "x=1mm"], "no fault 'x'; expected one of load_size"),
+        (["--dask", "tcp://h:1"], "is for plans of compliances alone"),
     ):
         refused = CliRunner().invoke(main, ["plan", "study.toml", "--size", "5", *option])
         assert refused.exit_code == 2
