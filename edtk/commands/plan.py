@@ -7,6 +7,7 @@ import click
 from edtk.commands.progress_line import progress_line
 from edtk.commands.shared import (
     FilePath,
+    Number,
     Range,
     certificate_option,
     criterion_option,
@@ -28,12 +29,12 @@ MOST_EXPERIMENTS = 10**12  # as in a study: beyond them numbers of repetitions a
 @click.argument("study", type=FilePath)
 @click.option(
     "--size",
-    type=click.IntRange(min=1, max=MOST_EXPERIMENTS),
+    type=Number(MOST_EXPERIMENTS),
     help="Number of experiments m, kept ones counted; needed unless a budget of costs decides.",
 )
 @click.option(
     "--distinct",
-    type=click.IntRange(min=1, max=MOST_EXPERIMENTS),
+    type=Number(MOST_EXPERIMENTS),
     help="Distinct new poses at most [default: p(p+1)/2 + 1 of p parameters].",
 )
 @criterion_option

@@ -7,6 +7,7 @@ import click
 from edtk.commands.progress_line import progress_line
 from edtk.commands.shared import (
     FilePath,
+    Number,
     Range,
     certificate_option,
     criterion_option,
@@ -27,7 +28,7 @@ MOST_CANDIDATES = 10**9  # as in a study: no machine would end with more
 @criterion_option
 @click.option(
     "--candidates",
-    type=click.IntRange(min=1, max=MOST_CANDIDATES),
+    type=Number(MOST_CANDIDATES),
     help="Candidate poses [default: the study's].",
 )
 @click.option(
@@ -35,7 +36,7 @@ MOST_CANDIDATES = 10**9  # as in a study: no machine would end with more
 )
 @click.option(
     "--size",
-    type=click.IntRange(min=1, max=MOST_EXPERIMENTS),
+    type=Number(MOST_EXPERIMENTS),
     help="Experiments that share a prior with in_design [default: the study's first size].",
 )
 @seed_option

@@ -48,6 +48,16 @@ class Range(click.FloatRange):
         return number
 
 
+class Number(click.IntRange):
+    """A whole number from 1 on, whose limit is written with few digits."""
+
+    def __init__(self, most: int) -> None:
+        super().__init__(min=1, max=most)
+
+    def _describe_range(self) -> str:
+        return f"1<=x<={self.max:g}"
+
+
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON, in SI units.")
 seed_option = click.option(
     "--seed", type=click.IntRange(min=0), help="Seed [default: the study's]."

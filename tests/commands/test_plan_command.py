@@ -368,3 +368,12 @@ def test_loads_are_designed_from_study_to_file(tmp_path, kind):
     A = loaded.model.regressor(q, W) / loaded.sigma[:, None]
     M = np.einsum("k,kri,krj->ij", table["weight"], A, A)
     assert relaxed["value"] == pytest.approx(np.linalg.det(M) ** 0.2, rel=1e-8)
+
+
+def test_limits_of_numbers_can_be_read():
+    """A help text has no number of thirteen digits, and a number beyond the limit is refused."""
+    text = " ".join(CliRunner().invoke(main, ["plan", "--help"]).output.split())
+    assert "[1<=x<=1e+12]" in text
+    found = CliRunner().invoke(main, ["plan", str(PATH), "--size", str(10**13)])
+    assert found.exit_code == 2
+    assert "1<=x<=1e+12" in found.output
