@@ -143,6 +143,10 @@ class Criterion(ABC):
         """
         return self
 
+    def named(self, parameters: tuple[str, ...]) -> Self:
+        """The same criterion, which calls the parameters (p,) by these names in tables."""
+        return self
+
     def in_units(self, T: Array) -> Self:
         """The same criterion for parameters k' with k = T k'; only a target changes.
 

@@ -116,6 +116,15 @@ class Interest(Relaxable):
         """The same criterion of other combinations (p, s), as independent as its own."""
         return self._like(self.base, K)
 
+    def named(self, parameters: tuple[str, ...]) -> Self:
+        """The same combinations, in words of these parameters (p,)."""
+        if len(parameters) != len(self.K):
+            return self
+        other = copy(self)
+        words = tuple(combination(column, parameters) for column in self.K.T)
+        other._fill(self.base, self.K, words)
+        return other
+
     def in_units(self, T: Array) -> Self:
         """The combinations of k are ``T'K`` of k', where k = T k'."""
         return self.of(T.T @ self.K)

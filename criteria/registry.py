@@ -210,7 +210,7 @@ def as_criterion(
         if not names:
             return from_dict(given)
         try:
-            return from_dict(named_parameters(given, names))
+            return from_dict(named_parameters(given, names)).named(tuple(names))
         except ValueError as error:
             raise CriterionError(f"criterion {given['name']!r}: {error}") from error
     raise CriterionError(f"expected a criterion, its name or a table with a name, not {given!r}")

@@ -69,12 +69,23 @@ class SeveralCriteria(Relaxable):
         if not self._given:
             raise CriterionError(f"criterion {self.name!r}: expected at least one criterion")
         self.sizes = None if sizes is None else tuple(int(size) for size in sizes)
-        self.title = f"{type(self).title} of {', '.join(part.label for part in self._given)}"
+        self._set_title()
         self.best = _best_costs(self.name, self._given, best)
         self._take(self._given if self.sizes is None else in_models(self._given, self.sizes))
         for part in self.parts:
             if part.order is not None and self.order is not None:
                 part.require_order(self.order)
+
+    def _set_title(self) -> None:
+        self.title = f"{type(self).title} of {', '.join(part.label for part in self._given)}"
+
+    def named(self, parameters: tuple[str, ...]) -> Self:
+        """The same parts, in words of these parameters where there is one model."""
+        other = self._copy()
+        if self.sizes is None:
+            other._given = [part.named(parameters) for part in self._given]
+            other._set_title()
+        return other
 
     def _take(self, parts: Sequence[Relaxable]) -> None:
         """Set the criteria, each about its part of the parameters."""

@@ -221,3 +221,20 @@ def test_a_criterion_of_some_parameters_keeps_the_order_of_its_mean():
     assert found.label == "phi (q = 2) of k2, k3"
     assert found.title == "Kiefer's phi_q (q = 2) of k2, k3"
     assert criteria.as_criterion({"name": "Ds", "interest": ["k2"]}, names).label == "Ds of k2"
+
+
+def test_a_table_calls_parameters_as_the_model_does():
+    """Labels and titles have the model's names, parts of other criteria included."""
+    names = ("one", "x", "xx")
+    assert criteria.as_criterion({"name": "c", "c": {"x": 1, "xx": -2}}, names).label == (
+        "c of x - 2 xx"
+    )
+    found = criteria.as_criterion({"name": "phi", "q": 2, "interest": ["xx"]}, names)
+    assert found.label == "phi (q = 2) of xx"
+    assert found.in_units(np.diag([1.0, 2.0, 3.0])).label == found.label
+    parts = ["D", {"name": "c", "c": {"x": 1}}]
+    both = criteria.as_criterion({"name": "compound", "criteria": parts}, names)
+    assert both.label == "compound of D, c of x"
+    assert both.title.endswith("of D, c of x")
+    assert both.cost(np.eye(3)) == criteria.from_dict(both.to_dict()).cost(np.eye(3))
+    assert found.named(("a", "b")) is found

@@ -39,6 +39,16 @@ def test_results_come_back_as_rows_of_the_frame():
     assert edtk.relax(named, "D").to_frame()["weight_"].sum() == pytest.approx(1)
 
 
+def test_texts_show_the_rows_of_the_frame():
+    """Beside the number of a candidate stands what it is, in relaxations and in plans."""
+    problem = edtk.Problem.from_frame(FRAME, "x + C(group)")
+    for found in (edtk.relax(problem, "D"), edtk.plan(problem, 4, starts=2)):
+        header, first, *_ = found.summary().splitlines()[-1 - len(found.to_frame()) :]
+        assert header.split()[:3] == ["candidate", "x", "group"]
+        row = FRAME.iloc[int(first.split()[0])]
+        assert first.split()[1:3] == [f"{row['x']:.6g}", row["group"]]
+
+
 def test_without_a_frame_results_are_numbers_of_candidates():
     """Candidates are counted from zero."""
     problem = edtk.Problem(np.vander(X, 2, increasing=True)[:, None, :])

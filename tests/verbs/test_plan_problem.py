@@ -208,7 +208,8 @@ def test_it_shows_itself():
     found = edtk.plan(problem, size=9, keep=[0], starts=4)
     assert repr(found).startswith("<ProblemPlan: D = ")
     assert "9 experiments" in found.headline()
-    assert "starts led to a plan as good" in found.summary()
+    assert found.summary().startswith("D (det(M)^(1/p)): ")
+    assert "starts led to a plan as good (as many as were asked for)" in found.summary()
     assert "<table" in found._repr_html_()
     frame = found.to_frame()
     assert frame["count"].sum() == 9

@@ -1,10 +1,16 @@
 """Text of a plan on the candidates of a problem."""
 
-import numpy as np
-
 from edtk.design.bound import BoundKind
 from edtk.design.exact.counts.problem_plan import ProblemPlan
+from edtk.report.text.candidate_columns import candidate_columns
 from edtk.report.text_table import text_table
+
+ENDED = {
+    "starts": "as many as were asked for",
+    "stagnation": "more of them brought nothing better",
+    "proved": "no plan can be better",
+    "interrupted": "interrupted",
+}
 
 
 def problem_plan(found: ProblemPlan) -> str:
@@ -18,17 +24,18 @@ def problem_plan(found: ProblemPlan) -> str:
     )
     spent = "" if found.spent is None else f"The new experiments cost {found.spent:g}.\n"
     return (
-        f"{found.criterion.label}, {found.criterion.title}: {found.value:.7g}, {bound}\n"
+        f"{found.criterion.label} ({found.criterion.formula}): {found.value:.7g}, {bound}\n"
         f"{found.size} experiments; {found.found} of {found.starts} starts led to a plan as good "
-        f"({found.ended})\n{spent}"
+        f"({ENDED[found.ended]})\n{spent}"
         f"{text_table(*problem_plan_rows(found))}"
     )
 
 
 def problem_plan_rows(found: ProblemPlan) -> tuple[list[str], list[list[str]]]:
-    """Header and rows: candidate, counted from 0 as in the problem, and its counts."""
+    """Header and rows: candidate, counted from 0 as in the problem, what it is, and its counts."""
     chosen = found.support
-    columns = {"candidate": chosen, "count": found.counts[chosen]}
-    columns |= {name: own[chosen] for name, own in found.parts.items()}
-    rows = np.stack(list(columns.values()), axis=-1)
-    return list(columns), [[str(number) for number in row] for row in rows]
+    columns = candidate_columns(found.problem, chosen)
+    named = [*columns, "count", *found.parts]
+    counts = [found.counts, *found.parts.values()]
+    cells = [*columns.values(), *([str(number) for number in own[chosen]] for own in counts)]
+    return named, [list(row) for row in zip(*cells, strict=True)]
