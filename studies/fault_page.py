@@ -45,7 +45,8 @@ INTRODUCTION = (
     "`edtk.identify`, as a user does it. *Optimal* is a plan of "
     f"`edtk plan` with {EXPERIMENTS} experiments, of which some share a pose; *random* are "
     f"{EXPERIMENTS} feasible poses, new ones for each sheet. Directions, signs, joints and "
-    "poses of faults are drawn by chance. All shares are in percent.\n\n"
+    "poses of faults are drawn by chance. All shares are in percent. Where the numbers of sheets "
+    "differ, the first is that of the optimal plan.\n\n"
     '*Detected*: the verdict is not "good", or the sheet is refused. *Before*: the same share '
     "before the nonlinear fit and the causes, of 60 sets of the KR 270, each experiment "
     "measured once; that of other robots is not known. Of backlash it is not known either how "
@@ -67,9 +68,11 @@ INTRODUCTION = (
     f"Targets: a cause named in at most {MOST_FALSE:g} % of good sheets, p < 0.01 in at most "
     f"{MOST_ALARMS:g} %, the right cause first in at least {LEAST_RIGHT:g} % of those "
     "detected, and detection no worse than before; a place misses one if it is off by more "
-    f"than {ERRORS:g} standard errors of so many sheets. A star behind the number of sheets: "
-    "simulated with an earlier version of the program, which weighed faults otherwise, and with "
-    "another optimal plan that is as good.\n"
+    f"than {ERRORS:g} standard errors of so many sheets.\n"
+)
+STARS = (
+    "\nA star behind the number of sheets: simulated with an earlier version of the program, which "
+    "weighed faults otherwise, and with another optimal plan that is as good.\n"
 )
 POSSIBLE = (
     "## What is possible\n\n"
@@ -107,7 +110,8 @@ def page(
         for cell, shares in table
         if cell.size == EXPERIMENTS
     }
-    parts = [INTRODUCTION]
+    starred = any(shares.earlier for _, shares in table)
+    parts = [INTRODUCTION + STARS * starred]
     for robot in robots():
         for repeats in REPEATS:
             times = "once" if repeats == 1 else f"{repeats} times"
@@ -173,7 +177,8 @@ def _row(
     words = fault.today.split(" / ") if fault.today else ["", ""]
     both = [by_place[robot, number, repeats, is_random] for is_random in (False, True)]
     mark = EARLIER if any(shares.earlier for shares in both) else ""
-    row = [fault.title, f"{max(shares.sets for shares in both)}{mark}"]
+    sets = dict.fromkeys(shares.sets for shares in both if shares.sets)
+    row = [fault.title, " / ".join(map(str, sets)) + mark]
     for is_random, before in zip((False, True), words, strict=True):
         shares = by_place[robot, number, repeats, is_random]
         named = _words(shares.right) if fault.cause_is_seen else ""
