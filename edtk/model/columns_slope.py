@@ -27,10 +27,29 @@ def columns_slope(linear: Array, angular: Array, f: Array, t: Array | None = Non
     turning = cross(linear, f)
     if t is not None:
         turning += cross(angular, t)
-    moving = cross(f, angular)
-    at_or_behind = np.cumsum(turning[::-1], axis=0)[::-1]
-    before = np.cumsum(moving, axis=0) - moving
-    return dot(angular, at_or_behind) + dot(linear, before)
+    return summed_slope(linear, angular, turning, cross(f, angular))
+
+
+def summed_slope(linear: Array, angular: Array, turning: Array, moving: Array) -> Array:
+    """``w_k . sum_{j >= k} turning_j + v_k . sum_{j < k} moving_j`` (n, ...), for each joint k.
+
+    Sums are added up in place, a joint at a time: over the first of several axes numpy's own
+    cumulative sums take twice as long.
+
+    Args:
+        linear: Columns v (n, 3, ...).
+        angular: Columns w (n, 3, ...).
+        turning: Terms (n, 3, ...), which are overwritten.
+        moving: Terms (n, 3, ...), likewise.
+    """
+    last = len(turning) - 1
+    for k in range(last, 0, -1):
+        turning[k - 1] += turning[k]
+    for k in range(1, last):
+        moving[k] += moving[k - 1]
+    slope = dot(angular, turning)
+    slope[1:] += dot(linear[1:], moving[:last])
+    return slope
 
 
 def dot(a: Array, b: Array) -> Array:

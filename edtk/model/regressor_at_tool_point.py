@@ -7,6 +7,7 @@ from edtk.model.columns_slope import dot
 from edtk.model.force_and_torque import force_and_torque
 from edtk.model.frames import Frames
 from edtk.model.without_rounding import without_rounding
+from edtk.system.as_slice import as_slice
 from edtk.system.typing import Array
 
 
@@ -26,8 +27,9 @@ def regressor_at_tool_point(
         Regressors (p, 3 or 6, ...).
     """
     F, T = force_and_torque(wrench, frames)
-    angular = frames.angular[joints]
-    linear = without_rounding(frames.linear[joints], reach)
+    which = as_slice(joints)
+    angular = frames.angular[which]
+    linear = without_rounding(frames.linear[which], reach)
     torque = dot(linear, F)
     if T.any():
         torque += dot(angular, T)

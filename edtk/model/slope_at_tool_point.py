@@ -3,9 +3,10 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from edtk.model.columns_slope import dot
+from edtk.model.columns_slope import dot, summed_slope
 from edtk.model.force_and_torque import force_and_torque
 from edtk.model.frames import Frames, cross
+from edtk.system.as_slice import as_slice
 from edtk.system.typing import Array
 
 
@@ -26,8 +27,9 @@ def slope_at_tool_point(frames: Frames, wrench: ArrayLike, joints: list[int], B:
     Returns:
         Derivatives (n, ...).
     """
-    v = frames.linear[joints]
-    w = frames.angular[joints]
+    which = as_slice(joints)
+    v = frames.linear[which]
+    w = frames.angular[which]
     F, T = force_and_torque(wrench, frames)
     tau = dot(v, F)
     s = dot(v, B[:, :3])
@@ -40,13 +42,11 @@ def slope_at_tool_point(frames: Frames, wrench: ArrayLike, joints: list[int], B:
         s += dot(w, B[:, 3:])
     f = tau[:, None] * B[:, :3] + s[:, None] * F
     turning, moving = np.zeros((2, len(frames.q), *f.shape[1:]))
-    turning[joints] = cross(v, f)
-    moving[joints] = cross(f, w)
+    turning[which] = cross(v, f)
+    moving[which] = cross(f, w)
     if turned:
         t = s[:, None] * T
         if rotations:
             t = t + tau[:, None] * B[:, 3:]
-        turning[joints] += cross(w, t)
-    at_or_behind = np.cumsum(turning[::-1], axis=0)[::-1]
-    before = np.cumsum(moving, axis=0) - moving
-    return dot(frames.angular, at_or_behind) + dot(frames.linear, before)
+        turning[which] += cross(w, t)
+    return summed_slope(frames.linear, frames.angular, turning, moving)

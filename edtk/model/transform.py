@@ -18,9 +18,18 @@ def transform(position: ArrayLike = (0, 0, 0), rpy: ArrayLike = (0, 0, 0)) -> Ar
     """
     T = np.eye(4)
     if np.any(rpy):
-        # Imported here, as it takes 0.2 s and most robots have no rotated frame.
-        from scipy.spatial.transform import Rotation
-
-        T[:3, :3] = Rotation.from_euler("xyz", np.asarray(rpy, dtype=float)).as_matrix()
+        T[:3, :3] = _rotation(np.asarray(rpy, dtype=float))
     T[:3, 3] = position
     return T
+
+
+def _rotation(rpy: Array) -> Array:
+    """``Rz(yaw) Ry(pitch) Rx(roll)`` (3, 3), written out: scipy's takes 0.2 s to import."""
+    (sr, sp, sy), (cr, cp, cy) = np.sin(rpy), np.cos(rpy)
+    return np.array(
+        [
+            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+            [-sp, cp * sr, cp * cr],
+        ]
+    )

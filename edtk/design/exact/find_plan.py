@@ -190,7 +190,7 @@ class _Search:
         while record.batches < most:
             early = not options.workers.remote and monotonic() - since < options.alone
             workers = Workers() if early else options.workers
-            wave = self._wave(record.batches, workers.size, most)
+            wave = self._wave(record, workers.size, most)
             # The whole wave is awaited: entered as they come, batches would depend on speed.
             for _, answers in sorted(workers.run(wave), key=lambda done: done[0]):
                 for answer in answers:
@@ -229,11 +229,14 @@ class _Search:
         """Number of inequalities of the plans of a batch."""
         return BATCH_SIZE * self.places * max(1, len(self.space.workspace.inequalities))
 
-    def _wave(self, first: int, pieces: int, most: int) -> list[Batches]:
-        """So many pieces of work, from the batch of a number on, each of several batches."""
+    def _wave(self, record: SearchRecord, pieces: int, most: int) -> list[Batches]:
+        """So many pieces of work, from the next batch on, each of several batches."""
         seconds = self.end - monotonic()
         size = min(TOGETHER // self._variables, INEQUALITIES // self._inequalities)
-        size = max(1, min(size, 1 + self.options.patience))
+        # The search ends no sooner; batches beyond these may be in vain.
+        first = record.batches
+        left = self.options.patience - record.idle + (1 if record.empty else 0)
+        size = max(1, min(size, -(-left // pieces)))
         if seconds <= 0:
             size = 1
         last = min(first + pieces * size, most)

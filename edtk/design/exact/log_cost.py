@@ -6,7 +6,6 @@ import numpy as np
 
 from criteria import Criterion
 from criteria.derivatives import derivatives
-from criteria.linalg.triangle import triangle
 from edtk.design.experiments import weighted_information
 from edtk.design.interior_point.neighbourhood import Neighbourhood
 from edtk.design.interior_point.objective import Local, Objective
@@ -58,9 +57,9 @@ class LogCost(Objective):
         G = np.where(finite, G / divisor, 0.0)
         K = np.where(finite, K / divisor, 0.0)
         slopes = near.first(experiments.slope(2.0 * repeats * (A @ G[:, None])))
-        rows, columns = triangle(A.shape[-1])
-        own = (repeats * (np.swapaxes(A, -1, -2) @ A))[..., rows, columns]
-        dM = near.differences(own).transpose(1, 2, 0, 3).reshape(b, -1, len(rows))
+        own = self.repeats[start] * experiments.packed
+        dM = near.differences(np.moveaxis(own, 0, -1)).transpose(1, 2, 0, 3)
+        dM = dM.reshape(b, -1, len(own))
         slope = slopes[0].reshape(b, -1)
         # The second term is that of the logarithm: (log c)'' = c''/c - (c'/c)^2.
         joint = dM @ K @ np.swapaxes(dM, 1, 2) - slope[:, :, None] * slope[:, None]

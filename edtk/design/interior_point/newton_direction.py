@@ -37,7 +37,7 @@ def newton_direction(own: Array, joint: Array, slope: Array, late: Mask) -> Arra
     whole = late & (K.shape[-1] <= LARGE)
     early = np.flatnonzero(indefinite & ~whole)
     if len(early):
-        K[early] = _sum(_positive(own[early]), joint[early])
+        K[early] = _sum(_positive_blocks(own[early]), joint[early])
     saddle = np.flatnonzero(indefinite & whole)
     if len(saddle):
         K[saddle] = _positive(K[saddle])
@@ -72,3 +72,28 @@ def _positive(K: Array) -> Array:
     """Matrices (..., n, n) with negative eigenvalues made positive and small ones raised."""
     e, V = np.linalg.eigh(K)
     return conjugate(V, np.where(e < LEAST, np.maximum(np.abs(e), LEAST), e))
+
+
+def _positive_blocks(K: Array) -> Array:
+    """The same of many small matrices (b, k, n, n), most of which are positive already."""
+    changed = np.array(K)
+    low = ~_above(K, LEAST)
+    changed[low] = _positive(K[low])
+    return changed
+
+
+def _above(K: Array, least: float) -> Mask:
+    """Whether all eigenvalues of small matrices (..., n, n) are larger: ``K - least I`` has pivots.
+
+    The elimination of all matrices at once takes a twentieth of the time of their eigenvalues.
+    """
+    n = K.shape[-1]
+    S = np.ascontiguousarray(np.moveaxis(K, (-2, -1), (0, 1)))
+    S[np.arange(n), np.arange(n)] -= least
+    above = np.ones(K.shape[:-2], dtype=bool)
+    for i in range(n):
+        above &= S[i, i] > 0
+        # What is not positive definite goes no further: it would overflow.
+        row = np.where(above, S[i, i + 1 :] / np.where(above, S[i, i], 1.0), 0.0)
+        S[i + 1 :, i + 1 :] -= S[i, i + 1 :, None] * row
+    return above
