@@ -41,7 +41,8 @@ def rows_of_blocks(blocks: ArrayLike, sigma: ArrayLike) -> Rows:
     # A finite regressor may have a square that is not; it is named below without a warning.
     with np.errstate(over="ignore", invalid="ignore"):
         whitened = A / scale[:, None]
-        _require_finite(np.isfinite(np.einsum("irp,irp->i", whitened, whitened)))
+        squares = np.einsum("irp,irp->i", whitened, whitened)
+    _require_finite(np.isfinite(squares), "an entry that is too large to be squared")
     return Rows.of(whitened)
 
 
@@ -70,7 +71,7 @@ def require_information(prior: Array | None) -> None:
         raise ValueError("the prior must be finite, symmetric and positive semidefinite")
 
 
-def _require_finite(finite: Mask) -> None:
-    """Name the first candidate that has an entry which is not finite."""
+def _require_finite(finite: Mask, what: str = "an entry that is not finite") -> None:
+    """Name the first candidate that has an entry which is not finite, or has no finite square."""
     if not finite.all():
-        raise ValueError(f"block {np.flatnonzero(~finite)[0]} has an entry that is not finite")
+        raise ValueError(f"block {np.flatnonzero(~finite)[0]} has {what}")

@@ -271,6 +271,17 @@ def test_wrong_arguments_are_one_line(options, message):
     assert "\n" not in str(error.value)
 
 
+def test_one_experiment_is_not_several():
+    """One experiment tells a combination; where it does not, the criterion is named."""
+    x = np.linspace(-1, 1, 5)
+    parabola = edtk.Problem(np.vander(x, 3, increasing=True)[:, None, :])
+    constant = edtk.plan(parabola, 1, {"name": "c", "c": [1, 0, 0]}, starts=2)
+    assert "with 1 experiment," in repr(constant)
+    assert "\n1 experiment; " in constant.summary()
+    with pytest.raises(UserError, match=r"no plan of 1 new experiment .* what c of k3 needs; more"):
+        edtk.plan(parabola, 1, {"name": "c", "c": [0, 0, 1]}, starts=2)
+
+
 def test_nothing_may_be_kept():
     """An empty list of kept experiments is as good as none."""
     found = edtk.plan(PROBLEM, size=4, keep=[], starts=2)

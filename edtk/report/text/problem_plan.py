@@ -22,10 +22,11 @@ def problem_plan(found: ProblemPlan) -> str:
         if found.lower_bound.cost
         else found.basis
     )
+    experiments = f"{found.size} experiment{'' if found.size == 1 else 's'}"
     spent = "" if found.spent is None else f"The new experiments cost {found.spent:g}.\n"
     return (
         f"{found.criterion.label} ({found.criterion.formula}): {found.value:.7g}, {bound}\n"
-        f"{found.size} experiments; {found.found} of {found.starts} starts led to a plan as good "
+        f"{experiments}; {found.found} of {found.starts} starts led to a plan as good "
         f"({ENDED[found.ended]})\n{spent}"
         f"{text_table(*problem_plan_rows(found))}"
     )

@@ -65,7 +65,7 @@ def find_counts(
     search = _search(bare, plain, limits, relaxed)
     found = search.run(seed, starts, progress)
     cost = float(search.criterion.cost(search.scatter.information(found.places[None])[0]))
-    _require_regular(cost, limits, problem)
+    _require_regular(cost, limits, problem, criterion)
     counts = limits.counts(found.places[None], problem.n)[0]
     if relaxed is not None and question is not None:
         relaxed = within_limits(relaxed, *question, counts.astype(float))
@@ -141,15 +141,17 @@ def _search(
     )
 
 
-def _require_regular(cost: float, limits: Limits, problem: Problem) -> None:
+def _require_regular(cost: float, limits: Limits, problem: Problem, criterion: Criterion) -> None:
     """Check that the best plan identifies what the criterion needs."""
     if np.isfinite(cost):
         return
     blocks = f" in {len(limits.blocks)} blocks" if limits.blocks else ""
     experiments = f"{limits.m} new experiment{'s' if limits.m > 1 else ''}"
+    needed = (
+        f"the {problem.p} parameters" if criterion.needs_all else f"what {criterion.label} needs"
+    )
     raise UserError(
-        f"no plan of {experiments}{blocks} was found that identifies the "
-        f"{problem.p} parameters; more are needed"
+        f"no plan of {experiments}{blocks} was found that identifies {needed}; more are needed"
     )
 
 

@@ -56,7 +56,8 @@ class ProblemPlan(BoundedPlan):
         """Criterion, value, size and efficiency."""
         factor, unit = self.criterion.shown
         value = f"{factor * self.value:.4g} {unit}".rstrip()
-        return f"{self.criterion.label} = {value} with {self.size} experiments, {self._bounded}"
+        experiments = f"{self.size} experiment{'' if self.size == 1 else 's'}"
+        return f"{self.criterion.label} = {value} with {experiments}, {self._bounded}"
 
     @property
     def _bounded(self) -> str:
