@@ -5,8 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from criteria import Criterion
+from criteria.linalg.estimable import range_whitener
 from edtk.design.region import Region
 from edtk.design.relaxation.onto_walls import onto_walls
+from edtk.design.relaxation.rounding_of_inverse import rounding_of_inverse
 from edtk.system.typing import Array
 
 # Distance in parts of a range below which two points become one, the boldest first. A relaxation
@@ -19,6 +21,9 @@ NOTHING = 1e-7  # weight that is not worth a point
 # that is best singular, and what dropping them may cost: there rounding blurs the cost.
 LIGHT = (1e-3, 1e-4, 1e-5, 1e-6)
 LOSS_OF_LIGHT = 1e-8
+# Rounding of a cost that is far below all of these; more of it, so many times, counts as a loss.
+SHARP = 1e-11
+BLURRED = 2.0
 MOST_VARIABLES = 160  # a step takes their third power
 ITERATIONS = 200
 FINEST = 1e-16  # of the logarithm of the cost, at which to end
@@ -42,7 +47,8 @@ def polish(
         weights: Their weights (k,), of sum one.
 
     Returns:
-        Points (l, d), weights (l,) and their cost; the given ones where nothing is better.
+        Points (l, d), weights (l,) and their cost, or a number above it by as much as rounding may
+        have lowered it; the given design where nothing is better.
     """
     cost = _cost(region, criterion, x, weights)
     if not np.isfinite(cost):
@@ -70,8 +76,18 @@ def polish(
 
 
 def _cost(region: Region, criterion: Criterion, x: Array, weights: Array) -> float:
-    """The cost of a design."""
-    return float(criterion.cost(region.problem(x).information(weights)))
+    """The cost of a design, and what rounding may have taken from it.
+
+    A descent goes where rounding is: costs of all but singular designs come out too low, and would
+    be below the bound.
+    """
+    M = region.problem(x).information(weights)
+    cost = float(criterion.cost(M))
+    if not np.isfinite(cost):
+        return cost
+    variances = np.square(range_whitener(M)).sum(axis=1)
+    lost = rounding_of_inverse(M, variances)
+    return cost if lost <= SHARP else cost * (1 + BLURRED * lost)
 
 
 def _without_light(
