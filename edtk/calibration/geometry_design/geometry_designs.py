@@ -11,6 +11,7 @@ from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
 from edtk.calibration.geometry_design.geometry_space import GeometrySpace
 from edtk.calibration.geometry_design.marker_task import MarkerTask, marker_tasks
 from edtk.calibration.geometry_design.plan_geometry import SEARCHES, plan_geometry
+from edtk.calibration.geometry_design.plan_geometry import TOLERANCE as OF_PLANS
 from edtk.calibration.geometry_design.told_by_plan import ToldByPlan
 from edtk.calibration.geometry_design.visit_search import STARTS, VisitSearch
 from edtk.design.exact.exact_plan import ExactPlan
@@ -31,9 +32,10 @@ from edtk.study.study import Study
 from edtk.system.errors import ArgumentError
 from edtk.system.typing import Array
 
-# Relative gap at which the search over all poses ends; with many parameters it ends before, after
-# so many searches as those of `plan_geometry`.
+# Relative gap at which the search over all poses ends. With more parameters than a few it is that
+# of `plan_geometry`, as are the most searches: what is left would take minutes.
 TOLERANCE = 1e-3
+FEW = 12
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,8 +77,9 @@ class GeometryDesigns(Designs):
             nonlocal searches
             searches += stage == "continuum"
 
+        tolerance = TOLERANCE if self.question.model.p <= FEW else OF_PLANS
         return RelaxOptions(
-            tolerance=TOLERANCE, progress=progress, stop=lambda: searches >= SEARCHES
+            tolerance=tolerance, progress=progress, stop=lambda: searches >= SEARCHES
         )
 
     @property
