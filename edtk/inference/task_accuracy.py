@@ -28,7 +28,7 @@ def task_accuracy(
         is_path: Whether the poses follow each other along a path.
     """
     harms = [task.harm(task.q) for task in tasks]
-    points = np.array([task.model.robot.forward(task.q)[:3, 3] for task in tasks])
+    points = np.array([task.point for task in tasks])
     steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
     return TaskAccuracy(
         along=np.append(0.0, np.cumsum(steps)),

@@ -58,6 +58,11 @@ class Task:
         return self.model.regressor(self.q, self.wrench)
 
     @property
+    def point(self) -> Array:
+        """The tool point (..., 3) of the task [m]."""
+        return self.robot.with_tool(self.tool).forward(self.q)[..., :3, 3]
+
+    @property
     def place(self) -> str:
         """Where rho0 is the error, in words."""
         around = f"within {np.rad2deg(self.within):.3g} deg of the test pose"

@@ -14,6 +14,7 @@ import edtk
 from edtk.calibration.geometry_design.geometry_designs import GeometryDesigns
 from edtk.cli import main
 from edtk.design.relaxation import search_continuum
+from edtk.report.comparison_report import comparison_report
 from edtk.study.run_options import RunOptions
 from edtk.study.run_study import run_study
 from edtk.study.study import Study
@@ -144,10 +145,20 @@ def priced(**costs: object) -> Study:
 
 
 def test_a_budget_limits_the_plans(tmp_path: Path) -> None:
-    """Plans cost what a day may cost at most; a size that it does not pay for has a reason."""
-    found = run_study(
-        priced(budget=20), tmp_path, options=RunOptions(), designs_of=GeometryDesigns.of
-    )
+    """Plans cost what a day may cost at most; a size that it does not pay for has a reason.
+
+    Of several test poses each has its error, which adds up to rho0.
+    """
+    pose = STUDY.to_dict()["test_pose"]
+    study = priced(budget=20).replace(test_pose=[pose, {**pose, "q_deg": [50, 20]}])
+    found = run_study(study, tmp_path, options=RunOptions(), designs_of=GeometryDesigns.of)
+    tasks = found.accuracies["optimised for D"]
+    assert len(tasks.error) == 2
+    rho0 = found.table.set_index("plan").loc["optimised_D_m4", "rho0"]
+    assert tasks.mean == pytest.approx(rho0, rel=1e-9)
+    report = comparison_report(found, [])
+    assert "The error of the markers after compensation is" in report
+    assert "| load changes | costs |" in report
     table = found.table.set_index("plan")
     assert "distinct" not in set(table["kind"])
     assert table.loc["optimised_D_m4", "reason"] == ""
