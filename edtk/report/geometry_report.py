@@ -74,7 +74,9 @@ def _expected(found: GeometricCalibration) -> str:
         return f"Expect errors of {left_out} in poses like these, instead of {drawn}."
     # A plan for the test poses may visit others once, only to tell parameters: what the fit would
     # be without one of them says nothing about the test poses.
-    others = f"Other poses are not known well: left out, each is {left_out} off, {drawn}."
+    others = (
+        f"Other poses are not known well: left out one by one, they are {left_out} off, {drawn}."
+    )
     if found.rho0_mm is None:
         return f"{others} More poses are needed."
     return f"Expect errors of {found.rho0_mm:.2g} mm (rms) in the test poses. {others}"
