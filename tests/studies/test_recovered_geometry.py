@@ -9,8 +9,14 @@ def test_the_page_says_that_covariances_are_right() -> None:
     """Chi-square a degree of freedom is one within three of its errors; ranks are as counted."""
     lines = PAGE.read_text(encoding="utf-8").splitlines()
     cells = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
-    rows = {row[0]: row[1:] for row in cells if len(row) == 6 and row[0] in ("6R", "SCARA", "7R")}
-    assert {name: row[1] for name, row in rows.items()} == {"6R": "30", "SCARA": "20", "7R": "34"}
+    rows = {f"{row[0]}, {row[1]}": row[1:] for row in cells if len(row) == 6 and "s of " in row[1]}
+    assert {name: row[1] for name, row in rows.items()} == {
+        "6R, positions of 2": "30",
+        "SCARA, positions of 2": "20",
+        "7R, positions of 2": "34",
+        "6R, poses of 1": "30",
+        "7R, poses of 1": "34",
+    }
     for row in rows.values():
         square, error, ratio = map(float, row[2:])
         assert abs(square - 1) < 3 * error
@@ -20,7 +26,7 @@ def test_the_page_says_that_covariances_are_right() -> None:
 def test_few_runs_agree(script) -> None:
     """The script itself, with eight simulations of the SCARA, is within its chance."""
     study = script("recovered_geometry.py")
-    rank, square, _, _ = study.simulate(study.arm(*study.ARMS["SCARA"]), 2, 8)
+    rank, square, _, _ = study.simulate(study.arm(*study.ARMS["SCARA"]), 2, "position", 8)
     assert rank == 20
     # 96 numbers: beyond these bounds one time in ten thousand.
     assert 0.5 < square < 1.7
