@@ -161,14 +161,21 @@ def _noise(found: GeometricCalibration) -> str:
     joints = float(np.max(noise.model_joints, initial=0.0))
     reading = float(np.max(noise.joints, initial=0.0))
     common = f", and joints repeat to {reading:.2g} mrad" if reading else ""
-    text = f"A reading scatters by {noise.reading:.2g} mm a coordinate{common}, {repeats}."
-    if not joints and not noise.model_white:
+    turned = "" if noise.turn is None else f" and by {_degrees(noise.turn)} in orientation"
+    text = f"A reading scatters by {noise.reading:.2g} mm a coordinate{turned}{common}, {repeats}."
+    if not joints and not noise.model_white and not noise.model_turn:
         return f"{text} The residuals show nothing beyond that."
+    also = f" and {_degrees(noise.model_turn)}" if noise.model_turn else ""
     return (
         f"{text} The model leaves out more: it is as if joints erred by up to {joints:.2g} mrad "
-        f"and each coordinate by {noise.model_white:.2g} mm, differently in each pose. Bands of "
-        "predictions include it."
+        f"and each coordinate by {noise.model_white:.2g} mm{also}, differently in each pose. Bands "
+        "of predictions include it."
     )
+
+
+def _degrees(mrad: float) -> str:
+    """An angle [mrad] in degrees."""
+    return f"{np.rad2deg(1e-3 * mrad):.2g} deg"
 
 
 def _residuals(found: GeometricCalibration) -> list[str]:

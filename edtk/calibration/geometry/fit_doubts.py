@@ -6,6 +6,7 @@ from edtk.calibration.diagnostics.diagnostic import Severity
 from edtk.calibration.geometry.geometric_doubt import GeometricDoubt, rows_in_words
 from edtk.calibration.geometry.moved_frame import moved_frame
 from edtk.calibration.geometry.study_geometry import StudyGeometry
+from edtk.calibration.geometry.untold_load import untold_load
 from edtk.inference.geometry.geometric_fit import MM, GeometricFit, root_mean_square
 from edtk.model.geometry.geometric_parameter import GeometricParameter
 
@@ -29,6 +30,7 @@ def fit_doubts(fit: GeometricFit, setting: StudyGeometry) -> list[GeometricDoubt
         *_few(fit),
         *_outliers(fit),
         *_moved(fit),
+        *_bent(fit, setting),
         *_large(fit),
         *_negative(fit),
         *_noise(fit, setting),
@@ -139,6 +141,22 @@ def _moved(fit: GeometricFit) -> list[GeometricDoubt]:
         f"{100 * moved.explained:.0f} % of the residuals"
     )
     return [GeometricDoubt(severity, "frame_moved", text, (rows[0],))]
+
+
+def _bent(fit: GeometricFit, setting: StudyGeometry) -> list[GeometricDoubt]:
+    """A weight that nobody told bends the robot; where springs are fitted, these take it."""
+    if setting.loads is not None or fit.fitted.noise.model_fit is None:
+        return []
+    found = untold_load(fit)
+    if found is None:
+        return []
+    listed = ", ".join(f'"{name}"' for name in found.joints)
+    text = (
+        f"as if a weight that the study does not know bent {', '.join(found.joints)}: that "
+        f"explains {100 * found.explained:.0f} % of the residuals. A load, or the links' own mass? "
+        f"Give it, and ask for compliance = [{listed}]"
+    )
+    return [GeometricDoubt(Severity.WARNING, "untold_load", text)]
 
 
 def _large(fit: GeometricFit) -> list[GeometricDoubt]:

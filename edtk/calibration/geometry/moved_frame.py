@@ -5,8 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from edtk.calibration.geometry.fit_rows import FitRows
 from edtk.inference.geometry.geometric_fit import MM, GeometricFit
-from edtk.inference.geometry.position_noise import only_seen
+from edtk.inference.geometry.position_noise import PositionNoise
 from edtk.model.geometry.all_parameters import all_parameters
 from edtk.system.typing import Array
 
@@ -16,6 +17,9 @@ UNLIKELY = 1e-6
 # that the coordinates of a pose have in common, which are then as if fewer poses told something.
 EXPLAINS = {False: 0.2, True: 0.5}
 COORDINATES = {False: 3.0, True: 6.0}  # of a pose that err together
+# Probability of a motion that the noise was fitted beside: of 200 sound days none had less.
+RARE = 1e-2
+SIDE = 4  # poses before and after such a motion: of fewer it may be that one is a wrong one
 BREAKS = 30  # poses at which a motion that is taken back is tried first
 
 
@@ -47,25 +51,25 @@ def moved_frame(fit: GeometricFit) -> MovedFrame | None:
     day are tried all, and others between some poses, and then near the best of these.
 
     Residuals are weighted by the noise that was fitted, and equally: a motion is part of what was
-    fitted as noise, which may hide it.
+    fitted as noise, which may hide it. So the noise is fitted anew beside the motion that lowers
+    the squares most, too, and then tells smaller ones.
 
     Args:
         fit: Of a sheet whose poses are in the order in which they were measured.
     """
-    found = [_best(fit, white) for white in (False, True)]
+    day = _Day.of(fit)
+    found = [*(_best(day, white) for white in (False, True)), _beside_noise(day)]
     told = [one for one in found if one is not None]
     return max(told, key=lambda one: one.explained, default=None)
 
 
-def _best(fit: GeometricFit, white: bool) -> MovedFrame | None:
+def _best(day: "_Day", white: bool) -> MovedFrame | None:
     """The motion that lowers the squares most, where chance does not explain it."""
-    z, X, B = _weighted(fit, white)
-    m = len(z)
-    coordinates = 3 * int(fit.data.means.seen.sum())
-    dof = coordinates - X.shape[-1] - 6
+    m = len(day)
+    dof = day.dof
     if m < 2 * FEWEST or dof < 4:
         return None
-    sums = _Sums.of(z, X, B)
+    sums = day.sums(None if white else day.rows.noise)
     total = float((sums.z**2).sum())
     ends = [(s, m) for s in range(FEWEST, m - FEWEST + 1)]
     best = max((sums.fall(s, t), s, t) for s, t in ends)
@@ -79,7 +83,28 @@ def _best(fit: GeometricFit, white: bool) -> MovedFrame | None:
     probability, fall, s, t = min(judged)
     if probability > UNLIKELY or fall < EXPLAINS[white] * total:
         return None
-    return MovedFrame(s, t, _size(fit, sums.motion(s, t), s, t), fall / total)
+    return MovedFrame(s, t, day.size(sums.motion(s, t), s, t), fall / total)
+
+
+def _beside_noise(day: "_Day") -> MovedFrame | None:
+    """The motion to the end of the day, where it is large beside the noise that it leaves.
+
+    A motion of half a millimetre amid errors of a robot of a third is fitted as noise, which then
+    looks large enough to explain it. Fitted beside its columns, the noise is as without it.
+    """
+    m = len(day)
+    if m < 2 * SIDE or day.dof < 4:
+        return None
+    ends = range(SIDE, m - SIDE + 1)
+    before = day.sums(day.rows.noise)
+    s = max(ends, key=lambda s: before.fall(s, m))
+    after = day.sums(day.noise_beside(s))
+    total = float((after.z**2).sum())
+    fall = after.fall(s, m)
+    independent = max(day.dof / COORDINATES[False], 1.0)
+    if _probability(fall, total, independent) * m > RARE or fall < EXPLAINS[False] * total:
+        return None
+    return MovedFrame(s, m, day.size(after.motion(s, m), s, m), fall / total)
 
 
 def _pairs(m: int) -> Iterator[tuple[int, int]]:
@@ -104,16 +129,6 @@ def _probability(fall: float, total: float, dof: float) -> float:
 
     share = fall / max(total, 1e-300)
     return float(f.sf(share / max(1 - share, 1e-12) * dof / 6, 6, dof))
-
-
-def _size(fit: GeometricFit, motion: Array, s: int, t: int) -> float:
-    """How far a motion (6,) carries the markers of some poses, root mean square [m]."""
-    model = fit.fitted.model
-    base = model.with_parameters(all_parameters(model.robot, model.markers, [], tool=False))
-    J = base.see(np.zeros(6), fit.data.means.q[s:t]).jacobian
-    assert J is not None
-    off = (J[:, :, :3] * base.scales) @ motion
-    return float(np.sqrt((off**2).sum(axis=-1).mean()))
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,37 +175,54 @@ class _Sums:
         return float((self.gradient[t] - self.gradient[s]) @ self.motion(s, t))
 
 
-def _weighted(fit: GeometricFit, white: bool) -> tuple[Array, Array, Array]:
-    """Residuals (m, r), columns (m, r, p) and those of the base (m, r, 6), in the fit's noise."""
-    fitted = fit.fitted
-    model = fitted.model
-    means = fit.data.means
-    seen = model.see(fitted.theta, means.q)
-    base = model.with_parameters(all_parameters(model.robot, model.markers, [], tool=False))
-    of_base = base.see(np.zeros(6), means.q)
-    assert seen.jacobian is not None
-    assert seen.by_joints is not None
-    assert of_base.jacobian is not None
-    m, k = means.seen.shape
-    there = means.seen[..., None, None]
-    rows = means.rows
-    motion = seen.by_joints.reshape(m, rows * k, -1)
-    V = fitted.noise.of_pose(motion, fit.data.counts)
-    # Positions show a motion of the frame; orientations are left aside.
-    positions = np.flatnonzero(np.arange(rows * k) % rows < 3)
-    V = V[:, positions[:, None], positions]
-    if white:
-        size = np.einsum("mrr->", V) / V[..., 0].size
-        V = only_seen(np.broadcast_to(size * np.eye(3 * k), V.shape), means.seen)
-    L = np.linalg.cholesky(V)
-    X = MM * np.where(there, seen.jacobian[:, :, :3] * model.scales, 0.0).reshape(m, 3 * k, -1)
-    B = MM * np.where(there, of_base.jacobian[:, :, :3] * base.scales, 0.0).reshape(m, 3 * k, -1)
-    z = MM * np.nan_to_num(fit.residual).reshape(m, 3 * k, 1)
-    return (
-        np.linalg.solve(L, z)[..., 0],
-        np.linalg.solve(L, X),
-        np.linalg.solve(L, B),
-    )
+@dataclass(frozen=True, eq=False)
+class _Day:
+    """The poses of a day, in their order.
+
+    Attributes:
+        rows: Their residuals and columns.
+        moved: Columns (m, 3k, 6) of motions of the frame [mm].
+    """
+
+    rows: FitRows
+    moved: Array
+
+    @classmethod
+    def of(cls, fit: GeometricFit) -> "_Day":
+        """Of a fit."""
+        model = fit.fitted.model
+        means = fit.data.means
+        base = model.with_parameters(all_parameters(model.robot, model.markers, [], tool=False))
+        of_base = base.see(np.zeros(6), means.q).jacobian
+        assert of_base is not None
+        m, k = means.seen.shape
+        columns = np.where(means.seen[..., None, None], of_base[:, :, :3] * base.scales, 0.0)
+        return cls(FitRows.of(fit), MM * columns.reshape(m, 3 * k, 6))
+
+    def __len__(self) -> int:
+        return len(self.moved)
+
+    @property
+    def dof(self) -> int:
+        """Coordinates that neither the fit nor a motion takes."""
+        return self.rows.dof(6)
+
+    def noise_beside(self, s: int) -> PositionNoise:
+        """The noise, fitted beside a motion from pose s on."""
+        return self.rows.noise_beside(self.moved * (np.arange(len(self)) >= s)[:, None, None])
+
+    def sums(self, noise: PositionNoise | None) -> _Sums:
+        """Running sums of all, weighted by a noise, or equally where there is none."""
+        z, X, B = self.rows.whitened(
+            noise, self.rows.residual[..., None], self.rows.design, self.moved
+        )
+        return _Sums.of(z[..., 0], X, B)
+
+    def size(self, motion: Array, s: int, t: int) -> float:
+        """How far a motion (6,) carries the markers of some poses, root mean square [m]."""
+        seen = self.rows.fit.data.means.seen[s:t].reshape(-1)
+        off = (self.moved[s:t] @ motion).reshape(-1, 3)[seen]
+        return float(np.sqrt((off**2).sum(axis=-1).mean())) / MM
 
 
 def _before(terms: Array) -> Array:

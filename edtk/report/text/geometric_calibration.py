@@ -64,9 +64,13 @@ def _quality(found: GeometricCalibration) -> list[str]:
         f"what the model leaves out: {joints:.3g} mrad a joint and {noise.model_white:.3g} mm a "
         "coordinate"
     )
-    if not joints and not noise.model_white:
+    if noise.model_turn:
+        left_out += f", {np.rad2deg(1e-3 * noise.model_turn):.3g} deg of an orientation"
+    if not joints and not noise.model_white and not noise.model_turn:
         left_out = "the residuals show nothing that the model leaves out"
     repeats = f"; repeats of readings scatter by {noise.reading:.3g} mm" if noise.repeats else ""
+    if noise.repeats and noise.turn is not None:
+        repeats += f" and {np.rad2deg(1e-3 * noise.turn):.3g} deg"
     return [
         f"distance of positions: {MM * fit.placed:.4g} mm rms with base and tools fitted alone, "
         f"{MM * fit.rms:.4g} with all",

@@ -1,0 +1,75 @@
+"""Residuals and columns of the positions of a fit, to try what else would explain them."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from edtk.inference.geometry.geometric_fit import MM, GeometricFit
+from edtk.inference.geometry.position_noise import (
+    PositionNoise,
+    fit_model_error,
+    only_seen,
+)
+from edtk.system.typing import Array
+
+
+@dataclass(frozen=True, eq=False)
+class FitRows:
+    """What the positions of the poses leave, in millimetres; orientations are left aside.
+
+    Rows of what was not seen are zero.
+
+    Attributes:
+        fit: The fit.
+        residual: Residuals (m, 3k).
+        design: Columns (m, 3k, p) of its parameters.
+        motion: Motions (m, 3k, n) by the joints [mm/mrad].
+        noise: The noise of positions that was fitted.
+    """
+
+    fit: GeometricFit
+    residual: Array
+    design: Array
+    motion: Array
+    noise: PositionNoise
+
+    @classmethod
+    def of(cls, fit: GeometricFit) -> "FitRows":
+        """Of a fit."""
+        model = fit.fitted.model
+        means = fit.data.means
+        seen = model.see(fit.fitted.theta, means.q)
+        assert seen.jacobian is not None
+        assert seen.by_joints is not None
+        m, k = means.seen.shape
+        there = means.seen[..., None, None]
+        design = np.where(there, seen.jacobian[:, :, :3] * model.scales, 0.0)
+        return cls(
+            fit,
+            MM * np.nan_to_num(fit.residual).reshape(m, 3 * k),
+            MM * design.reshape(m, 3 * k, -1),
+            np.where(there, seen.by_joints[:, :, :3], 0.0).reshape(m, 3 * k, -1),
+            replace(fit.fitted.noise, turn=None, model_turn=0.0),
+        )
+
+    def dof(self, others: int) -> int:
+        """Coordinates that neither the fit nor so many other columns take."""
+        return 3 * int(self.fit.data.means.seen.sum()) - self.design.shape[-1] - others
+
+    def noise_beside(self, columns: Array) -> PositionNoise:
+        """The noise, fitted beside other columns (m, 3k, c) too, that it may have hidden."""
+        joints = self.fit.fitted.model.robot.joints
+        slides = np.array([joint.kind == "prismatic" for joint in joints])
+        both = np.concatenate([self.design, columns], axis=-1)
+        counts = self.fit.data.counts
+        return fit_model_error(self.noise, self.motion, counts, self.residual, both, slides)
+
+    def whitened(self, noise: PositionNoise | None, *columns: Array) -> list[Array]:
+        """Columns (m, 3k, c) in units of a noise; all coordinates alike where there is none."""
+        V = (noise or self.noise).of_pose(self.motion, self.fit.data.counts)
+        if noise is None:
+            size = np.einsum("mrr->", V) / V[..., 0].size
+            alike = np.broadcast_to(size * np.eye(V.shape[1]), V.shape)
+            V = only_seen(alike, self.fit.data.means.seen)
+        L = np.linalg.cholesky(V)
+        return [np.asarray(np.linalg.solve(L, one)) for one in columns]
