@@ -280,20 +280,6 @@ def test_results_of_other_robots_are_refused(study: Path, tmp_path: Path) -> Non
         edtk.predict(study, spoiled, tmp_path / "sheet.csv")
 
 
-@pytest.mark.parametrize("words", [("run",)])
-@pytest.mark.parametrize("tasks", [False, True])
-def test_other_verbs_say_that_they_know_compliances_alone(
-    words: tuple[object, ...], tasks: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Such a study is refused in one line, and no number is wrong in silence."""
-    monkeypatch.chdir(tmp_path)
-    (STUDY.replace(test_pose=TEST_POSE) if tasks else STUDY).to_toml("study.toml")
-    Path("poses.csv").write_text(",".join(NAMES) + "\n10,20,30,-40,50,60\n")
-    code, out, err = run(words[0], "study.toml", *words[1:])
-    assert (code, out) == (2, "")
-    assert "parameters: this knows compliances alone; expected a study without" in err
-
-
 def test_commands_bring_the_markers_where_the_drawing_has_them(study: Path, tmp_path: Path) -> None:
     """The erring arm, commanded so, carries its markers where a perfect one would."""
     q, x = truth(40)
