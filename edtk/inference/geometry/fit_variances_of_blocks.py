@@ -113,9 +113,14 @@ def _step(
         if there.likelihood >= at.likelihood - 1e-9 * abs(at.likelihood):
             return after, there
         step = step / 2
-    with np.errstate(divide="ignore", invalid="ignore"):
-        after = v * np.where(v > 0, np.sqrt(at.quadratic / at.trace), 1.0)
-    return after, scores(after)
+    # Neither is negative, but by rounding, where the design leaves next to no residuals.
+    both = (v > 0) & (at.quadratic > 0) & (at.trace > 0)
+    ratio = np.divide(at.quadratic, at.trace, out=np.ones_like(v), where=both)
+    after = v * np.sqrt(ratio)
+    try:
+        return after, scores(after)
+    except np.linalg.LinAlgError:
+        return v, at
 
 
 def _scores(fixed: Array, K: Array, z: Array, X: Array, v: Array) -> _Scores:

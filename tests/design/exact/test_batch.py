@@ -19,10 +19,17 @@ pytestmark = pytest.mark.slow
 
 
 @cache
-def batch(name="rho0", m=4, k=4, seed=(0,), space=KR270):
-    """A batch after a relaxation over a few candidates."""
+def relaxed(name, space):
+    """A criterion, and its relaxation over a few candidates."""
     criterion = STUDY.criterion("rho0") if name == "rho0" else create(name)
-    plan = relax_poses(CandidateSource(space, 0, "sobol", workers=1), 200, criterion)
+    source = CandidateSource(space, 0, "sobol", workers=1)
+    return criterion, relax_poses(source, 200, criterion)
+
+
+@cache
+def batch(name="rho0", m=4, k=4, seed=(0,), space=KR270):
+    """A batch after that relaxation."""
+    criterion, plan = relaxed(name, space)
     return Batch(space, criterion, m, k, plan.x, plan.weights, seed)
 
 

@@ -183,7 +183,7 @@ def noise(program):
 # used comes as far as the criterion's own bound.
 DROPPED = (fail, no_answer, not_a_number, nothing)
 MISLEADING = (silence, equal_weights, noise)
-UNUSABLE = [("O4", fail), *((name, change) for name in ("A", "E", "O2") for change in DROPPED)]
+UNUSABLE = [(name, fail) for name in ("O4", "E", "O2")] + [("A", change) for change in DROPPED]
 USABLE = [(name, change) for name in (*KINDS, "G", "rho0") for change in MISLEADING]
 
 
