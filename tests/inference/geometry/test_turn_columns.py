@@ -120,7 +120,7 @@ def test_orientations_written_in_another_way_are_an_alarm(tmp_path: Path) -> Non
     """Radians for degrees leave orientations that no tool has; so few poses leave next to nothing
     to tell variances from, which was a traceback.
     """
-    q, x, turns = measured(8)
+    q, x, turns = measured(7)
     path = sheet(tmp_path / "day.csv", [*NAMES, *POSITION, *VECTOR], q, x, turns.as_rotvec())
     found = edtk.identify(FULL, path)
     assert found.verdict == "bad"
