@@ -25,7 +25,6 @@ WITHOUT_MORE = 6
 # Ascents from fresh poses that no search has seen, in parts of those from known ones: the last
 # search decides about the bound. With a third, bounds of a UR10 were 5e-4 too high for most seeds.
 FROM_NEW = 3
-OF_MANY = 3  # one of so many of many parameters, whose searches have many ascents anyway
 DIFFERENT = 0.1  # relative difference of information from which on two starts are worth two ascents
 # White noise gives mirrored and turned poses the same information, and one ascent is enough for all
 # of them. A tracker and joints that repeat badly tell them apart by a few per cent: with the starts
@@ -95,11 +94,7 @@ def _starts(
     most = max(MOST_STARTS, STARTS_PER_PARAMETER * (known.problem.p - WITHOUT_MORE))
     size = max(LEAST_STARTS, min(most, max(STARTS, most) // len(multipliers)))
     size = size if white else MORE * size
-    of_fresh_poses = size
-    if white and most > MOST_STARTS:
-        of_fresh_poses = size // OF_MANY
-    elif white and is_new:
-        of_fresh_poses = FROM_NEW * size
+    of_fresh_poses = FROM_NEW * size if is_new else size
     different = DIFFERENT if white else LITTLE_DIFFERENT
     starts: list[Array] = []
     owner: list[int] = []
