@@ -199,8 +199,12 @@ def _lack_of_fit(found: Finding) -> str:
     agree = f"repetitions of a pose agree with each other better than with the model ({test})"
     if not data["used"]:
         return f"{agree}: the model does not fit"
-    common = f"{1e3 * data['common']:.2g} mm of noise"
-    return f"{agree}: {common} that they share is taken into account"
+    common = f"{1e3 * data['common']:.2g} mm"
+    if not data["is_noise"]:
+        return (
+            f"{agree}: they share {common}, too much for noise; a row, a sign or the model is wrong"
+        )
+    return f"{agree}: {common} of noise that they share is taken into account"
 
 
 def _do_not_compensate(found: Finding) -> str:

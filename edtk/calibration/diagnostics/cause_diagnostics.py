@@ -8,7 +8,9 @@ from edtk.calibration.fitted_data import FittedData
 from edtk.calibration.moving_joints import stated_repeatability
 from edtk.inference.distributions import chi_square_tail
 from edtk.inference.estimate_noise import NoiseEstimate
-from edtk.inference.lack_of_fit import UNLIKELY
+from edtk.inference.lack_of_fit import UNLIKELY, LackOfFit
+
+NO_NOISE = 6.0  # noise that repetitions share, over the stated one: beyond it is a fault
 
 
 def cause_diagnostics(fitted: FittedData) -> Iterator[Diagnostic]:
@@ -28,8 +30,22 @@ def cause_diagnostics(fitted: FittedData) -> Iterator[Diagnostic]:
         common = test.common * float(fitted.data.sigma[fitted.data.lengths].mean())
         if fitted.noise_estimate is not None:
             common = fitted.noise_estimate.discrepancy
-        data = {"F": test.F, "p": test.p, "common": common, "used": fitted.common_noise}
-        yield Diagnostic(Severity.WARNING, Finding(Kind.LACK_OF_FIT, data=data))
+        is_noise = _is_noise(fitted, test)
+        data = {
+            "F": test.F,
+            "p": test.p,
+            "common": common,
+            "used": fitted.common_noise,
+            "is_noise": is_noise,
+        }
+        severity = Severity.WARNING if is_noise else Severity.ALARM
+        yield Diagnostic(severity, Finding(Kind.LACK_OF_FIT, data=data))
+
+
+def _is_noise(fitted: FittedData, test: LackOfFit) -> bool:
+    """Whether what repetitions share may be noise; a wrong sign or row makes more of it."""
+    own = 1.0 if fitted.fit.known else test.pure_error
+    return test.common <= NO_NOISE * own
 
 
 def _moving_joints(fitted: FittedData) -> Iterator[Diagnostic]:

@@ -349,3 +349,15 @@ def test_noise_that_repetitions_share():
     alone = FittedData.of(STUDY, measured(repeats=4), PLAN)
     # Means of four have the variance 1/4 + 1 instead of 1/4: standard deviations grow by sqrt(5).
     assert (fitted.fit.std / alone.fit.std).mean() == pytest.approx(np.sqrt(5), rel=0.25)
+
+
+@pytest.mark.parametrize(("size", "severity"), [(2.0, WARNING), (40.0, ALARM)])
+def test_too_much_is_no_noise(size, severity):
+    """What repetitions share is a doubt where noise may be so large, and an alarm beyond."""
+    data = measured(repeats=4)
+    shared = np.random.default_rng(3).standard_normal((len(data) // 4, 3))
+    moved = data.deflection + np.repeat(size * STUDY.sigma * shared, 4, axis=0)
+    told = found(replace(data, deflection=moved))
+    (one,) = [d for d in told if d.finding.kind is Kind.LACK_OF_FIT]
+    assert one.severity is severity
+    assert ("too much for noise" in one.text) is (severity is ALARM)
