@@ -88,7 +88,8 @@ def _above(K: Array, least: float) -> Mask:
     The elimination of all matrices at once takes a twentieth of the time of their eigenvalues.
     """
     n = K.shape[-1]
-    S = np.ascontiguousarray(np.moveaxis(K, (-2, -1), (0, 1)))
+    # Always a copy: of a single matrix the moved axes are contiguous already.
+    S = np.array(np.moveaxis(K, (-2, -1), (0, 1)), order="C")
     S[np.arange(n), np.arange(n)] -= least
     above = np.ones(K.shape[:-2], dtype=bool)
     for i in range(n):

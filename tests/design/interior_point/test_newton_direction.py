@@ -89,3 +89,15 @@ def test_several_slopes_at_once():
         np.testing.assert_allclose(
             newton_direction(own, joint, some, late), steps, rtol=1e-9, atol=1e-12
         )
+
+
+@pytest.mark.parametrize("starts", [1, 2])
+def test_negative_eigenvalues_of_a_block_change_their_signs(starts):
+    """Far from the end a block that is not positive counts as its absolute value, alone or not."""
+    V = np.linalg.qr(np.random.default_rng(2).normal(size=(D, D)))[0]
+    e = np.array([-2.0, 1.0, 3.0, 4.0])
+    own = np.tile((V * e) @ V.T, (starts, 1, 1, 1))
+    slope = np.tile(V @ np.ones(D), (starts, 1, 1))
+    joint = np.zeros((starts, D, D))
+    d = newton_direction(own, joint, slope, np.zeros(starts, dtype=bool))
+    np.testing.assert_allclose(d[:, 0], np.tile(-V @ (1 / np.abs(e)), (starts, 1)), rtol=1e-9)
