@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from edtk.inference.geometry.geometric_fit import MM, GeometricFit
+from edtk.inference.geometry.marker_positions import MarkerPositions
 from edtk.inference.geometry.position_noise import (
     PositionNoise,
     fit_model_error,
@@ -41,14 +42,11 @@ class FitRows:
         seen = model.see(fit.fitted.theta, means.q)
         assert seen.jacobian is not None
         assert seen.by_joints is not None
-        m, k = means.seen.shape
-        there = means.seen[..., None, None]
-        design = np.where(there, seen.jacobian[:, :, :3] * model.scales, 0.0)
         return cls(
             fit,
-            MM * np.nan_to_num(fit.residual).reshape(m, 3 * k),
-            MM * design.reshape(m, 3 * k, -1),
-            np.where(there, seen.by_joints[:, :, :3], 0.0).reshape(m, 3 * k, -1),
+            MM * np.nan_to_num(fit.residual).reshape(len(means), -1),
+            MM * of_positions(seen.jacobian * model.scales, means),
+            of_positions(seen.by_joints, means),
             replace(fit.fitted.noise, turn=None, model_turn=0.0),
         )
 
@@ -73,3 +71,13 @@ class FitRows:
             V = only_seen(alike, self.fit.data.means.seen)
         L = np.linalg.cholesky(V)
         return [np.asarray(np.linalg.solve(L, one)) for one in columns]
+
+
+def of_positions(columns: Array, means: MarkerPositions) -> Array:
+    """Columns (m, 3k, c) of the positions, from those (m, k, r, c) of all that is measured.
+
+    Rows of what was not seen are zero.
+    """
+    there = means.seen[..., None, None]
+    found = np.where(there, columns[:, :, :3], 0.0)
+    return np.asarray(found.reshape(len(columns), -1, columns.shape[-1]))

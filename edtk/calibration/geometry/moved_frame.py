@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from edtk.calibration.geometry.fit_rows import FitRows
+from edtk.calibration.geometry.fit_rows import FitRows, of_positions
 from edtk.inference.geometry.geometric_fit import MM, GeometricFit
 from edtk.inference.geometry.position_noise import PositionNoise
 from edtk.model.geometry.all_parameters import all_parameters
@@ -195,9 +195,7 @@ class _Day:
         base = model.with_parameters(all_parameters(model.robot, model.markers, [], tool=False))
         of_base = base.see(np.zeros(6), means.q).jacobian
         assert of_base is not None
-        m, k = means.seen.shape
-        columns = np.where(means.seen[..., None, None], of_base[:, :, :3] * base.scales, 0.0)
-        return cls(FitRows.of(fit), MM * columns.reshape(m, 3 * k, 6))
+        return cls(FitRows.of(fit), MM * of_positions(of_base * base.scales, means))
 
     def __len__(self) -> int:
         return len(self.moved)

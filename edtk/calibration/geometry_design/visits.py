@@ -13,6 +13,7 @@ from edtk.calibration.causes.families import (
     USUAL_TOOL,
     USUAL_TURN,
 )
+from edtk.calibration.detect import FAULTS
 from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
 from edtk.calibration.geometry_design.position_rows import PositionRows
 from edtk.inference.geometry.position_noise import PositionNoise
@@ -24,18 +25,7 @@ USUAL_MOVE = 0.5e-3  # by which a tripod is pushed [m]
 STEP = 1e-6  # of a numerical derivative [rad]
 MILLI = 1e-3
 # Units of the faults' sizes; those of a joint mean the joint in which it is hardest to see.
-UNITS = {
-    "load_size": "%",
-    "load_direction": "deg",
-    "tool_x": "mm",
-    "tool_y": "mm",
-    "tool_z": "mm",
-    "frame_rotation": "deg",
-    "frame_moved": "mm",
-    "drift": "mm",
-    "torque_sign": "%",
-    "backlash": "deg",
-}
+UNITS = {**FAULTS, "frame_moved": "mm"}
 BY_LOADS = ("load_size", "load_direction", "torque_sign", "backlash")
 # Of these the sizes of the springs say how much a load shows; play needs none.
 BY_SPRINGS = ("load_size", "load_direction", "torque_sign")
