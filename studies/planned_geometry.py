@@ -20,7 +20,7 @@ from tqdm import tqdm
 
 import edtk
 from edtk.calibration.geometry.study_geometry import StudyGeometry
-from edtk.inference.geometry.geometric_fit import resting_torque
+from edtk.inference.geometry.fitted_geometry import resting_torque
 from edtk.model.geometry.geometric_model import GeometricModel
 from edtk.report.markdown_table import markdown_table
 from edtk.system.atomic_file import write_text

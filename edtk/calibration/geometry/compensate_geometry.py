@@ -11,7 +11,7 @@ from edtk.calibration.geometry.geometry_to_dict import geometry_of_dict
 from edtk.calibration.geometry.marker_goal import FAR, MarkerGoal
 from edtk.calibration.geometry.study_geometry import StudyGeometry
 from edtk.design.plan import Plan
-from edtk.inference.geometry.geometric_fit import FittedGeometry, Loads
+from edtk.inference.geometry.fitted_geometry import FittedGeometry, Loads
 from edtk.model.robot import Robot
 from edtk.study.study import Study
 from edtk.system.atomic_file import write_text

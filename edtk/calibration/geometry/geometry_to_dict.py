@@ -11,7 +11,7 @@ from criteria.linalg.is_semidefinite import is_semidefinite
 from edtk.calibration.geometry.counting import Counting
 from edtk.calibration.geometry.study_geometry import StudyGeometry
 from edtk.inference.geometry.fit_variances_of_blocks import BlockVariances
-from edtk.inference.geometry.geometric_fit import FittedGeometry
+from edtk.inference.geometry.fitted_geometry import FittedGeometry
 from edtk.inference.geometry.position_noise import PositionNoise
 from edtk.model.geometry.geometric_parameter import GeometricParameter
 from edtk.model.robot import Robot

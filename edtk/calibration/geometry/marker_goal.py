@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from edtk.inference.geometry.geometric_fit import FittedGeometry, Loads
+from edtk.inference.geometry.fitted_geometry import FittedGeometry, Loads
 from edtk.model.geometry.geometric_model import Seen
 from edtk.model.geometry.geometric_parameter import TURNS, GeometricParameter
 from edtk.model.geometry.rotation import rotation_vectors

@@ -10,7 +10,7 @@ import numpy as np
 from edtk.calibration.geometry.geometry_to_dict import geometry_of_dict
 from edtk.calibration.geometry.study_geometry import StudyGeometry
 from edtk.calibration.geometry.tool_from_rows import tool_from_rows
-from edtk.inference.geometry.geometric_fit import Predicted
+from edtk.inference.geometry.fitted_geometry import Predicted
 from edtk.inference.geometry.marker_positions import MarkerPositions
 from edtk.inference.geometry.read_positions import read_positions
 from edtk.model.geometry.rotation import rotation_vectors
@@ -204,8 +204,6 @@ def predict_positions(
         others=marker_names(study),
         turned=setting.markers if setting.full_poses else (),
     )
-    if tool_rows:
-        setting.require_positions("placing a tool by rows")
     data = counting.of(setting.split(_without_lost(data))[0])
     wanted: Mask = np.greater_equal(data.row, 0)
     tests = data.seen.copy()

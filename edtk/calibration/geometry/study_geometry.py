@@ -59,20 +59,6 @@ class StudyGeometry:
         """Whether orientations are measured with the positions."""
         return self.study.specification.measurement.rows == "pose"
 
-    def require_positions(self, where: str) -> None:
-        """Check that positions alone are measured, for what knows no more.
-
-        Args:
-            where: What asks.
-
-        Raises:
-            UserError: Orientations are measured, too.
-        """
-        if self.full_poses:
-            raise self.study.error(
-                "measurement.rows", f"{where} of a study of geometry knows positions alone"
-            )
-
     @property
     def model(self) -> GeometricModel:
         """The model with all parameters that the study asks for."""

@@ -4,13 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from edtk.inference.geometry.geometric_fit import (
-    MM,
-    GeometricFit,
-    Loads,
-    resting_torque,
-    root_mean_square,
-)
+from edtk.inference.geometry.fitted_geometry import Loads, resting_torque
+from edtk.inference.geometry.geometric_fit import MM, GeometricFit, root_mean_square
 from edtk.inference.geometry.judge_fit import judge_fit
 from edtk.inference.geometry.least_squares_fit import least_squares_fit
 from edtk.inference.geometry.marker_positions import MarkerPositions

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from edtk.inference.geometry.fit_geometry import NU
-from edtk.inference.geometry.geometric_fit import MM, GeometricFit, Loads, resting_torque
+from edtk.inference.geometry.fitted_geometry import Loads, resting_torque
+from edtk.inference.geometry.geometric_fit import MM, GeometricFit
 from edtk.inference.geometry.least_squares_fit import least_squares_fit
 from edtk.inference.geometry.many_seen import many_seen
 from edtk.inference.geometry.marker_positions import MarkerPositions

@@ -4,15 +4,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from edtk.inference.geometry.geometric_fit import (
-    MM,
+from edtk.inference.geometry.fitted_geometry import (
     FittedGeometry,
-    GeometricFit,
     Loads,
-    TurnResiduals,
     resting_torque,
     student_quantile,
 )
+from edtk.inference.geometry.geometric_fit import MM, GeometricFit, TurnResiduals
 from edtk.inference.geometry.marker_positions import MarkerPositions
 from edtk.inference.geometry.pose_rows import PoseRows
 from edtk.inference.geometry.position_noise import PositionNoise

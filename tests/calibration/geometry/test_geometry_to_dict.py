@@ -11,7 +11,7 @@ from edtk.calibration.geometry.counting import Counting
 from edtk.calibration.geometry.geometry_to_dict import geometry_of_dict, geometry_to_dict
 from edtk.calibration.geometry.study_geometry import StudyGeometry
 from edtk.inference.geometry.fit_variances_of_blocks import BlockVariances
-from edtk.inference.geometry.geometric_fit import FittedGeometry
+from edtk.inference.geometry.fitted_geometry import FittedGeometry
 from edtk.inference.geometry.position_noise import PositionNoise
 from edtk.study.study import Study
 

@@ -17,7 +17,7 @@ from edtk.calibration.geometry.marker_goal import MarkerGoal
 from edtk.calibration.geometry.study_geometry import StudyGeometry
 from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
 from edtk.calibration.geometry_design.position_rows import PositionRows
-from edtk.inference.geometry.geometric_fit import FittedGeometry
+from edtk.inference.geometry.fitted_geometry import FittedGeometry
 from edtk.inference.geometry.geometry_density import GeometryDensity
 from edtk.inference.geometry.least_squares_fit import least_squares_fit
 from edtk.inference.geometry.marker_positions import MarkerPositions

@@ -9,7 +9,7 @@ from loaded_arm import LOAD, STUDY
 import edtk
 from edtk.calibration.geometry.study_geometry import StudyGeometry
 from edtk.calibration.geometry_design.position_sheet import position_sheet
-from edtk.inference.geometry.geometric_fit import resting_torque
+from edtk.inference.geometry.fitted_geometry import resting_torque
 from edtk.system.errors import ArgumentError
 
 RNG = np.random.default_rng(2)
