@@ -20,6 +20,7 @@ from edtk.study.case import Case
 from edtk.study.checkpoint import checkpoint_of
 from edtk.study.comparison_table import comparison_table
 from edtk.study.designs import Designs
+from edtk.study.none_worse import none_worse
 from edtk.study.random_case import random_case
 from edtk.study.relax_study import source_of
 from edtk.study.relaxed_under import relaxed_under
@@ -82,14 +83,16 @@ def run_study(
             raise UserError(f"{error}; what is finished is kept, run again to go on") from error
     checkpoint.forget_others([*answers, *map(_relaxation_name, bases)])
     relaxations = _relaxations(designs, bases)
-    cases = [
-        _answered(
-            case,
-            answers[_search_name(designs, case)],
-            relaxations[_key(study, case.optimised, case.size)],
-        )
-        for case in questions
-    ]
+    cases = none_worse(
+        [
+            _answered(
+                case,
+                answers[_search_name(designs, case)],
+                relaxations[_key(study, case.optimised, case.size)],
+            )
+            for case in questions
+        ]
+    )
     for index, size in enumerate(study.specification.sizes):
         cases.append(random_case(study, size, index, designs))
         report(cases[-1].name)

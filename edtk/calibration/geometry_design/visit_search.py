@@ -14,7 +14,7 @@ from edtk.design.exact.counts.limits import Limits
 from edtk.design.exact.exchange import exchange
 from edtk.design.exact.exchange_in_turn import exchange_in_turn
 from edtk.design.exact.refine import refine
-from edtk.design.exact.round_poses import round_poses
+from edtk.design.exact.round_plan import round_plan
 from edtk.design.problem import Problem
 from edtk.design.relaxation.normalised import normalised
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
@@ -207,7 +207,7 @@ class VisitSearch:
             x = refine(
                 self.space, self.criterion, x[None], repeats[None], FINEST, SHARPEST, self.late
             )[0][0]
-        x, repeats = round_poses(self.space, self.criterion, x, repeats)
+        x, repeats = round_plan(self.space, self.criterion, x, repeats)
         order = np.lexsort((*np.round(x.T[::-1], 9), self.space.load_of(x)))
         x, repeats = x[order], repeats[order]
         cost = float(self.criterion.cost(self.space.problem(x).information(repeats)))

@@ -8,7 +8,7 @@ from edtk.design.design_space import DesignSpace
 from edtk.design.distinct import distinct
 from edtk.design.exact.plans import Plans
 from edtk.design.exact.refine import refine
-from edtk.design.exact.round_poses import round_poses
+from edtk.design.exact.round_plan import round_plan
 from edtk.design.problem import Problem
 from edtk.system.typing import Array, Indices
 
@@ -24,7 +24,7 @@ DIGITS = 9  # by which poses are sorted: rounding must not decide about their or
 def tidy(space: DesignSpace, criterion: Criterion, best: Plans, cost: float) -> tuple[Array, Array]:
     """Merge alike poses of a plan where that costs next to nothing, refine it, and round it.
 
-    The poses are those that a controller takes, see `round_poses`.
+    The poses are those that a controller takes, see `round_plan`.
 
     Args:
         space: Model and feasible set.
@@ -53,7 +53,7 @@ def tidy(space: DesignSpace, criterion: Criterion, best: Plans, cost: float) -> 
             repeats = fewer
             break
     x = refine(space, criterion, x[None], repeats[None], FINEST, SHARPEST)[0][0]
-    x, repeats = round_poses(space, criterion, x, repeats, merge=not shares)
+    x, repeats = round_plan(space, criterion, x, repeats, merge=not shares)
     order = np.lexsort((*np.round(x.T[::-1], DIGITS), -repeats))
     return x[order], repeats[order]
 
