@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from edtk.study.study_model import distance_names, is_reference, marker_names
+from edtk.study.study_model import distance_names, is_reference, marker_kinds, marker_names
 
 if TYPE_CHECKING:
     from edtk.study.study_objects import StudyObjects
@@ -18,7 +18,7 @@ def check_markers(study: "StudyObjects") -> None:
     _check_bodies(study)
     _check_rows(study)
     measurement = study.specification.measurement
-    kinds = {marker.rows or measurement.rows for marker in study.specification.marker}
+    kinds = set(marker_kinds(study))
     if "pose" in (kinds or {measurement.rows}) and measurement.sigma_deg is None:
         raise study.error(
             "measurement.sigma_deg", "expected, since rows = 'pose' measures rotations too"

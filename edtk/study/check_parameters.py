@@ -53,10 +53,6 @@ def _check_measured(study: "StudyObjects") -> None:
     full = given.measurement.rows == "pose"
     if full and not given.marker:
         raise study.error("marker", "expected one with a name, whose poses are measured")
-    if full and any(is_reference(study, marker) for marker in given.marker):
-        raise study.error(
-            "measurement.rows", "points on the base have positions alone; expected 'position'"
-        )
     if given.measurement.reference != "unloaded":
         raise study.error(
             "measurement.reference",
@@ -67,8 +63,12 @@ def _check_measured(study: "StudyObjects") -> None:
             "measurement.sigma_mm", "expected, the standard deviation of a coordinate [mm]"
         )
     for i, marker in enumerate(given.marker):
-        if marker.rows not in (None, given.measurement.rows):
-            message = "expected that of measurement.rows for all markers of a study of geometry"
+        if is_reference(study, marker):
+            if marker.rows == "pose":
+                message = "points on the base have positions alone; expected 'position'"
+                raise study.error(f"marker.{i}.rows", message)
+        elif marker.rows not in (None, given.measurement.rows):
+            message = "expected that of measurement.rows for all markers on the tool"
             raise study.error(f"marker.{i}.rows", message)
         if marker.joint is not None and not is_reference(study, marker):
             raise study.error(

@@ -2,6 +2,8 @@
 
 from typing import TYPE_CHECKING
 
+from edtk.study.study_model import marker_kinds
+
 if TYPE_CHECKING:
     from edtk.study.study_objects import StudyObjects
 
@@ -17,7 +19,7 @@ def describe_measured(study: "StudyObjects") -> str:
     if not model.sensors:
         return f"{model.rows}{since}"
     given = study.specification
-    kinds = [marker.rows or given.measurement.rows for marker in given.marker]
+    kinds = marker_kinds(study)
     poses = kinds.count("pose")
     positions = kinds.count("position")
     distances = len(given.distance)

@@ -52,7 +52,7 @@ def study_sigma(study: "StudyObjects") -> Array:
     given = study.specification
     default = (given.measurement.sigma_mm or 0.0) / 1e3
     turn = np.deg2rad(given.measurement.sigma_deg or 0)
-    kinds = [marker.rows or given.measurement.rows for marker in given.marker]
+    kinds = list(marker_kinds(study))
     if not kinds and not given.distance:
         kinds = [given.measurement.rows]
     rows: list[float] = []
@@ -61,6 +61,15 @@ def study_sigma(study: "StudyObjects") -> Array:
     for distance in given.distance:
         rows.append(default if distance.sigma_mm is None else distance.sigma_mm / 1e3)
     return np.array(rows)
+
+
+def marker_kinds(study: "StudyObjects") -> tuple[Rows, ...]:
+    """What is measured of each marker: of points on the base positions alone."""
+    given = study.specification
+    return tuple(
+        "position" if is_reference(study, one) else one.rows or given.measurement.rows
+        for one in given.marker
+    )
 
 
 def marker_names(study: "StudyObjects") -> tuple[str, ...]:
@@ -94,8 +103,8 @@ def _sensors(study: "StudyObjects") -> tuple[Sensor, ...]:
     names = tuple(name for _, name in markers)
     points = [_point(study, marker.position_mm, marker.joint) for marker, _ in markers]
     found: list[Sensor] = []
-    for (marker, name), point in zip(markers, points, strict=True):
-        kind: Rows = marker.rows or given.measurement.rows
+    kinds = [marker.rows or given.measurement.rows for marker, _ in markers]
+    for kind, name, point in zip(kinds, names, points, strict=True):
         found.append(Marker(point, name) if kind == "position" else PoseMarker(point, name))
     for distance, name in zip(given.distance, distance_names(study), strict=True):
         point = _point(study, distance.position_mm, distance.joint)

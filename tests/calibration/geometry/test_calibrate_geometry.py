@@ -241,9 +241,9 @@ def test_points_on_the_base_tell_what_moved(tmp_path: Path) -> None:
         (
             {
                 "measurement": {"sigma_mm": 0.1, "rows": "pose", "sigma_deg": 1},
-                "marker": [{"name": "A"}, {"name": "P", "joint": "base"}],
+                "marker": [{"name": "A"}, {"name": "P", "joint": "base", "rows": "pose"}],
             },
-            "measurement.rows: points on the base",
+            "marker.1.rows: points on the base",
         ),
         ({"marker": [{"name": "A", "rows": "pose"}]}, "sigma_deg|marker.0.rows"),
         ({"marker": [{"name": "A", "joint": "q3"}]}, "marker.0.joint"),
