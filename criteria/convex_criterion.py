@@ -9,6 +9,7 @@ from criteria.linalg.inverse import whitener
 from criteria.linalg.is_semidefinite import is_semidefinite
 from criteria.linalg.typing import Array
 from criteria.relaxable import Formulation, Relaxable
+from criteria.require_expression import require_expression
 
 if TYPE_CHECKING:
     import cvxpy as cp
@@ -111,7 +112,7 @@ class ConvexCriterion(Relaxable):
         A factor c on T multiplies the cost by ``c^(2 degree)``. So the division by `unit` goes into
         T, and every constant inside the expression is of order one.
         """
-        return self.expression(M, T * unit ** (-0.5 / self.degree)), [total == 1]
+        return self._expression_of(M, T * unit ** (-0.5 / self.degree)), [total == 1]
 
     def _cost(self, M: Array, cov: Array) -> Array:
         """``expression^(1/power)``, one matrix after the other."""
@@ -132,13 +133,18 @@ class ConvexCriterion(Relaxable):
             gradients.append(outer * 0.5 * (G + G.T))
         return np.array(gradients).reshape(M.shape)
 
+    def _expression_of(self, M: "cp.Expression", T: Array | None = None) -> "cp.Expression":
+        """`expression`, of which a subclass may have written one that returns something else."""
+        found = self.expression(M) if T is None else self.expression(M, T)
+        return require_expression(found, f"criterion {self.name!r}: its expression")
+
     def _expression_at(self, M: Array) -> tuple["cp.Expression", "cp.Variable"]:
         """The expression with its argument set to M (p, p), and that argument."""
         import cvxpy as cp
 
         X = cp.Variable(M.shape)
         X.value = M
-        return self.expression(X), X
+        return self._expression_of(X), X
 
     def _least_expression(self, direction: Array, T: Array) -> float:
         """Least `expression` of X (p, p) with ``<direction, X> <= 1``, lowered for safety.
@@ -149,7 +155,7 @@ class ConvexCriterion(Relaxable):
         import cvxpy as cp
 
         X = cp.Variable(direction.shape, PSD=True)
-        objective = cp.Minimize(self.expression(X, T))
+        objective = cp.Minimize(self._expression_of(X, T))
         program = cp.Problem(objective, [cp.trace(direction @ X) <= 1])
         for tolerance in TOLERANCES:
             options = dict.fromkeys(("tol_gap_rel", "tol_gap_abs", "tol_feas"), tolerance)

@@ -13,6 +13,8 @@ import numpy as np
 from criteria.criterion import Criterion, Sense
 from criteria.criterion_error import CriterionError
 from criteria.linalg.typing import Array
+from criteria.relaxable import Relaxable
+from criteria.require_expression import require_expression
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
@@ -89,8 +91,11 @@ def _guarded(name: str, method: str, function: Callable[..., Any]) -> Callable[.
             raise CriterionError(
                 f"criterion {name!r}: its {method} fails: {_in_words(error)}"
             ) from error
+        place = f"criterion {name!r}: its {method}"
         if method in ("_cost", "_gradient"):
-            _require_numbers(found, np.shape(arguments[1]), f"criterion {name!r}: its {method}")
+            _require_numbers(found, np.shape(arguments[1]), place)
+        elif method in RETURNED:
+            RETURNED[method](found, place)
         return found
 
     return guarded
@@ -105,6 +110,43 @@ def _require_numbers(found: Array, shape: tuple[int, ...], place: str) -> None:
         )
     if found.dtype.kind not in "fiu":
         raise CriterionError(f"{place} is of type {found.dtype}, expected numbers")
+
+
+def _require_formulation(found: object, place: str) -> None:
+    """An objective, and a list of constraints."""
+    if not isinstance(found, tuple) or len(found) != 2 or not isinstance(found[1], list):
+        raise CriterionError(
+            f"{place} returns an object of type {type(found).__name__}; expected a tuple of an "
+            "expression of cvxpy and a list of constraints"
+        )
+    require_expression(found[0], place)
+
+
+def _require_bound(found: object, place: str) -> None:
+    """A real number, which may be nan: such a bound proves nothing."""
+    if np.ndim(found) or np.asarray(found).dtype.kind not in "fiu":  # type: ignore[arg-type]
+        raise CriterionError(
+            f"{place} returns an object of type {type(found).__name__}; expected a number"
+        )
+
+
+def _require_relaxable(found: object, place: str) -> None:
+    """A criterion that can be relaxed."""
+    if not isinstance(found, Relaxable):
+        raise CriterionError(
+            f"{place} returns an object of type {type(found).__name__}; expected a "
+            "criteria.Relaxable"
+        )
+
+
+# What the methods of a relaxation must return.
+RETURNED: dict[str, Callable[[object, str], object]] = {
+    "expression": require_expression,
+    "formulation": _require_formulation,
+    "polar": _require_bound,
+    "lower_bound": _require_bound,
+    "subproblem": _require_relaxable,
+}
 
 
 def _in_words(error: BaseException) -> str:
