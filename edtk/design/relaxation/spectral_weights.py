@@ -21,6 +21,9 @@ LEAST_SHRINKING = 1e-6  # of the products of primal and dual in one step
 INSIDE = 2.0  # how far inside its constraints the first point lies
 WORSE = 2.0  # factor by which rounding raises the error again, after which no step helps
 SPREAD = 0.5  # part of the first weights that is spread over all candidates
+# Part of a point well inside that a start from an earlier answer keeps: that answer may be exact,
+# and lies on the boundary then.
+INWARD = 1e-10
 
 
 def spectral_weights(
@@ -160,8 +163,10 @@ class _Point:
         duals[0] *= most
         objective = band.b * size + band.a * kappa
         gap = 1 - float(np.vdot(duals[0], band.floor)) / objective
-        if not 0 <= gap < 1:
+        if not gap < 1:
             return self
+        # Rounding may make the gap of an exact answer zero, or negative.
+        gap = max(gap, INWARD)
 
         def mean(own: Array, other: Array) -> Array:
             return gap * own + (1 - gap) * other

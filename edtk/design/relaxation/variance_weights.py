@@ -22,6 +22,9 @@ LEFT = 0.01  # part of the distance from the largest variance that a step must l
 # the slopes change fast where few candidates tell much.
 ASTRAY = 10.0
 SHORTEST = 1e-6  # a shorter step counts as none
+# Part of a point well inside that a start from an earlier answer keeps: that answer may be exact,
+# and its weights and slacks then are zeros, between which no path is.
+INWARD = 1e-10
 
 
 def variance_weights(
@@ -110,8 +113,10 @@ class _Point:
         used = self.active.sensitivities(answer.multiplier)
         most = float(used.max())
         gap = 1 - float(used @ start) / most if most > 0 else 1.0
-        if not 0 <= gap < 1:
+        if not gap < 1:
             return self
+        # Rounding may make the gap of an exact answer zero, or negative.
+        gap = max(gap, INWARD)
 
         def mean(own: Array, other: Array) -> Array:
             return gap * own + (1 - gap) * other

@@ -10,6 +10,7 @@ from edtk.design.problem import Problem
 from edtk.design.relaxation.active_information import ActiveInformation
 from edtk.design.relaxation.relax import relax
 from edtk.design.relaxation.solver_options import SolverOptions
+from edtk.design.relaxation.spectral_weights import spectral_weights
 from edtk.design.relaxation.variance_weights import variance_weights
 
 ACCURACY = 1e-8
@@ -55,6 +56,27 @@ def test_kiefer_and_wolfowitz():
     assert found.solver == "NEWTON"
     assert found.cost == pytest.approx(4.0, rel=1e-6)
     assert found.gap <= 1e-6
+
+
+@pytest.mark.parametrize("name", ["G", "rho_max", "E"])
+def test_a_start_from_an_exact_answer(name):
+    """An answer on the boundary is one to go on from: weights and slacks of zero become positive.
+
+    With rows ``e_i``, ``e_i/2`` and 0 in four parameters, weights 1/4 on the first four are best
+    for each criterion that asks for the same variance of all, and the identity is the multiplier.
+    """
+    rows = np.vstack([np.eye(4), 0.5 * np.eye(4), np.zeros((1, 4))])
+    active = ActiveInformation.of(Problem(rows[:, None, :]), np.arange(9))
+    best = np.repeat([0.25, 0.0], [4, 5])
+    if name == "E":
+        band = criteria.create("E").spectral_band(4)
+        weights, Z = spectral_weights(band, active, best, ACCURACY, np.eye(4))
+    else:
+        own = {"G": criteria.create("G").variance_rows(4), "rho_max": np.eye(4)[:, None, :]}[name]
+        weights, Z = variance_weights(own, active, best, ACCURACY, np.eye(4))
+    assert (weights > 0).all()
+    assert weights == pytest.approx(best, abs=ACCURACY)
+    assert active.sensitivities(Z) == pytest.approx(active.sensitivities(np.eye(4)), abs=1e-6)
 
 
 def test_smoothed_has_none():
