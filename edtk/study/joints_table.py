@@ -1,9 +1,12 @@
 """The joints of a study, as the keys of its table `joints`."""
 
+from typing import Annotated
+
 import numpy as np
-from pydantic import Field, ValidationInfo, field_validator
+from pydantic import BeforeValidator, Field, ValidationInfo, field_validator
 from pydantic_core import PydanticCustomError, PydanticKnownError
 
+from edtk.study.listed import listed
 from edtk.study.table import Compliance, Table
 from edtk.system.finite import Finite
 
@@ -13,7 +16,7 @@ NO_SPRINGS = "no springs"  # of the context of a validation: whether all joints 
 class JointsTable(Table):
     """Joints whose compliances are unknown or known, and joints that do not move."""
 
-    unknown: tuple[str, ...] = Field(
+    unknown: Annotated[tuple[str, ...], BeforeValidator(listed)] = Field(
         description="Names of the joints whose compliances are identified"
     )
     known_rad_per_Nm: dict[str, Compliance] = Field(

@@ -3,9 +3,18 @@
 from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field
+from pydantic_core import PydanticCustomError
 
 from edtk.study.listed import listed
 from edtk.study.table import Table
+
+
+def _all_or_listed(value: object) -> object:
+    """The word "all", or a list of names; other values are rejected here, in one line."""
+    named = [value] if isinstance(value, str) else value
+    if not isinstance(named, list | tuple) or not all(isinstance(one, str) for one in named):
+        raise PydanticCustomError("geometry", "expected 'all', or a list of names")
+    return value if value == "all" else tuple(named)
 
 
 class ParametersTable(Table):
@@ -19,12 +28,14 @@ class ParametersTable(Table):
         description="Joints whose compliances are unknown [1e-6 rad/(N m)]; defaults to "
         "`joints.unknown`, or none",
     )
-    geometry: Annotated[Literal["all"] | tuple[str, ...], Field(union_mode="left_to_right")] = (
-        Field(
-            "all",
-            description="'all', or a list of joints ('q2': the six errors of the frame before it), "
-            "of kinds ('zeros', 'lengths', 'tilts') and of single errors ('q2.rx') [mm, mrad]",
-        )
+    geometry: Annotated[
+        Literal["all"] | tuple[str, ...],
+        Field(union_mode="left_to_right"),
+        BeforeValidator(_all_or_listed),
+    ] = Field(
+        "all",
+        description="'all', or a list of joints ('q2': the six errors of the frame before it), "
+        "of kinds ('zeros', 'lengths', 'tilts') and of single errors ('q2.rx') [mm, mrad]",
     )
     base: bool = Field(
         True, description="Whether the place of the robot in the instrument's frame is unknown"

@@ -13,6 +13,7 @@ BOUNDS = (
 LONGEST_LIST = 150  # characters of a list of keys, which would lose its middle in a longer line
 NEAREST = 3  # keys that are told instead
 GENERAL = "Input should"  # beginning of pydantic's own sentences
+LIST = "Input should be a valid tuple"  # a word of Python, which no file has
 
 
 def first_error(error: ValidationError, model: type[BaseModel]) -> tuple[str, str]:
@@ -34,11 +35,18 @@ def first_error(error: ValidationError, model: type[BaseModel]) -> tuple[str, st
     if first["type"] == "extra_forbidden":
         return key, _unknown(str(location[-1]), list(table.model_fields))
     if first["type"] == "missing":
+        if isinstance(location[-1], int):  # the next entry of a list that is too short
+            whole = key.rpartition(".")[0]
+            number = f"{location[-1]} entr{'y' if location[-1] == 1 else 'ies'}"
+            return whole, f"has {number}; expected more{meaning and f'; it is: {meaning}'}"
         return key, f"this key is required{meaning and f': {meaning}'}"
+    if first["type"] == "too_long":
+        number = first["ctx"]["max_length"]
+        return key, f"has {first['ctx']['actual_length']} entries; expected {number} at most"
     is_table = isinstance(first["input"], dict | BaseModel)
     given = "" if is_table else f" (got {_shown(first['input'])})"
-    rule = first["msg"]
-    if not rule.startswith(GENERAL):  # a rule of the model's own says all
+    rule = first["msg"].replace(LIST, "expected a list")
+    if not first["msg"].startswith(GENERAL):  # a rule of the model's own says all
         return key, f"{rule}{given}"
     for kind, sign, words in BOUNDS:
         if first["type"] == kind:

@@ -1,5 +1,6 @@
 """A CSV file with a pose a row: what files of plans and of measurements have in common."""
 
+import difflib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 MOST_MB = 1000.0  # of a file; a million rows have 200 MB
 MOST_DIGITS = 300  # of a cell of a column that is not all numbers
 LARGEST = 1e12  # number in a file; no quantity here comes near it in its unit
+ALIKE = 0.8  # of the letters of a header, from which another is taken for a slip of the pen
 WRENCH_COLUMNS = ("Fx_N", "Fy_N", "Fz_N", "Tx_Nm", "Ty_Nm", "Tz_Nm")
 
 
@@ -95,7 +97,8 @@ class PoseTable:
         unknown = [column for column in header if column not in known]
         if unknown:
             raise self.error(
-                f"unknown column {unknown[0]!r}; expected {', '.join(columns)}, "
+                f"unknown column {unknown[0]!r}{_meant(unknown[0], known, header)}; expected "
+                f"{', '.join(columns)}, "
                 f"and optionally {', '.join((*optional, *WRENCH_COLUMNS))}"
             )
         if isinstance(self.cells, dict):
@@ -230,3 +233,10 @@ class PoseTable:
             if column in self:
                 W[:, j] = self.numbers(column)
         return W
+
+
+def _meant(unknown: str, known: Sequence[str], header: Sequence[str]) -> str:
+    """The column that was meant by an unknown one, in words; empty where none is like it."""
+    missing = [column for column in known if column not in header]
+    near = difflib.get_close_matches(unknown, missing, 1, ALIKE)
+    return f", perhaps {near[0]!r}" if near else ""

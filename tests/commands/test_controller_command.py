@@ -71,7 +71,7 @@ def test_a_table_to_paste(files: tuple[Path, Path]) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("x_mm", "x_m", "unknown column 'x_m'; expected q1_deg"),
+        ("x_mm", "x_m", "unknown column 'x_m', perhaps 'x_mm'; expected q1_deg"),
         (",z_mm", ",Fx_N", "column 'z_mm' is missing; expected x_mm, y_mm, z_mm"),
         ("q1_deg", "q4_deg", "unknown column 'q4_deg'"),
     ],

@@ -142,6 +142,13 @@ def test_slope_of_experiments(derivative):
         ({"marker": [{"joint": "q9", "position_mm": [0, 0, 0]}]}, "marker.0.joint", "no joint"),
         ({"distance": [WIRE]}, "distance.0.marker", "no marker 'elbow'; this study has none"),
         ({"marker": [{"name": "a"}]}, "marker.0.position_mm", "this key is required"),
+        ({"marker": [{"position_mm": [1, 2]}]}, "marker.0.position_mm", "has 2 entries; expected"),
+        (
+            {"marker": [{"position_mm": [1, 2, 3, 4]}]},
+            "marker.0.position_mm",
+            "has 4 entries; expected 3 at most",
+        ),
+        ({"marker": [{"position_mm": 5}]}, "marker.0.position_mm", "expected a list (got 5)"),
         ({"marker": [MARKERS[1]]}, "measurement.sigma_deg", "expected, since rows = 'pose'"),
         (
             {"measurement": {"sigma_mm": 0.03, "reference": "nominal"}},

@@ -61,6 +61,8 @@ def test_columns_that_nobody_knows(read):
         PoseFileError, match=f"unknown column 'colour'; expected turn_deg.*{WRENCH_COLUMNS[0]}"
     ):
         table.with_known(MIXED, ())
+    with pytest.raises(PoseFileError, match="unknown column 'tur_deg', perhaps 'turn_deg'; exp"):
+        read("tur_deg,colour\n1,2\n").with_known(MIXED, ("colour",))
 
 
 @pytest.mark.parametrize(

@@ -31,6 +31,8 @@ def fit_doubts(fit: GeometricFit, setting: StudyGeometry) -> list[GeometricDoubt
         *_outliers(fit),
         *_moved(fit),
         *_bent(fit, setting),
+        *_loaded(fit, setting),
+        *_springs(fit, setting),
         *_large(fit),
         *_negative(fit),
         *_noise(fit, setting),
@@ -157,6 +159,36 @@ def _bent(fit: GeometricFit, setting: StudyGeometry) -> list[GeometricDoubt]:
         f"Give it, and ask for compliance = [{listed}]"
     )
     return [GeometricDoubt(Severity.WARNING, "untold_load", text)]
+
+
+def _loaded(fit: GeometricFit, setting: StudyGeometry) -> list[GeometricDoubt]:
+    """The sheet has loads that bend the robot between visits, and no spring is asked for."""
+    loaded = np.asarray(fit.data.wrench.any(axis=1))
+    if setting.study.specification.joints.unknown or not np.ptp(fit.data.wrench, axis=0).any():
+        return []
+    text = (
+        f"{int(loaded.sum())} of {len(loaded)} visits are under a load, and the study asks for no "
+        "compliance, so that the arm counts as rigid; expected joints in parameters.compliance"
+    )
+    return [GeometricDoubt(Severity.WARNING, "no_springs", text)]
+
+
+def _springs(fit: GeometricFit, setting: StudyGeometry) -> list[GeometricDoubt]:
+    """Springs that the study asks for, and no load of the sheet turns."""
+    fitted = fit.fitted
+    told = {one.of for one in fitted.model.parameters if one.place == "compliance"}
+    told |= {one.of for one in fitted.open_parameters if one.place == "compliance"}
+    untold = [name for name in setting.study.specification.joints.unknown if name not in told]
+    if not untold:
+        return []
+    which = "this joint" if len(untold) == 1 else "these joints"
+    why = f"no load of the sheet turns {which}"
+    severity = Severity.NOTE
+    if not fit.data.wrench.any():
+        why = "no visit of the sheet is under a load; expected columns Fx_N and so on"
+        severity = Severity.WARNING
+    text = f"nothing is told of the compliance of {', '.join(untold)}: {why}"
+    return [GeometricDoubt(severity, "springs", text)]
 
 
 def _large(fit: GeometricFit) -> list[GeometricDoubt]:

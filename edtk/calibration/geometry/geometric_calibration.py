@@ -141,7 +141,11 @@ class GeometricCalibration(Presented):
             "redundant": list(fit.redundant),
             "open": list(fit.open),
             "share_inside_left_out": fit.share_inside,
-            "k": {name: float(k[joint_names.index(name)]) for name in names},
+            # A spring that the sheet does not tell is not known to be rigid.
+            "k": {
+                name: None if std[name] is None else float(k[joint_names.index(name)])
+                for name in names
+            },
             "std": std,
             "verdict": self.verdict,
             "doubts": [doubt.text for doubt in self.doubts],

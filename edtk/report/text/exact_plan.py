@@ -52,8 +52,10 @@ def reach(found: ExactPlan) -> str:
     reach = "searched over all poses, not proved" if searched else "over the candidates"
     if found.bound_gap <= CUT_OFF:
         return reach
-    better = f"{100 * found.bound_gap:.2g}"
-    return f"{reach}; its search was cut off, when it could be {better} % better"
+    too_good = "too optimistic by an unknown amount"
+    if np.isfinite(found.bound_gap):
+        too_good = f"up to {100 * found.bound_gap:.2g} % too optimistic"
+    return f"{reach}; its search was stopped early: it may be {too_good}"
 
 
 def _experiments(found: ExactPlan) -> list[str]:

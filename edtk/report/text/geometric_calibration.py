@@ -22,6 +22,7 @@ def geometric_calibration(found: GeometricCalibration) -> str:
         f"{fit.rank} parameters can be told apart"
         + (f" of {fit.structural} that better poses would tell" if fit.open else ""),
         *_parameters(found),
+        *_redundant(found),
         *_quality(found),
     ]
     for doubt in found.doubts:
@@ -42,6 +43,15 @@ def _parameters(found: GeometricCalibration) -> list[str]:
         value = f"{own['value']:10.3f} +- {own['std']:.3f} {one.unit}"
         lines.append(f"  {one.name:{width}}{value}  {one.words}")
     return lines
+
+
+def _redundant(found: GeometricCalibration) -> list[str]:
+    """How many parameters are not fitted, since others do what they do."""
+    count = len(found.fit.redundant)
+    if not count:
+        return []
+    others = "1 other cannot" if count == 1 else f"{count} others cannot"
+    return [f"{others} be told apart from these, and count as drawn; the report says which"]
 
 
 def _turns(found: GeometricCalibration) -> list[str]:

@@ -237,6 +237,9 @@ def test_points_on_the_base_tell_what_moved(tmp_path: Path) -> None:
     ("keys", "said"),
     [
         ({"parameters": {"geometry": ["q9"]}}, "parameters.geometry: no parameter 'q9'"),
+        ({"parameters": {"geometry": "zero"}}, "parameters.geometry: no parameter 'zero'"),
+        ({"parameters": {"geometry": 3}}, "parameters.geometry: expected 'all', or a list of"),
+        ({"parameters": {"compliance": "q9"}}, "parameters.compliance: no joint 'q9'"),
         ({"parameters": {"compliance": ["q9"]}}, "parameters.compliance: no joint 'q9'"),
         (
             {
@@ -367,3 +370,38 @@ def test_joints_whose_zeros_are_far_off_are_calibrated(study: Path, tmp_path: Pa
     assert found.left_out == ()
     assert found.loo_rms_mm < 0.1
     assert any("the zero of joint q2" in doubt.text for doubt in found.doubts)
+
+
+@pytest.mark.parametrize(
+    ("compliance", "load_N", "kind", "verdict"),
+    [
+        ([], -50.0, "no_springs", "usable"),
+        (["q2", "q6"], 0.0, "springs", "usable"),
+        (["q2", "q6"], -50.0, "springs", "good"),
+    ],
+)
+def test_springs_and_loads_belong_together(
+    compliance: list[str], load_N: float, kind: str, verdict: str, tmp_path: Path
+) -> None:
+    """Loads without springs, and springs that no load turns, are named; these have no value."""
+    study = STUDY.replace(parameters={"compliance": compliance})
+    q, x = truth(25)
+    sheet = by_pose(tmp_path / "sheet.csv", q, x)
+    header, *rows = sheet.read_text().splitlines()
+    # The load acts at the tool point, which lies on the last axis.
+    loads = [f"{line},{load_N * (i % 2)}" for i, line in enumerate(rows)]
+    sheet.write_text("\n".join([f"{header},Fz_N", *loads]))
+    found = edtk.identify(study, sheet)
+    assert [one.kind for one in found.doubts] == [kind]
+    assert found.verdict == verdict
+    k = found.to_dict()["k"]
+    assert [name for name in compliance if k[name] is None] == compliance[load_N != 0 :]
+
+
+def test_the_text_counts_what_stays_as_drawn(study: Path, tmp_path: Path) -> None:
+    """What cannot be told apart is counted below the parameters."""
+    q, x = truth(25)
+    found = edtk.identify(study, by_pose(tmp_path / "sheet.csv", q, x))
+    count = len(found.fit.redundant)
+    assert count == 36 + 6 + 9 - 33
+    assert f"{count} others cannot be told apart from these" in found.summary()
