@@ -71,6 +71,7 @@ def calibrate(
         fitted, part = _fitted(study, data, plan, robust, known, linear, bayes)
     except (SingularPlanError, NothingLeftError, SigmaTooSmallError) as error:
         raise UserError(str(error), where=path) from error
+    fitted = fitted.naming_outliers()
     found = Calibration(fitted, (), path, _bias(fitted), origin=origin, part=part)
     budget = calibration_budget(fitted, found.rho0_bias)
     named = diagnostics(fitted, found.rho0_bias, budget)

@@ -45,7 +45,8 @@ def _wrong_pose(cause: Cause) -> str:
     """A pose that is not the one written down."""
     rows = row_names(cause.rows)
     if not cause.joint:
-        return f"{rows} are off together by {_size(cause)}: is the pose the one written down?"
+        are_off = "are off together" if len(cause.rows) > 1 else "is off"
+        return f"{rows} {are_off} by {_size(cause)}: is the pose the one written down?"
     return f"{rows}: joint {cause.joint} looks {_size(cause)} away from the written value"
 
 

@@ -7,13 +7,14 @@ import numpy as np
 
 from edtk.calibration.bends_much import bends_much
 from edtk.calibration.causes.cause import NOISE, Cause
-from edtk.calibration.causes.find_causes import find_causes
+from edtk.calibration.causes.found_causes import FoundCauses
 from edtk.calibration.equal_rows import EqualRows, equal_rows
 from edtk.calibration.input_errors.explanation import Explanation, explanation
 from edtk.calibration.known_part import known_part
+from edtk.calibration.look_for_causes import look_for_causes
 from edtk.calibration.match_plan import PlanMatch, match_plan
-from edtk.calibration.moving_joints import joint_unit, own_of_visits, visits_lack_of_fit
-from edtk.calibration.some_rows import some_rows
+from edtk.calibration.moving_joints import joint_unit, own_of_visits
+from edtk.calibration.repetitions_agree import repetitions_agree
 from edtk.calibration.with_common_noise import with_common_noise
 from edtk.design.plan import Plan
 from edtk.inference.correlated_noise import CorrelatedNoise
@@ -22,22 +23,20 @@ from edtk.inference.fit_equilibrium import LinearisedData, NoFitError, fit_equil
 from edtk.inference.fit_with_prior import fit_with_prior
 from edtk.inference.identification import Identification
 from edtk.inference.identify import identify
-from edtk.inference.lack_of_fit import LackOfFit, lack_of_fit
+from edtk.inference.lack_of_fit import LackOfFit
 from edtk.inference.least_squares import Estimate
 from edtk.inference.linearise import linearise
 from edtk.inference.measurements import Measurements
 from edtk.inference.prior import Prior
 from edtk.inference.prior_rows import PriorRows
 from edtk.inference.visit_residuals import visit_residuals
-from edtk.inference.whiten import RowNoise, whiten
+from edtk.inference.whiten import RowNoise
 from edtk.model.all_compliances import all_compliances
 from edtk.model.equilibrium import NoEquilibriumError
 from edtk.study.study import Study
 from edtk.study.study_prior import study_prior
 from edtk.system.errors import UserError
-from edtk.system.typing import Array
-
-MOST_ROWS = 1000  # measurements in which causes are looked for
+from edtk.system.typing import Array, Indices
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,6 +162,13 @@ class FittedData:
         )
         return replace(self, fit=fit)
 
+    def naming_outliers(self) -> "FittedData":
+        """The same with all outliers in the fit: of itself, and beside which causes were found."""
+        rows = np.union1d(self.fit.outliers, np.array(self.found_causes.outliers, dtype=int))
+        if len(rows) == len(self.fit.outliers):
+            return self
+        return replace(self, fit=replace(self.fit, outliers=rows))
+
     def _of_equilibrium(self) -> "FittedData":
         """The same measurements with the loaded equilibrium fitted."""
         fit = self.fit
@@ -178,13 +184,17 @@ class FittedData:
 
     @cached_property
     def noise_estimate(self) -> NoiseEstimate | None:
-        """Errors of tracker, joints and model, by what visits share; None if not to be told."""
+        """Errors of tracker, joints and model, by what visits share; None if not to be told.
+
+        Readings that are off by themselves have no part in it.
+        """
         if self.untold:
             return None
-        study = self.study
-        own = own_of_visits(study, self.data)
-        joints = joint_unit(study)
-        seen = visit_residuals(study.model, self.data, self.A, self.measured, joints, own)
+        data, linear = self.others
+        own = own_of_visits(self.study, data)
+        seen = visit_residuals(
+            self.study.model, data, linear.A, linear.measured, joint_unit(self.study), own
+        )
         return None if seen is None else estimate_noise(seen)
 
     @property
@@ -198,21 +208,14 @@ class FittedData:
         return all_compliances(self.study.model, self.fit.unbounded, self.study.known)
 
     @cached_property
+    def found_causes(self) -> FoundCauses:
+        """Faults that explain the residuals, and readings that are off by themselves."""
+        return look_for_causes(self)
+
+    @property
     def causes(self) -> tuple[Cause, ...]:
         """Faults that explain the residuals, the likeliest first; empty where noise does."""
-        if self.fit.robust:
-            return ()  # a robust fit sets aside what a fault makes
-        rows = some_rows(len(self.data), MOST_ROWS)
-        typed = tuple(
-            j
-            for j, joint in enumerate(self.study.robot.joints)
-            if joint.kind == "revolute" and j not in self.study.fixed
-        )
-        # Less what the loaded equilibrium adds: residuals of the fit, under the linear model.
-        measured = self.fit.residual[rows] + self.linear_regressor[rows] @ self.fit.unbounded
-        return find_causes(
-            self.study.model, self.data[rows], measured, typed, self.study.known, self.told_before
-        )
+        return self.found_causes.named
 
     @cached_property
     def prior(self) -> Prior | None:
@@ -251,14 +254,25 @@ class FittedData:
     @cached_property
     def lack_of_fit(self) -> LackOfFit | None:
         """Whether repetitions agree better with each other than with the model."""
-        if self.untold:
-            return None
-        found = self.noise_estimate
-        if found is not None and self.data.tracker is None:
-            seen = LinearisedData(self.A, self.measured)
-            return visits_lack_of_fit(self.study, self.data, seen, found)
-        z = whiten(self.fit.residual, self.data.noise)
-        return lack_of_fit(z, self.data.places, len(self.fit.k))
+        return repetitions_agree(self)
+
+    @property
+    def rows_of_others(self) -> Indices:
+        """Rows that are not off by themselves."""
+        return np.delete(np.arange(len(self.data)), self.found_causes.outliers)
+
+    @property
+    def others(self) -> tuple[Measurements, LinearisedData]:
+        """The measurements that are not off by themselves, and their linear model."""
+        if not self.found_causes.outliers:
+            return self.data, LinearisedData(self.A, self.measured)
+        rows = self.rows_of_others
+        return self.data[rows], LinearisedData(self.A[rows], self.measured[rows])
+
+    @property
+    def as_linear(self) -> Array:
+        """Deflections (m, rows) less what the equilibrium adds to the linear model [m, rad]."""
+        return self.fit.residual + self.linear_regressor @ self.fit.unbounded
 
     @cached_property
     def unexplained(self) -> Array:

@@ -130,6 +130,9 @@ def _outliers(found: Finding) -> str:
     """Rows that do not belong to the others."""
     plural = "s" * (len(found.rows) > 1)
     text = f"{row_names(found.rows)}: outlier{plural}"
+    off = found.data["off"]
+    if off is not None:
+        text += f", {'up to ' if plural else ''}{1e3 * off:.2g} mm off"
     rest = found.data["p_rest"]
     if rest is not None and rest > LEAST_P:
         return f"{text}; the other rows fit without {'them' if plural else 'it'} (p = {rest:.2g})"

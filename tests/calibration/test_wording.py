@@ -37,3 +37,13 @@ def test_two_causes_are_one_or_the_other():
     second = replace(second, times=3)
     text = wording(Finding(Kind.CAUSE, data={"cause": first, "others": (second,)}))
     assert "cannot tell which, measuring each experiment 3 times could; the first" in text
+
+
+@pytest.mark.parametrize(
+    ("rows", "words"),
+    [((10,), "row 11 is off by 0.5 mm: is"), ((6, 7), "rows 7, 8 are off together by 0.5 mm: is")],
+)
+def test_a_pose_of_one_row_is_off_by_itself(rows, words):
+    """What was measured once is not off together with anything."""
+    found = Cause("pose", 0.5, "mm", None, 1e-9, rows=rows)
+    assert wording(Finding(Kind.CAUSE, data={"cause": found, "others": ()})).startswith(words)

@@ -5,6 +5,8 @@ from typing import Any
 
 NOISE = "sigma"  # the cause that is no fault: a noise of another size
 OUTLIER = "outlier"  # a reading that is off; it has diagnostics of its own, and is never named
+POSE = "pose"  # readings of another pose than the one written down
+PRIOR = "prior"  # what was known before is wrong; it has diagnostics of its own, too
 
 
 @dataclass(frozen=True)

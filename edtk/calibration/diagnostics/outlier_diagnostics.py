@@ -7,6 +7,7 @@ import numpy as np
 from edtk.calibration.diagnostics.diagnostic import Diagnostic, Severity
 from edtk.calibration.finding import Finding, Kind
 from edtk.calibration.fitted_data import FittedData
+from edtk.inference.identification import Identification
 from edtk.inference.identify import INTERPOLATED, identify
 from edtk.inference.least_squares import SingularPlanError
 
@@ -28,19 +29,32 @@ def outlier_diagnostics(fitted: FittedData) -> Iterator[Diagnostic]:
     too_many = TOO_MANY * len(fit.outliers) > len(fit.residual)
     severity = Severity.ALARM if too_many else Severity.WARNING
     rows = tuple(fit.outliers.tolist())
-    data = {"robust": fit.robust, "p_rest": _rest(fitted)}
+    rest = _rest(fitted)
+    data = {
+        "robust": fit.robust,
+        "p_rest": None if rest is None else rest.p_value,
+        "off": None if rest is None else _off(fitted, rest),
+    }
     yield Diagnostic(severity, Finding(Kind.OUTLIERS, rows, data=data))
 
 
-def _rest(fitted: FittedData) -> float | None:
-    """Probability of the residuals of the other rows alone; None where that cannot be told."""
+def _rest(fitted: FittedData) -> Identification | None:
+    """The fit of the other rows alone; None where it cannot tell whether they fit."""
     fit = fitted.fit
     if not fit.known or fit.robust:
         return None
     rest = np.delete(np.arange(len(fitted.data)), fit.outliers)
     noise = fitted.noise[rest]
     try:
-        again = identify(fitted.A[rest], fitted.measured[rest], noise, fit.parameters)
+        return identify(fitted.A[rest], fitted.measured[rest], noise, fit.parameters)
     except SingularPlanError:
         return None
-    return again.p_value
+
+
+def _off(fitted: FittedData, rest: Identification) -> float | None:
+    """By how much outliers are off what the other rows predict, at most [m]; None for rotations."""
+    rows = fitted.fit.outliers
+    lengths = fitted.data.lengths[rows]
+    off = fitted.as_linear[rows] - fitted.linear_regressor[rows] @ rest.unbounded
+    size = np.linalg.norm(np.where(lengths, off, 0.0), axis=1)
+    return float(size.max()) if lengths.any(axis=1).all() else None

@@ -44,7 +44,7 @@ def binomial_tail(count, trials, share):
 
 def causes(data):
     """What explains the residuals."""
-    return find_causes(MODEL, data, data.deflection, TYPED)
+    return find_causes(MODEL, data, data.deflection, TYPED).named
 
 
 def rotation(axis, degrees):
@@ -122,7 +122,28 @@ def test_an_outlier_is_no_cause():
     for seed in range(3):
         data = measured(seed)
         data.deflection[seed, 1] += 15 * STUDY.sigma[1]
-        assert causes(data) == ()
+        found = find_causes(MODEL, data, data.deflection, TYPED)
+        assert found.named == ()
+        assert found.outliers == (seed,)
+
+
+def test_other_readings_are_looked_at_without_an_outlier():
+    """Beside an outlier a fault is named with its own size, and noise is not blamed for it."""
+    for seed in range(3):
+        data = drift(seed)
+        data.deflection[10 + seed, seed] -= 20 * STUDY.sigma[0]
+        found = find_causes(MODEL, data, data.deflection, TYPED)
+        assert found.outliers == (10 + seed,)
+        assert found.named[0].cause == "drift"
+        assert found.named[0].size == pytest.approx(0.05, abs=4 * found.named[0].std)
+
+
+def test_many_outliers_are_none():
+    """Where every third reading is off, none is set aside as the odd one."""
+    data = measured(0)
+    rng = np.random.default_rng(0)
+    data.deflection[::3] += 15 * STUDY.sigma * rng.choice([-1, 1], (12, 3))
+    assert find_causes(MODEL, data, data.deflection, TYPED).outliers == ()
 
 
 def test_small_faults_are_those_that_are_usually_small():

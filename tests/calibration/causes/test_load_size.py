@@ -37,7 +37,7 @@ def known_to(factor, k=K):
 def test_nobody_sees_a_load_that_scales_all():
     """Without knowledge of compliances they take up the load in full."""
     data = sheet(0, load=1.1)
-    assert find_causes(MODEL, data, data.deflection) == ()
+    assert find_causes(MODEL, data, data.deflection).named == ()
 
 
 @pytest.mark.parametrize("load", [0.9, 1.1])
@@ -46,29 +46,29 @@ def test_a_known_joint_weighs_the_load(load):
     data = sheet(1, load=load)
     first = data.regressor(replace(MODEL, unknown=MODEL.joints[:1]))
     rest = data.deflection - first @ K[:1]
-    cause = find_causes(WITHOUT_Q2, data, rest, known=KNOWN)[0]
+    cause = find_causes(WITHOUT_Q2, data, rest, known=KNOWN).named[0]
     assert cause.cause == "load_size"
     assert abs(cause.size - 100 * (load - 1)) < 4 * cause.std
     good = sheet(1)
-    assert find_causes(WITHOUT_Q2, good, good.deflection - first @ K[:1], known=KNOWN) == ()
+    assert find_causes(WITHOUT_Q2, good, good.deflection - first @ K[:1], known=KNOWN).named == ()
 
 
 def test_a_prior_weighs_the_load():
     """Compliances that all came out as much too large are a load; one that did is none."""
     data = sheet(2, load=1.1)
-    cause = find_causes(MODEL, data, data.deflection, prior=known_to(1.02))[0]
+    cause = find_causes(MODEL, data, data.deflection, prior=known_to(1.02)).named[0]
     assert cause.cause == "load_size"
     assert abs(cause.size - 10) < 4 * cause.std
     good = sheet(2)
-    assert find_causes(MODEL, good, good.deflection, prior=known_to(1.02)) == ()
+    assert find_causes(MODEL, good, good.deflection, prior=known_to(1.02)).named == ()
     changed = K * [1, 1, 1.5, 1, 1]
-    assert find_causes(MODEL, good, good.deflection, prior=known_to(1.02, changed)) == ()
+    assert find_causes(MODEL, good, good.deflection, prior=known_to(1.02, changed)).named == ()
 
 
 def test_a_vague_prior_names_nothing():
     """A load that is 10 % off is no surprise where compliances are known to a factor of three."""
     data = sheet(3, load=1.1)
-    assert find_causes(MODEL, data, data.deflection, prior=known_to(3.0)) == ()
+    assert find_causes(MODEL, data, data.deflection, prior=known_to(3.0)).named == ()
 
 
 def test_faults_move_known_joints_too():

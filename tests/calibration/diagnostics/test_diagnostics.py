@@ -246,7 +246,8 @@ def test_too_many_outliers():
     moved = data.deflection.copy()
     moved[3] += 1e-3
     assert any(
-        "row 4: outlier; the other rows fit without it (p = " in d.text and d.severity == WARNING
+        "row 4: outlier, 1.7 mm off; the other rows fit without it (p = " in d.text
+        and d.severity == WARNING
         for d in found(replace(data, deflection=moved))
     )
     moved[::2] += np.random.default_rng(0).normal(size=(12, 3)) * 1e-3
