@@ -9,6 +9,7 @@ from edtk.design.conditioning import Conditioning
 from edtk.design.problem import Problem
 from edtk.design.relaxation.inner_proof import InnerProof
 from edtk.design.relaxation.normalised import normalised
+from edtk.design.relaxation.order_one import OrderOne
 from edtk.design.relaxation.setting import Setting
 from edtk.system.typing import Array
 
@@ -51,6 +52,8 @@ def certify(
     assert isinstance(base, Relaxable)
     w = _weights(weights, plain.n)
     Z = _multipliers(multipliers, plain.p)
+    sized = OrderOne.of(plain)
+    plain = sized.problem
     # The cost is computed in parameters that nobody but the candidates has chosen.
     setting = Setting.of(plain, base)
     cost = float(setting.criterion.cost(setting.problem.information(w)))
@@ -63,7 +66,8 @@ def certify(
         assert inside is not None
         Z = inside
     near = setting.problem.information(w) if np.isfinite(cost) else setting.problem.mean
-    return cost, _bound(setting.problem, setting.criterion, Z, near)
+    bound = _bound(setting.problem, setting.criterion, Z, near)
+    return sized.cost(cost, base), sized.cost(bound, base)
 
 
 def _bound(problem: Problem, criterion: Relaxable, Z: Array, near: Array) -> float:

@@ -11,7 +11,12 @@ from edtk.design.relaxation.normalised import is_normalised
 from edtk.design.relaxation.relative_accuracy import relative_accuracy
 from edtk.design.relaxation.relax import require_relaxable
 from edtk.design.rows import Rows
+from edtk.system.errors import ArgumentError
 from edtk.system.typing import Array
+
+# Sizes of information beyond which searches over a region would leave floating-point numbers.
+SMALL = 1e-100
+LARGE = 1e100
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,11 +46,13 @@ class JudgedRegion:
         Raises:
             NotImplementedError: The criterion cannot be relaxed.
             RankDeficientError: The points cannot identify all parameters.
+            ArgumentError: The rows are too small, or too large.
         """
         if criterion.precision is not None:
             region = region.with_prior(criterion.precision)
         relaxable = require_relaxable(criterion.without_prior)
         problem = region.problem(x)
+        _require_moderate(problem)
         problem.require_identifiable(relaxable)
         conditioning = problem.conditioning
         # Unit traces, which criteria of degree zero need, are those of the given parameters.
@@ -72,3 +79,19 @@ class JudgedRegion:
             rounding = kept.rounding_of_times(self.T)
         judged: Problem = self.region.problem(x)
         return relative_accuracy(judged, self.criterion, weights, multipliers, rounding)
+
+
+def _require_moderate(problem: Problem) -> None:
+    """Check that squares of squares of the rows are floating-point numbers.
+
+    Raises:
+        ArgumentError: They are not.
+    """
+    with np.errstate(over="ignore"):
+        size = float(np.trace(problem.mean))
+    if size != 0 and not SMALL < size < LARGE:
+        raise ArgumentError(
+            f"they are of the order {np.sqrt(size):.0e}, in parts of the noise; expected 1e-50 to "
+            "1e50, in other units",
+            argument="rows",
+        )

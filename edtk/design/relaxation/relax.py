@@ -10,6 +10,7 @@ from edtk.design.problem import Problem
 from edtk.design.relaxation.improve import improve
 from edtk.design.relaxation.incumbent import Incumbent
 from edtk.design.relaxation.normalised import normalised
+from edtk.design.relaxation.order_one import OrderOne
 from edtk.design.relaxation.relaxation import Relaxation
 from edtk.design.relaxation.setting import Setting
 from edtk.design.relaxation.solver_options import SolverOptions
@@ -67,6 +68,22 @@ def relax(
         plain, base = absorb_prior(problem, criterion)
         found = relax(plain, base, gap, options, progress, multipliers)
         return replace(found, criterion=criterion)
+    sized = OrderOne.of(problem)
+    try:
+        return sized.outward(_relax(sized.problem, criterion, gap, options, progress, multipliers))
+    except RelaxationInterrupted as interrupt:
+        raise RelaxationInterrupted(sized.outward(interrupt.best)) from interrupt
+
+
+def _relax(
+    problem: Problem,
+    criterion: Relaxable,
+    gap: float,
+    options: SolverOptions,
+    progress: Progress,
+    multipliers: Array | None,
+) -> Relaxation:
+    """`relax` of candidates whose information is of order one, and with no Bayesian prior."""
     problem.require_identifiable(criterion)
     setting = Setting.of(problem, criterion)
     require_homogeneous(setting.criterion, setting.problem.mean)

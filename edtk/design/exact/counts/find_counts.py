@@ -16,6 +16,7 @@ from edtk.design.exact.counts.problem_plan import ProblemPlan
 from edtk.design.exact.counts.relaxed_counts import RelaxedCounts, relaxed_counts, within_limits
 from edtk.design.exact.counts.scatter import Scatter
 from edtk.design.problem import Problem, RankDeficientError
+from edtk.design.relaxation.order_one import OrderOne
 from edtk.design.relaxation.restricted_master import RelaxationError
 from edtk.system.errors import UserError
 from edtk.system.typing import Indices
@@ -58,7 +59,10 @@ def find_counts(
     plain = criterion.without_prior
     if criterion.precision is not None:
         limits = replace(limits, base=limits.base + criterion.precision)
-    bare.with_prior(limits.base / limits.m).require_identifiable(plain)
+    sized = OrderOne.of(bare.with_prior(limits.base / limits.m))
+    sized.problem.require_identifiable(plain)
+    bare = sized.problem.with_prior(None)
+    limits = replace(limits, base=sized.information(limits.base))
     question = beside_blocks(bare, plain, limits)
     _require_beside_blocks(question, limits, problem)
     relaxed, reason = _relaxed(question, plain)
@@ -66,6 +70,7 @@ def find_counts(
     found = search.run(seed, starts, progress)
     cost = float(search.criterion.cost(search.scatter.information(found.places[None])[0]))
     _require_regular(cost, limits, problem, criterion)
+    cost = sized.cost(cost, criterion)
     counts = limits.counts(found.places[None], problem.n)[0]
     if relaxed is not None and question is not None:
         relaxed = within_limits(relaxed, *question, counts.astype(float))
@@ -74,7 +79,7 @@ def find_counts(
         criterion=criterion,
         counts=counts + kept,
         cost=cost,
-        lower_bound=_bound(criterion, relaxed),
+        lower_bound=_bound(criterion, relaxed, sized),
         basis=f"no bound: {reason}" if relaxed is None else relaxed.basis,
         starts=found.starts,
         found=found.found,
@@ -155,9 +160,9 @@ def _require_regular(cost: float, limits: Limits, problem: Problem, criterion: C
     )
 
 
-def _bound(criterion: Criterion, relaxed: RelaxedCounts | None) -> Bound:
+def _bound(criterion: Criterion, relaxed: RelaxedCounts | None, sized: OrderOne) -> Bound:
     """The bound as an object; zero, which says nothing, where there is none."""
-    cost = 0.0 if relaxed is None else relaxed.cost
+    cost = 0.0 if relaxed is None else sized.cost(relaxed.cost, criterion)
     gap = 1.0 if relaxed is None else relaxed.gap
     kind = BoundKind.PROVED_ON_CANDIDATES if relaxed is None else relaxed.kind
     return Bound(cost, kind, criterion.degree, criterion.sense, gap)

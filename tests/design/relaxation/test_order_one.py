@@ -1,0 +1,105 @@
+"""Regressors of any order of magnitude have the same optimal design."""
+
+import numpy as np
+import pytest
+from matrices import make
+
+import criteria
+import edtk
+from edtk.design.problem import Problem
+from edtk.design.relaxation.order_one import OrderOne
+from edtk.design.relaxation.relax import relax
+from edtk.system.errors import UserError
+
+ROWS = np.random.default_rng(0).normal(size=(12, 2, 3))
+CRITERIA = {name: make(name, 3) for name in criteria.available()} | {
+    "c": criteria.create("c", c=[1.0, 2.0, 0.0]),
+    "I": criteria.create("I", W=np.eye(3)),
+    "Ds": criteria.create("Ds", interest=np.eye(3)[:, :2]),
+    "phi": criteria.create("phi", q=2.0),
+    "prediction_G": criteria.create("prediction_G", points=ROWS[:5, 0]),
+}
+# Weights where a cost is smooth, and where it is flat up to the gap; costs are sharper.
+SAME = {True: 1e-9, False: 1e-6}
+
+
+@pytest.mark.parametrize("name", CRITERIA)
+def test_powers_of_two_change_no_digit(name):
+    """Rows of the order 1e-150 or 1e150 have the weights of the same rows of order one."""
+    criterion = CRITERIA[name]
+    plain = relax(Problem(ROWS), criterion)
+    assert plain.gap <= 1e-6
+    for power in (-498, 498):
+        problem = Problem(np.ldexp(ROWS, power))
+        found = relax(problem, criterion)
+        assert np.abs(found.weights - plain.weights).max() <= SAME[criterion.smooth]
+        log = np.log(found.cost) + 2 * criterion.degree * power * np.log(2.0)
+        assert log == pytest.approx(np.log(plain.cost), abs=1e-8)
+        assert found.gap == pytest.approx(plain.gap, abs=1e-8)
+        cost, bound = found.certify(problem)
+        assert cost == pytest.approx(found.cost, rel=1e-9)
+        assert bound == pytest.approx(found.proved_bound.cost, rel=1e-9)
+
+
+@pytest.mark.parametrize("name", ["A", "O2"])
+def test_exact_plans(name):
+    """The best plan of whole experiments is the same, and so is its distance from the bound."""
+    criterion = CRITERIA[name]
+    plain, *others = [
+        edtk.plan(edtk.Problem(np.ldexp(ROWS, power)), 5, criterion, seed=0, starts=1)
+        for power in (0, -498, 498)
+    ]
+    for found in others:
+        assert (found.counts == plain.counts).all()
+        assert found.efficiency == pytest.approx(plain.efficiency, rel=1e-6)
+
+
+def test_regions_of_such_rows_are_refused():
+    """One line says which rows are expected."""
+    region = edtk.Region(lambda x: 1e-140 * np.stack([np.ones(len(x)), x[:, 0]], axis=-1), -1, 1)
+    with pytest.raises(
+        UserError, match=r"rows: they are of the order 1e-140, .* expected 1e-50 to"
+    ):
+        edtk.relax(region, "D")
+
+
+def test_information_and_a_prior():
+    """Squares alone, and a prior beside the candidates, are brought to order one with them."""
+    prior = np.diag([1.0, 2.0, 0.0])
+    plain = Problem.of_information(Problem(ROWS).packed, prior=prior)
+    tiny = Problem.of_information(np.ldexp(plain.packed, -900), prior=np.ldexp(prior, -900))
+    sized = OrderOne.of(tiny)
+    assert 0.1 < np.trace(sized.problem.mean) < 1e3
+    good = relax(plain, criteria.create("D"))
+    found = relax(tiny, criteria.create("D"))
+    assert found.weights == pytest.approx(good.weights, abs=1e-9)
+    assert found.gap <= 1e-6
+
+
+def test_bayesian_criterion():
+    """A precision of the order of the information is a part of it."""
+    found = [
+        relax(
+            Problem(np.ldexp(ROWS, power)),
+            criteria.create("bayes_A", precision=np.ldexp(np.eye(3), 2 * power)),
+        )
+        for power in (0, -480)
+    ]
+    assert found[1].weights == pytest.approx(found[0].weights, abs=1e-9)
+    assert np.log2(found[1].cost / found[0].cost) == pytest.approx(960)
+
+
+def test_problems_of_ordinary_size_stay_as_they_are():
+    """No copy is made of candidates that need none."""
+    problem = Problem(1e-20 * ROWS)
+    assert OrderOne.of(problem).problem is problem
+
+
+def test_a_cost_beyond_doubles():
+    """What cannot be told is said in one line; a criterion that can be told is."""
+    problem = Problem(1e-170 * ROWS)
+    with pytest.raises(UserError, match=r"'A': a cost of 1e\+340 is beyond floating-point numbers"):
+        relax(problem, criteria.create("A"))
+    assert relax(problem, criteria.create("O5")).cost == pytest.approx(
+        1e170 * relax(Problem(ROWS), criteria.create("O5")).cost, rel=1e-6
+    )
