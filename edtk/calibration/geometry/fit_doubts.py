@@ -7,6 +7,7 @@ from edtk.calibration.geometry.geometric_doubt import GeometricDoubt, rows_in_wo
 from edtk.calibration.geometry.moved_frame import moved_frame
 from edtk.calibration.geometry.study_geometry import StudyGeometry
 from edtk.calibration.geometry.untold_load import untold_load
+from edtk.inference.geometry.chance_of_outside import chance_of_outside
 from edtk.inference.geometry.geometric_fit import MM, GeometricFit, root_mean_square
 from edtk.model.geometry.geometric_parameter import GeometricParameter
 
@@ -19,6 +20,9 @@ ROUGH = 0.02  # of the spread of positions that the fit leaves: the drawing is o
 ROUGH_DEG = 1.0  # orientations that the fit leaves
 SAME = 1e-6  # [rad or m] a joint that moves less stands still
 NOISY = 5.0  # times the stated noise
+RARE = 5e-3  # of sound days leave as few coordinates inside their bands as make a doubt
+HELD = 0.75  # of the coordinates: below it bands are no bands
+EXPLAINED = ("outliers", "frame_moved", "rough")  # these leave many outside by themselves
 
 
 def fit_doubts(fit: GeometricFit, setting: StudyGeometry) -> list[GeometricDoubt]:
@@ -37,7 +41,8 @@ def fit_doubts(fit: GeometricFit, setting: StudyGeometry) -> list[GeometricDoubt
         *_negative(fit),
         *_noise(fit, setting),
     ]
-    return found
+    named = any(doubt.kind in EXPLAINED for doubt in found)
+    return [*found, *_outside(fit, named)]
 
 
 def _rough(fit: GeometricFit) -> list[GeometricDoubt]:
@@ -125,6 +130,26 @@ def _outliers(fit: GeometricFit) -> list[GeometricDoubt]:
         "marker, a pose typed wrongly, or see --robust"
     )
     return [GeometricDoubt(Severity.WARNING, "outliers", text, tuple(sorted(rows)))]
+
+
+def _outside(fit: GeometricFit, named: bool) -> list[GeometricDoubt]:
+    """Bands that hold too few of the coordinates that were left out, where nothing else says why.
+
+    Args:
+        fit: The fit.
+        named: Whether poses that err by much are named already.
+    """
+    inside = fit.share_inside
+    if chance_of_outside(1 - inside, fit.independent) > RARE or (named and inside > HELD):
+        return []
+    look = "look at the largest residuals"
+    text = (
+        f"{100 * inside:.0f} % of the coordinates left out are inside their 95 % bands: errors of "
+        "some poses are far larger than those of others, and bands and standard deviations say too "
+        f"little; {look if (fit.weights < 1).any() else f'{look}, or see --robust'}"
+    )
+    severity = Severity.ALARM if inside < HELD else Severity.WARNING
+    return [GeometricDoubt(severity, "outside", text)]
 
 
 def _moved(fit: GeometricFit) -> list[GeometricDoubt]:

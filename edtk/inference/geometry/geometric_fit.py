@@ -44,6 +44,8 @@ class GeometricFit:
         left_out_half: Half the widths of the 95 % bands of those (m, k, 3) [m].
         surprise: Squared size (m,) of each pose's error left out, over its covariance: chi-square
             with as many degrees of freedom as coordinates.
+        independent: As many independent coordinates tell as much by how many are inside their
+            bands, see `independent_coordinates`.
         weights: Weights (m,) of the poses: one, or less where a robust loss trusts them less.
         turns: The residuals of orientations; None where these were not measured.
     """
@@ -58,6 +60,7 @@ class GeometricFit:
     left_out: Array
     left_out_half: Array
     surprise: Array
+    independent: float
     weights: Array
     turns: TurnResiduals | None = None
 

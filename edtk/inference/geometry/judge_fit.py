@@ -11,6 +11,7 @@ from edtk.inference.geometry.fitted_geometry import (
     student_quantile,
 )
 from edtk.inference.geometry.geometric_fit import MM, GeometricFit, TurnResiduals
+from edtk.inference.geometry.independent_coordinates import independent_coordinates
 from edtk.inference.geometry.marker_positions import MarkerPositions
 from edtk.inference.geometry.pose_rows import PoseRows
 from edtk.inference.geometry.position_noise import PositionNoise
@@ -65,7 +66,8 @@ def judge_fit(
         placed=beside[2],
         placed_turns=beside[3],
     )
-    half = out.std * student_quantile(fitted.dof(rows.motion))
+    spread = np.einsum("mrr->mr", out.covariance_of_errors)
+    half = np.sqrt(np.maximum(spread, 0.0)) * student_quantile(fitted.dof(rows.motion))
     shape = (len(means), len(data.markers), means.rows)
     blank = np.where(means.seen[..., None], 0.0, np.nan)
     residual = rows.residual.reshape(shape) / MM + blank
@@ -86,6 +88,11 @@ def judge_fit(
         else None,
         # A pose that a robust loss trusts less surprises all the same.
         surprise=surprise / weights,
+        independent=independent_coordinates(
+            out.covariance_of_errors,
+            np.repeat(means.seen, means.rows, axis=1),
+            noise.model_fit is not None,
+        ),
         weights=weights,
     )
 
@@ -96,13 +103,13 @@ class _LeftOut:
 
     Attributes:
         errors: Measured less predicted coordinates (m, r) [mm].
-        std: Standard deviations of these (m, r) [mm].
+        covariance_of_errors: Of those of each pose (m, r, r) [mm^2].
         surprise: Squared sizes (m,) of the errors over their covariances.
         covariance: Of the parameters (p, p), in their units.
     """
 
     errors: Array
-    std: Array
+    covariance_of_errors: Array
     surprise: Array
     covariance: Array
 
@@ -125,10 +132,9 @@ class _LeftOut:
         hidden = np.linalg.pinv(np.eye(r) - P, rcond=1e-9, hermitian=True)
         without = np.einsum("mrs,ms->mr", hidden, z)
         of_without = hidden @ of_residual @ hidden
-        spread = np.einsum("mrs,mst,mrt->mr", L, of_without, L, optimize=True)
         return cls(
             errors=np.einsum("mrs,ms->mr", L, without),
-            std=np.sqrt(np.maximum(spread, 0.0)),
+            covariance_of_errors=L @ of_without @ np.swapaxes(L, 1, 2),
             surprise=_surprise(without, of_without),
             covariance=inverse @ S @ inverse.T,
         )
