@@ -30,15 +30,21 @@ def guarded_inverse(M: Array, least: float = 0.0) -> tuple[Array, Array, Mask]:
     diagonal = np.diagonal(M, axis1=-2, axis2=-1)
     is_positive = (diagonal > 0).all(axis=-1)
     positive = np.asarray(np.isfinite(M).all(axis=(-2, -1)) & is_positive)
-    safe = np.where(positive[..., None, None], M, np.eye(p))
+    safe = _with_identity(positive, M)
     d = np.sqrt(np.diagonal(safe, axis1=-2, axis2=-1))
     dd = d[..., :, None] * d[..., None, :]
     r, V = np.linalg.eigh(safe / dd)
     regular = positive & (r[..., 0] > max(least, p * ROUNDING))
-    r = np.where(regular[..., None], r, 1.0)
+    r = r if regular.all() else np.where(regular[..., None], r, 1.0)
     cov = (V / r[..., None, :]) @ np.swapaxes(V, -1, -2) / dd
-    keep = regular[..., None, None]
-    return np.where(keep, safe, np.eye(p)), np.where(keep, cov, np.eye(p)), regular
+    return _with_identity(regular, safe), _with_identity(regular, cov), regular
+
+
+def _with_identity(kept: Mask, M: Array) -> Array:
+    """Matrices (..., p, p), with the identity in place of those that are not kept."""
+    if kept.all() and M.flags.c_contiguous:
+        return M
+    return np.where(kept[..., None, None], M, np.eye(M.shape[-1]))
 
 
 def whitener(M: Array) -> Array:

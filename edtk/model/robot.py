@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from edtk.model.aligned import aligned
-from edtk.model.combine import combine
+from edtk.model.combine import Terms, combine, combine_terms, terms_of
 from edtk.model.controller import Controller
 from edtk.model.frames import Frames
 from edtk.model.joint import Joint
@@ -192,8 +192,10 @@ class Robot(Presented):
         return replace(self, joints=joints) if limits else self
 
     @cached_property
-    def _links(self) -> list[tuple[Array, Array]]:
-        """Constant rotation (3, 3) and translation (3,) before each joint, and before the tool.
+    def _links(self) -> list[tuple[list[Terms], Terms]]:
+        """Constant rotation and translation before each joint, and before the tool.
+
+        A rotation (3, 3) is given by the terms of its columns.
 
         They are those between frames whose z-axis is the joint axis, so that each joint turns its
         frame about z. A rotation about a coordinate axis is then a signed permutation, whose zeros
@@ -206,7 +208,7 @@ class Robot(Presented):
             links.append((before @ joint.origin[:3, :3] @ F, before @ joint.origin[:3, 3]))
             before = F.T
         links.append((before @ self.tool[:3, :3], before @ self.tool[:3, 3]))
-        return links
+        return [([terms_of(C[:, k]) for k in range(3)], terms_of(t)) for C, t in links]
 
     @cached_property
     def _prismatic(self) -> Mask:
@@ -238,11 +240,12 @@ class Robot(Presented):
         lift = (slice(None),) + (None,) * len(batch)
         kept = {}
         R = [self.base[:3, k][lift] for k in range(3)]
-        p = self.base[:3, 3][lift]
+        p = self.base[:3, 3][lift] + 0.0
         for j, (joint, (C, t)) in enumerate(zip(self.chain, self._links[:-1], strict=True)):
-            p = p + combine(R, t)
-            R = [combine(R, C[:, k]) for k in range(3)]  # type: ignore[misc]
-            axes[j] = R[2]
+            p = p + combine_terms(R, t) if t else p
+            R = [combine_terms(R, column) for column in C]
+            # Nothing is added to what is kept, but the sign of zeros.
+            np.add(R[2], 0.0, out=axes[j])
             origins[j] = p
             if joint.kind == "prismatic":
                 p = p + x[j] * R[2]
@@ -255,9 +258,9 @@ class Robot(Presented):
         C, t = self._links[-1]
         position = np.empty((3, *batch))
         rotation = np.empty((3, 3, *batch))
-        position[...] = p + combine(R, t)
+        position[...] = p + combine_terms(R, t) if t else p
         for k in range(3):
-            rotation[k] = combine(R, C[:, k])
+            np.add(combine_terms(R, C[k]), 0.0, out=rotation[k])
         return Frames(q, axes, origins, rotation, position, self._prismatic, kept, self.ties)
 
     def forward(self, q: ArrayLike) -> Array:
