@@ -116,6 +116,10 @@ class CountsSearch:
         """Costs (b,) of the plans from some starts, and their places (b, m)."""
         rng = np.random.default_rng((seed, number))
         starts = [self._start(rng, number == 0, i) for i in range(size)]
+        own = [self.pricing.search_from(rng, start, RIDGE) for start in starts]
+        if own[0] is not None:
+            places = np.array(own)
+            return self._costs(places), places
         guide = self.pricing.guide if number % 2 == 0 else None
         places = self._improved(np.array(starts), RIDGE, guide)
         scores = self.pricing.scores(places, RIDGE)

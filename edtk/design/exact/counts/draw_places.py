@@ -24,9 +24,21 @@ def draw_places(rng: np.random.Generator, limits: Limits, chances: Array) -> Ind
     )
 
 
-def kicked(rng: np.random.Generator, limits: Limits, places: Indices, n: int) -> Indices:
-    """Draw a few places of plans (b, m) anew, at random from n candidates."""
-    number = min(limits.m, max(LEAST_KICKED, round(KICKED * limits.m)))
+def kicked(
+    rng: np.random.Generator, limits: Limits, places: Indices, n: int, number: int | None = None
+) -> Indices:
+    """Draw a few places of plans (b, m) anew, at random from n candidates.
+
+    Args:
+        rng: Random numbers.
+        limits: What the plans obey.
+        places: The plans.
+        n: Number of candidates.
+        number: Number of places; None for a part of all.
+    """
+    if number is None:
+        number = max(LEAST_KICKED, round(KICKED * limits.m))
+    number = min(limits.m, number)
     some = rng.random(places.shape).argsort(axis=1)[:, :number]
     if not limits.restricts:
         places = places.copy()

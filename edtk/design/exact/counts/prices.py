@@ -2,6 +2,8 @@
 
 from abc import ABC, abstractmethod
 
+import numpy as np
+
 from edtk.design.exact.counts.limits import Limits
 from edtk.system.typing import Array, Indices, Mask
 
@@ -76,6 +78,16 @@ class Pricing(ABC):
     @abstractmethod
     def scores(self, places: Indices, ridge: float) -> Array:
         """Numbers (b,) that are the smaller, the better a plan (b, m) is, with the same ridge."""
+
+    def search_from(
+        self, rng: np.random.Generator, places: Indices, ridge: float
+    ) -> Indices | None:
+        """The plan (m,) that a search of its own makes of a start (m,).
+
+        Returns:
+            The plan; None where descents and kicks of many plans in step with each other do it.
+        """
+        return None
 
     @abstractmethod
     def effort(self, limits: Limits) -> float:

@@ -9,6 +9,7 @@ from criteria.determinant_criterion import DeterminantCriterion
 from criteria.linalg.root import root
 from edtk.design.exact.constant_slope import constant_slope
 from edtk.design.exact.counts.any_prices import AnyPricing
+from edtk.design.exact.counts.convex_loss import convex_loss
 from edtk.design.exact.counts.determinant_prices import DeterminantPricing
 from edtk.design.exact.counts.largest_variance_prices import LargestVariancePricing
 from edtk.design.exact.counts.least_eigenvalue_prices import LeastEigenvaluePricing
@@ -16,7 +17,7 @@ from edtk.design.exact.counts.limits import Limits
 from edtk.design.exact.counts.linear_prices import LinearPricing
 from edtk.design.exact.counts.prices import Pricing
 from edtk.design.exact.counts.scatter import Scatter
-from edtk.design.exact.counts.several_rows_prices import SeveralRowsPricing
+from edtk.design.exact.counts.several_rows_pricing import SeveralRowsPricing
 from edtk.design.exact.counts.two_level_prices import TwoLevelPricing, two_levels
 from edtk.system.typing import Array
 
@@ -53,14 +54,10 @@ def pricing_for(criterion: Criterion, scatter: Scatter, mean: Array) -> Pricing:
 def _of_several_rows(criterion: Criterion, scatter: Scatter, mean: Array) -> Pricing | None:
     """Prices that leave most candidates out, where they are very many and it can be told which."""
     few = scatter.rows.size * len(mean) < MANY_PRODUCTS
-    if few or scatter.limits.blocks or not criterion.convex:
+    if few or scatter.limits.blocks:
         return None
-    if isinstance(criterion, DeterminantCriterion):
-        return SeveralRowsPricing(criterion, scatter, mean)
-    slope = constant_slope(criterion, mean)
-    if slope is None:
-        return None
-    return SeveralRowsPricing(criterion, scatter, mean, root(slope).T)
+    loss = convex_loss(criterion, mean)
+    return None if loss is None else SeveralRowsPricing(criterion, scatter, mean, loss)
 
 
 def _with_kinks(criterion: Criterion, rows: Array, limits: Limits, mean: Array) -> Pricing | None:
