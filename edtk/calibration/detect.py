@@ -10,7 +10,7 @@ from edtk.calibration.causes.family import Family
 from edtk.calibration.with_candidates import with_candidates
 from edtk.design.detection import LEVEL, Detection
 from edtk.design.plan import Plan
-from edtk.inference.distributions import chi_square_quantile
+from edtk.inference.distributions import chi_square_quantile, noncentral_chi_square_tail
 from edtk.inference.least_squares import Whitened
 from edtk.inference.measurements import Measurements
 from edtk.inference.whiten import RowNoise
@@ -149,12 +149,10 @@ def _detection(
 
 def _power(A: Array, D: Array, sigma: RowNoise, parameters: tuple[str, ...], dims: int) -> float:
     """Probability that a change D (m, rows) of the measurements is noticed."""
-    from scipy.special import chndtr
-
     whitened = Whitened.of(A, sigma, parameters)
     noncentrality = float((whitened.residual(D) ** 2).sum())
     threshold = float(chi_square_quantile(1 - LEVEL, dims))
-    return float(1 - chndtr(threshold, dims, noncentrality))
+    return noncentral_chi_square_tail(threshold, dims, noncentrality)
 
 
 def _sized(name: str, size: str, units: Mapping[str, str]) -> SizedFault:
@@ -170,4 +168,6 @@ def _sized(name: str, size: str, units: Mapping[str, str]) -> SizedFault:
     if not unit or rest or not np.isfinite(value):
         message = f"{name}={size}: expected a number with its unit, {units[name]}"
         raise ArgumentError(message, argument="detect")
+    if value == 0:
+        raise ArgumentError(f"{name}={size}: expected a size other than 0", argument="detect")
     return SizedFault(name, value, units[name])

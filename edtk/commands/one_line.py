@@ -17,10 +17,7 @@ USER_ERROR = 2  # exit code
 INTERRUPTED = 130  # exit code after Ctrl-C, as shells have it
 
 
-FLAGS = {
-    "memory_mb": "--memory",
-    "cost_budget": "--cost-budget",
-}  # of arguments whose flags have other names
+FLAGS = {"memory_mb": "--memory"}  # of arguments whose flags have other names
 # Options that help where the library raises an error of this class: only commands know a flag.
 HINTS = {
     "InputError": "; --as-is takes it as it is",
@@ -51,7 +48,7 @@ class OneLine(click.Command):
             message = "interrupted"
             code = INTERRUPTED
         except ArgumentError as error:
-            flag = FLAGS.get(error.argument, f"--{error.argument}")
+            flag = FLAGS.get(error.argument, f"--{error.argument.replace('_', '-')}")
             message = str(error.naming(flag))
         except UserError as error:
             kinds = (type(error).__name__, type(error.__cause__).__name__)

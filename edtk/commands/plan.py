@@ -112,11 +112,16 @@ def command(
 
 def _faults(given: str | None) -> dict[str, str]:
     """Sizes of faults by name, from FAULT=SIZE pairs."""
-    faults = {}
-    for pair in filter(None, (given or "").split(",")):
-        name, equals, size = pair.partition("=")
+    if given is None:
+        return {}
+    faults: dict[str, str] = {}
+    for pair in given.split(","):
+        name, equals, size = (part.strip() for part in pair.partition("="))
         if not equals:
             message = "expected pairs like tool_z=5mm, separated by commas"
             raise ArgumentError(message, argument="detect", given=given)
-        faults[name.strip()] = size.strip()
+        if name in faults:
+            message = f"{name} is there twice; expected each fault once"
+            raise ArgumentError(message, argument="detect", given=given)
+        faults[name] = size
     return faults

@@ -35,10 +35,5 @@ def command(
     found = predict(question, result, poses, tool_rows=tool_rows, out=out)
     show(found, as_json, out)
     warn_about(study, question.warnings)
-    if found.open_rows:
-        rows = ", ".join(str(row + 1) for row in found.open_rows[:10])
-        more = len(found.open_rows) - 10
-        warn(
-            f"{poses}: rows {rows}{f' and {more} more' if more > 0 else ''} move along directions "
-            "that the calibration left open; their bands assume errors of up to 10 mm or mrad"
-        )
+    for doubt in found.doubts:
+        warn(f"{poses}: {doubt}")

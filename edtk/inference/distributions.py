@@ -9,6 +9,8 @@ from numpy.typing import ArrayLike
 
 from edtk.system.typing import Array
 
+CERTAIN = 1e8  # noncentrality at which no threshold of a test is missed
+
 
 def chi_square_tail(x: ArrayLike, dof: ArrayLike) -> Array:
     """Probability that a chi-square with `dof` > 0 degrees of freedom is larger than x."""
@@ -22,6 +24,14 @@ def chi_square_quantile(probability: ArrayLike, dof: ArrayLike) -> Array:
     from scipy.special import gammaincinv
 
     return np.asarray(2 * gammaincinv(np.asarray(dof) / 2, probability))
+
+
+def noncentral_chi_square_tail(x: float, dof: float, noncentrality: float) -> float:
+    """Probability that a noncentral chi-square is larger than x."""
+    from scipy.special import chndtr
+
+    # The function has no value from about 1e16 on, where chances have long been one.
+    return float(1 - chndtr(x, dof, min(noncentrality, CERTAIN)))
 
 
 def fisher_tail(x: ArrayLike, numerator_dof: ArrayLike, denominator_dof: ArrayLike) -> Array:

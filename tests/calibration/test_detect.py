@@ -176,3 +176,9 @@ def test_a_turned_frame_turns_what_instruments_show(keys, reference):
     expected = np.zeros((len(PLAN.q), bent.shape[1], 3))
     expected[:, :6] = turned.reshape(-1, 6, 3)
     np.testing.assert_allclose(D.reshape(expected.shape), expected, atol=1e-9)
+
+
+def test_faults_that_nobody_overlooks():
+    """A fault of any size is noticed with at most one; the chance is always a number."""
+    (promised,) = found(tool_z="1e12mm")
+    assert promised.power == 1

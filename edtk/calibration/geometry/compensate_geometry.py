@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from edtk.calibration.geometry.geometry_to_dict import geometry_of_dict
 from edtk.calibration.geometry.marker_goal import FAR, MarkerGoal
-from edtk.calibration.geometry.study_geometry import StudyGeometry
+from edtk.calibration.geometry.read_geometry import read_geometry
 from edtk.design.plan import Plan
 from edtk.inference.geometry.fitted_geometry import FittedGeometry, Loads
 from edtk.model.robot import Robot
@@ -32,6 +31,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 MM = 1e3
+DIGITS = 1e-4  # [rad or m] that a controller's display leaves out
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,11 +151,7 @@ def compensate_geometry(
         UserError: The result is of another study, or a pose cannot be reached, or the commands are
             beyond the joints' limits; names the row.
     """
-    setting = StudyGeometry.of_result(study, result["geometry"].get("markers"))
-    try:
-        fitted, counting = geometry_of_dict(result["geometry"], setting)
-    except ValueError as error:
-        raise UserError(str(error), where=where, key="geometry") from error
+    setting, fitted, counting = read_geometry(study, result["geometry"], where)
     if setting.full_poses and fitted.placed_turns is None:
         message = "the result is older than commands for full poses; identify the sheet anew"
         raise UserError(message, where=where, key="geometry.placed_turns_rad")
@@ -218,6 +214,8 @@ def _require_reached(robot: Robot, command: Array, desired: Array, where: Path |
     Raises:
         UserError: It did not; names the row.
     """
+    # A pose that is on a limit is so to the digits that a controller shows.
+    _require_within(robot, desired, DIGITS, "{} of the pose is", where)
     near = np.abs(command - desired).max(axis=1) <= FAR
     far = np.flatnonzero(~near)
     if len(far):
@@ -226,10 +224,18 @@ def _require_reached(robot: Robot, command: Array, desired: Array, where: Path |
             where=where,
             key=f"row {far[0] + 1}",
         )
+    _require_within(robot, command, 0.0, "the command of {} is", where)
+
+
+def _require_within(robot: Robot, q: Array, by: float, what: str, where: Path | str) -> None:
+    """Check that joint variables exceed no limit by more than something [rad or m].
+
+    Raises:
+        UserError: One does; names the row.
+    """
     lower, upper = robot.hard_limits
-    beyond = np.argwhere((command < lower) | (command > upper))
+    beyond = np.argwhere((q < lower - by) | (q > upper + by))
     if len(beyond):
         row, joint = beyond[0]
-        name = robot.joint_names[joint]
-        message = f"the command of {name} is beyond the joint's limits"
+        message = f"{what.format(robot.joint_names[joint])} beyond the joint's limits"
         raise UserError(message, where=where, key=f"row {row + 1}")

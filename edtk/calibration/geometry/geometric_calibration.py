@@ -13,6 +13,7 @@ from edtk.calibration.geometry.counting import Counting
 from edtk.calibration.geometry.geometric_doubt import GeometricDoubt
 from edtk.calibration.geometry.geometry_to_dict import geometry_to_dict
 from edtk.calibration.geometry.study_geometry import StudyGeometry
+from edtk.calibration.geometry.study_marks import study_marks
 from edtk.calibration.origin import Origin
 from edtk.inference.geometry.geometric_fit import GeometricFit, root_mean_square
 from edtk.inference.geometry.geometry_density import GeometryDensity
@@ -152,7 +153,7 @@ class GeometricCalibration(Presented):
             "diagnostics": [doubt.to_dict() for doubt in self.doubts],
             "study_warnings": list(self.study.warnings),
             "posterior": None if self.posterior is None else self.posterior.to_dict(),
-            "geometry": geometry_to_dict(fit.fitted, self.counting),
+            "geometry": {**geometry_to_dict(fit.fitted, self.counting), "study": self._marks()},
         }
 
     def sampled(
@@ -176,6 +177,10 @@ class GeometricCalibration(Presented):
         if not found.trusted:
             doubts = (*doubts, GeometricDoubt(Severity.WARNING, "posterior", found.quality))
         return replace(self, posterior=found, doubts=doubts)
+
+    def _marks(self) -> dict[str, Any]:
+        """What tells whether a study that reads the result is the one that it was made for."""
+        return {name: mark.tolist() for name, mark in study_marks(self.setting).items()}
 
     def _turns(self) -> dict[str, float]:
         """How well orientations fit and are predicted [deg], where they were measured."""

@@ -83,6 +83,8 @@ def geometry_of_dict(
     every = {one.name: one for one in model.parameters}
     kept = _named(given, "names", every)
     opened = _named(given, "open", every)
+    if len({one.name for one in (*kept, *opened)}) < len(kept) + len(opened):
+        raise ValueError("names: expected each once, in names or in open")
     n = model.robot.n
     p = len(kept)
     values = _numbers(given, "values", (p,))

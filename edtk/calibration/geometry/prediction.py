@@ -7,16 +7,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from edtk.calibration.geometry.geometry_to_dict import geometry_of_dict
-from edtk.calibration.geometry.study_geometry import StudyGeometry
+from edtk.calibration.geometry.prediction_doubts import prediction_doubts
+from edtk.calibration.geometry.read_geometry import read_geometry
 from edtk.calibration.geometry.tool_from_rows import tool_from_rows
 from edtk.inference.geometry.fitted_geometry import Predicted
 from edtk.inference.geometry.marker_positions import MarkerPositions
 from edtk.inference.geometry.read_positions import read_positions
 from edtk.model.geometry.rotation import rotation_vectors
+from edtk.model.robot import Robot
 from edtk.study.study import Study
 from edtk.study.study_model import marker_names
-from edtk.system.errors import UserError
+from edtk.system.errors import ArgumentError, UserError
 from edtk.system.presented import Presented
 from edtk.system.typing import Array, Mask
 
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 MM = 1e3
 OPEN = 1e-4  # [m]: what a calibration left open may move a marker by, before it is said
 LOST = 1e-9  # [m]
+ROUNDING = 1e-4  # [rad or m]: a limit may be exceeded by what a controller's display leaves out
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,12 +39,14 @@ class Prediction(Presented):
         predicted: Positions and bands.
         tests: Which positions (v, k) are measured and no part of any fit.
         asked: Which positions (v, k) the file asks for.
+        beyond: Rows, counted from 0, of poses beyond the joints' limits.
     """
 
     data: MarkerPositions
     predicted: Predicted
     tests: Mask
     asked: Mask
+    beyond: tuple[int, ...] = ()
 
     def headline(self) -> str:
         """How many positions, and how far they are off."""
@@ -111,6 +115,11 @@ class Prediction(Presented):
         far = self.predicted.open > OPEN
         return tuple(sorted({int(row) for row in self.data.row[far & self.asked] if row >= 0}))
 
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """What makes these predictions, or the comparison, hard to believe: a line each."""
+        return prediction_doubts(self)
+
     def to_dict(self) -> dict[str, Any]:
         """Positions by row and marker, and the comparison; null without measured positions."""
         measured = bool(self.tests.any())
@@ -128,6 +137,7 @@ class Prediction(Presented):
             "share_inside": self.share_inside if measured else None,
             **({} if self.predicted.turn_half is None else {"turn_rms_deg": self.turn_rms_deg}),
             "open_rows": [row + 1 for row in self.open_rows],
+            "doubts": list(self.doubts),
         }
 
     def _positions(self) -> list[dict[str, Any]]:
@@ -189,11 +199,7 @@ def predict_positions(
     Raises:
         UserError: The file cannot be read, or the result is of another study.
     """
-    setting = StudyGeometry.of_result(study, geometry.get("markers"))
-    try:
-        fitted, counting = geometry_of_dict(geometry, setting)
-    except ValueError as error:
-        raise UserError(str(error), where=where, key="geometry") from error
+    setting, fitted, counting = read_geometry(study, geometry, where)
     asked = (*setting.markers, *setting.references)
     data = read_positions(
         poses,
@@ -204,10 +210,14 @@ def predict_positions(
         others=marker_names(study),
         turned=setting.markers if setting.full_poses else (),
     )
+    beyond = _beyond(study.robot, data)
     data = counting.of(setting.split(_without_lost(data))[0])
     wanted: Mask = np.greater_equal(data.row, 0)
     tests = data.seen.copy()
     if tool_rows:
+        last = int(data.row.max()) + 1
+        if tool_rows > last:
+            raise ArgumentError(f"{poses} has {last} rows", argument="tool_rows", given=tool_rows)
         placing = np.logical_and(data.seen, data.row < tool_rows)
         if not placing.any():
             raise UserError(
@@ -218,7 +228,14 @@ def predict_positions(
         tests &= ~placing
     else:
         predicted = fitted.predict(data.q, data.wrench, setting.loads)
-    return Prediction(data, predicted, tests, wanted)
+    return Prediction(data, predicted, tests, wanted, beyond)
+
+
+def _beyond(robot: Robot, data: MarkerPositions) -> tuple[int, ...]:
+    """Rows, counted from 0, of poses beyond the limits of the joints."""
+    lower, upper = robot.hard_limits
+    over = np.maximum(lower - data.q, data.q - upper).max(axis=1) > ROUNDING
+    return tuple(sorted({int(row) for row in data.row[over].ravel() if row >= 0}))
 
 
 def _without_lost(data: MarkerPositions) -> MarkerPositions:

@@ -24,7 +24,7 @@ from edtk.design.detection import LEVEL, Detection
 from edtk.design.plan import Plan
 from edtk.design.sample_feasible import sample_feasible
 from edtk.design.separation import Separation
-from edtk.inference.distributions import chi_square_quantile
+from edtk.inference.distributions import chi_square_quantile, noncentral_chi_square_tail
 from edtk.study.study import Study
 from edtk.system.errors import ArgumentError
 from edtk.system.typing import Array, Indices
@@ -144,13 +144,11 @@ class _Shown:
 
     def power(self, gram: Array, one: VisitFault, fault: SizedFault) -> float:
         """The probability that a fault is noticed."""
-        from scipy.special import chndtr
-
         part = self._part(one)
         c = np.full(one.dims, fault.size * SI[fault.unit] / one.dims**0.5)
         noncentrality = max(float(c @ gram[part, part] @ c), 0.0)
         threshold = float(chi_square_quantile(1 - LEVEL, one.dims))
-        return float(1 - chndtr(threshold, one.dims, noncentrality))
+        return noncentral_chi_square_tail(threshold, one.dims, noncentrality)
 
     def detection(self, fault: SizedFault, one: VisitFault) -> Detection:
         """The power of the plan, and of the visit that adds most to it."""

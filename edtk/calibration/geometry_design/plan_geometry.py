@@ -74,7 +74,14 @@ def plan_geometry(
     with study_errors(study):
         question = GeometryQuestion.of(study)
         search = _Search.of(question, size, criterion, kept, cost_budget, seconds, options)
-        return search.limited(distinct).run()
+        try:
+            return search.limited(distinct).run()
+        except ArgumentError as error:
+            if error.argument != "cost_budget" or cost_budget is not None:
+                raise
+            # The budget is that of the study, and nobody gave an argument.
+            given = "" if error.given is None else f" (got {error.given})"
+            raise study.error("costs.budget", f"{error.message}{given}") from error
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,6 +159,7 @@ class _Search:
 
     def run(self) -> GeometryPlan:
         """Search each set of loads, and take the best plan."""
+        self._require_enough()
         trials: list[LoadTrial] = []
         refused: RankDeficientError | None = None
         for loads, funds in self.budget.sets():
@@ -169,13 +177,38 @@ class _Search:
             raise self._too_few()
         return self._result(self._cheapest(found), trials)
 
-    def _too_few(self) -> ArgumentError:
-        """The error of visits that leave open what the criterion needs."""
+    def _require_enough(self) -> None:
+        """Check that visits are enough to tell all parameters apart, before any search.
+
+        Raises:
+            ArgumentError: They are not, or the budget pays for no plan, or for too many visits.
+        """
+        budget = self.budget
+        most = max(
+            self.new or most_visits(funds, float(budget.prices(loads).min()))
+            for loads, funds in budget.sets()
+        )
+        model = self.question.model
+        rows = most * model.row_count * len(model.markers)
+        # Twice as many rows as parameters are enough, wherever markers are not in one place.
+        if self.kept is not None or not self.criterion.needs_all or rows >= 2 * model.p:
+            return
+        try:
+            require_enough(self.question.space, most, most, self.criterion)
+        except TooFewExperimentsError as error:
+            raise self._too_few(error.least) from error
+
+    def _too_few(self, least: int | None = None) -> ArgumentError:
+        """The error of visits that leave open what the criterion needs.
+
+        Args:
+            least: Visits that tell all parameters apart; defaults to those with as many rows.
+        """
         model = self.question.model
         message = f"so few visits cannot tell what {self.criterion.name} needs; expected more"
         if self.criterion.needs_all:
             count = len(model.markers)
-            least = -(-model.p // (model.row_count * count))
+            least = least or -(-model.p // (model.row_count * count))
             poses = "full poses of " if model.rows == "pose" else ""
             message = (
                 f"so few visits cannot tell {model.p} parameters apart; expected {least} or more, "

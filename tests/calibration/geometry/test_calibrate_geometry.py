@@ -4,6 +4,7 @@ import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -25,6 +26,7 @@ import edtk
 from edtk.calibration.geometry.study_geometry import StudyGeometry
 from edtk.model.transform import transform
 
+SPRUNG = STUDY.replace(parameters={"compliance": ["q2", "q3"]}, load={"F_N": [0, 0, -50]})
 Edit = Callable[[Array, Array], None]
 
 
@@ -405,3 +407,75 @@ def test_the_text_counts_what_stays_as_drawn(study: Path, tmp_path: Path) -> Non
     count = len(found.fit.redundant)
     assert count == 36 + 6 + 9 - 33
     assert f"{count} others cannot be told apart from these" in found.summary()
+
+
+@pytest.fixture(scope="module")
+def loaded(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    """The result of a study with springs."""
+    q, x = truth(25)
+    sheet = by_pose(tmp_path_factory.mktemp("loaded") / "sheet.csv", q, x)
+    header, *rows = sheet.read_text().splitlines()
+    loads = [f"{line},{-50 * (i % 2)}" for i, line in enumerate(rows)]
+    sheet.write_text("\n".join([f"{header},Fz_N", *loads]))
+    return edtk.identify(SPRUNG, sheet).to_dict()
+
+
+@pytest.mark.parametrize(
+    ("keys", "said"),
+    [
+        ({"controller": {"sign": {"q2": -1}}}, "geometry.study.shown: the study's controller"),
+        ({"load": {"F_N": [0, 0, -50], "at_mm": [100, 0, 0]}}, "study.loads: the study's load"),
+        ({"payload": {"mass_kg": 5}}, "study.loads: the study's load point, payload or masses"),
+    ],
+)
+def test_a_study_that_was_changed_since_is_refused(
+    loaded: dict[str, Any], keys: dict[str, object], said: str, tmp_path: Path
+) -> None:
+    """Signs of the controller, the load's place and a payload are those of the result."""
+    poses = tmp_path / "poses.csv"
+    poses.write_text(f"{','.join(NAMES)}\n10,20,30,-40,50,60\n")
+    result = tmp_path / "result.json"
+    result.write_text(json.dumps(loaded))
+    assert len(edtk.predict(SPRUNG, loaded, poses).predicted.points) == 1
+    with pytest.raises(edtk.UserError, match=said):
+        edtk.predict(SPRUNG.replace(**keys), loaded, poses)
+    with pytest.raises(edtk.UserError, match=said):
+        edtk.compensate(SPRUNG.replace(**keys), result, poses)
+    marks = {"shown": [1e400] * 6, "loads": "x"}
+    for name, value in marks.items():
+        spoiled = {**loaded, "geometry": {**loaded["geometry"], "study": {name: value}}}
+        with pytest.raises(edtk.UserError, match=f"geometry.study.{name}: the study"):
+            edtk.predict(SPRUNG, spoiled, poses)
+
+
+def test_measured_positions_that_are_far_off_are_a_doubt(study: Path, tmp_path: Path) -> None:
+    """A swapped marker is named by its row; where all are off, frame and units are asked for."""
+    q, x = truth(30)
+    found = edtk.identify(study, by_pose(tmp_path / "sheet.csv", q[:22], x[:22]))
+    tests = by_pose(tmp_path / "tests.csv", q[22:], x[22:])
+    assert edtk.predict(study, found, tests).doubts == ()
+    swapped = x.copy()
+    swapped[25, [0, 1]] = x[25, [1, 0]]
+    by_pose(tests, q[22:], swapped[22:])
+    (line,) = edtk.predict(study, found, tests).doubts
+    assert line.startswith("row 4: up to")
+    by_pose(tests, q[22:], x[22:] + 5)
+    code, out, err = run("identify", study, tmp_path / "sheet.csv", "--json")
+    (tmp_path / "result.json").write_text(out)
+    code, out, err = run("predict", study, tmp_path / "result.json", tests)
+    assert code == 0
+    assert "is the instrument where it was" in err
+    code, out, err = run("predict", study, tmp_path / "result.json", tests, "--tool-rows", 9)
+    assert (code, out) == (2, "")
+    assert "--tool-rows 9:" in err
+
+
+def test_poses_beyond_limits_are_named(study: Path, tmp_path: Path) -> None:
+    """Predictions say so, and commands are refused."""
+    q, x = truth(25)
+    found = edtk.identify(study, by_pose(tmp_path / "sheet.csv", q, x))
+    poses = tmp_path / "poses.csv"
+    poses.write_text(f"{','.join(NAMES)}\n10,20,30,-40,50,60\n10,999,30,-40,50,60\n")
+    assert edtk.predict(study, found, poses).doubts == ("row 2: beyond the joints' limits",)
+    with pytest.raises(edtk.UserError, match="row 2: q2 of the pose is beyond the joint's limits"):
+        edtk.compensate(study, found, poses)

@@ -72,6 +72,8 @@ def test_there_and_back() -> None:
         (("noise", "variances", 0), -0.1, "variances: expected numbers that are not negative"),
         (("noise", "variances_covariance", 0, 0), -0.1, "variances_covariance: expected a cov"),
         (("names", 0), "q9.x", "names: the study has no parameter 'q9.x'"),
+        (("names", 0), "base.y", "names: expected each once"),
+        (("open",), ["base.x"], "names: expected each once"),
         (("markers", 0), "B", "markers: expected A"),
         (("robot",), "0", "robot: the result is of another robot"),
     ],

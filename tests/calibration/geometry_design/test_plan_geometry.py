@@ -141,6 +141,12 @@ def test_kept_visits_beside_different_prices() -> None:
         ({}, {}, "size: expected the number of visits"),
         ({}, {"size": 4, "cost_budget": 3.0}, "cost_budget 3.0: 4 visits cost 4 or more"),
         ({"load": {"F_max_N": 10}}, {"size": 4}, "load: plans of geometry visit poses without"),
+        ({"costs": {"budget": 3}}, {"size": 4}, "costs.budget: 4 visits cost 4 or more .got 3"),
+        (
+            {"costs": {"budget": 2}},
+            {"criterion": "D"},
+            "costs.budget: so few visits cannot tell 6 parameters apart; expected 3 or more",
+        ),
         ({}, {"size": 10**6}, "more than 500 new visits"),
         ({}, {"size": 1, "criterion": "D"}, "size 1: so few visits cannot tell 6 parameters"),
         (
@@ -200,6 +206,9 @@ def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         (["--distinct", "6"], "expected at most 5, the number of new visits"),
         (["--distinct", "3", "--cost-budget", "9"], "cannot go with a budget of costs"),
         (["--detect", "x=1mm"], "no fault 'x'; expected one of load_size"),
+        (["--detect", "tool_x=1mm,tool_x=2mm"], "tool_x is there twice"),
+        (["--detect", "tool_x=0mm"], "tool_x=0mm: expected a size other than 0"),
+        (["--detect", ""], "expected pairs like tool_z=5mm"),
         (["--dask", "tcp://h:1"], "is for plans of compliances alone"),
     ):
         refused = CliRunner().invoke(main, ["plan", "study.toml", "--size", "5", *option])
