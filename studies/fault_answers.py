@@ -62,6 +62,7 @@ class Judged:
     Attributes:
         detected: Whether the verdict is not "good".
         right: Whether what is said first is right.
+        among: Whether what is said first or second is.
         wrong: Whether a cause is named first that is not right.
         joint: Whether the joint of the fault is named, and no other one is.
         unlikely: See `Answer`.
@@ -69,6 +70,7 @@ class Judged:
 
     detected: bool
     right: bool
+    among: bool
     wrong: bool
     joint: bool
     unlikely: bool
@@ -82,16 +84,18 @@ def judged(fault: Fault, scene: Scene, answer: Answer) -> Judged:
     """
     first = answer.causes[0] if answer.causes else None
     if fault.cause == "common":
-        right = first is None and answer.common
+        is_right = [first is None and answer.common]
     elif fault.cause == "outlier":
-        right = first is None and set(scene.rows) <= set(answer.outliers)
+        is_right = [first is None and set(scene.rows) <= set(answer.outliers)]
     elif fault.cause == "pose":
-        right = first is not None and first.cause == "pose" and first.rows == scene.rows
+        is_right = [one.cause == "pose" and one.rows == scene.rows for one in answer.causes]
     else:
-        right = first is not None and first.cause == fault.cause
+        is_right = [one.cause == fault.cause for one in answer.causes]
+    right = is_right[:1] == [True]
     return Judged(
         detected=answer.verdict != "good",
         right=right,
+        among=any(is_right),
         wrong=first is not None and not right,
         joint=right and first is not None and first.joint == scene.joint,
         unlikely=answer.unlikely,

@@ -53,6 +53,8 @@ class Shares:
         joint: Of those named right, those whose joint is named too.
         unlikely: Whose residuals have p < 0.01.
         earlier: Whether they were simulated with an earlier version of the program.
+        among: Of the detected ones, those whose cause is named first or second; NaN if none was
+            detected.
     """
 
     sets: int
@@ -62,6 +64,7 @@ class Shares:
     joint: float
     unlikely: float
     earlier: bool = False
+    among: float = float("nan")
 
     @classmethod
     def of(cls, sheets: Sequence[Judged]) -> "Shares":
@@ -75,6 +78,7 @@ class Shares:
             wrong=_percent(sum(sheet.wrong for sheet in sheets), len(sheets)),
             joint=_percent(sum(sheet.joint for sheet in right), len(right)),
             unlikely=_percent(sum(sheet.unlikely for sheet in sheets), len(sheets)),
+            among=_percent(sum(sheet.among for sheet in found), len(found)),
         )
 
 

@@ -22,7 +22,7 @@ from fault_answers import Answer, judged
 from fault_bounds import bounds
 from fault_page import REPEATS, Possible, page
 from fault_robots import robots
-from fault_shares import EXPERIMENTS, GOOD, PLANS, Cell, Shares, false_alarms, misses
+from fault_shares import EXPERIMENTS, GOOD, PLANS, Cell, Shares, false_alarms, misses, where
 from faults import FAULTS
 from scene import Scene
 from threadpoolctl import threadpool_limits
@@ -90,17 +90,25 @@ def _cells() -> list[Cell]:
     return cells
 
 
-def _possible(table: Sequence[tuple[Cell, Shares]]) -> Possible:
-    """What the best test and the best naming reach where each experiment is measured once."""
+def _possible(table: Sequence[tuple[Cell, Shares]], missed: Sequence[Sequence[str]]) -> Possible:
+    """What the best test and the best naming reach.
+
+    That is where each experiment is measured once, and where a target is missed.
+    """
     found = {}
+    places = {(robot, plan) for robot, _, plan, *_ in missed}
     for cell, _ in table:
-        if FAULTS[cell.fault] is not GOOD or cell.repeats != 1 or cell.size != EXPERIMENTS:
+        if FAULTS[cell.fault] is not GOOD or cell.size != EXPERIMENTS:
             continue
-        study = robots()[cell.robot]
+        robot, _, plan = where(cell)
+        if cell.repeats > 1 and (robot, plan) not in places:
+            continue
+        study = robots()[robot]
         days = range(RANDOM_PLANS if cell.poses is None else 1)
         plans = [_scene(study, cell, number).q for number in days]
         kind = PLANS[cell.poses is None]
-        found[cell.robot, kind] = bounds(study, plans, false_alarms(table) / 100, SEED)
+        alarms = false_alarms(table) / 100
+        found[robot, kind, cell.repeats] = bounds(study, plans, alarms, SEED)
     return found
 
 
@@ -127,7 +135,7 @@ def main(sets: int, only: tuple[str, ...], workers: int | None) -> None:
         (cell, known[fault_store.key(cell)]) for cell in cells if fault_store.key(cell) in known
     ]
     missed = misses(table)
-    write_text(HERE / "fault_table.md", page(table, missed, _possible(table)))
+    write_text(HERE / "fault_table.md", page(table, missed, _possible(table, missed)))
     sys.exit(1 if missed else 0)
 
 

@@ -93,7 +93,9 @@ def test_judged(good, faults, answers):
         return answers.judged(by_title[title], scene, answer)
 
     assert judge("drift of 50 um", ("drift", ()), ("tool_z", ())).right
-    assert judge("drift of 50 um", ("tool_z", ()), ("drift", ())).wrong
+    second = judge("drift of 50 um", ("tool_z", ()), ("drift", ()))
+    assert (second.right, second.among, second.wrong) == (False, True, True)
+    assert not judge("drift of 50 um", ("tool_z", ())).among
     assert judge("none", ("sigma", ())).wrong
     assert not judge("load 10 % off").wrong
     pose = replace(good, rows=(2, 3))
@@ -116,6 +118,35 @@ def test_misses(script):
     shares = table.Shares(200, 80.0, 60.0, 30.0, float("nan"), 1.0)
     (miss,) = table.misses([(drift, shares)])
     assert miss[-2:] == ("80 %", "60 %")
+
+
+def test_page_says_what_is_out_of_reach(script):
+    """Where the best possible naming reaches less than is asked, the page says how much."""
+    page = script("fault_page.py")
+    Bound = script("fault_bounds.py").Bound
+    share = ("named first, of detected", "80 %", "43 %")
+    missed = [
+        ("robot", "drift", "optimal 12, once", *share),
+        ("robot", "backlash", "random 12, 3 times", *share),
+        ("robot", "outlier", "optimal 12, once", *share),
+        ("robot", "drift", "random 12, once", *share),
+    ]
+    possible = {
+        ("robot", "optimal", 1): {
+            "drift": Bound(5, 50, 85, 69),
+            "outlier": Bound(5, 50, 99, 98),
+        },
+        ("robot", "random", 3): {"backlash": Bound(5, 50, 31, 35)},
+    }
+    assert [page._best(miss, possible) for miss in missed] == [
+        "69 to 85 %",
+        "31 to 35 %",
+        "98 to 99 %",
+        "-",
+    ]
+    never, unknown = page._out_of_reach(missed, possible)
+    assert never.endswith("where it is right in 35 % (robot: backlash, random 12, 3 times).\n")
+    assert unknown.endswith("is right in 69 % (robot: drift, optimal 12, once).\n")
 
 
 def test_intervals_cover_a_nonlinear_truth(script):
