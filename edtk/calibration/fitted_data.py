@@ -7,7 +7,7 @@ import numpy as np
 
 from edtk.calibration.bends_much import bends_much
 from edtk.calibration.causes.cause import NOISE, Cause
-from edtk.calibration.causes.found_causes import FoundCauses
+from edtk.calibration.causes.found_causes import FoundCauses, most_outliers
 from edtk.calibration.equal_rows import EqualRows, equal_rows
 from edtk.calibration.input_errors.explanation import Explanation, explanation
 from edtk.calibration.known_part import known_part
@@ -36,7 +36,7 @@ from edtk.model.equilibrium import NoEquilibriumError
 from edtk.study.study import Study
 from edtk.study.study_prior import study_prior
 from edtk.system.errors import UserError
-from edtk.system.typing import Array, Indices
+from edtk.system.typing import Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -257,16 +257,12 @@ class FittedData:
         return repetitions_agree(self)
 
     @property
-    def rows_of_others(self) -> Indices:
-        """Rows that are not off by themselves."""
-        return np.delete(np.arange(len(self.data)), self.found_causes.outliers)
-
-    @property
     def others(self) -> tuple[Measurements, LinearisedData]:
         """The measurements that are not off by themselves, and their linear model."""
-        if not self.found_causes.outliers:
+        off = {*self.found_causes.outliers, *self.fit.outliers.tolist()}
+        if not off or len(off) > most_outliers(len(self.data)):
             return self.data, LinearisedData(self.A, self.measured)
-        rows = self.rows_of_others
+        rows = np.delete(np.arange(len(self.data)), list(off))
         return self.data[rows], LinearisedData(self.A[rows], self.measured[rows])
 
     @property

@@ -2,6 +2,8 @@
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from edtk.calibration.moving_joints import visits_lack_of_fit
 from edtk.inference.lack_of_fit import LackOfFit, lack_of_fit
 from edtk.inference.least_squares import SingularPlanError, Whitened
@@ -33,7 +35,7 @@ def repetitions_agree(fitted: "FittedData") -> LackOfFit | None:
         return test  # nothing was found that an outlier could have made
     if not fitted.found_causes.outliers:
         return test
-    rows = fitted.rows_of_others
+    rows = np.delete(np.arange(len(data)), fitted.found_causes.outliers)
     rest = data[rows]
     try:
         whitened = Whitened.of(fitted.linear_regressor[rows], rest.noise, fitted.fit.parameters)

@@ -3,6 +3,8 @@
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from edtk.calibration.moving_joints import moving_joints, shared_by_repetitions
 from edtk.inference.fit_common_noise import fit_common_noise
 from edtk.inference.fit_equilibrium import LinearisedData
@@ -10,12 +12,29 @@ from edtk.inference.fit_equilibrium import LinearisedData
 if TYPE_CHECKING:
     from edtk.calibration.fitted_data import FittedData
 
+ROUNDS = 4  # of finding outliers; two are the rule
+
 
 def with_common_noise(fitted: "FittedData") -> "FittedData":
-    """The same with the noise that repetitions or visits share, where no fault explains it."""
-    data = fitted.data
-    if data.tracker is not None or fitted.fit.robust:
+    """The same with the noise that repetitions or visits share, where no fault explains it.
+
+    Outliers are told by the noise, and the noise by rows that are none: each is found anew with the
+    other one until they agree.
+    """
+    if fitted.data.tracker is not None or fitted.fit.robust:
         return fitted  # the study says what visits share
+    known = fitted
+    for _ in range(ROUNDS):
+        found = _with_noise_of(known)
+        if np.array_equal(found.fit.outliers, known.fit.outliers):
+            return found
+        known = replace(fitted, fit=replace(fitted.fit, outliers=found.fit.outliers))
+    return found
+
+
+def _with_noise_of(fitted: "FittedData") -> "FittedData":
+    """The same with shared noise as rows have it that are no outliers so far."""
+    data = fitted.data
     found = fitted.noise_estimate
     test = fitted.lack_of_fit
     shared = (test is not None and test.seen) or (found is not None and found.moves)

@@ -10,8 +10,9 @@ from edtk.inference.find_outliers import find_outliers
 from edtk.inference.fit_huber import fit_huber
 from edtk.inference.identification import MAD_EFFICIENCY, Identification
 from edtk.inference.least_squares import Whitened
+from edtk.inference.own_outliers import own_outliers
 from edtk.inference.whiten import RowNoise
-from edtk.system.typing import Array
+from edtk.system.typing import Array, Indices
 
 # Degrees of freedom of a robust covariance, as a share of those of least squares with sigma
 # estimated; 0.71 to 0.82 were simulated.
@@ -111,7 +112,7 @@ def identify(
         return _robust(fit, data)
     z = _without_rounding(data.in_sigma(fit.residual), data.y)
     outliers = find_outliers(*data.whitened.deletable(z), data.dof, total=float((z**2).sum()))
-    return replace(fit, outliers=outliers, too_few_for_robust=too_few)
+    return replace(fit, outliers=data.own(outliers), too_few_for_robust=too_few)
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,6 +144,13 @@ class _Data:
     def in_sigma(self, lengths: Array) -> Array:
         """Deflections or residuals (m, rows) in units of the noise."""
         return self.whitened.in_sigma(lengths)
+
+    def own(self, outliers: Indices) -> Indices:
+        """The outliers without rows that only hang together with one."""
+        noise = self.whitened.correlated
+        if noise is None:
+            return outliers
+        return own_outliers(self.A, self.measured, noise, self.parameters, outliers)
 
     def nothing_left(self, reason: NothingLeft) -> NothingLeftError:
         """The error for a noise that cannot be estimated."""
@@ -210,6 +218,7 @@ def _robust(fit: Identification, data: _Data) -> Identification:
     z = data.in_sigma(residual)
     trusted = 1.0 if fit.known else found.scale
     scale_dof = np.inf if fit.known else MAD_EFFICIENCY * fit.dof
+    outliers = find_outliers(*whitened.deletable(_without_rounding(z, y)), scale_dof, trusted)
     return replace(
         fit,
         k=bounded,
@@ -223,7 +232,7 @@ def _robust(fit: Identification, data: _Data) -> Identification:
         scale=found.scale,
         robust=True,
         covariance_dof=HUBER_CERTAINTY * fit.dof,
-        outliers=find_outliers(*whitened.deletable(_without_rounding(z, y)), scale_dof, trusted),
+        outliers=data.own(outliers),
     )
 
 

@@ -113,6 +113,21 @@ def test_poses_with_rotations(tmp_path):
     assert found.noise_estimate.tracker == pytest.approx(1.0, rel=0.25)
 
 
+@pytest.mark.parametrize("off", [0.3, 1.0])
+def test_an_outlier_has_no_part_in_the_noise(tmp_path, off):
+    """Beside joints that do not return it is the one row that is named, and noise is as without."""
+    path = tmp_path / "sheet.csv"
+    table = sheet(path, visited(poses=8, visits=2), joints=JOINTS)
+    table.loc[5, "dy_mm"] += off
+    table.to_csv(path, index=False)
+    found = calibrate(STUDY, path)
+    assert found.fit.outliers.tolist() == [5]
+    assert found.fitted.common_noise
+    assert found.noise.joints == pytest.approx(DEGREES, rel=0.3)
+    assert found.noise.tracker == pytest.approx(1.0, rel=0.2)
+    assert Kind.NOISE_ABOVE_SIGMA not in kinds(found)
+
+
 @pytest.mark.parametrize("wild", [1e3, 1e9])
 def test_one_wild_number(tmp_path, wild):
     """With a reading that is far off there is an answer all the same, and the verdict is bad."""

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from edtk.calibration.causes.cause import OUTLIER, POSE, PRIOR, Cause
-from edtk.calibration.causes.found_causes import FoundCauses
+from edtk.calibration.causes.found_causes import FoundCauses, most_outliers
 from edtk.calibration.causes.plain_fit import PlainFit
 from edtk.calibration.causes.rank_faults import COMMON, LEVEL, likely_faults, rank_faults
 from edtk.calibration.causes.times_to_tell import times_to_tell
@@ -24,7 +24,6 @@ MOST = 2  # causes that are named
 NO_FAULTS = (COMMON, OUTLIER, PRIOR)  # of the day; they keep others from being blamed
 NEAR = 6.0  # score within which a second cause is as likely as the best, to a person
 CLEARLY_OFF = 6.0  # size of an outlier, in sigma, that larger noise does not make
-MOST_OFF = 10  # one of so many rows may be an outlier, and one in any case
 WITHIN_REACH = 20.0  # score that a pose gains at most where a joint value explains it
 
 
@@ -59,7 +58,7 @@ def find_causes(
     told = prior if prior is not None and len(prior) else None
     rows = np.arange(len(data))
     first = FoundCauses()
-    for turn in range(1 + max(1, len(data) // MOST_OFF)):
+    for turn in range(1 + most_outliers(len(data))):
         try:
             plain = PlainFit.of(model, data[rows], measured[rows], known or {}, told)
         except SingularPlanError:

@@ -5,6 +5,8 @@ from dataclasses import dataclass, replace
 from edtk.calibration.causes.cause import Cause
 from edtk.system.typing import Indices
 
+MOST_OFF = 10  # one of so many rows may be an outlier, and one in any case
+
 
 @dataclass(frozen=True)
 class FoundCauses:
@@ -23,6 +25,11 @@ class FoundCauses:
         """The same of measurements of which these were some: their row i is `rows[i]` there."""
         named = tuple(replace(one, rows=_numbers(one.rows, rows)) for one in self.named)
         return FoundCauses(named, _numbers(self.outliers, rows))
+
+
+def most_outliers(rows: int) -> int:
+    """How many of so many rows may be off by themselves; of more, none is the odd one."""
+    return max(1, rows // MOST_OFF)
 
 
 def _numbers(found: tuple[int, ...], rows: Indices) -> tuple[int, ...]:
