@@ -3,6 +3,7 @@
 import numpy as np
 
 from edtk.calibration.diagnostics.diagnostic import Severity
+from edtk.calibration.geometry.fit_rows import FitRows
 from edtk.calibration.geometry.geometric_doubt import GeometricDoubt, rows_in_words
 from edtk.calibration.geometry.moved_frame import moved_frame
 from edtk.calibration.geometry.study_geometry import StudyGeometry
@@ -19,6 +20,7 @@ FEW = 2.5  # coordinates a parameter, below which poses are few
 ROUGH = 0.02  # of the spread of positions that the fit leaves: the drawing is of another robot
 ROUGH_DEG = 1.0  # orientations that the fit leaves
 SAME = 1e-6  # [rad or m] a joint that moves less stands still
+MOSTLY = 0.7  # of the squares that are left
 NOISY = 5.0  # times the stated noise
 RARE = 5e-3  # of sound days leave as few coordinates inside their bands as make a doubt
 HELD = 0.75  # of the coordinates: below it bands are no bands
@@ -33,7 +35,7 @@ def fit_doubts(fit: GeometricFit, setting: StudyGeometry) -> list[GeometricDoubt
         *_open(fit),
         *_few(fit),
         *_outliers(fit),
-        *_moved(fit),
+        *_moved(fit, setting),
         *_bent(fit, setting),
         *_loaded(fit, setting),
         *_springs(fit, setting),
@@ -152,9 +154,9 @@ def _outside(fit: GeometricFit, named: bool) -> list[GeometricDoubt]:
     return [GeometricDoubt(severity, "outside", text)]
 
 
-def _moved(fit: GeometricFit) -> list[GeometricDoubt]:
+def _moved(fit: GeometricFit, setting: StudyGeometry) -> list[GeometricDoubt]:
     """The frame of the instrument moved between two poses."""
-    moved = moved_frame(fit)
+    moved = moved_frame(fit, setting.taken_as_drawn)
     if moved is None:
         return []
     rows = fit.data.rows_of_pose(moved.first)
@@ -269,7 +271,23 @@ def _noise(fit: GeometricFit, setting: StudyGeometry) -> list[GeometricDoubt]:
         text = (
             f"the model leaves {MM * fit.rms:.2g} mm, many times the noise: as if joints erred by "
             f"{up_to}{joints:.2g} mrad and positions by {noise.model_white:.2g} mm in each pose; "
-            "bands include it"
+            f"bands include it{_as_drawn(fit, setting)}"
         )
         found.append(GeometricDoubt(Severity.NOTE, "discrepancy", text))
     return found
+
+
+def _as_drawn(fit: GeometricFit, setting: StudyGeometry) -> str:
+    """How much of what is left the geometry explains that nobody asked for, in words."""
+    others = setting.taken_as_drawn
+    if not others:
+        return ""
+    rows = FitRows.of(fit).beside(others)
+    basis = rows.design.reshape(rows.residual.size, -1)
+    explained = float(((basis.T @ rows.residual.ravel()) ** 2).sum() / (rows.residual**2).sum())
+    if explained < MOSTLY or rows.dof(0) < basis.shape[1]:
+        return ""
+    return (
+        f". Errors of the drawing that the study does not ask for explain {100 * explained:.0f} % "
+        'of it; see parameters.geometry = "all"'
+    )

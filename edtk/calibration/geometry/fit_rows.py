@@ -1,5 +1,6 @@
 """Residuals and columns of the positions of a fit, to try what else would explain them."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,7 +12,10 @@ from edtk.inference.geometry.position_noise import (
     fit_model_error,
     only_seen,
 )
+from edtk.model.geometry.geometric_parameter import GeometricParameter
 from edtk.system.typing import Array
+
+DEPENDENT = 1e-8  # singular value of columns of unit length, beside the largest, that is rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +53,32 @@ class FitRows:
             of_positions(seen.by_joints, means),
             replace(fit.fitted.noise, turn=None, model_turn=0.0),
         )
+
+    def beside(self, others: Sequence[GeometricParameter]) -> "FitRows":
+        """The same, as if other parameters were fitted too: noise and columns are beside theirs.
+
+        Columns are orthonormal then, and as many as the parameters that the poses tell apart.
+
+        Args:
+            others: Parameters that are none of the fit; without any, nothing changes.
+        """
+        if not others:
+            return self
+        fitted = self.fit.fitted
+        means = self.fit.data.means
+        every = fitted.model.with_parameters((*fitted.model.parameters, *others))
+        theta = np.concatenate([fitted.theta, np.zeros(len(others))])
+        jacobian = every.see(theta, means.q).jacobian
+        assert jacobian is not None
+        columns = MM * of_positions(jacobian * every.scales, means)[..., fitted.model.p :]
+        whole = np.concatenate([self.design, columns], axis=-1).reshape(-1, every.p)
+        length = np.linalg.norm(whole, axis=0)
+        unit = whole / np.where(length > 0, length, 1.0)
+        U, sizes, _ = np.linalg.svd(unit, full_matrices=False)
+        basis = U[:, sizes > DEPENDENT * sizes[0]]
+        design = basis.reshape(*self.design.shape[:2], -1)
+        without = replace(self, design=design[..., :0])
+        return replace(self, design=design, noise=without.noise_beside(design))
 
     def dof(self, others: int) -> int:
         """Coordinates that neither the fit nor so many other columns take."""

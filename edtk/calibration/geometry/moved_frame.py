@@ -1,6 +1,6 @@
 """Whether the frame of the instrument moved between two poses, by the residuals of a fit."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +9,7 @@ from edtk.calibration.geometry.fit_rows import FitRows, of_positions
 from edtk.inference.geometry.geometric_fit import MM, GeometricFit
 from edtk.inference.geometry.position_noise import PositionNoise
 from edtk.model.geometry.all_parameters import all_parameters
+from edtk.model.geometry.geometric_parameter import GeometricParameter
 from edtk.system.typing import Array
 
 FEWEST = 2  # poses before, after and between
@@ -40,7 +41,7 @@ class MovedFrame:
     explained: float
 
 
-def moved_frame(fit: GeometricFit) -> MovedFrame | None:
+def moved_frame(fit: GeometricFit, others: Sequence[GeometricParameter] = ()) -> MovedFrame | None:
     """Try a rigid motion of the frame between any two poses, and test the best.
 
     The motion has six parameters, whose columns B count from pose s to pose t. With residuals z of
@@ -56,8 +57,10 @@ def moved_frame(fit: GeometricFit) -> MovedFrame | None:
 
     Args:
         fit: Of a sheet whose poses are in the order in which they were measured.
+        others: Errors of the drawing that were not asked for. What they explain is no motion: they
+            are fitted beside it.
     """
-    day = _Day.of(fit)
+    day = _Day.of(fit, others)
     found = [*(_best(day, white) for white in (False, True)), _beside_noise(day)]
     told = [one for one in found if one is not None]
     return max(told, key=lambda one: one.explained, default=None)
@@ -188,14 +191,14 @@ class _Day:
     moved: Array
 
     @classmethod
-    def of(cls, fit: GeometricFit) -> "_Day":
-        """Of a fit."""
+    def of(cls, fit: GeometricFit, others: Sequence[GeometricParameter] = ()) -> "_Day":
+        """Of a fit, beside parameters that are none of it."""
         model = fit.fitted.model
         means = fit.data.means
         base = model.with_parameters(all_parameters(model.robot, model.markers, [], tool=False))
         of_base = base.see(np.zeros(6), means.q).jacobian
         assert of_base is not None
-        return cls(FitRows.of(fit), MM * of_positions(of_base * base.scales, means))
+        return cls(FitRows.of(fit).beside(others), MM * of_positions(of_base * base.scales, means))
 
     def __len__(self) -> int:
         return len(self.moved)

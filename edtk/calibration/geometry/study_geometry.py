@@ -12,6 +12,7 @@ from edtk.model.elastostatic_model import ElastostaticModel
 from edtk.model.frames import Frames
 from edtk.model.geometry.all_parameters import all_parameters
 from edtk.model.geometry.geometric_model import GeometricModel
+from edtk.model.geometry.geometric_parameter import GeometricParameter
 from edtk.study.study import Study
 from edtk.study.study_model import is_reference, marker_names, on_robot, own_weights
 from edtk.system.typing import Array
@@ -78,6 +79,13 @@ class StudyGeometry:
         places = np.array([offsets.get(name, np.zeros(3)) for name in self.markers])
         rows: Literal["position", "pose"] = "pose" if self.full_poses else "position"
         return GeometricModel(study.robot, places, self.markers, parameters, rows=rows)
+
+    @property
+    def taken_as_drawn(self) -> tuple[GeometricParameter, ...]:
+        """Errors of the drawing that the study does not ask for, and that a robot may have."""
+        asked = {one.name for one in self.model.parameters}
+        every = all_parameters(self.study.robot, self.markers, pose=self.full_poses)
+        return tuple(one for one in every if one.name not in asked)
 
     @property
     def noise(self) -> PositionNoise:

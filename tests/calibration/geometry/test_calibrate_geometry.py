@@ -479,3 +479,17 @@ def test_poses_beyond_limits_are_named(study: Path, tmp_path: Path) -> None:
     assert edtk.predict(study, found, poses).doubts == ("row 2: beyond the joints' limits",)
     with pytest.raises(edtk.UserError, match="row 2: q2 of the pose is beyond the joint's limits"):
         edtk.compensate(study, found, poses)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_geometry_that_nobody_asked_for_is_no_moved_frame(seed: int, tmp_path: Path) -> None:
+    """Where zeros alone are fitted the drawing is at fault, and a motion is still found."""
+    study = STUDY.replace(parameters={"geometry": ["zeros"]})
+    q, x = truth(30, seed)
+    found = edtk.identify(study, by_pose(tmp_path / "sheet.csv", q, x))
+    (doubt,) = found.doubts
+    assert doubt.kind == "discrepancy"
+    assert "the study does not ask for explain" in doubt.text
+    x[18:] += [2.0, 1.0, 0.0]
+    found = edtk.identify(study, by_pose(tmp_path / "sheet.csv", q, x))
+    assert {doubt.kind: doubt.rows for doubt in found.doubts}["frame_moved"] == (18,)
