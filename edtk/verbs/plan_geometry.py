@@ -9,6 +9,7 @@ from edtk.calibration.geometry_design.detect_in_visits import (
     detect_in_visits,
     sized_visit_faults,
 )
+from edtk.calibration.geometry_design.geometry_designs import GeometryDesigns
 from edtk.calibration.geometry_design.plan_geometry import plan_geometry as plan_of_study
 from edtk.study.run_options import Progress, RunOptions
 from edtk.study.study import Study
@@ -72,7 +73,10 @@ def plan_geometry(
             options=RunOptions(seed=seed, progress=progress),
         )
     detections, separations = detect_in_visits(found.question, found.whole, faults)
-    found = replace(found, detections=detections, separations=separations)
+    warnings = found.warnings
+    if found.relaxed.criterion.needs_target:
+        warnings += GeometryDesigns(asked, found.question).around(found.whole)
+    found = replace(found, detections=detections, separations=separations, warnings=warnings)
     files.write(lambda: found.whole.to_frame(question.robot), lambda: _proof(asked, found))
     return found
 

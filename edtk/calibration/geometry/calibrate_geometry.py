@@ -23,6 +23,7 @@ from edtk.calibration.geometry.gross_doubts import gross_doubts
 from edtk.calibration.geometry.gross_errors import GrossErrors, gross_errors
 from edtk.calibration.geometry.reference_points import reference_points
 from edtk.calibration.geometry.study_geometry import StudyGeometry
+from edtk.calibration.geometry.turn_reading import EXPECTED, turn_reading
 from edtk.calibration.geometry.with_standing import with_standing
 from edtk.calibration.geometry.without_beyond_reach import without_beyond_reach
 from edtk.calibration.origin import Origin
@@ -77,6 +78,9 @@ def calibrate_geometry(
     asked = (*named.markers, *named.references) if study.specification.marker else ()
     turned = named.markers if named.full_poses else ()
     every = read_positions(path, study.robot, study.fixed, asked, turned=turned)
+    reading = "" if as_is else turn_reading(path, study.robot, every)
+    if reading:
+        raise UserError(f"the robot fits if {reading}; expected {EXPECTED}", where=path)
     setting, every, standing = with_standing(StudyGeometry.of(study, every.markers), every)
     sound = _sound(setting, every, path, as_is)
     setting = replace(setting, markers=sound.data.markers)

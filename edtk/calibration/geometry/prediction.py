@@ -10,6 +10,7 @@ import numpy as np
 from edtk.calibration.geometry.prediction_doubts import prediction_doubts
 from edtk.calibration.geometry.read_geometry import read_geometry
 from edtk.calibration.geometry.tool_from_rows import tool_from_rows
+from edtk.calibration.geometry.turn_reading import EXPECTED, turn_reading
 from edtk.inference.geometry.fitted_geometry import Predicted
 from edtk.inference.geometry.marker_positions import MarkerPositions
 from edtk.inference.geometry.read_positions import read_positions
@@ -212,6 +213,9 @@ def predict_positions(
     )
     beyond = _beyond(study.robot, data)
     data = counting.of(setting.split(_without_lost(data))[0])
+    reading = turn_reading(poses, study.robot, data)
+    if reading:
+        raise UserError(f"the robot fits if {reading}; expected {EXPECTED}", where=poses)
     wanted: Mask = np.greater_equal(data.row, 0)
     tests = data.seen.copy()
     if tool_rows:

@@ -3,6 +3,7 @@
 import numpy as np
 
 import criteria
+from edtk.calibration.geometry_design.geometry_designs import GeometryDesigns
 from edtk.calibration.geometry_design.geometry_evaluation import GeometryEvaluation
 from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
 from edtk.calibration.geometry_design.poses_by_load import PosesByLoad
@@ -55,7 +56,7 @@ def evaluate_geometry(study: Study, plan: Plan) -> GeometryEvaluation:
         open=told.words,
         rho0=_rho0(question, told, cov),
         skipped=skipped,
-        warnings=study.warnings,
+        warnings=study.warnings + GeometryDesigns(study, question).warnings(plan),
     )
 
 

@@ -12,6 +12,7 @@ from edtk.calibration.geometry_design.geometry_space import GeometrySpace
 from edtk.calibration.geometry_design.marker_task import MarkerTask, marker_tasks
 from edtk.calibration.geometry_design.plan_geometry import SEARCHES, plan_geometry
 from edtk.calibration.geometry_design.plan_geometry import TOLERANCE as OF_PLANS
+from edtk.calibration.geometry_design.poor_around import poor_around
 from edtk.calibration.geometry_design.told_by_plan import ToldByPlan
 from edtk.calibration.geometry_design.visit_search import STARTS, VisitSearch
 from edtk.design.exact.exact_plan import ExactPlan
@@ -170,8 +171,15 @@ class GeometryDesigns(Designs):
         return task_accuracy(self.tasks, cov)
 
     def warnings(self, plan: Plan) -> tuple[str, ...]:
-        """What is hard to believe in a plan: of geometry there is no rule for that."""
-        return ()
+        """Whether a plan for the test poses is poor around them."""
+        if not criteria.get(self.study.main_criterion).needs_target:
+            return ()
+        return self.around(plan)
+
+    def around(self, plan: Plan) -> tuple[str, ...]:
+        """The same of a plan for any criterion; nothing where nothing tells these errors."""
+        expected = self.expected(plan)
+        return () if expected is None else poor_around(expected)
 
     @cached_property
     def _is_told(self) -> bool:

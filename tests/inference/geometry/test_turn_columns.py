@@ -117,11 +117,11 @@ def test_rows_of_a_marker_each_may_have_orientations(tmp_path: Path) -> None:
 
 
 def test_orientations_written_in_another_way_are_an_alarm(tmp_path: Path) -> None:
-    """Radians for degrees leave orientations that no tool has; so few poses leave next to nothing
-    to tell variances from, which was a traceback.
+    """Radians that are taken for degrees leave orientations that no tool has; so few poses leave
+    next to nothing to tell variances from, which was a traceback.
     """
     q, x, turns = measured(7)
     path = sheet(tmp_path / "day.csv", [*NAMES, *POSITION, *VECTOR], q, x, turns.as_rotvec())
-    found = edtk.identify(FULL, path)
+    found = edtk.identify(FULL, path, as_is=True)
     assert found.verdict == "bad"
     assert found.doubts[0].kind == "rough_turns"
