@@ -130,8 +130,11 @@ class GeometryDesigns(Designs):
 
     def _within_budget(self, relaxed: RelaxedPlan, case: Case) -> ExactPlan:
         """The same, where a day pays for some loads alone."""
+        costs = self.study.specification.costs
+        budget = None if costs is None else costs.budget
         try:
-            found = plan_geometry(self.study, case.size, case.optimised)
+            # Given here, a budget that pays for too little is an error of this call.
+            found = plan_geometry(self.study, case.size, case.optimised, cost_budget=budget)
         except ArgumentError as error:
             raise NoPlanError(error.message) from error
         return ExactPlan(
