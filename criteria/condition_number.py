@@ -32,6 +32,7 @@ class ConditionNumber(KinkedCriterion, Relaxable):
     degree = 0.0
     expression_power = 2.0
     convex = False
+    of_spectrum = True
     monotone = False
 
     def formulation(

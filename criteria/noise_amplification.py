@@ -38,6 +38,7 @@ class NoiseAmplification(KinkedCriterion, Relaxable):
     sense = "max"
     degree = 0.5
     convex = False
+    of_spectrum = True
     monotone = False
     most_subproblems = 60  # a handful of lines is the rule; the limit only ends bad cases
 

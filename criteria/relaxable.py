@@ -24,6 +24,8 @@ class Relaxable(Criterion):
     Attributes:
         expression_power: The program's objective is ``cost**expression_power``.
         has_logarithm: Whether `log_information` is there.
+        of_spectrum: Whether it is a function of the eigenvalues of M, some of which are small: it
+            is then computed in parameters of which these are nearly the lengths.
         most_subproblems: How many convex programs may be solved one after another. One, unless the
             criterion is the least of a family of which `subproblem` names the members; then the
             multipliers of several members prove the bound together.
@@ -33,6 +35,7 @@ class Relaxable(Criterion):
     expression_power: float = 1.0
     most_subproblems: int = 1
     has_logarithm: bool = False
+    of_spectrum: bool = False
 
     @abstractmethod
     def formulation(

@@ -39,6 +39,7 @@ class SpectralBalance(Relaxable):
     sense = "min"
     degree = 1.0
     convex = False
+    of_spectrum = True
     smooth = False
 
     def __init__(self, a: float, b: float) -> None:

@@ -11,6 +11,7 @@ from criteria.curvature import Curvature
 from criteria.determinant_criterion import DeterminantCriterion
 from criteria.linalg.inverse import lowered_root, whitener
 from criteria.linalg.is_semidefinite import is_semidefinite
+from criteria.linalg.orthogonal_columns import have_orthogonal_columns
 from criteria.linalg.typing import Array
 from criteria.relaxable import Formulation, Relaxable
 from criteria.spectral_band import SpectralBand
@@ -261,6 +262,11 @@ def transformed(base: Criterion, T: Array) -> Transformed | None:
     """
     if not isinstance(base, Relaxable) or not base.needs_all:
         return None
+    if base.of_spectrum and have_orthogonal_columns(T):
+        # With ``T = U diag(s)`` and U orthogonal ``T'M T`` and ``diag(s) U'M U diag(s)`` are the
+        # same, and U does not matter. Products with a diagonal matrix keep the digits of all
+        # entries, be they large or small.
+        T = np.diag(np.linalg.norm(T, axis=0))
     if isinstance(base, DeterminantCriterion):
         return TransformedDeterminant(base, T)
     if isinstance(base, CovarianceCriterion):

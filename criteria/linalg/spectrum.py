@@ -4,13 +4,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from criteria.linalg.graded_parts import ROUNDING, graded_parts
 from criteria.linalg.typing import Array
 
 if TYPE_CHECKING:
     import cvxpy as cp
 
-# Eigenvalues of a (p, p) matrix of size one are known to a small multiple of p eps.
-ROUNDING = 16 * np.finfo(float).eps
+# Ratio of the roots of diagonal entries from which on a matrix is graded: the square of it is lost
+# in its eigenvalues.
+GRADED = 1e3
 
 
 def conjugate(V: Array, d: Array) -> Array:
@@ -31,6 +33,9 @@ def definite_parts(Z: Array) -> Array:
     raised, by what rounding may have changed. So a bound on ``trace(Z+)/trace(Z-)`` is lowered by
     the part ``16 p eps`` times itself. Only a Z that is positive semidefinite after scaling to a
     unit diagonal has no negative part.
+
+    Where the entries of Z are graded, and the negative part is beside its small ones, the parts are
+    not those of the eigenvalues, but of `graded_parts`.
     """
     z = np.linalg.eigvalsh(Z)
     p = z.shape[-1]
@@ -44,7 +49,13 @@ def definite_parts(Z: Array) -> Array:
     is_semidefinite = least >= -ROUNDING * p
     above = np.maximum(positive - lost, 0.0)
     below = np.where(is_semidefinite, 0.0, negative + lost)
-    return np.stack([above, below])
+    parts = np.stack([above, below])
+    graded = ~is_semidefinite & (d.max(axis=-1) > GRADED * d.min(axis=-1))
+    for i in np.argwhere(graded):
+        found = graded_parts(Z[tuple(i)])
+        if found is not None and found[1] < parts[(1, *i)]:
+            parts[(slice(None), *i)] = found
+    return parts
 
 
 def bounded_below(M: "cp.Expression", T: Array) -> "cp.Constraint":

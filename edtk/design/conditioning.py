@@ -7,6 +7,7 @@ import numpy as np
 
 from criteria.linalg.inverse import ROUNDING
 from criteria.linalg.null_space import directions_in_words
+from criteria.linalg.orthogonal_columns import orthogonal_columns
 from edtk.design.triangular_factor import triangular_factor
 from edtk.system.typing import Array, Mask
 
@@ -91,11 +92,13 @@ class Conditioning:
     def whitener(self) -> Array:
         """T (p, p) with ``k = T k'``, where candidates tell each k' as well as any other.
 
-        The last digits of T do not matter: whatever T is, the parameters k' are those of T. Open
-        directions keep a column of length one at the columns' scale.
+        The last digits of T do not matter: whatever T is, the parameters k' are those of T. Its
+        columns are orthogonal, as criteria of eigenvalues need it. Open directions keep a column of
+        length one at the columns' scale.
         """
         s = np.where(self.is_open, 1.0, self.s)
-        return self.V / s / self.scale[:, None]
+        T = self.V / s / self.scale[:, None]
+        return T if self.is_open.any() else orthogonal_columns(T)
 
     def directions(self, parameters: tuple[str, ...]) -> tuple[str, ...]:
         """Words for each open direction, such as "k4" or "k2 - 0.5 k3"."""

@@ -12,7 +12,7 @@ from edtk.design.relaxation.active_information import ActiveInformation
 from edtk.design.relaxation.conic_equations import ConicSolve, conic_equations
 from edtk.design.relaxation.definite_duals import definite_duals
 from edtk.design.relaxation.scaling import Scaling
-from edtk.design.relaxation.step_length import step_length
+from edtk.design.relaxation.spectral_direction import SpectralDirection
 from edtk.system.typing import Array
 
 STEPS = 40
@@ -24,6 +24,7 @@ SPREAD = 0.5  # part of the first weights that is spread over all candidates
 # Part of a point well inside that a start from an earlier answer keeps: that answer may be exact,
 # and lies on the boundary then.
 INWARD = 1e-10
+LIFT = 1e-9  # part of itself by which a multiplier is lifted if its parts could not be told apart
 
 
 def spectral_weights(
@@ -33,30 +34,31 @@ def spectral_weights(
     accuracy: float,
     near: Array | None = None,
 ) -> tuple[Array, Array]:
-    """Minimise ``b sum(w) + a kappa`` over ``w >= 0`` with ``F <= M(w) <= kappa C``.
+    """Minimise ``b sum(w) + a kappa`` over ``w >= 0`` with ``F <= M(w), R'M(w) R <= kappa I``.
 
     This is a semidefinite program, solved by a primal-dual interior point method in the directions
     of Nesterov and Todd, with Mehrotra's predictor and corrector (Todd, Toh and Tutuncu, SIAM J.
     Optim. 8, 1998). Y and Z, both positive semidefinite, are the duals of the two inequalities:
-    ``<Y - Z, M_i> + v_i = b`` with slacks v, and ``<Z, C> = a``. In the parameters in which an
-    inequality and its dual are the same diagonal matrix, the equations of a step have the form of
-    those of D-optimality.
+    ``<Y - R Z R', M_i> + v_i = b`` with slacks v, and ``trace(Z) = a``. In the parameters in which
+    an inequality and its dual are the same diagonal matrix, the equations of a step have the form
+    of those of D-optimality.
 
     Args:
-        band: The numbers a and b, and the matrices F and C.
+        band: The numbers a and b, and the matrices F and R.
         active: Information of the candidates (k).
         start: Weights (k,) to start near.
         accuracy: Relative gap at which to end.
         near: The multiplier (p, p) of a like program, of which the weights to start near are.
 
     Returns:
-        Weights (k,), positive, of sum one, and the multiplier ``Y - Z`` (p, p).
+        Weights (k,), positive, of sum one, and the multiplier ``Y - R Z R'`` (p, p).
 
     Raises:
         LinAlgError: The first weights leave a direction open.
     """
     T = whitener(active.information(start))
-    point = _Point.first(band.transformed(T), active, T, start)
+    band = band.transformed(T)
+    point = _Point.first(band, active, T, start)
     if near is not None:
         point = point.towards(start, near)
     best = point
@@ -69,29 +71,12 @@ def spectral_weights(
         except np.linalg.LinAlgError:
             # Where matrices are singular to rounding, the answer is as good as it can be.
             break
-    return best.w / best.w.sum(), T @ best.multiplier @ T.T
-
-
-@dataclass(frozen=True, eq=False)
-class _Direction:
-    """Changes of a point: weights, kappa, slacks, and the inequalities (c, p, p) and their duals.
-
-    The latter are in the scaled parameters.
-    """
-
-    w: Array
-    kappa: float
-    v: Array
-    X: Array
-    S: Array
-
-    def lengths(self, point: "_Point") -> tuple[float, float]:
-        """How far primal and dual may go."""
-        primal, dual = point.scaling.lengths(self.X, self.S, TOWARDS_BOUNDARY)
-        return (
-            min(step_length(point.w, self.w, TOWARDS_BOUNDARY), primal),
-            min(step_length(point.v, self.v, TOWARDS_BOUNDARY), dual),
-        )
+    Z = best.multiplier
+    if band.is_graded:
+        # A proof takes both parts from the multiplier. The small one is far below the rounding of
+        # the other; lifted by more than that, what is left for it is clear.
+        Z = Z + LIFT * np.linalg.norm(Z, 2) * np.eye(len(Z))
+    return best.w / best.w.sum(), T @ Z @ T.T
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +90,7 @@ class _Point:
         w: Weights (k,).
         kappa: The upper bound.
         v: Dual slacks (k,).
-        duals: Y, and Z where there is an upper bound (c, p, p).
+        duals: Y, and Z where there is an upper bound (c, p, p); Z is in the parameters of R.
     """
 
     band: SpectralBand
@@ -125,11 +110,11 @@ class _Point:
         M = T.T @ active.information(w) @ T
         S = whitener(M)
         size = INSIDE * float(np.linalg.eigvalsh(S.T @ band.floor @ S)[-1])
-        C = whitener(band.ceiling)
-        kappa = INSIDE * size * float(np.linalg.eigvalsh(C.T @ M @ C)[-1])
+        R = band.cap
+        kappa = INSIDE * size * float(np.linalg.eigvalsh(R.T @ M @ R)[-1])
         Y = S @ S.T
-        Z = band.a / len(T) * (C @ C.T)
-        allowed = band.b + active.sensitivities(T @ Z @ T.T)
+        Z = band.a / len(T) * np.eye(len(T))
+        allowed = band.b + active.sensitivities(T @ R @ Z @ R.T @ T.T)
         used = active.sensitivities(T @ Y @ T.T)
         Y *= (allowed / np.maximum(used, np.finfo(float).tiny)).min() / INSIDE
         v = allowed - active.sensitivities(T @ Y @ T.T)
@@ -147,14 +132,17 @@ class _Point:
             near: Its multiplier (p, p).
         """
         band = self.band
+        R = band.cap
+        if band.is_graded:
+            return self
         size = float(np.linalg.eigvalsh(band.floor)[-1])
-        C = whitener(band.ceiling)
-        kappa = size * float(np.linalg.eigvalsh(C.T @ C)[-1])
+        kappa = size * float(np.linalg.eigvalsh(R.T @ R)[-1])
         S = np.linalg.inv(self.T)
-        duals = definite_duals(band, C, S @ near @ S.T)
+        duals = definite_duals(band, S @ near @ S.T)
         allowed = np.full(len(start), band.b)
         if band.a:
-            allowed = allowed + self.active.sensitivities(self.T @ duals[1] @ self.T.T)
+            Z = R @ duals[1] @ R.T
+            allowed = allowed + self.active.sensitivities(self.T @ Z @ self.T.T)
         used = self.active.sensitivities(self.T @ duals[0] @ self.T.T)
         if not used.max() > 0:
             return self
@@ -178,10 +166,13 @@ class _Point:
 
     @cached_property
     def inequalities(self) -> Array:
-        """``M - F``, and ``kappa C - M`` where there is an upper bound (c, p, p)."""
+        """``M - F``, and ``kappa I - R'M R`` where there is an upper bound (c, p, p)."""
         M = self.T.T @ self.active.information(self.w) @ self.T
         lower = M - self.band.floor
-        return np.stack([lower, self.kappa * self.band.ceiling - M]) if self.band.a else lower[None]
+        if not self.band.a:
+            return lower[None]
+        R = self.band.cap
+        return np.stack([lower, self.kappa * np.eye(len(R)) - R.T @ M @ R])
 
     @cached_property
     def scaling(self) -> Scaling:
@@ -200,14 +191,17 @@ class _Point:
 
     @property
     def multiplier(self) -> Array:
-        """``Y - Z`` (p, p)."""
-        return np.asarray(self.duals[0] - self.duals[1] if self.band.a else self.duals[0])
+        """``Y - R Z R'`` (p, p)."""
+        if not self.band.a:
+            return np.asarray(self.duals[0])
+        R = self.band.cap
+        return np.asarray(self.duals[0] - R @ self.duals[1] @ R.T)
 
     @cached_property
     def residuals(self) -> tuple[Array, float]:
-        """What is missing (k,) in ``<Y - Z, M_i> + v_i = b``, and in ``<Z, C> = a``."""
+        """What is missing (k,) in the equations of the slacks, and in ``trace(Z) = a``."""
         found = self.active.sensitivities(self.T @ self.multiplier @ self.T.T)
-        upper = self.band.a - np.vdot(self.duals[-1], self.band.ceiling) if self.band.a else 0.0
+        upper = self.band.a - np.trace(self.duals[-1]) if self.band.a else 0.0
         return self.band.b - found - self.v, float(upper)
 
     @cached_property
@@ -227,7 +221,7 @@ class _Point:
         """The next point."""
         equations = self._equations()
         predictor = equations.direction(0.0, np.zeros_like(self.w), np.zeros_like(self.duals))
-        primal, dual = predictor.lengths(self)
+        primal, dual = predictor.lengths(self.w, self.v, self.scaling, TOWARDS_BOUNDARY)
         reached = (self.w + primal * predictor.w) @ (self.v + dual * predictor.v)
         same = self.scaling.l[:, :, None] * np.eye(len(self.T))
         reached += np.vdot(same + primal * predictor.X, same + dual * predictor.S)
@@ -237,9 +231,9 @@ class _Point:
         lost = 0.5 * (lost + np.swapaxes(lost, 1, 2))
         return self._moved(equations.direction(target, predictor.w * predictor.v, lost))
 
-    def _moved(self, direction: _Direction) -> "_Point":
+    def _moved(self, direction: SpectralDirection) -> "_Point":
         """The point at the end of a step."""
-        primal, dual = direction.lengths(self)
+        primal, dual = direction.lengths(self.w, self.v, self.scaling, TOWARDS_BOUNDARY)
         H = self.scaling.H
         change = np.swapaxes(H, 1, 2) @ direction.S @ H
         duals = self.duals + 0.5 * dual * (change + np.swapaxes(change, 1, 2))
@@ -252,15 +246,15 @@ class _Point:
         """The equations of a step, factorized."""
         rows, columns = triangle(len(self.T))
         scale = np.where(rows == columns, 1.0, np.sqrt(2.0))
-        frames = self.T @ np.swapaxes(self.scaling.H, 1, 2)
-        lower = self.active.triangles(frames[0], scale)
+        H = self.scaling.H
+        lower = self.active.triangles(self.T @ H[0].T, scale)
         D = self.v / self.w
         if not self.band.a:
             return _Equations(self, lower, None, conic_equations(lower, D, None))
-        H = self.scaling.H[1]
-        ceiling = (H @ self.band.ceiling @ H.T)[rows, columns] * scale
+        ceiling = (H[1] @ H[1].T)[rows, columns] * scale
         last = np.concatenate([np.zeros(len(rows)), ceiling])
-        P = np.vstack([lower, self.active.triangles(frames[1], -scale)])
+        upper = self.active.triangles(self.T @ self.band.cap @ H[1].T, -scale)
+        P = np.vstack([lower, upper])
         return _Equations(self, P, last, conic_equations(P, D, last))
 
 
@@ -280,7 +274,7 @@ class _Equations:
     last: Array | None
     solve: ConicSolve
 
-    def direction(self, mu: float, lost: Array, lost_in_cones: Array) -> _Direction:
+    def direction(self, mu: float, lost: Array, lost_in_cones: Array) -> SpectralDirection:
         """The direction to the products mu, where the predictor leaves products out.
 
         Args:
@@ -301,4 +295,4 @@ class _Equations:
         both[..., rows, columns] = packed
         both[..., columns, rows] = packed
         dv = (products - point.v * dw) / point.w
-        return _Direction(dw, kappa, dv, both[0], both[1])
+        return SpectralDirection(dw, kappa, dv, both[0], both[1])

@@ -1,5 +1,6 @@
 """Models of nearly dependent parameters are solved like the same model in good parameters."""
 
+from dataclasses import replace
 from fractions import Fraction
 from functools import cache
 
@@ -280,3 +281,45 @@ def test_accuracy_is_told_where_it_shows():
         "numbers"
         not in relax(Problem(orthogonal("years")[:, None, :]), criteria.create("D")).headline()
     )
+
+
+def exact_extremes(case, r):
+    """The largest eigenvalue of the design and of its inverse, which rational arithmetic gave.
+
+    Both matrices are rounded once, entry by entry, which changes neither by more than p roundings.
+    """
+    M = exact_information(monomials(case), r.weights)
+    cov, _ = exact_inverse(M)
+    return [np.linalg.eigvalsh(np.array(A, dtype=float))[-1] for A in (M, cov)]
+
+
+@every_case
+@pytest.mark.parametrize("name", ["O2", "O4"])
+def test_condition_numbers_of_nearly_dependent_parameters(case, name):
+    """Criteria of both extreme eigenvalues are told, and proved, as well as the others.
+
+    Their ratio is up to 1e31 here, where eigenvalues of the information itself have no digit left.
+    """
+    r = solved(case, name)
+    high, low = exact_extremes(case, r)
+    exact = np.sqrt(high * low) if name == "O2" else np.sqrt(high) * low
+    assert r.cost == pytest.approx(exact, rel=2 * r.accuracy + 64 * EPS)
+    assert 0 <= r.gap <= GAP
+    problem = Problem(monomials(case)[:, None, :])
+    cost, bound = r.certify(problem)
+    assert cost == pytest.approx(r.cost, rel=1e-9)
+    assert bound == pytest.approx(r.proved_bound.cost, rel=1e-9)
+
+
+@pytest.mark.parametrize("case", ["cubic on [300, 310]", "degree 10 on [0, 1]"])
+@pytest.mark.parametrize("name", ["O2", "O4"])
+def test_no_weights_near_the_best_are_below_the_bound(case, name):
+    """The bound is no number beside the cost: weights all around the optimum obey it."""
+    r = solved(case, name)
+    problem = Problem(monomials(case)[:, None, :])
+    rng = np.random.default_rng(0)
+    for size in (1e-4, 1e-3, 1e-2, 0.1):
+        for _ in range(5):
+            weights = (1 - size) * r.weights + size * rng.dirichlet(np.full(101, 0.1))
+            other = replace(r, weights=weights / weights.sum())
+            assert other.certify(problem)[0] >= r.proved_bound.cost * (1 - r.accuracy)
