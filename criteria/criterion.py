@@ -241,6 +241,14 @@ class Criterion(ABC):
         """
         return guarded_inverse(M)
 
+    def strayed(self, M: Array) -> float:
+        """How much of what the criterion is about M (p, p) leaves open, though its cost is finite.
+
+        It is a rounding where M is as it should be. A search that is free to move what M tells may
+        find designs at which it is more, and whose cost is too low by about that part.
+        """
+        return 0.0
+
     def whitener(self, M: Array) -> Array:
         """T (p, r) with ``T' M T = I``, which brings the parts of M that count to order one."""
         return range_whitener(M)

@@ -13,7 +13,7 @@ from criteria.criterion_error import CriterionError
 from criteria.curvature import Curvature
 from criteria.determinant_criterion import DeterminantCriterion
 from criteria.linalg.combination import combination, combination_names
-from criteria.linalg.estimable import estimable_inverse, open_columns
+from criteria.linalg.estimable import estimable_inverse, open_columns, strayed_part
 from criteria.linalg.inverse import scaled_inverse, whitener
 from criteria.linalg.is_semidefinite import is_semidefinite
 from criteria.linalg.null_space import open_directions
@@ -155,6 +155,10 @@ class Interest(Relaxable):
         """``T = G K F`` (p, s) with ``F' V F = I`` for ``V = K'G K``: ``T' M T = I``."""
         _, cov, _ = self.inverse(M)
         return self.side(cov) @ whitener(self.variance(cov))
+
+    def strayed(self, M: Array) -> float:
+        """Of the combinations, see `strayed_part`."""
+        return strayed_part(M, self.K)
 
     def missing(self, M: Array, parameters: tuple[str, ...]) -> tuple[str, ...]:
         """The combinations that M leaves open, each with the directions that hide it."""

@@ -141,6 +141,10 @@ class SeveralCriteria(Relaxable):
         rounded = max(part.rounded for part in self.interests)
         return estimable_inverse(M, np.hstack([part.K for part in self.interests]), rounded)
 
+    def strayed(self, M: Array) -> float:
+        """The largest of the parts'."""
+        return max(part.strayed(M) for part in self.parts)
+
     def missing(self, M: Array, parameters: tuple[str, ...]) -> tuple[str, ...]:
         """What each part misses, once."""
         found = (word for part in self.parts for word in part.missing(M, parameters))

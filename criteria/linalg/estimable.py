@@ -55,6 +55,20 @@ def open_columns(M: Array, K: Array, rounded: float = 1.0) -> Mask:
     return _Spectrum.of(M).leaves_open(K, rounded)
 
 
+def strayed_part(M: Array, K: Array) -> float:
+    """How much of combinations lies along directions that M (p, p) leaves open.
+
+    It is the largest part of a column of K (p, s), all at the unit diagonal of M. Columns in the
+    range of M have a rounding; of others an inverse on the range alone leaves that part out.
+    """
+    found = _Spectrum.of(M)
+    if not found.is_open.any():
+        return 0.0
+    scaled = K / found.d[:, None]
+    along = np.linalg.norm(found.V[:, found.is_open].T @ scaled, axis=0)
+    return float((along / np.linalg.norm(scaled, axis=0)).max())
+
+
 def range_whitener(M: Array) -> Array:
     """T (p, r) with ``T' M T = I`` on the range of M (p, p); the `whitener` if M is regular."""
     found = _Spectrum.of(M)

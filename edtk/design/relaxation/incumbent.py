@@ -12,6 +12,7 @@ from edtk.design.problem import Problem
 from edtk.design.relaxation.experiment_blocks import experiment_blocks
 from edtk.design.relaxation.normalised import original_weights
 from edtk.design.relaxation.relaxation import Relaxation
+from edtk.design.relaxation.safe_cost import safe_cost
 from edtk.design.relaxation.sparse_weights import sparse_weights
 from edtk.design.relaxation.step import Step
 from edtk.design.relaxation.warm_start import WarmStart
@@ -149,7 +150,7 @@ class Incumbent:
         blocks = experiment_blocks(problem, self.active)
         few = sparse_weights(pack(problem.blocks(self.active)), weights)
         cost = float(self.criterion.cost(np.tensordot(weights, blocks, axes=1)))
-        cost_of_few = float(self.criterion.cost(np.tensordot(few, blocks, axes=1)))
+        cost_of_few = safe_cost(self.criterion, np.tensordot(few, blocks, axes=1))
         found = few if cost_of_few <= cost * (1 + SPARSE_LOSS * gap) else weights
         return found if self.criterion.needs_all else self._heavy(found, blocks, gap)
 
@@ -161,7 +162,7 @@ class Incumbent:
         for light in LIGHT:
             heavy = np.where(weights > light * weights.max(), weights, 0.0)
             heavy /= heavy.sum()
-            cost_of_heavy = float(self.criterion.cost(np.tensordot(heavy, blocks, axes=1)))
+            cost_of_heavy = safe_cost(self.criterion, np.tensordot(heavy, blocks, axes=1))
             if cost_of_heavy <= cost * (1 + HEAVY_LOSS * gap):
                 return heavy
         return weights

@@ -9,6 +9,7 @@ from criteria.linalg.estimable import range_whitener
 from edtk.design.region import Region
 from edtk.design.relaxation.onto_walls import onto_walls
 from edtk.design.relaxation.rounding_of_inverse import rounding_of_inverse
+from edtk.design.relaxation.safe_cost import safe_cost
 from edtk.system.typing import Array
 
 # Distance in parts of a range below which two points become one, the boldest first. A relaxation
@@ -82,7 +83,7 @@ def _cost(region: Region, criterion: Criterion, x: Array, weights: Array) -> flo
     be below the bound.
     """
     M = region.problem(x).information(weights)
-    cost = float(criterion.cost(M))
+    cost = safe_cost(criterion, M)
     if not np.isfinite(cost):
         return cost
     variances = np.square(range_whitener(M)).sum(axis=1)
