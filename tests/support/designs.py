@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from edtk.design.design_space import DesignSpace
-from edtk.design.exact.log_cost import LogCost
 from edtk.design.interior_point.neighbourhood import Neighbourhood
+from edtk.design.relaxation.log_cost import LogCost
 from edtk.model.constraints.height import Height
 from edtk.model.constraints.tilt import Tilt
 from edtk.model.elastostatic_model import ElastostaticModel

@@ -5,8 +5,8 @@ from collections.abc import Callable
 import numpy as np
 
 from criteria import Criterion
-from edtk.design.exact.log_cost import LogCost
 from edtk.design.interior_point.descend import descend
+from edtk.design.relaxation.log_cost import LogCost
 from edtk.design.space import Points, Space
 from edtk.system.typing import Array
 

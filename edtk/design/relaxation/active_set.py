@@ -11,12 +11,14 @@ from edtk.design.distinct import distinct
 from edtk.design.problem import RankDeficientError
 from edtk.design.relaxation.relax import relax
 from edtk.design.relaxation.relaxation import Relaxation
+from edtk.design.relaxation.solver_options import SolverOptions
 from edtk.system.typing import Array
 
 # How boldly poses are merged, the boldest first: relative difference of information below which two
 # poses are alike, and part of the largest weight below which a pose is dropped. Poses of an optimum
 # that symmetry maps onto each other differ by the ascents' accuracy, a few per cent where the
 # sensitivity is flat.
+FEW = 200  # poses that one program weighs as quickly as several programs would, a part of them each
 MERGING = ((0.1, 1e-3), (0.03, 1e-3), (0.01, 1e-4), (0.001, 1e-5), (0.0, 1e-5))
 
 
@@ -47,7 +49,11 @@ class ActiveSet:
     def over(self, poses: Candidates, gap: float) -> "ActiveSet":
         """The relaxation over other poses, to a relative gap."""
         earlier = self.relaxation
-        relaxation = relax(poses.problem, earlier.criterion, gap, multipliers=earlier.multipliers)
+        few = earlier.criterion.smooth and len(poses.x) <= FEW
+        options = SolverOptions(batch=len(poses.x)) if few else SolverOptions()
+        relaxation = relax(
+            poses.problem, earlier.criterion, gap, options, multipliers=earlier.multipliers
+        )
         return ActiveSet(poses, relaxation, self.iterations + relaxation.iterations)
 
     def merged(self, loss: float, gap: float, found: Candidates | None = None) -> "ActiveSet":

@@ -5,6 +5,7 @@ from edtk.design.relaxation.sensitivity import Sensitivity
 from edtk.design.space import Space
 from edtk.system.typing import Array
 
+STEPS = 200
 BARRIER = 0.1  # larger than for plans: one experiment is worth more than each of many
 
 
@@ -15,6 +16,7 @@ def ascend(
     per_trace: bool = False,
     unit: float = 1.0,
     accuracy: float = 1e-6,
+    steps: int = STEPS,
 ) -> Array:
     """Move experiments uphill to a local maximum of the sensitivity, each under its own multiplier.
 
@@ -25,10 +27,11 @@ def ascend(
         per_trace: Whether sensitivities are per trace, see `sensitivity_and_slope`.
         unit: The size of a sensitivity.
         accuracy: Accuracy of the sensitivity at the end, in that unit.
+        steps: Limit on steps.
 
     Returns:
         Feasible experiments (b, v), no less sensitive than the starts.
     """
     objective = Sensitivity(Z / unit, per_trace)
-    ends = descend(space, x[:, None], objective, accuracy=accuracy, barrier=BARRIER)
+    ends = descend(space, x[:, None], objective, steps, accuracy, BARRIER)
     return ends[:, 0]

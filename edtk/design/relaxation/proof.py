@@ -54,14 +54,19 @@ class Proof:
 
 
 def _trial_multipliers(criterion: Relaxable, M: Array, Z: Array | None) -> Array:
-    """Multipliers to try (r, p, p): the solver's, and minus the gradient at M of a smooth cost."""
+    """Multipliers to try (r, p, p): the solver's, and minus the gradient at M of a smooth cost.
+
+    A gradient may be no number where M is all but singular, as the best design for a part of the
+    parameters may be. Without another one the inverse is tried: any multiplier proves something.
+    """
     trials = [] if Z is None else [Z]
     if Z is None or criterion.smooth:
         trials.append(-criterion.gradient(M))
+    trials = [trial for trial in trials if np.isfinite(trial).all()]
+    T = whitener(M)
     if criterion.monotone:
-        T = whitener(M)
         trials = [_semidefinite(trial, T) for trial in trials]
-    return np.stack(trials)
+    return np.stack(trials or [T @ T.T])
 
 
 def _semidefinite(Z: Array, T: Array) -> Array:

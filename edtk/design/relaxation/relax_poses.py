@@ -16,6 +16,7 @@ from edtk.design.relaxation.relax import RelaxationInterrupted, relax, require_r
 from edtk.design.relaxation.relax_options import RelaxOptions
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
 from edtk.design.relaxation.search_continuum import fresh_poses, search_continuum
+from edtk.design.relaxation.settle import settle
 from edtk.design.relaxation.sweep_candidates import most_sensitive, sweep_candidates
 from edtk.system.typing import Array
 
@@ -168,6 +169,7 @@ class _Run:
                 active.poses,
                 accuracy,
                 fresh,
+                is_new,
             )
             proved = self._largest(head, Z)
             searched = searched.or_larger(self._largest(active.poses, Z))
@@ -188,8 +190,18 @@ class _Run:
             if self.options.stop():
                 return
             gap = max(0.5 * self.options.gap, ACTIVE_GAP * away)
-            active = active.over(active.poses + found, gap)
+            active = self._settled(active.over(active.poses + found, gap), found, gap)
             last = found
+
+    def _settled(self, active: ActiveSet, found: Candidates, gap: float) -> ActiveSet:
+        """The relaxation over the design after a descent, and the poses that were found last."""
+        support = active.support
+        space = self.source.space
+        blocks = support.problem.blocks()
+        x = settle(space, self.criterion, support.x, active.weights, blocks)
+        if x is None:
+            return active
+        return active.over(Candidates(x, space.problem(x)) + support + found, gap)
 
     def _fresh(self, turn: int) -> Candidates:
         """Random poses that no other turn has."""

@@ -22,13 +22,19 @@ LEAST_STARTS = 6
 # parameters or fewer, as compliances alone are, need no more.
 STARTS_PER_PARAMETER = 4
 WITHOUT_MORE = 6
-FRESH_SHARE = 3  # one ascent from a fresh pose for so many from known poses
+# Ascents from fresh poses that no search has seen, in parts of those from known ones: the last
+# search decides about the bound. With a third, bounds of a UR10 were 5e-4 too high for most seeds.
+FROM_NEW = 3
+OF_MANY = 3  # one of so many of many parameters, whose searches have many ascents anyway
 DIFFERENT = 0.1  # relative difference of information from which on two starts are worth two ascents
 # White noise gives mirrored and turned poses the same information, and one ascent is enough for all
 # of them. A tracker and joints that repeat badly tell them apart by a few per cent: with the starts
 # of white noise, one of six seeds missed a pose of a sensitivity larger by 1.7 %.
 MORE = 2  # times as many ascents where noise is not white, half of them from fresh poses
 LITTLE_DIFFERENT = 0.01
+# Two dozen are the rule. A single start that creeps on made a search twice as long, and found what
+# others had found already.
+STEPS = 40
 LIKE = 100  # poses that are looked at per start: most of the best ones are alike
 
 
@@ -44,6 +50,7 @@ def search_continuum(
     known: Candidates,
     accuracy: float,
     fresh: Candidates,
+    is_new: bool,
 ) -> tuple[LargestSensitivities, Candidates]:
     """Ascend the sensitivity over all feasible poses, from the best of known and of fresh ones.
 
@@ -54,22 +61,29 @@ def search_continuum(
         known: Poses that the design may rest on.
         accuracy: Relative accuracy of a sensitivity at the end of an ascent.
         fresh: Random poses, see `fresh_poses`.
+        is_new: Whether no search has seen these poses, so that more ascents begin at them.
 
     Returns:
         The largest sensitivities found, and all poses (b) where the ascents ended. A search proves
         nothing: a pose of larger sensitivity may exist.
     """
     white = space.noise is None
-    starts, owner, unit = _starts(known, fresh, criterion, multipliers, white)
+    starts, owner, unit = _starts(known, fresh, criterion, multipliers, white, is_new)
     # Objectives are of order one, whatever the size of a multiplier.
     Z = multipliers[owner] / unit[owner, None, None]
-    x = ascend(space, starts, Z, is_normalised(criterion), accuracy=accuracy)
+    per_trace = is_normalised(criterion)
+    x = ascend(space, starts, Z, per_trace, accuracy=accuracy, steps=STEPS)
     found = Candidates(x, space.problem(x))
     return _largest_of_own(found, criterion, multipliers, owner), found
 
 
 def _starts(
-    known: Candidates, fresh: Candidates, criterion: Criterion, multipliers: Array, white: bool
+    known: Candidates,
+    fresh: Candidates,
+    criterion: Criterion,
+    multipliers: Array,
+    white: bool,
+    is_new: bool,
 ) -> tuple[Array, Indices, Array]:
     """Where to ascend from: for each multiplier the best known and the best fresh poses.
 
@@ -81,7 +95,11 @@ def _starts(
     most = max(MOST_STARTS, STARTS_PER_PARAMETER * (known.problem.p - WITHOUT_MORE))
     size = max(LEAST_STARTS, min(most, max(STARTS, most) // len(multipliers)))
     size = size if white else MORE * size
-    of_fresh_poses = size // FRESH_SHARE if white else size
+    of_fresh_poses = size
+    if white and most > MOST_STARTS:
+        of_fresh_poses = size // OF_MANY
+    elif white and is_new:
+        of_fresh_poses = FROM_NEW * size
     different = DIFFERENT if white else LITTLE_DIFFERENT
     starts: list[Array] = []
     owner: list[int] = []

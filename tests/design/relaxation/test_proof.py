@@ -41,3 +41,16 @@ def test_rounding_of_a_parameter_without_sensitivity():
     assert (proof.multiplier[0] == 0).all()
     assert (proof.multiplier[:, 0] == 0).all()
     np.testing.assert_allclose(proof.multiplier, np.outer(z, z), atol=1e-14)
+
+
+def test_a_design_without_a_gradient():
+    """Where M is all but singular the gradient is no number; something is proved all the same."""
+    problem = Problem(off_centre(8, 50))
+    criterion = criteria.create("D")
+    M = problem.mean / np.sqrt(np.outer(problem.mean.diagonal(), problem.mean.diagonal()))
+    M[-1, :-1] = M[:-1, -1] = M[0, :-1]
+    M[-1, -1] = 1.0 + 1e-15
+    assert np.isnan(criterion.gradient(M)).all()
+    proof, sensitivities = Proof.of(problem, criterion, M, None)
+    assert np.isfinite(sensitivities).all()
+    assert 0 < proof.lower_bound <= criterion.cost(problem.mean)

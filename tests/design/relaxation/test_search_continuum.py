@@ -31,7 +31,7 @@ def case(request):
 def answer(case):
     """What the search finds, with fewer fresh poses and starts than a plan takes."""
     criterion, known, Z = case
-    return search_continuum(KR270, criterion, Z, known, ACCURACY, fresh_poses(KR270, (0, 1)))
+    return search_continuum(KR270, criterion, Z, known, ACCURACY, fresh_poses(KR270, (0, 1)), True)
 
 
 def sensitivities(criterion, Z, x):
@@ -74,7 +74,7 @@ def test_seeded(case, answer):
     """The seed decides what is found."""
     criterion, known, Z = case
     again, other = (
-        search_continuum(KR270, criterion, Z, known, ACCURACY, fresh_poses(KR270, (0, turn)))
+        search_continuum(KR270, criterion, Z, known, ACCURACY, fresh_poses(KR270, (0, turn)), True)
         for turn in (1, 2)
     )
     first = answer

@@ -6,11 +6,14 @@ import numpy as np
 
 from criteria import Criterion
 from criteria.derivatives import derivatives
+from criteria.linalg.triangle import triangle
 from edtk.design.experiments import weighted_information
 from edtk.design.interior_point.neighbourhood import Neighbourhood
 from edtk.design.interior_point.objective import Local, Objective
 from edtk.design.space import Points
 from edtk.system.typing import Array, Indices
+
+FEW = 12  # parameters
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,10 +60,21 @@ class LogCost(Objective):
         G = np.where(finite, G / divisor, 0.0)
         K = np.where(finite, K / divisor, 0.0)
         slopes = near.first(experiments.slope(2.0 * repeats * (A @ G[:, None])))
-        own = self.repeats[start] * experiments.packed
-        dM = near.differences(np.moveaxis(own, 0, -1)).transpose(1, 2, 0, 3)
-        dM = dM.reshape(b, -1, len(own))
+        own = repeats[..., 0] * _triangles(experiments)
+        dM = near.differences(own).transpose(1, 2, 0, 3).reshape(b, -1, own.shape[-1])
         slope = slopes[0].reshape(b, -1)
         # The second term is that of the logarithm: (log c)'' = c''/c - (c'/c)^2.
         joint = dM @ K @ np.swapaxes(dM, 1, 2) - slope[:, :, None] * slope[:, None]
         return Local(np.log(cost), slopes[0], near.second(slopes), joint)
+
+
+def _triangles(experiments: Points) -> Array:
+    """Upper triangles (..., q) of the information of one measurement in each experiment.
+
+    Whole arrays are added for each entry of few, in a fifth of the time of many small products.
+    """
+    A = experiments.regressor
+    if A.shape[-1] <= FEW:
+        return np.moveaxis(experiments.packed, 0, -1)
+    rows, columns = triangle(A.shape[-1])
+    return np.asarray((np.swapaxes(A, -1, -2) @ A)[..., rows, columns])

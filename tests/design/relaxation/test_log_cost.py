@@ -7,8 +7,8 @@ import pytest
 from designs import DESIGNS, KR270, LOADED, STUDY, log_cost_slope
 
 import criteria
-from edtk.design.exact.log_cost import LogCost
 from edtk.design.interior_point.neighbourhood import Neighbourhood
+from edtk.design.relaxation.log_cost import LogCost
 from edtk.design.sample_feasible import sample_feasible
 from edtk.model.loads.free_load import FreeLoad
 
