@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from edtk.model.vector_product import vector_product
 from edtk.system.typing import Array
 
 
@@ -13,4 +14,4 @@ def aligned(axis: Array) -> Array:
     x = np.eye(3)[np.argmin(np.abs(axis))]
     x = x - axis * (axis @ x)
     x /= np.linalg.norm(x)
-    return np.column_stack([x, np.cross(axis, x), axis])
+    return np.column_stack([x, vector_product(axis, x), axis])

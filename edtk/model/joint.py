@@ -1,10 +1,12 @@
 """One joint of a serial chain."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal, get_args
 
 import numpy as np
 
+from edtk.model.aligned import aligned
 from edtk.system.typing import Array
 
 Kind = Literal["revolute", "prismatic"]
@@ -69,6 +71,11 @@ class Joint:
         if abs(length - 1.0) > UNIT_LENGTH:
             axis = axis / length
         object.__setattr__(self, "axis", axis)
+
+    @cached_property
+    def aligned(self) -> Array:
+        """A rotation (3, 3) in the joint's frame whose third column is the axis."""
+        return aligned(self.axis)
 
 
 def _require_name(name: str) -> None:

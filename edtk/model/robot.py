@@ -7,7 +7,6 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from edtk.model.aligned import aligned
 from edtk.model.combine import Terms, combine, combine_terms, terms_of
 from edtk.model.controller import Controller
 from edtk.model.frames import Frames
@@ -204,7 +203,7 @@ class Robot(Presented):
         links = []
         before = np.eye(3)
         for joint in self.chain:
-            F = aligned(joint.axis)
+            F = joint.aligned
             links.append((before @ joint.origin[:3, :3] @ F, before @ joint.origin[:3, 3]))
             before = F.T
         links.append((before @ self.tool[:3, :3], before @ self.tool[:3, 3]))
@@ -254,7 +253,7 @@ class Robot(Presented):
                 s = np.sin(x[j])
                 R = [c * R[0] + s * R[1], c * R[1] - s * R[0], R[2]]
             if j in bodies:
-                kept[j] = (_turned_back(R, joint.axis, batch), np.broadcast_to(p, (3, *batch)))
+                kept[j] = (_turned_back(R, joint, batch), np.broadcast_to(p, (3, *batch)))
         C, t = self._links[-1]
         position = np.empty((3, *batch))
         rotation = np.empty((3, 3, *batch))
@@ -293,10 +292,9 @@ class Robot(Presented):
         return np.moveaxis(J, (0, 1), (-1, -2))
 
 
-def _turned_back(columns: list[Array], axis: Array, batch: tuple[int, ...]) -> Array:
+def _turned_back(columns: list[Array], joint: Joint, batch: tuple[int, ...]) -> Array:
     """The joint's own frame (3, 3, ...) from that whose z-axis is the joint axis."""
-    F = aligned(axis)
     rotation = np.empty((3, 3, *batch))
     for k in range(3):
-        rotation[k] = combine(columns, F[k])
+        rotation[k] = combine(columns, joint.aligned[k])
     return rotation

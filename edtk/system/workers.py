@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from threading import Event, Thread
 from typing import Any, TypeVar
 
-from threadpoolctl import threadpool_limits
+from edtk.system.one_thread import one_thread
 
 T = TypeVar("T")
 GREETING_S = 5.0  # in which a scheduler has to answer
@@ -84,7 +84,7 @@ def _numbered(index: int, piece: Callable[[], T]) -> tuple[int, T]:
 
     # The rounding of a product may depend on the number of threads, which is another one in
     # processes of a team than in a single process; and so would the answer.
-    with threadpool_limits(1):
+    with one_thread():
         return index, piece()
 
 

@@ -5,13 +5,13 @@ from dataclasses import dataclass
 from time import monotonic
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from edtk.design.exact.batch import Batch
 from edtk.design.exact.descent import Answer, Descent
 from edtk.design.exact.kicks import Kicks
 from edtk.design.exact.plans import Plans
 from edtk.design.exact.refine import refine
+from edtk.system.one_thread import one_thread
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +35,7 @@ class Batches:
         """The answer of each batch: costs (e,) of plans, the best first, and the plans."""
         end = monotonic() + self.seconds
         # The rounding of a product may depend on the number of threads, and so would the plan.
-        with threadpool_limits(1):
+        with one_thread():
             return self._run(lambda: monotonic() >= end)
 
     def _run(self, late: Callable[[], bool]) -> list[Answer]:

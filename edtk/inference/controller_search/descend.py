@@ -8,6 +8,7 @@ from edtk.inference.controller_search.fits import Fits
 from edtk.inference.controller_search.positions import Positions
 from edtk.model.frames import Frames
 from edtk.model.robot import Robot
+from edtk.model.vector_product import vector_product
 from edtk.system.typing import Array
 
 FIRST_DAMPING = 1e-3  # beside the diagonal of the normal matrix
@@ -68,10 +69,10 @@ def jacobian(
     for column, j in enumerate(free):
         turn = np.moveaxis(frames.angular[j], 0, -1)[:, positions.pose]
         of_flange = np.moveaxis(frames.linear[j], 0, -1)[:, positions.pose]
-        J[..., column] = (of_flange + np.cross(turn, arm)) @ back
+        J[..., column] = (of_flange + vector_product(turn, arm)) @ back
     seen = points @ back
     for i, axis in enumerate(np.eye(3)):
-        J[..., f + i] = np.cross(axis, seen)
+        J[..., f + i] = vector_product(axis, seen)
         J[..., i, f + 3 + i] = 1.0
     turned = fits.turn[:, None] @ rotation
     for k in range(markers):

@@ -10,6 +10,7 @@ from edtk.model.geometry.erring_chain import ErringChain, PlacedChain
 from edtk.model.geometry.geometric_parameter import COMPONENTS, GeometricParameter
 from edtk.model.geometry.rotation import left_jacobian, rotation
 from edtk.model.robot import Robot
+from edtk.model.vector_product import vector_product
 from edtk.system.typing import Array, Indices, Mask
 
 
@@ -183,7 +184,7 @@ class GeometricModel:
         D = np.zeros((*levers.shape[:2], self.row_count, 6))
         D[..., :3, :3] = R
         for c in range(3):
-            D[..., :3, 3 + c] = np.cross(bends[:, c], levers)
+            D[..., :3, 3 + c] = vector_product(bends[:, c], levers)
         if self.rows == "pose":
             D[..., 3:, 3:] = bends
         return D

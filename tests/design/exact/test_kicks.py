@@ -16,7 +16,7 @@ from edtk.design.exact.plans import Plans
 from edtk.design.exact.refine import refine
 from edtk.design.relaxation.relax_poses import relax_poses
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("whole_searches")]
 
 
 def criterion(name):
