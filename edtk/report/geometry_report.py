@@ -27,8 +27,8 @@ QUALITY = {
 GROUPS = {
     "joint": "Geometry: how the robot differs from its drawing",
     "compliance": "Springs of the joints",
-    "tool": "Markers, in the tool frame",
-    "base": "Base: what is left of its place",
+    "tool": "Markers: how far they are from where the study has them on the tool",
+    "base": "Base: how far it is from where the drawing fits best",
 }
 
 
@@ -148,7 +148,7 @@ def _worst(found: GeometricCalibration) -> str:
             [pose + 1, named, fit.data.markers[i], *apart, f"{largest[pose]:.3f}", surprise]
         )
     axes = [f"{axis} [mm]" for axis in "xyz"]
-    header = ["pose", "rows", "marker", *axes, "distance [mm]", "squares over expected"]
+    header = ["pose", "rows", "marker", *axes, "distance [mm]", "squared error over expected"]
     return table(header, rows, full=True)
 
 

@@ -36,7 +36,9 @@ class LinearStart:
     whole: bool
 
 
-def linear_start(flange: Array, measured: Array, seen: Mask) -> LinearStart:
+def linear_start(
+    flange: Array, measured: Array, seen: Mask, guess: Array | None = None
+) -> LinearStart:
     """Solve ``S x = R_i t_j + p_i + c`` for the matrix S and the vectors t_j and c at once.
 
     Of a robot at (B, b) that measures ``x = B (R t + p) + b`` it is ``S = B'`` and ``c = B' b``:
@@ -47,6 +49,8 @@ def linear_start(flange: Array, measured: Array, seen: Mask) -> LinearStart:
         flange: Transforms (m, 4, 4) of the tool frame in the drawing's world [m].
         measured: Positions (m, k, 3) [m].
         seen: Which of them (m, k) there are.
+        guess: Places (k, 3) of the markers in the tool frame [m]. Of places that fit equally well,
+            as those along the axes of a SCARA, the nearest to these are taken.
     """
     k = seen.shape[1]
     pose, marker = np.nonzero(seen)
@@ -65,6 +69,12 @@ def linear_start(flange: Array, measured: Array, seen: Mask) -> LinearStart:
     U, values, Vt = np.linalg.svd(A, full_matrices=False)
     kept = values > OPEN * values[0]
     found = Vt[kept].T @ ((U[:, kept].T @ y) / values[kept])
+    whole = (np.abs(Vt[~kept, :9]) < NOTHING).all()
+    if guess is not None and whole and not kept.all():
+        way = Vt[~kept]
+        way[:, :9] = 0.0  # of rounding
+        apart = guess.ravel() - found[12:]
+        found = found + way.T @ np.linalg.lstsq(way[:, 12:].T, apart, rcond=None)[0]
     S = found[:9].reshape(3, 3) / size
     u, sizes, vt = np.linalg.svd(S)
     mirrored = bool(np.linalg.det(u @ vt) < 0)
@@ -81,7 +91,7 @@ def linear_start(flange: Array, measured: Array, seen: Mask) -> LinearStart:
         mirrored=mirrored,
         distorted=bool(sizes.min() < ROUND * sizes.max()),
         rms=float(np.sqrt((left**2).sum(axis=-1).mean())),
-        whole=bool((np.abs(Vt[~kept, :9]) < NOTHING).all()) and len(y) >= int(kept.sum()) + 3,
+        whole=bool(whole) and len(y) >= int(kept.sum()) + 3,
     )
 
 

@@ -6,9 +6,14 @@ from itertools import product
 
 import numpy as np
 
-from edtk.inference.geometry.least_squares_fit import MM, least_squares_fit
+from edtk.inference.geometry.least_squares_fit import (
+    MM,
+    LeastSquaresFit,
+    least_squares_fit,
+)
 from edtk.inference.geometry.linear_start import LinearStart, linear_start
 from edtk.inference.geometry.marker_positions import MarkerPositions
+from edtk.inference.geometry.pose_rows import measured_less_seen
 from edtk.model.geometry.geometric_model import GeometricModel
 from edtk.model.geometry.geometric_parameter import COMPONENTS, GeometricParameter
 from edtk.model.geometry.rotation import rotation, rotation_vectors
@@ -18,12 +23,16 @@ QUARTER = np.pi / 2
 MOST = 200  # evaluations from the linear solution, which as a rule is near the end
 SOME = 6  # from each other place; the best of them go on to the end
 PROMISING = 4
+STILL = 1e-9  # singular value beside the largest of a direction that moves no marker
+SAME = 1e-6  # relative difference of costs that rounding makes
 GOOD = 0.02  # of the spread of positions: a place that fits as well is not searched further
 
 
 def first_place(model: GeometricModel, means: MarkerPositions) -> LinearStart:
     """The linear solution for the place of robot and markers, see `linear_start`."""
-    return linear_start(model.robot.forward(means.q), means.measured, means.seen)
+    return linear_start(
+        model.robot.forward(means.q), means.measured, means.seen, np.asarray(model.offsets)
+    )
 
 
 def place_robot(model: GeometricModel, means: MarkerPositions) -> tuple[GeometricModel, Array]:
@@ -56,7 +65,7 @@ def place_robot(model: GeometricModel, means: MarkerPositions) -> tuple[Geometri
             else 0.0
             for one in placing
         ]
-        fit = least_squares_fit(there, np.array(values), means, most=SOME if found else MOST)
+        fit = _fitted(there, np.array(values), means, SOME if found else MOST)
         found.append((fit.cost, there, fit.theta))
         if fit.cost < good:
             break
@@ -81,6 +90,31 @@ def _tool_turns(model: GeometricModel, means: MarkerPositions) -> Array:
     return found
 
 
+def _fitted(
+    model: GeometricModel, theta: Array, means: MarkerPositions, most: int
+) -> LeastSquaresFit:
+    """A fit that stays where it began along directions in which no marker moves.
+
+    A step of Levenberg-Marquardt has some part along them: the base of a SCARA would sink by
+    metres, and its markers rise on the tool.
+    """
+    fit = least_squares_fit(model, theta, means, most=most)
+    J = model.see(fit.theta, means.q).jacobian
+    if J is None or not model.p:
+        return fit
+    R = np.linalg.qr((J * model.scales)[means.seen].reshape(-1, model.p), mode="r")
+    _, sizes, Vt = np.linalg.svd(R)
+    still = Vt[np.append(sizes, np.zeros(model.p - len(sizes))) < STILL * sizes[0]]
+    if not len(still):
+        return fit
+    moved = still.T @ (still @ ((fit.theta - theta) / model.scales))
+    back = fit.theta - moved * model.scales
+    apart = measured_less_seen(means, model.see(back, means.q, derivatives=False))
+    cost = 0.5 * float(((MM * apart)[means.seen] ** 2).sum())
+    # Where these directions bend, what moved stays.
+    return replace(fit, theta=back, cost=cost) if cost <= fit.cost * (1 + SAME) else fit
+
+
 def _descended(
     found: list[tuple[float, GeometricModel, Array]], means: MarkerPositions
 ) -> tuple[GeometricModel, Array]:
@@ -90,7 +124,7 @@ def _descended(
     promising = sorted(found, key=lambda one: one[0])[:PROMISING]
     ends: list[tuple[float, GeometricModel, Array]] = []
     for _, model, theta in promising:
-        fit = least_squares_fit(model, theta, means)
+        fit = _fitted(model, theta, means, MOST)
         ends.append((fit.cost, model, fit.theta))
     return min(ends, key=lambda one: one[0])[1:]
 

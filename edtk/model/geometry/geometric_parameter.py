@@ -92,8 +92,9 @@ class GeometricParameter:
         if self.place == "base":
             return f"the base's turn about {axis}" if self.turns else f"the base's {axis}"
         if self.place == "tool":
-            tool = f"the tool of {self.of}" if self.of else "the tool"
-            return f"{tool}'s turn about {axis}" if self.turns else f"{tool} along {axis}"
+            named = self.of if self.of.startswith("marker") else f"marker {self.of}"
+            tool = f"{named} on the tool" if self.of else "the tool"
+            return f"the turn of {tool} about {axis}" if self.turns else f"{tool} along {axis}"
         if self.along:
             return f"the zero of {joint}"
         if self.turns:

@@ -76,6 +76,7 @@ def residuals(fit: Identification, axes: "Iterable[Axes]", parts: Iterable[Resid
         ax.set_ylabel(f"{'rotation ' * part.turns}residual [{unit}]")
         ax.grid(alpha=0.3)
         ax.legend(ncols=4, fontsize=9, frameon=False, loc="lower center", bbox_to_anchor=(0.5, 1.0))
+    ax.locator_params("x", integer=True)
     ax.set_xlabel("measurement (row of the file)")
 
 

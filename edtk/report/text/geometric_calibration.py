@@ -20,7 +20,9 @@ def geometric_calibration(found: GeometricCalibration) -> str:
         f"{fit.data.count} positions of {len(fit.data.markers)} markers in {fit.data.poses} poses"
         + (f", {len(found.left_out)} visits left out" if found.left_out else ""),
         f"{fit.rank} parameters can be told apart"
-        + (f" of {fit.structural} that better poses would tell" if fit.open else ""),
+        + (f" of {fit.structural} that better poses would tell" if fit.open else "")
+        + "; each is a correction of the drawing, of the study's markers,",
+        "or of the base, which stands where the drawing fits best",
         *_parameters(found),
         *_redundant(found),
         *_quality(found),

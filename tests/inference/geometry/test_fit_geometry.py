@@ -282,11 +282,25 @@ def test_a_place_of_parallel_axes_is_found() -> None:
     assert found.whole
     assert found.rms < 1e-9
     np.testing.assert_allclose(found.base[:3, :3], PLACE[:3, :3], atol=1e-9)
+    guess = OFFSETS + np.array([0, 0, 0.01])
+    near = linear_start(SCARA.forward(data.q), data.measured, data.seen, guess)
+    np.testing.assert_allclose(near.tools, guess, atol=1e-9)
     still = np.array(data.q)
     still[:, 2] = 0.1
     flat = SCARA.forward(still)
     planar = linear_start(flat, flat[:, None, :3, 3] + OFFSETS, data.seen)
     assert not planar.whole
+
+
+def test_markers_of_parallel_axes_stay_near_where_the_study_has_them() -> None:
+    """No height of base and markers that moves no position wanders off in the fit."""
+    model = replace(model_of(SCARA), offsets=OFFSETS)
+    fit, _ = fitted(model, 25)
+    geometry = fit.fitted
+    assert fit.rank == 23
+    place = geometry.model.start[:3, 3]
+    np.testing.assert_allclose(place, PLACE[:3, 3], atol=0.01)
+    assert np.abs(geometry.values).max() < 10
 
 
 def test_bands_hold_where_a_load_that_nobody_told_bends_two_joints() -> None:

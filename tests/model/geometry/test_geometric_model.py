@@ -149,7 +149,7 @@ def test_redundant_directions_have_words() -> None:
     assert "the zero of joint q1 cannot be told from the base's turn about z" in " ".join(
         word.split(" and ")[0] for word in found.words
     )
-    assert any("the tool of A along x" in word for word in found.words)
+    assert any("marker A on the tool along x" in word for word in found.words)
 
 
 def test_a_joint_is_not_called_a_joint_twice() -> None:
