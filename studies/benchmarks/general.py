@@ -116,8 +116,8 @@ def direct(case: Case) -> tuple[float, float]:
     return seconds, float(criterion.cost(problem.information(weights / weights.sum())))
 
 
-def geometry(name: str, n: int) -> tuple[int, float, float, int]:
-    """Geometry and springs of the KR 270: parameters, seconds, gap and support points."""
+def geometry_problem(n: int) -> tuple[Problem, criteria.Criterion]:
+    """Geometry and springs of the KR 270 from so many poses, and rho0 of 20 of them."""
     robot = load_study(STUDY).robot
     markers = {"A": [90, 10, 50], "B": [-30, 70, 40], "C": [0, -60, 100]}
     study = Study(
@@ -133,10 +133,16 @@ def geometry(name: str, n: int) -> tuple[int, float, float, int]:
     wrench = np.zeros((n, 6))
     wrench[::2, 2] = -2500.0
     found = edtk.geometry_problem(study, q, wrench)
-    criterion = found.rho0(q[:20], wrench[0]) if name == "rho0" else criteria.create(name)
+    return found.problem, found.rho0(q[:20], wrench[0])
+
+
+def geometry(name: str, n: int) -> tuple[int, float, float, int]:
+    """Geometry and springs of the KR 270: parameters, seconds, gap and support points."""
+    problem, rho0 = geometry_problem(n)
+    criterion = rho0 if name == "rho0" else criteria.create(name)
     start = perf_counter()
-    answer = relax(found.problem, criterion)
-    return found.problem.p, perf_counter() - start, answer.gap, len(answer.support)
+    answer = relax(problem, criterion)
+    return problem.p, perf_counter() - start, answer.gap, len(answer.support)
 
 
 def passes(n: int) -> tuple[float, dict[str, tuple[float, float]]]:

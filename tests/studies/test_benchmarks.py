@@ -56,6 +56,18 @@ def test_exact_plans(script, monkeypatch):
     assert found > 0
 
 
+def test_exact_plans_of_poses(script):
+    """A line has what a plan took and its share above the bound, or why there is none."""
+    benchmark = script("benchmarks/exact_poses.py")
+    made = benchmark.Measured((35, 31.2, 20.4, 0.00641, 2), 900.0)
+    late = benchmark.Measured(None, 0.0, "> 60 s")
+    report = benchmark._report([("D", 0), ("A", 0)], [made, late])
+    lines = [[cell.strip() for cell in line.split("|")] for line in report.splitlines()]
+    row = ["D", "0", "35", "31 s", "20 s", "0.64 %", "2", "900 MB"]
+    assert row in [line[1:-1] for line in lines]
+    assert [line[3] for line in lines if line[1:3] == ["A", "0"]] == ["> 60 s"]
+
+
 @pytest.mark.slow
 def test_relaxation_of_several_tasks(script, monkeypatch):
     """The study gets as many poses as it is asked for, and a line has a gap."""
