@@ -24,7 +24,6 @@ from edtk.report.markdown_table import markdown_table
 Possible = Mapping[tuple[str, str, int], Mapping[str, Bound]]
 
 REPEATS = (1, 3)
-EARLIER = "*"  # behind numbers of an earlier version
 HEADER = (
     "fault",
     "sheets",
@@ -74,10 +73,6 @@ INTRODUCTION = (
     "detected, and detection no worse than before; a place misses one if it is off by more "
     f"than {ERRORS:g} standard errors of so many sheets.\n"
 )
-STARS = (
-    "\nA star behind the number of sheets: simulated with an earlier version of the program, which "
-    "weighed faults otherwise, and with another optimal plan that is as good.\n"
-)
 POSSIBLE = (
     "## What is possible\n\n"
     "Each experiment measured once. *Sum of squares*: detected by p < 0.01 of all residuals "
@@ -114,8 +109,7 @@ def page(
         for cell, shares in table
         if cell.size == EXPERIMENTS
     }
-    starred = any(shares.earlier for _, shares in table)
-    parts = [INTRODUCTION + STARS * starred]
+    parts = [INTRODUCTION]
     for robot in robots():
         for repeats in REPEATS:
             times = "once" if repeats == 1 else f"{repeats} times"
@@ -212,9 +206,8 @@ def _row(
     fault = FAULTS[number]
     words = fault.today.split(" / ") if fault.today else ["", ""]
     both = [by_place[robot, number, repeats, is_random] for is_random in (False, True)]
-    mark = EARLIER if any(shares.earlier for shares in both) else ""
     sets = dict.fromkeys(shares.sets for shares in both if shares.sets)
-    row = [fault.title, " / ".join(map(str, sets)) + mark]
+    row = [fault.title, " / ".join(map(str, sets))]
     for is_random, before in zip((False, True), words, strict=True):
         shares = by_place[robot, number, repeats, is_random]
         named = _words(shares.right) if fault.cause_is_seen else ""

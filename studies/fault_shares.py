@@ -52,7 +52,6 @@ class Shares:
         wrong: In which another cause is named first.
         joint: Of those named right, those whose joint is named too.
         unlikely: Whose residuals have p < 0.01.
-        earlier: Whether they were simulated with an earlier version of the program.
         among: Of the detected ones, those whose cause is named first or second; NaN if none was
             detected.
     """
@@ -63,8 +62,7 @@ class Shares:
     wrong: float
     joint: float
     unlikely: float
-    earlier: bool = False
-    among: float = float("nan")
+    among: float
 
     @classmethod
     def of(cls, sheets: Sequence[Judged]) -> "Shares":

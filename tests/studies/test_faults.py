@@ -110,12 +110,12 @@ def test_misses(script):
     """A place misses a target only by more than chance."""
     table = script("fault_shares.py")
     good = table.Cell("robot", 0, None, 12, 1)
-    shares = table.Shares(200, 3.0, float("nan"), 2.5, float("nan"), 1.0)
+    shares = table.Shares(200, 3.0, float("nan"), 2.5, float("nan"), 1.0, 0.0)
     assert table.misses([(good, shares)]) == []
     (miss,) = table.misses([(good, replace(shares, wrong=6.0))])
     assert miss[-2:] == ("2 %", "6 %")
     drift = replace(good, fault=[fault.cause for fault in table.FAULTS].index("drift"))
-    shares = table.Shares(200, 80.0, 60.0, 30.0, float("nan"), 1.0)
+    shares = table.Shares(200, 80.0, 60.0, 30.0, float("nan"), 1.0, 0.0)
     (miss,) = table.misses([(drift, shares)])
     assert miss[-2:] == ("80 %", "60 %")
 
@@ -166,7 +166,7 @@ def test_shares_are_kept(script, tmp_path):
     table = script("fault_shares.py")
     found = {
         store.key(table.Cell("robot", 0, None, 12, repeats)): table.Shares(
-            200, 3.0, float("nan"), 2.5, float("nan"), 1.0, earlier=repeats == 3
+            200, 3.0, float("nan"), 2.5, float("nan"), 1.0, 10.0 * repeats
         )
         for repeats in (1, 3)
     }
