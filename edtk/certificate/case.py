@@ -1,15 +1,17 @@
 """A certificate read back, and all numbers that follow from it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
+from edtk.certificate.day_bound import DayBound, read_proofs
 from edtk.certificate.experiments import Experiments
 from edtk.certificate.largest_sensitivities import LargestSensitivities
 from edtk.certificate.proof import Proof
 from edtk.certificate.recompute import values
+from edtk.certificate.recompute.day import Day
 from edtk.certificate.recompute.lower_bound import lower_bound
 from edtk.certificate.recompute.multipliers import Multipliers
 from edtk.certificate.recompute.plain_data import table, text, whole
@@ -37,6 +39,8 @@ class Case:
         proof: Candidates, multipliers, and poses of the relaxation and of the search.
         stated: The claims by name, as they are written.
         sharing: Number of experiments that share what is known beforehand, for a relaxation.
+        day: What visits and load changes cost, and the budget of a plan; None without one.
+        proofs: The proofs of sets of loads within a budget, of which `proof` is the first.
     """
 
     name: str
@@ -47,6 +51,8 @@ class Case:
     proof: Proof
     stated: dict[str, Any]
     sharing: int = 1
+    day: Day | None = None
+    proofs: dict[tuple[int, ...], Proof] = field(default_factory=dict)
 
     @classmethod
     def from_dict(cls, content: Any) -> "Case":
@@ -55,7 +61,7 @@ class Case:
         Raises:
             ValueError: A part is missing, or is not what it should be.
         """
-        content = table(content, KEYS, "certificate", (*DECORATION, "sharing"))
+        content = table(content, KEYS, "certificate", (*DECORATION, "sharing", "day"))
         name = content["criterion"]
         # The name is printed, so that it must not contain a line that looks like a verdict.
         is_name = isinstance(name, str) and name.isprintable() and 0 < len(name) <= LONGEST_NAME
@@ -70,15 +76,24 @@ class Case:
             raise ValueError("experiments: expected at least one")
         if kind == "relaxation" and len(kept):
             raise ValueError("kept: expected none beside the weights of a relaxation")
+        day = None
+        proofs: dict[tuple[int, ...], Proof] = {}
+        if "day" in content:
+            day = Day.from_dict(content["day"])
+            if kind != "plan":
+                raise ValueError("day: expected one in the certificate of a plan alone")
+            proofs = read_proofs(content["proof"], setting)
         return cls(
             name=name,
             kind=kind,
             setting=setting,
             made=made,
             kept=kept,
-            proof=Proof.from_dict(content["proof"], setting),
+            proof=next(iter(proofs.values()), None) or Proof.from_dict(content["proof"], setting),
             stated=dict(table(content["claims"], (), "claims", content["claims"])),
             sharing=_sharing(content, kind, setting),
+            day=day,
+            proofs=proofs,
         )
 
     @property
@@ -91,6 +106,11 @@ class Case:
         if self.name not in values.DEGREE:
             raise ValueError(f"the criterion {self.name} has no second implementation")
         return values.DEGREE[self.name]
+
+    @property
+    def candidates(self) -> int:
+        """Number of candidates over which a bound is proved: the least of all proofs."""
+        return min(one.candidates for one in (self.proof, *self.proofs.values()))
 
     @property
     def amounts_are_sound(self) -> bool:
@@ -143,6 +163,8 @@ class Case:
         Raises:
             ValueError: The multipliers prove nothing.
         """
+        if self.day is not None:
+            return values.printed(self.name, self.of_day.cost(searched))
         found = self.largest
         cost = self._least_cost(found.searched if searched else found.proved)
         if self.kind == "plan":
@@ -159,11 +181,35 @@ class Case:
         Raises:
             ValueError: The multipliers prove nothing.
         """
+        if self.day is not None:
+            return self.of_day.excess
         stated = self.largest.searched
         found = self.largest.climbed
         if self.degree:
             return float(np.max((found - stated) / np.abs(stated)))
         return self._least_cost(stated) / self._least_cost(found) - 1
+
+    @cached_property
+    def of_day(self) -> DayBound:
+        """The bound within a budget.
+
+        Raises:
+            ValueError: There is no budget, or the amounts are not sound.
+        """
+        self._require_sound()
+        if self.day is None:
+            raise ValueError("there is no budget")
+        kept = self.kept.stacked(self.setting, repeated=True)
+        return DayBound(
+            name=self.name,
+            degree=self.degree,
+            setting=self.setting,
+            day=self.day,
+            proofs=self.proofs,
+            made=self.made,
+            known=np.concatenate([kept, self._known]),
+            interest=self.interest,
+        )
 
     def _least_cost(self, t: Array) -> float:
         """The cost that no design of one experiment beats whose sensitivities are t (r,)."""

@@ -1,6 +1,8 @@
 """What proves the numbers of a relaxation or of an exact plan, as plain data for a file."""
 
+from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -17,9 +19,15 @@ from edtk.system.errors import UserError
 from edtk.system.json_text import json_text
 from edtk.version import __version__
 
+NONE: Mapping[tuple[int, ...], RelaxedPlan] = MappingProxyType({})
+
 
 def certificate(
-    study: Study, found: RelaxedPlan | ExactPlan, setting: dict[str, Any] | None = None
+    study: Study,
+    found: RelaxedPlan | ExactPlan,
+    setting: dict[str, Any] | None = None,
+    day: dict[str, Any] | None = None,
+    proofs: Mapping[tuple[int, ...], RelaxedPlan] = NONE,
 ) -> dict[str, Any]:
     """Collect all that `verify_certificate` needs: setting, experiments, multipliers and claims.
 
@@ -31,6 +39,8 @@ def certificate(
         found: A relaxation, or an exact plan of this study.
         setting: Robot, load, noise and constraints as plain data; defaults to `setting_to_dict`,
             which knows studies of compliances alone.
+        day: What visits and load changes of a plan cost, and its budget; None without one.
+        proofs: The relaxations of all sets of loads that the budget pays for.
 
     Returns:
         Plain data for JSON.
@@ -43,6 +53,8 @@ def certificate(
             "experiments": _repeated(found.plan),
             "kept": [] if found.kept is None else _repeated(found.kept),
         }
+        if day is not None:
+            answer["day"] = day
     else:
         relaxed = found
         answer = {
@@ -57,7 +69,7 @@ def certificate(
         "study_sha256": study.digest,
         "criterion": relaxed.criterion.name,
         **answer,
-        "proof": _proof(relaxed),
+        "proof": _proof(relaxed) if day is None else _proofs(proofs),
         "setting": setting_to_dict(study, relaxed.space) if setting is None else setting,
         **_sharing(study, found),
     }
@@ -96,10 +108,19 @@ def _sharing(study: Study, found: RelaxedPlan | ExactPlan) -> dict[str, int]:
 
 
 def certificate_text(
-    study: Study, found: RelaxedPlan | ExactPlan, setting: dict[str, Any] | None = None
+    study: Study,
+    found: RelaxedPlan | ExactPlan,
+    setting: dict[str, Any] | None = None,
+    day: dict[str, Any] | None = None,
+    proofs: Mapping[tuple[int, ...], RelaxedPlan] = NONE,
 ) -> str:
     """The text of the certificate file of a result, see `certificate`."""
-    return json_text(certificate(study, found, setting), indent=1) + "\n"
+    return json_text(certificate(study, found, setting, day, proofs), indent=1) + "\n"
+
+
+def _proofs(proofs: Mapping[tuple[int, ...], RelaxedPlan]) -> list[dict[str, Any]]:
+    """A proof for each set of loads."""
+    return [{"loads": list(loads), **_proof(one)} for loads, one in proofs.items()]
 
 
 def _proof(relaxed: RelaxedPlan) -> dict[str, Any]:

@@ -7,7 +7,7 @@ import numpy as np
 
 from edtk.certificate.recompute.plain_data import numbers, rows, table
 from edtk.certificate.recompute.setting import Setting
-from edtk.system.typing import Array
+from edtk.system.typing import Array, Mask
 
 MOST = 20_000  # experiments that a certificate may list
 
@@ -58,6 +58,10 @@ class Experiments:
             np.concatenate([self.wrench, others.wrench]),
             np.concatenate([self.amount, others.amount]),
         )
+
+    def chosen(self, which: Mask) -> "Experiments":
+        """Some of them."""
+        return Experiments(self.q[which], self.wrench[which], self.amount[which])
 
     def rows(self, setting: Setting, visits: Array | None = None) -> Array:
         """Whitened rows (k, measured, p) of one measurement of each."""

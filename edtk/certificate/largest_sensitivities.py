@@ -8,7 +8,7 @@ import numpy as np
 
 from edtk.certificate.experiments import Experiments
 from edtk.certificate.proof import Proof
-from edtk.certificate.recompute.candidates import candidates
+from edtk.certificate.recompute.candidates import COSTLY, candidates
 from edtk.certificate.recompute.climb import climb
 from edtk.certificate.recompute.multipliers import Multipliers
 from edtk.certificate.recompute.setting import Setting
@@ -32,6 +32,7 @@ class LargestSensitivities:
         per_trace: Whether sensitivities are per trace of ``M_i + M0``.
         own: The experiments of the design.
         own_count: Whether these count as candidates.
+        parts: Number of such questions in a certificate, which share the samples that are drawn.
     """
 
     setting: Setting
@@ -41,6 +42,7 @@ class LargestSensitivities:
     per_trace: bool
     own: Experiments
     own_count: bool
+    parts: int = 1
 
     @cached_property
     def proved(self) -> Array:
@@ -101,7 +103,8 @@ class LargestSensitivities:
         largest = np.full(r, -np.inf)
         best = proof.points[:0]
         heights = np.empty((r, 0))
-        drawn = candidates(self.setting, proof.seed, proof.sampling, proof.candidates, r)
+        burden = r + COSTLY * (self.parts - 1)
+        drawn = candidates(self.setting, proof.seed, proof.sampling, proof.candidates, burden)
         for x in drawn:
             found = self._at(x)
             largest = np.maximum(largest, found.max(axis=1))
@@ -117,7 +120,9 @@ class LargestSensitivities:
     def _of_own(self) -> Array:
         """Maxima (r,) over the experiments of the design."""
         rows = self.own.rows(self.setting)
-        return self.multipliers.sensitivities(rows, self.prior, self.per_trace).max(axis=1)
+        return self.multipliers.sensitivities(rows, self.prior, self.per_trace).max(
+            axis=1, initial=-np.inf
+        )
 
     def _at(self, x: Array) -> Array:
         """Sensitivities (r, k) of experiments x (k, v)."""

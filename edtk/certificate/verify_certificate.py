@@ -13,6 +13,7 @@ import numpy as np
 from criteria.linalg.combination import combination
 from edtk.certificate.case import Case
 from edtk.certificate.recompute import values
+from edtk.certificate.recompute.day import ROUNDING
 from edtk.certificate.recompute.load import TINY as TINY_LOAD
 from edtk.certificate.recompute.setting import TINY
 from edtk.certificate.verification import Claim, Verification
@@ -42,6 +43,7 @@ def verify_certificate(content: dict[str, Any]) -> Verification:
     with np.errstate(all="ignore"):
         case = Case.from_dict(content)
         claims = [_feasible(case), _loads(case), _amounts(case)]
+        claims += _costs(case)
         if len(case.kept):
             claims.append(_kept(case))
         claims += _numbers(case)
@@ -53,7 +55,7 @@ def verify_certificate(content: dict[str, Any]) -> Verification:
         robot=case.setting.name,
         poses=len(case.made),
         kept=int(case.kept.amount.sum()),
-        candidates=case.proof.candidates,
+        candidates=case.candidates,
         claims=tuple(claims),
         of=_words(case),
         prior=case.setting.prior is not None,
@@ -107,6 +109,20 @@ def _amounts(case: Case) -> Claim:
     return Claim(name, holds, total if is_plan else 1.0, total, reason)
 
 
+def _costs(case: Case) -> list[Claim]:
+    """The visits and their load changes cost no more than the budget; none without one."""
+    day = case.day
+    if day is None:
+        return []
+    total = day.total(case.made.wrench, case.made.amount)
+    pays = total <= day.budget * (1 + ROUNDING)
+    sized = day.visits is None or case.made.amount.sum() == day.visits
+    reason = "" if pays else "the budget does not pay for the visits"
+    if pays and not sized:
+        reason = f"expected {day.visits} visits"
+    return [Claim("costs", bool(pays and sized), day.budget, total, reason)]
+
+
 def _numbers(case: Case) -> list[Claim]:
     """The stated numbers, those that are missing, and those that nobody knows."""
     recomputed: dict[str, float] = {}
@@ -145,7 +161,7 @@ def _gap(case: Case, recomputed: dict[str, float], order: tuple[str, ...]) -> fl
 
 def _compared(case: Case, name: str, source: Callable[[], float]) -> Claim:
     """Compare a stated number with a recomputed one; a proof that proves nothing does not hold."""
-    candidates = case.proof.candidates if name in BOUNDS else None
+    candidates = case.candidates if name in BOUNDS else None
     number = _number(case.stated.get(name))
     try:
         found = source()

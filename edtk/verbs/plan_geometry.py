@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import criteria
 from edtk.calibration.geometry_design.detect_in_visits import (
     detect_in_visits,
     sized_visit_faults,
@@ -87,15 +88,17 @@ def _require_certifiable(
     """Check, before a long search, that its certificate can be written.
 
     Raises:
-        UserError: The criterion has parameters, or a budget of costs limits the loads.
+        UserError: The criterion has parameters, or is the same for plans of any size.
     """
     from edtk.certificate.certificate import require_certifiable
 
     require_certifiable(study, criterion, path)
     costs = study.specification.costs
-    if cost_budget is not None or (costs is not None and costs.budget is not None):
+    limited = cost_budget is not None or (costs is not None and costs.budget is not None)
+    if limited and not criteria.get(criterion or study.main_criterion).degree:
         raise ArgumentError(
-            "the plans that a budget of costs pays for have no certificate; leave one of both out",
+            "plans within a budget of costs have none for this criterion, which is the same for "
+            "plans of any size; leave it out",
             argument="certificate",
         )
 
@@ -105,4 +108,7 @@ def _proof(study: Study, found: "GeometryPlan") -> str:
     from edtk.calibration.geometry_design.geometry_setting import geometry_setting
     from edtk.certificate.certificate import certificate_text
 
-    return certificate_text(study, found, geometry_setting(found.question))
+    setting = geometry_setting(found.question)
+    if found.day is None:
+        return certificate_text(study, found, setting)
+    return certificate_text(study, found, setting, found.day, found.proofs)

@@ -15,6 +15,7 @@ from edtk.system.parse_json import parse_json
 from edtk.system.read_text import read_text
 
 if TYPE_CHECKING:
+    from edtk.study.study import Study
     from edtk.verbs.inputs import StudyLike
 
 # A certificate has some hundred lines; one of 20,000 experiments has 20 MB. A larger file is
@@ -84,6 +85,22 @@ def _of_problem(content: dict[str, Any], problem: object, where: str) -> Verific
         raise UserError(f"not a certificate: {error}", where=where) from error
 
 
+def _other_costs(content: dict[str, Any], study: "Study") -> list[str]:
+    """What a day costs, where that is not what the study says; the budget may be a call's own."""
+    if "day" not in content:
+        return []
+    from edtk.calibration.geometry_design.day_costs import DayCosts
+
+    costs = DayCosts.of(study) or DayCosts()
+    expected = {
+        "visit": costs.visit,
+        "loaded_visit": costs.loaded_visit,
+        "load_change": costs.change,
+        "load_changes": costs.changes,
+    }
+    return [f"cost {key}" for key, value in expected.items() if content["day"].get(key) != value]
+
+
 def _same_study(content: dict[str, Any], study: "StudyLike") -> Claim:
     """The claim that a certificate's robot, load, noise and limits are those of a study."""
     # Imported late: studies bring pydantic, which the check of a file alone need not pay.
@@ -95,5 +112,6 @@ def _same_study(content: dict[str, Any], study: "StudyLike") -> Claim:
     stated = content["setting"]
     keys = [*expected, *(key for key in stated if key not in expected)]
     other = [key for key in keys if stated.get(key) != expected.get(key)]
+    other += _other_costs(content, known)
     reason = f"the study has another {', '.join(other)}" if other else ""
     return Claim("study", not other, None, None, reason)

@@ -10,6 +10,7 @@ from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
 from edtk.calibration.geometry_design.poses_by_load import PosesByLoad
 from edtk.design.bound import Bound
 from edtk.design.exact.exact_plan import ExactPlan
+from edtk.design.relaxation.relaxed_plan import RelaxedPlan
 from edtk.system.typing import Indices
 
 
@@ -23,6 +24,9 @@ class GeometryPlan(ExactPlan):
         costs: What visits and load changes cost; None where nobody said.
         tried: Loads that a plan within the budget may visit, as indices of `question.wrenches`,
             with the cost of the best plan of them; none where nothing limits the loads.
+        asked: Number of new visits that were asked for; None where the budget decides.
+        proofs: The relaxations of all sets of loads that the budget pays for, on which the bound
+            rests; none of a set that cannot tell what the criterion needs.
         rho0: Error of the markers to expect in the test poses [m]; None without any.
     """
 
@@ -31,6 +35,8 @@ class GeometryPlan(ExactPlan):
     costs: DayCosts | None = None
     tried: dict[tuple[int, ...], float] = field(default_factory=dict)
     rho0: float | None = None
+    asked: int | None = None
+    proofs: dict[tuple[int, ...], RelaxedPlan] = field(default_factory=dict)
 
     @property
     def lower_bound(self) -> Bound:
@@ -62,6 +68,21 @@ class GeometryPlan(ExactPlan):
             return None
         new = PosesByLoad.of(self.plan, self.question.wrenches, self.robot)
         return self.costs.total(new.wrenches, new.visits.sum(axis=0))
+
+    @property
+    def day(self) -> dict[str, Any] | None:
+        """What visits cost and may cost, as a certificate holds it; None without a budget."""
+        costs = self.costs
+        if costs is None or costs.budget is None:
+            return None
+        return {
+            "visit": costs.visit,
+            "loaded_visit": costs.loaded_visit,
+            "load_change": costs.change,
+            "load_changes": costs.changes,
+            "budget": costs.budget,
+            "visits": self.asked,
+        }
 
     def to_dict(self) -> dict[str, Any]:
         """Plain numbers, as of other plans, with costs, loads and what is identified."""

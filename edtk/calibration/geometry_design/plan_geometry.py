@@ -18,6 +18,7 @@ from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
 from edtk.calibration.geometry_design.geometry_space import GeometrySpace
 from edtk.calibration.geometry_design.load_trial import LoadTrial
 from edtk.calibration.geometry_design.visit_search import VisitSearch
+from edtk.design.bound import BoundKind
 from edtk.design.exact.exact_plan import ExactPlan
 from edtk.design.exact.require_enough import TooFewExperimentsError, require_enough
 from edtk.design.plan import Plan
@@ -312,6 +313,8 @@ class _Search:
         whole = plan if self.kept is None else self.kept + plan
         M = replace(question.space, prior=None).information(whole)
         least = min(trials, key=lambda one: one.bound.cost).bound
+        if any(one.bound.kind is BoundKind.SEARCHED for one in trials):
+            least = replace(least, kind=BoundKind.SEARCHED)
         rho0 = None
         if question.target is not None:
             rho0 = float(question.criterion("rho0").value(M))
@@ -336,6 +339,8 @@ class _Search:
             if len(trials) > 1
             else {},
             rho0=rho0,
+            asked=self.new,
+            proofs={one.loads: one.relaxed for one in trials},
         )
 
 

@@ -1,5 +1,6 @@
 """The setting of a design that a certificate states: robot, load, noise, limits, test pose."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -44,6 +45,8 @@ class Setting:
         prior: Whitened rows (r, p) of measurements that tell as much as what is known beforehand.
         noise: Noise that is not white; None without it.
         geometry: The parameters, where they are not compliances alone; None where they are.
+        price: Costs (k,) of experiments under wrenches (k, 6), where rows are those of one unit of
+            costs; None where experiments are counted.
     """
 
     name: str
@@ -60,6 +63,7 @@ class Setting:
     prior: Array | None = None
     noise: Noise | None = None
     geometry: Geometry | None = None
+    price: Callable[[Array], Array] | None = None
 
     @classmethod
     def from_dict(cls, content: Any) -> "Setting":
@@ -127,6 +131,11 @@ class Setting:
         Where noise is not white, the rows are those of unit covariance. Visits (k,) say how many
         share the model's errors in each pose, by default one.
         """
+        A = self._whitened(q, wrench, visits)
+        return A if self.price is None else A / np.sqrt(self.price(wrench))[:, None, None]
+
+    def _whitened(self, q: Array, wrench: Array, visits: Array | None) -> Array:
+        """The same, whatever they cost."""
         if self.physics is not None:
             A = self._regressors(self.physics, q, wrench)
             if self.noise is None:

@@ -14,6 +14,7 @@ MEANING = {
     "study": "robot, load, noise and limits are those of the study",
     "feasible": "every pose is within the joint limits and the workspace",
     "loads": "every load is among those that may be applied",
+    "costs": "visits and load changes together, within the budget",
     "kept": "the kept poses are within the joint limits and the workspace",
     "weights": "the weights are shares of one",
     "repeats": "every pose is measured a whole number of times",
