@@ -250,9 +250,3 @@ def test_verify_as_a_command(tmp_path: Path) -> None:
     path.write_text(path.read_text().replace('"value": ', '"value": 1'))
     bad = CliRunner().invoke(main, ["verify", str(path)])
     assert bad.exit_code == 1
-
-
-def test_a_budget_of_costs_has_no_certificate(tmp_path: Path) -> None:
-    """Which loads a day pays for is in no certificate: refused in one line, before any search."""
-    with pytest.raises(UserError, match="the plans that a budget of costs pays for have no"):
-        edtk.plan(STUDY, cost_budget=20, certificate=tmp_path / "c.json")
