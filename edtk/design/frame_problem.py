@@ -85,6 +85,10 @@ def _require_frame(frame: object) -> None:
     if not isinstance(frame, pd.DataFrame) or not len(frame):
         what = "an empty one" if isinstance(frame, pd.DataFrame) else type(frame).__name__
         raise ArgumentError(f"expected a data frame with rows, not {what}", argument="frame")
+    twice = frame.columns[frame.columns.duplicated()]
+    if len(twice):
+        message = f"column {twice[0]!r} is there twice; expected each once"
+        raise ArgumentError(message, argument="frame")
 
 
 def _model_matrix(formula: str, frame: "pd.DataFrame") -> Any:
@@ -99,7 +103,7 @@ def _model_matrix(formula: str, frame: "pd.DataFrame") -> Any:
         raise UserError(
             "a formula needs the package formulaic; install it with: pip install 'edtk[frames]'"
         ) from error
-    if not isinstance(formula, str) or "~" in formula:
+    if not isinstance(formula, str) or "~" in formula or not formula.strip():
         raise ArgumentError(
             "expected the right-hand side of a formula alone, such as '1 + x + I(x**2)'",
             argument="formula",

@@ -195,6 +195,8 @@ def _places(
     if size is None and prices is None:
         message = "expected the number of experiments, or costs and a cost_budget"
         raise ArgumentError(message, argument="size")
+    if size is not None and not np.isfinite(size):
+        raise ArgumentError("expected a whole number", argument="size", given=size)
     m = _affordable(left, prices, funds) if size is None else int(size) - kept
     if size is not None and (m != size - kept or m < 1):
         beside = f" beside {kept} kept experiments" if kept else ""

@@ -92,6 +92,12 @@ def test_regressors_at_other_places():
         (FRAME, "1 + z", "formula: .*`z` is not present.* The frame has x, group"),
         (FRAME, "1 + I(x", "formula: Formula ended before"),
         (FRAME, "y ~ x", "right-hand side of a formula alone"),
+        (FRAME, " ", "right-hand side of a formula alone"),
+        (
+            FRAME.iloc[:, [0, 1, 0]],
+            "1 + x",
+            f"frame: column '{FRAME.columns[0]}' is there twice; expected each once",
+        ),
         (FRAME, 3, "right-hand side of a formula alone"),
         (FRAME, "1 + x + x^2", r"x\^2 is crossing .* a power is I\(x\*\*2\)"),
         (FRAME, "I(x**3) + x ** 2", r"x\*\*2 is crossing"),

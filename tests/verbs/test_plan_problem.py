@@ -395,3 +395,11 @@ def test_a_combination_of_nearly_dependent_columns():
     assert found.counts[[0, 3]].tolist() == [1, 3]
     assert found.value == pytest.approx(1 + 4 / 3, rel=1e-8)
     assert found.bound == pytest.approx(9 / 4, rel=1e-6)
+
+
+@pytest.mark.parametrize("size", [float("nan"), float("inf")])
+def test_a_size_that_is_no_number(size):
+    """It is named, whatever it is."""
+    problem = edtk.Problem(RNG.normal(size=(8, 1, 3)))
+    with pytest.raises(edtk.UserError, match=f"size {size}: expected a whole number"):
+        edtk.plan(problem, size=size)

@@ -13,6 +13,7 @@ from edtk.calibration.geometry.counting import (
     find_counting,
     in_metres,
     in_radians,
+    one_in_radians,
     placed_by_most,
 )
 from edtk.calibration.geometry.explain_visits import SCALES
@@ -258,6 +259,10 @@ def _counted(
         )
     found = find_counting(robot, data)
     if found is None:
+        joint = None if as_is else one_in_radians(robot, data)
+        if joint is not None:
+            message = f"the positions fit if {joint} is taken as radians; expected degrees"
+            raise UserError(message, where=path)
         return same
     if found.exchanged:
         if as_is:

@@ -179,6 +179,17 @@ def in_radians(robot: Robot, data: MarkerPositions) -> bool:
     return meant.whole and not far_off(meant, data)
 
 
+def one_in_radians(robot: Robot, data: MarkerPositions) -> str | None:
+    """The joint whose degrees fit far better as radians, if one alone is written so."""
+    for j in np.flatnonzero(np.logical_not(_slides(robot))):
+        scale = np.ones(robot.n)
+        scale[j] /= DEGREE
+        meant = placed_by_most(robot, data, np.diag(scale))
+        if meant.whole and not far_off(meant, data):
+            return robot.joint_names[j]
+    return None
+
+
 def in_metres(robot: Robot, data: MarkerPositions) -> bool:
     """Whether the sheet's millimetres of prismatic joints fit far better as metres."""
     slides = _slides(robot)

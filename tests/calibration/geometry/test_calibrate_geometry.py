@@ -169,6 +169,10 @@ def radians(q: Array, x: Array) -> None:
     q[:] = np.deg2rad(q)
 
 
+def one_in_radians(q: Array, x: Array) -> None:
+    q[:, 1] = np.deg2rad(q[:, 1])
+
+
 def metres(q: Array, x: Array) -> None:
     x /= 1e3
 
@@ -177,6 +181,7 @@ def metres(q: Array, x: Array) -> None:
     ("spoil", "poses", "said"),
     [
         (radians, 20, "joint angles are taken as radians; expected degrees"),
+        (one_in_radians, 20, "the positions fit if q2 is taken as radians; expected degrees"),
         (metres, 20, "positions look as if in metres"),
         (None, 3, "27 measured coordinates for 33 parameters"),
     ],
