@@ -150,6 +150,8 @@ def _sound(setting: StudyGeometry, every: MarkerPositions, path: Path, as_is: bo
         UserError: Positions or angles are in other units.
     """
     seen, lost = _without_lost(every)
+    if not seen.seen.any():
+        raise UserError("no position of a marker is filled in, or all are zero", where=path)
     tool, base = setting.split(seen)
     references = reference_points(base, tool)
     tool = _taken_back(tool, references.frames)

@@ -498,3 +498,14 @@ def test_geometry_that_nobody_asked_for_is_no_moved_frame(seed: int, tmp_path: P
     x[18:] += [2.0, 1.0, 0.0]
     found = edtk.identify(study, by_pose(tmp_path / "sheet.csv", q, x))
     assert {doubt.kind: doubt.rows for doubt in found.doubts}["frame_moved"] == (18,)
+
+
+@pytest.mark.parametrize("value", ["", "0"])
+def test_a_sheet_that_nobody_filled_in(value: str, study: Path, tmp_path: Path) -> None:
+    """Empty cells, and zeros alone, are one line."""
+    sheet = by_pose(tmp_path / "sheet.csv", *truth(3))
+    header, *rows = sheet.read_text().splitlines()
+    empty = [",".join([*row.split(",")[:6], *[value] * 9]) for row in rows]
+    sheet.write_text("\n".join([header, *empty]))
+    with pytest.raises(edtk.UserError, match="no position of a marker is filled in"):
+        edtk.identify(study, sheet)
