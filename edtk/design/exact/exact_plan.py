@@ -148,11 +148,7 @@ class ExactPlan(BoundedPlan):
             "warnings": list(self.warnings),
             "budget_mm": None if self.error_budget is None else self.error_budget.to_dict(),
             "detect": [detection.to_dict() for detection in self.detections],
-            **(
-                {"told_apart": [one.to_dict() for one in self.separations]}
-                if self.separations
-                else {}
-            ),
+            **self._told_apart(),
             **({"with_prior": True} if self.with_prior else {}),
             **({} if self.tasks is None else {"tasks": self.tasks.to_dict()}),
             "plan": ([] if self.kept is None else self._rows(self.kept, kept=True))

@@ -63,6 +63,8 @@ def _trial_multipliers(criterion: Relaxable, M: Array, Z: Array | None) -> Array
     if Z is None or criterion.smooth:
         trials.append(-criterion.gradient(M))
     trials = [trial for trial in trials if np.isfinite(trial).all()]
+    # A small difference of large parts may be symmetric only to the rounding of the parts.
+    trials = [0.5 * (trial + trial.T) for trial in trials]
     T = whitener(M)
     if criterion.monotone:
         trials = [_semidefinite(trial, T) for trial in trials]
