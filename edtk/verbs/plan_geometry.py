@@ -52,7 +52,10 @@ def plan_geometry(
     unknown = {"dask": dask}
     for argument, given in unknown.items():
         if given is not None:
-            message = "is for plans of compliances alone; this study has [parameters]"
+            message = (
+                "is for plans of compliances alone; those of a study with [parameters] are "
+                "searched in this process"
+            )
             raise ArgumentError(message, argument=argument)
     question = study if exclude is None else study.excluding(exclude)
     faults = sized_visit_faults(question, detect or {})

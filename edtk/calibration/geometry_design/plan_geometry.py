@@ -62,8 +62,8 @@ def plan_geometry(
         study: The study, with [parameters].
         size: Number of visits in all, kept ones counted; None where the budget decides.
         criterion: Name of a criterion; defaults to the one that the study is about.
-        distinct: Different new visits at most, where no budget limits them; a pose without a load
-            and under it are two. Defaults to any number.
+        distinct: Different new visits at most; a pose without a load and under it are two.
+            Defaults to any number.
         kept: Visits that were made already; they cost nothing more.
         cost_budget: What the new visits may cost; defaults to the study's.
         seconds: Time after which the best plan so far is returned; defaults to no limit.
@@ -144,9 +144,8 @@ class _Search:
         """
         if distinct is None:
             return self
-        if self.new is None or (self.costs is not None and self.costs.budget is not None):
-            message = "cannot go with a budget of costs, which limits the visits; leave one out"
-            raise ArgumentError(message, argument="distinct")
+        if self.new is None:
+            return replace(self, distinct=distinct)
         if distinct > self.new:
             message = f"expected at most {self.new}, the number of new visits"
             raise ArgumentError(message, argument="distinct", given=distinct)
@@ -207,6 +206,9 @@ class _Search:
         """
         model = self.question.model
         message = f"so few visits cannot tell what {self.criterion.name} needs; expected more"
+        if self.new is None and self.distinct is not None:
+            message = f"so few different visits cannot tell what {self.criterion.name} needs"
+            return ArgumentError(message, argument="distinct", given=self.distinct)
         if self.criterion.needs_all:
             count = len(model.markers)
             least = least or -(-model.p // (model.row_count * count))
@@ -256,7 +258,8 @@ class _Search:
         if m is not None and (one_price or affords(funds, prices.max() * m)):
             return LoadTrial(loads, relaxed, bound, search.of_size(m, self.distinct))
         most = most_visits(funds, prices.min()) if m is None else m
-        return LoadTrial(loads, relaxed, bound, search.within(prices, funds, most, m is not None))
+        found = search.within(prices, funds, most, m is not None, self.distinct)
+        return LoadTrial(loads, relaxed, bound, found)
 
     def _beside_kept(self, space: GeometrySpace, total: float) -> GeometrySpace:
         """The space with its share of what the kept visits tell."""

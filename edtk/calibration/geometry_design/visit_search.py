@@ -15,9 +15,10 @@ from edtk.design.exact.exchange import exchange
 from edtk.design.exact.exchange_in_turn import exchange_in_turn
 from edtk.design.exact.refine import refine
 from edtk.design.exact.round_plan import round_plan
-from edtk.design.problem import Problem
+from edtk.design.problem import Problem, RankDeficientError
 from edtk.design.relaxation.normalised import normalised
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
+from edtk.system.errors import UserError
 from edtk.system.typing import Array, Indices
 
 STARTS = 8
@@ -102,7 +103,9 @@ class VisitSearch:
         self.progress(f"{self.starts} starts", float(costs[elite[0]]))
         return self._finished(pool.x[places[elite]], repeats[elite], pool, self.starts)
 
-    def within(self, prices: Array, funds: float, m: int, sized: bool) -> FoundVisits:
+    def within(
+        self, prices: Array, funds: float, m: int, sized: bool, distinct: int | None = None
+    ) -> FoundVisits | None:
         """The best plan whose visits cost no more than some funds.
 
         Args:
@@ -110,6 +113,11 @@ class VisitSearch:
             funds: What all may cost together.
             m: Number of visits, or the largest.
             sized: Whether it is that number.
+            distinct: Different visits at most; those whose loss costs least are left out one by
+                one, and the funds shared out among the others anew. Defaults to any.
+
+        Returns:
+            The plan; None where so few different visits tell too little.
         """
         pool, _ = self._pool()
         problem = pool.problem
@@ -123,12 +131,45 @@ class VisitSearch:
         self.progress("1 start", found.cost)
         chosen = found.support
         repeats = found.counts[chosen].astype(float)
+        while distinct is not None and len(chosen) > distinct:
+            fewer = self._with_one_fewer(plain, limits, chosen)
+            if fewer is None:
+                return None
+            chosen, repeats = fewer
         finishing = self
         if problem.prior is not None:
             # Only now the number of visits is known that share what is known besides.
             shared = replace(self.space, prior=base / repeats.sum(), sharing=int(repeats.sum()))
             finishing = replace(self, space=shared)
         return finishing._finished(pool.x[chosen][None], repeats[None], None, 1)
+
+    def _with_one_fewer(
+        self, problem: Problem, limits: Limits, chosen: Indices
+    ) -> tuple[Indices, Array] | None:
+        """The best of the plans of all but one of some candidates, and how often each is made.
+
+        None where so few candidates tell too little.
+        """
+        best: tuple[float, Indices, Array] | None = None
+        for i in range(len(chosen)):
+            rest = np.delete(chosen, i)
+            own = None if limits.costs is None else limits.costs[rest]
+            nothing = np.zeros(len(rest), dtype=int)
+            try:
+                found = find_counts(
+                    problem[rest],
+                    self.criterion,
+                    replace(limits, costs=own),
+                    nothing,
+                    seed=self.seed,
+                    starts=1,
+                )
+            except (RankDeficientError, UserError):
+                continue
+            if np.isfinite(found.cost) and (best is None or found.cost < best[0]):
+                kept = found.support
+                best = (found.cost, rest[kept], found.counts[kept].astype(float))
+        return None if best is None else (best[1], best[2])
 
     def _pool(self) -> tuple[Candidates, Array]:
         """Visits among which places are exchanged, and the weights (n,) of the relaxation."""

@@ -16,6 +16,7 @@ from edtk.calibration.geometry_design.plan_geometry import plan_geometry
 from edtk.cli import main
 from edtk.design.relaxation import search_continuum
 from edtk.study.study import Study
+from edtk.system.errors import UserError
 
 FREE = {"load_change": 8, "visit": 2}
 
@@ -204,7 +205,6 @@ def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for option, reason in (
         (["--distinct", "2"], "2 distinct poses cannot identify 6 parameters; the smallest number"),
         (["--distinct", "6"], "expected at most 5, the number of new visits"),
-        (["--distinct", "3", "--cost-budget", "9"], "cannot go with a budget of costs"),
         (["--detect", "x=1mm"], "no fault 'x'; expected one of load_size"),
         (["--detect", "tool_x=1mm,tool_x=2mm"], "tool_x is there twice"),
         (["--detect", "tool_x=0mm"], "tool_x=0mm: expected a size other than 0"),
@@ -227,3 +227,22 @@ def test_few_different_visits() -> None:
     assert three.value == pytest.approx(79.8037, rel=1e-4)
     assert four.value == pytest.approx(84.0985, rel=2e-3)
     assert four.efficiency <= 1 + 1e-6
+
+
+@pytest.mark.parametrize("costs", [{"load_change": 8}, {"loaded_visit": 5, "load_change": 1}])
+def test_few_different_visits_within_a_budget(costs: dict[str, float]) -> None:
+    """They are repeated as often as the budget pays for, and more kinds are no worse."""
+    study = priced(**costs)
+    three = plan_geometry(study, criterion="D", cost_budget=31, distinct=3)
+    free = plan_geometry(study, criterion="D", cost_budget=31)
+    assert len(three.plan.q) <= 3 < three.plan.experiments
+    assert three.spent is not None
+    assert 31 - 5 < three.spent <= 31
+    assert 0.9 * free.value < three.value < free.value * (1 + 2e-3)
+    assert three.efficiency <= 1 + 1e-6
+
+
+def test_too_few_different_visits_within_a_budget() -> None:
+    """One pose under one load does not tell four parameters, however often it is visited."""
+    with pytest.raises(UserError, match="distinct 1: so few different visits cannot tell"):
+        plan_geometry(priced(loaded_visit=5), criterion="D", cost_budget=31, distinct=1)
