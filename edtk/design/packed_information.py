@@ -87,6 +87,11 @@ class PackedInformation:
         """``<B B', M_i>`` (n,) of B (p, q)."""
         return self.sensitivities(B @ B.T)
 
+    def diagonals(self) -> Array:
+        """The diagonal entries (n, p) of all candidates."""
+        rows, columns = triangle(self.p)
+        return np.asarray(self.triangles[rows == columns].T)
+
     def largest(self) -> Array:
         """The largest diagonal entries (p,) over all candidates."""
         rows, columns = triangle(self.p)

@@ -111,9 +111,13 @@ class Rows:
         """``<B B', A_i' A_i> = |A_i B|^2`` (n,) of B (p, q): squares, which cannot cancel."""
         return self._sums(lambda A: np.square(A @ B).sum(axis=1))
 
+    def diagonals(self) -> Array:
+        """The diagonal entries (n, p) of ``A_i' A_i``."""
+        return np.asarray(np.einsum("irp,irp->ip", self.A, self.A))
+
     def largest(self) -> Array:
         """The largest diagonal entries (p,) of ``A_i' A_i`` over all candidates."""
-        return np.asarray(np.einsum("irp,irp->ip", self.A, self.A).max(axis=0))
+        return np.asarray(self.diagonals().max(axis=0))
 
     def scaled(self, factor: Array) -> "Rows":
         """The same candidates with so many times the information (n,)."""

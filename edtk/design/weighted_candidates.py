@@ -124,6 +124,11 @@ class WeightedCandidates(Presented):
         own = self.kept.largest()
         return own if self.prior is None else own + np.diag(self.prior)
 
+    def diagonals(self) -> Array:
+        """The information (n, p) of each candidate about each parameter, with the prior."""
+        own = self.kept.diagonals()
+        return own if self.prior is None else own + np.diag(self.prior)
+
     def traces(self, root: Array | None = None) -> Array:
         """Trace (n,) of each candidate's information with the prior, ``<B B', M0 + M_i>``.
 

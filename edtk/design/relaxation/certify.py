@@ -84,13 +84,31 @@ def _bound(problem: Problem, criterion: Relaxable, Z: Array, near: Array) -> flo
         Z = Z[proves] + (lift[:, None] * own)[:, :, None] * np.eye(problem.p)
         t = judged.sensitivities(Z).max(axis=-1)
     else:
-        size = np.abs(np.linalg.eigvalsh(Z)).max(axis=-1)
-        cancelled = 16 * problem.p * EPS * size[:, None] * judged.traces()
-        t = (judged.sensitivities(Z) + cancelled).max(axis=-1)
+        t = (judged.sensitivities(Z) + _cancelled(judged, Z)).max(axis=-1)
     if not len(Z):
         return 0.0
     found = float(criterion.lower_bound(Z, t, near))
     return max(found, 0.0) if np.isfinite(found) else 0.0
+
+
+def _cancelled(problem: Problem, Z: Array) -> Array:
+    """Bounds (r, n) on the rounding of sensitivities ``<Z, M_i>`` whose terms may cancel.
+
+    It is below ``16 p eps`` times ``|Z| trace(M_i)``, and times ``(sum_a s_a (M_i)_aa^(1/2))^2``
+    for any s with ``|Z_ab| <= s_a s_b``, which does not depend on the units of the parameters.
+    """
+    size = np.abs(np.linalg.eigvalsh(Z)).max(axis=-1)
+    s = np.sqrt(np.abs(np.diagonal(Z, axis1=1, axis2=2)))
+    products = s[:, :, None] * s[:, None]
+    ratio = np.divide(np.abs(Z), products, out=np.full(Z.shape, np.inf), where=products > 0)
+    most = ratio.max(axis=(1, 2))
+    roots = np.sqrt(np.maximum(problem.diagonals(), 0.0))
+    of_entries = np.square(s @ roots.T)
+    told = np.isfinite(most)
+    of_entries = np.where(told, most, 1.0)[:, None] * of_entries
+    whole = size[:, None] * problem.traces()
+    least = np.where(told[:, None], np.minimum(of_entries, whole), whole)
+    return np.asarray(16 * problem.p * EPS * least)
 
 
 def _exact(

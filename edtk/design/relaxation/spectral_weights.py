@@ -76,7 +76,8 @@ def spectral_weights(
         # A proof takes both parts from the multiplier. The small one is far below the rounding of
         # the other; lifted by more than that, what is left for it is clear.
         Z = Z + LIFT * np.linalg.norm(Z, 2) * np.eye(len(Z))
-    return best.w / best.w.sum(), T @ Z @ T.T
+    Z = T @ Z @ T.T
+    return best.w / best.w.sum(), 0.5 * (Z + Z.T)
 
 
 @dataclass(frozen=True, eq=False)

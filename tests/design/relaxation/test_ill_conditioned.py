@@ -323,3 +323,19 @@ def test_no_weights_near_the_best_are_below_the_bound(case, name):
             weights = (1 - size) * r.weights + size * rng.dirichlet(np.full(101, 0.1))
             other = replace(r, weights=weights / weights.sum())
             assert other.certify(problem)[0] >= r.proved_bound.cost * (1 - r.accuracy)
+
+
+@pytest.mark.parametrize("name", ["E", "O2", "O4"])
+def test_units_that_are_decades_apart(name):
+    """Own certificates hold, and no other weights are below their bounds, in uneven units too."""
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        rows = rng.normal(size=(20, 2, 5)) * 10.0 ** rng.uniform(-6, 0, size=5)
+        problem = Problem(rows)
+        r = relax(problem, criteria.create(name))
+        assert r.gap <= GAP
+        cost, bound = r.certify(problem)
+        assert cost == pytest.approx(r.cost, rel=1e-9)
+        assert bound == pytest.approx(r.proved_bound.cost, rel=1e-6)
+        for weights in rng.dirichlet(np.full(20, 0.3), size=5):
+            assert replace(r, weights=weights).certify(problem)[0] >= bound * (1 - 1e-9)
