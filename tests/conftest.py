@@ -84,8 +84,8 @@ def one_process() -> Iterator[None]:
 @pytest.fixture(scope="session", autouse=True)
 def small_searches() -> Iterator[pytest.MonkeyPatch]:
     """Searches over all poses look at fewer poses from fewer starts, and searches for a plan end
-    after one batch of starts. What is found is judged as anything else; tests of the searches
-    themselves choose their own numbers.
+    after one batch of starts, whose best plans are kicked in one turn. What is found is judged as
+    anything else; tests of the searches themselves choose their own numbers.
     """
     with pytest.MonkeyPatch.context() as patch:
         _make_searches_small(patch)
@@ -96,6 +96,7 @@ def _make_searches_small(patch: pytest.MonkeyPatch) -> None:
     patch.setattr("edtk.design.relaxation.search_continuum.SCREEN", 2000)
     patch.setattr("edtk.design.relaxation.search_continuum.STARTS", 12)
     patch.setattr("edtk.study.plan_study.STARTS", 16)
+    patch.setattr("edtk.design.exact.kicks.TURNS", 1)
 
 
 @pytest.fixture(scope="module")
