@@ -3,6 +3,7 @@
 import numpy as np
 
 from edtk.calibration.diagnostics.diagnostic import Severity
+from edtk.calibration.geometry.few_poses import few_poses
 from edtk.calibration.geometry.fit_rows import FitRows
 from edtk.calibration.geometry.geometric_doubt import GeometricDoubt, rows_in_words
 from edtk.calibration.geometry.moved_frame import moved_frame
@@ -16,7 +17,6 @@ UNLIKELY = 1e-6  # probability, over all poses, below which a pose is named
 MOST_NAMED = 2  # open directions that are named in full
 MOST_LETTERS = 120  # of their names together
 LARGE = 60.0  # mm or mrad: no robot is built as wrongly
-FEW = 2.5  # coordinates a parameter, below which poses are few
 ROUGH = 0.02  # of the spread of positions that the fit leaves: the drawing is of another robot
 ROUGH_DEG = 1.0  # orientations that the fit leaves
 SAME = 1e-6  # [rad or m] a joint that moves less stands still
@@ -33,7 +33,7 @@ def fit_doubts(fit: GeometricFit, setting: StudyGeometry) -> list[GeometricDoubt
         *_rough(fit),
         *_turned(fit),
         *_open(fit),
-        *_few(fit),
+        *few_poses(fit),
         *_outliers(fit),
         *_moved(fit, setting),
         *_bent(fit, setting),
@@ -98,21 +98,6 @@ def _still(fit: GeometricFit) -> str:
     if not names or len(names) == robot.n:
         return ""
     return f", as {', '.join(names)} stand{'s' * (len(names) == 1)} still in all poses"
-
-
-def _few(fit: GeometricFit) -> list[GeometricDoubt]:
-    """Hardly more coordinates than parameters."""
-    coordinates = fit.data.rows * fit.data.means.count
-    if coordinates >= FEW * fit.structural:
-        return []
-    markers = len(fit.data.markers)
-    missing = int(np.ceil((FEW * fit.structural - coordinates) / (fit.data.rows * markers)))
-    poses = f"{missing} more pose{'s' if missing > 1 else ''}"
-    text = (
-        f"{coordinates} coordinates for {fit.structural} parameters leave little to judge by; "
-        f"measure {poses}"
-    )
-    return [GeometricDoubt(Severity.WARNING, "few_poses", text)]
 
 
 def _outliers(fit: GeometricFit) -> list[GeometricDoubt]:

@@ -509,3 +509,15 @@ def test_a_sheet_that_nobody_filled_in(value: str, study: Path, tmp_path: Path) 
     sheet.write_text("\n".join([header, *empty]))
     with pytest.raises(edtk.UserError, match="no position of a marker is filled in"):
         edtk.identify(study, sheet)
+
+
+def test_too_few_poses_to_judge_by(study: Path, tmp_path: Path) -> None:
+    """Where poses left out are far off nothing speaks for the fit, or they cannot be left out."""
+    q, x = truth(30)
+    six = edtk.identify(study, by_pose(tmp_path / "six.csv", q[:6], x[:6]))
+    assert six.verdict == "bad"
+    assert "and by the drawing" in six.doubts[0].text
+    five = edtk.identify(study, by_pose(tmp_path / "five.csv", q[:5], x[:5]))
+    assert {"few_poses", "alone"} <= {doubt.kind for doubt in five.doubts}
+    many = edtk.identify(study, by_pose(tmp_path / "many.csv", q, x))
+    assert many.doubts == ()
