@@ -27,7 +27,7 @@ from edtk.system.atomic_file import write_text
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
 SIZES = (3, 5, 12)
-REPEATS = 1
+REPEATS = 2
 # Progress tells when the search over all poses begins and ends, and when plans are searched for.
 STAGES = """
 import json, sys
@@ -112,8 +112,8 @@ HEADER += ("imports", "study", "bound", "plan", "rest")
 BEFORE = ("rho0 before [mm]", "command before", "work before", "ratio", "ratio of work")
 
 
-def page(rows: list[list[object]], commit: str) -> str:
-    """The report, as Markdown."""
+def page(rows: list[list[object]], commit: str, load: float) -> str:
+    """The report, as Markdown; the load is the mean number of programs that waited or ran."""
     header = HEADER + BEFORE if commit else HEADER
     compared = (
         f" Before is commit {commit}, run in turn with this one on the same files."
@@ -125,8 +125,9 @@ def page(rows: list[list[object]], commit: str) -> str:
         "`python studies/benchmarks/plan_command.py` wrote this file.\n\n"
         "Seconds of the whole command `edtk plan STUDY --size m` on all cores, and the work of all "
         "its processes [s of a processor], which other programs on the machine disturb less: the "
-        f"least of {REPEATS}; {machine()}. The stages are seconds of one more run: imports, "
-        "reading the study, the bound over all poses, the search for the plan, "
+        f"least of {REPEATS}; {machine()}, with a load of {load:.0f}. "
+        "The stages are seconds of one more run: imports, reading the study, the bound over all "
+        "poses, the search for the plan, "
         f"and the rest: rounding, errors to expect, the budget.{compared}\n\n"
         f"{markdown_table(header, rows)}"
     )
@@ -144,7 +145,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         cases = [(*item, m) for item in studies(Path(folder)).items() for m in SIZES]
         rows = [row(*case, before) for case in tqdm(cases, file=sys.stderr)]
-    write_text(HERE / "plan_command.md", page(rows, commit))
+    write_text(HERE / "plan_command.md", page(rows, commit, os.getloadavg()[2]))
 
 
 if __name__ == "__main__":
