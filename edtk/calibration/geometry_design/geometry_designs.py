@@ -7,11 +7,12 @@ from time import monotonic
 import numpy as np
 
 import criteria
+from edtk.calibration.geometry_design.day_search import SEARCHES
+from edtk.calibration.geometry_design.day_search import TOLERANCE as OF_PLANS
 from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
 from edtk.calibration.geometry_design.geometry_space import GeometrySpace
 from edtk.calibration.geometry_design.marker_task import MarkerTask, marker_tasks
-from edtk.calibration.geometry_design.plan_geometry import SEARCHES, plan_geometry
-from edtk.calibration.geometry_design.plan_geometry import TOLERANCE as OF_PLANS
+from edtk.calibration.geometry_design.plan_geometry import plan_geometry
 from edtk.calibration.geometry_design.poor_around import poor_around
 from edtk.calibration.geometry_design.told_by_plan import ToldByPlan
 from edtk.calibration.geometry_design.visit_search import STARTS, VisitSearch
