@@ -22,6 +22,7 @@ from edtk.system.errors import UserError
 from edtk.system.typing import Array, Indices
 
 STARTS = 8
+FEW = 12  # parameters, up to which a start within funds takes milliseconds and not seconds
 ELITE = 3  # plans that are refined: the best of the starts is best at the end in half of the cases
 SENSITIVE = 300  # candidates of largest sensitivity among which places are exchanged
 ROUNDS = 3  # of refinement, with an exchange between them; the third one seldom finds anything
@@ -127,12 +128,13 @@ class VisitSearch:
         limits = Limits(m, base, None, prices[self.space.load_of(pool.x)], funds, sized)
         plain = problem.with_prior(None)
         nothing = np.zeros(problem.n, dtype=int)
-        found = find_counts(plain, self.criterion, limits, nothing, seed=self.seed, starts=1)
-        self.progress("1 start", found.cost)
+        starts = self.starts if problem.p <= FEW else 1
+        found = find_counts(plain, self.criterion, limits, nothing, seed=self.seed, starts=starts)
+        self.progress(f"{starts} start{'s' if starts > 1 else ''}", found.cost)
         chosen = found.support
         repeats = found.counts[chosen].astype(float)
         while distinct is not None and len(chosen) > distinct:
-            fewer = self._with_one_fewer(plain, limits, chosen)
+            fewer = self._with_one_fewer(plain, limits, chosen, starts)
             if fewer is None:
                 return None
             chosen, repeats = fewer
@@ -141,10 +143,10 @@ class VisitSearch:
             # Only now the number of visits is known that share what is known besides.
             shared = replace(self.space, prior=base / repeats.sum(), sharing=int(repeats.sum()))
             finishing = replace(self, space=shared)
-        return finishing._finished(pool.x[chosen][None], repeats[None], None, 1)
+        return finishing._finished(pool.x[chosen][None], repeats[None], None, starts)
 
     def _with_one_fewer(
-        self, problem: Problem, limits: Limits, chosen: Indices
+        self, problem: Problem, limits: Limits, chosen: Indices, starts: int
     ) -> tuple[Indices, Array] | None:
         """The best of the plans of all but one of some candidates, and how often each is made.
 
@@ -162,7 +164,7 @@ class VisitSearch:
                     replace(limits, costs=own),
                     nothing,
                     seed=self.seed,
-                    starts=1,
+                    starts=starts,
                 )
             except (RankDeficientError, UserError):
                 continue

@@ -15,6 +15,7 @@ from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
 from edtk.calibration.geometry_design.plan_geometry import plan_geometry
 from edtk.cli import main
 from edtk.design.relaxation import search_continuum
+from edtk.study.run_options import RunOptions
 from edtk.study.study import Study
 from edtk.system.errors import UserError
 
@@ -240,6 +241,9 @@ def test_few_different_visits_within_a_budget(costs: dict[str, float]) -> None:
     assert 31 - 5 < three.spent <= 31
     assert 0.9 * free.value < three.value < free.value * (1 + 2e-3)
     assert three.efficiency <= 1 + 1e-6
+    other = plan_geometry(study, criterion="D", cost_budget=31, options=RunOptions(seed=5))
+    # Plans of one start were apart by 5 %.
+    assert other.value == pytest.approx(free.value, rel=1e-3)
 
 
 def test_too_few_different_visits_within_a_budget() -> None:
