@@ -79,7 +79,6 @@ def _negative_trace(scaled: Array, d: Array) -> float:
     Args:
         scaled: The matrix (q, q), scaled by d.
         d: Scales (q,).
-
     """
     S = scaled * np.outer(d, d)
     s, V = np.linalg.eigh(S)

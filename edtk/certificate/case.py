@@ -183,11 +183,10 @@ class Case:
         """
         if self.day is not None:
             return self.of_day.excess
-        stated = self.largest.searched
-        found = self.largest.climbed
+        largest = self.largest
         if self.degree:
-            return float(np.max((found - stated) / np.abs(stated)))
-        return self._least_cost(stated) / self._least_cost(found) - 1
+            return largest.excess
+        return self._least_cost(largest.searched) / self._least_cost(largest.climbed) - 1
 
     @cached_property
     def of_day(self) -> DayBound:

@@ -69,7 +69,7 @@ class DayBound:
         Raises:
             ValueError: The multipliers prove nothing.
         """
-        return max((part.excess for part in self._parts), default=float("nan"))
+        return max((part.largest.excess for part in self._parts), default=float("nan"))
 
     @cached_property
     def _parts(self) -> tuple["_Part", ...]:
@@ -162,12 +162,6 @@ class _Part:
         Z = self.largest.multipliers.Z
         least = lower_bound(self.name, Z, t, targets, self.M, self.interest)
         return least * self.total**-self.degree
-
-    @property
-    def excess(self) -> float:
-        """By how much a search of the check's own beats the stated one, relative to it."""
-        stated = self.largest.searched
-        return float(np.max((self.largest.climbed - stated) / np.abs(stated)))
 
 
 def read_proofs(content: Any, setting: Setting) -> dict[tuple[int, ...], Proof]:

@@ -76,6 +76,11 @@ class LargestSensitivities:
             found[j] = max(found[j], float(self._height(j)(reached).max()), self._of_own[j])
         return found
 
+    @property
+    def excess(self) -> float:
+        """By how much `climbed` beats `searched` at most, relative to it."""
+        return float(np.max((self.climbed - self.searched) / np.abs(self.searched)))
+
     @cached_property
     def _over_candidates(self) -> tuple[Array, Array]:
         """Maxima (r,) over all candidates, and the best of the candidates (s, v).

@@ -6,7 +6,7 @@ import numpy as np
 
 from criteria import Criterion
 from edtk.design.design_space import DesignSpace
-from edtk.design.exact.round_poses import MOST_TRIED, round_poses
+from edtk.design.exact.round_poses import MOST_TRIED, best_of_tried, round_poses
 from edtk.design.exact.steps_around import number_around, steps_around
 from edtk.system.typing import Array
 
@@ -63,12 +63,8 @@ def _improved(space: DesignSpace, criterion: Criterion, x: Array, repeats: Array
             tried = steps_around(space, x[i], wider)
             if not len(tried):
                 continue
-            others = space.problem(x).information(np.where(np.arange(len(x)) == i, 0.0, repeats))
-            if space.prior is not None:
-                others = others + repeats[i] * space.prior
-            costs = criterion.cost(others + repeats[i] * space.problem(tried).blocks())
             moved = x.copy()
-            moved[i] = tried[costs.argmin()]
+            moved[i] = best_of_tried(space, criterion, x, repeats, i, tried)
             # Repeats that share an error have changed what the others tell.
             reached = _cost(space, criterion, moved, repeats)
             if reached < cost:

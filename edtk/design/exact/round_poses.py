@@ -50,17 +50,24 @@ def _nearby(
     space: DesignSpace, criterion: Criterion, x: Array, repeats: Array, i: int, exact: Array
 ) -> Array:
     """The best feasible experiment (v,) of those around experiment i, or that one itself."""
-    others = space.problem(x).information(np.where(np.arange(len(x)) == i, 0.0, repeats))
-    if space.prior is not None:
-        others = others + repeats[i] * space.prior
     for wider in WIDER:
         if number_around(space, wider) > MOST_TRIED:
             break
         tried = steps_around(space, exact, wider)
         if len(tried):
-            own = space.problem(tried).blocks()
-            return np.asarray(tried[criterion.cost(others + repeats[i] * own).argmin()])
+            return best_of_tried(space, criterion, x, repeats, i, tried)
     return exact
+
+
+def best_of_tried(
+    space: DesignSpace, criterion: Criterion, x: Array, repeats: Array, i: int, tried: Array
+) -> Array:
+    """The best (v,) of some experiments (n, v) in the place of experiment i of a plan (k, v)."""
+    others = space.problem(x).information(np.where(np.arange(len(x)) == i, 0.0, repeats))
+    if space.prior is not None:
+        others = others + repeats[i] * space.prior
+    costs = criterion.cost(others + repeats[i] * space.problem(tried).blocks())
+    return np.asarray(tried[costs.argmin()])
 
 
 def _merged(space: DesignSpace, x: Array, repeats: Array, within: float) -> tuple[Array, Array]:

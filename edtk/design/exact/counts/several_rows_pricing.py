@@ -148,6 +148,7 @@ class SeveralRowsPricing(AnyPricing):
         """The plan (m,) after an exchange that improves it; None where there is none."""
         M, levels, Z, rests = self._tangents(places, base)
         value = self.loss.tangent(M)[0]
+        now = float(self.loss.cost(np.array([value]))[0])
         allowed = self._allowed(places)
         for place, found, wrong in self.look.sensitivities(Z):
             bounds = levels[place] - found - wrong * self.look.sizes
@@ -160,7 +161,6 @@ class SeveralRowsPricing(AnyPricing):
                 part = some[first : first + PART]
                 costs = self.loss.joined_costs(rests[place], self.scatter.rows[part])
                 lowest = int(np.argmin(costs))
-                now = float(self.loss.cost(np.array([value]))[0])
                 if costs[lowest] < now * (1 - GAIN):
                     better = places.copy()
                     better[place] = part[lowest]

@@ -47,6 +47,7 @@ class Shortlist:
         rows: Their rows (k, r, p).
         limits: What plans must obey, for these candidates alone.
         base: What the places of every plan are added to (p, p).
+        packed: Information of each candidate, packed, in single precision (k, p(p+1)/2).
     """
 
     loss: ConvexLoss
