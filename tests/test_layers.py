@@ -1,7 +1,6 @@
-"""The plan of the house: in which direction rooms import, and what a module is called."""
+"""The plan of the house: in which direction rooms import."""
 
 import ast
-import re
 from pathlib import Path
 
 import pytest
@@ -32,33 +31,6 @@ FLOORS = (
 LEVELS = {room: level for level, rooms in enumerate(FLOORS) for room in rooms}
 SIBLINGS = ("edtk.design", "edtk.inference")  # with their wings, neither imports the other
 FILES = sorted(path for folder in ("criteria", "edtk") for path in (ROOT / folder).rglob("*.py"))
-
-# Modules that are a kit of small things, or the program's own entry, instead of one public thing.
-KITS = {
-    "criteria/linalg/estimable",
-    "criteria/linalg/inverse",
-    "criteria/linalg/spectrum",
-    "criteria/linalg/typing",
-    "criteria/registry",
-    "edtk/certificate/recompute/plain_data",
-    "edtk/certificate/recompute/values",
-    "edtk/cli",
-    "edtk/commands/shared",
-    "edtk/design/candidate_arrays",
-    "edtk/design/interior_point/barrier",
-    "edtk/design/packed",
-    "edtk/inference/convergence",
-    "edtk/inference/distributions",
-    "edtk/inference/least_squares",
-    "edtk/report/comparison/cell",
-    "edtk/report/palette",
-    "edtk/study/schema",
-    "edtk/system/atomic_file",
-    "edtk/system/errors",
-    "edtk/system/typing",
-    "edtk/verbs/inputs",
-    "edtk/version",
-}
 
 
 def module_of(path: Path) -> str:
@@ -101,24 +73,6 @@ def may_import(module: str, name: str) -> bool:
     return own == other or LEVELS[other] < LEVELS[own]
 
 
-def public_names(tree: ast.Module) -> set[str]:
-    """Names that a module defines at its top level, those with a leading underscore aside."""
-    names: set[str] = set()
-    for node in tree.body:
-        if isinstance(node, ast.FunctionDef | ast.ClassDef):
-            names.add(node.name)
-        elif isinstance(node, ast.Assign):
-            names |= {target.id for target in node.targets if isinstance(target, ast.Name)}
-        elif isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name):
-            names.add(node.target.id)
-    return {name for name in names if not name.startswith("_")}
-
-
-def snake_case(name: str) -> str:
-    """The name of the file of a class or function: PoseTable is in pose_table."""
-    return re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", "_", name).lower()
-
-
 @pytest.fixture(scope="module")
 def trees() -> dict[Path, ast.Module]:
     """Every module, parsed once."""
@@ -141,31 +95,10 @@ def test_imports_run_only_downwards(trees: dict[Path, ast.Module]) -> None:
     assert wrong == []
 
 
-def test_a_module_is_named_after_its_public_thing(trees: dict[Path, ast.Module]) -> None:
-    """Every module but a kit defines a public name whose snake_case is the name of the file."""
-    wrong = []
-    for path, tree in trees.items():
-        if path.stem.startswith("__"):
-            continue
-        names = public_names(tree)
-        # The click command of a module of commands is called `command`.
-        command = path.parent.name == "commands" and "command" in names
-        named = command or path.stem in {snake_case(public) for public in names}
-        place = str(path.relative_to(ROOT).with_suffix(""))
-        if named == (place in KITS):
-            wrong.append(f"{place} defines {sorted(names)}; name it after one, or list it as a kit")
-    assert wrong == []
-
-
 def test_no_two_files_of_tests_have_one_name() -> None:
     """Pytest imports them without packages, and stops at the second one of a name."""
     names = [path.name for path in (ROOT / "tests").rglob("test_*.py")]
     assert sorted(names) == sorted(set(names))
-
-
-def test_every_kit_exists() -> None:
-    """A kit that was removed or renamed leaves the list."""
-    assert [kit for kit in sorted(KITS) if not (ROOT / f"{kit}.py").is_file()] == []
 
 
 @pytest.mark.parametrize(
@@ -190,18 +123,3 @@ def test_a_wrong_import_is_found(module: str, statement: str, allowed: bool) -> 
     """An import from above or from a sibling is found however it is written, inside design too."""
     names = imported(ast.parse(statement))
     assert all(may_import(module, name) for name in names) == allowed
-
-
-@pytest.mark.parametrize(
-    ("name", "file"),
-    [
-        ("PoseTable", "pose_table"),
-        ("AOptimality", "a_optimality"),
-        ("LogCost", "log_cost"),
-        ("mcmc", "mcmc"),
-        ("MCMC", "mcmc"),
-    ],
-)
-def test_names_of_files(name: str, file: str) -> None:
-    """Capitals that follow each other stay together."""
-    assert snake_case(name) == file
