@@ -1,11 +1,14 @@
 """The last step of a calibration: commands that keep the robot accurate under its task's load."""
 
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from edtk.calibration.compensation import Compensation
+from edtk.calibration.refused_rows import RefusedRow, RefusedRowsError, require_one
 from edtk.calibration.tools_of_task import ToolInUse, tools_of_task
 from edtk.design.plan import Plan
 from edtk.inference.error_quantiles import error_quantiles
@@ -20,7 +23,6 @@ from edtk.model.rigid_joints import rigid_joints
 from edtk.model.robot import Robot
 from edtk.model.shown_limit import shown_limits
 from edtk.study.study import Study
-from edtk.system.errors import UserError
 from edtk.system.typing import Array, Indices
 from edtk.tables.compliances import Compliances
 from edtk.tables.pose_columns import pose_columns
@@ -28,29 +30,8 @@ from edtk.tables.pose_table import pose_factors
 
 BAND = (0.025, 0.975)
 ROUNDING = 1e-9  # [rad or m]: a joint at its very limit counts as within
+BUCKLES = "the load buckles the arm; expected a load that it can carry"
 SETTLED = 1e-8  # [rad or m]: an arm that settles farther from the desired joints has buckled
-
-
-@dataclass(frozen=True)
-class _Source:
-    """Where task poses come from, for messages.
-
-    Attributes:
-        path: The file, or the study.
-        rows: The row (t,) of each pose there, counted from 0.
-    """
-
-    path: Path | str
-    rows: Indices
-
-    def error(self, message: str, pose: int, column: str = "") -> UserError:
-        """An error in one pose, to be raised."""
-        key = f"row {self.rows[pose] + 1}{column}"
-        return UserError(message, where=self.path, key=key)
-
-    def buckles(self, pose: int) -> UserError:
-        """The error of a pose that cannot carry its load."""
-        return self.error("the load buckles the arm; expected a load that it can carry", pose)
 
 
 def compensate(
@@ -58,6 +39,7 @@ def compensate(
 ) -> Compensation:
     """Compute commands for task poses with the test pose's tool, and the errors before and after.
 
+    Rows that have no answer are left out, and named in the result.
     Joints that have a compliance neither here nor among the known ones of the study count as rigid.
     The error before is that of the loaded equilibrium;
     the error after, Eq. (17), is the one that errors of the compliances leave, to first order.
@@ -71,33 +53,57 @@ def compensate(
 
     Raises:
         UserError: The study has no test pose, or some with different tools that are not its own
-            poses; or a desired or commanded pose is beyond a joint's limits, or buckles; names the
-            row.
+            poses; or every desired or commanded pose is beyond a joint's limits, or buckles; names
+            the first row.
     """
     found = found.including(study.specification.joints.known_rad_per_Nm)
-    tools = tools_of_task(study, len(task.q), own)
     turned = any(one.lever for one in study.tasks)
-    parts = [_with_tool(tool, found, task, path, turned) for tool in tools]
-    return Compensation.joined(parts, [tool.rows for tool in tools])
+    parts: list[Compensation] = []
+    refused: list[RefusedRow] = []
+    for tool in tools_of_task(study, len(task.q), own):
+        part, left_out = _with_tool(tool, found, task, turned)
+        refused += left_out
+        parts += [] if part is None else [part]
+    require_one(len(parts), refused, path)
+    return Compensation.joined(parts, sorted(refused, key=lambda row: row.row))
 
 
 def _with_tool(
-    tool: ToolInUse, found: Compliances, every: Plan, path: Path | str, turned: bool
-) -> Compensation:
-    """The commands for the poses of one tool."""
+    tool: ToolInUse, found: Compliances, task: Plan, turned: bool
+) -> tuple[Compensation | None, list[RefusedRow]]:
+    """The commands for the poses of one tool that have one; None if no pose has."""
     rows = tool.rows
+    refused: list[RefusedRow] = []
+    while len(rows):
+        try:
+            return _commands(tool, rows, found, task, turned), refused
+        except RefusedRowsError as error:
+            bad = [int(rows[one.row]) for one in error.rows]
+            refused += [replace(one, row=row) for one, row in zip(error.rows, bad, strict=True)]
+            rows = np.setdiff1d(rows, bad)
+    return None, refused
+
+
+def _commands(
+    tool: ToolInUse, rows: Indices, found: Compliances, every: Plan, turned: bool
+) -> Compensation:
+    """The commands for some poses.
+
+    Raises:
+        RefusedRowsError: Some of them have none; rows are counted among these.
+    """
     task = Plan(every.q[rows], every.wrench[rows], every.repeats[rows])
-    source = _Source(path, rows)
     robot = tool.robot
     joints = tuple(map(robot.joint_names.index, found.joints))
     model = ElastostaticModel(robot, joints, weights=tool.weights)
     q = compensated_joints(model, task.q, task.wrench, found.k)
-    _require_within_limits(robot, task.q, "desired", source)
-    _require_within_limits(robot, q, "commanded", source)
+    _require_within_limits(robot, task.q, "desired")
+    _require_within_limits(robot, q, "commanded")
     k = all_compliances(model, found.k)
-    uncompensated = _uncompensated(model, task, k, source)
-    _require_settled(model, task, q, k, source)
-    offset = _offset(model, task, found, source)
+    with _buckling_rows():
+        uncompensated = _uncompensated(model, task, k)
+        _require_settled(model, task, q, k)
+        offset = _offset(model, task, found)
     remaining, band = _errors_after(model, task, found, offset)
     return Compensation(
         robot=robot,
@@ -112,34 +118,47 @@ def _with_tool(
         verdict=found.verdict,
         rigid_joints=rigid_joints(model, task.q, task.wrench, found.joints),
         rotation=_rotation_after(model, task, found) if turned else None,
+        rows=rows,
     )
 
 
-def _uncompensated(model: ElastostaticModel, task: Plan, k: Array, source: _Source) -> Array:
-    """Distance (t,) of the loaded tool point from the desired one without compensation [m]."""
-    loaded = task.q + _deflection(model, task.q, task.wrench, k, source)
+@contextmanager
+def _buckling_rows() -> Iterator[None]:
+    """Name the poses that do not come to rest.
+
+    Raises:
+        RefusedRowsError: Some do not.
+    """
+    try:
+        yield
+    except NoEquilibriumError as error:
+        raise RefusedRowsError([RefusedRow(pose, BUCKLES) for pose in error.poses]) from error
+
+
+def _uncompensated(model: ElastostaticModel, task: Plan, k: Array) -> Array:
+    """Distance (t,) of the loaded tool point from the desired one without compensation [m].
+
+    Raises:
+        NoEquilibriumError: A pose buckles.
+    """
+    loaded = task.q + _deflection(model, task.q, task.wrench, k)
     moved = model.robot.forward(loaded)[:, :3, 3] - model.robot.forward(task.q)[:, :3, 3]
     return np.linalg.norm(moved, axis=-1)
 
 
-def _offset(
-    model: ElastostaticModel, task: Plan, found: Compliances, source: _Source
-) -> Array | None:
+def _offset(model: ElastostaticModel, task: Plan, found: Compliances) -> Array | None:
     """Mean error (t, 3) that the bias of the linear model leaves, at rest [m].
 
     The robot whose compliances are those identified, less the bias, is commanded by the identified
     ones. None where the file does not know the bias, or has no covariance to go with it.
 
     Raises:
-        UserError: A pose buckles; names its row.
+        NoEquilibriumError: A pose buckles.
     """
     if found.bias is None or found.covariance is None:
         return None
     likely = np.maximum(found.k - found.bias, 0.0)
-    try:
-        return remaining_error(model, task.q, task.wrench, found.k, likely)
-    except NoEquilibriumError as error:
-        raise source.buckles(error.pose) from error
+    return remaining_error(model, task.q, task.wrench, found.k, likely)
 
 
 def _errors_after(
@@ -165,52 +184,47 @@ def _rotation_after(model: ElastostaticModel, task: Plan, found: Compliances) ->
     return noise if found.bias is None else np.hypot(noise, np.linalg.norm(A @ found.bias, axis=-1))
 
 
-def _require_settled(
-    model: ElastostaticModel, task: Plan, q: Array, k: Array, source: _Source
-) -> None:
+def _require_settled(model: ElastostaticModel, task: Plan, q: Array, k: Array) -> None:
     """Check that the loaded robot comes to rest in the desired joints.
 
     Raises:
-        UserError: A pose buckles; names its row.
+        NoEquilibriumError: A pose buckles.
     """
-    loaded = q + _deflection(model, q, task.wrench, k, source)
+    loaded = q + _deflection(model, q, task.wrench, k)
     lost = np.flatnonzero(np.abs(loaded - task.q).max(axis=-1) > SETTLED)
     if len(lost):
-        raise source.buckles(int(lost[0]))
+        raise NoEquilibriumError(lost.tolist())
 
 
-def _deflection(
-    model: ElastostaticModel, q: Array, wrench: Array, k: Array, source: _Source
-) -> Array:
+def _deflection(model: ElastostaticModel, q: Array, wrench: Array, k: Array) -> Array:
     """Joint deflections (t, n) at rest.
 
     Raises:
-        UserError: A pose buckles; names its row.
+        NoEquilibriumError: A pose buckles.
     """
-    try:
-        return equilibrium(model.robot, q, wrench, k, loading=model.loading).theta
-    except NoEquilibriumError as error:
-        raise source.buckles(error.pose) from error
+    return equilibrium(model.robot, q, wrench, k, loading=model.loading).theta
 
 
-def _require_within_limits(robot: Robot, q: Array, which: str, source: _Source) -> None:
+def _require_within_limits(robot: Robot, q: Array, which: str) -> None:
     """Check that every pose (t, n) is within the joints' limits.
 
     Raises:
-        UserError: A pose is not; names row and column.
+        RefusedRowsError: Some are not; names the first joint of each.
     """
     lower, upper = robot.hard_limits
-    outside = np.argwhere((q < lower - ROUNDING) | (q > upper + ROUNDING))
-    if not len(outside):
-        return
-    row, j = outside[0]
-    factor = pose_factors(robot)[j]
-    shown = shown_limits(robot)[j]
-    low, high = shown.range((lower[j], upper[j]))
-    of = "" if shown.label == robot.joint_names[j] else f" of {shown.label}"
-    raise source.error(
-        f"the {which} value {shown.of(q[row, j]) / factor:.6g}{of} is outside the joint's limits "
-        f"{low / factor:.6g} .. {high / factor:.6g}",
-        int(row),
-        f", column {pose_columns(robot)[j]}",
-    )
+    outside = (q < lower - ROUNDING) | (q > upper + ROUNDING)
+    factors = pose_factors(robot)
+    columns = pose_columns(robot)
+    refused = []
+    for row in np.flatnonzero(outside.any(axis=1)):
+        j = int(np.argmax(outside[row]))
+        shown = shown_limits(robot)[j]
+        low, high = shown.range((lower[j], upper[j]))
+        of = "" if shown.label == robot.joint_names[j] else f" of {shown.label}"
+        reason = (
+            f"the {which} value {shown.of(q[row, j]) / factors[j]:.6g}{of} is outside the joint's "
+            f"limits {low / factors[j]:.6g} .. {high / factors[j]:.6g}"
+        )
+        refused.append(RefusedRow(int(row), reason, columns[j]))
+    if refused:
+        raise RefusedRowsError(refused)

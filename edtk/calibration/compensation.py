@@ -1,12 +1,13 @@
 """Commands that keep the robot accurate under its task's load, with what they leave."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from edtk.calibration.refused_rows import RefusedRow
 from edtk.model.rigid_joints import RigidJoint, rigid_joints_in_words
 from edtk.model.robot import Robot
 from edtk.system.atomic_file import write_text
@@ -19,6 +20,7 @@ from edtk.tables.sheet_columns import (
     BAND_COLUMNS,
     REMAINING_COLUMN,
     REMAINING_ROTATION_COLUMN,
+    ROW_COLUMN,
     UNCOMPENSATED_COLUMN,
 )
 
@@ -48,6 +50,8 @@ class Compensation(Presented):
             is not known.
         rotation: Root mean square (t,) of the rotation that wrong compliances leave [rad]; None
             unless the test pose has a lever at which rotations count, or if it is not known.
+        rows: Rows (t,) of the task that these are, counted from 0.
+        refused: Rows of the task that have no answer.
     """
 
     robot: Robot
@@ -57,24 +61,28 @@ class Compensation(Presented):
     uncompensated: Array
     remaining: Array | None
     band: Array | None
+    rows: Indices
     linear: Array | None = None
     rho0_bias: float | None = None
     rigid_joints: tuple[RigidJoint, ...] = ()
     verdict: str | None = None
     rotation: Array | None = None
+    refused: tuple[RefusedRow, ...] = ()
 
     @classmethod
-    def joined(cls, parts: "Sequence[Compensation]", rows: Sequence[Indices]) -> "Compensation":
+    def joined(
+        cls, parts: "Sequence[Compensation]", refused: Sequence[RefusedRow]
+    ) -> "Compensation":
         """The commands for several tools, each in its own rows.
 
         Args:
             parts: Commands for each tool, of the same compliances.
-            rows: Rows of each, which are all rows together.
+            refused: Rows without commands.
         """
-        if len(parts) == 1:
-            return parts[0]
-        order = np.argsort(np.concatenate(rows))
         first = parts[0]
+        if len(parts) == 1:
+            return replace(first, refused=tuple(refused))
+        order = np.argsort(np.concatenate([part.rows for part in parts]))
 
         def all_of(name: str) -> Any:
             """One column of all parts; None where it is not known."""
@@ -101,6 +109,8 @@ class Compensation(Presented):
             rigid_joints=tuple(most[name] for name in names if name in most),
             verdict=first.verdict,
             rotation=all_of("rotation"),
+            rows=all_of("rows"),
+            refused=tuple(refused),
         )
 
     @property
@@ -114,10 +124,15 @@ class Compensation(Presented):
         after = "unknown"
         if self.remaining is not None:
             after = f"{1e3 * self.remaining.max():.3g} mm"
-        return f"{len(self.command)} task poses, largest error {before} before, {after} after"
+        left_out = f" ({len(self.refused)} left out)" if self.refused else ""
+        poses = f"{len(self.command)} task poses{left_out}"
+        return f"{poses}, largest error {before} before, {after} after"
 
     def to_frame(self) -> "pd.DataFrame":
-        """Commands, wrenches and errors: degrees, millimetres, newtons and newton metres."""
+        """Commands, wrenches and errors: degrees, millimetres, newtons and newton metres.
+
+        Where rows of the task are left out, the first column is the row there.
+        """
         import pandas as pd
 
         degrees = self.robot.shown(self.command) / pose_factors(self.robot)
@@ -129,6 +144,8 @@ class Compensation(Presented):
             table[list(BAND_COLUMNS)] = 1e3 * self.band
         if self.rotation is not None:
             table[REMAINING_ROTATION_COLUMN] = np.rad2deg(self.rotation)
+        if self.refused:
+            table.insert(0, ROW_COLUMN, self.rows + 1)
         return table
 
     def to_csv(self, path: Path | str) -> None:
@@ -138,7 +155,8 @@ class Compensation(Presented):
     def to_dict(self) -> list[dict[str, Any]]:
         """One object per task pose, in SI units, but `q_deg` in degrees and millimetres.
 
-        An error that is not known is null.
+        `row` is the pose's row in the task, from 1; rows that are left out are not here. An error
+        that is not known is null.
         """
         degrees = self.robot.shown(self.command) / pose_factors(self.robot)
         unknown = [None] * len(self.command)
@@ -148,6 +166,7 @@ class Compensation(Presented):
         rotation = [] if self.rotation is None else self.rotation.tolist()
         return [
             {
+                "row": int(self.rows[i]) + 1,
                 "q": self.command[i].tolist(),
                 "q_deg": degrees[i].tolist(),
                 "desired_q": self.desired[i].tolist(),

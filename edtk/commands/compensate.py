@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-from edtk.commands.shared import FilePath, json_option, show, warn
+from edtk.commands.shared import FilePath, end_partial, json_option, show, warn
 
 
 @click.command("compensate", short_help="Correct commands for the load.")
@@ -22,7 +22,11 @@ def command(study: Path, k: Path, task: Path | None, as_json: bool, out: Path | 
 
     Of a study with [parameters], K.json is its result, and commands correct for geometry and load:
     markers are brought where the robot of the drawing would have them in the poses of TASK.
+
+    Rows without a command, as it would be out of limits, are named and left out, and the exit code
+    is then 1; the column row says which rows the others are.
     """
+    from edtk.calibration.refused_rows import refused_in_words
     from edtk.verbs.compensate import compensate
 
     found = compensate(study, k, task, out=out)
@@ -32,3 +36,6 @@ def command(study: Path, k: Path, task: Path | None, as_json: bool, out: Path | 
             "its error band is not to be trusted"
         )
     show(found, as_json, out)
+    if found.refused:
+        warn(f"{task or study}: {refused_in_words(found.refused)}")
+        end_partial()

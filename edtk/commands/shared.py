@@ -12,6 +12,7 @@ from edtk.system.atomic_file import STANDARD_OUTPUT, is_standard_output, write_f
 from edtk.system.errors import shortened
 from edtk.system.json_text import json_text
 
+PARTIAL = 1  # exit code: there is an answer, but not to everything that was asked
 MOST_OF_A_WARNING = 600  # characters
 
 
@@ -115,3 +116,8 @@ def warn_about(where: Path, warnings: tuple[str, ...]) -> None:
 def end_interrupted() -> NoReturn:
     """End with the exit code of an interrupted program."""
     sys.exit(INTERRUPTED)
+
+
+def end_partial() -> NoReturn:
+    """End with the exit code of an answer that leaves something out."""
+    sys.exit(PARTIAL)

@@ -1,5 +1,6 @@
 """The loaded equilibrium, of which the linear model is the first order."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,22 +29,27 @@ class NoEquilibriumError(ValueError):
     It buckles, or the compliances are far too large.
 
     Args:
-        pose: Index of the first such pose, counted over the whole batch in row-major order.
+        poses: Indices of all such poses, counted over the whole batch in row-major order.
 
     Attributes:
-        pose: As given.
+        poses: As given.
     """
 
-    def __init__(self, pose: int) -> None:
+    def __init__(self, poses: Sequence[int]) -> None:
         super().__init__(
-            f"pose {pose + 1} has no stable equilibrium under its load: expected a load that the "
-            "compliant joints can carry without buckling"
+            f"pose {poses[0] + 1} has no stable equilibrium under its load: expected a load that "
+            "the compliant joints can carry without buckling"
         )
-        self.pose = pose
+        self.poses = tuple(poses)
 
-    def __reduce__(self) -> tuple[type["NoEquilibriumError"], tuple[int]]:
-        """Pickle by the pose, so that the error can come back from another process."""
-        return type(self), (self.pose,)
+    @property
+    def pose(self) -> int:
+        """The first of them."""
+        return self.poses[0]
+
+    def __reduce__(self) -> tuple[type["NoEquilibriumError"], tuple[tuple[int, ...]]]:
+        """Pickle by the poses, so that the error can come back from another process."""
+        return type(self), (self.poses,)
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +108,7 @@ def equilibrium(
     if len(hard):
         theta[hard], found[hard] = _follow(robot, loading, STEPS, *(x[hard] for x in flat))
     if not found.all():
-        raise NoEquilibriumError(int(np.argmin(found)))
+        raise NoEquilibriumError(np.flatnonzero(~found).tolist())
     displacement = _displacement(robot, flat[0], theta)
     return Equilibrium(theta.reshape(*batch, robot.n), displacement.reshape(*batch, 6))
 

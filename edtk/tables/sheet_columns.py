@@ -50,6 +50,8 @@ MEASURED_TOGETHER = (
 SHEET_COLUMNS = tuple(column for group in MEASURED_TOGETHER for column in group)
 
 # Errors of a compensated task without compensation, and with it: root mean square and band.
+# They begin with the row of the task where some of its rows are left out.
+ROW_COLUMN = "row"
 UNCOMPENSATED_COLUMN = "uncompensated_mm"
 REMAINING_COLUMN = "remaining_rms_mm"
 BAND_COLUMNS = ("remaining_low_mm", "remaining_high_mm")
@@ -59,6 +61,7 @@ REMAINING_ROTATION_COLUMN = "remaining_rotation_rms_deg"
 # Headers that no joint may have.
 RESERVED = (
     *SHEET_COLUMNS,
+    ROW_COLUMN,
     UNCOMPENSATED_COLUMN,
     REMAINING_COLUMN,
     *BAND_COLUMNS,

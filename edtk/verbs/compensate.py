@@ -45,10 +45,11 @@ def compensate(
     Returns:
         For a study with [parameters], commands that bring the markers where the robot of the
         drawing would have them, unloaded. Otherwise commands, the error without compensation, and
-        the error that remains, with a 95 % band.
+        the error that remains, with a 95 % band. Rows that have no command, as it would be out of
+        limits or the arm buckles, are in `.refused`; `.rows` says which the others are.
 
     Raises:
-        UserError: A file is not valid, or a pose is out of the joints' limits or buckles.
+        UserError: A file is not valid, or no row has a command.
     """
     question = as_study(study)
     if question.specification.parameters is not None:

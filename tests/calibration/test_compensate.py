@@ -168,13 +168,13 @@ def test_what_identify_writes_is_read(given, tmp_path):
         (POSES.replace("q3_deg,", ""), "row 1: 6 cells; expected 5"),
         (POSES.replace("-80", "x"), "row 2, column q2_deg: 'x' is not a finite number"),
         (
-            POSES.replace("-80", "80"),
-            "row 2, column q2_deg: the desired value 80 is outside the joint's limits -146 .. 0",
+            POSES.replace("-80", "80").replace("-56.9", "56.9"),
+            "row 1, column q2_deg: the desired value 56.9 is outside the joint's limits -146 .. 0",
         ),
         (f"{HEADER},Fz_N\n20,0,60,10,-40,100,180\n", "row 1, column q2_deg: the commanded value"),
         (
-            f"{HEADER},Fz_N\n0,-90,0,0,0,0,0\n0,-90,0,0,0,0,-5e6\n",
-            "row 2: the load buckles the arm",
+            f"{HEADER},Fz_N\n0,-90,0,0,0,0,-5e6\n",
+            "row 1: the load buckles the arm",
         ),
     ],
 )
@@ -187,6 +187,36 @@ def test_task_mistakes(given, tmp_path, rows, message):
     assert message in result.stderr
     assert result.stderr.count("\n") == 1
     assert not (tmp_path / "out.csv").exists()
+
+
+def test_rows_without_a_command_are_left_out(given, tmp_path):
+    """Rows out of limits or that buckle are said, with exit code 1; the others are unchanged."""
+    k, task, _ = given
+    rows = POSES.split()[1:]
+    whole = f"{HEADER},Fz_N\n{rows[0]},-180\n{rows[1]},-180\n"
+    mixed = (
+        f"{HEADER},Fz_N\n0,80,0,0,0,0,-180\n{rows[0]},-180\n0,-90,0,0,0,0,-5e6\n"
+        f"20,0,60,10,-40,100,180\n{rows[1]},-180\n0,-90,0,0,0,200,-5e6\n"
+    )
+    task.write_text(whole, encoding="utf-8")
+    expected = json.loads(edtk(PATH, k, task, "--json").stdout)
+    task.write_text(mixed, encoding="utf-8")
+    out = tmp_path / "out.csv"
+    result = edtk(PATH, k, task, "--json", "--out", out)
+    assert result.exit_code == 1
+    for word in ("4 rows left out", "row 1, column q2_deg: the desired", "row 3: the load buckles"):
+        assert word in result.stderr
+    answered = json.loads(result.stdout)
+    assert [row.pop("row") for row in answered] == [2, 5]
+    assert [row.pop("row") for row in expected] == [1, 2]
+    for one, other in zip(answered, expected, strict=True):
+        assert one.keys() == other.keys()
+        for key in ("q", "desired_q", "wrench", "uncompensated", "remaining_rms"):
+            np.testing.assert_allclose(one[key], other[key], rtol=1e-12, atol=1e-15)
+    assert pd.read_csv(out)["row"].tolist() == [2, 5]
+    text = edtk(PATH, k, task).stdout
+    assert [line[:5] for line in text.splitlines()[1:3]] == ["   2 ", "   5 "]
+    assert "4 rows left out" in text
 
 
 def test_other_mistakes(given, tmp_path):
@@ -324,6 +354,11 @@ def test_each_pose_has_its_own_tool_and_payload(tmp_path):
     path.write_text("q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n0,-60,90,10,45,30\n")
     with pytest.raises(UserError, match="test_pose: the test poses have different tools"):
         commands(several, k, path)
+    assert found.rows.tolist() == [0, 1, 2, 3]
     at_limit = [poses[1] | {"q_deg": [0, -60, 90, 10, sign * 125, 30]} for sign in (-1, 1)]
-    with pytest.raises(UserError, match=r"row [45], column q5_deg: the commanded value"):
-        commands(several.replace(test_pose=[*poses[:3], *at_limit]), k)
+    part = commands(several.replace(test_pose=[*poses[:3], *at_limit]), k)
+    refused = [row.row for row in part.refused]
+    assert set(refused) & {3, 4}
+    assert all(row.text.endswith("the joint's limits -125 .. 125") for row in part.refused)
+    assert part.rows.tolist() == [row for row in range(5) if row not in refused]
+    np.testing.assert_array_equal(part.command[:3], found.command[:3])

@@ -9,6 +9,7 @@ import numpy as np
 
 from edtk.calibration.geometry.marker_goal import FAR, MarkerGoal
 from edtk.calibration.geometry.read_geometry import read_geometry
+from edtk.calibration.refused_rows import RefusedRow, require_one
 from edtk.design.plan import Plan
 from edtk.inference.geometry.fitted_geometry import FittedGeometry, Loads
 from edtk.model.robot import Robot
@@ -16,13 +17,14 @@ from edtk.study.study import Study
 from edtk.system.atomic_file import write_text
 from edtk.system.errors import UserError
 from edtk.system.presented import Presented
-from edtk.system.typing import Array
+from edtk.system.typing import Array, Indices, Mask
 from edtk.tables.csv_text import csv_text
 from edtk.tables.pose_columns import pose_columns
 from edtk.tables.pose_table import WRENCH_COLUMNS, pose_factors
 from edtk.tables.sheet_columns import (
     REMAINING_COLUMN,
     REMAINING_ROTATION_COLUMN,
+    ROW_COLUMN,
     UNCOMPENSATED_COLUMN,
     UNCOMPENSATED_ROTATION_COLUMN,
 )
@@ -72,6 +74,8 @@ class GeometricCompensation(Presented):
             and what the calibration does not know.
         verdict: The verdict of the calibration; None where the result does not say.
         turns: The same errors of the markers' orientations; None where these were not measured.
+        rows: Rows (t,) of the task that these are, counted from 0.
+        refused: Rows of the task that have no answer.
     """
 
     robot: Robot
@@ -81,14 +85,18 @@ class GeometricCompensation(Presented):
     uncompensated: Array
     left: Array
     remaining: Array
+    rows: Indices
     verdict: str | None = None
     turns: "TurnErrors | None" = None
+    refused: tuple[RefusedRow, ...] = ()
 
     def headline(self) -> str:
         """How far off markers are before and after."""
         before = MM * float(self.uncompensated.max())
         after = MM * float(self.remaining.max())
-        text = f"{len(self.desired)} commands, {before:.3g} mm off without, {after:.3g} with them"
+        left_out = f" ({len(self.refused)} rows left out)" if self.refused else ""
+        commands = f"{len(self.desired)} commands{left_out}"
+        text = f"{commands}, {before:.3g} mm off without, {after:.3g} with them"
         if self.turns is None:
             return text
         before, after = (
@@ -107,11 +115,16 @@ class GeometricCompensation(Presented):
             "left": self.left.tolist(),
             "remaining": self.remaining.tolist(),
             "verdict": self.verdict,
+            "rows": (self.rows + 1).tolist(),
+            "left_out": [row.to_dict() for row in self.refused],
             **({} if self.turns is None else {"turns": self.turns.to_dict()}),
         }
 
     def to_frame(self) -> "pd.DataFrame":
-        """A row for each command: joints in degrees and millimetres, wrench, errors [mm, deg]."""
+        """A row for each command: joints in degrees and millimetres, wrench, errors [mm, deg].
+
+        Where rows of the task are left out, the first column is the row there.
+        """
         import pandas as pd
 
         shown = self.robot.shown(self.command) / pose_factors(self.robot)
@@ -123,6 +136,8 @@ class GeometricCompensation(Presented):
         if self.turns is not None:
             table[UNCOMPENSATED_ROTATION_COLUMN] = np.rad2deg(self.turns.uncompensated)
             table[REMAINING_ROTATION_COLUMN] = np.rad2deg(self.turns.remaining)
+        if self.refused:
+            table.insert(0, ROW_COLUMN, self.rows + 1)
         return table
 
     def to_csv(self, path: Path | str) -> None:
@@ -138,7 +153,8 @@ def compensate_geometry(
     The robot of the drawing stands where it fitted the positions best, with the markers where they
     fitted best, and moves without a load. A command q of the identified robot brings its markers
     there, under the load of the pose, see `MarkerGoal`. Three markers fix position and orientation,
-    one the position alone, unless its orientation was measured too.
+    one the position alone, unless its orientation was measured too. Rows that have no command are
+    left out, and named in the result.
 
     Args:
         study: A study with [parameters].
@@ -148,22 +164,25 @@ def compensate_geometry(
         poses: Their file, for messages.
 
     Raises:
-        UserError: The result is of another study, or a pose cannot be reached, or the commands are
-            beyond the joints' limits; names the row.
+        UserError: The result is of another study, or no pose can be reached within the joints'
+            limits; names the first row.
     """
     setting, fitted, counting = read_geometry(study, result["geometry"], where)
     if setting.full_poses and fitted.placed_turns is None:
         message = "the result is older than commands for full poses; identify the sheet anew"
         raise UserError(message, where=where, key="geometry.placed_turns_rad")
-    desired = counting.turned(task.q)
-    goal = MarkerGoal.of(fitted, desired)
     loads = setting.loads
-    command = goal.commands(fitted, desired, task.wrench, loads)
-    asked = counting.back(command)
-    _require_reached(study.robot, asked, task.q, poses)
-    plain, plain_turn = _errors(fitted, goal, desired, task.wrench, loads)
-    left, left_turn = _errors(fitted, goal, command, task.wrench, loads)
-    predicted = fitted.predict(command, task.wrench, loads)
+    every = counting.turned(task.q)
+    goal = MarkerGoal.of(fitted, every)
+    command = goal.commands(fitted, every, task.wrench, loads)
+    refused = _not_reached(study.robot, counting.back(command), task.q)
+    rows = np.setdiff1d(np.arange(len(every)), [row.row for row in refused])
+    require_one(len(rows), refused, poses)
+    goal = goal.of_poses(rows)
+    desired, command, wrench = every[rows], command[rows], task.wrench[rows]
+    plain, plain_turn = _errors(fitted, goal, desired, wrench, loads)
+    left, left_turn = _errors(fitted, goal, command, wrench, loads)
+    predicted = fitted.predict(command, wrench, loads)
     noise = fitted.noise
     turns = None
     if plain_turn is not None and left_turn is not None and predicted.turn_std is not None:
@@ -172,14 +191,16 @@ def compensate_geometry(
     verdict = result.get("verdict")
     return GeometricCompensation(
         robot=study.robot,
-        desired=task.q,
-        wrench=task.wrench,
-        command=asked,
+        desired=task.q[rows],
+        wrench=wrench,
+        command=counting.back(command),
         uncompensated=plain,
         left=left,
         remaining=_remaining(predicted.std, noise.reading / MM, left),
         verdict=str(verdict) if isinstance(verdict, str) else None,
         turns=turns,
+        rows=rows,
+        refused=tuple(refused),
     )
 
 
@@ -208,34 +229,31 @@ def _remaining(std: Array, reading: float, left: Array) -> Array:
     return np.asarray(np.sqrt(np.maximum(squares - 3 * reading**2, 0.0) + left**2))
 
 
-def _require_reached(robot: Robot, command: Array, desired: Array, where: Path | str) -> None:
-    """Check that the search ended near each pose, within the joints' limits.
+def _not_reached(robot: Robot, command: Array, desired: Array) -> list[RefusedRow]:
+    """Poses at which the search did not end nearby, within the joints' limits.
 
-    Raises:
-        UserError: It did not; names the row.
-    """
-    # A pose that is on a limit is so to the digits that a controller shows.
-    _require_within(robot, desired, DIGITS, "{} of the pose is", where)
-    near = np.abs(command - desired).max(axis=1) <= FAR
-    far = np.flatnonzero(~near)
-    if len(far):
-        raise UserError(
-            "no command near the pose brings the markers there; is the arm stretched?",
-            where=where,
-            key=f"row {far[0] + 1}",
-        )
-    _require_within(robot, command, 0.0, "the command of {} is", where)
-
-
-def _require_within(robot: Robot, q: Array, by: float, what: str, where: Path | str) -> None:
-    """Check that joint variables exceed no limit by more than something [rad or m].
-
-    Raises:
-        UserError: One does; names the row.
+    Args:
+        robot: Has the limits.
+        command: Joint variables (t, n) where the search ended [rad or m].
+        desired: Joint variables (t, n) where it began.
     """
     lower, upper = robot.hard_limits
-    beyond = np.argwhere((q < lower - by) | (q > upper + by))
-    if len(beyond):
-        row, joint = beyond[0]
-        message = f"{what.format(robot.joint_names[joint])} beyond the joint's limits"
-        raise UserError(message, where=where, key=f"row {row + 1}")
+    # A pose that is on a limit is so to the digits that a controller shows.
+    asked = (desired < lower - DIGITS) | (desired > upper + DIGITS)
+    near = (np.abs(command - desired) <= FAR).all(axis=1)
+    answered = (command < lower) | (command > upper)
+    refused = []
+    for row in np.flatnonzero(asked.any(axis=1) | ~near | answered.any(axis=1)):
+        if asked[row].any():
+            reason = f"{_first(robot, asked[row])} of the pose is beyond the joint's limits"
+        elif not near[row]:
+            reason = "no command near the pose brings the markers there; is the arm stretched?"
+        else:
+            reason = f"the command of {_first(robot, answered[row])} is beyond the joint's limits"
+        refused.append(RefusedRow(int(row), reason))
+    return refused
+
+
+def _first(robot: Robot, which: Mask) -> str:
+    """The first joint of some."""
+    return robot.joint_names[int(np.argmax(which))]

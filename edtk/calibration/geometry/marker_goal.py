@@ -8,7 +8,7 @@ from edtk.inference.geometry.fitted_geometry import FittedGeometry, Loads
 from edtk.model.geometry.geometric_model import Seen
 from edtk.model.geometry.geometric_parameter import TURNS, GeometricParameter
 from edtk.model.geometry.rotation import rotation_vectors
-from edtk.system.typing import Array
+from edtk.system.typing import Array, Indices
 
 STEPS = 30  # of Newton's method; four are the rule
 SETTLED = 1e-9  # [m, rad] a step that moves no marker by more ends the search
@@ -42,6 +42,10 @@ class MarkerGoal:
         turned = drawing.with_parameters(own)
         seen = turned.see(fitted.placed_turns.reshape(-1), q, derivatives=False)
         return cls(seen.points, seen.turns)
+
+    def of_poses(self, rows: Indices) -> "MarkerGoal":
+        """The same of some of the poses."""
+        return MarkerGoal(self.points[rows], None if self.turns is None else self.turns[rows])
 
     def commands(
         self, fitted: FittedGeometry, start: Array, wrench: Array, loads: Loads | None

@@ -21,7 +21,7 @@ def compensation(found: Compensation, ax: Any = None) -> Any:
         The axes.
     """
     ax = panels(ax, 1, 1, (6.8, 3.8))[0, 0]
-    pose = np.arange(1.0, len(found.command) + 1)
+    pose = found.rows + 1.0
     if len(pose) <= MOST_BARS:
         _bars(found, pose, ax)
     else:
@@ -58,4 +58,4 @@ def _lines(found: Compensation, pose: Array, ax: Any) -> None:
         low, high = 1e3 * found.band.T
         ax.fill_between(pose, low, high, color=BLUE, alpha=0.18, linewidth=0, label="95 % band")
         ax.plot(pose, 1e3 * found.remaining, color=BLUE, label="after, root mean square")
-    ax.set_xlim(1, len(pose))
+    ax.set_xlim(pose[0], pose[-1])

@@ -3,6 +3,7 @@
 import numpy as np
 
 from edtk.calibration.compensation import Compensation
+from edtk.calibration.refused_rows import refused_in_words
 from edtk.report.text_table import number_columns
 from edtk.tables.pose_columns import pose_columns
 from edtk.tables.pose_table import pose_factors
@@ -18,7 +19,7 @@ def compensation(found: Compensation) -> str:
         band += "   rotation rms [deg]"
     lines = [f"{'pose':>4}  {columns}   error [mm]{band}"]
     for i, command in enumerate(commands):
-        line = f"{i + 1:4}  {command}{1e3 * found.uncompensated[i]:13.4f}"
+        line = f"{found.rows[i] + 1:4}  {command}{1e3 * found.uncompensated[i]:13.4f}"
         if found.remaining is not None and found.band is not None:
             low, high = 1e3 * found.band[i]
             line += f"   {1e3 * found.remaining[i]:.4g} ({low:.4g} .. {high:.4g})"
@@ -41,4 +42,5 @@ def compensation(found: Compensation) -> str:
             "what remains is by errors of the compliances; those of load and tool add to it, see "
             "the error budget of edtk identify"
         )
-    return "\n".join([*lines, found.rigid] if found.rigid else lines)
+    notes = filter(None, (found.rigid, refused_in_words(found.refused)))
+    return "\n".join([*lines, *notes])

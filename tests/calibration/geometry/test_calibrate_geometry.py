@@ -476,13 +476,22 @@ def test_measured_positions_that_are_far_off_are_a_doubt(study: Path, tmp_path: 
 
 
 def test_poses_beyond_limits_are_named(study: Path, tmp_path: Path) -> None:
-    """Predictions say so, and commands are refused."""
+    """Predictions say so; commands leave them out, and are refused where none is left."""
     q, x = truth(25)
     found = edtk.identify(study, by_pose(tmp_path / "sheet.csv", q, x))
     poses = tmp_path / "poses.csv"
     poses.write_text(f"{','.join(NAMES)}\n10,20,30,-40,50,60\n10,999,30,-40,50,60\n")
     assert edtk.predict(study, found, poses).doubts == ("row 2: beyond the joints' limits",)
-    with pytest.raises(edtk.UserError, match="row 2: q2 of the pose is beyond the joint's limits"):
+    part = edtk.compensate(study, found, poses)
+    assert part.rows.tolist() == [0]
+    assert [row.text for row in part.refused] == [
+        "row 2: q2 of the pose is beyond the joint's limits"
+    ]
+    assert part.to_dict()["left_out"][0]["row"] == 2
+    assert part.to_frame()["row"].tolist() == [1]
+    assert "1 row left out: row 2: q2" in part.summary()
+    poses.write_text(f"{','.join(NAMES)}\n10,999,30,-40,50,60\n")
+    with pytest.raises(edtk.UserError, match="row 1: q2 of the pose is beyond the joint's limits"):
         edtk.compensate(study, found, poses)
 
 
