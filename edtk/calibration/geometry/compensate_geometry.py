@@ -240,7 +240,7 @@ def _not_reached(robot: Robot, command: Array, desired: Array) -> list[RefusedRo
     lower, upper = robot.hard_limits
     # A pose that is on a limit is so to the digits that a controller shows.
     asked = (desired < lower - DIGITS) | (desired > upper + DIGITS)
-    near = (np.abs(command - desired) <= FAR).all(axis=1)
+    near: Mask = np.abs(command - desired).max(axis=1) <= FAR
     answered = (command < lower) | (command > upper)
     refused = []
     for row in np.flatnonzero(asked.any(axis=1) | ~near | answered.any(axis=1)):

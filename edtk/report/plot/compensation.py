@@ -21,7 +21,7 @@ def compensation(found: Compensation, ax: Any = None) -> Any:
         The axes.
     """
     ax = panels(ax, 1, 1, (6.8, 3.8))[0, 0]
-    pose = found.rows + 1.0
+    pose: Array = found.rows.astype(float) + 1
     if len(pose) <= MOST_BARS:
         _bars(found, pose, ax)
     else:
