@@ -115,6 +115,21 @@ def edit(path: Path, old: str, new: str) -> Path:
     return path
 
 
+def test_a_foreign_folder_runs_nothing(tmp_path):
+    """`python -m edtk` where somebody has put a plug-in does not look at it."""
+    package = tmp_path / "foreign-1.0.dist-info"
+    package.mkdir()
+    (package / "METADATA").write_text("Metadata-Version: 2.1\nName: foreign\nVersion: 1.0\n")
+    (package / "entry_points.txt").write_text("[edtk.criteria]\nforeign = foreign_plug:Foreign\n")
+    (tmp_path / "foreign_plug.py").write_text("open('RAN', 'w').close()\n")
+    (tmp_path / "click.py").write_text("open('RAN', 'w').close()\n")
+    command = [sys.executable, "-m", "edtk", "criteria", "--json"]
+    found = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+    assert found.returncode == 0, found.stderr
+    assert "foreign" not in found.stdout + found.stderr
+    assert not (tmp_path / "RAN").exists()
+
+
 def test_criteria_lists_the_registry() -> None:
     """`edtk criteria --json` is the registry as JSON, and the table names every criterion."""
     listed = json.loads(process("criteria", "--json").stdout)

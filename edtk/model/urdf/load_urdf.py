@@ -12,12 +12,12 @@ from edtk.model.robot_from_dict import RobotFileError
 from edtk.model.tied_joint import TiedJoint
 from edtk.model.urdf.bodies import bodies
 from edtk.model.urdf.chain import chain
+from edtk.model.urdf.expand_xacro import expand_xacro
 from edtk.model.urdf.limits_of import Limits, limits_of
 from edtk.model.urdf.motion import motion
-from edtk.model.urdf.parse_urdf import parse_urdf
+from edtk.model.urdf.parse_urdf import parse_urdf, urdf_of
 from edtk.model.urdf.resolve_tie import resolve_tie
 from edtk.model.urdf.urdf import Mimic, Urdf, UrdfJoint
-from edtk.model.urdf.urdf_of_xacro import urdf_of_xacro
 from edtk.system.errors import UserError
 from edtk.system.read_text import read_text
 from edtk.system.typing import Array
@@ -70,7 +70,7 @@ def load_urdf(
         RobotFileError: One line that says which joint or link, and what was expected.
     """
     where = f"robot {name or path}"
-    tree = parse_urdf(_text(path, where), where)
+    tree = _tree(path, where)
     ends = chain(tree, base, tip, where)
     first = ends[0].parent
     last = ends[-1].child
@@ -92,14 +92,15 @@ def load_urdf(
     )
 
 
-def _text(path: Path, where: str) -> str:
-    """The text of the file, its macros expanded."""
+def _tree(path: Path, where: str) -> Urdf:
+    """The links and joints of the file, its macros expanded."""
     if path.name.endswith(XACRO):
-        return urdf_of_xacro(path, where)
+        return urdf_of(expand_xacro(path, where), where)
     try:
-        return read_text(path)
+        text = read_text(path)
     except UserError as error:
         raise RobotFileError(error.message, where=f"robot file {path}", key=error.key) from error
+    return parse_urdf(text, where)
 
 
 def _without_constant_joints(tree: Urdf, joints: Sequence[UrdfJoint], where: str) -> Urdf:

@@ -35,6 +35,11 @@ def parse_urdf(text: str, where: str | None = None) -> Urdf:
         root = parse_xml(text, where)
     except UserError as error:
         raise RobotFileError(error.message, where=error.where, key=error.key) from error
+    return urdf_of(root, where)
+
+
+def urdf_of(root: Element, where: str | None = None) -> Urdf:
+    """Read links and joints from the root element, see `parse_urdf`."""
     if root.tag != "robot":
         message = f"the root element is <{root.tag}>; expected <robot>"
         raise RobotFileError(message, where=where)
