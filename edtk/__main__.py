@@ -3,7 +3,7 @@
 import os
 import sys
 
-# Python searches the current folder first: plug-ins and modules of whoever filled it would be loaded.
+# Python searches the current folder first: whatever anybody has put there would be loaded.
 _HOME = os.path.dirname(os.path.dirname(__file__))  # noqa: PTH120
 if not sys.flags.safe_path and os.path.realpath(sys.path[0]) != os.path.realpath(_HOME):
     del sys.path[0]
