@@ -30,5 +30,6 @@ class ProblemVerification(Verification):
             "kind": self.kind,
             "candidates": self.candidates,
             "support": self.poses,
+            "second_implementation": False,
             "claims": [claim.to_dict() for claim in self.claims],
         }

@@ -28,7 +28,8 @@ def verify_problem(content: Any, problem: Problem) -> ProblemVerification:
     """Check all claims of a certificate against the candidates that it is about.
 
     The certificate is an enemy's: whatever it says is computed anew from weights, multipliers and
-    the candidates themselves, see `certify`.
+    the candidates themselves. That is done by `certify`, which the search uses too: this is no
+    second implementation.
 
     Args:
         content: What `Relaxation.to_dict` wrote, as JSON has it.

@@ -24,9 +24,11 @@ def command(
 ) -> None:
     """Find how the controller of ROBOT counts the joints, from measured POSITIONS (CSV).
 
-    ROBOT is a built-in name or a file (TOML or URDF). The CSV has joint values as the controller
-    shows them (q1_deg ...), x_mm, y_mm and z_mm in the tracker's frame, and a column marker if
-    there are several. Prints a table [controller] for the study, and how sure it is.
+    ROBOT is a built-in name or a file (TOML or URDF). The CSV is a sheet of positions as edtk
+    identify reads it: joint values as the controller shows them (q1_deg ...), and in the tracker's
+    frame either x_mm, y_mm and z_mm, with a column marker if there are several, or NAMEx_mm,
+    NAMEy_mm and NAMEz_mm for each marker of a pose. Prints a table [controller] for the study, and
+    how sure it is.
     """
     from edtk.verbs.controller import controller
 

@@ -1,23 +1,25 @@
 """`edtk.controller`: how a robot's controller counts the joints."""
 
+from dataclasses import replace
 from pathlib import Path
 
 from edtk.inference.controller_search.find_controller import find_controller
 from edtk.inference.controller_search.found_controller import FoundController
 from edtk.inference.controller_search.positions import Positions
+from edtk.inference.geometry.marker_positions import MarkerPositions
+from edtk.inference.geometry.read_positions import read_positions
 from edtk.model.load_robot import load_robot
 from edtk.model.robot import Robot
 from edtk.study.toml_text import toml_text
 from edtk.system.atomic_file import write_text
 from edtk.system.errors import UserError
-from edtk.tables.position_table import PositionTable
 from edtk.verbs.inputs import errors_in, name_of
 from edtk.verbs.require_output import require_output
 
 
 def controller(
     robot: Robot | Path | str,
-    positions: PositionTable | Path | str,
+    positions: MarkerPositions | Path | str,
     *,
     base: str | None = None,
     tip: str | None = None,
@@ -29,8 +31,9 @@ def controller(
 
     Args:
         robot: A robot, the name of a built-in one, or the path of a robot's file (TOML or URDF).
-        positions: Measured positions, or the path of their CSV file: joint values as the
-            controller shows them, `x_mm y_mm z_mm`, and `marker` if there are several.
+        positions: Measured positions, or the path of their CSV file, a sheet as `identify` reads
+            it: joint values as the controller shows them, and `x_mm y_mm z_mm` with `marker` if
+            there are several, or `NAMEx_mm NAMEy_mm NAMEz_mm` for each marker.
         base: Link of a URDF that stands in the world; defaults to its root.
         tip: Link of a URDF that carries the tool; defaults to its leaf, where it has one only.
         out: File to write the table `controller` to (TOML), "-" for standard output.
@@ -46,12 +49,16 @@ def controller(
             read = (given for given in (robot, positions) if isinstance(given, str | Path))
             require_output(out, *read)
     arm = robot if isinstance(robot, Robot) else load_robot(str(robot), base=base, tip=tip)
-    table = positions
-    if not isinstance(table, PositionTable):
-        table = PositionTable.read(table, arm)
-    rows = Positions.of_rows(table.shown, table.measured, table.markers)
+    sheet = positions
+    if not isinstance(sheet, MarkerPositions):
+        as_shown = replace(arm, controller=None)  # the file's values are the controller's own
+        sheet = read_positions(sheet, as_shown, {}, ())
+    sheet = sheet.without_lost()
+    if not sheet.count:
+        message = "no position of a marker is filled in, or all are zero"
+        raise UserError(message, where=name_of(positions, "positions"))
     try:
-        found = find_controller(arm, rows)
+        found = find_controller(arm, Positions.of_sheet(sheet))
     except UserError as error:
         raise UserError(error.message, where=name_of(positions, "positions")) from error
     if out is not None:

@@ -28,9 +28,13 @@ def verify(
 ) -> Verification:
     """Recompute every claim of a certificate from its poses and multipliers alone.
 
-    The check shares no code with the search: it has a kinematics, an information matrix and bounds
-    of its own, and draws the candidates anew. The certificate holds robot, load, noise and limits;
-    whether these are the right ones, only the study can tell.
+    The check of a study's design shares no code with the search: it has a kinematics, an
+    information matrix and bounds of its own, and draws the candidates anew. The certificate holds
+    robot, load, noise and limits; whether these are the right ones, only the study can tell.
+
+    The check of a `Problem` does share code: value and bound are recomputed from the candidates,
+    weights and multipliers by the routine that proves bounds in the search. It finds what is wrong
+    with a certificate, but no mistake in that routine. The result says so.
 
     Args:
         certificate: The file that `edtk.plan`, `edtk.relax` or `edtk.run` wrote, or its content.

@@ -183,6 +183,21 @@ def test_checker_shares_no_code_with_the_package():
     assert names == {"hashlib", "dataclasses", "typing", "numpy"}
 
 
+def test_verify_says_whether_it_shares_code_with_the_search():
+    """As long as the check of a problem imports the search, its answer says so, whatever it is."""
+    source = (ROOT / "edtk/certificate/verify_problem.py").read_text(encoding="utf-8")
+    modules = {
+        node.module for node in ast.walk(ast.parse(source)) if isinstance(node, ast.ImportFrom)
+    }
+    shares = any(module.startswith("edtk.design.relaxation") for module in modules)
+    content, A = first("D")
+    for stated in (content["value"], 2 * content["value"]):
+        found = edtk.verify(content | {"value": stated}, edtk.Problem(A))
+        assert found.valid == (stated == content["value"])
+        assert ("not by a second implementation" in found.summary()) == shares
+        assert found.to_dict()["second_implementation"] is not shares
+
+
 def test_stored_certificates_are_of_all_criteria():
     """Three hundred of them, those of the families included, and with gaps that are worth it."""
     assert len(PAIRS) == NUMBER == 300

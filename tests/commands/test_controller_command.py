@@ -5,6 +5,7 @@ import tomllib
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from click.testing import CliRunner
 
@@ -66,6 +67,39 @@ def test_a_table_to_paste(files: tuple[Path, Path]) -> None:
     assert json.loads(shown)["controller"] == TABLE
     assert tomllib.loads(out.read_text()) == {"controller": TABLE}
     assert edtk.new(files[0], out.parent / "study.toml", controller=out).robot.controller
+
+
+def test_the_sheet_of_a_calibration_is_taken(files: tuple[Path, Path]) -> None:
+    """A row a pose, with columns for each marker and those of loads, gives the same table as a row
+    a marker. Empty cells and zeros are positions that nobody measured.
+    """
+    robot, positions = files
+    long = pd.read_csv(positions)
+    joints = ["q1_deg", "q2_deg", "q3_deg"]
+    wide = long.pivot_table(index=joints, columns="marker", values=["x_mm", "y_mm", "z_mm"])
+    wide.columns = [f"{marker}{column}" for column, marker in wide.columns]
+    wide = wide.reset_index()
+    wide.insert(0, "pose", range(1, len(wide) + 1))
+    wide["Fz_N"] = 0.0
+    wide["visit"] = 1
+    lost = wide.iloc[:2].copy()
+    lost[["q1_deg", "q2_deg"]] += 7.0
+    lost.iloc[0, 4:10] = np.nan
+    lost.iloc[1, 4:10] = 0.0
+    _, expected, _ = run(robot, positions)
+    pd.concat([wide, lost]).to_csv(positions, index=False)
+    assert run(robot, positions) == (0, expected, "")
+
+
+def test_a_sheet_without_positions(files: tuple[Path, Path]) -> None:
+    """Nothing but lost beams is one line."""
+    robot, positions = files
+    sheet = pd.read_csv(positions)
+    sheet[["x_mm", "y_mm", "z_mm"]] = 0.0
+    sheet.to_csv(positions, index=False)
+    code, shown, error = run(robot, positions)
+    assert (code, shown) == (2, "")
+    assert "positions.csv: no position of a marker is filled in, or all are zero" in error
 
 
 @pytest.mark.parametrize(

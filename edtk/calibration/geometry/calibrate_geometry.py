@@ -40,7 +40,6 @@ from edtk.system.typing import Array
 SCALE_WITHIN = 0.2  # relative: how near to one of these a unit has to be
 AGREES = 5.0  # times the error of poses left out, within which a visit agrees with the others
 UNSURE = 3.0  # standard deviations of a prediction, within which it does, too
-LOST = 1e-9  # [m] a position as near to the instrument's origin is a lost beam
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,7 +174,7 @@ def _sound(setting: StudyGeometry, every: MarkerPositions, path: Path, as_is: bo
 
 def _without_lost(data: MarkerPositions) -> tuple[MarkerPositions, list[GeometricDoubt]]:
     """The positions without those at the origin of the instrument, which no beam has reached."""
-    lost = data.seen & (np.abs(np.nan_to_num(data.measured)) < LOST).all(axis=-1)
+    lost = data.lost
     if not lost.any():
         return data, []
     rows = tuple(sorted({int(row) for row in data.row[lost]}))
@@ -187,8 +186,7 @@ def _without_lost(data: MarkerPositions) -> tuple[MarkerPositions, list[Geometri
         said = f"1 position of {of} is zero, as of a lost beam; it does not count"
     text = f"{rows_in_words(rows)}: {said}"
     doubt = GeometricDoubt(Severity.WARNING, "lost_beam", text, rows)
-    measured = np.where(lost[..., None], np.nan, data.measured)
-    return replace(data, measured=measured), [doubt]
+    return data.without_lost(), [doubt]
 
 
 def _blank(data: MarkerPositions) -> list[GeometricDoubt]:

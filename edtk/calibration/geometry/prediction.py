@@ -1,7 +1,7 @@
 """Positions of markers in other poses, by an identified geometry, and how they compare."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 
 MM = 1e3
 OPEN = 1e-4  # [m]: what a calibration left open may move a marker by, before it is said
-LOST = 1e-9  # [m]
 ROUNDING = 1e-4  # [rad or m]: a limit may be exceeded by what a controller's display leaves out
 
 
@@ -212,7 +211,7 @@ def predict_positions(
         turned=setting.markers if setting.full_poses else (),
     )
     beyond = _beyond(study.robot, data)
-    data = counting.of(setting.split(_without_lost(data))[0])
+    data = counting.of(setting.split(data.without_lost())[0])
     reading = turn_reading(poses, study.robot, data)
     if reading:
         raise UserError(f"the robot fits if {reading}; expected {EXPECTED}", where=poses)
@@ -240,9 +239,3 @@ def _beyond(robot: Robot, data: MarkerPositions) -> tuple[int, ...]:
     lower, upper = robot.hard_limits
     over = np.maximum(lower - data.q, data.q - upper).max(axis=1) > ROUNDING
     return tuple(sorted({int(row) for row in data.row[over].ravel() if row >= 0}))
-
-
-def _without_lost(data: MarkerPositions) -> MarkerPositions:
-    """The positions without those of lost beams, at the origin of the instrument."""
-    size = np.abs(np.nan_to_num(data.measured)).max(axis=-1, keepdims=True)
-    return replace(data, measured=np.where(size < LOST, np.nan, data.measured))

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from edtk.inference.geometry.marker_positions import MarkerPositions
 from edtk.system.typing import Array, Indices
 
 STILL = 1e-6  # [rad or m]
@@ -49,6 +50,13 @@ class Positions:
         np.add.at(mean, row.reshape(-1), measured)
         mean /= count[:, None]
         return cls(poses, kept // len(names), kept % len(names), mean, count, names)
+
+    @classmethod
+    def of_sheet(cls, sheet: MarkerPositions) -> "Positions":
+        """Take the positions of a sheet, whose joint variables are what the controller shows."""
+        visit, marker = np.nonzero(sheet.seen)
+        names = [sheet.markers[i] for i in marker]
+        return cls.of_rows(sheet.q[visit], sheet.measured[visit, marker], names)
 
     @property
     def moving(self) -> list[int]:

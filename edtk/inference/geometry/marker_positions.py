@@ -8,6 +8,8 @@ import numpy as np
 from edtk.system.presented import Presented
 from edtk.system.typing import Array, Indices, Mask
 
+LOST = 1e-9  # [m] a position as near to the instrument's origin is a lost beam
+
 
 @dataclass(frozen=True, eq=False)
 class MarkerPositions(Presented):
@@ -65,6 +67,16 @@ class MarkerPositions(Presented):
     def seen(self) -> Mask:
         """Which markers (v, k) were seen."""
         return np.asarray(np.isfinite(self.measured).all(axis=-1))
+
+    @cached_property
+    def lost(self) -> Mask:
+        """Which markers (v, k) are at the instrument's origin, where no beam has reached them."""
+        size = np.abs(np.where(self.seen[..., None], self.measured, np.inf)).max(axis=-1)
+        return np.asarray(size < LOST)
+
+    def without_lost(self) -> "MarkerPositions":
+        """The positions without those of lost beams."""
+        return replace(self, measured=np.where(self.lost[..., None], np.nan, self.measured))
 
     @property
     def count(self) -> int:

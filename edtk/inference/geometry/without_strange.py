@@ -8,7 +8,7 @@ from edtk.model.robot import Robot
 from edtk.system.note import note
 from edtk.tables.pose_columns import pose_columns, with_own_headers
 from edtk.tables.pose_table import WRENCH_COLUMNS, PoseTable
-from edtk.tables.sheet_columns import SHEET_COLUMNS
+from edtk.tables.sheet_columns import LOADED_COLUMNS, SHEET_COLUMNS
 
 WIDE = re.compile(r"(\S*?[^\s_])_?[xyz]_mm")
 LOAD = re.compile(r"[FTM][xyz](\W|_|$)", re.IGNORECASE)
@@ -31,7 +31,8 @@ def without_strange(table: PoseTable, robot: Robot, known: Sequence[str]) -> Pos
     columns = (*pose_columns(robot), *WRENCH_COLUMNS, *known)
     written = [str(column) for column in table.cells]
     header = dict(zip(written, with_own_headers(written, robot, tuple(known)), strict=True))
-    missing = [column for column in columns if column not in (*header.values(), *SHEET_COLUMNS)]
+    optional = set(SHEET_COLUMNS) - set(LOADED_COLUMNS)
+    missing = [column for column in columns if column not in (*header.values(), *optional)]
     strange = [
         one
         for one, own in header.items()

@@ -4,6 +4,8 @@ from edtk.certificate.problem_verification import ProblemVerification
 from edtk.certificate.verification import Claim
 
 DIGITS = 10
+# Remove it once the recomputation imports nothing of the search.
+SHARED = "recomputed by the routine that the search uses, not by a second implementation"
 MEANING = {
     "candidates": "the certificate is about these candidates",
     "weights": "the weights are shares of one",
@@ -19,9 +21,10 @@ def problem_verification(found: ProblemVerification) -> str:
     lines += [_line(claim) for claim in found.claims]
     count = len(found.claims)
     if found.valid:
-        return "\n".join([*lines, f"valid: all {count} claims hold"])
+        return "\n".join([*lines, f"valid: all {count} claims hold; {SHARED}"])
     names = ", ".join(found.failed)
-    return "\n".join([*lines, f"NOT valid: {len(found.failed)} of {count} claims fail: {names}"])
+    failed = f"NOT valid: {len(found.failed)} of {count} claims fail: {names}; {SHARED}"
+    return "\n".join([*lines, failed])
 
 
 def _line(claim: Claim) -> str:
