@@ -1,7 +1,6 @@
 """From a filled-in sheet to compliances, with everything that a person wants to know about them."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
@@ -28,11 +27,12 @@ from edtk.study.study_model import study_sigma
 from edtk.study.study_prior import study_prior
 from edtk.system.errors import UserError
 from edtk.system.typing import Array
+from edtk.tables.pose_table import Table, path_of
 
 
 def calibrate(
     study: Study,
-    path: Path | str,
+    path: Table,
     robust: bool = False,
     known: bool = True,
     plan: Plan | None = None,
@@ -44,7 +44,8 @@ def calibrate(
 
     Args:
         study: The question.
-        path: The measurements (CSV), see `Measurements.from_csv`; poses need not be feasible.
+        path: The measurements (CSV, or a data frame), see `Measurements.from_csv`; poses need not
+            be feasible.
         robust: Huber's loss instead of squares.
         known: Whether the given sigma is believed, or estimated from the residuals.
         plan: The plan that was to be carried out. Poses that are not in it are an input error;
@@ -64,9 +65,9 @@ def calibrate(
         UserError: The file cannot be read or does not identify all parameters; names row and
             column of a bad cell.
     """
-    path = Path(path)
     data = _read(study, path)
     origin = Origin.of(path, linear, as_is)
+    path = path_of(path)
     try:
         fitted, part = _fitted(study, data, plan, robust, known, linear, bayes)
     except (SingularPlanError, NothingLeftError, SigmaTooSmallError) as error:
@@ -93,7 +94,7 @@ def _bias(fitted: FittedData) -> Array | None:
     return linear_model_bias(fitted.study, fitted.data, fitted.A, fitted.fit.k)
 
 
-def _read(study: Study, path: Path) -> Measurements:
+def _read(study: Study, path: Table) -> Measurements:
     """The measurements with the noise that the study's [noise] states.
 
     Raises:
@@ -114,7 +115,7 @@ def _read(study: Study, path: Path) -> Measurements:
     try:
         return stated_noise(study, data)
     except (NotPositiveDefiniteError, TooManyVisitsError) as error:
-        raise UserError(str(error), where=path) from error
+        raise UserError(str(error), where=path_of(path)) from error
 
 
 def _fitted(

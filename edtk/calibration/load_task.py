@@ -1,15 +1,14 @@
 """Task poses from a file."""
 
-from pathlib import Path
-
 import numpy as np
 
 from edtk.calibration.robot_of_task import require_task, robot_of_task
 from edtk.design.plan import Plan
 from edtk.study.study import Study
+from edtk.tables.pose_table import Table
 
 
-def load_task(study: Study, path: Path | str | None = None) -> Plan:
+def load_task(study: Study, path: Table | None = None) -> Plan:
     """Read task poses, columns as in a plan; without wrench columns, the test pose's load acts.
 
     A file without them goes with test poses of one and the same load.
@@ -18,7 +17,8 @@ def load_task(study: Study, path: Path | str | None = None) -> Plan:
 
     Args:
         study: Robot and test pose.
-        path: The CSV file; None for the poses of the study itself.
+        path: The CSV file, or a data frame that holds what it would; None for the poses
+            of the study itself.
 
     Raises:
         UserError: The study has no test pose, or some with different tools, or the file cannot be

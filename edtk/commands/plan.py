@@ -38,7 +38,11 @@ MOST_EXPERIMENTS = 10**12  # as in a study: beyond them numbers of repetitions a
     help="Distinct new poses at most [default: p(p+1)/2 + 1 of p parameters].",
 )
 @criterion_option
-@click.option("--keep", type=FilePath, help="Plan (CSV) of experiments that were made already.")
+@click.option(
+    "--keep",
+    type=FilePath,
+    help="Plan, or filled-in sheet (CSV), of experiments made already.",
+)
 @click.option("--exclude", type=FilePath, help="Plan (CSV) of poses to stay away from.")
 @click.option(
     "--budget", type=Range(min=0, min_open=True), help="Seconds after which the search ends."

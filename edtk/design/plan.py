@@ -14,11 +14,12 @@ from edtk.system.typing import Array, Indices
 from edtk.tables.csv_text import csv_text
 from edtk.tables.in_file_units import in_file_units
 from edtk.tables.pose_columns import pose_columns
-from edtk.tables.pose_table import WRENCH_COLUMNS, PoseTable
+from edtk.tables.pose_table import WRENCH_COLUMNS, PoseTable, Table
 
 if TYPE_CHECKING:
     import pandas as pd
 
+REPEATS = "repeats"  # the column of how often a pose is measured
 MOST_REPEATS = 1e9  # of one pose in a file; beyond it a whole number is hardly what was meant
 
 
@@ -124,10 +125,7 @@ class Plan(Presented):
         Raises:
             PoseFileError: The table is not that of a plan; names the row or column.
         """
-        table = PoseTable(Path("data frame"), frame)
-        if frame.empty:
-            raise table.error("the plan has no rows")
-        return cls._of_table(table, robot, dict(fixed or {}), wrench)
+        return cls.from_csv(frame, robot, dict(fixed or {}), wrench)
 
     def to_csv(self, path: Path | str, robot: Robot) -> None:
         """Write the plan to a file, whole or not at all, or to standard output (`-`)."""
@@ -135,12 +133,13 @@ class Plan(Presented):
 
     @classmethod
     def from_csv(
-        cls, path: Path | str, robot: Robot, fixed: dict[int, float], wrench: Array | None
+        cls, path: Table, robot: Robot, fixed: dict[int, float], wrench: Array | None
     ) -> "Plan":
         """Read a plan: columns q1_deg .. qn_deg, optionally `repeats` and wrench columns.
 
         Args:
-            path: The CSV file; rows are counted from 1 without the header.
+            path: The CSV file, or a data frame that holds what it would; rows are counted from 1
+                without the header.
             robot: The robot, which names the columns.
             fixed: Values [rad or m] of joints, by index, that the file may leave out.
             wrench: Default wrench (6,); a wrench column of the file overrides its component. None
@@ -149,13 +148,7 @@ class Plan(Presented):
         Raises:
             UserError: The file is not that of a plan; names the file and the row or column.
         """
-        return cls._of_table(PoseTable.read(path, "plan"), robot, fixed, wrench)
-
-    @classmethod
-    def _of_table(
-        cls, table: PoseTable, robot: Robot, fixed: dict[int, float], wrench: Array | None
-    ) -> "Plan":
-        table = table.with_known(robot, ("repeats",))
+        table = PoseTable.read(path, "plan").with_known(robot, (REPEATS,))
         return cls(table.poses(robot, fixed), table.wrenches(wrench), _repeats(table))
 
 

@@ -3,7 +3,6 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from pathlib import Path
 
 import numpy as np
 
@@ -30,7 +29,8 @@ from edtk.model.sensors.sensor import Sensor
 from edtk.model.without_rounding import without_rounding
 from edtk.system.presented import Presented
 from edtk.system.typing import Array, Indices, Mask
-from edtk.tables.pose_table import PoseTable
+from edtk.tables.finished_rows import finished_rows
+from edtk.tables.pose_table import PoseTable, Table
 from edtk.tables.sheet_columns import SHEET_COLUMNS, VISIT_COLUMN
 
 
@@ -227,7 +227,7 @@ class Measurements(Presented):
     @classmethod
     def from_csv(
         cls,
-        path: Path | str,
+        path: Table,
         robot: Robot,
         fixed: dict[int, float],
         wrench: Array | None,
@@ -249,7 +249,8 @@ class Measurements(Presented):
         several kinds have a row for each; a rotation then has ``rotation_change_deg``.
 
         Args:
-            path: The CSV file; rows are counted from 1, the header left out.
+            path: The CSV file, or a data frame that holds what it would; rows are counted from 1,
+                the header left out. Rows that are not filled in yet are left out, with a note.
             robot: Names the columns.
             fixed: Values [rad or m] of joints, by index, that the file may leave out.
             wrench: Default wrench (6,); None where the file must say which forces are applied.
@@ -263,6 +264,7 @@ class Measurements(Presented):
             PoseFileError: Names the file and the row or column.
         """
         table = PoseTable.read(path, "measurement file").with_known(robot, SHEET_COLUMNS)
+        table = finished_rows(table)
         q = table.poses(robot, fixed)
         sensors = () if model is None else model.sensors
         index = sheet_sensors(table, sensors) if sensors else None

@@ -25,6 +25,7 @@ from edtk.study.study_space import study_space
 from edtk.study.study_toml import study_toml
 from edtk.system.presented import Presented
 from edtk.system.typing import Array
+from edtk.tables.pose_table import Table
 
 DIGITS = 12  # of the SHA-256 that names a study in results
 
@@ -193,7 +194,7 @@ class Study(StudyObjects, Presented):
         more = [self.excluded] if isinstance(self.excluded, Path) else []
         return (*own, *(self.folder / name for name in named), *more)
 
-    def load_plan(self, path: Path | str) -> Plan:
+    def load_plan(self, path: Table, made: bool = False) -> Plan:
         """Read a plan and check every pose against limits and workspace.
 
         See `load_plan` for the poses that count as feasible.
@@ -201,7 +202,7 @@ class Study(StudyObjects, Presented):
         Raises:
             UserError: Names the file and the row.
         """
-        return load_plan(self, path)
+        return load_plan(self, path, made)
 
     def published_plans(self) -> dict[str, Plan]:
         """The published plans that the study names, by their file's stem.

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Union
 import numpy as np
 
 from edtk.model.robot import Robot
+from edtk.system.errors import UserError
 from edtk.system.read_text import read_text
 from edtk.system.typing import Array, Mask
 from edtk.tables.pose_columns import MARK, pose_columns, with_own_headers
@@ -17,11 +18,18 @@ from edtk.tables.read_cells import PoseFileError, read_cells
 if TYPE_CHECKING:
     import pandas as pd
 
+Table = Union[Path, str, "pd.DataFrame"]  # a CSV file, or what one holds
+IN_MEMORY = Path("data frame")  # names in messages what is no file
 MOST_MB = 1000.0  # of a file; a million rows have 200 MB
 MOST_DIGITS = 300  # of a cell of a column that is not all numbers
 LARGEST = 1e12  # number in a file; no quantity here comes near it in its unit
 ALIKE = 0.8  # of the letters of a header, from which another is taken for a slip of the pen
 WRENCH_COLUMNS = ("Fx_N", "Fy_N", "Fz_N", "Tx_Nm", "Ty_Nm", "Tz_Nm")
+
+
+def path_of(given: Table) -> Path:
+    """The path of a table's file, by which messages name it; a word for a data frame."""
+    return Path(given) if isinstance(given, str | Path) else IN_MEMORY
 
 
 def pose_factors(robot: Robot) -> Array:
@@ -44,20 +52,22 @@ class PoseTable:
     only: Mask | None = None
 
     @classmethod
-    def read(cls, path: Path | str, content: str) -> "PoseTable":
-        """Read a file.
+    def read(cls, given: Table, content: str) -> "PoseTable":
+        """Read a file, or take a data frame that holds what a file would.
 
         Args:
-            path: The CSV file; the rest of a line after a # is a comment.
+            given: The CSV file, where the rest of a line after a # is a comment; or the table.
             content: The name of its content in messages: "plan".
 
         Raises:
             PoseFileError: The file is empty or ragged.
-            UserError: The file is absent, or is no text.
+            UserError: The file is absent, or is no text; or this is no table.
         """
-        path = Path(path)
-        cells = read_cells(read_text(path, MOST_MB, utf_16=True), path)
-        table = cls(path, cells)
+        path = path_of(given)
+        if isinstance(given, str | Path):
+            table = cls(path, read_cells(read_text(path, MOST_MB, utf_16=True), path))
+        else:
+            table = cls(path, _frame(given))
         if not len(table):
             raise table.error(f"the {content} has no rows")
         return table
@@ -113,6 +123,12 @@ class PoseTable:
                 all.
         """
         return replace(self, only=rows)
+
+    def of_some(self, rows: Mask) -> "PoseTable":
+        """The rows (k,) of the table that are chosen."""
+        if isinstance(self.cells, dict):
+            return replace(self, cells={name: cells[rows] for name, cells in self.cells.items()})
+        return replace(self, cells=self.cells[rows].reset_index(drop=True))
 
     def without(self, columns: Sequence[str]) -> "PoseTable":
         """The same table without some of its columns."""
@@ -233,6 +249,22 @@ class PoseTable:
             if column in self:
                 W[:, j] = self.numbers(column)
         return W
+
+
+def _frame(given: object) -> "pd.DataFrame":
+    """A data frame whose rows are counted from 0, and whose columns have names.
+
+    Raises:
+        UserError: It is none.
+    """
+    import pandas as pd
+
+    if not isinstance(given, pd.DataFrame):
+        kind = type(given).__name__
+        raise UserError(f"expected the path of a CSV file, or a data frame, not {kind}")
+    return given.set_axis([str(name).strip() for name in given], axis="columns").reset_index(
+        drop=True
+    )
 
 
 def _meant(unknown: str, known: Sequence[str], header: Sequence[str]) -> str:

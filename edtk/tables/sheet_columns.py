@@ -32,6 +32,16 @@ VISIT_COLUMN = "visit"
 # Name of the marker, or of the distance, that a row is of.
 MARKER_NAME_COLUMN = "marker"
 
+# A row of which all of these are empty is yet to be measured.
+FINISHED_BY = (
+    *DEFLECTION_COLUMNS,
+    *LOADED_COLUMNS,
+    *ROTATION_COLUMNS,
+    CHANGE_COLUMN,
+    AFTER_COLUMN,
+    TURN_COLUMN,
+)
+
 # Columns of a measurement sheet that are there together or not at all.
 MEASURED_TOGETHER = (
     DEFLECTION_COLUMNS,

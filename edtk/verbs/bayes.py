@@ -11,7 +11,7 @@ from edtk.study.prior_table import LEAST_NU
 from edtk.system.atomic_file import Content, write_files
 from edtk.system.errors import ArgumentError, UserError
 from edtk.system.finite import LARGEST
-from edtk.verbs.inputs import PlanLike, StudyLike, as_plan, as_study, name_of
+from edtk.verbs.inputs import PlanLike, StudyLike, as_plan, as_study, files_of, name_of
 from edtk.verbs.require_output import require_folder, require_output
 from edtk.verbs.sampling import Sampling
 
@@ -49,7 +49,7 @@ def bayes(
     """
     question = as_study(study)
     sampling = sampling or Sampling()
-    inputs = (*question.reads, plan if isinstance(plan, str | Path) else None)
+    inputs = (*question.reads, *files_of(plan))
     sampling.require_writable(*inputs)
     measured = as_plan(question, plan)
     require_folder(figures)

@@ -1,7 +1,8 @@
 """`edtk.compensate`: commands that make up for the deflection under the task's load."""
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Union
 
 import numpy as np
 
@@ -18,16 +19,29 @@ from edtk.design.plan import Plan
 from edtk.study.study import Study
 from edtk.system.errors import ArgumentError
 from edtk.tables.compliances import Compliances, load_compliances
-from edtk.verbs.inputs import PlanLike, StudyLike, as_study, name_of
+from edtk.verbs.inputs import (
+    PlanLike,
+    StudyLike,
+    as_study,
+    as_table,
+    content_of,
+    files_of,
+    name_of,
+    plan_of,
+)
 from edtk.verbs.require_output import require_output
 
 if TYPE_CHECKING:
     from edtk.calibration.calibration import Calibration
 
+CompliancesLike = Union[
+    Compliances, "Calibration", GeometricCalibration, Mapping[str, Any], Path, str
+]
+
 
 def compensate(
     study: StudyLike,
-    compliances: "Compliances | Calibration | GeometricCalibration | Path | str",
+    compliances: CompliancesLike,
     task: PlanLike | None = None,
     *,
     out: Path | str | None = None,
@@ -37,9 +51,10 @@ def compensate(
     Args:
         study: A study, or the path of a study file; its test pose gives the tool, and the load
             where the task names none.
-        compliances: A calibration, or the path of a k.json file.
-        task: The desired poses and wrenches, or the path of their CSV file; defaults to the test
-            poses, each with its own tool and payload, or the path, of the study itself.
+        compliances: A calibration, compliances by joint like {"q2": 3e-7} [rad/(N m)], or the path
+            of a k.json file.
+        task: The desired poses and wrenches, as a plan or a table (CSV, or data frame); defaults to
+            the test poses, each with its own tool and payload, or the path, of the study itself.
         out: File to write commands and errors to (CSV); "-" is standard output.
 
     Returns:
@@ -54,11 +69,12 @@ def compensate(
     question = as_study(study)
     if question.specification.parameters is not None:
         return _geometry(question, compliances, task, out)
-    read = [given for given in (compliances, task) if isinstance(given, str | Path)]
-    require_output(out, *question.reads, *read)
+    require_output(out, *question.reads, *files_of(compliances, task))
     if isinstance(compliances, GeometricCalibration):
         raise question.error("parameters", "expected a study of geometry, as the result is of one")
-    poses = task if isinstance(task, Plan) else load_task(question, task)
+    poses = plan_of(question, task, "task")
+    if poses is None:
+        poses = load_task(question, None if task is None else as_table(task, "task"))
     known = _compliances(question, compliances)
     where = name_of(question.where if task is None else task, "task")
     found = compensate_task(question, known, poses, where, own=task is None)
@@ -69,7 +85,7 @@ def compensate(
 
 def _geometry(
     study: Study,
-    result: "Compliances | Calibration | GeometricCalibration | Path | str",
+    result: CompliancesLike,
     task: PlanLike | None,
     out: Path | str | None,
 ) -> GeometricCompensation:
@@ -82,26 +98,26 @@ def _geometry(
         raise ArgumentError(
             "expected poses (CSV): geometry is compensated in them", argument="task"
         )
-    if not isinstance(result, GeometricCalibration | str | Path):
+    if not isinstance(result, GeometricCalibration | Mapping | str | Path):
         raise ArgumentError("expected a result of this study", argument="compliances")
-    read = [given for given in (result, task) if isinstance(given, str | Path)]
-    require_output(out, *study.reads, *read)
+    require_output(out, *study.reads, *files_of(result, task))
     where = name_of(result, "result")
     content = read_result(result)
-    poses = task
-    if not isinstance(poses, Plan):
-        poses = Plan.from_csv(poses, study.robot, study.fixed, np.zeros(6))
+    poses = plan_of(study, task, "task")
+    if poses is None:
+        table = as_table(task, "task")
+        poses = Plan.from_csv(table, study.robot, study.fixed, np.zeros(6))
     found = compensate_geometry(study, content, where, poses, name_of(task, "task"))
     if out is not None:
         found.to_csv(out)
     return found
 
 
-def _compliances(study: Study, given: "Compliances | Calibration | Path | str") -> Compliances:
-    """Compliances of a file, of a calibration, or as they are.
+def _compliances(study: Study, given: object) -> Compliances:
+    """Compliances of a file, of a calibration, by joint, or as they are.
 
     Raises:
-        UserError: The file is not valid, or lacks a joint.
+        UserError: The file is not valid, or lacks a joint; or it is none of these.
     """
     if isinstance(given, Compliances):
         return given
@@ -109,4 +125,11 @@ def _compliances(study: Study, given: "Compliances | Calibration | Path | str") 
     needed = study.specification.joints.unknown
     if isinstance(given, str | Path):
         return load_compliances(given, names, needed)
-    return Compliances.from_dict(given.to_dict(), names, needed)
+    content = content_of(given)
+    if content is None:
+        message = (
+            "expected a calibration, compliances by joint [rad/(N m)], or the path of a k.json "
+            f"file, not {type(given).__name__}"
+        )
+        raise ArgumentError(message, argument="compliances")
+    return Compliances.from_dict(content, names, needed, "compliances")

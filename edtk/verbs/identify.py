@@ -12,14 +12,15 @@ from edtk.report.geometry_files import geometry_files
 from edtk.study.study import Study
 from edtk.system.atomic_file import Content, write_files
 from edtk.system.errors import ArgumentError
-from edtk.verbs.inputs import PlanLike, StudyLike, as_plan, as_study
+from edtk.tables.pose_table import Table, path_of
+from edtk.verbs.inputs import PlanLike, StudyLike, as_plan, as_study, as_table, files_of
 from edtk.verbs.require_output import require_folder, require_output
 from edtk.verbs.sampling import Sampling
 
 
 def identify(
     study: StudyLike,
-    measurements: Path | str,
+    measurements: Table,
     *,
     robust: bool = False,
     sigma_unknown: bool = False,
@@ -33,7 +34,8 @@ def identify(
 
     Args:
         study: A study, or the path of a study file.
-        measurements: The filled-in sheet (CSV); `edtk.template` makes an empty one.
+        measurements: The filled-in sheet (CSV, or a data frame); `edtk.template` makes an empty
+            one. Rows that are not filled in yet are left out, with a note.
         robust: Whether Huber's loss takes the place of squares, so that outliers count less.
         sigma_unknown: Whether the size of the noise is estimated from the residuals.
         plan: The plan that was measured, or its CSV file, to compare the poses with.
@@ -53,17 +55,18 @@ def identify(
         UserError: A file is not valid, or the measurements cannot be used; one line says why.
     """
     question = as_study(study)
+    measurements = as_table(measurements, "measurements")
     sampling = bayes if isinstance(bayes, Sampling) else Sampling()
     if question.specification.parameters is not None:
         return _geometry(
             question,
-            Path(measurements),
+            measurements,
             (robust, as_is),
             out,
             sampling if bayes else None,
             (sigma_unknown, plan, linear),
         )
-    inputs = (*question.reads, measurements, plan if isinstance(plan, str | Path) else None)
+    inputs = (*question.reads, *files_of(measurements, plan))
     sampling.require_writable(*inputs)
     require_folder(out)
     for name in NAMES if out is not None else ():
@@ -80,7 +83,7 @@ def identify(
         bayes=bool(bayes),
     )
     if bayes:
-        with sampling.arguments(Path(measurements), question.specification.seed) as arguments:
+        with sampling.arguments(path_of(measurements), question.specification.seed) as arguments:
             found = found.sampled(**arguments)
     files: dict[Path, Content] = {}
     if found.check is not None and sampling.export is not None:
@@ -93,7 +96,7 @@ def identify(
 
 def _geometry(
     study: Study,
-    measurements: Path,
+    measurements: Table,
     how: tuple[bool, bool],
     out: Path | str | None,
     sampling: Sampling | None,
@@ -114,7 +117,7 @@ def _geometry(
         UserError: A file is not valid, or the positions cannot be used.
     """
     for name, given in zip(("sigma_unknown", "plan", "linear"), others, strict=True):
-        if given:
+        if given is not None and given is not False:
             raise ArgumentError(
                 "expected a study without [parameters]; geometry is fitted by least squares, with "
                 "the size of its errors estimated",
@@ -128,10 +131,10 @@ def _geometry(
             )
     require_folder(out)
     for name in NAMES if out is not None else ():
-        require_output(Path(out or "") / name, *study.reads, measurements)
+        require_output(Path(out or "") / name, *study.reads, *files_of(measurements))
     found = calibrate_geometry(study, measurements, *how)
     if sampling is not None:
-        with sampling.arguments(measurements, study.specification.seed) as arguments:
+        with sampling.arguments(path_of(measurements), study.specification.seed) as arguments:
             found = found.sampled(**arguments)
     if out is not None:
         write_files(geometry_files(found, Path(out)))

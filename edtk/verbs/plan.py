@@ -12,6 +12,7 @@ from edtk.design.region import Region
 from edtk.study.run_options import Progress, no_progress
 from edtk.study.study import Study
 from edtk.system.errors import ArgumentError
+from edtk.system.whole_number import whole_number
 from edtk.verbs.for_criterion import CriterionLike, for_criterion
 from edtk.verbs.inputs import PlanLike, StudyLike, as_study
 from edtk.verbs.plan_of_study import plan_of_study
@@ -118,7 +119,8 @@ def plan(
         criterion: Name of the criterion to optimise; defaults to the study's main criterion. A
             problem or a region takes an object as well, and defaults to "D".
         seed: Seed of the search; defaults to the study's, and to 0 for a problem or a region.
-        keep: A plan (or its CSV file) of experiments that were made already. For a problem:
+        keep: A plan of experiments that were made already, or a sheet of which the rows that are
+            filled in count; as a CSV file, or a data frame. For a problem:
             indices of candidates, each as often as it was measured, or another `Problem` of which
             every candidate was measured once. For a region: a `Problem`.
         progress: Called with a line about the current step, and its gap or its best cost.
@@ -248,7 +250,16 @@ def _of_study(
     progress: Progress,
     options: Mapping[str, Any],
 ) -> ExactPlan:
-    """The plan of a study, of compliances alone or of geometry too, and its files."""
+    """The plan of a study, of compliances alone or of geometry too, and its files.
+
+    Raises:
+        ArgumentError: A number is none.
+    """
+    size = None if size is None else whole_number(size, "size", 1)
+    seed = None if seed is None else whole_number(seed, "seed", 0)
+    for argument in ("distinct", "workers"):
+        if options[argument] is not None:
+            whole_number(options[argument], argument, 1)
     if study.specification.parameters is not None:
         from edtk.verbs.plan_geometry import plan_geometry
 

@@ -16,7 +16,7 @@ from edtk.study.run_options import Progress, RunOptions
 from edtk.study.study import Study
 from edtk.system.errors import ArgumentError
 from edtk.verbs.for_criterion import CriterionLike, for_criterion
-from edtk.verbs.inputs import PlanLike, as_plan, errors_in
+from edtk.verbs.inputs import PlanLike, as_plan, errors_in, files_of
 from edtk.verbs.table_and_certificate import TableAndCertificate
 
 if TYPE_CHECKING:
@@ -59,9 +59,9 @@ def plan_geometry(
             raise ArgumentError(message, argument=argument)
     question = study if exclude is None else study.excluding(exclude)
     faults = sized_visit_faults(question, detect or {})
-    kept = None if keep is None else as_plan(question, keep)
+    kept = None if keep is None else as_plan(question, keep, "keep", made=True)
     files = TableAndCertificate(out, certificate)
-    files.require(*question.reads, keep if isinstance(keep, str | Path) else None)
+    files.require(*question.reads, *files_of(keep))
     asked, name = for_criterion(question, criterion)
     if certificate is not None:
         _require_certifiable(asked, name, certificate, cost_budget)

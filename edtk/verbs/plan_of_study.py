@@ -9,7 +9,7 @@ from edtk.design.exact.exact_plan import ExactPlan
 from edtk.study.plan_study import plan_study
 from edtk.study.run_options import Progress, RunOptions
 from edtk.study.study import Study
-from edtk.verbs.inputs import PlanLike, as_plan, errors_in
+from edtk.verbs.inputs import PlanLike, as_plan, errors_in, files_of
 from edtk.verbs.table_and_certificate import TableAndCertificate
 from edtk.verbs.workers_for import workers_for
 
@@ -43,9 +43,9 @@ def plan_of_study(
     """
     question = study if exclude is None else study.excluding(exclude)
     faults = _faults(question, detect or {})
-    kept = None if keep is None else as_plan(question, keep)
+    kept = None if keep is None else as_plan(question, keep, "keep", made=True)
     files = TableAndCertificate(out, certificate)
-    files.require(*question.reads, keep if isinstance(keep, str | Path) else None)
+    files.require(*question.reads, *files_of(keep))
     if certificate is not None:
         from edtk.certificate.certificate import require_certifiable
 

@@ -7,16 +7,17 @@ from typing import Any
 from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
 from edtk.calibration.geometry.prediction import Prediction, predict_positions
 from edtk.calibration.geometry.read_result import read_result
+from edtk.design.plan import REPEATS
 from edtk.system.atomic_file import write_files
 from edtk.tables.csv_text import csv_text
-from edtk.verbs.inputs import StudyLike, as_study, name_of
+from edtk.verbs.inputs import PlanLike, StudyLike, as_study, as_table, files_of, name_of, plan_of
 from edtk.verbs.require_output import require_output
 
 
 def predict(
     study: StudyLike,
     result: "GeometricCalibration | Mapping[str, Any] | Path | str",
-    poses: Path | str,
+    poses: PlanLike,
     *,
     tool_rows: int = 0,
     out: Path | str | None = None,
@@ -26,7 +27,8 @@ def predict(
     Args:
         study: A study with [parameters], or the path of its file.
         result: A calibration of it, its `to_dict`, or the path of its JSON file.
-        poses: The poses (CSV), with positions as in a sheet where they were measured.
+        poses: A plan, or the poses (CSV, or a data frame), with positions as in a sheet where they
+            were measured.
         tool_rows: So many rows at the beginning tell where each marker sits on the tool, where
             that is not where it sat before; they are no tests.
         out: File to write the predictions to (CSV); "-" is standard output.
@@ -42,11 +44,15 @@ def predict(
         raise question.error(
             "parameters", "predictions need a study of geometry; expected a table [parameters]"
         )
-    read = [given for given in (result, poses) if isinstance(given, str | Path)]
-    require_output(out, *question.reads, *read)
+    require_output(out, *question.reads, *files_of(result, poses))
+    plan = plan_of(question, poses, "poses")
+    if plan is None:
+        table = as_table(poses, "poses")
+    else:
+        table = plan.to_frame(question.robot).drop(columns=REPEATS)
     where = name_of(result, "result")
     content = read_result(result)
-    found = predict_positions(question, content["geometry"], where, poses, tool_rows)
+    found = predict_positions(question, content["geometry"], where, table, tool_rows)
     if out is not None:
         write_files({Path(out): csv_text(found.to_frame())})
     return found

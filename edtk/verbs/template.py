@@ -9,7 +9,7 @@ from edtk.calibration.template import write_template
 from edtk.study.study import Study
 from edtk.system.atomic_file import is_standard_output
 from edtk.system.errors import ArgumentError, UserError
-from edtk.verbs.inputs import PlanLike, StudyLike, as_plan, as_study, name_of
+from edtk.verbs.inputs import PlanLike, StudyLike, as_plan, as_study, files_of, name_of
 from edtk.verbs.require_output import require_output
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ def template(
         raise ArgumentError(message, argument="positions")
     measured = as_plan(question, plan)
     if out is not None and not is_standard_output(out):
-        require_output(out, *question.reads, plan if isinstance(plan, str | Path) else None)
+        require_output(out, *question.reads, *files_of(plan))
         require_empty(Path(out))
     rows = measured.experiments * (markers or _rows_of_visit(question))
     if rows > MOST_ROWS:

@@ -36,6 +36,7 @@ from edtk.model.robot import Robot
 from edtk.study.study import Study
 from edtk.system.errors import UserError
 from edtk.system.typing import Array
+from edtk.tables.pose_table import Table, path_of
 
 SCALE_WITHIN = 0.2  # relative: how near to one of these a unit has to be
 AGREES = 5.0  # times the error of poses left out, within which a visit agrees with the others
@@ -60,34 +61,34 @@ class Sound:
 
 
 def calibrate_geometry(
-    study: Study, path: Path | str, robust: bool = False, as_is: bool = False
+    study: Study, path: Table, robust: bool = False, as_is: bool = False
 ) -> GeometricCalibration:
     """Identify geometry, base, tools and springs of a study from a sheet of positions.
 
     Args:
         study: The question, with `[parameters]`.
-        path: The sheet (CSV), see `read_positions`.
+        path: The sheet (CSV, or a data frame), see `read_positions`.
         robust: Whether poses that fit badly count less.
         as_is: Whether a sheet in other units is fitted all the same.
 
     Raises:
         UserError: The file cannot be read, is in other units, or has too few poses.
     """
-    path = Path(path)
+    where = path_of(path)
     named = StudyGeometry.of(study)
     asked = (*named.markers, *named.references) if study.specification.marker else ()
     turned = named.markers if named.full_poses else ()
     every = read_positions(path, study.robot, study.fixed, asked, turned=turned)
     reading = "" if as_is else turn_reading(path, study.robot, every)
     if reading:
-        raise UserError(f"the robot fits if {reading}; expected {EXPECTED}", where=path)
+        raise UserError(f"the robot fits if {reading}; expected {EXPECTED}", where=where)
     setting, every, standing = with_standing(StudyGeometry.of(study, every.markers), every)
-    sound = _sound(setting, every, path, as_is)
+    sound = _sound(setting, every, where, as_is)
     setting = replace(setting, markers=sound.data.markers)
     try:
         fit, gross = _fitted(setting, sound, robust)
     except TooFewPosesError as error:
-        raise UserError(str(error), where=path) from error
+        raise UserError(str(error), where=where) from error
     doubts = [
         *standing,
         *sound.doubts,
@@ -97,7 +98,7 @@ def calibrate_geometry(
     rough = [doubt for doubt in doubts if doubt.kind == "rough"]
     moved = any(doubt.kind == "frame_moved" for doubt in doubts)
     if rough and not moved and not as_is:
-        raise UserError(rough[0].text, where=path)
+        raise UserError(rough[0].text, where=where)
     # Where the frame moved that is what is wrong, and not the robot.
     doubts = [doubt for doubt in doubts if doubt.kind != "rough" or not moved]
     doubts.sort(key=lambda doubt: -doubt.severity)
@@ -105,7 +106,7 @@ def calibrate_geometry(
         setting,
         fit,
         tuple(doubts),
-        path,
+        where,
         sound.counting,
         tuple(gross.visits),
         robust,
@@ -190,14 +191,17 @@ def _without_lost(data: MarkerPositions) -> tuple[MarkerPositions, list[Geometri
 
 
 def _blank(data: MarkerPositions) -> list[GeometricDoubt]:
-    """Which cells of markers that were seen elsewhere are empty."""
-    blank = (data.row >= 0) & ~data.seen & data.seen.any(axis=0)
+    """How many visits are filled in, and which cells of markers are empty in these."""
+    made = data.seen.any(axis=1)
+    text = f"{int(made.sum())} of {len(data)} visits are filled in, the others left out"
+    said = [] if made.all() else [GeometricDoubt(Severity.NOTE, "unfinished", text)]
+    blank = (data.row >= 0) & ~data.seen & data.seen.any(axis=0) & made[:, None]
     if not blank.any():
-        return []
+        return said
     rows = tuple(sorted({int(row) for row in data.row[blank]}))
     names = ", ".join(data.markers[i] for i in np.flatnonzero(blank.any(axis=0)))
     text = f"{rows_in_words(rows)}: no position of {names}"
-    return [GeometricDoubt(Severity.NOTE, "blank", text, rows)]
+    return [*said, GeometricDoubt(Severity.NOTE, "blank", text, rows)]
 
 
 def _without_unseen(data: MarkerPositions, doubts: list[GeometricDoubt]) -> MarkerPositions:

@@ -21,6 +21,7 @@ from edtk.study.study_model import marker_names
 from edtk.system.errors import ArgumentError, UserError
 from edtk.system.presented import Presented
 from edtk.system.typing import Array, Mask
+from edtk.tables.pose_table import Table, path_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -184,7 +185,7 @@ def predict_positions(
     study: Study,
     geometry: Mapping[str, Any],
     where: Path | str,
-    poses: Path | str,
+    poses: Table,
     tool_rows: int = 0,
 ) -> Prediction:
     """Predict the positions of markers in the poses of a file.
@@ -193,7 +194,7 @@ def predict_positions(
         study: The study of the calibration.
         geometry: The table `geometry` of its result.
         where: The result, for messages.
-        poses: The file.
+        poses: The file, or a data frame that holds what it would.
         tool_rows: Rows at its beginning that place the markers on the tool.
 
     Raises:
@@ -214,18 +215,19 @@ def predict_positions(
     data = counting.of(setting.split(data.without_lost())[0])
     reading = turn_reading(poses, study.robot, data)
     if reading:
-        raise UserError(f"the robot fits if {reading}; expected {EXPECTED}", where=poses)
+        raise UserError(f"the robot fits if {reading}; expected {EXPECTED}", where=path_of(poses))
     wanted: Mask = np.greater_equal(data.row, 0)
     tests = data.seen.copy()
     if tool_rows:
         last = int(data.row.max()) + 1
         if tool_rows > last:
-            raise ArgumentError(f"{poses} has {last} rows", argument="tool_rows", given=tool_rows)
+            message = f"{path_of(poses)} has {last} rows"
+            raise ArgumentError(message, argument="tool_rows", given=tool_rows)
         placing = np.logical_and(data.seen, data.row < tool_rows)
         if not placing.any():
             raise UserError(
                 "no marker was measured in the rows that place the tool",
-                where=poses,
+                where=path_of(poses),
             )
         predicted = tool_from_rows(fitted, data, placing, setting.loads)
         tests &= ~placing

@@ -1,7 +1,6 @@
 """Orientations that are written in another way than a sheet should have them."""
 
 from collections.abc import Callable, Mapping
-from pathlib import Path
 
 import numpy as np
 
@@ -10,7 +9,7 @@ from edtk.inference.geometry.turn_columns import turn_columns
 from edtk.model.robot import Robot
 from edtk.system.typing import Array
 from edtk.tables.pose_columns import pose_columns
-from edtk.tables.pose_table import PoseTable
+from edtk.tables.pose_table import PoseTable, Table
 
 MOST_VISITS = 60  # that are compared, each with all others
 FAR = float(np.deg2rad(1.0))  # no drawing turns a tool as wrongly
@@ -29,7 +28,7 @@ EXPECTED = (
 Reading = Callable[[Array], Array]
 
 
-def turn_reading(path: Path | str, robot: Robot, data: MarkerPositions) -> str:
+def turn_reading(path: Table, robot: Robot, data: MarkerPositions) -> str:
     """Tell how orientations, or joint angles beside them, are written where that is not as said.
 
     Orientations ``R_i = B F_i T`` of a marker in two visits, with the base B, the flange F_i of the
@@ -59,9 +58,7 @@ def turn_reading(path: Path | str, robot: Robot, data: MarkerPositions) -> str:
     return ""
 
 
-def _of_marker(
-    path: Path | str, robot: Robot, data: MarkerPositions, marker: int, visits: Array
-) -> str:
+def _of_marker(path: Table, robot: Robot, data: MarkerPositions, marker: int, visits: Array) -> str:
     """The same of one marker in some visits."""
     assert data.turns is not None
     joints = _ways_of_joints(robot, data.q[visits])
@@ -123,7 +120,7 @@ def _ways_of_joints(robot: Robot, q: Array) -> Mapping[str, Array]:
     return {words: robot.forward(way)[:, :3, :3] for words, way in ways.items()}
 
 
-def _written(path: Path | str, robot: Robot, name: str, rows: Array) -> Array:
+def _written(path: Table, robot: Robot, name: str, rows: Array) -> Array:
     """The numbers (m, 3) or (m, 4) of an orientation in some rows of the sheet."""
     table = PoseTable.read(path, "sheet")
     columns = turn_columns(table, [name], pose_columns(robot))[name]

@@ -2,7 +2,6 @@
 
 import re
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 
@@ -13,7 +12,7 @@ from edtk.model.robot import Robot
 from edtk.system.note import note
 from edtk.system.typing import Array, Indices
 from edtk.tables.pose_columns import pose_columns
-from edtk.tables.pose_table import PoseTable
+from edtk.tables.pose_table import PoseTable, Table
 from edtk.tables.sheet_columns import LOADED_COLUMNS, MARKER_NAME_COLUMN, VISIT_COLUMN
 
 POSE_COLUMN = "pose"  # a number for people
@@ -22,7 +21,7 @@ NO_LOAD = np.zeros(6)
 
 
 def read_positions(
-    path: Path | str,
+    path: Table,
     robot: Robot,
     fixed: dict[int, float],
     markers: Sequence[str],
@@ -40,7 +39,7 @@ def read_positions(
     is known of are passed over, with a note. For orientations see `turn_columns`.
 
     Args:
-        path: The CSV file.
+        path: The CSV file, or a data frame that holds what it would.
         robot: Names the joints.
         fixed: Values [rad or m] of joints, by index, that the file may leave out.
         markers: Names of the markers (k,); where there are none, those of the sheet count.
