@@ -68,7 +68,7 @@ def test_an_empty_sheet_is_refused(tmp_path: Path) -> None:
     """A sheet that was not filled in is refused with row and column, and nothing is written."""
     edtk("template", PAPER, PLAN, "--out", tmp_path / "sheet.csv")
     answer = edtk("identify", PAPER, tmp_path / "sheet.csv", "--out", tmp_path / "out")
-    assert_one_line(answer, "sheet.csv: row 1, column dx_mm: an empty or NaN cell")
+    assert_one_line(answer, "sheet.csv: no row is filled in; expected measurements in dx_mm")
     assert not (tmp_path / "out").exists()
 
 

@@ -35,7 +35,7 @@ from edtk.inference.geometry.read_positions import read_positions
 from edtk.model.robot import Robot
 from edtk.study.study import Study
 from edtk.system.errors import UserError
-from edtk.system.typing import Array
+from edtk.system.typing import Array, Mask
 from edtk.tables.pose_table import Table, path_of
 
 SCALE_WITHIN = 0.2  # relative: how near to one of these a unit has to be
@@ -192,7 +192,7 @@ def _without_lost(data: MarkerPositions) -> tuple[MarkerPositions, list[Geometri
 
 def _blank(data: MarkerPositions) -> list[GeometricDoubt]:
     """How many visits are filled in, and which cells of markers are empty in these."""
-    made = data.seen.any(axis=1)
+    made: Mask = np.any(data.seen, axis=1)
     text = f"{int(made.sum())} of {len(data)} visits are filled in, the others left out"
     said = [] if made.all() else [GeometricDoubt(Severity.NOTE, "unfinished", text)]
     blank = (data.row >= 0) & ~data.seen & data.seen.any(axis=0) & made[:, None]
