@@ -156,10 +156,18 @@ def _relaxation_claims(found: RelaxedPlan) -> dict[str, float]:
 
 
 def _plan_claims(found: ExactPlan) -> dict[str, float]:
-    """Value, bound of its kind, and efficiency."""
-    searched = found.lower_bound.kind is BoundKind.SEARCHED
-    bound = "bound_searched" if searched else "bound"
-    claims = {"value": found.value, bound: found.bound, "efficiency": found.efficiency}
+    """Value, bound of its kind, and the efficiency beside a bound over all poses.
+
+    A plan's poses need not be among the candidates: beside a bound over these alone, its efficiency
+    says as much about them as about the plan.
+    """
+    claims = {"value": found.value, "bound": found.bound}
+    if found.lower_bound.kind is BoundKind.SEARCHED:
+        claims = {
+            "value": found.value,
+            "bound_searched": found.bound,
+            "efficiency": found.efficiency,
+        }
     return {name: float(number) for name, number in claims.items() if np.isfinite(number)}
 
 

@@ -17,6 +17,13 @@ class ProblemVerification(Verification):
     about: str = ""
 
     @property
+    def proved(self) -> str:
+        """What is proved, and on what."""
+        if not self.valid:
+            return "nothing is proved"
+        return f"the bound is proved on the {self.candidates} candidates of the problem alone"
+
+    @property
     def label(self) -> str:
         """The criterion as a person reads it."""
         return self.about
@@ -29,6 +36,7 @@ class ProblemVerification(Verification):
             "about": self.about,
             "kind": self.kind,
             "candidates": self.candidates,
+            "proved": self.proved,
             "support": self.poses,
             "second_implementation": False,
             "claims": [claim.to_dict() for claim in self.claims],

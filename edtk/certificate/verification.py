@@ -49,6 +49,12 @@ class Verification(Presented):
         claims: The claims, in the order in which they were checked.
         prior: Whether the certificate takes something as known beforehand.
         of: Combinations of the compliances that the criterion is about; none if about all.
+        sampling: How the candidates are drawn: "random" or "sobol"; empty where they are given.
+        searched: Whether a bound over all poses is stated.
+        experiments: Number of experiments of a plan, the kept ones not counted.
+        budget: What a plan may cost; None without a budget.
+        of_study: Whether a study stood beside the certificate, so that its setting is not the
+            file's own word.
     """
 
     criterion: str
@@ -60,6 +66,11 @@ class Verification(Presented):
     claims: tuple[Claim, ...]
     of: tuple[str, ...] = ()
     prior: bool = False
+    sampling: str = ""
+    searched: bool = False
+    experiments: int = 0
+    budget: float | None = None
+    of_study: bool = False
 
     @property
     def label(self) -> str:
@@ -76,6 +87,32 @@ class Verification(Presented):
         """Names of the claims that do not hold."""
         return tuple(claim.claim for claim in self.claims if not claim.holds)
 
+    @property
+    def proved(self) -> str:
+        """What is proved, and on what: a sentence that cannot be read as more."""
+        if not self.valid:
+            return "nothing is proved"
+        where = "for this study" if self.of_study else "in a setting that is the file's own word"
+        searched = "searched over all poses, not proved"
+        if self.kind == "plan" and self.searched:
+            return f"{where}; its efficiency beside {self._plans} is {searched}"
+        plural = "" if self.candidates == 1 else "s"
+        drawn = f"{self.candidates:,} {self.sampling} candidate pose{plural} alone"
+        of = f" on {self._plans}" if self.kind == "plan" else ""
+        beyond = (
+            f"over all poses it is {searched}" if self.searched else "other poses may be better"
+        )
+        return f"{where}; the bound{of} is proved on {drawn}: {beyond}"
+
+    @property
+    def _plans(self) -> str:
+        """The plans beside which a plan is judged."""
+        if self.budget is not None:
+            return f"all plans within a budget of {self.budget:g}"
+        return (
+            f"all plans of {self.experiments} new experiment{'' if self.experiments == 1 else 's'}"
+        )
+
     def headline(self) -> str:
         """The subject, and whether all claims hold."""
         verdict = "valid" if self.valid else f"NOT valid ({', '.join(self.failed)})"
@@ -91,6 +128,8 @@ class Verification(Presented):
             "poses": self.poses,
             "kept": self.kept,
             "candidates": self.candidates,
+            "proved": self.proved,
+            "of_study": self.of_study,
             **({"prior": True} if self.prior else {}),
             **({"interest": list(self.of)} if self.of else {}),
             "claims": [claim.to_dict() for claim in self.claims],

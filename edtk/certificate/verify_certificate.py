@@ -21,8 +21,6 @@ from edtk.certificate.verification import Claim, Verification
 AGREE = 1e-8  # relative difference that two ways of rounding may make; 1e-13 is the rule
 ABSOLUTE = 1e-8  # difference of a gap or an efficiency, which are of order one
 EXCESS = 1e-3  # relative excess of a sensitivity found here over those that a search rests on
-# A plan also states one of the two bounds. A claim that is left out could hide a bad number.
-MANDATORY = {"relaxation": ("value", "bound", "gap"), "plan": ("value", "efficiency")}
 BOUNDS = ("bound", "bound_searched")
 ORDER = ("value", *BOUNDS, "gap", "efficiency")
 
@@ -59,6 +57,10 @@ def verify_certificate(content: dict[str, Any]) -> Verification:
         claims=tuple(claims),
         of=_words(case),
         prior=case.setting.prior is not None,
+        sampling=case.proof.sampling,
+        searched="bound_searched" in case.stated,
+        experiments=int(case.made.amount.sum()) if case.amounts_are_sound else 0,
+        budget=None if case.day is None else case.day.budget,
     )
 
 
@@ -133,16 +135,14 @@ def _numbers(case: Case) -> list[Claim]:
         "gap": lambda: _gap(case, recomputed, BOUNDS),
         "efficiency": lambda: 1.0 - _gap(case, recomputed, BOUNDS[::-1]),
     }
-    mandatory = MANDATORY[case.kind]
-    if not any(name in case.stated for name in BOUNDS):
-        mandatory = (*mandatory, "bound")
+    mandatory = _mandatory(case)
     found = []
     for name in ORDER:
         if name not in case.stated and name not in mandatory:
             continue
         claim = _compared(case, name, sources[name])
         recomputed[name] = math.nan if claim.recomputed is None else claim.recomputed
-        found.append(_unbeaten(case, claim))
+        found.append(_unbeaten(claim, lambda: _gap(case, recomputed, BOUNDS[::-1])))
     # The name is from the file, and is not printed.
     found += [
         Claim("unknown", False, None, None, "a claim that cannot be checked")
@@ -150,6 +150,18 @@ def _numbers(case: Case) -> list[Claim]:
         if name not in ORDER
     ]
     return found
+
+
+def _mandatory(case: Case) -> tuple[str, ...]:
+    """The claims that must be stated: one that is left out could hide a bad number.
+
+    The poses of a plan need not be candidates. Its efficiency is that beside all poses.
+    """
+    if case.kind == "relaxation":
+        return ("value", "bound", "gap")
+    if "bound" in case.stated and not {"bound_searched", "efficiency"} & set(case.stated):
+        return ("value", "bound")
+    return ("value", "bound_searched", "efficiency")
 
 
 def _gap(case: Case, recomputed: dict[str, float], order: tuple[str, ...]) -> float:
@@ -196,17 +208,10 @@ def _why(case: Case, name: str, stated: float, found: float) -> str:
     return "the recomputed number differs"
 
 
-def _unbeaten(case: Case, claim: Claim) -> Claim:
-    """Reject a gap or an efficiency of a design that beats the bound: then the bound is wrong.
-
-    A plan may beat a bound over candidates alone, as its poses need not be among them.
-    """
-    if claim.recomputed is None or not claim.holds:
-        return claim
-    allowed = case.kind == "plan" and "bound_searched" not in case.stated
-    beaten = claim.recomputed < 0 if claim.claim == "gap" else claim.recomputed > 1
-    by = claim.recomputed if claim.claim == "gap" else claim.recomputed - 1
-    if claim.claim not in ("gap", "efficiency") or allowed or not beaten or abs(by) <= ABSOLUTE:
+def _unbeaten(claim: Claim, gap: Callable[[], float]) -> Claim:
+    """Reject a bound, and what follows from it, that the design itself beats: it says nothing."""
+    is_beaten = claim.holds and claim.claim != "value" and gap() < -ABSOLUTE
+    if not is_beaten:
         return claim
     return Claim(claim.claim, False, claim.stated, claim.recomputed, "the design beats the bound")
 

@@ -1,22 +1,27 @@
 """`edtk.verify`: the claims of a certificate, recomputed."""
 
 import json
+import math
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from edtk.certificate.verification import Claim, Verification
 from edtk.certificate.verify_certificate import verify_certificate
 from edtk.certificate.verify_problem import verify_problem
 from edtk.design.problem import Problem
 from edtk.design.relaxation.store import CERTIFICATE
-from edtk.system.errors import UserError
+from edtk.system.errors import ArgumentError, UserError
 from edtk.system.parse_json import parse_json
 from edtk.system.read_text import read_text
 
 if TYPE_CHECKING:
+    from edtk.calibration.geometry_design.day_costs import DayCosts
+    from edtk.design.plan import Plan
     from edtk.study.study import Study
-    from edtk.verbs.inputs import StudyLike
+    from edtk.verbs.inputs import PlanLike, StudyLike
 
 # A certificate has some hundred lines; one of 20,000 experiments has 20 MB. A larger file is
 # rejected before it fills the memory.
@@ -24,7 +29,11 @@ MOST_MB = 50.0
 
 
 def verify(
-    certificate: Path | str | dict[str, Any], study: "StudyLike | Problem | None" = None
+    certificate: Path | str | dict[str, Any],
+    study: "StudyLike | Problem | None" = None,
+    *,
+    keep: "PlanLike | None" = None,
+    cost_budget: float | None = None,
 ) -> Verification:
     """Recompute every claim of a certificate from its poses and multipliers alone.
 
@@ -41,6 +50,9 @@ def verify(
         study: A study, or its file, whose setting the certificate must have; defaults to none, and
             then the certificate's own setting is taken as given. A certificate of a `Problem`, as
             `Relaxation.to_dict` makes it, needs that problem here.
+        keep: The experiments that were made before, as `edtk.plan` had them; with a study, a
+            certificate takes no others as made.
+        cost_budget: What a day may cost, as `edtk.plan` had it; defaults to the study's.
 
     Returns:
         Each claim with the stated and the recomputed number; `.valid` if all hold.
@@ -68,11 +80,15 @@ def verify(
     except ValueError as error:
         raise UserError(f"not a certificate: {error}", where=where) from error
     if study is None:
+        if keep is not None or cost_budget is not None:
+            message = "kept experiments and a budget go with a study; expected one"
+            raise ArgumentError(message, argument="keep" if keep is not None else "cost_budget")
         return found
     if isinstance(study, Problem):
         message = "this is a certificate of poses; expected a study beside it, not a problem"
         raise UserError(message, where=where)
-    return replace(found, claims=(_same_study(content, study), *found.claims))
+    beside = _beside_study(content, study, keep, cost_budget)
+    return replace(found, claims=(*beside, *found.claims), of_study=True)
 
 
 def _of_problem(content: dict[str, Any], problem: object, where: str) -> Verification:
@@ -89,13 +105,38 @@ def _of_problem(content: dict[str, Any], problem: object, where: str) -> Verific
         raise UserError(f"not a certificate: {error}", where=where) from error
 
 
-def _other_costs(content: dict[str, Any], study: "Study") -> list[str]:
-    """What a day costs, where that is not what the study says; the budget may be a call's own."""
+def _beside_study(
+    content: dict[str, Any], study: "StudyLike", keep: "PlanLike | None", cost_budget: float | None
+) -> tuple[Claim, Claim]:
+    """The claims that a certificate's setting, and what it asks, are those of a study."""
+    # Imported late: studies bring pydantic, which the check of a file alone need not pay.
+    from edtk.calibration.geometry_design.day_costs import DayCosts
+    from edtk.verbs.inputs import as_plan, as_study
+    from edtk.verbs.setting_of import setting_of
+
+    known = as_study(study)
+    expected = json.loads(json.dumps(setting_of(known)))
+    stated = content["setting"]
+    keys = [*expected, *(key for key in stated if key not in expected)]
+    other = [key for key in keys if stated.get(key) != expected.get(key)]
+    costs = DayCosts.of(known, cost_budget) or DayCosts()
+    other += _other_costs(content, costs)
+    reason = f"the study has another {', '.join(other)}" if other else ""
+    questions = [
+        *_other_candidates(content, known),
+        *_other_budget(content, costs),
+        *_other_kept(content, None if keep is None else as_plan(known, keep)),
+    ]
+    return (
+        Claim("study", not other, None, None, reason),
+        Claim("question", not questions, None, None, "; ".join(questions)),
+    )
+
+
+def _other_costs(content: dict[str, Any], costs: "DayCosts") -> list[str]:
+    """What a day costs, where that is not what the study says."""
     if "day" not in content:
         return []
-    from edtk.calibration.geometry_design.day_costs import DayCosts
-
-    costs = DayCosts.of(study) or DayCosts()
     expected = {
         "visit": costs.visit,
         "loaded_visit": costs.loaded_visit,
@@ -105,17 +146,50 @@ def _other_costs(content: dict[str, Any], study: "Study") -> list[str]:
     return [f"cost {key}" for key, value in expected.items() if content["day"].get(key) != value]
 
 
-def _same_study(content: dict[str, Any], study: "StudyLike") -> Claim:
-    """The claim that a certificate's robot, load, noise and limits are those of a study."""
-    # Imported late: studies bring pydantic, which the check of a file alone need not pay.
-    from edtk.verbs.inputs import as_study
-    from edtk.verbs.setting_of import setting_of
+def _other_candidates(content: dict[str, Any], study: "Study") -> list[str]:
+    """How the candidates are fewer, or drawn in another way, than the study says."""
+    keys = study.specification
+    proofs = content["proof"] if isinstance(content["proof"], list) else [content["proof"]]
+    fewest = min(proof["candidates"] for proof in proofs)
+    found = []
+    if fewest < keys.candidates:
+        found.append(f"the study has {keys.candidates} candidates, and the certificate {fewest}")
+    if any(proof["sampling"] != keys.sampling for proof in proofs):
+        found.append(f"the study's candidates are {keys.sampling}")
+    return found
 
-    known = as_study(study)
-    expected = json.loads(json.dumps(setting_of(known)))
-    stated = content["setting"]
-    keys = [*expected, *(key for key in stated if key not in expected)]
-    other = [key for key in keys if stated.get(key) != expected.get(key)]
-    other += _other_costs(content, known)
-    reason = f"the study has another {', '.join(other)}" if other else ""
-    return Claim("study", not other, None, None, reason)
+
+def _other_budget(content: dict[str, Any], costs: "DayCosts") -> list[str]:
+    """How a plan's budget is not that of the study, or of the call."""
+    if content["kind"] != "plan":
+        return []
+    if "day" in content:
+        stated = content["day"]["budget"]
+        if costs.budget is None:
+            return [f"the study has no budget; expected the one of {stated:g} beside it"]
+        same = math.isclose(stated, costs.budget, rel_tol=1e-12)
+        return [] if same else [f"the study has a budget of {costs.budget:g}, not of {stated:g}"]
+    if costs.budget is None:
+        return []
+    # A plan may be judged beside all plans of its size, whatever these cost.
+    made = content["experiments"]
+    wrenches = np.array([row["wrench"] for row in made], dtype=float)
+    loads, which = np.unique(wrenches, axis=0, return_inverse=True)
+    visits = np.bincount(which.ravel(), [row["repeats"] for row in made])
+    spent = costs.total(loads, visits)
+    if spent <= costs.budget * (1 + 1e-9):
+        return []
+    return [f"the study has a budget of {costs.budget:g}, and the plan costs {spent:g}"]
+
+
+def _other_kept(content: dict[str, Any], keep: "Plan | None") -> list[str]:
+    """How the experiments that a certificate takes as made are not those that were."""
+    stated = content["kept"]
+    if keep is None:
+        message = "experiments are taken as made before; expected the plan of them beside the study"
+        return [message] if stated else []
+    same = len(stated) == len(keep.q) and all(
+        np.allclose([row[key] for row in stated], own, rtol=1e-12, atol=1e-12)
+        for key, own in (("q", keep.q), ("wrench", keep.wrench), ("repeats", keep.repeats))
+    )
+    return [] if same else ["the experiments taken as made before are not those beside it"]

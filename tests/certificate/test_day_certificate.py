@@ -28,6 +28,7 @@ COSTS = {
     "budget": 31.0,
     "visits": None,
 }
+KEPT = edtk.Plan(np.deg2rad([[30.0, 40.0]]), np.array([LOAD], dtype=float), np.array([1]))
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -44,8 +45,7 @@ def small_searches() -> Iterator[None]:
 def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The certificate of a plan of both loads, beside a visit that was made before."""
     path = tmp_path_factory.mktemp("day") / "c.json"
-    kept = edtk.Plan(np.deg2rad([[30.0, 40.0]]), np.array([LOAD], dtype=float), np.array([1]))
-    edtk.plan(PRICED, cost_budget=31, keep=kept, certificate=path)
+    edtk.plan(PRICED, cost_budget=31, keep=KEPT, certificate=path)
     return path
 
 
@@ -57,8 +57,9 @@ def honest(file: Path) -> Content:
 
 def test_it_is_valid(honest: Content) -> None:
     """Costs, value and bound are found again, by a proof for each set of loads that is paid for."""
-    found = edtk.verify(honest, PRICED)
+    found = edtk.verify(honest, PRICED, keep=KEPT, cost_budget=31)
     assert found.valid, found.summary()
+    assert "its efficiency beside all plans within a budget of 31 is searched" in found.proved
     names = [claim.claim for claim in found.claims]
     assert {"costs", "kept", "bound_searched", "efficiency", "search"} <= set(names)
     # Beside the kept loaded visit, unloaded ones alone tell the springs, too.
@@ -149,12 +150,29 @@ def test_costs_are_those_of_the_study(file: Path, tmp_path: Path) -> None:
     """With the study beside it, other costs are named; the command ends with 1."""
     study = tmp_path / "study.toml"
     PRICED.to_toml(study)
-    run = CliRunner().invoke(main, ["verify", str(file), "--study", str(study)])
+    kept = tmp_path / "kept.csv"
+    KEPT.to_csv(kept, PRICED.robot)
+    beside = ["--study", str(study), "--keep", str(kept), "--cost-budget", "31"]
+    run = CliRunner().invoke(main, ["verify", str(file), *beside])
     assert (run.exit_code, "valid: all" in run.stdout) == (0, True), run.output
+    run = CliRunner().invoke(main, ["verify", str(file), *beside[2:]])
+    assert (run.exit_code, "go with a study" in run.stderr) == (2, True), run.output
     PRICED.replace(costs={"visit": 2, "loaded_visit": 5, "load_change": 3}).to_toml(study)
     run = CliRunner().invoke(main, ["verify", str(file), "--study", str(study)])
     assert run.exit_code == 1
     assert "the study has another cost load_change" in run.stdout
+
+
+def test_the_budget_is_that_of_the_study(honest: Content) -> None:
+    """A raised budget fails beside the study, as does one that the study does not have."""
+    assert "expected the one of 31 beside it" in edtk.verify(honest, PRICED, keep=KEPT).summary()
+    budget = {"visit": 2, "loaded_visit": 5, "load_change": 1, "budget": 30}
+    found = edtk.verify(honest, PRICED.replace(costs=budget), keep=KEPT)
+    assert found.failed == ("question",)
+    assert "the study has a budget of 30, not of 31" in found.summary()
+    other = edtk.Plan(KEPT.q + 1e-3, KEPT.wrench, KEPT.repeats)
+    found = edtk.verify(honest, PRICED, keep=other, cost_budget=31)
+    assert "the experiments taken as made before are not those beside it" in found.summary()
 
 
 def test_a_criterion_of_no_size_has_none(tmp_path: Path) -> None:

@@ -230,7 +230,8 @@ def test_a_plan_and_the_visits_beside_it(tmp_path: Path) -> None:
     kept = edtk.Plan(np.deg2rad([[30.0, 40.0]]), np.array([LOAD], dtype=float), np.array([2]))
     path = tmp_path / "c.json"
     found = edtk.plan(STUDY, 6, keep=kept, budget=1.0, certificate=path)
-    proved = edtk.verify(path, STUDY)
+    assert edtk.verify(path, STUDY).failed == ("question",)
+    proved = edtk.verify(path, STUDY, keep=kept)
     assert proved.valid, proved.summary()
     assert proved.kept == 2
     stated = {claim.claim: claim.stated for claim in proved.claims}
@@ -246,7 +247,7 @@ def test_verify_as_a_command(tmp_path: Path) -> None:
     assert run.exit_code == 0, run.output
     good = CliRunner().invoke(main, ["verify", str(path), "--study", str(study)])
     assert good.exit_code == 0
-    assert "valid: all 7 claims hold" in good.output
+    assert "valid: all 8 claims hold" in good.output
     path.write_text(path.read_text().replace('"value": ', '"value": 1'))
     bad = CliRunner().invoke(main, ["verify", str(path)])
     assert bad.exit_code == 1

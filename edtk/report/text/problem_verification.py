@@ -17,7 +17,8 @@ MEANING = {
 
 def problem_verification(found: ProblemVerification) -> str:
     """What the certificate is about, a line for each claim, then the verdict."""
-    lines = [f"{found.label}, weights on {found.poses} of {found.candidates} candidates"]
+    verdict = f"valid, {found.proved}" if found.valid else "NOT valid"
+    lines = [f"{found.label}, weights on {found.poses} of {found.candidates} candidates: {verdict}"]
     lines += [_line(claim) for claim in found.claims]
     count = len(found.claims)
     if found.valid:

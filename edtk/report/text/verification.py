@@ -12,6 +12,7 @@ DIGITS = 10
 # What each claim says, for a person.
 MEANING = {
     "study": "robot, load, noise and limits are those of the study",
+    "question": "candidates, budget and kept experiments are those of the study",
     "feasible": "every pose is within the joint limits and the workspace",
     "loads": "every load is among those that may be applied",
     "costs": "visits and load changes together, within the budget",
@@ -34,7 +35,7 @@ EXCESS = {
     "repeats": "got {:.10g} in all",
     "search": "by {:.3g} of the largest one",
 }
-WITHOUT_NUMBER = ("study", "feasible", "loads", "kept", "weights", "repeats", "search")
+WITHOUT_NUMBER = ("study", "question", "feasible", "loads", "kept", "weights", "repeats", "search")
 
 
 def verification(found: Verification) -> str:
@@ -43,8 +44,10 @@ def verification(found: Verification) -> str:
     kept = f", beside {some}, taken as carried out" if found.kept else ""
     kept += ", with a prior that is taken as given" if found.prior else ""
     plural = "" if found.poses == 1 else "s"
-    lines = [f"{found.label}, {found.kind} of {found.poses} pose{plural}{kept}"]
-    if all(claim.claim != "study" for claim in found.claims):
+    verdict = "valid" if found.valid else "NOT valid"
+    subject = f"{found.label}, {found.kind} of {found.poses} pose{plural}{kept}"
+    lines = [f"{subject}: {verdict} {found.proved}" if found.valid else f"{subject}: {verdict}"]
+    if not found.of_study:
         robot = _printable(found.robot)
         lines.append(f"{robot}; robot, load, noise and limits as the certificate has them")
     lines += [_line(found, claim) for claim in found.claims]
