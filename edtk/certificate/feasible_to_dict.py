@@ -16,9 +16,11 @@ def feasible_to_dict(study: Study, space: DesignSpace) -> dict[str, Any]:
         space: The design space that was searched, with the poses that it excludes.
 
     Returns:
-        The keys `robot`, `workspace`, `excluded`, `free` and `fixed`, in SI units and radians, but
-        for the study's own keys, which name their units.
+        The keys `robot`, `workspace`, `excluded`, `free`, `fixed` and `margin`, in SI units and
+        radians, but for the study's own keys, which name their units.
     """
+    # Joints that turn without end are cut nowhere.
+    margin = space.workspace.robot.limits[0] - study.robot.limits[0]
     excluded = [
         {"poses": part.poses.tolist(), "distance": part.distance}
         for part in space.workspace.constraints
@@ -30,6 +32,7 @@ def feasible_to_dict(study: Study, space: DesignSpace) -> dict[str, Any]:
         "excluded": excluded,
         "free": list(space.free),
         "fixed": space.fixed.tolist(),
+        "margin": margin.tolist(),
     }
 
 

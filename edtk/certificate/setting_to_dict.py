@@ -34,6 +34,7 @@ def setting_to_dict(study: Study, space: DesignSpace) -> dict[str, Any]:
         "excluded": feasible["excluded"],
         "free": feasible["free"],
         "fixed": feasible["fixed"],
+        **({"margin": feasible["margin"]} if any(feasible["margin"]) else {}),
         "test_pose": _test_pose(study),
         **physics_to_dict(study.model),
         **({} if study.interest is None else {"interest": study.interest.tolist()}),

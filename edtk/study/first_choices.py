@@ -15,12 +15,13 @@ from edtk.tables.in_file_units import in_file_units, of_file_units
 
 SAMPLES = 4096  # poses within the limits, from which all choices are made
 GRAVITY = 9.81  # [m/s^2]
-# Payloads grow with the cube of the reach: an arm of 0.6 m carries 3 kg, one of 2.7 m 270 kg.
-PAYLOAD_PER_REACH = 14.0  # [kg/m^3]
-PAYLOAD_PER_MASS = 0.15  # payload beside the mass of the moving links, where that is known
-PAYLOADS = (0.5, 1000.0)  # [kg]
+# Rated payloads beside the cube of the reach [kg/m^3], of data sheets: IRB 4600-20/2.5 1.3, KR 5
+# arc 1.8, IRB 1600-6/1.45 2.0, UR10 4.6, Panda 4.8, Z1 5, KR 210 L150 5, UR5 8, KR 270 14, KR 6
+# R700 17, iiwa 14 25. A load that nobody has given is one that the weakest of them carries.
+CAREFUL_PER_REACH = 1.3
+TYPICAL_PER_REACH = 5.0  # of these, for gears that are made up
+PAYLOADS = (0.2, 1000.0)  # [kg]
 LEVER = 0.12  # of the tool point from the last axis, and along it, beside the reach
-BELIEVED = (0.1, 10.0)  # payload by mass beside that by reach; else masses are placeholders
 # Motion of the tool by way of a joint, beside the largest: below it an axis is upright but for the
 # digits of its file, as with a quarter turn of 1.5708.
 UNLOADED = 1e-4
@@ -30,7 +31,7 @@ ROOM = 0.15  # share of the poses that a constraint has to leave
 MIDDLE = 0.3  # of a joint's range, to each side of its middle, for the test pose
 TURN = 2 * np.pi  # of a joint that turns on and on, no more than a turn counts
 TYPED = {"revolute": 5.0, "prismatic": 10.0}  # steps of the test pose [deg, mm]
-BENT = {"revolute": 1e-3, "prismatic": 1e-4}  # of a gear by the largest load on it [rad, m]
+BENT = {"revolute": 1e-3, "prismatic": 2e-4}  # of a gear by a usual load [rad, m]
 BEST = 50  # sampled poses among which the rounded test pose is chosen
 
 
@@ -41,7 +42,7 @@ class FirstChoices:
     Attributes:
         reach: Largest distance of the flange from the first joint [m].
         payload: Mass whose weight is the load [kg].
-        from_mass: Whether the mass of the links told the payload, and not the reach.
+        given: Whether somebody said so; otherwise it is a careful guess by the reach.
         tool_mm: Tool point in the frame in which tools are given (3,).
         force: Load (3,), in world axes [N].
         fixed: Joints that the load does not turn, with the value where they stay [deg, mm].
@@ -53,7 +54,7 @@ class FirstChoices:
 
     reach: float
     payload: float
-    from_mass: bool
+    given: bool
     tool_mm: tuple[float, ...]
     force: tuple[float, ...]
     fixed: dict[str, float]
@@ -63,17 +64,19 @@ class FirstChoices:
     q_deg: tuple[float, ...]
 
 
-def first_choices(robot: Robot) -> FirstChoices:
+def first_choices(robot: Robot, payload: float | None = None) -> FirstChoices:
     """Choose what a first study of a robot says.
 
     All is read off poses that are spread evenly over the joint limits: the reach; a tool point
-    beside the last axis, so that this joint is seen; a weight that such an arm carries; joints that
-    this weight does not turn in any pose, which are fixed; a space with some room; and among the
-    poses in the middle of the limits the one in which no joint is idle and the arm is farthest from
-    singular.
+    beside the last axis, so that this joint is seen; a weight that any such arm carries; joints
+    that this weight does not turn in any pose, which are fixed; a space with some room; and among
+    the poses in the middle of the limits the one in which no joint is idle and the arm is farthest
+    from singular.
 
     Args:
         robot: The robot, whose own tool does not count.
+        payload: Mass that it carries, with everything on its flange [kg]; defaults to one that any
+            arm of this reach carries.
 
     Raises:
         UserError: No load turns a joint, or no pose is regular.
@@ -85,8 +88,10 @@ def first_choices(robot: Robot) -> FirstChoices:
         raise UserError("the flange does not move; expected a robot with links", where=robot.name)
     tool_mm = _tool(robot, flange, reach)
     robot = robot.with_tool(transform(np.array(tool_mm) / 1e3))
-    payload, from_mass = _payload(robot, reach)
-    force = _force(robot, q, payload)
+    carried = _rounded_down(CAREFUL_PER_REACH * reach**3, 1) if payload is None else payload
+    typical = TYPICAL_PER_REACH * reach**3 if payload is None else payload
+    carried = float(np.clip(carried, *PAYLOADS)) if payload is None else carried
+    force = _force(robot, q, carried)
     moved = _moved(robot, q, force)
     idle = moved.max(axis=0) <= UNLOADED * moved.max()
     if idle.all():
@@ -100,12 +105,12 @@ def first_choices(robot: Robot) -> FirstChoices:
     free = [j for j in range(robot.n) if robot.joint_names[j] not in fixed]
     return FirstChoices(
         reach=reach,
-        payload=payload,
-        from_mass=from_mass,
+        payload=carried,
+        given=payload is not None,
         tool_mm=tool_mm,
         force=tuple(force[:3].tolist()),
         fixed=fixed,
-        compliance=_compliance(robot, q, force, free),
+        compliance=_compliance(robot, q, force * typical / carried, free),
         height_mm=height,
         radius_mm=least_radius or None,  # of small arms it may round to 0, which bounds nothing
         q_deg=_test_pose(robot, q[room], force, free),
@@ -147,19 +152,15 @@ def _tool(robot: Robot, flange: Frames, reach: float) -> tuple[float, ...]:
     return tuple((lever * (sign * along + across) + 0.0).tolist())
 
 
-def _payload(robot: Robot, reach: float) -> tuple[float, bool]:
-    """A mass that such an arm carries, with one digit [kg], and whether the links tell it."""
-    by_reach = PAYLOAD_PER_REACH * reach**3
-    by_mass = PAYLOAD_PER_MASS * sum(link.mass for link in robot.links)
-    least, most = BELIEVED
-    from_mass = least * by_reach <= by_mass <= most * by_reach
-    size = by_mass if from_mass else by_reach
-    return float(f"{np.clip(size, *PAYLOADS):.1g}"), from_mass
+def _rounded_down(value: float, digits: int) -> float:
+    """A positive number with so many digits, none of which makes it larger."""
+    step = 10.0 ** (np.floor(np.log10(value)) + 1 - digits)
+    return float(f"{np.floor(value / step) * step:.{digits}g}")
 
 
 def _force(robot: Robot, q: Array, payload: float) -> Array:
     """The payload's weight (6,), or a pull as large sideways if few joints feel the weight."""
-    size = float(f"{GRAVITY * payload:.2g}")
+    size = _rounded_down(GRAVITY * payload, 3)
     down = np.array([0, 0, -size, 0, 0, 0])
     moved = _moved(robot, q, down).max(axis=0)
     felt = (moved > UNLOADED * moved.max()) & (moved > 0)

@@ -7,7 +7,7 @@ from pydantic import BeforeValidator, Field, ValidationInfo, field_validator
 from pydantic_core import PydanticCustomError, PydanticKnownError
 
 from edtk.study.listed import listed
-from edtk.study.table import Compliance, Table
+from edtk.study.table import Compliance, NotNegative, Table
 from edtk.system.finite import Finite
 
 NO_SPRINGS = "no springs"  # of the context of a validation: whether all joints may be rigid
@@ -39,6 +39,13 @@ class JointsTable(Table):
         {}, description="The same of prismatic joints [mm]"
     )
 
+    margin_deg: NotNegative = Field(
+        0.0,
+        description="How far plans keep revolute joints away from their limits, at which "
+        "controllers stop; poses that were measured may be nearer [deg]",
+    )
+    margin_mm: NotNegative = Field(0.0, description="The same of prismatic joints [mm]")
+
     @field_validator("unknown")
     @classmethod
     def _some(cls, given: tuple[str, ...], info: ValidationInfo) -> tuple[str, ...]:
@@ -56,6 +63,10 @@ class JointsTable(Table):
                 message = "{name}: expected the lower limit before the upper one"
                 raise PydanticCustomError("limits", message, {"name": name})
         return given
+
+    def margin(self) -> dict[str, float]:
+        """How far plans keep away from limits, by kind of joint [rad, m]."""
+        return {"revolute": float(np.deg2rad(self.margin_deg)), "prismatic": self.margin_mm / 1e3}
 
     def limits(self) -> dict[str, tuple[float, float]]:
         """The limits that take the place of the robot's own, by joint [rad or m]."""

@@ -1,7 +1,9 @@
 """The commented text of a new study, which runs as it is."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
+
+import numpy as np
 
 from edtk.model.controller_table import controller_to_dict
 from edtk.model.robot import Robot
@@ -13,6 +15,9 @@ from edtk.tables.pose_table import pose_factors
 COLUMN = 33  # characters before comments
 DECIDE = "DECIDE:"  # marks what only the engineer knows
 LEAST_SIZE = 4
+# Key, margin from limits, and its unit in SI, by kind of joint.
+MARGINS = {"revolute": ("margin_deg", 2.0, np.pi / 180), "prismatic": ("margin_mm", 5.0, 1e-3)}
+LEAST_RANGE = 10.0  # of a joint, beside the margin
 Links = tuple[str | None, str | None]
 
 
@@ -24,6 +29,7 @@ def new_study_text(
     links: Links = (None, None),
     limits: Mapping[str, tuple[float, float]] | None = None,
     own_controller: bool = False,
+    left_out: Sequence[str] = (),
 ) -> str:
     """Write a study that runs as it is, with what is to be decided marked.
 
@@ -36,9 +42,10 @@ def new_study_text(
         own_controller: Whether the study itself says how the controller counts, and not the
             robot's file.
         limits: Lower and upper limits by joint that take the place of the file's [deg, mm].
+        left_out: Joints of the end effector, that tip_link leaves out.
     """
     sections = (
-        _head(robot, found, name, file, links),
+        _head(robot, found, name, file, links, left_out),
         _controller(robot, own_controller),
         _circumstances(found),
         _joints(robot, found, limits or {}),
@@ -49,7 +56,14 @@ def new_study_text(
     return "\n".join(line for section in sections for line in (*section, ""))
 
 
-def _head(robot: Robot, found: FirstChoices, name: str, file: str, links: Links) -> list[str]:
+def _head(
+    robot: Robot,
+    found: FirstChoices,
+    name: str,
+    file: str,
+    links: Links,
+    left_out: Sequence[str],
+) -> list[str]:
     """Title, robot, and what is searched for."""
     title = " ".join(robot.name.split())
     least = max(LEAST_SIZE, -(-len(found.compliance) // 3) + 1)
@@ -63,6 +77,7 @@ def _head(robot: Robot, found: FirstChoices, name: str, file: str, links: Links)
         _line("title", f"Calibration of {title}"),
         _line("robot", name),
         *(_line(key, link) for key, link in ends.items()),
+        *([f"# Left out as the end effector's: {_listed(left_out)}."] if left_out else []),
         _line("seed", 1),
         _line("sizes", [least, least + 2], "numbers of experiments to compare"),
         _line("optimise", ["rho0"], "the error to expect in the test pose"),
@@ -91,14 +106,14 @@ def _controller(robot: Robot, own: bool) -> list[str]:
 
 def _circumstances(found: FirstChoices) -> list[str]:
     """Tool, load and noise of the calibration."""
-    usual = f"usual for {found.reach:.2g} m of reach"
-    why = "15 % of the links' mass" if found.from_mass else usual
+    careful = f"{found.payload:g} kg, careful for {found.reach:.2g} m of reach; see --payload KG"
+    load = f"here {found.payload:g} kg, as you say" if found.given else careful
     return [
         "[tool]",
         _line("position_mm", found.tool_mm, f"{DECIDE} where the load acts and the marker is"),
         "",
         "[load]",
-        _line("F_N", found.force, f"{DECIDE} here {found.payload:g} kg, {why}"),
+        _line("F_N", found.force, f"{DECIDE} {load}"),
         "",
         "[measurement]",
         _line("rows", "position"),
@@ -128,6 +143,10 @@ def _joints(
         }
         if own:
             lines.append(f"{key} = {inline(_plain(own))}")
+    lines += [
+        _line(key, margin, "plans keep so far from limits, at which controllers stop")
+        for key, margin in _margins(robot, found).items()
+    ]
     lines.append("# Limits; limits_deg and limits_mm in this table would take their place:")
     rows = zip(robot.joints, shown_limits(robot), pose_factors(robot), strict=True)
     for joint, shown, factor in rows:
@@ -135,6 +154,17 @@ def _joints(
         unit = "mm" if joint.kind == "prismatic" else "deg"
         lines.append(f"#   {shown.label}: {low:.6g} .. {high:.6g} {unit}")
     return lines
+
+
+def _margins(robot: Robot, found: FirstChoices) -> dict[str, float]:
+    """How far plans keep away from limits, for each kind of joint that moves."""
+    margins = {}
+    for kind, (key, margin, unit) in MARGINS.items():
+        moving = [j for j in robot.joints if j.kind == kind and j.name not in found.fixed]
+        least = min((joint.limits[1] - joint.limits[0] for joint in moving), default=0.0)
+        if least > LEAST_RANGE * margin * unit:
+            margins[key] = margin
+    return margins
 
 
 def _workspace(found: FirstChoices) -> list[str]:
@@ -166,6 +196,12 @@ def _simulation(found: FirstChoices) -> list[str]:
         "[simulation.compliance_rad_per_Nm]",
         *(_line(joint, compliance) for joint, compliance in found.compliance.items()),
     ]
+
+
+def _listed(joints: Sequence[str]) -> str:
+    """The first joints, and how many more there are, as a comment may hold them."""
+    shown = ", ".join("".join(c if c.isprintable() else "?" for c in name) for name in joints[:4])
+    return shown + (f" and {len(joints) - 4} more" if len(joints) > 4 else "")
 
 
 def _line(key: str, value: Any, comment: str = "") -> str:

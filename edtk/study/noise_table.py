@@ -8,7 +8,7 @@ from pydantic import Field, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
 from edtk.model.noise.tracker import Tracker
-from edtk.study.table import Positive, Table
+from edtk.study.table import NotNegative, Positive, Table
 from edtk.system.finite import Finite, Vector3
 from edtk.system.typing import Array
 
@@ -20,7 +20,6 @@ TOGETHER = ("tracker_position_mm", "along", "across")
 # Trackers with more than a millimetre, or a millimetre a metre, are not sold.
 Coefficient = Annotated[Finite, Field(ge=0, le=1e3)]
 Coefficients = tuple[Coefficient, Coefficient]
-NotNegative = Annotated[Finite, Field(ge=0)]
 
 
 class NoiseTable(Table):

@@ -7,7 +7,9 @@ import numpy as np
 from edtk.design.design_space import DesignSpace
 from edtk.design.plan import Plan
 from edtk.model.constraints.excluded import Excluded
+from edtk.model.joint_margin import within_margin
 from edtk.model.loads.load import Load
+from edtk.model.robot import Robot
 from edtk.model.workspace import Workspace
 from edtk.study.load_plan import read_plan
 from edtk.study.study_model import study_sigma
@@ -43,9 +45,22 @@ def pose_space(study: "Study", load: Load) -> DesignSpace:
     values = np.array([fixed.get(j, 0.0) for j in range(study.robot.n)])
     free = [j for j in range(study.robot.n) if j not in fixed]
     constraints = (*study.specification.workspace.build(), *_exclusions(study))
-    workspace = Workspace(study.robot, constraints)
+    workspace = Workspace(_within_margin(study), constraints)
     sigma = study_sigma(study)
     return DesignSpace(study.model, workspace, sigma, load, free, values, noise=study.noise)
+
+
+def _within_margin(study: "Study") -> Robot:
+    """The robot, whose joints keep their margin from the limits.
+
+    Raises:
+        UserError: A joint has no range left.
+    """
+    margin = study.specification.joints.margin()
+    try:
+        return within_margin(study.robot, margin, frozenset(study.fixed))
+    except ValueError as error:
+        raise study.error("joints.margin_deg", str(error)) from error
 
 
 def _exclusions(study: "Study") -> list[Excluded]:

@@ -9,6 +9,8 @@ from edtk.system.finite import LARGEST, Finite
 # Squares of smaller numbers underflow.
 Positive = Annotated[Finite, Field(ge=1e-12)]
 
+NotNegative = Annotated[Finite, Field(ge=0)]
+
 # No instrument measures better than a picometre, and squares of smaller numbers underflow.
 Sigma = Annotated[Finite, Field(ge=1e-9)]
 

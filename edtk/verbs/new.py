@@ -10,19 +10,22 @@ import numpy as np
 from pydantic import ValidationError
 
 from edtk.model.controller_table import ControllerTable
-from edtk.model.load_robot import builtin_robots, load_robot
+from edtk.model.load_robot import URDF, builtin_robots, load_robot
 from edtk.model.robot import Robot
+from edtk.model.urdf.load_urdf import XACRO, arm_in
 from edtk.study.first_choices import first_choices
 from edtk.study.new_study_text import new_study_text
 from edtk.study.read_toml import read_toml
 from edtk.study.study import Study, load_study
 from edtk.system.atomic_file import write_text
-from edtk.system.errors import UserError
+from edtk.system.errors import ArgumentError, UserError
 from edtk.system.first_error import first_error
 from edtk.system.parse_toml import parse_toml
 from edtk.verbs.inputs import errors_in
 from edtk.verbs.require_output import require_file, require_output
 
+LEAST_KG = 1e-3
+MOST_KG = 1e5
 Limits = dict[str, tuple[float, float]]
 
 
@@ -34,6 +37,7 @@ def new(
     tip: str | None = None,
     limits: Mapping[str, tuple[float, float]] | None = None,
     controller: Path | str | None = None,
+    payload: float | None = None,
     force: bool = False,
 ) -> Study:
     """Write a study of a robot that runs as it is, with what must be decided marked in it.
@@ -45,11 +49,14 @@ def new(
         robot: Name of a built-in robot, or the path of a robot's file (TOML or URDF).
         out: File to write (TOML); it names the robot's file relative to its own folder.
         base: Link of a URDF that stands in the world; defaults to its root.
-        tip: Link of a URDF that carries the tool; defaults to its leaf, where it has one only.
+        tip: Link of a URDF that carries the tool; defaults to its leaf, where it has one only. The
+            joints of a gripper are left out.
         limits: Lower and upper limit by joint [deg; mm for a prismatic joint], in place of those of
             the file, which may leave them open.
         controller: File (TOML) with a table `controller`, as `edtk.controller` writes it: how the
             controller counts the joints. Poses of the study are then in its values.
+        payload: Mass that the robot may carry, with everything on its flange [kg]: its weight is
+            the load. Defaults to what any arm of this reach carries.
         force: Whether a file that exists is replaced.
 
     Returns:
@@ -66,6 +73,10 @@ def new(
         if path.exists() and not force:
             raise UserError("exists; expected a new file, or --force to replace it", where=path)
         given = dict(limits or {})
+        if payload is not None and not LEAST_KG <= payload <= MOST_KG:
+            message = f"expected a mass from {LEAST_KG:g} to {MOST_KG:g} kg"
+            raise ArgumentError(message, argument="payload", given=payload)
+        tip, left_out = (tip, ()) if tip is not None else _arm(Path(robot), base)
         arm = _load(str(robot), base, tip, given)
         if controller is not None:
             arm = replace(arm, controller=_controller(Path(controller)).build(arm, str(controller)))
@@ -75,11 +86,23 @@ def new(
             raise UserError(message, where=robot)
         file = _in_a_comment(path.name)
         text = new_study_text(
-            arm, first_choices(arm), name, file, (base, tip), given, controller is not None
+            arm,
+            first_choices(arm, payload),
+            name,
+            file,
+            (base, tip),
+            given,
+            controller is not None,
+            left_out,
         )
         Study(folder=path.parent, **parse_toml(text))  # nothing is written that does not run
         write_text(path, text)
     return load_study(path)
+
+
+def _arm(path: Path, base: str | None) -> tuple[str | None, tuple[str, ...]]:
+    """Where the arm of a URDF ends, and the joints of its end effector; nothing of other files."""
+    return arm_in(path, base, str(path)) if path.name.endswith((URDF, XACRO)) else (None, ())
 
 
 def _in_a_comment(name: str) -> str:

@@ -50,6 +50,44 @@ def test_links_of_a_urdf_go_into_the_study(tmp_path: Path) -> None:
     assert study.specification.base_link == "base"
 
 
+def test_a_gripper_is_no_part_of_the_arm(tmp_path: Path) -> None:
+    """Its joints, and its fingers' many leaves, are left out; the study says which, unless told."""
+    text = URDF.read_text().replace(
+        "</robot>",
+        """<link name="palm"/><link name="left"/><link name="right"/>
+        <joint name="mount" type="fixed"><parent link="tool0"/><child link="palm"/></joint>
+        <joint name="finger_1" type="prismatic"><parent link="palm"/><child link="left"/>
+          <axis xyz="1 0 0"/><limit lower="0" upper="0.04" effort="9" velocity="1"/></joint>
+        <joint name="finger_2" type="prismatic"><parent link="palm"/><child link="right"/>
+          <axis xyz="-1 0 0"/><limit lower="0" upper="0.04" effort="9" velocity="1"/></joint>
+        </robot>""",
+    )
+    arm = tmp_path / "arm.urdf"
+    arm.write_text(text)
+    study = edtk.new(arm, tmp_path / "study.toml")
+    assert study.robot.n == 6
+    assert study.specification.tip_link == "palm"
+    assert "# Left out as the end effector's: finger_1, finger_2." in Path(
+        tmp_path / "study.toml"
+    ).read_text().split("\n")
+    told = edtk.new(arm, tmp_path / "told.toml", tip="left")
+    assert told.robot.n == 7
+
+
+def test_the_payload_is_the_load(tmp_path: Path) -> None:
+    """What is said is not exceeded; a mass that is none is one line."""
+    out = tmp_path / "study.toml"
+    code, _, _ = run("new", "--robot", URDF, "--payload", 150, "--out", out)
+    assert code == 0
+    force = edtk.load_study(out).specification.load.F_N
+    assert force[2] == -1470
+    assert "DECIDE: here 150 kg, as you say" in out.read_text()
+    code, shown, error = run("new", "--robot", URDF, "--payload", 0, "--out", tmp_path / "b.toml")
+    assert (code, shown, error.count("\n")) == (2, "", 1)
+    with pytest.raises(edtk.UserError, match=r"payload 1000000\.0: expected a mass from"):
+        edtk.new(URDF, tmp_path / "b.toml", payload=1e6)
+
+
 def test_a_builtin_robot_by_name(tmp_path: Path) -> None:
     """Its name stands in the study."""
     study = edtk.new("kuka_kr270", tmp_path / "study.toml")

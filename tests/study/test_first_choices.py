@@ -111,19 +111,24 @@ def test_a_weight_does_not_turn_an_upright_joint() -> None:
     assert sideways.fixed == {"q3": 100.0}  # the middle of its range, for zero is its end
 
 
-def test_the_load_suits_the_robot() -> None:
-    """It grows with the reach, or is a share of the links' mass where that is known."""
+def test_the_load_is_one_that_any_arm_carries() -> None:
+    """It grows with the cube of the reach, and is never beyond a mass that somebody gives."""
     kr270 = first_choices(ROBOTS["kr270"])
     assert kr270.reach == pytest.approx(2.7, abs=0.1)
-    assert kr270.payload == 300
-    assert first_choices(ROBOTS["ur10"]).payload < 50
-    content = robot_to_dict(ROBOTS["ur10"])
-    for joint in content["joints"]:
-        joint |= {"mass_kg": 5.0, "center_m": [0, 0, 0]}
-    assert first_choices(robot_from_dict(content)).payload == 4  # 15 % of 30 kg, one digit
-    for joint in content["joints"]:
-        joint["mass_kg"] = 0.01  # a placeholder
-    assert first_choices(robot_from_dict(content)).payload == first_choices(ROBOTS["ur10"]).payload
+    assert (kr270.payload, kr270.given) == (20, False)
+    assert 1 <= first_choices(ROBOTS["ur10"]).payload <= 10
+    for kilograms in (0.013, 2.77, 150.0, 270.0):
+        found = first_choices(ROBOTS["kr270"], kilograms)
+        assert found.given
+        weight = 9.81 * kilograms
+        assert 0.99 * weight < -found.force[2] <= weight
+
+
+def test_made_up_gears_are_those_of_a_usual_robot() -> None:
+    """They do not follow the careful load, with which a heavy robot would be as soft as a cobot."""
+    kr270 = first_choices(ROBOTS["kr270"])
+    assert 1e-7 < kr270.compliance["q2"] < 1e-6
+    assert 1e-6 < first_choices(ROBOTS["ur10"]).compliance["q2"] < 1e-4
 
 
 def test_a_controllers_angles() -> None:
@@ -151,3 +156,13 @@ def test_an_axis_that_is_upright_but_for_its_digits() -> None:
     content["joints"][0] |= {"rpy_deg": np.rad2deg([1.5708, 0, 0]).tolist(), "axis": [0, 1, 0]}
     content["joints"][1] |= {"rpy_deg": np.rad2deg([-1.5708, 0, 0]).tolist()}
     assert set(first_choices(robot_from_dict(content)).fixed) == {"q1"}
+
+
+def test_plans_of_a_new_study_keep_a_margin() -> None:
+    """Joints that move stay 2 deg or 5 mm away from their limits, where they have the room."""
+    assert new_study(ROBOTS["kr270"]).specification.joints.margin_deg == 2
+    joints = new_study(ROBOTS["gantry"]).specification.joints
+    assert (joints.margin_deg, joints.margin_mm) == (0, 5)
+    short = {"limits_deg": [-8, 8]}
+    tiny = robot_of(([0, 0, 1], [0, 1, 0], TURN), ([0.7, 0, 0], [0, 1, 0], short))
+    assert new_study(tiny).specification.joints.margin_deg == 0

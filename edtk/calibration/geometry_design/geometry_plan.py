@@ -11,7 +11,7 @@ from edtk.calibration.geometry_design.poses_by_load import PosesByLoad
 from edtk.design.bound import Bound
 from edtk.design.exact.exact_plan import ExactPlan
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
-from edtk.system.typing import Indices
+from edtk.system.typing import Array, Indices
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -52,6 +52,11 @@ class GeometryPlan(ExactPlan):
     def poses(self) -> PosesByLoad:
         """The poses, each once, with its visits without and with each load; kept ones too."""
         return PosesByLoad.of(self.whole, self.question.wrenches, self.robot)
+
+    @property
+    def listed(self) -> Array:
+        """The poses (k, n) in the order in which they are printed [rad or m]."""
+        return self.poses.q
 
     @property
     def poses_kept(self) -> Indices:

@@ -34,6 +34,7 @@ def geometry_setting(question: GeometryQuestion) -> dict[str, Any]:
         "excluded": feasible["excluded"],
         "free": feasible["free"],
         "fixed": feasible["fixed"],
+        **({"margin": feasible["margin"]} if any(feasible["margin"]) else {}),
         "test_pose": _test_poses(question),
         "physics": {
             "sensors": [

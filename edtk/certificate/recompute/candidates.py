@@ -77,7 +77,7 @@ def _stretched(setting: Setting, cube: Array) -> Array:
     """Experiments (k, n + d) of points of the unit cube."""
     free = setting.free
     n = len(setting.fixed)
-    lower, upper = setting.chain.limits[:, free]
+    lower, upper = setting.limits[:, free]
     x = np.empty((len(cube), n + setting.load.size))
     x[:, :n] = setting.fixed
     x[:, free] = lower + (upper - lower) * cube[:, : len(free)]

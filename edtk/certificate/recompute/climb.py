@@ -24,7 +24,7 @@ def climb(setting: Setting, x: Array, height: Callable[[Array], Array], rounds: 
     """
     rng = np.random.default_rng(0)  # the same certificate gets the same verdict
     n = len(setting.fixed)
-    lower, upper = np.concatenate([setting.chain.limits, setting.load.limits], axis=1)
+    lower, upper = np.concatenate([setting.limits, setting.load.limits], axis=1)
     movable = np.zeros(x.shape[1], dtype=bool)
     movable[setting.free] = True
     movable[n:] = setting.load.moves

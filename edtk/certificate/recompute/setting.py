@@ -21,7 +21,7 @@ from edtk.system.typing import Array, Mask
 TINY = 1e-9  # violation of a constraint that is rounding [m or rad]
 MEASURED = {"position": 3, "pose": 6}  # rows that an experiment measures
 KEYS = ("robot", "unknown", "rows", "sigma", "load", "workspace", "excluded", "free", "fixed")
-OPTIONAL = ("physics", "noise", "interest", "prior", "geometry")
+OPTIONAL = ("physics", "noise", "interest", "prior", "geometry", "margin")
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,6 +47,8 @@ class Setting:
         geometry: The parameters, where they are not compliances alone; None where they are.
         price: Costs (k,) of experiments under wrenches (k, 6), where rows are those of one unit of
             costs; None where experiments are counted.
+        margin: How far poses keep away from the limits of each joint (n,) [rad or m]; None for no
+            margin.
     """
 
     name: str
@@ -64,6 +66,7 @@ class Setting:
     noise: Noise | None = None
     geometry: Geometry | None = None
     price: Callable[[Array], Array] | None = None
+    margin: Array | None = None
 
     @classmethod
     def from_dict(cls, content: Any) -> "Setting":
@@ -111,7 +114,16 @@ class Setting:
             prior=_prior(content, p),
             noise=noise,
             geometry=geometry,
+            margin=_margin(content, chain),
         )
+
+    @property
+    def limits(self) -> Array:
+        """Limits (2, n) between which poses are planned [rad or m]."""
+        if self.margin is None:
+            return self.chain.limits
+        lower, upper = self.chain.limits
+        return np.stack([lower + self.margin, upper - self.margin])
 
     @property
     def p(self) -> int:
@@ -159,7 +171,11 @@ class Setting:
         """
         moved = np.abs(q - self.fixed)
         moved[:, self.free] = 0.0
-        return np.asarray(np.maximum(self.workspace.violation(q), moved.max(axis=1)))
+        worst = np.maximum(self.workspace.violation(q), moved.max(axis=1))
+        if self.margin is not None:
+            lower, upper = np.where(self.margin > 0, self.limits, [[-np.inf], [np.inf]])
+            worst = np.maximum(worst, np.maximum(lower - q, q - upper).max(axis=1))
+        return np.asarray(worst)
 
     def feasible(self, x: Array) -> Mask:
         """Whether each experiment x (k, n + d) is allowed, but for rounding."""
@@ -186,6 +202,20 @@ def _prior(content: dict[str, Any], p: int) -> Array | None:
         return None
     rows(content["prior"], p, "setting.prior")
     return numbers(content["prior"], (None, p), "setting.prior")
+
+
+def _margin(content: Any, chain: Chain) -> Array | None:
+    """How far poses keep away from limits (n,); None for no margin.
+
+    Raises:
+        ValueError: It is negative, or leaves a joint no range.
+    """
+    if "margin" not in content:
+        return None
+    margin = numbers(content["margin"], (chain.n,), "setting.margin")
+    if not ((margin >= 0) & (2 * margin < np.ptp(chain.limits, axis=0))).all():
+        raise ValueError("setting.margin: expected numbers from 0 that leave each joint a range")
+    return margin
 
 
 def _interest(content: dict[str, Any], p: int) -> Array | None:

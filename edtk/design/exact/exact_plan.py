@@ -14,8 +14,10 @@ from edtk.design.relaxation.relaxed_plan import RelaxedPlan
 from edtk.design.separation import Separation
 from edtk.model.error_budget import ErrorBudget
 from edtk.model.expected_error import ExpectedError
+from edtk.model.joint_margin import joints_on_limits
 from edtk.model.robot import Robot
 from edtk.model.task_accuracy import TaskAccuracy
+from edtk.system.typing import Array
 from edtk.tables.in_file_units import in_file_units
 from edtk.tables.pose_table import WRENCH_COLUMNS
 
@@ -69,6 +71,18 @@ class ExactPlan(BoundedPlan):
     def robot(self) -> Robot:
         """The robot, with the calibration tool."""
         return self.relaxed.space.workspace.robot
+
+    @property
+    def on_limits(self) -> dict[str, list[int]]:
+        """Rows of `listed` by the joints that stand on their limits there, counted from 0."""
+        space = self.relaxed.space
+        fixed = frozenset(range(len(space.fixed))) - frozenset(space.free)
+        return joints_on_limits(space.model.robot, self.listed, fixed)
+
+    @property
+    def listed(self) -> Array:
+        """The poses (k, n) in the order in which they are printed [rad or m]."""
+        return self.whole.q
 
     def headline(self) -> str:
         """Criterion, value, size and efficiency."""
@@ -146,6 +160,7 @@ class ExactPlan(BoundedPlan):
             "constraint_violation": self.violation,
             "expected_error": None if self.expected is None else self.expected.to_dict(),
             "warnings": list(self.warnings),
+            "on_limits": {name: [row + 1 for row in rows] for name, rows in self.on_limits.items()},
             "budget_mm": None if self.error_budget is None else self.error_budget.to_dict(),
             "detect": [detection.to_dict() for detection in self.detections],
             **self._told_apart(),

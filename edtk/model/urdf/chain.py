@@ -1,10 +1,14 @@
 """The joints between two links of a URDF file."""
 
+import re
+from collections.abc import Sequence
+
 from edtk.model.robot_from_dict import RobotFileError
 from edtk.model.urdf.urdf import Urdf, UrdfJoint
 
 MOST_LISTED = 100  # characters of names in a message
 MOST_JOINTS = 100  # of a chain; pictures and tables of more are of no use
+OF_END_EFFECTORS = re.compile(r"gripper|finger|thumb|knuckle|jaw|claw", re.IGNORECASE)
 REFUSED = ("floating", "planar")
 
 
@@ -47,6 +51,33 @@ def chain(
     return path
 
 
+def arm_of(tree: Urdf, base: str | None = None) -> tuple[str | None, tuple[str, ...]]:
+    """Find where an arm ends and its end effector begins.
+
+    A joint is the end effector's if its name, or that of the link that it moves, says so.
+
+    Args:
+        tree: The links and joints.
+        base: Name of the base link; defaults to the root.
+
+    Returns:
+        The only leaf that the arm's own joints move, and the end effector's joints; None and no
+        joints where there is no such leaf, or no such joint.
+    """
+    own = [
+        joint.name
+        for joint in tree.joints.values()
+        if joint.kind != "fixed" and OF_END_EFFECTORS.search(f"{joint.name} {joint.child}")
+    ]
+    if not own:
+        return None, ()
+    try:
+        leaves = _leaves(tree, _root(tree, None) if base is None else base, own)
+    except RobotFileError:
+        return None, ()
+    return (leaves[0], tuple(own)) if len(leaves) == 1 else (None, ())
+
+
 def _root(tree: Urdf, where: str | None) -> str:
     """The only root that moves something."""
     roots = [root for root in tree.roots if tree.below[root]] or tree.roots
@@ -61,17 +92,7 @@ def _root(tree: Urdf, where: str | None) -> str:
 
 def _leaf(tree: Urdf, base: str, where: str | None) -> str:
     """The only leaf below the base that a joint moves."""
-    leaves = []
-    waiting = [(base, False)]
-    seen = {base}
-    while waiting:
-        link, moved = waiting.pop()
-        if moved and not tree.below[link]:
-            leaves.append(link)
-        for joint in reversed(tree.below[link]):
-            if joint.child not in seen:
-                seen.add(joint.child)
-                waiting.append((joint.child, moved or joint.kind != "fixed"))
+    leaves = _leaves(tree, base)
     if len(leaves) == 1:
         return leaves[0]
     if not leaves:
@@ -79,6 +100,23 @@ def _leaf(tree: Urdf, base: str, where: str | None) -> str:
         raise RobotFileError(message, where=where)
     message = f"has {len(leaves)} leaves below {base!r}; expected one of {_listed(leaves)}"
     raise RobotFileError(message, where=where, key="tip_link")
+
+
+def _leaves(tree: Urdf, base: str, without: Sequence[str] = ()) -> list[str]:
+    """The leaves below the base that a joint moves, where some joints are left out."""
+    leaves = []
+    waiting = [(base, False)]
+    seen = {base}
+    while waiting:
+        link, moved = waiting.pop()
+        below = [joint for joint in tree.below[link] if joint.name not in without]
+        if moved and not below:
+            leaves.append(link)
+        for joint in reversed(below):
+            if joint.child not in seen:
+                seen.add(joint.child)
+                waiting.append((joint.child, moved or joint.kind != "fixed"))
+    return leaves
 
 
 def _path(tree: Urdf, base: str | None, tip: str, where: str | None) -> list[UrdfJoint]:

@@ -11,7 +11,7 @@ from edtk.model.robot import Robot
 from edtk.model.robot_from_dict import RobotFileError
 from edtk.model.tied_joint import TiedJoint
 from edtk.model.urdf.bodies import bodies
-from edtk.model.urdf.chain import chain
+from edtk.model.urdf.chain import arm_of, chain
 from edtk.model.urdf.expand_xacro import expand_xacro
 from edtk.model.urdf.limits_of import Limits, limits_of
 from edtk.model.urdf.motion import motion
@@ -90,6 +90,22 @@ def load_urdf(
         flange=flange,
         tied=tied,
     )
+
+
+def arm_in(
+    path: Path, base: str | None = None, name: str | None = None
+) -> tuple[str | None, tuple[str, ...]]:
+    """Find the link at which an arm ends and its end effector begins, see `arm_of`.
+
+    Args:
+        path: The file.
+        base: Name of the base link; defaults to the root.
+        name: How messages name the file; defaults to its path.
+
+    Raises:
+        RobotFileError: The file cannot be read.
+    """
+    return arm_of(_tree(path, f"robot {name or path}"), base)
 
 
 def _tree(path: Path, where: str) -> Urdf:

@@ -4,6 +4,7 @@ import numpy as np
 
 from edtk.design.bound import BoundKind
 from edtk.design.exact.exact_plan import ExactPlan
+from edtk.model.joint_margin import on_limits_in_words
 from edtk.report.text.error_budget import error_budget
 from edtk.report.text.search_summary import search_summary
 from edtk.report.text.shown_faults import shown_faults
@@ -36,7 +37,13 @@ def exact_plan(found: ExactPlan) -> str:
         *shown_faults(found.robot, found.detections, found.separations),
         search_summary(found.starts, found.seconds, found.found, found.optima),
     ]
-    return "\n".join([*lines, *_experiments(found)])
+    return "\n".join([*lines, *_experiments(found), *on_limits(found)])
+
+
+def on_limits(found: ExactPlan) -> list[str]:
+    """Which joints stand on their limits, where one does."""
+    words = on_limits_in_words(found.on_limits)
+    return [words] if words else []
 
 
 def _budget(found: ExactPlan) -> list[str]:

@@ -5,7 +5,7 @@ import numpy as np
 from edtk.calibration.geometry_design.geometry_plan import GeometryPlan
 from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
 from edtk.calibration.geometry_design.poses_by_load import PosesByLoad
-from edtk.report.text.exact_plan import reach
+from edtk.report.text.exact_plan import on_limits, reach
 from edtk.report.text.search_summary import search_summary
 from edtk.report.text.shown_faults import shown_faults
 from edtk.report.text_table import number_columns
@@ -34,7 +34,7 @@ def geometry_plan(found: GeometryPlan) -> str:
         *shown_faults(found.robot, found.detections, found.separations, "the parameters"),
         search_summary(found.starts, found.seconds, found.found, found.optima),
     ]
-    return "\n".join([*lines, *_table(found, poses)])
+    return "\n".join([*lines, *_table(found, poses), *on_limits(found)])
 
 
 def _identified(found: GeometryPlan) -> list[str]:
