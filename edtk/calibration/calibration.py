@@ -16,6 +16,7 @@ from edtk.calibration.fitted_data import FittedData
 from edtk.calibration.interest_estimates import interest_estimates
 from edtk.calibration.origin import Origin
 from edtk.calibration.posterior_check import PosteriorCheck
+from edtk.calibration.propagation import Propagation
 from edtk.calibration.residual_table import residual_table
 from edtk.calibration.told_part import ToldPart
 from edtk.calibration.with_posterior import with_posterior
@@ -174,7 +175,12 @@ class Calibration(Presented):
             return found
         bias = np.zeros(len(fit.k)) if self.bias is None else self.bias
         left = np.array([float(np.linalg.norm(task.target @ bias)) for task in tasks])
-        return replace(found, total=propagation_of(self.fitted).totals(tasks, left))
+        return replace(found, total=self.propagation.totals(tasks, left))
+
+    @cached_property
+    def propagation(self) -> Propagation:
+        """How all that is uncertain moves the compliances that commands rest on."""
+        return propagation_of(self.fitted)
 
     @property
     def rho0_bias(self) -> float | None:

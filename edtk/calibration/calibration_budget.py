@@ -7,6 +7,7 @@ from edtk.calibration.propagation import Propagation
 from edtk.calibration.some_rows import some_rows
 from edtk.calibration.uncertainty import Uncertainty
 from edtk.model.error_budget import ErrorBudget
+from edtk.study.assumed_joints import assumed_joints
 from edtk.study.study import Study
 from edtk.study.study_model import payload_beside_load
 from edtk.system.typing import Array
@@ -42,7 +43,9 @@ def propagation_of(fitted: FittedData) -> Propagation:
         repeats = np.full(MOST_ROWS, len(data) / MOST_ROWS)
         data = data[some_rows(len(data), MOST_ROWS)]
     k = fitted.fit.k
-    uncertainty = uncertainty_of(fitted.study, k)
+    # An estimate that may as well be zero says nothing of its neighbours.
+    told = np.where(k > fitted.fit.std, k, 0.0)
+    uncertainty = uncertainty_of(fitted.study, told)
     return Propagation.of(
         fitted.study.model,
         data,
@@ -50,34 +53,24 @@ def propagation_of(fitted: FittedData) -> Propagation:
         fitted.fit.covariance,
         uncertainty,
         repeats,
-        fitted.study.known,
         fitted.told_before if fitted.untold else None,
         payload_beside_load(fitted.study),
     )
 
 
-def uncertainty_of(study: Study, k: Array) -> Uncertainty:
+def uncertainty_of(study: Study, k: Array | None = None) -> Uncertainty:
     """The study's [uncertainty] in SI units.
 
     Args:
         study: The study.
-        k: Compliances (p,) of the unknown joints, whose median is the scale of those that count as
-            rigid [rad/(N m)].
+        k: Compliances (p,) of the unknown joints, see `assumed_joints` [rad/(N m)].
     """
     given = study.specification.uncertainty
-    kinds = np.array([joint.kind for joint in study.robot.joints])
-    turning = kinds[study.model.joints] == "revolute"
-    scale = float(np.median(k[turning])) if turning.any() else 0.0
-    rigid = {
-        joint.name: given.rigid_rad_per_Nm.get(joint.name, scale)
-        for index, joint in enumerate(study.robot.joints)
-        if joint.kind == "revolute" and index not in (*study.model.joints, *study.known)
-    }
     return Uncertainty(
         load_size=given.load_percent / 100,
         load_direction=float(np.deg2rad(given.load_direction_deg)),
         tool=given.tool_mm / 1e3,
         drift=given.drift_mm / 1e3,
         repeatability=given.repeatability_mm / 1e3,
-        rigid=tuple(rigid.items()),
+        joints=assumed_joints(study, k),
     )

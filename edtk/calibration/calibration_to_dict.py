@@ -37,11 +37,29 @@ def calibration_to_dict(found: "Calibration") -> dict[str, Any]:
         "study_warnings": list(study.warnings),
         "diagnostics": [diagnostic.to_dict() for diagnostic in found.diagnostics],
         "negative": [joints.unknown[i] for i in np.flatnonzero(fit.negative)],
-        "known": dict(joints.known_rad_per_Nm),
+        "known": {name: one.value for name, one in joints.known.items()},
         "k_unbounded": _known(found.by_joint(fit.unbounded)),
         "k_bias": None if found.bias is None else _known(found.by_joint(found.bias)),
+        **_all_uncertain(found),
         "posterior": None if found.check is None else found.check.to_dict(),
         **_of_interest(found),
+    }
+
+
+def _all_uncertain(found: "Calibration") -> dict[str, Any]:
+    """All that commands may be off by; nothing without a task."""
+    if found.budget is None:
+        return {}
+    unknown = found.study.specification.joints.unknown
+    parts = {one.joint.name: one.to_dict() for one in found.budget.joints}
+    errors = found.propagation.errors
+    return {
+        "covariance_measured": found.propagation.measured.tolist(),
+        "assumed_joints": [
+            parts[one.joint.name]
+            | {"shifts_rad_per_Nm": dict(zip(unknown, one.shifts.tolist(), strict=True))}
+            for one in errors
+        ],
     }
 
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +14,7 @@ from edtk.design.plan import Plan
 from edtk.inference.error_quantiles import error_quantiles
 from edtk.inference.offset_error_quantiles import offset_error_quantiles
 from edtk.model.all_compliances import all_compliances
+from edtk.model.assumed_joint import AssumedJoint
 from edtk.model.compensated_joints import compensated_joints
 from edtk.model.compensation_accuracy import compensation_accuracy
 from edtk.model.elastostatic_model import ElastostaticModel
@@ -22,6 +23,7 @@ from edtk.model.remaining_error import remaining_error
 from edtk.model.rigid_joints import rigid_joints
 from edtk.model.robot import Robot
 from edtk.model.shown_limit import shown_limits
+from edtk.study.assumed_joints import assumed_joints
 from edtk.study.study import Study
 from edtk.system.typing import Array, Indices
 from edtk.tables.compliances import Compliances
@@ -41,8 +43,9 @@ def compensate(
 
     Rows that have no answer are left out, and named in the result.
     Joints that have a compliance neither here nor among the known ones of the study count as rigid.
-    The error before is that of the loaded equilibrium;
-    the error after, Eq. (17), is the one that errors of the compliances leave, to first order.
+    The error before is that of the loaded equilibrium. The error after is the total of the error
+    budget: what errors of the compliances leave, Eq. (17), by the noise and by all else that is
+    uncertain in the calibration, and what joints that are not identified add, to first order.
 
     Args:
         study: Robot and test poses.
@@ -56,20 +59,40 @@ def compensate(
             poses; or every desired or commanded pose is beyond a joint's limits, or buckles; names
             the first row.
     """
-    found = found.including(study.specification.joints.known_rad_per_Nm)
+    taken = _Taken.of(study, found)
     turned = any(one.lever for one in study.tasks)
     parts: list[Compensation] = []
     refused: list[RefusedRow] = []
     for tool in tools_of_task(study, len(task.q), own):
-        part, left_out = _with_tool(tool, found, task, turned)
+        part, left_out = _with_tool(tool, taken, task, turned)
         refused += left_out
         parts += [] if part is None else [part]
     require_one(len(parts), refused, path)
     return Compensation.joined(parts, sorted(refused, key=lambda row: row.row))
 
 
+@dataclass(frozen=True, eq=False)
+class _Taken:
+    """The compliances by which commands are made.
+
+    Attributes:
+        identified: Those that were identified, with their covariance by the noise.
+        every: The same with those of all other joints, and with all that is uncertain.
+    """
+
+    identified: Compliances
+    every: Compliances
+
+    @classmethod
+    def of(cls, study: Study, found: Compliances) -> "_Taken":
+        """With what the study takes of joints that were not identified."""
+        given = dict(zip(found.joints, found.k, strict=True))
+        k = np.array([given.get(name, 0.0) for name in study.specification.joints.unknown])
+        return cls(found, found.including(assumed_joints(study, k)))
+
+
 def _with_tool(
-    tool: ToolInUse, found: Compliances, task: Plan, turned: bool
+    tool: ToolInUse, found: _Taken, task: Plan, turned: bool
 ) -> tuple[Compensation | None, list[RefusedRow]]:
     """The commands for the poses of one tool that have one; None if no pose has."""
     rows = tool.rows
@@ -85,7 +108,7 @@ def _with_tool(
 
 
 def _commands(
-    tool: ToolInUse, rows: Indices, found: Compliances, every: Plan, turned: bool
+    tool: ToolInUse, rows: Indices, taken: _Taken, every: Plan, turned: bool
 ) -> Compensation:
     """The commands for some poses.
 
@@ -93,6 +116,7 @@ def _commands(
         RefusedRowsError: Some of them have none; rows are counted among these.
     """
     task = Plan(every.q[rows], every.wrench[rows], every.repeats[rows])
+    found = taken.every
     robot = tool.robot
     joints = tuple(map(robot.joint_names.index, found.joints))
     model = ElastostaticModel(robot, joints, weights=tool.weights)
@@ -104,21 +128,24 @@ def _commands(
         uncompensated = _uncompensated(model, task, k)
         _require_settled(model, task, q, k)
         offset = _offset(model, task, found)
-    remaining, band = _errors_after(model, task, found, offset)
+    known = tuple(robot.joint_names[j] for j in joints if k[j])
+    after = _errors_after(model, task, taken, offset)
     return Compensation(
         robot=robot,
         desired=task.q,
         wrench=task.wrench,
         command=q,
         uncompensated=uncompensated,
-        remaining=remaining,
-        band=band,
+        remaining=None if after is None else after.total,
+        band=None if after is None else after.band,
         linear=None if offset is None else np.linalg.norm(offset, axis=-1),
         rho0_bias=found.rho0_bias,
         verdict=found.verdict,
-        rigid_joints=rigid_joints(model, task.q, task.wrench, found.joints),
+        rigid_joints=rigid_joints(model, task.q, task.wrench, (*taken.identified.joints, *known)),
         rotation=_rotation_after(model, task, found) if turned else None,
         rows=rows,
+        by_noise=None if after is None else after.by_noise,
+        by_joints=() if after is None else after.by_joints,
     )
 
 
@@ -161,18 +188,53 @@ def _offset(model: ElastostaticModel, task: Plan, found: Compliances) -> Array |
     return remaining_error(model, task.q, task.wrench, found.k, likely)
 
 
+@dataclass(frozen=True, eq=False)
+class _After:
+    """Errors in task poses after compensation, root mean squares [m].
+
+    Attributes:
+        total: By all that is uncertain (t,).
+        band: Its 95 % band (t, 2).
+        by_noise: By the noise of the measurements (t,).
+        by_joints: By each joint that is not identified (t,).
+    """
+
+    total: Array
+    band: Array
+    by_noise: Array
+    by_joints: tuple[tuple[AssumedJoint, Array], ...]
+
+
 def _errors_after(
-    model: ElastostaticModel, task: Plan, found: Compliances, offset: Array | None
-) -> tuple[Array | None, Array | None]:
-    """Root mean square (t,) and band (t, 2) of the errors that wrong compliances leave [m]."""
-    if found.covariance is None:
-        return None, None
+    model: ElastostaticModel, task: Plan, taken: _Taken, offset: Array | None
+) -> _After | None:
+    """The errors that wrong compliances leave; None where nothing is known of them."""
+    identified, found = taken.identified, taken.every
+    if found.covariance is None or identified.covariance is None:
+        return None
     A = model.regressor(task.q, task.wrench)
-    noise = compensation_accuracy(A, found.covariance)
+    p = len(identified.joints)
+    total = compensation_accuracy(A, found.covariance)
+    noise = compensation_accuracy(A[..., :p], identified.covariance)
+    each = [
+        (
+            one.joint,
+            np.linalg.norm(A[..., :p] @ one.shifts - A[..., p + j] * one.joint.std, axis=-1),
+        )
+        for j, one in enumerate(found.assumed)
+    ]
+    dof = _degrees_of_freedom(found.covariance_dof, total, noise)
     if offset is None:
-        return noise, error_quantiles(A, found.covariance, BAND, found.covariance_dof)
-    band = offset_error_quantiles(A, found.covariance, offset, BAND, found.covariance_dof)
-    return np.hypot(noise, np.linalg.norm(offset, axis=-1)), band
+        return _After(total, error_quantiles(A, found.covariance, BAND, dof), noise, tuple(each))
+    band = offset_error_quantiles(A, found.covariance, offset, BAND, dof)
+    return _After(np.hypot(total, np.linalg.norm(offset, axis=-1)), band, noise, tuple(each))
+
+
+def _degrees_of_freedom(dof: float, total: Array, noise: Array) -> float:
+    """Those of the total (Satterthwaite), as only the noise is estimated; least of all poses."""
+    share = np.divide(noise, total, out=np.ones_like(total), where=total > 0)
+    most = float(share.max(initial=0.0))
+    return dof / most**4 if most > 0 else np.inf
 
 
 def _rotation_after(model: ElastostaticModel, task: Plan, found: Compliances) -> Array | None:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from edtk.calibration.refused_rows import RefusedRow
+from edtk.model.assumed_joint import AssumedJoint
 from edtk.model.rigid_joints import RigidJoint, rigid_joints_in_words
 from edtk.model.robot import Robot
 from edtk.system.atomic_file import write_text
@@ -18,6 +19,7 @@ from edtk.tables.pose_columns import pose_columns
 from edtk.tables.pose_table import WRENCH_COLUMNS, pose_factors
 from edtk.tables.sheet_columns import (
     BAND_COLUMNS,
+    PART_COLUMNS,
     REMAINING_COLUMN,
     REMAINING_ROTATION_COLUMN,
     ROW_COLUMN,
@@ -39,8 +41,9 @@ class Compensation(Presented):
         command: Joint variables (t, n) to command [rad or m].
         uncompensated: Distance (t,) of the loaded tool point from the desired one, were `desired`
             commanded [m].
-        remaining: Root mean square (t,) of the error that wrong compliances leave, Eq. (17), with
-            that of the linear model where it is known [m]; None if it is not known.
+        remaining: Root mean square (t,) of the error that is left in all: by wrong compliances, Eq.
+            (17), whatever made them wrong, by joints that are not identified, and by the linear
+            model where that is known [m]; None if it is not known.
         band: Its 2.5 % and 97.5 % quantiles (t, 2) [m]; None if they are not known.
         linear: Length (t,) of the mean error by which identifying with the linear model is off
             [m]; None if it is not known, and then not part of the others.
@@ -52,6 +55,8 @@ class Compensation(Presented):
             unless the test pose has a lever at which rotations count, or if it is not known.
         rows: Rows (t,) of the task that these are, counted from 0.
         refused: Rows of the task that have no answer.
+        by_noise: What the noise of the measurements alone makes of it (t,) [m]; None likewise.
+        by_joints: The joints that are not identified, and what each makes of it (t,) [m].
     """
 
     robot: Robot
@@ -68,6 +73,8 @@ class Compensation(Presented):
     verdict: str | None = None
     rotation: Array | None = None
     refused: tuple[RefusedRow, ...] = ()
+    by_noise: Array | None = None
+    by_joints: tuple[tuple[AssumedJoint, Array], ...] = ()
 
     @classmethod
     def joined(
@@ -111,7 +118,18 @@ class Compensation(Presented):
             rotation=all_of("rotation"),
             rows=all_of("rows"),
             refused=tuple(refused),
+            by_noise=all_of("by_noise"),
+            by_joints=tuple(
+                (joint, np.concatenate([part.by_joints[j][1] for part in parts])[order])
+                for j, (joint, _) in enumerate(first.by_joints)
+            ),
         )
+
+    @property
+    def by_assumed(self) -> Array:
+        """What joints that are not identified make of the remaining error, together (t,) [m]."""
+        squares = [error**2 for _, error in self.by_joints]
+        return np.sqrt(np.sum(squares, axis=0)) if squares else np.zeros(len(self.command))
 
     @property
     def rigid(self) -> str:
@@ -142,6 +160,8 @@ class Compensation(Presented):
         if self.remaining is not None and self.band is not None:
             table[REMAINING_COLUMN] = 1e3 * self.remaining
             table[list(BAND_COLUMNS)] = 1e3 * self.band
+        if self.by_noise is not None:
+            table[list(PART_COLUMNS)] = 1e3 * np.stack([self.by_noise, self.by_assumed], axis=1)
         if self.rotation is not None:
             table[REMAINING_ROTATION_COLUMN] = np.rad2deg(self.rotation)
         if self.refused:
@@ -163,6 +183,8 @@ class Compensation(Presented):
         remaining = unknown if self.remaining is None else self.remaining.tolist()
         band = unknown if self.band is None else self.band.tolist()
         linear = unknown if self.linear is None else self.linear.tolist()
+        by_noise = unknown if self.by_noise is None else self.by_noise.tolist()
+        by_assumed = unknown if self.by_noise is None else self.by_assumed.tolist()
         rotation = [] if self.rotation is None else self.rotation.tolist()
         return [
             {
@@ -175,6 +197,8 @@ class Compensation(Presented):
                 "remaining_rms": remaining[i],
                 "remaining_band": band[i],
                 "linear_model": linear[i],
+                "remaining_by_noise": by_noise[i],
+                "remaining_by_assumed_joints": by_assumed[i],
                 **({"remaining_rotation_rms": rotation[i]} if rotation else {}),
             }
             for i in range(len(self.command))

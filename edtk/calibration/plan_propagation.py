@@ -34,7 +34,7 @@ def plan_propagation(study: Study, plan: Plan) -> Propagation | None:
         planned_measurements(study, plan),
         k,
         cov,
-        uncertainty_of(study, k),
+        uncertainty_of(study),
         np.repeat(plan.repeats, len(study.model.instruments)),
         payload=payload_beside_load(study),
     )

@@ -1,6 +1,6 @@
 """How what is uncertain in a calibration moves its compliances, and with them the tool point."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,9 +11,10 @@ from edtk.calibration.uncertainty import Uncertainty
 from edtk.inference.measurements import Measurements
 from edtk.inference.prior_rows import PriorRows
 from edtk.inference.translations import translations
+from edtk.model.assumed_joint import AssumedError, AssumedJoint
 from edtk.model.dead_weights import DeadWeights
 from edtk.model.elastostatic_model import ElastostaticModel
-from edtk.model.error_budget import ErrorBudget
+from edtk.model.error_budget import ErrorBudget, JointPart
 from edtk.model.tasks import Tasks
 from edtk.system.typing import Array, Indices, Mask
 
@@ -21,50 +22,26 @@ TOOL = ("tool_x", "tool_y", "tool_z")
 
 
 @dataclass(frozen=True, eq=False)
-class Bent:
-    """A joint that counts as rigid.
-
-    Attributes:
-        joint: Its index.
-        compliance: What it may have [rad/(N m)].
-        absorbed: By how much 1 rad/(N m) of it changes the estimates (p,).
-    """
-
-    joint: int
-    compliance: float
-    absorbed: Array
-
-
-@dataclass(frozen=True, eq=False)
 class Propagation:
-    """Shifts of the estimates by a circumstance of unit size, an array (p, c) for each cause.
+    """Errors of all compliances that commands rest on, by what causes them.
+
+    Of each cause there is a root E (p + a, c): its columns are the errors, estimated or taken less
+    true, that independent circumstances of one standard deviation make. The first p rows are those
+    of the estimates, the others of the joints that are not identified. A part of the error in a
+    task is ``|A0 E|``, and the covariance of all errors is the sum of ``E E'``.
 
     Attributes:
-        k: The compliances (p,) [rad/(N m)].
-        covariance: Their covariance (p, p) by the noise.
-        uncertainty: How well the circumstances are known.
-        load: By the size of the load, as a share (p,).
-        payload: By the mass of a payload beside the load, as a share (p,).
-        direction: By the direction of the load [rad/(N m) per rad].
-        tool: By the tool point, along each axis.
-        drift: By a shift between unloaded and loaded readings.
-        readings: By shifts of every reading: a root (p, p) of what they add to the covariance.
-        bent: The joints that count as rigid.
-        known: Further joints, by index, with their known compliances [rad/(N m)].
+        unknown: Indices (p,) of the joints that are identified.
+        assumed: The joints (a,) that are not.
+        k: Compliances (p + a,) of both, as the commands take them [rad/(N m)].
+        roots: The errors by cause [rad/(N m)]; causes are the parts of an `ErrorBudget`.
         absolute: Whether displacements are counted from the rigid robot.
     """
 
+    unknown: tuple[int, ...]
+    assumed: tuple[AssumedJoint, ...]
     k: Array
-    covariance: Array
-    uncertainty: Uncertainty
-    load: Array
-    payload: Array
-    direction: Array
-    tool: tuple[Array, ...]
-    drift: Array
-    readings: tuple[Array, Array]
-    bent: tuple[Bent, ...]
-    known: tuple[tuple[int, float], ...] = ()
+    roots: dict[str, Array]
     absolute: bool = False
 
     @classmethod
@@ -76,7 +53,6 @@ class Propagation:
         covariance: Array,
         uncertainty: Uncertainty,
         repeats: Indices | Array | None = None,
-        known: Mapping[int, float] | None = None,
         prior: PriorRows | None = None,
         payload: DeadWeights | None = None,
     ) -> "Propagation":
@@ -84,17 +60,17 @@ class Propagation:
 
         A circumstance u changes the measurements by ``D u`` with ``D = d(A k)/du``, the estimate by
         ``A+ D u`` with the weighted least-squares inverse A+, and the tool point after compensation
-        by ``A0 A+ D u``. A joint that counts as rigid, with compliance c, adds ``A_j c`` to the
-        measurements and ``A0_j c`` to the task: its error is ``(A0_j - A0 A+ A_j) c``.
+        by ``A0 A+ D u``. A joint that is not identified and has c more than is taken adds ``A_j c``
+        to the measurements and ``A0_j c`` to the task: its error is ``(A0 A+ A_j - A0_j) c``.
 
         Args:
             model: The robot with its calibration tool, and the measured rows.
             data: Poses, loads, markers and noise of the calibration; measured values are not used.
             k: Compliances (p,), identified or assumed [rad/(N m)].
             covariance: Their covariance (p, p) by the noise.
-            uncertainty: How well the circumstances are known.
+            uncertainty: How well the circumstances are known, and the joints that are not
+                identified.
             repeats: Repetitions (m,) that each row stands for; one by default.
-            known: Compliances of further joints, by their index [rad/(N m)].
             prior: What else is known of the compliances, where the estimate rests on that, too.
             payload: A payload beside the load, whose mass is as uncertain as the load's size.
 
@@ -104,25 +80,53 @@ class Propagation:
         A = data.regressor(model)
         inverse = LeastSquaresInverse.of(model, data, A, prior)
         moved = inverse.shifts
-        every = families_with_known(model, data, A, k, known or {}, prior is not None)
+        known = {one.index: one.compliance for one in uncertainty.joints if not one.rigid}
+        every = families_with_known(model, data, A, k, known, prior is not None)
         faults = {family.cause: family for family in every}
-        load = k  # compliances take up a load of another size in full
+        load = k[:, None]  # compliances take up a load of another size in full
         if "load_size" in faults:
-            load = moved(faults["load_size"].derivative_at_zero(k))[:, 0]
+            load = moved(faults["load_size"].derivative_at_zero(k))
+        carried = moved(_by_weights(model, data, k, known, payload))
+        direction = moved(faults["load_direction"].derivative_at_zero(k))
+        tool = [moved(faults[name].derivative_at_zero(k)) for name in TOOL]
+        given = uncertainty
+        of_load = [given.load_size * load, given.load_size * carried]
+        roots = {
+            "noise": _root(covariance),
+            "load": np.hstack([*of_load, given.load_direction * direction]),
+            "tool": given.tool * np.hstack(tool),
+            "drift": given.drift * moved(translations(model, data)),
+            "repeatability": given.repeatability * _readings(inverse, data.lengths, repeats),
+        }
+        others = given.joints
+        wide = {name: np.pad(E, ((0, len(others)), (0, 0))) for name, E in roots.items()}
+        bent = _bent(model, data, inverse, others)
+        rigid = np.array([one.rigid for one in others], dtype=bool)
         return cls(
-            k=k,
-            covariance=covariance,
-            uncertainty=uncertainty,
-            load=load,
-            payload=moved(_by_weights(model, data, k, known or {}, payload))[:, 0],
-            direction=moved(faults["load_direction"].derivative_at_zero(k)),
-            tool=tuple(moved(faults[name].derivative_at_zero(k)) for name in TOOL),
-            drift=moved(translations(model, data)),
-            readings=_readings(inverse, data.lengths, repeats),
-            bent=_bent(model, data, inverse, uncertainty),
-            known=tuple((known or {}).items()),
+            unknown=tuple(int(j) for j in model.joints),
+            assumed=others,
+            k=np.append(k, [one.compliance for one in others]),
+            roots=wide | {"rigid_joints": bent[:, rigid], "known_joints": bent[:, ~rigid]},
             absolute=data.absolute,
         )
+
+    @property
+    def joints(self) -> tuple[int, ...]:
+        """Indices (p + a,) of all joints whose compliances are taken."""
+        return (*self.unknown, *(one.index for one in self.assumed))
+
+    @property
+    def measured(self) -> Array:
+        """Covariance (p, p) of the estimates by all causes but the joints of `assumed`."""
+        of_joints = ("rigid_joints", "known_joints")
+        every = [E[: len(self.unknown)] for name, E in self.roots.items() if name not in of_joints]
+        return np.asarray(np.hstack(every) @ np.hstack(every).T)
+
+    @property
+    def errors(self) -> tuple[AssumedError, ...]:
+        """The joints that are not identified, and what they do to the estimates."""
+        shifts = self._of_joints[: len(self.unknown)].T
+        return tuple(map(AssumedError, self.assumed, shifts))
 
     def budget(self, tasks: Tasks, model_error: float = 0.0) -> ErrorBudget:
         """The error in some tasks, in parts.
@@ -131,23 +135,29 @@ class Propagation:
             tasks: Where the robot shall be accurate.
             model_error: Error that the linear model leaves [m].
         """
-        A0 = tasks.target
-        given = self.uncertainty
-        scaled = given.load_size * _length(A0, [self.load[:, None], self.payload[:, None]])
-        rigid, bends = self._rigid(tasks)
-        gram, inverse = self.readings
-        T = A0 @ inverse
+        # One target of all: that of a neighbourhood is a triangle, without rows of poses.
+        A0 = tasks.with_unknown(self.joints).target
+        parts = {name: float(np.linalg.norm(A0 @ E)) for name, E in self.roots.items()}
+        of_joints = np.linalg.norm(A0 @ self._of_joints, axis=0)
+        p = len(self.unknown)
+        std = np.array([one.std if one.rigid else 0.0 for one in self.assumed])
+        bends = np.append(np.linalg.norm(A0 @ self.k), np.linalg.norm(A0[:, p:], axis=0) * std)
         return ErrorBudget(
-            noise=float(np.sqrt(np.trace(A0 @ self.covariance @ A0.T))),
+            **parts,
             model=model_error,
-            load=float(np.hypot(scaled, given.load_direction * _length(A0, [self.direction]))),
-            tool=given.tool * _length(A0, self.tool),
-            rigid_joints=rigid,
-            drift=given.drift * _length(A0, [self.drift]),
-            repeatability=given.repeatability * float(np.sqrt(np.trace(T @ gram @ T.T))),
-            uncompensated=float(np.hypot(self._displacement(tasks), bends)),
+            uncompensated=float(np.linalg.norm(bends)),
             absolute=self.absolute,
+            joints=tuple(map(JointPart, self.assumed, of_joints.tolist())),
         )
+
+    @property
+    def _of_joints(self) -> Array:
+        """Errors (p + a, a) by each joint that is not identified."""
+        found = np.zeros((len(self.joints), len(self.assumed)))
+        rigid = np.array([one.rigid for one in self.assumed], dtype=bool)
+        found[:, rigid] = self.roots["rigid_joints"]
+        found[:, ~rigid] = self.roots["known_joints"]
+        return found
 
     def totals(self, tasks: Tasks, model_errors: Array) -> Array:
         """The total error (t,) in each task by itself [m].
@@ -159,44 +169,28 @@ class Propagation:
         each = zip(tasks, model_errors, strict=True)
         return np.array([self.budget(Tasks([task]), float(error)).total for task, error in each])
 
-    def _displacement(self, tasks: Tasks) -> float:
-        """What the load moves the tool point by in the task, joints of known compliance too [m]."""
-        joints = tuple(joint for joint, _ in self.known)
-        k = np.append(self.k, [compliance for _, compliance in self.known])
-        target = tasks.with_unknown((*tasks[0].unknown, *joints)).target if joints else tasks.target
-        return float(np.linalg.norm(target @ k))
 
-    def _rigid(self, tasks: Tasks) -> tuple[float, float]:
-        """Error by joints that count as rigid, after compensation and without any [m]."""
-        after = 0.0
-        without = 0.0
-        for one in self.bent:
-            # One target of all: that of a neighbourhood is a triangle, without rows of poses.
-            target = tasks.with_unknown((*tasks[0].unknown, one.joint)).target
-            left = target @ np.append(-one.absorbed, 1.0)
-            after += float(np.sum((one.compliance * left) ** 2))
-            without += float(np.sum((one.compliance * target[:, -1]) ** 2))
-        return float(np.sqrt(after)), float(np.sqrt(without))
-
-
-def _length(A0: Array, shifts: Sequence[Array]) -> float:
-    """Length of the tool point's shift in the task [m]."""
-    return float(np.linalg.norm(np.hstack([A0 @ shift for shift in shifts])))
+def _root(covariance: Array) -> Array:
+    """A root E (p, p) with ``E E'`` the covariance, scaled first: units differ by powers of ten."""
+    std = np.sqrt(np.diag(covariance))
+    scale = np.where(std > 0, std, 1.0)
+    values, vectors = np.linalg.eigh(covariance / scale / scale[:, None])
+    return np.asarray(scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
 def _bent(
     model: ElastostaticModel,
     data: Measurements,
     inverse: LeastSquaresInverse,
-    uncertainty: Uncertainty,
-) -> tuple[Bent, ...]:
-    """What the estimates absorb of joints that count as rigid."""
-    found = []
-    for name, compliance in uncertainty.rigid:
-        joint = model.robot.joint_names.index(name)
-        bent = data.regressor(replace(model, unknown=(joint,)))[..., 0]
-        found.append(Bent(joint, compliance, inverse.solve(bent)))
-    return tuple(found)
+    others: tuple[AssumedJoint, ...],
+) -> Array:
+    """Errors (p + a, a) by joints that are off by a standard deviation, as the estimates absorb."""
+    found = np.zeros((len(model.joints) + len(others), len(others)))
+    for column, one in enumerate(others):
+        bent = data.regressor(replace(model, unknown=(one.index,)))[..., 0]
+        found[: len(model.joints), column] = one.std * inverse.solve(bent)
+        found[len(model.joints) + column, column] = -one.std
+    return found
 
 
 def _by_weights(
@@ -216,12 +210,12 @@ def _by_weights(
 
 def _readings(
     inverse: LeastSquaresInverse, lengths: Mask, repeats: Indices | Array | None
-) -> tuple[Array, Array]:
-    """Two factors (p, p) by which independent shifts of every reading move the estimates."""
+) -> Array:
+    """A root (p, p) of what independent shifts of every reading add to the covariance."""
     # A row's shift u enters the whitened measurements as W u, and the estimate by Q.
     Q = inverse.by_reading() * lengths[..., None]
     whitened = inverse.whitened
     if repeats is not None:
         Q = Q / np.sqrt(repeats[:, None, None])
-    gram = np.einsum("mrp,mrq->pq", Q, Q)
-    return gram, np.linalg.inv(whitened.R) / whitened.scale[:, None]
+    R: Array = np.array(np.linalg.qr(Q.reshape(-1, Q.shape[-1]), mode="r"))
+    return np.asarray(np.linalg.solve(whitened.R, R.T) / whitened.scale[:, None])

@@ -4,6 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from edtk.model.assumed_joint import AssumedJoint
+
 
 @dataclass(frozen=True)
 class Uncertainty:
@@ -16,7 +18,7 @@ class Uncertainty:
         drift: Of a shift between unloaded and loaded readings that all rows share, along each axis
             [m].
         repeatability: Of the robot between an unloaded and a loaded reading, along each axis [m].
-        rigid: Compliances that joints may have which count as rigid, by joint [rad/(N m)].
+        joints: The joints that are not identified, and how far each may be off.
     """
 
     load_size: float = 0.01
@@ -24,4 +26,4 @@ class Uncertainty:
     tool: float = 1e-3
     drift: float = 0.0
     repeatability: float = 0.0
-    rigid: tuple[tuple[str, float], ...] = ()
+    joints: tuple[AssumedJoint, ...] = ()

@@ -29,6 +29,7 @@ def command(
     """
     from tqdm import tqdm
 
+    from edtk.report.text.study_run import expected_of_run
     from edtk.verbs.run import run
 
     with tqdm(total=1.0, file=sys.stderr, bar_format=BAR, delay=SHOWN_AFTER_S) as bar:
@@ -39,8 +40,8 @@ def command(
 
         found = run(study, out, workers=workers, dask=dask, fresh=fresh, progress=progress)
     warn_about(study, found.warnings)
-    if found.expected is not None:
-        click.echo(str(found.expected), err=True)
+    for text in expected_of_run(found):
+        click.echo(text, err=True)
     folder = found.folder
     wrote = f"wrote {folder / 'report.md'}, {folder / 'results.csv'} and {folder / 'plans'}"
     click.echo(shortened(wrote), err=True)

@@ -51,7 +51,7 @@ class ExpectedError:
             angle = f"{np.rad2deg(self.rotation):.2g} deg in the test pose"
             lever = f"; a rotation, {angle}, counts as at {1e3 * self.lever:g} mm"
         return (
-            f"expected error: {1e3 * self.test_pose:.2g} mm in the test pose; within "
+            f"error by the noise alone: {1e3 * self.test_pose:.2g} mm in the test pose; within "
             f"{np.rad2deg(self.within):.3g} deg of it {1e3 * self.mean:.2g} mm on average, "
             f"{1e3 * self.largest:.2g} mm at most{lever}"
         )
@@ -61,8 +61,8 @@ class ExpectedError:
         if self.rotation is not None:
             counted = f"; rotations count as at {1e3 * self.lever:g} mm"
         return (
-            f"expected error: {1e3 * self.test_pose:.2g} mm in the {self.poses} test poses (root "
-            f"mean square), {1e3 * self.worst:.2g} mm in the worst of them, pose "
+            f"error by the noise alone: {1e3 * self.test_pose:.2g} mm in the {self.poses} test "
+            f"poses (root mean square), {1e3 * self.worst:.2g} mm in the worst of them, pose "
             f"{self.worst_pose}; within {np.rad2deg(self.within):.3g} deg of them "
             f"{1e3 * self.mean:.2g} mm on average, {1e3 * self.largest:.2g} mm at most{counted}"
         )

@@ -3,7 +3,6 @@
 import numpy as np
 
 from edtk.calibration.calibration import Calibration
-from edtk.calibration.calibration_budget import uncertainty_of
 from edtk.model.error_budget import ErrorBudget
 from edtk.report.draw.error_budget import error_budget
 from edtk.report.new_figure import new_figure
@@ -45,7 +44,7 @@ def _meaning(found: Calibration, budget: ErrorBudget) -> str:
 
 def _parts(found: Calibration, budget: ErrorBudget) -> str:
     """A table with a row for each part, the largest first."""
-    assumed = _assumed(found)
+    assumed = _assumed(found, budget)
     order = sorted(budget.parts, key=lambda name: -budget.parts[name])
     rows = [
         [
@@ -60,7 +59,7 @@ def _parts(found: Calibration, budget: ErrorBudget) -> str:
     return table(header, rows, words=2)
 
 
-def _assumed(found: Calibration) -> dict[str, str]:
+def _assumed(found: Calibration, budget: ErrorBudget) -> dict[str, str]:
     """What each part rests on, with the keys of the study's [uncertainty]."""
     given = found.study.specification.uncertainty
     load = f"{given.load_percent:g} % of its size (load_percent)"
@@ -69,7 +68,8 @@ def _assumed(found: Calibration) -> dict[str, str]:
         "model": _model(found),
         "load": f"{load} and {given.load_direction_deg:g} deg of direction (load_direction_deg)",
         "tool": f"{given.tool_mm:g} mm along each axis, marker included (tool_mm)",
-        "rigid_joints": _rigid(found),
+        "rigid_joints": _rigid(budget),
+        "known_joints": _known(budget),
         "drift": _stated(given.drift_mm, "drift_mm"),
         "repeatability": _stated(given.repeatability_mm, "repeatability_mm"),
     }
@@ -93,14 +93,29 @@ def _model(found: Calibration) -> str:
     return "what the linear model leaves, to the first order"
 
 
-def _rigid(found: Calibration) -> str:
+def _rigid(budget: ErrorBudget) -> str:
     """Joints that count as rigid, with the compliances that they may have."""
-    joints = uncertainty_of(found.study, found.fit.k).rigid
-    if not joints:
+    rigid = [one.joint for one in budget.joints if one.joint.rigid]
+    if not rigid:
         return "no joint counts as rigid"
-    unit = "\N{MICRO SIGN}rad/(N m)"
-    named = ", ".join(f"{1e6 * compliance:.2g} {unit} in {name}" for name, compliance in joints)
-    return f"a compliance of about {named} (rigid_rad_per_Nm)"
+    named = [f"{_micro(joint.std)} in {joint.name} ({joint.source})" for joint in rigid]
+    return f"a compliance of about {', '.join(named)}"
+
+
+def _known(budget: ErrorBudget) -> str:
+    """Joints of known compliance, and how well it is known."""
+    known = [one.joint for one in budget.joints if not one.joint.rigid]
+    if not known:
+        return "no joint counts as known"
+    named = [
+        f"{_micro(joint.compliance)} within {_micro(joint.std)} in {joint.name}" for joint in known
+    ]
+    return f"{', '.join(named)} (known_rad_per_Nm)"
+
+
+def _micro(compliance: float) -> str:
+    """A compliance as people read it."""
+    return f"{1e6 * compliance:.2g} \N{MICRO SIGN}rad/(N m)"
 
 
 def _stated(size_mm: float, key: str) -> str:

@@ -49,7 +49,11 @@ def _evaluated(found: Calibration) -> list[tuple[str, str]]:
     study = found.study
     asked = found.asked
     name = f"{asked.path.name}, " if asked.path is not None else ""
-    known = study.specification.joints.known_rad_per_Nm
+    pm = "\N{PLUS-MINUS SIGN}"
+    known = [
+        f"{joint} {one.value:g} {pm} {one.deviation:g} rad/(N m)"
+        for joint, one in study.specification.joints.known.items()
+    ]
     plan = found.fitted.plan
     rows = [
         ("Study", f"{name}SHA-256 begins with {asked.digest}"),
@@ -60,7 +64,7 @@ def _evaluated(found: Calibration) -> list[tuple[str, str]]:
         ("Repetitions", "noise that they share is estimated" if found.fitted.common_noise else ""),
         ("Plan", "none given" if plan is None else f"{plan.experiments} experiments, compared"),
         ("Sheet", "taken as it is, even if columns look misread" if found.origin.as_is else ""),
-        ("Known", ", ".join(f"{joint} {k:g} rad/(N m)" for joint, k in known.items())),
+        ("Known", ", ".join(known)),
         ("Posterior", "sampled" if found.check is not None else "not sampled"),
         ("Program", f"edtk {__version__}"),
     ]

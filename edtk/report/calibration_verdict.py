@@ -4,8 +4,9 @@ import numpy as np
 
 from edtk.calibration.calibration import Calibration
 from edtk.calibration.finding import Kind
-from edtk.model.rigid_joints import EXAMPLE
+from edtk.model.error_budget import ErrorBudget
 from edtk.report.page import verdict
+from edtk.report.text.error_budget import assumed_joints
 
 QUALITY = {
     "good": "Good calibration.",
@@ -19,6 +20,7 @@ PARTS = {
     "load": "an uncertain load",
     "tool": "an uncertain tool point",
     "rigid_joints": "joints that count as rigid",
+    "known_joints": "joints that count as known",
     "drift": "drift between unloaded and loaded readings",
     "repeatability": "the robot's repeatability",
 }
@@ -38,25 +40,12 @@ def calibration_verdict(found: Calibration) -> str:
         lines = [f"{QUALITY[level]} {_expected(found)}".strip(), *_parts(found), *_facts(found)]
     lines += [_ended(_sentence(found, diagnostic.text)) for diagnostic in others]
     lines += [_ended(f"The study: {warning}") for warning in found.study.warnings]
-    if level != "bad":
-        lines += _rigid(found)
     return verdict(level, lines)
 
 
 def _ended(text: str) -> str:
     """The text with a full stop, unless it asks."""
     return text if text.endswith("?") else f"{text}."
-
-
-def _rigid(found: Calibration) -> list[str]:
-    """Joints that count as rigid although the task turns them, a sentence each."""
-    joints = found.study.tasks.rigid_joints if found.study.tasks else ()
-    return [
-        f"Joint {joint.name} counts as rigid, although the task's load turns it: each "
-        f"{EXAMPLE:g} rad/(N m) of compliance in it moves the tool by "
-        f"{1e3 * joint.displacement:.2g} mm."
-        for joint in joints
-    ]
 
 
 def _sentence(found: Calibration, text: str) -> str:
@@ -83,23 +72,34 @@ def _expected(found: Calibration) -> str:
 
 
 def _parts(found: Calibration) -> list[str]:
-    """The largest part of the error, and what the noise makes of it."""
-    if found.budget is None or found.expected is None or found.study.target is None:
+    """The largest part of the error, what is assumed, and what the noise makes of it."""
+    budget = found.budget
+    if budget is None or found.expected is None or found.study.target is None:
         return []
-    largest = found.budget.largest
+    largest = budget.largest
     low, high = found.fit.accuracy(found.study.target)[1]
     interval = "" if low == high else f" (95 %: {1e3 * low:.2g} to {1e3 * high:.2g} mm)"
-    noise = f"{1e3 * found.budget.noise:.2g} mm{interval}"
+    noise = f"{1e3 * budget.noise:.2g} mm{interval}"
     poses = "pose" if found.expected.poses == 1 else "poses"
     around = (
         f"within {np.rad2deg(found.expected.within):.3g} deg of the test {poses} it makes "
         f"{1e3 * found.expected.mean:.2g} mm on average, and {1e3 * found.expected.largest:.2g} mm "
         "at most"
     )
-    first = f"The largest part is {PARTS[largest]}, with {1e3 * found.budget.parts[largest]:.2g} mm"
+    first = f"The largest part is {PARTS[largest]}, with {1e3 * budget.parts[largest]:.2g} mm"
     if largest == "noise":
-        return [f"The largest part is {PARTS[largest]}, with {noise}; {around}."]
-    return [f"{first}. The noise alone makes {noise}; {around}."]
+        return [f"The largest part is {PARTS[largest]}, with {noise}; {around}.", *_assumed(budget)]
+    rest = f". The noise alone makes {noise}; {around}."
+    return [*_assumed(budget), f"{first}{rest}"]
+
+
+def _assumed(budget: ErrorBudget) -> list[str]:
+    """What of the total was measured, and what rests on joints that nobody measured."""
+    joints = assumed_joints(budget)
+    if not joints:
+        return []
+    named = "; ".join(joints).replace("+-", "\N{PLUS-MINUS SIGN}")
+    return [f"Of the total, what was measured makes {1e3 * budget.measured:.2g} mm. {named}."]
 
 
 def _facts(found: Calibration) -> list[str]:
@@ -111,6 +111,6 @@ def _facts(found: Calibration) -> list[str]:
     if found.fit.known:
         noise = "the residuals fit the noise"
     facts = f"{noise}, there are no outliers, and all compliances are positive."
-    if noted or found.study.rigid or found.study.warnings:
+    if noted or (found.budget and found.budget.rigid_joints) or found.study.warnings:
         return [f"{facts[0].upper()}{facts[1:]}"]
     return [f"Nothing is wrong: {facts}"]

@@ -3,7 +3,9 @@
 from collections.abc import Iterable
 
 from edtk.calibration.geometry_design.geometry_designs import GeometryDesigns
+from edtk.calibration.plan_tasks import plan_tasks
 from edtk.design.exact.batch import BATCH_SIZE
+from edtk.model.task_accuracy import TaskAccuracy
 from edtk.report.comparison.all_values import all_values
 from edtk.report.comparison.around_the_task import around_the_task
 from edtk.report.comparison.by_size import by_size
@@ -89,8 +91,16 @@ def _tasks(run: StudyRun) -> list[str]:
     if len(run.study.tasks) == 1:
         return [f"## {AROUND}\n", around_the_task(run)]
     of = "the markers" if isinstance(run.designs, GeometryDesigns) else TOOL_POINT
-    each = [in_each_task(found, of) for found in list(run.accuracies.values())[:1]]
+    each = [in_each_task(found, of) for found in _of_largest(run)]
     return [f"## {IN_EACH}\n", *each, around_the_task(run)]
+
+
+def _of_largest(run: StudyRun) -> list[TaskAccuracy]:
+    """The errors in each test pose of the largest plan, of compliances with their totals."""
+    if isinstance(run.designs, GeometryDesigns):
+        return list(run.accuracies.values())[:1]
+    found = None if run.best is None else plan_tasks(run.study, run.best)
+    return [] if found is None else [found]
 
 
 def _visits(run: StudyRun) -> list[str]:

@@ -3,14 +3,42 @@
 from typing import Annotated
 
 import numpy as np
-from pydantic import BeforeValidator, Field, ValidationInfo, field_validator
+from pydantic import BeforeValidator, Discriminator, Field, Tag, ValidationInfo, field_validator
 from pydantic_core import PydanticCustomError, PydanticKnownError
 
 from edtk.study.listed import listed
 from edtk.study.table import Compliance, NotNegative, Table
 from edtk.system.finite import Finite
 
+# Relative standard deviation of a known compliance that comes without one: catalogues state the
+# stiffness of gears at rated torque alone, and leave bearings and links out.
+KNOWN_WITHIN = 0.3
 NO_SPRINGS = "no springs"  # of the context of a validation: whether all joints may be rigid
+
+
+class KnownCompliance(Table):
+    """A compliance that a maker or an earlier calibration tells."""
+
+    value: Compliance = Field(description="The compliance [rad/(N m)]")
+    std: Annotated[Finite, Field(ge=0, le=1e3)] | None = Field(
+        None, description="Its standard deviation; defaults to 30 % of the value [rad/(N m)]"
+    )
+
+    @property
+    def deviation(self) -> float:
+        """The standard deviation [rad/(N m)]."""
+        return KNOWN_WITHIN * self.value if self.std is None else self.std
+
+
+def _form(given: object) -> str:
+    """Whether a known compliance is a table or a number."""
+    return ":table" if isinstance(given, dict | KnownCompliance) else ":number"
+
+
+Known = Annotated[
+    Annotated[Compliance, Tag(":number")] | Annotated[KnownCompliance, Tag(":table")],
+    Discriminator(_form),
+]
 
 
 class JointsTable(Table):
@@ -19,10 +47,10 @@ class JointsTable(Table):
     unknown: Annotated[tuple[str, ...], BeforeValidator(listed)] = Field(
         description="Names of the joints whose compliances are identified"
     )
-    known_rad_per_Nm: dict[str, Compliance] = Field(
+    known_rad_per_Nm: dict[str, Known] = Field(
         {},
-        description="Compliances that are known, by joint; none of them is among `unknown` "
-        "[rad/(N m)]",
+        description="Compliances that are known, by joint; none of them is among `unknown`: a "
+        "number, or `{ value = 3e-7, std = 1e-7 }` [rad/(N m)]",
     )
     fixed_deg: dict[str, Finite] = Field(
         {}, description="Angles of revolute joints that stay where they are, by joint [deg]"
@@ -67,6 +95,14 @@ class JointsTable(Table):
     def margin(self) -> dict[str, float]:
         """How far plans keep away from limits, by kind of joint [rad, m]."""
         return {"revolute": float(np.deg2rad(self.margin_deg)), "prismatic": self.margin_mm / 1e3}
+
+    @property
+    def known(self) -> dict[str, KnownCompliance]:
+        """The known compliances with their standard deviations, by joint."""
+        return {
+            name: one if isinstance(one, KnownCompliance) else KnownCompliance(value=one, std=None)
+            for name, one in self.known_rad_per_Nm.items()
+        }
 
     def limits(self) -> dict[str, tuple[float, float]]:
         """The limits that take the place of the robot's own, by joint [rad or m]."""

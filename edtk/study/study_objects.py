@@ -71,9 +71,9 @@ class StudyObjects:
     @property
     def known(self) -> dict[int, float]:
         """Compliances [rad/(N m)] that are known, by the index of the joint, from base to tip."""
-        given = self.specification.joints.known_rad_per_Nm
+        given = self.specification.joints.known
         names = self.robot.joint_names
-        return {j: given[name] for j, name in enumerate(names) if name in given}
+        return {j: given[name].value for j, name in enumerate(names) if name in given}
 
     @property
     def fixed(self) -> dict[int, float]:

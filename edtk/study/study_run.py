@@ -63,7 +63,7 @@ class StudyRun(Presented):
     @property
     def expected(self) -> ExpectedError | None:
         """Errors to expect of the largest plan for the main criterion; None without a test pose."""
-        return None if self._best is None else self.designs.expected(self._best)
+        return None if self.best is None else self.designs.expected(self.best)
 
     @cached_property
     def accuracies(self) -> dict[str, TaskAccuracy]:
@@ -72,9 +72,9 @@ class StudyRun(Presented):
         The largest plan for the main criterion comes first, then others of as many experiments. It
         is empty for a single test pose or none.
         """
-        if self._best is None or len(self.study.tasks) < 2:
+        if self.best is None or len(self.study.tasks) < 2:
             return {}
-        size = self._best.experiments
+        size = self.best.experiments
         main = self.study.main_criterion
         alike = [case for case in self.cases if case.size == size and case.kind != "distinct"]
         found = {_plan_name(case): self._accuracy(case.plan) for case in alike}
@@ -85,7 +85,7 @@ class StudyRun(Presented):
     @cached_property
     def warnings(self) -> tuple[str, ...]:
         """What is hard to believe in the study or in that plan, a line each."""
-        of_plan = () if self._best is None else self.designs.warnings(self._best)
+        of_plan = () if self.best is None else self.designs.warnings(self.best)
         return self.study.warnings + of_plan
 
     def _accuracy(self, plan: Plan | None) -> TaskAccuracy | None:
@@ -93,8 +93,8 @@ class StudyRun(Presented):
         return None if plan is None else self.designs.accuracy(plan)
 
     @property
-    def _best(self) -> Plan | None:
-        """The largest plan for the main criterion."""
+    def best(self) -> Plan | None:
+        """The largest plan for the main criterion; None where there is none."""
         of_main = (case for case in self.cases if case.optimised == self.study.main_criterion)
         plans = [case.plan for case in of_main if case.kind == "optimised" and case.plan]
         return max(plans, key=lambda plan: plan.experiments, default=None)

@@ -1,13 +1,14 @@
 """Compliances as an identification writes them: JSON, by joint, perhaps with a covariance."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeGuard
 
 import numpy as np
 
+from edtk.model.assumed_joint import AssumedError, AssumedJoint
 from edtk.system.errors import UserError
 from edtk.system.parse_json import parse_json
 from edtk.system.read_text import read_text
@@ -22,6 +23,7 @@ MOST_DOF = 1e9
 # relative to its largest entry and to unit diagonal.
 SYMMETRY = 1e-9
 UNIT_DIAGONAL = 1e-6
+SAME = 1e-9  # relative difference of two compliances that are one, but for the digits of a file
 LEAST_EIGENVALUE = -1e-8
 
 
@@ -52,27 +54,50 @@ class Compliances:
     rho0_bias: float | None = None
     verdict: str | None = None
     bias: Array | None = None
+    measured: Array | None = None
+    assumed: tuple[AssumedError, ...] = ()
 
-    def including(self, known: Mapping[str, float]) -> "Compliances":
-        """The same with compliances that are exactly known, of joints that have none here.
+    def including(self, joints: Sequence[AssumedJoint]) -> "Compliances":
+        """The same with the joints that are not identified, and with all that is uncertain.
+
+        An error of such a joint by a standard deviation moves the estimates e by the shifts s that
+        the calibration has told, so that the covariance of all is
+        ``C_measured + sum_j (s_j, -std_j) (s_j, -std_j)'``.
 
         Args:
-            known: Compliances by joint [rad/(N m)].
+            joints: The joints that are not identified; those that have a compliance here count as
+                identified.
         """
-        more = {joint: value for joint, value in known.items() if joint not in self.joints}
-        if not more:
-            return self
-        added = np.array(list(more.values()))
-        wider = (0, len(added))
-        covariance = self.covariance
+        more = [self._assumed_of(one) for one in joints if one.name not in self.joints]
+        wider = (0, len(more))
+        covariance = None
+        if self.covariance is not None:
+            own = self.covariance if self.measured is None else self.measured
+            errors = np.array([np.append(one.shifts, np.zeros(len(more))) for one in more])
+            errors = errors.reshape(len(more), len(self.joints) + len(more))
+            errors[range(len(more)), range(len(self.joints), errors.shape[1])] = [
+                -one.joint.std for one in more
+            ]
+            covariance = np.pad(own, wider) + errors.T @ errors
+        added = [one.joint.compliance for one in more]
         return replace(
             self,
-            joints=(*self.joints, *more),
+            joints=(*self.joints, *(one.joint.name for one in more)),
             k=np.append(self.k, added),
             unbounded=np.append(self.unbounded, added),
-            covariance=None if covariance is None else np.pad(covariance, wider),
+            covariance=covariance,
+            measured=None,
+            assumed=tuple(more),
             bias=None if self.bias is None else np.pad(self.bias, wider),
         )
+
+    def _assumed_of(self, joint: AssumedJoint) -> AssumedError:
+        """What the calibration has assumed of a joint, if it took the same compliance."""
+        for one in self.assumed:
+            same = np.isclose(one.joint.compliance, joint.compliance, rtol=SAME, atol=0.0)
+            if one.joint.name == joint.name and same:
+                return one
+        return AssumedError(joint, np.zeros(len(self.joints)))
 
     @classmethod
     def from_dict(
@@ -115,6 +140,8 @@ class Compliances:
             rho0_bias=_optional(rest.get("rho0_bias"), "rho0_bias", where),
             verdict=rest.get("verdict"),
             bias=_by_joint(rest, "k_bias", joints, where),
+            measured=_measured(rest, joints, where),
+            assumed=_assumed(rest, names, joints, where),
         )
 
 
@@ -186,6 +213,46 @@ def _by_joint(
     return np.array(numbers, dtype=float)
 
 
+def _measured(
+    content: Mapping[str, Any], joints: tuple[str, ...], where: Path | str | None
+) -> Array | None:
+    """The covariance (p, p) by all that was measured; None where the file does not give it."""
+    key = "covariance_measured"
+    if content.get(key) is None:
+        return None
+    return _valid(_matrix(content[key], len(joints), key, where), key, where)
+
+
+def _assumed(
+    content: Mapping[str, Any],
+    names: tuple[str, ...],
+    joints: tuple[str, ...],
+    where: Path | str | None,
+) -> tuple[AssumedError, ...]:
+    """The joints that were not identified; none where the file does not say."""
+    key = "assumed_joints"
+    given = content.get(key)
+    if given is None:
+        return ()
+    if not isinstance(given, list) or not all(isinstance(one, Mapping) for one in given):
+        raise UserError("expected a list of objects, one a joint", where=where, key=key)
+    found = []
+    for i, one in enumerate(given):
+        place = f"{key}.{i}"
+        name = one.get("joint")
+        if name not in names or name in joints:
+            message = "expected a joint of this robot that is not in k"
+            raise UserError(message, where=where, key=f"{place}.joint")
+        taken = _not_negative(one.get("rad_per_Nm"), f"{place}.rad_per_Nm", where)
+        std = _not_negative(one.get("std_rad_per_Nm"), f"{place}.std_rad_per_Nm", where)
+        shifts = _by_joint(one, "shifts_rad_per_Nm", joints, where)
+        source = one.get("source")
+        words = source if isinstance(source, str) else "stated in the file"
+        joint = AssumedJoint(name, names.index(name), taken, std, words)
+        found.append(AssumedError(joint, np.zeros(len(joints)) if shifts is None else shifts))
+    return tuple(found)
+
+
 def _degrees_of_freedom(value: Any, where: Path | str | None) -> float:
     """A number of a sensible size; without it sigma was known, which is inf."""
     if value is None:
@@ -228,6 +295,11 @@ def _covariance(
         cov = _of_deviations(content["std"], content.get(key), joints, where)
     else:
         return None
+    return _valid(cov, key, where)
+
+
+def _valid(cov: Array, key: str, where: Path | str | None) -> Array:
+    """A symmetric matrix (p, p) that is a covariance."""
     deviations = np.sqrt(np.maximum(np.diag(cov), 0.0))
     # Scaled to unit diagonal, so that small compliances beside large ones are checked too.
     scale = np.where(deviations > 0, deviations, 1.0)

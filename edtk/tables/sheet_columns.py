@@ -65,6 +65,8 @@ ROW_COLUMN = "row"
 UNCOMPENSATED_COLUMN = "uncompensated_mm"
 REMAINING_COLUMN = "remaining_rms_mm"
 BAND_COLUMNS = ("remaining_low_mm", "remaining_high_mm")
+# Parts of what remains: by the noise, and by joints that are not identified.
+PART_COLUMNS = ("remaining_by_noise_mm", "remaining_by_assumed_joints_mm")
 UNCOMPENSATED_ROTATION_COLUMN = "uncompensated_rotation_deg"
 REMAINING_ROTATION_COLUMN = "remaining_rotation_rms_deg"
 
@@ -75,6 +77,7 @@ RESERVED = (
     UNCOMPENSATED_COLUMN,
     REMAINING_COLUMN,
     *BAND_COLUMNS,
+    *PART_COLUMNS,
     UNCOMPENSATED_ROTATION_COLUMN,
     REMAINING_ROTATION_COLUMN,
 )

@@ -33,6 +33,8 @@ PATH = ROOT / "studies" / "kr270_milling.toml"
 STUDY = load_study(PATH)
 ROBOT = STUDY.robot.with_tool(STUDY.specification.test_pose.tool.build())
 K = {"q2": 3e-7, "q3": 4e-7, "q4": 2.8e-6, "q5": 2.8e-6, "q6": 2.1e-6}
+# Nothing but the noise is uncertain.
+SURE = {"load_percent": 0, "load_direction_deg": 0, "tool_mm": 0, "rigid_rad_per_Nm": {"q1": 1e-15}}
 HEADER = "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg"
 POSES = f"{HEADER}\n0,-56.9,89.3,45.1,76,57.2\n20,-80,60,10,-40,100\n"
 
@@ -73,10 +75,12 @@ def test_loaded_robot_is_where_the_task_wants_it(given):
 
 
 def test_what_remains_in_the_test_pose_is_rho0(given):
-    """With a plan's covariance the error that remains in the test pose is its rho0."""
+    """With a plan's covariance the error by noise in the test pose is its rho0, of the total."""
     k, task, result = given
     row = json.loads(edtk(PATH, k, task, "--json").stdout)[0]
-    assert row["remaining_rms"] == pytest.approx(result.criteria["rho0"], rel=1e-9)
+    assert row["remaining_by_noise"] == pytest.approx(result.criteria["rho0"], rel=1e-9)
+    total = np.hypot(row["remaining_by_noise"], row["remaining_by_assumed_joints"])
+    assert row["remaining_rms"] == pytest.approx(total, rel=1e-9)
     assert 0 < row["remaining_band"][0] < row["remaining_rms"] < row["remaining_band"][1]
 
 
@@ -86,7 +90,7 @@ def test_the_rotation_that_remains_is_told_where_a_task_has_a_lever(given, tmp_p
     study = tmp_path / "lever.toml"
     content = STUDY.to_dict()
     content["test_pose"]["lever_mm"] = 500.0
-    STUDY.replace(test_pose=content["test_pose"], published=None).to_toml(study)
+    STUDY.replace(test_pose=content["test_pose"], published=None, uncertainty=SURE).to_toml(study)
     row = json.loads(edtk(study, k, task, "--json").stdout)[0]
     assert row["remaining_rms"] == pytest.approx(result.criteria["rho0"], rel=1e-9)
     rotation = row["remaining_rotation_rms"]
@@ -125,7 +129,7 @@ def test_without_covariance_nothing_is_said_about_the_rest(given):
     k, task, _ = given
     text = edtk(PATH, k, task).stdout
     assert "remaining rms (95 % band)" in text
-    assert "those of load and tool add to it" in text
+    assert "what remains is the total of all that is uncertain" in text
     k.write_text(json.dumps(K), encoding="utf-8")
     assert "what errors of theirs leave is not known" in edtk(PATH, k, task).stdout
     row = json.loads(edtk(PATH, k, task, "--json").stdout)[0]
@@ -155,7 +159,10 @@ def test_what_identify_writes_is_read(given, tmp_path):
     row = json.loads(edtk(PATH, tmp_path / "k.json", task, "--json").stdout)[0]
     bias = json.loads((tmp_path / "k.json").read_text())["rho0_bias"]
     assert row["linear_model"] == pytest.approx(bias, rel=1e-3)
-    assert row["remaining_rms"] == pytest.approx(np.hypot(result.criteria["rho0"], bias), rel=1e-4)
+    assert row["remaining_by_noise"] == pytest.approx(result.criteria["rho0"], rel=1e-4)
+    # The total of the report, of the same parts.
+    budget = json.loads((tmp_path / "k.json").read_text())["budget_mm"]
+    assert row["remaining_rms"] == pytest.approx(1e-3 * budget["total"], rel=1e-4)
     assert row["uncompensated"] == pytest.approx(
         np.linalg.norm(STUDY.target @ [*K.values()]), rel=0.01
     )
@@ -259,17 +266,18 @@ def test_the_band_contains_the_error_of_the_linear_model(tmp_path):
     table["sigma_mm"] = 0.003
     sheet = tmp_path / "sheet.csv"
     table.to_csv(sheet, index=False)
-    fit = calibrate(STUDY, sheet, linear=True)
+    study = STUDY.replace(uncertainty=SURE)
+    fit = calibrate(study, sheet, linear=True)
     names = STUDY.robot.joint_names
     known = Compliances.from_dict(fit.to_dict(), names, tuple(K))
     task = Plan(plan.q, plan.wrench, plan.repeats)
-    found = compensate(STUDY, known, task, "task")
+    found = compensate(study, known, task, "task")
     model = ElastostaticModel(ROBOT, STUDY.model.joints)
     errors = remaining_error(model, plan.q, plan.wrench, fit.fit.k, k[1:])
     size = np.linalg.norm(errors, axis=-1)
     np.testing.assert_allclose(found.linear, size, rtol=0.03)
     assert ((found.band[:, 0] < size) & (size < found.band[:, 1])).all()
-    without = compensate(STUDY, replace(known, bias=None), task, "task")
+    without = compensate(study, replace(known, bias=None), task, "task")
     assert (size > without.band[:, 1]).sum() > 6
     np.testing.assert_allclose(np.hypot(without.remaining, found.linear), found.remaining)
 
@@ -277,11 +285,19 @@ def test_the_band_contains_the_error_of_the_linear_model(tmp_path):
 def test_degrees_of_freedom_and_bias_of_the_file_count(given):
     """Few degrees of freedom widen the band, none are refused; the linear model's error is said."""
     k, task, _ = given
+    study = k.parent / "sure.toml"
+    STUDY.replace(uncertainty=SURE, published=None).to_toml(study)
     content = json.loads(k.read_text(encoding="utf-8"))
-    before = json.loads(edtk(PATH, k, task, "--json").stdout)[0]["remaining_band"]
+    before = json.loads(edtk(study, k, task, "--json").stdout)[0]["remaining_band"]
     k.write_text(json.dumps(content | {"covariance_dof": 4, "rho0_bias": 1e-6}), encoding="utf-8")
-    after = json.loads(edtk(PATH, k, task, "--json").stdout)[0]["remaining_band"]
+    after = json.loads(edtk(study, k, task, "--json").stdout)[0]["remaining_band"]
     assert after[1] > 1.3 * before[1]
+    # Where an assumed joint is nearly all of the total, degrees of freedom hardly count.
+    of_joint = json.loads(edtk(PATH, k, task, "--json").stdout)[0]["remaining_band"]
+    k.write_text(json.dumps(content), encoding="utf-8")
+    sure = json.loads(edtk(PATH, k, task, "--json").stdout)[0]["remaining_band"]
+    np.testing.assert_allclose(of_joint, sure, rtol=1e-3)
+    k.write_text(json.dumps(content | {"covariance_dof": 4, "rho0_bias": 1e-6}), encoding="utf-8")
     assert "the linear model left 0.001 mm in the test pose" in edtk(PATH, k, task).stdout
     k.write_text(json.dumps(content | {"covariance_dof": 0}), encoding="utf-8")
     assert edtk(PATH, k, task).exit_code == 2
@@ -293,17 +309,39 @@ def _plan_3():
 
 
 def test_a_joint_without_compliance_is_named(given):
-    """The load turns joint 1, whose compliance is not in the file: the effect of 1e-7 is said."""
+    """The load turns joint 1, which has no compliance: what is assumed of it stands beside it."""
     k, task, _ = given
     line = edtk(PATH, k, task).stdout.splitlines()[-1]
-    assert line.startswith("without a known compliance, and so taken as rigid: q1 (")
-    said = float(line.split("q1 (")[1].split(" mm")[0])
+    assert "mm by q1, which counts as rigid: 3e-07 rad/(N m) assumed, as q2, the nearest" in line
     desired = np.deg2rad(np.loadtxt(POSES.split("\n")[1:3], delimiter=","))
     load = STUDY.specification.test_pose.load.build()
-    moved = equilibrium(ROBOT, desired, load, np.r_[1e-7, np.zeros(5)]).displacement[:, :3]
+    moved = equilibrium(ROBOT, desired, load, np.r_[3e-7, np.zeros(5)]).displacement[:, :3]
+    said = float(line.split(" mm by")[0])
     assert said == pytest.approx(1e3 * np.linalg.norm(moved, axis=1).max(), rel=0.1)
+    k.write_text(json.dumps(K), encoding="utf-8")
+    bare = edtk(PATH, k, task).stdout.splitlines()[-1]
+    assert bare.startswith("without a known compliance, and so taken as rigid: q1 (")
     k.write_text(json.dumps({"q1": 1e-7, **K}), encoding="utf-8")
     assert "rigid" not in edtk(PATH, k, task).stdout
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "message"),
+    [
+        ("covariance_measured", [[1.0]], "covariance_measured: expected 5 rows of 5 numbers"),
+        ("assumed_joints", {"q1": 1}, "assumed_joints: expected a list of objects"),
+        ("assumed_joints", [{"joint": "q2"}], "assumed_joints.0.joint: expected a joint"),
+        ("assumed_joints", [{"joint": "q1"}], "assumed_joints.0.rad_per_Nm: expected a number"),
+    ],
+)
+def test_mistakes_in_what_a_calibration_assumed(given, key, value, message):
+    """A file whose assumptions cannot be read is one line."""
+    k, task, _ = given
+    content = json.loads(k.read_text(encoding="utf-8"))
+    k.write_text(json.dumps(content | {key: value}), encoding="utf-8")
+    result = edtk(PATH, k, task)
+    assert (result.exit_code, result.stderr.count("\n")) == (2, 1)
+    assert message in result.stderr
 
 
 def test_without_a_file_the_poses_are_those_of_the_study(tmp_path):

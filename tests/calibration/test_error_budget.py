@@ -14,6 +14,7 @@ from edtk.calibration.uncertainty import Uncertainty
 from edtk.inference.least_squares import Whitened
 from edtk.inference.measurements import Measurements
 from edtk.inference.prior_rows import PriorRows
+from edtk.model.assumed_joint import AssumedJoint
 from edtk.model.elastostatic_model import ElastostaticModel
 from edtk.model.tasks import Tasks
 
@@ -94,8 +95,10 @@ def test_joint_that_counts_as_rigid():
     """A joint that the calibration does not see leaves its whole displacement in the task."""
     alone = ElastostaticModel(STUDY.task.model.robot, (0,))
     moved = alone.regressor(STUDY.task.q, STUDY.task.wrench)[:, 0] * 1e-7
-    part = budget(rigid=(("q1", 1e-7),)).rigid_joints
-    assert part == pytest.approx(np.linalg.norm(moved), rel=1e-9)
+    found = budget(joints=(AssumedJoint("q1", 0, 0.0, 1e-7, "stated"),))
+    assert found.rigid_joints == pytest.approx(np.linalg.norm(moved), rel=1e-9)
+    assert found.joints[0].error == found.rigid_joints
+    assert found.uncompensated > np.linalg.norm(STUDY.target @ K)
 
 
 def test_total():
@@ -110,6 +113,7 @@ def test_total():
         "load",
         "tool",
         "rigid_joints",
+        "known_joints",
         "drift",
         "repeatability",
     ]
@@ -152,16 +156,22 @@ def test_each_of_several_poses_has_a_budget_of_its_own():
 
 def test_a_known_joint_holds_a_heavier_load():
     """With a joint known, the error by the load's size is that of a refit under another load."""
-    known = {MODEL.joints[0]: float(K[0])}
+    known = AssumedJoint("q2", MODEL.joints[0], float(K[0]), 0.1 * float(K[0]), "known")
     rest = replace(MODEL, unknown=MODEL.joints[1:])
     study = STUDY.tasks.with_unknown(rest.joints)
     fit = Whitened.of(DATA.regressor(rest), DATA.sigma, rest.parameters)
-    uncertain = replace(SURE, load_size=0.01)
-    found = Propagation.of(rest, DATA, K[1:], fit.covariance, uncertain, known=known).budget(study)
+    uncertain = replace(SURE, load_size=0.01, joints=(known,))
+    propagation = Propagation.of(rest, DATA, K[1:], fit.covariance, uncertain)
+    found = propagation.budget(study)
     without = A[..., :1] @ K[:1]
     error = fit.solve(1.01 * A @ K - without) - K[1:]
     assert found.load == pytest.approx(float(np.linalg.norm(study.target @ error)))
     assert found.uncompensated == pytest.approx(float(np.linalg.norm(STUDY.target @ K)))
+    # A tenth more of the known compliance, and the same compliance taken.
+    error = np.append(-0.1 * K[0], fit.solve(A @ (K * [1.1, 1, 1, 1, 1]) - without) - K[1:])
+    assert found.known_joints == pytest.approx(float(np.linalg.norm(STUDY.target @ error)))
+    (told,) = propagation.errors
+    np.testing.assert_allclose(told.shifts, error[1:])
 
 
 def test_a_prior_takes_its_part():

@@ -12,6 +12,7 @@ from edtk.calibration.plan_bias import plan_bias
 from edtk.design.plan import Plan
 from edtk.inference.equilibrium_deflection import equilibrium_deflection
 from edtk.inference.measurements import Measurements
+from edtk.study.assumed_joints import assumed_joints
 from edtk.study.study import load_study
 from edtk.system.errors import UserError
 from edtk.tables.compliances import Compliances
@@ -69,11 +70,11 @@ def test_compensation_counts_them():
     """Commands and bands are those of a file with both compliances, one without any error."""
     task = Plan(KNOWN.task.q[None], KNOWN.task.wrench[None], np.ones(1, dtype=int))
     one = Compliances(("q2",), K[1:], K[1:], np.array([[1e-14]]))
-    two = Compliances(("q2", "q1"), K[::-1], K[::-1], np.diag([1e-14, 0.0]))
+    two = Compliances(("q2", "q1"), K[::-1], K[::-1], np.diag([1e-14, (0.3 * K[0]) ** 2]))
     found = compensate(KNOWN, one, task, "task")
     expected = compensate(RIGID, two, task, "task")
     for name in ("command", "uncompensated", "remaining", "band"):
-        np.testing.assert_array_equal(getattr(found, name), getattr(expected, name))
+        np.testing.assert_allclose(getattr(found, name), getattr(expected, name), rtol=1e-12)
     assert found.rigid == "" == KNOWN.rigid
     assert "q1" in RIGID.rigid
     assert "q1" in compensate(RIGID, one, task, "task").rigid
@@ -82,7 +83,9 @@ def test_compensation_counts_them():
 def test_a_file_that_has_the_joint_too_is_believed():
     """A later calibration counts more than the study."""
     two = Compliances(("q2", "q1"), K, K, None)
-    assert two.including({"q1": 1.0}) is two
+    (known,) = assumed_joints(KNOWN)
+    assert two.including([known]).joints == ("q2", "q1")
+    np.testing.assert_array_equal(two.including([known]).k, K)
 
 
 def test_design_and_round_trip(tmp_path):

@@ -39,7 +39,9 @@ def test_the_line_and_the_numbers():
     """One line in millimetres; plain numbers in metres."""
     found = expected_error(replace(TASK, lever=0.3, within=np.deg2rad(12.5)), COV)
     line = str(found)
-    assert line.startswith(f"expected error: {1e3 * found.test_pose:.2g} mm in the test pose; ")
+    assert line.startswith(
+        f"error by the noise alone: {1e3 * found.test_pose:.2g} mm in the test pose; "
+    )
     assert f"within 12.5 deg of it {1e3 * found.mean:.2g} mm on average" in line
     angle = f"{np.rad2deg(found.rotation):.2g} deg in the test pose"
     assert line.endswith(f"mm at most; a rotation, {angle}, counts as at 300 mm")

@@ -110,7 +110,8 @@ def test_nothing_is_wrong_if_nothing_is_noted():
     study = STUDY.replace(joints=joints | {"known_rad_per_Nm": {"q1": 1e-7}})
     box = calibration_verdict(calibrated(study=study))
     assert "Nothing is wrong: the residuals fit the noise" in box
-    assert box.count("<p>") == 3
+    assert "mm by q1, which counts as known: " in box
+    assert box.count("<p>") == 4
 
 
 def test_a_headline_is_not_greener_than_a_warning(good):
@@ -146,13 +147,13 @@ def test_a_cause_is_shown():
 @pytest.mark.parametrize("largest", [0.0, 1e-3])
 def test_the_picture_of_a_budget(largest):
     """Every part has its number, the largest first; a budget of nothing can be drawn too."""
-    budget = ErrorBudget(1e-6 * largest, 0, largest, largest / 10, 0, 0, 0, 2 * largest)
+    budget = ErrorBudget(1e-6 * largest, 0, largest, largest / 10, 0, 0, 0, 0, 2 * largest)
     ax = Figure().add_subplot()
     error_budget(budget, ax)
     texts = [text.get_text() for text in ax.texts]
     assert texts == [f"{1e3 * part:.2g}" for part in sorted(budget.parts.values(), reverse=True)]
     widths = [bar.get_width() for bar in ax.patches]
-    assert [width > 0 for width in widths] == [largest > 0] * 2 + [False] * 5
+    assert [width > 0 for width in widths] == [largest > 0] * 2 + [False] * 6
     assert all(low < high for low, high in (ax.get_xlim(),))
 
 

@@ -106,7 +106,7 @@ def test_the_report_speaks_of_geometry(found: StudyRun) -> None:
     assert "D (own units), and the bound" in report
     assert "for parameters in mm, mrad and 1e-6 rad/(N m)" in report
     assert "SI" not in report
-    assert "expected error: " in report
+    assert "error by the noise alone: " in report
 
 
 def test_a_run_that_was_killed_goes_on(

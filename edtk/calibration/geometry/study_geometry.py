@@ -13,6 +13,7 @@ from edtk.model.frames import Frames
 from edtk.model.geometry.all_parameters import all_parameters
 from edtk.model.geometry.geometric_model import GeometricModel
 from edtk.model.geometry.geometric_parameter import GeometricParameter
+from edtk.study.assumed_joints import likely_compliances
 from edtk.study.study import Study
 from edtk.study.study_model import is_reference, marker_names, on_robot, own_weights
 from edtk.system.typing import Array
@@ -75,6 +76,7 @@ class StudyGeometry:
             asked.base,
             asked.tool,
             self.full_poses,
+            {name: one.compliance for name, one in likely_compliances(study).items()},
         )
         places = np.array([offsets.get(name, np.zeros(3)) for name in self.markers])
         rows: Literal["position", "pose"] = "pose" if self.full_poses else "position"

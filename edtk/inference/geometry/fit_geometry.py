@@ -25,9 +25,9 @@ from edtk.system.typing import Array, Mask
 POSES = 60  # random poses that show what any poses could tell
 ROUNDS = 8  # of fit and noise, in turn
 SETTLED = 1e-3  # relative change of the noise between rounds
-# A column that moves all coordinates by less than this, in millimetres for a millimetre or a
-# milliradian, is known worse than ten units where errors are of a tenth of a millimetre.
-LEAST = 0.01
+# Errors of coordinates, at least, of which a part is what models leave out [mm]. A parameter whose
+# column moves all coordinates by less, if it is as far from the drawing as it may be, is not told.
+ERRORS = 0.1
 NU = 5.0  # degrees of freedom of a robust loss
 
 
@@ -78,8 +78,10 @@ def fit_geometry(
     minimal = placed.with_parameters(tuple(placed.parameters[i] for i in possible.kept))
     _require_enough(means, minimal.p)
     begin = start[possible.kept]
+    spread = np.array([one.spread for one in minimal.parameters])
+    least = max(ERRORS, stated.reading) / spread
     told = identifiable(
-        _scaled(minimal, begin, means, torque), minimal.parameters, stages(minimal), LEAST
+        _scaled(minimal, begin, means, torque), minimal.parameters, stages(minimal), least
     )
     kept = minimal.with_parameters(tuple(minimal.parameters[i] for i in told.kept))
     theta = least_squares_fit(kept, begin[told.kept], means, torque).theta

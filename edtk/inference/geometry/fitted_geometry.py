@@ -13,8 +13,6 @@ from edtk.system.typing import Array, Mask
 
 MM = 1e3
 LEAST_DOF = 3.0  # of a band: below it a quantile of Student's t says nothing
-# Standard deviation of a parameter that poses leave open, in its units: 10 mm, 10 mrad.
-UNKNOWN = 10.0
 
 
 class Loads(Protocol):
@@ -175,7 +173,8 @@ class FittedGeometry:
         m, k = seen.points.shape[:2]
         J = parts.columns
         known = np.einsum("mrp,pq,mrq->mr", J, self.covariance, J)
-        left = UNKNOWN**2 * (parts.open**2).sum(axis=-1)
+        spread = np.array([one.spread for one in self.open_parameters])
+        left = parts.open**2 @ spread**2
         # Rounding may leave less than nothing of a variance that is none.
         var = np.maximum(known + parts.own + left, 0.0)
         rows = self.model.row_count

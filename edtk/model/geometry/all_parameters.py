@@ -1,6 +1,6 @@
 """All parameters that a calibration of a chain, its base, its tools and its springs may have."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Literal
 
 from edtk.model.geometry.geometric_parameter import COMPONENTS, SHIFTS, GeometricParameter
@@ -18,6 +18,7 @@ def all_parameters(
     base: bool = True,
     tool: bool = True,
     pose: bool = False,
+    likely: Mapping[str, float] | None = None,
 ) -> tuple[GeometricParameter, ...]:
     """List the parameters that a calibration asks for, whether they can be told apart or not.
 
@@ -30,6 +31,7 @@ def all_parameters(
         base: Whether the place of the robot is unknown.
         tool: Whether the places of the markers on the tool are.
         pose: Whether rotations are measured, so that the tool has three angles too.
+        likely: Compliances that joints are likely to have, by name [rad/(N m)]; none by default.
 
     Returns:
         Base, tools, joints from base to tip, springs.
@@ -42,7 +44,10 @@ def all_parameters(
     components = COMPONENTS if pose else SHIFTS
     of_base = [GeometricParameter("base", "", c) for c in COMPONENTS if base]
     of_tools = [GeometricParameter("tool", n, c) for n in markers for c in components if tool]
-    springs = [GeometricParameter("compliance", n, slides=slides[n]) for n in compliance]
+    springs = [
+        GeometricParameter("compliance", n, slides=slides[n], likely=(likely or {}).get(n))
+        for n in compliance
+    ]
     return (*of_base, *of_tools, *of_joints, *springs)
 
 

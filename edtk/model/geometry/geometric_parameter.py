@@ -1,6 +1,6 @@
 """One parameter of the geometry or of the springs: its name, its words, its unit and its scale."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 Place = Literal["base", "joint", "tool", "compliance"]
@@ -14,6 +14,7 @@ MILLIMETRE = 1e-3
 MILLIRADIAN = 1e-3
 SOFTNESS = 1e-6  # [rad/(N m)]
 SLIDING_SOFTNESS = 1e-6  # [m/N]
+SPREAD = 10.0  # of what is not told, in these units, or in likely sizes of a compliance
 
 
 @dataclass(frozen=True)
@@ -27,6 +28,7 @@ class GeometricParameter:
         slides: Whether a compliance is that of a prismatic joint.
         along: Whether the component is the one along the joint's own axis: a turn of a revolute
             joint is the offset of its zero.
+        likely: Size that a compliance is likely to have, in SI units; None where nobody knows.
     """
 
     place: Place
@@ -34,6 +36,7 @@ class GeometricParameter:
     component: str = ""
     slides: bool = False
     along: bool = False
+    likely: float | None = field(default=None, compare=False)
 
     @property
     def name(self) -> str:
@@ -74,6 +77,16 @@ class GeometricParameter:
         if self.place == "compliance":
             return SLIDING_SOFTNESS if self.slides else SOFTNESS
         return MILLIRADIAN if self.turns else MILLIMETRE
+
+    @property
+    def spread(self) -> float:
+        """How far it may be from the drawing where nothing tells it, in its units: one std.
+
+        A length of the drawing may be 10 mm off and an angle 10 mrad. A compliance may be ten times
+        the likely one, whichever that is: those of a small arm's wrist are 1e-4 rad/(N m), and of a
+        heavy arm's shoulder 1e-7.
+        """
+        return SPREAD if self.likely is None else SPREAD * self.likely / self.scale
 
     @property
     def unit(self) -> str:

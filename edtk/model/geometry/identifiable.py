@@ -44,7 +44,7 @@ def identifiable(
     scaled: Array,
     parameters: Sequence[GeometricParameter],
     stages: Sequence[Sequence[int]] = (),
-    least: float = 0.0,
+    least: float | Array = 0.0,
 ) -> Identifiable:
     """Choose a minimal set of parameters by QR with column pivots.
 
@@ -57,8 +57,9 @@ def identifiable(
         scaled: Regressor (rows, p) in units of the parameters.
         parameters: What the columns are (p,).
         stages: Indices by stage; the rest are the last stage.
-        least: A column is kept only if what earlier ones leave of it is longer than this, in the
-            units of the rows: shorter ones are known worse than noise / least units.
+        least: A column is kept only if what earlier ones leave of it is longer than this (or than
+            its own, (p,)), in the units of the rows: shorter ones are known worse than noise /
+            least units.
     """
     order = _ordered(len(parameters), stages)
     length = np.linalg.norm(scaled, axis=0)

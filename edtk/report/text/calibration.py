@@ -17,8 +17,6 @@ from edtk.tables.sheet_columns import TURN_COLUMN
 def calibration(found: Calibration) -> str:
     """Compliances, how well they fit, the accuracy to expect, and the verdict."""
     lines = [*_compliances(found), *_fit(found), *_accuracy(found), *_rows(found)]
-    if found.study.rigid:
-        lines.append(found.study.rigid)
     if found.check is not None:
         lines += ["posterior", found.check.summary()]
     for diagnostic in found.diagnostics:
@@ -90,9 +88,10 @@ def _accuracy(found: Calibration) -> list[str]:
         value, (low, high) = found.fit.accuracy(found.study.target)
         interval = f", with 95 % between {1e3 * low:.5g} and {1e3 * high:.5g} mm"
         lines.append(f"rho0 {1e3 * value:.5g} mm{'' if low == high else interval}")
-        lines.append(str(found.expected))
     if found.budget is not None:
         lines.append(error_budget(found.budget))
+    if found.study.target is not None:
+        lines.append(str(found.expected))
     if found.rho0_bias and not found.fitted.nonlinear:
         bias = f"{1e3 * found.rho0_bias:.3g} mm"
         lines.append(f"beside it the linear model leaves an error of {bias}")

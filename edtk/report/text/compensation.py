@@ -4,6 +4,8 @@ import numpy as np
 
 from edtk.calibration.compensation import Compensation
 from edtk.calibration.refused_rows import refused_in_words
+from edtk.model.error_budget import JointPart
+from edtk.report.text.error_budget import SHARE, assumed_joint
 from edtk.report.text_table import number_columns
 from edtk.tables.pose_columns import pose_columns
 from edtk.tables.pose_table import pose_factors
@@ -37,10 +39,17 @@ def compensation(found: Compensation) -> str:
     elif found.rho0_bias is not None:
         bias = f"{1e3 * found.rho0_bias:.2g} mm"
         lines.append(f"beside that, identifying with the linear model left {bias} in the test pose")
-    if found.remaining is not None:
-        lines.append(
-            "what remains is by errors of the compliances; those of load and tool add to it, see "
-            "the error budget of edtk identify"
-        )
-    notes = filter(None, (found.rigid, refused_in_words(found.refused)))
-    return "\n".join([*lines, *notes])
+    lines += [found.rigid] if found.by_noise is None and found.rigid else _parts(found)
+    refused = refused_in_words(found.refused)
+    return "\n".join([*lines, refused] if refused else lines)
+
+
+def _parts(found: Compensation) -> list[str]:
+    """What the remaining error is made of; nothing where it is not known."""
+    if found.by_noise is None or found.remaining is None:
+        return []
+    noise = f"{1e3 * found.by_noise.max():.2g} mm"
+    first = f"what remains is the total of all that is uncertain; of it at most {noise} by noise"
+    parts = [JointPart(joint, float(error.max())) for joint, error in found.by_joints]
+    least = SHARE * found.remaining.max()
+    return [first, *(assumed_joint(one) for one in parts if one.error > least)]

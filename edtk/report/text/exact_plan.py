@@ -32,8 +32,8 @@ def exact_plan(found: ExactPlan) -> str:
         f"  value       {factor * found.value:.6g}{unit}",
         f"  bound       {factor * found.bound:.6g}{unit}  ({reach(found)})",
         f"  efficiency  {100 * found.efficiency:.2f} %",
-        *([] if found.expected is None else [str(found.expected)]),
         *_budget(found),
+        *([] if found.expected is None else [str(found.expected)]),
         *shown_faults(found.robot, found.detections, found.separations),
         search_summary(found.starts, found.seconds, found.found, found.optima),
     ]

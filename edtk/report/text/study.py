@@ -21,7 +21,10 @@ def study_rows(asked: Study) -> list[tuple[str, str]]:
     specification = asked.specification
     noise = describe_noise(specification)
     joints = specification.joints
-    known = [f"{name} = {k:g} rad/(N m)" for name, k in joints.known_rad_per_Nm.items()]
+    known = [
+        f"{name} = {one.value:g} +- {one.deviation:g} rad/(N m)"
+        for name, one in joints.known.items()
+    ]
     fixed = [f"{name} = {value:g} deg" for name, value in joints.fixed_deg.items()]
     fixed += [f"{name} = {value:g} mm" for name, value in joints.fixed_mm.items()]
     labels = [label for c in _constraints(asked) for label in c.labels(asked.robot)]

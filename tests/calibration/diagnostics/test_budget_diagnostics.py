@@ -18,7 +18,7 @@ from edtk.model.error_budget import ErrorBudget
 )
 def test_a_compensation_is_compared_with_none(noise, kind, severity):
     """More than the whole error is an alarm, more than half of it a note that says how much."""
-    found = list(budget_diagnostics(ErrorBudget(noise, 0, 0, 0, 0, 0, 0, uncompensated=1e-3)))
+    found = list(budget_diagnostics(ErrorBudget(noise, 0, 0, 0, 0, 0, 0, 0, uncompensated=1e-3)))
     assert [(one.kind, one.severity) for one in found] == ([(kind, severity)] if kind else [])
     assert all(f"{1e3 * noise:.2g} mm, and 1 mm without" in one.text for one in found)
 
