@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from edtk.calibration.geometry.study_geometry import StudyGeometry
 from edtk.model.assumed_joint import levers
 from edtk.study.assumed_joints import assumed_joints, likely_compliances
 from edtk.study.study import load_study
@@ -100,3 +101,23 @@ def test_wrong_tables_are_one_line(given, expected):
         with_joints(known_rad_per_Nm={"q1": given})
     assert expected in str(error.value)
     assert "\n" not in str(error.value)
+
+
+def test_springs_of_geometry_have_the_likely_sizes():
+    """A study of geometry says of its springs how large they may be, by [simulation] or by load."""
+    keys = {
+        "joints": {"unknown": ["q2", "q6"]},
+        "parameters": {"geometry": ["zeros"]},
+        "optimise": ["D"],
+        "criteria": ["D"],
+        "test_pose": None,
+        "published": None,
+        "workspace": None,
+    }
+    told = STUDY.replace(**keys, simulation={"compliance_rad_per_Nm": {"q2": 1e-7, "q6": 1e-4}})
+    spread = [one.spread for one in StudyGeometry.of(told).model.parameters]
+    assert spread[-2:] == pytest.approx([1.0, 1000.0])
+    assert set(spread[:-2]) == {10.0}
+    by_load = StudyGeometry.of(STUDY.replace(**keys, simulation=None)).model.parameters
+    lever = levers(STUDY.robot)
+    assert by_load[-1].likely == pytest.approx(1e-3 / (2500 * lever[5]))

@@ -370,3 +370,32 @@ def test_repeated_poses_tell_both_kinds_of_noise() -> None:
     noise = fit.fitted.noise
     assert noise.reading == pytest.approx(0.03, rel=0.2)
     assert noise.turn == pytest.approx(0.1, rel=0.2)
+
+
+def test_a_soft_spring_under_a_small_load_is_told() -> None:
+    """The wrist of a light arm, 1e-4 rad/(N m) under 2 N m: told if it is likely to be so soft."""
+    model = model_of(SIX, compliance=("q6",), likely={"q6": 5e-5})
+    data, true, theta = simulate(model, 30, sigma_mm=0.005, seed=3)
+    wrench = np.zeros((30, 6))
+    wrench[:15, 2] = -20.0
+    theta[-1] = 1e-4
+
+    def loads(q: Array, wrench: Array) -> Array:
+        """A tenth of the force, in newton metres, on the last joint."""
+        return np.outer(0.1 * wrench[:, 2], np.eye(6)[5])
+
+    shift = true.see(theta, data.q, loads(data.q, wrench), derivatives=False).points
+    shift = shift - true.see(theta, data.q, derivatives=False).points
+    bent = replace(data, wrench=wrench, measured=data.measured + shift)
+    fit = fit_geometry(model, bent, white(SIX, 0.005), loads)
+    assert fit.open == ()
+    names = [one.name for one in fit.fitted.model.parameters]
+    own = names.index("k_q6")
+    assert fit.fitted.std[own] < 10.0  # of 100
+    assert abs(fit.fitted.values[own] - 100.0) < 4 * fit.fitted.std[own]
+    stiff = model_of(SIX, compliance=("q6",), likely={"q6": 1e-7})
+    said = fit_geometry(stiff, bent, white(SIX, 0.005), loads)
+    assert "the compliance of joint q6" in said.open[0]
+    # Where it is left open, predictions under the load are as unsure as it is likely to be large.
+    at = (bent.q[:1], wrench[:1], loads)
+    assert 0 < said.fitted.predict(*at).open.max() < 1e-5
