@@ -66,18 +66,18 @@ def _pairs(number: np.ndarray) -> float:
 def _steps(data: Measurements) -> Array:
     """Resolution (rows,) of the readings [m, rad]."""
     if data.turn is not None and data.turn.all():
-        turned = _resolution(data.deflection * 180 / np.pi) * np.pi / 180
+        turned = resolution(data.deflection * 180 / np.pi) * np.pi / 180
         return np.full(1, turned)
     lengths = data.deflection[:, :3]
-    steps = [np.full(lengths.shape[1], _resolution(lengths * 1e3) / 1e3)]
+    steps = [np.full(lengths.shape[1], resolution(lengths * 1e3) / 1e3)]
     if data.deflection.shape[1] == 6:
         per_radian = 180 / np.pi
-        turned = _resolution(data.deflection[:, 3:] * per_radian) / per_radian
+        turned = resolution(data.deflection[:, 3:] * per_radian) / per_radian
         steps.append(np.full(3, turned))
     return np.concatenate(steps)
 
 
-def _resolution(values: Array) -> float:
+def resolution(values: Array) -> float:
     """The decimal step 10^-d, d <= 9, that all values are multiples of."""
     for digits in range(MOST_DIGITS):
         scaled = values * 10.0**digits

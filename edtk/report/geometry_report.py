@@ -67,19 +67,11 @@ def _verdict(found: GeometricCalibration) -> str:
 
 
 def _expected(found: GeometricCalibration) -> str:
-    """The error to expect, or why it is not known."""
-    left_out = f"{found.loo_rms_mm:.2g} mm (rms)"
+    """The error to expect."""
     drawn = f"{MM * found.fit.placed:.2g} mm by the drawing"
-    if not found.needs_each_pose:
-        return f"Expect errors of {left_out} in poses like these, instead of {drawn}."
-    # A plan for the test poses may visit others once, only to tell parameters: what the fit would
-    # be without one of them says nothing about the test poses.
-    others = (
-        f"Other poses are not known well: left out one by one, they are {left_out} off, {drawn}."
+    return (
+        f"Expect errors of {found.loo_rms_mm:.2g} mm (rms) in poses like these, instead of {drawn}."
     )
-    if found.rho0_mm is None:
-        return f"{others} More poses are needed."
-    return f"Expect errors of {found.rho0_mm:.2g} mm (rms) in the test poses. {others}"
 
 
 def _sentence(text: str) -> str:

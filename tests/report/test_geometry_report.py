@@ -10,6 +10,7 @@ from browser import CHROMIUM, WIDTHS, in_browser
 from geometry_sheets import STUDY, by_pose, run, truth
 
 import edtk
+from edtk.calibration.geometry.fit_doubts import fit_doubts
 from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
 from edtk.report.geometry_report import geometry_report
 
@@ -45,15 +46,13 @@ def test_it_says_what_a_person_wants_to_know(found: GeometricCalibration) -> Non
 
 
 def test_poses_that_no_other_predicts_are_no_promise(found: GeometricCalibration) -> None:
-    """Where a pose is predicted worse than by the drawing, no such error is promised."""
-    few = replace(found, fit=replace(found.fit, placed=1e-9))
-    assert few.needs_each_pose
-    assert not found.needs_each_pose
+    """Where a pose is predicted worse than by base and tool alone, no such error is promised."""
+    fit = replace(found.fit, placed=1e-9)
+    few = replace(found, fit=fit, doubts=tuple(fit_doubts(fit, found.setting)))
     text = geometry_report(few)
+    assert few.verdict == "bad"
     assert "in poses like these" not in text
-    assert "More poses are needed" in text
-    assert "plan more" in few.summary()
-    assert "plan more" not in found.summary()
+    assert "Do not use: a pose left out is" in text
 
 
 def test_open_directions_are_in_the_report(tmp_path: Path) -> None:

@@ -6,6 +6,10 @@ from pathlib import Path
 import numpy as np
 
 from edtk.calibration.diagnostics.diagnostic import Severity
+from edtk.calibration.geometry.copied_visits import (
+    refuse_copied_visits,
+    without_copied_markers,
+)
 from edtk.calibration.geometry.counting import (
     Counting,
     as_said,
@@ -29,7 +33,7 @@ from edtk.calibration.geometry.with_standing import with_standing
 from edtk.calibration.geometry.without_beyond_reach import without_beyond_reach
 from edtk.calibration.origin import Origin
 from edtk.inference.geometry.fit_geometry import TooFewPosesError, fit_geometry
-from edtk.inference.geometry.geometric_fit import GeometricFit, root_mean_squares
+from edtk.inference.geometry.geometric_fit import MM, GeometricFit, root_mean_squares
 from edtk.inference.geometry.marker_positions import MarkerPositions
 from edtk.inference.geometry.read_positions import read_positions
 from edtk.model.robot import Robot
@@ -69,7 +73,7 @@ def calibrate_geometry(
         study: The question, with `[parameters]`.
         path: The sheet (CSV, or a data frame), see `read_positions`.
         robust: Whether poses that fit badly count less.
-        as_is: Whether a sheet in other units is fitted all the same.
+        as_is: Whether a sheet in other units, or with copied rows, is fitted all the same.
 
     Raises:
         UserError: The file cannot be read, is in other units, or has too few poses.
@@ -82,6 +86,8 @@ def calibrate_geometry(
     reading = "" if as_is else turn_reading(path, study.robot, every)
     if reading:
         raise UserError(f"the robot fits if {reading}; expected {EXPECTED}", where=where)
+    if not as_is:
+        refuse_copied_visits(every, named.noise.reading / MM, where)
     setting, every, standing = with_standing(StudyGeometry.of(study, every.markers), every)
     sound = _sound(setting, every, where, as_is)
     setting = replace(setting, markers=sound.data.markers)
@@ -156,7 +162,8 @@ def _sound(setting: StudyGeometry, every: MarkerPositions, path: Path, as_is: bo
     references = reference_points(base, tool)
     tool = _taken_back(tool, references.frames)
     tool, beyond = without_beyond_reach(tool, setting.study.robot.reach)
-    doubts = [*lost, *_blank(every), *references.doubts, *beyond]
+    tool, copied = without_copied_markers(tool)
+    doubts = [*lost, *_blank(every), *references.doubts, *beyond, *copied]
     tool = tool[np.flatnonzero(tool.seen.any(axis=1))]
     if not len(tool):
         raise UserError("no marker of the tool was seen in any row", where=path)

@@ -6,6 +6,7 @@ from edtk.calibration.diagnostics.diagnostic import Severity
 from edtk.calibration.geometry.few_poses import few_poses
 from edtk.calibration.geometry.fit_rows import FitRows
 from edtk.calibration.geometry.geometric_doubt import GeometricDoubt, rows_in_words
+from edtk.calibration.geometry.marker_doubts import marker_doubts
 from edtk.calibration.geometry.moved_frame import moved_frame
 from edtk.calibration.geometry.study_geometry import StudyGeometry
 from edtk.calibration.geometry.untold_load import untold_load
@@ -24,6 +25,10 @@ MOSTLY = 0.7  # of the squares that are left
 NOISY = 5.0  # times the stated noise
 RARE = 5e-3  # of sound days leave as few coordinates inside their bands as make a doubt
 HELD = 0.75  # of the coordinates: below it bands are no bands
+STEPS_DEG = (10.0, 5.0, 1.0, 0.5, 0.1)  # to which angles are rounded, the coarsest first
+COARSE_DEG = 0.5  # no controller shows less: angles as coarse were rounded by a person
+EXACT = 1e-6  # of a step: nearer to a multiple an angle is one, but for rounding
+LIKE_ROUNDING = 0.6  # to its inverse: errors of joints beside those of rounding
 EXPLAINED = ("outliers", "frame_moved", "rough")  # these leave many outside by themselves
 
 
@@ -34,17 +39,59 @@ def fit_doubts(fit: GeometricFit, setting: StudyGeometry) -> list[GeometricDoubt
         *_turned(fit),
         *_open(fit),
         *few_poses(fit),
+        *_worse(fit),
+        *_rounded(fit),
         *_outliers(fit),
         *_moved(fit, setting),
         *_bent(fit, setting),
         *_loaded(fit, setting),
         *_springs(fit, setting),
         *_large(fit),
+        *marker_doubts(fit, setting),
         *_negative(fit),
         *_noise(fit, setting),
     ]
     named = any(doubt.kind in EXPLAINED for doubt in found)
     return [*found, *_outside(fit, named)]
+
+
+def _worse(fit: GeometricFit) -> list[GeometricDoubt]:
+    """Poses that are left out are predicted worse than with base and tool alone."""
+    if not fit.worse_than_placed:
+        return []
+    text = (
+        f"do not use: a pose left out is {MM * fit.loo_rms:.3g} mm off, and with base and tool "
+        f"alone {MM * fit.placed:.3g} mm. {fit.data.poses} poses are too few for {fit.rank} "
+        "parameters beside what the model leaves out; measure more, or ask for fewer parameters"
+    )
+    return [GeometricDoubt(Severity.ALARM, "worse_than_placed", text)]
+
+
+def _rounded(fit: GeometricFit) -> list[GeometricDoubt]:
+    """Joint angles that were rounded, by as much as the fit leaves.
+
+    Rounding to steps h leaves errors that are uniform, of standard deviation ``h / sqrt(12)``, in
+    each joint and pose. Commands may be whole degrees: they are doubted only where the residuals
+    are those of joints that err by as much.
+    """
+    slides = np.array([joint.kind == "prismatic" for joint in fit.fitted.model.robot.joints])
+    errors = fit.fitted.noise.model_joints
+    if slides.all() or not len(errors):
+        return []
+    angles = np.rad2deg(fit.fitted.model.robot.shown(fit.data.q)[:, ~slides])
+    left = float(np.sqrt(np.mean(errors[~slides] ** 2)))
+    for step in STEPS_DEG:
+        rounding = 1e3 * float(np.deg2rad(step)) / np.sqrt(12)
+        is_step = np.abs(angles - step * np.round(angles / step)).max() < step * EXACT
+        if is_step and LIKE_ROUNDING * rounding < left < rounding / LIKE_ROUNDING:
+            text = (
+                f"all joint angles are multiples of {step:g} deg, and joints err by "
+                f"{left:.2g} mrad in each pose, as rounding to {step:g} deg would leave "
+                f"({rounding:.2g}): were they rounded? Export them with three decimals"
+            )
+            severity = Severity.ALARM if step >= COARSE_DEG else Severity.WARNING
+            return [GeometricDoubt(severity, "rounded", text)]
+    return []
 
 
 def _rough(fit: GeometricFit) -> list[GeometricDoubt]:

@@ -78,11 +78,6 @@ class GeometricCalibration(Presented):
         """Root mean square distance of poses that were left out one by one [mm]."""
         return MM * self.fit.loo_rms
 
-    @property
-    def needs_each_pose(self) -> bool:
-        """Whether a pose is predicted worse by the others than by the drawing."""
-        return self.fit.loo_rms > self.fit.placed
-
     @cached_property
     def rho0_mm(self) -> float | None:
         """The error of the markers to expect in the tasks, geometry and load compensated [mm].

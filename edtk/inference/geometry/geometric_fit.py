@@ -79,6 +79,16 @@ class GeometricFit:
         """Root mean square distance of poses that were left out one by one [m]."""
         return root_mean_square(self.left_out)
 
+    @property
+    def worse_than_placed(self) -> bool:
+        """Whether a pose left out is predicted worse than with base and tool alone.
+
+        Where nothing else is fitted, there is nothing to compare.
+        """
+        fitted = self.fitted.model.parameters
+        more = any(one.place in ("joint", "compliance") for one in fitted)
+        return more and self.loo_rms > self.placed
+
     @cached_property
     def share_inside(self) -> float:
         """Share of coordinates that, left out, are within their 95 % bands."""

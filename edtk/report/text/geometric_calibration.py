@@ -8,9 +8,6 @@ from edtk.inference.geometry.geometric_fit import root_mean_square
 from edtk.report.text_table import name_width
 
 MM = 1e3
-NEEDED = (
-    "that is worse than the drawing: some poses tell what no other does; for other poses plan more"
-)
 
 
 def geometric_calibration(found: GeometricCalibration) -> str:
@@ -88,7 +85,6 @@ def _quality(found: GeometricCalibration) -> list[str]:
         f"{MM * fit.rms:.4g} with all",
         f"each pose predicted without it: {found.loo_rms_mm:.4g} mm rms, "
         f"{100 * fit.share_inside:.1f} % of the coordinates inside their 95 % bands",
-        *([NEEDED] if found.needs_each_pose else []),
         *_turns(found),
         *(
             [f"rho0 {found.rho0_mm:.4g} mm: error of the markers to expect in the test poses"]

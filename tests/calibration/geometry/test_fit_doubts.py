@@ -69,3 +69,39 @@ def test_bands_without_most_coordinates_are_an_alarm() -> None:
     narrow = replace(fit, left_out_half=0.4 * fit.left_out_half)
     doubts = [one for one in fit_doubts(narrow, StudyGeometry.of(STUDY)) if one.kind == "outside"]
     assert [one.severity for one in doubts] == [Severity.ALARM]
+
+
+def kinds_of(fit: GeometricFit) -> dict[str, Severity]:
+    """Kinds of doubts of a fit, with their severities."""
+    return {one.kind: one.severity for one in fit_doubts(fit, StudyGeometry.of(STUDY))}
+
+
+def test_a_fit_that_is_worse_than_base_and_tool_alone_is_bad() -> None:
+    """So few poses of a robot whose gears are not round predict no other pose."""
+    rng = np.random.default_rng(1)
+    model = replace(StudyGeometry.of(STUDY).model, offsets=OFFSETS, start=PLACE)
+    q = rng.uniform(-1.7, 1.7, (12, 6))
+    x = model.see(np.zeros(model.p), q + rng.normal(0, 2e-3, q.shape), derivatives=False).points
+    row = np.arange(len(q))[:, None] * np.ones(3, dtype=int)
+    data = MarkerPositions(q, np.zeros((len(q), 6)), x, row, tuple("ABC"))
+    fit = fit_geometry(model, data, StudyGeometry.of(STUDY).noise)
+    assert fit.loo_rms > fit.placed
+    assert kinds_of(fit)["worse_than_placed"] == Severity.ALARM
+    assert "worse_than_placed" not in kinds_of(sound_fit(0))
+
+
+@pytest.mark.parametrize(("step", "severity"), [(1.0, Severity.ALARM), (0.1, Severity.WARNING)])
+def test_rounded_angles_are_named_by_their_step(
+    tmp_path: Path, step: float, severity: Severity
+) -> None:
+    """Whole degrees leave 5 mrad a joint; the same commands without rounding leave nothing."""
+    q, _ = day(0, 0.0)
+    coarse = np.round(np.rad2deg(q) / step) * step
+    model = replace(StudyGeometry.of(STUDY).model, offsets=OFFSETS, start=PLACE)
+    for there, named in ((q, True), (np.deg2rad(coarse), False)):
+        x = model.see(np.zeros(model.p), there, derivatives=False).points
+        x = x + np.random.default_rng(0).normal(0, 2e-5, x.shape)
+        found = edtk.identify(STUDY, by_pose(tmp_path / "day.csv", coarse, 1e3 * x))
+        said = [one for one in found.doubts if one.kind == "rounded"]
+        assert [one.severity for one in said] == [severity] * named
+        assert all(f"multiples of {step:g} deg" in one.text for one in said)
