@@ -10,7 +10,7 @@ from edtk.calibration.geometry.geometric_doubt import GeometricDoubt
 from edtk.inference.distributions import poisson_tail
 from edtk.inference.geometry.marker_positions import MarkerPositions
 from edtk.system.errors import UserError
-from edtk.system.typing import Array
+from edtk.system.typing import Indices
 
 CHANCE = 1e-3  # probability of equal visits up to which they are copies
 SAME = 1e-7  # [m] two markers as near are one: the last digit of any instrument is larger
@@ -61,7 +61,7 @@ def refuse_copied_visits(data: MarkerPositions, sigma: float, path: Path) -> Non
     )
 
 
-def _pairs(number: Array) -> float:
+def _pairs(number: Indices) -> float:
     """How many pairs have the same number."""
     counts = np.bincount(number)
     return float((counts * (counts - 1) / 2).sum())
