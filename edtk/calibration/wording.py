@@ -173,18 +173,22 @@ def _alike_parameters(found: Finding) -> str:
 def _one_pose(found: Finding) -> str:
     """Parameters that would be unknown, or hardly known, without a pose."""
     data = found.data
-    one = len(found.parameters) == 1
     names = ", ".join(found.parameters)
-    rest = f"{names} {'rests' if one else 'rest'}"
-    known = "unknown" if data["unknown"] else f"{data['times']:.2g} times as uncertain or more"
-    would = f"{'it' if one else 'they'} would be {known}"
-    unseen = f"goes into {'it' if one else 'them'}, and hardly shows in the residuals"
+    many = len(found.parameters) > 1
+    would = f"standard deviation{'s' * many} would be at least {data['times']:.2g} times as large"
+    if data["unknown"]:
+        would = f"value{'s' * many} would be unknown"
+    into = "them" if many else "it"
     rows = row_names(found.rows)
     if data["poses"] == 1:
-        return f"{rest} on one pose ({rows}): without it {would}; an error of that pose {unseen}"
+        return (
+            f"{names}: only one pose tells enough ({rows}); without that pose the {would}, and an "
+            f"error in it goes into {into} and hardly shows in the residuals"
+        )
     return (
-        f"{rest} on {data['poses']} poses ({rows}) and on each of them: without one {would}; an "
-        f"error of one {unseen}"
+        f"{names}: only {data['poses']} poses tell enough ({rows}), and each is needed; without "
+        f"one of them the {would}, and an error in one goes into {into} and hardly shows in the "
+        "residuals"
     )
 
 

@@ -59,6 +59,6 @@ def rigid_joints_in_words(joints: tuple[RigidJoint, ...]) -> str:
         return ""
     parts = ", ".join(f"{joint.name} ({1e3 * joint.displacement:.2g} mm)" for joint in joints)
     return (
-        f"without a known compliance, and so taken as rigid: {parts}; in brackets what each "
-        f"{EXAMPLE:g} rad/(N m) of it would move the tool by under the task's load"
+        f"without a known compliance, and so taken as rigid: {parts}; under the task's load the "
+        f"tool would move so far for each {EXAMPLE:g} rad/(N m) that the joint really has"
     )

@@ -3,6 +3,7 @@
 from collections.abc import Iterable
 
 from edtk.calibration.geometry_design.geometry_designs import GeometryDesigns
+from edtk.calibration.geometry_design.visit_search import STARTS
 from edtk.calibration.plan_tasks import plan_tasks
 from edtk.design.exact.batch import BATCH_SIZE
 from edtk.model.task_accuracy import TaskAccuracy
@@ -14,7 +15,7 @@ from edtk.report.comparison.fewer_poses import fewer_poses
 from edtk.report.comparison.in_each_task import in_each_task
 from edtk.report.comparison.loss_of_others import loss_of_others
 from edtk.report.comparison.relaxation_table import relaxation_table
-from edtk.report.comparison.setting_of_geometry import setting_of_geometry
+from edtk.report.comparison.setting_of_geometry import margin_in_words, setting_of_geometry
 from edtk.report.comparison.verdict import verdict
 from edtk.report.comparison.visits_by_load import visits_by_load
 from edtk.report.task_table import TOOL_POINT
@@ -29,15 +30,16 @@ EFFICIENCY = (
     "divided by the plan's cost. Rows are plans, columns criteria.\n"
 )
 UNITS = (
-    "Each cell is the criterion's own value, in SI units (rho0 and rho_max in 1e-3 mm). O1 to O5 "
-    "are those of A/sigma.\n"
+    "Each cell is the criterion's own value: rho0 and rho_max in um, the others in SI units. O1 to "
+    "O5 are those of A/sigma.\n"
 )
 UNITS_OF_GEOMETRY = (
-    "Each cell is the criterion's own value, for parameters in mm, mrad and 1e-6 rad/(N m) (rho0 "
-    "and rho_max in 1e-3 mm). O1 to O5 are those of A/sigma.\n"
+    "Each cell is the criterion's own value: rho0 and rho_max in um, the others for parameters in "
+    "mm, mrad and 1e-6 rad/(N m). O1 to O5 are those of A/sigma.\n"
 )
 RELAXATION = (
-    "Weights over poses instead of whole experiments, per experiment. The first bound is proved: "
+    "Bounds come from the relaxation, which puts weights on poses instead of whole experiments; "
+    "its values are per experiment. The first bound is proved: "
     "no plan over the candidates, and the poses found on the way, is better. The second speaks of "
     "all feasible poses; it was searched by ascent from many starts, and is not proved. For O4, "
     "which is not convex, the proof is by the least corner of a polygon that holds all designs.\n"
@@ -56,10 +58,11 @@ def comparison_report(run: StudyRun, sizes: Iterable[Efficiencies]) -> str:
     question = tasks.place if tasks and main == "rho0" else f"for {main}"
     parts = [
         f"# {_plain(run.study.specification.title)}\n",
-        _setting(run),
-        *_warnings(run),
-        f"## Which plan is best {question}?\n",
         verdict(run),
+        *_warnings(run),
+        "## The question\n",
+        _setting(run),
+        f"## Which plan is best {question}?\n",
         f"![{main} against the number of experiments](comparison.png)\n",
         by_size(run),
         *_visits(run),
@@ -73,7 +76,8 @@ def comparison_report(run: StudyRun, sizes: Iterable[Efficiencies]) -> str:
         *(efficiencies(found) for found in sizes),
         UNITS_OF_GEOMETRY if isinstance(run.designs, GeometryDesigns) else UNITS,
         all_values(run),
-        "## The relaxation\n",
+        "## How it was computed\n",
+        _search(run),
         RELAXATION,
         relaxation_table(run),
         _origin(run),
@@ -120,18 +124,31 @@ def _setting(run: StudyRun) -> str:
     if isinstance(run.designs, GeometryDesigns):
         return f"Robot {_plain(run.study.robot.name)}; {setting_of_geometry(run.designs)}"
     specification = run.study.specification
-    main = run.study.main_criterion
     unknown = ", ".join(run.study.model.parameters)
-    # Descents are made in batches: the last one is filled up.
-    least = BATCH_SIZE * -(-specification.starts // BATCH_SIZE)
-    most = BATCH_SIZE * -(-specification.descents(main) // BATCH_SIZE)
     return (
         f"Robot {_plain(run.study.robot.name)}; unknown compliances {unknown}{_interest(run)}"
         f"{_prior(run)}; "
         f"{specification.describe_load()}; "
-        f"{_measured(run)}{_noise(run)}; "
-        f"{specification.candidates} candidate poses; at most {least} descents per plan, "
-        f"{most} for {main}.\n"
+        f"{_measured(run)}{_noise(run)}{margin_in_words(run.study)}.\n"
+    )
+
+
+def _search(run: StudyRun) -> str:
+    """How far plans were searched for."""
+    specification = run.study.specification
+    if isinstance(run.designs, GeometryDesigns):
+        starts = min(STARTS, specification.starts)
+        return (
+            f"{specification.candidates} candidate visits; at most {starts} starts of the search "
+            "for each plan.\n"
+        )
+    main = run.study.main_criterion
+    # Descents are made in batches: the last one is filled up.
+    least = BATCH_SIZE * -(-specification.starts // BATCH_SIZE)
+    most = BATCH_SIZE * -(-specification.descents(main) // BATCH_SIZE)
+    return (
+        f"{specification.candidates} candidate poses; at most {least} descents of the search for "
+        f"each plan, {most} for {main}.\n"
     )
 
 

@@ -48,7 +48,7 @@ def _evaluated(found: GeometricCalibration) -> list[tuple[str, str]]:
     rows = [
         ("Study", f"{name}SHA-256 begins with {study.digest}"),
         ("Robot", study.robot.name),
-        ("Robot stands", _place(found.fit.fitted.model.start)),
+        ("Robot in the instrument's frame", robot_stands(found.base)),
         ("Joints count", found.counting.words or "as the study says"),
         (
             "Fit",
@@ -65,11 +65,11 @@ def _loads(wrench: Array) -> str:
     return f"{loaded} of {len(wrench)} visits" if loaded else ""
 
 
-def _place(base: Array) -> str:
-    """Where the drawing's robot is in the frame of the instrument."""
+def robot_stands(base: Array) -> str:
+    """Where the world of the drawing is in the frame of the instrument, in words."""
     from scipy.spatial.transform import Rotation
 
     vector = np.rad2deg(Rotation.from_matrix(base[:3, :3]).as_rotvec())
     place = ", ".join(f"{x:.2f}" for x in MM * base[:3, 3])
     turn = ", ".join(f"{x:.3f}" for x in vector)
-    return f"at ({place}) mm, turned by the vector ({turn}) deg, by the drawing"
+    return f"at ({place}) mm, turned by the rotation vector ({turn}) deg"

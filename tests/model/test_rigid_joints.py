@@ -28,6 +28,6 @@ def test_words():
     """The sentence names each joint with its displacement in mm; nothing is said of none."""
     found = rigid_joints(ElastostaticModel(ROBOT), Q, WRENCH, ("q1", "q3", "q4", "q5", "q6"))
     text = rigid_joints_in_words(found)
-    assert f"rigid: q2 ({1e3 * found[0].displacement:.2g} mm); in brackets" in text
+    assert f"rigid: q2 ({1e3 * found[0].displacement:.2g} mm); under the task" in text
     assert "each 1e-07 rad/(N m)" in text
     assert rigid_joints_in_words(()) == ""

@@ -35,7 +35,8 @@ def test_verdict_where_the_criterion_is_minimised(tmp_path, relaxed):
     """The largest plan is judged by value, efficiency and ratio to a random plan."""
     text = text_of(two_sizes(tmp_path, relaxed, "rho0"))
     assert "## Which plan is best in the test pose?" in text
-    assert "With 3 experiments the plan optimised for rho0 reaches rho0 = 7 (1e-3 mm)" in text
+    assert "**Measure the 3 experiments of `plans/optimised_m3.csv`.**" in text
+    assert "They reach rho0 = 7 um: the error to expect in the test pose" in text
     assert "efficiency of 90.0 %" in text
     assert "For the random plan rho0 is 2.000 times that value." in text
 
@@ -43,7 +44,7 @@ def test_verdict_where_the_criterion_is_minimised(tmp_path, relaxed):
 def test_verdict_is_on_a_criterion_that_was_optimised(tmp_path, relaxed):
     """A study that only compares rho0 and optimises E is judged by E, for which a plan exists."""
     text = text_of(two_sizes(tmp_path, relaxed, "E"))
-    assert "With 3 experiments the plan optimised for E reaches E = 5e+14" in text
+    assert "They reach E = 5e+14 (SI)." in text
     assert "efficiency of 80.0 %" in text
     assert "For the random plan E is 0.500 times that value (larger is better)." in text
 
@@ -57,8 +58,8 @@ def test_verdict_where_no_size_suffices(tmp_path, relaxed):
 
 
 def test_relaxation_table_has_value_and_bounds_of_every_criterion(tmp_path, relaxed):
-    """One row a criterion, rho0 in 1e-3 mm: value, both bounds, number of poses and solver."""
-    section = text_of(two_sizes(tmp_path, relaxed, "rho0")).split("## The relaxation")[1]
+    """One row a criterion, rho0 in um: value, both bounds, number of poses and solver."""
+    section = text_of(two_sizes(tmp_path, relaxed, "rho0")).split("## How it was computed")[1]
     rows = rows_of(section)
     assert rows["criterion"][:3] == ["value", "bound, proved", "bound, searched"]
     for (name, plan), factor in zip(relaxed.items(), (1.0, 1e6), strict=True):

@@ -19,8 +19,11 @@ from edtk.inference.geometry.geometric_fit import GeometricFit, root_mean_square
 from edtk.inference.geometry.geometry_density import GeometryDensity
 from edtk.inference.geometry.geometry_posterior import GeometryPosterior, geometry_posterior
 from edtk.inference.sample_posterior import SamplingOptions
+from edtk.model.geometry.geometric_parameter import COMPONENTS
+from edtk.model.geometry.rotation import rotation
 from edtk.study.study import Study
 from edtk.system.presented import Presented
+from edtk.system.typing import Array
 from edtk.tables.in_file_units import of_file_units
 
 if TYPE_CHECKING:
@@ -54,6 +57,22 @@ class GeometricCalibration(Presented):
     robust: bool = False
     origin: Origin = field(default_factory=Origin)
     posterior: GeometryPosterior | None = None
+
+    @property
+    def base(self) -> Array:
+        """Where the drawing's world is in the instrument's frame, as fitted (4, 4) [m].
+
+        The errors of the base are shifts along, and turns about, the axes of its start.
+        """
+        model = self.fit.fitted.model
+        errors = np.zeros(6)
+        for one in model.parameters:
+            if one.place == "base":
+                errors[COMPONENTS.index(one.component)] = self.parameters[one.name]["value"] / MM
+        moved = np.eye(4)
+        moved[:3, :3] = rotation(errors[3:])
+        moved[:3, 3] = errors[:3]
+        return np.asarray(model.start @ moved)
 
     def headline(self) -> str:
         """Rank, how well poses are predicted, and the verdict."""

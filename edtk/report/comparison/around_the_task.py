@@ -4,8 +4,6 @@ from edtk.report.comparison.cell import number
 from edtk.report.markdown_table import markdown_table
 from edtk.report.other_plans import other_plans
 from edtk.report.plans_of import plans_of
-from edtk.report.text.error_budget import assumed_joints
-from edtk.report.text.study_run import budget_of_run
 from edtk.study.comparison_table import ERRORS
 from edtk.study.study_run import StudyRun
 
@@ -31,20 +29,7 @@ def around_the_task(run: StudyRun) -> str:
         sampled = "Each neighbourhood is sampled"
     of_best = "" if run.expected is None else f"Largest plan, {run.expected}. "
     text = (
-        f"{_total(run)}{of_best}{sampled} at 255 poses, the test pose among them; "
-        "root mean square errors after compensation by the noise alone [1e-3 mm]:"
+        f"{of_best}{sampled} at 255 poses, the test pose among them; "
+        "root mean square errors after compensation, by the noise of the measurements alone [um]:"
     )
     return f"{text}\n\n{markdown_table(header, rows)}"
-
-
-def _total(run: StudyRun) -> str:
-    """What the largest plan leaves in all, of which the noise is a part; empty if unknown."""
-    budget = budget_of_run(run)
-    if budget is None:
-        return ""
-    joints = "".join(f"; {line}" for line in assumed_joints(budget))
-    return (
-        f"Expect a total error of {1e3 * budget.total:.2g} mm {run.study.tasks.place} after "
-        f"compensation, and {1e3 * budget.uncompensated:.2g} mm without. What is measured makes "
-        f"{1e3 * budget.measured:.2g} mm of it{joints}. What follows is by the noise.\n\n"
-    )

@@ -1,14 +1,13 @@
 """The question of a study of geometry, in one paragraph."""
 
 from edtk.calibration.geometry_design.geometry_designs import GeometryDesigns
-from edtk.calibration.geometry_design.visit_search import STARTS
 from edtk.report.text.geometry_plan import about
 from edtk.study.describe_noise import describe_noise
 from edtk.study.study import Study
 
 
 def setting_of_geometry(designs: GeometryDesigns) -> str:
-    """What is unknown, what a visit measures under which loads, and how plans are searched."""
+    """What is unknown, what a visit measures under which loads, and what bounds the plans."""
     question = designs.question
     study = designs.study
     specification = study.specification
@@ -22,13 +21,19 @@ def setting_of_geometry(designs: GeometryDesigns) -> str:
         *about(question),
         _loads(designs),
         f"measured: {kind}s of {markers} marker{'' if markers == 1 else 's'}",
-        describe_noise(specification),
-        f"{specification.candidates} candidate visits",
-        f"at most {min(STARTS, specification.starts)} starts per plan",
+        f"{describe_noise(specification)}{margin_in_words(study)}",
         *_budget(designs),
     ]
     untold = "".join(f"\n- Not told by feasible poses: {words}.\n" for words in question.untold)
     return f"{'; '.join(parts)}.\n{untold}"
+
+
+def margin_in_words(study: Study) -> str:
+    """How far plans stay away from limits, as the end of a list; empty for no margin."""
+    joints = study.specification.joints
+    given = ((joints.margin_deg, "deg"), (joints.margin_mm, "mm"))
+    margins = " and ".join(f"{margin:g} {unit}" for margin, unit in given if margin)
+    return f"; plans stay {margins} away from the limits of the joints" if margins else ""
 
 
 def _unknown(study: Study) -> str:

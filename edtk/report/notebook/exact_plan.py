@@ -14,7 +14,11 @@ def exact_plan(found: ExactPlan) -> str:
         for i, row in enumerate(table.to_numpy())
     ]
     kind = found.lower_bound.kind.value
-    notes = [f"bound {found.bound:.6g} ({kind}), value {found.value:.6g}, in SI units"]
+    factor, unit = found.relaxed.criterion.shown
+    value, bound = (
+        f"{factor * number:.6g} {unit}".strip() for number in (found.value, found.bound)
+    )
+    notes = [f"value {value}, and no plan of as many is better than {bound} ({kind})"]
     if found.expected is not None:
         notes.append(str(found.expected))
     return notebook_table(found.headline(), ["pose", "", *table.columns], rows, notes)

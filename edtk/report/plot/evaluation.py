@@ -23,7 +23,7 @@ def evaluation(found: Evaluation, ax: Any = None) -> Any:
     name_ticks(ax, names)
     ax.set_xlabel("parameter")
     ax.set_ylabel(f"standard deviation [{' or '.join(units)}]")
-    ax.set_title(f"Compliances from {found.experiments} experiments, Eq. (13)", fontsize=10)
+    ax.set_title(f"Standard deviations after {found.experiments} experiments", fontsize=10)
     ax.grid(axis="y", alpha=0.3)
     ax.set_axisbelow(True)
     return ax

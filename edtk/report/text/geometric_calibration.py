@@ -5,6 +5,8 @@ import numpy as np
 from edtk.calibration.diagnostics.diagnostic import Severity
 from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
 from edtk.inference.geometry.geometric_fit import root_mean_square
+from edtk.report.geometry_facts import robot_stands
+from edtk.report.places_of import places_of
 from edtk.report.text_table import name_width
 
 MM = 1e3
@@ -18,8 +20,9 @@ def geometric_calibration(found: GeometricCalibration) -> str:
         + (f", {len(found.left_out)} visits left out" if found.left_out else ""),
         f"{fit.rank} parameters can be told apart"
         + (f" of {fit.structural} that better poses would tell" if fit.open else "")
-        + "; each is a correction of the drawing, of the study's markers,",
-        "or of the base, which stands where the drawing fits best",
+        + "; each is added to what the drawing, the study's markers",
+        "or the place of the robot say",
+        f"robot in the instrument's frame: {robot_stands(found.base)}",
         *_parameters(found),
         *_redundant(found),
         *_quality(found),
@@ -39,7 +42,8 @@ def _parameters(found: GeometricCalibration) -> list[str]:
     lines = []
     for one in parameters:
         own = found.parameters[one.name]
-        value = f"{own['value']:10.3f} +- {own['std']:.3f} {one.unit}"
+        places = places_of(own["std"])
+        value = f"{own['value']:10.{places}f} +- {own['std']:.{places}f} {one.unit}"
         lines.append(f"  {one.name:{width}}{value}  {one.words}")
     return lines
 
@@ -69,14 +73,15 @@ def _quality(found: GeometricCalibration) -> list[str]:
     fit = found.fit
     noise = fit.fitted.noise
     joints = max(noise.model_joints.tolist(), default=0.0)
-    left_out = (
-        f"what the model leaves out: {joints:.3g} mrad a joint and {noise.model_white:.3g} mm a "
-        "coordinate"
-    )
-    if noise.model_turn:
-        left_out += f", {np.rad2deg(1e-3 * noise.model_turn):.3g} deg of an orientation"
-    if not joints and not noise.model_white and not noise.model_turn:
-        left_out = "the residuals show nothing that the model leaves out"
+    sizes = {
+        "each joint were off by {:.3g} mrad": joints,
+        "each coordinate by {:.3g} mm": noise.model_white,
+        "each orientation by {:.3g} deg": np.rad2deg(1e-3 * (noise.model_turn or 0.0)),
+    }
+    parts = " and ".join(text.format(size) for text, size in sizes.items() if size)
+    left_out = f"errors that the model does not explain: as if {parts}, anew in each pose"
+    if not parts:
+        left_out = "the residuals show no errors that the model does not explain"
     repeats = f"; repeats of readings scatter by {noise.reading:.3g} mm" if noise.repeats else ""
     if noise.repeats and noise.turn is not None:
         repeats += f" and {np.rad2deg(1e-3 * noise.turn):.3g} deg"

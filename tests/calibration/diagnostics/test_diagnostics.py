@@ -278,15 +278,16 @@ def test_a_parameter_that_rests_on_one_pose():
     hanging = {name for name, ratio in zip(names, without / std, strict=True) if ratio >= 5}
     assert set(note.finding.parameters) == hanging
     assert note.finding.data["times"] == pytest.approx((without / std)[without / std >= 5].min())
-    assert f"rest on one pose (row {pose + 1}): without it they would be" in note.text
+    assert f"only one pose tells enough (row {pose + 1}); without that pose the stand" in note.text
 
 
 def test_parameters_that_rest_on_each_of_two_poses():
     """Of two poses it is noted once that both are needed, which lowers no verdict."""
     _, (note,) = _alone(STUDY.published_plans()["table_4_2"])
     assert note.finding.parameters == STUDY.model.parameters
-    assert "rest on 2 poses (rows 1, 2) and on each of them: without one they would be unkn" in (
-        note.text
+    assert (
+        "only 2 poses tell enough (rows 1, 2), and each is needed; without one of them the v"
+        in (note.text)
     )
     assert _alone(STUDY.published_plans()["table_4_3"])[1] == []
     assert _alone(PLAN)[1] == []

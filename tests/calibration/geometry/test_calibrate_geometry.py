@@ -59,6 +59,8 @@ def test_both_forms_of_a_sheet_tell_the_same(study: Path, tmp_path: Path) -> Non
     assert 0.02 < told["loo_rms_mm"] < 0.1
     assert set(told["parameters"]) == set(wide.parameters)
     assert told["verdict"] == wide.verdict == "good"
+    np.testing.assert_allclose(wide.base, PLACE, atol=2e-3)
+    assert "robot in the instrument's frame: at (" in wide.summary()
     code, out, _ = run("identify", study, tmp_path / "long.csv")
     assert "33 parameters can be told apart" in out
     assert "each pose predicted without it" in out
