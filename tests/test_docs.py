@@ -35,6 +35,14 @@ def blocks(page: Path, *languages: str) -> list[tuple[str, str]]:
     return [(language, text) for language, text in found if language in languages]
 
 
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_every_picture_is_there(page: Path) -> None:
+    """A picture is a file beside the pages, and has a text for those who do not see it."""
+    for text, name in re.findall(r"!\[(.*?)\]\((.*?)\)", page.read_text(encoding="utf-8")):
+        assert text
+        assert (page.parent / name).is_file()
+
+
 def script(page: Path) -> str:
     """A page as a program: its Python as it stands, its files, and calls of its commands."""
     lines = []

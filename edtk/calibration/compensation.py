@@ -143,7 +143,7 @@ class Compensation(Presented):
         if self.remaining is not None:
             after = f"{1e3 * self.remaining.max():.3g} mm"
         left_out = f" ({len(self.refused)} left out)" if self.refused else ""
-        poses = f"{len(self.command)} task poses{left_out}"
+        poses = f"{len(self.command)} task pose{'s' * (len(self.command) != 1)}{left_out}"
         return f"{poses}, largest error {before} before, {after} after"
 
     def to_frame(self) -> "pd.DataFrame":

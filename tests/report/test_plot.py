@@ -243,3 +243,20 @@ def test_places_that_candidates_do_not_have(x, expected):
     plain = edtk.relax(edtk.Problem(np.eye(2)[:, None]), "D")
     with pytest.raises(ArgumentError, match="do not come from a data frame"):
         plain.plot(x="dose")
+
+
+def test_a_study_is_drawn_in_its_test_poses() -> None:
+    """The arm stands in the first test pose, others are lines, and an arrow is the load."""
+    ax = STUDY.plot()
+    assert "in its test pose" in ax.get_title()
+    tool = STUDY.task.model.robot.forward(STUDY.task.q)[:3, 3]
+    lines = [np.array(line.get_data_3d()).T for line in ax.lines]
+    assert any(np.allclose(line[0], tool, atol=1e-9) for line in lines)
+    pose = STUDY.to_dict()["test_pose"]
+    other = pose | {"q_deg": [0, -60, 90, 10, 45, 30]}
+    both = STUDY.replace(test_pose=[pose, other], published=None)
+    second = both.tasks[1].model.robot.forward(both.tasks[1].q)[:3, 3]
+    ax = both.plot()
+    assert "2 of them" in ax.get_title()
+    assert any(np.allclose(np.array(line.get_data_3d())[:, -1], second) for line in ax.lines)
+    pyplot.close("all")

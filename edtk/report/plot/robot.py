@@ -35,7 +35,7 @@ def robot(result: Robot, ax: Any = None, q: ArrayLike | None = None) -> Any:
     frames = result.frames(variables)
     arm(result, frames, ax)
     points = np.vstack([result.base[:3, 3], frames.origins, frames.position])
-    _fit(points, ax)
+    fit_axes(points, ax)
     ax.view_init(*VIEW)
     ax.set(xlabel="x [m]", ylabel="y [m]", zlabel="z [m]")
     ax.set_title(plain(result.name), fontsize=10)
@@ -45,7 +45,7 @@ def robot(result: Robot, ax: Any = None, q: ArrayLike | None = None) -> Any:
     return ax
 
 
-def _fit(points: Array, ax: Any) -> None:
+def fit_axes(points: Array, ax: Any) -> None:
     """Equal scales along all axes, and no more room than the arm needs."""
     low = points.min(axis=0)
     high = points.max(axis=0)
