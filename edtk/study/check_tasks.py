@@ -7,10 +7,12 @@ import numpy as np
 
 from edtk.model.shown_limit import shown_limits
 from edtk.system.errors import UserError
+from edtk.system.typing import Array
 from edtk.tables.pose_table import pose_factors
 
 if TYPE_CHECKING:
     from edtk.study.study import Study
+    from edtk.study.study_objects import StudyObjects
 
 # Displacement of the tool by 1 rad/(N m) below which a load turns no joint: what rounding leaves.
 LEAST_HARM = 1e-9  # [m]
@@ -46,7 +48,8 @@ def check_tasks(study: "Study") -> None:
     if not study.tasks:
         return
     _check_weights(study)
-    _check_limits(study)
+    if specification.task is None:
+        check_limits(study, np.array([task.q for task in study.tasks]))
     if specification.parameters is not None:
         return  # the geometry is in error in every pose, whatever the load turns
     if study.target is not None and np.abs(study.target).max() < LEAST_HARM:
@@ -58,7 +61,7 @@ def check_tasks(study: "Study") -> None:
         )
 
 
-def key_of(study: "Study", index: int) -> str:
+def key_of(study: "StudyObjects", index: int) -> str:
     """The key of a test pose, as messages name it."""
     return "test_pose" if len(study.specification.test_poses) == 1 else f"test_pose.{index}"
 
@@ -71,16 +74,21 @@ def _check_weights(study: "Study") -> None:
         )
 
 
-def _check_limits(study: "Study") -> None:
-    """Every pose of the tasks is one that the robot can take."""
+def check_limits(study: "StudyObjects", q: Array) -> None:
+    """Check that the robot can take all poses (t, n): the test poses, or the rows of a path.
+
+    Raises:
+        UserError: It cannot take one of them; names it.
+    """
     lower, upper = study.robot.hard_limits
-    for i, task in enumerate(study.tasks):
-        outside = np.flatnonzero((task.q < lower - ROUNDING) | (task.q > upper + ROUNDING))
-        if len(outside):
-            raise _beyond(study, i, task.q, outside[0], len(outside) - 1)
+    outside = (q < lower - ROUNDING) | (q > upper + ROUNDING)
+    if outside.any():
+        i = int(outside.any(axis=1).argmax())
+        joints = np.flatnonzero(outside[i])
+        raise _beyond(study, i, q[i], joints[0], len(joints) - 1)
 
 
-def _beyond(study: "Study", index: int, q: np.ndarray, j: int, more: int) -> UserError:
+def _beyond(study: "StudyObjects", index: int, q: Array, j: int, more: int) -> UserError:
     """The error of a pose that is beyond a joint's limits, as the controller shows them."""
     lower, upper = study.robot.limits
     shown = shown_limits(study.robot)[j]

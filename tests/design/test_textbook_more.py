@@ -165,6 +165,6 @@ def test_balanced_incomplete_blocks(v, b, k):
 def test_as_much_money_for_each_parameter():
     """D with costs: every parameter gets the same part of the budget."""
     prices = np.array([1.0, 2.0, 4.0, 8.0])
-    found = edtk.plan(rows(np.eye(4)), costs=prices, cost_budget=32.0, starts=4)
+    found = edtk.plan(rows(np.eye(4)), costs=prices, cost_budget=32.0, starts=16)
     assert found.counts.tolist() == [8, 4, 2, 1]
     best(found, np.prod(8 / prices) ** (1 / 4))

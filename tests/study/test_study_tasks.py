@@ -1,6 +1,7 @@
 """Several test poses, and paths: read, checked, and as good as one where they are one."""
 
 import json
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from edtk.study.evaluate import evaluate
 from edtk.study.random_case import random_case
 from edtk.study.study import Study, load_study
 from edtk.system.errors import UserError
+from edtk.system.note import Note
 
 OTHER = TEST_POSE | {"q_deg": [0, -60, 90, 10, 45, 30], "load": {"F_N": [300, -200, 100]}}
 ALONE = Study(**REQUIRED, test_pose=TEST_POSE)
@@ -137,13 +139,29 @@ def test_wrong_tasks_earn_one_line(keys: dict[str, Any], expected: str) -> None:
 
 
 def test_a_path_that_the_robot_cannot_follow_names_the_row(tmp_path: Path) -> None:
-    """So do paths without a load, and those of more poses than anybody needs."""
+    """So do paths without a load."""
     with pytest.raises(UserError, match=r"path.csv: row 2: .* joint q2 is at 30, beyond"):
         path_study(tmp_path, "0,-60,90,0,45,0,1,2,3\n0,30,90,0,45,0,1,2,3\n")
     with pytest.raises(UserError, match="the load turns no joint"):
         path_study(tmp_path, "0,-60,90,0,45,0,0,0,0\n")
-    with pytest.raises(UserError, match="has 1001 poses; expected at most 1000, so keep every 2th"):
-        path_study(tmp_path, "0,-60,90,0,45,0,1,2,3\n" * 1001)
+
+
+def test_a_long_path_is_thinned(tmp_path: Path) -> None:
+    """Of very many poses 1000 count, evenly spread, and a note says so; all must be possible."""
+    angles = np.linspace(0.0, 90.0, 4001)
+    text = "".join(f"{angle:.4f},-60,90,0,45,0,1,2,3\n" for angle in angles)
+    with pytest.warns(Note, match=r"path.csv: 1000 of 4001 poses count, evenly spread"):
+        study = path_study(tmp_path, text)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", Note)
+        q1 = np.array([task.q[0] for task in study.tasks])
+    assert len(q1) == 1000
+    assert q1[[0, -1]] == pytest.approx([0.0, np.pi / 2])
+    rows = q1 / (np.pi / 2) * 4000
+    assert set(np.diff(rows).round().tolist()) == {4, 5}
+    beyond = text.replace("\n0.0225,-60", "\n0.0225,30")
+    with pytest.raises(UserError, match=r"path.csv: row 2: .* joint q2 is at 30, beyond"):
+        path_study(tmp_path, beyond)
 
 
 def test_an_evaluation_tells_each_pose() -> None:

@@ -24,6 +24,10 @@ SAME = 1e-9  # relative difference of costs up to which two plans are equally go
 PROVED = 1e-9  # relative distance to the bound at which nothing is left to find
 EFFORT = 1e10  # products that the starts may take which bring no improvement
 LEAST_STARTS = 4  # of them
+# Part of that effort after which a search ends whose starts have all led to a few optima.
+SETTLED = 0.1
+UNSEEN = 0.5  # optima that may be expected beyond those
+AROUND = 3  # places of the best plan that are drawn anew where it is a start
 MOST_WAVES = 1024
 
 
@@ -35,7 +39,7 @@ class FoundCounts:
         places: Candidates (m,) at its places.
         cost: Its cost.
         starts: Number of starts.
-        found: How many of them led to a plan as good.
+        found: How many of them, the ones around the best plan left out, led to a plan as good.
         ended: Why the search ended: "starts", "stagnation", "proved" or "interrupted".
     """
 
@@ -85,19 +89,23 @@ class CountsSearch:
         try:
             while record.starts < most:
                 size = min(wave, most - record.starts)
-                record.enter(*self._wave(seed, record.waves, size))
+                around = self._around(record)
+                record.enter(self._wave(seed, record.waves, size, around), around is None)
                 progress(record.starts, record.cost)
                 if self._is_proved(record.cost):
                     ended = "proved"
                     break
                 idle = record.starts - record.improved
-                if starts is None and idle >= max(patience, record.starts // 2):
+                if starts is None and (
+                    idle >= max(patience, record.starts // 2) or self._is_settled(record)
+                ):
                     ended = "stagnation"
                     break
         except KeyboardInterrupt:
-            if not record.waves:
+            if record.places is None:
                 raise
             ended = "interrupted"
+        assert record.places is not None
         return FoundCounts(record.places, record.cost, record.starts, record.found, ended)
 
     def _is_proved(self, cost: float) -> bool:
@@ -112,21 +120,49 @@ class CountsSearch:
         affordable = EFFORT / pricing.effort(self.limits)
         return int(np.clip(affordable, LEAST_STARTS, pricing.patience))
 
-    def _wave(self, seed: int, number: int, size: int) -> tuple[Array, Indices]:
-        """Costs (b,) of the plans from some starts, and their places (b, m)."""
+    def _is_settled(self, record: "_Record") -> bool:
+        """Whether long searches have most likely seen all optima that starts lead to.
+
+        Of w optima that s starts have led to, the expected number of others is
+        ``w (w + 1) / (s - w - 2)`` (Boender and Rinnooy Kan 1987).
+        """
+        affordable = SETTLED * EFFORT / self.pricing.effort(self.limits)
+        if record.starts < affordable or not np.isfinite(record.cost):
+            return False
+        w = record.optima
+        return w * (w + 1) < UNSEEN * (len(record.drawn) - w - 2)
+
+    def _around(self, record: "_Record") -> Indices | None:
+        """The best plan (m,) so far where the next wave starts around it, as every other one does.
+
+        Long searches of one start kick it themselves.
+        """
+        return record.places if record.waves % 2 and self.pricing.wave > 1 else None
+
+    def _wave(
+        self, seed: int, number: int, size: int, around: Indices | None
+    ) -> tuple[Array, Indices]:
+        """Costs (b,) of the plans from some starts, and their places (b, m).
+
+        The starts are drawn, or are around a plan (m,), of which kicks then draw but a few places.
+        """
         rng = np.random.default_rng((seed, number))
-        starts = [self._start(rng, number == 0, i) for i in range(size)]
+        n = self.pricing.candidates
+        few = None if around is None else AROUND
+        if around is None:
+            starts = self._starts(rng, number == 0, size)
+        else:
+            starts = kicked(rng, self.limits, np.tile(around, (size, 1)), n, few)
         own = [self.pricing.search_from(rng, start, RIDGE) for start in starts]
         if own[0] is not None:
             places = np.array(own)
             return self._costs(places), places
         guide = self.pricing.guide if number % 2 == 0 else None
-        places = self._improved(np.array(starts), RIDGE, guide)
+        places = self._improved(starts, RIDGE, guide)
         scores = self.pricing.scores(places, RIDGE)
         together = min(self.pricing.kicks, max(1, self.pricing.together // size))
         for _ in range(self.pricing.kicks // together):
-            n = self.pricing.candidates
-            trials = kicked(rng, self.limits, np.repeat(places, together, axis=0), n)
+            trials = kicked(rng, self.limits, np.repeat(places, together, axis=0), n, few)
             trials = self._improved(trials, RIDGE, guide)
             reached = self.pricing.scores(trials, RIDGE).reshape(size, together)
             best = reached.argmin(axis=1)
@@ -142,16 +178,18 @@ class CountsSearch:
             costs = self._costs(places)
         return costs, places
 
-    def _start(self, rng: np.random.Generator, first: bool, number: int) -> Indices:
-        """Places (m,) to start from: rounded weights, then by weight and at random in turn."""
+    def _starts(self, rng: np.random.Generator, first: bool, size: int) -> Indices:
+        """Places (b, m) to start from: rounded weights, then by weight and at random in turn."""
         n = self.pricing.candidates
         total = float(self.relaxed.sum())
-        if not total or number % 2:
-            return draw_places(rng, self.limits, np.ones(n))
-        if first and number == 0 and not self.limits.restricts:
+        alike = np.ones(n)
+        by_weight = self.relaxed + 1e-3 * total / n if total else alike
+        chances = [alike if i % 2 else by_weight for i in range(size)]
+        starts = draw_places(rng, self.limits, chances)
+        if total and first and not self.limits.restricts:
             places = np.repeat(np.arange(n), apportion(self.relaxed, self.limits.m))
-            return rng.permutation(places)
-        return draw_places(rng, self.limits, self.relaxed + 1e-3 * total / n)
+            starts[0] = rng.permutation(places)
+        return starts
 
     def _improved(self, places: Indices, ridge: float, guide: Pricing | None = None) -> Indices:
         """Plans (b, m) that no exchange of one place improves, after those for a guide."""
@@ -182,17 +220,26 @@ class CountsSearch:
 class _Record:
     """The best plan so far."""
 
-    places: Indices
-
     def __init__(self) -> None:
+        self.places: Indices | None = None
+        self.drawn = np.empty(0)
         self.cost = np.inf
         self.waves = 0
         self.starts = 0
         self.improved = 0
         self.found = 0
 
-    def enter(self, costs: Array, places: Indices) -> None:
-        """Enter the plans of a wave: costs (b,) and places (b, m)."""
+    @property
+    def optima(self) -> int:
+        """How many costs the plans from drawn starts have."""
+        ordered = np.sort(self.drawn[np.isfinite(self.drawn)])
+        return 1 + int((np.diff(ordered) > SAME * ordered[1:]).sum())
+
+    def enter(self, found: tuple[Array, Indices], drawn: bool) -> None:
+        """Enter costs (b,) and places (b, m) of a wave, and whether its starts were drawn anew."""
+        costs, places = found
+        if drawn:
+            self.drawn = np.append(self.drawn, costs)
         best = int(costs.argmin())
         if not self.waves or costs[best] < self.cost * (1 - SAME):
             self.improved = self.starts + len(costs)
@@ -203,4 +250,5 @@ class _Record:
         self.waves += 1
         self.starts += len(costs)
         if np.isfinite(self.cost):
-            self.found += int((costs <= self.cost * (1 + SAME)).sum())
+            as_good = int((costs <= self.cost * (1 + SAME)).sum())
+            self.found = self.found + as_good if drawn else max(1, self.found)

@@ -1,5 +1,7 @@
 """Plans at random, within limits: where searches start, and how they leave a local optimum."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from edtk.design.exact.counts.limits import Limits
@@ -7,21 +9,26 @@ from edtk.system.typing import Array, Indices
 
 KICKED = 0.2  # part of the places that a kick draws anew; two at least
 LEAST_KICKED = 2
+AT_ONCE = 200_000  # chances that are drawn from together; such arrays stay in a core's cache
 
 
-def draw_places(rng: np.random.Generator, limits: Limits, chances: Array) -> Indices:
-    """Draw the places (m,) of a plan one after the other, each from what the limits leave.
+def draw_places(rng: np.random.Generator, limits: Limits, chances: Sequence[Array]) -> Indices:
+    """Draw the places of plans one after the other, each from what the limits leave.
 
     Args:
         rng: Random numbers.
-        limits: What the plan must obey.
-        chances: Weights (n,) with which candidates are drawn, all positive.
+        limits: What the plans must obey.
+        chances: Weights (n,), all positive, with which candidates are drawn, for each plan.
+
+    Returns:
+        Places (b, m).
     """
+    n = len(chances[0])
     if not limits.restricts:
-        return rng.choice(len(chances), size=limits.m, p=chances / chances.sum())
-    return _redrawn(
-        rng, limits, _cheapest(limits, len(chances)), rng.permutation(limits.m), chances
-    )
+        return np.array([rng.choice(n, size=limits.m, p=own / own.sum()) for own in chances])
+    order = rng.random((len(chances), limits.m)).argsort(axis=1)
+    places = np.tile(_cheapest(limits, n), (len(chances), 1))
+    return _redrawn(rng, limits, places, order, chances)
 
 
 def kicked(
@@ -40,28 +47,48 @@ def kicked(
         number = max(LEAST_KICKED, round(KICKED * limits.m))
     number = min(limits.m, number)
     some = rng.random(places.shape).argsort(axis=1)[:, :number]
-    if not limits.restricts:
-        places = places.copy()
-        places[np.arange(len(places))[:, None], some] = rng.integers(n, size=some.shape)
-        return places
-    alike = np.ones(n)
-    drawn = [_redrawn(rng, limits, *own, alike) for own in zip(places, some, strict=True)]
-    return np.array(drawn)
+    if limits.restricts:
+        return _redrawn(rng, limits, places, some, [np.ones(n)] * len(places))
+    places = places.copy()
+    places[np.arange(len(places))[:, None], some] = rng.integers(n, size=some.shape)
+    return places
 
 
 def _redrawn(
+    rng: np.random.Generator,
+    limits: Limits,
+    places: Indices,
+    some: Indices,
+    chances: Sequence[Array],
+) -> Indices:
+    """Plans (b, m) with some places (b, k) of each drawn anew, in turn, within the limits."""
+    n = len(chances[0])
+    together = max(1, AT_ONCE // n)
+    parts = [slice(first, first + together) for first in range(0, len(places), together)]
+    drawn = [
+        _redrawn_together(rng, limits, places[part], some[part], np.array(chances[part]))
+        for part in parts
+    ]
+    return np.concatenate(drawn)
+
+
+def _redrawn_together(
     rng: np.random.Generator, limits: Limits, places: Indices, some: Indices, chances: Array
 ) -> Indices:
-    """The plan (m,) with some places drawn anew, in turn, within the limits."""
-    n = len(chances)
+    """A part of them, with the chances (b, n)."""
+    b, n = chances.shape
     places = places.copy()
-    for place in some:
-        allowed = limits.allowed(places[None], int(place), n)
+    each = np.arange(b)
+    for place in some.T:
+        allowed = limits.allowed(places, place, n)
         assert allowed is not None
-        p = np.append(chances, 0.0)[: allowed.shape[1]] * allowed[0]
+        # Of independent exponential waits each is the shortest with its share of the rates.
+        waits = rng.standard_exponential((b, n)) / chances
+        waits[~allowed[:, :n]] = np.inf
+        new = waits.argmin(axis=1)
         # Nothing else may fit; the place then keeps what it has.
-        if p.any():
-            places[place] = rng.choice(len(p), p=p / p.sum())
+        fits = np.isfinite(waits[each, new])
+        places[each[fits], place[fits]] = new[fits]
     return places
 
 

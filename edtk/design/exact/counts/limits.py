@@ -45,6 +45,12 @@ class Limits:
         return self.most is not None or self.costs is not None
 
     @cached_property
+    def prices(self) -> Array:
+        """Costs (n + 1,) of the candidates and of the empty place."""
+        assert self.costs is not None
+        return np.append(self.costs, 0.0)
+
+    @cached_property
     def block_of(self) -> Indices:
         """The block (m,) of each place."""
         return np.repeat(np.arange(len(self.blocks)), self.blocks)
@@ -70,22 +76,24 @@ class Limits:
 
     def spent(self, places: Indices) -> Array:
         """Costs (b,) of plans at places (b, m)."""
-        assert self.costs is not None
-        return np.asarray(np.append(self.costs, 0.0)[places].sum(axis=1))
+        return np.asarray(self.prices[places].sum(axis=1))
 
-    def allowed(self, places: Indices, place: int, n: int) -> Mask | None:
+    def allowed(self, places: Indices, place: int | Indices, n: int) -> Mask | None:
         """Which candidates (b, n) may take a place of plans (b, m); None for all.
 
-        Where a place may stay empty, its number n has the last column.
+        The place is the same in all plans, or another one (b,) in each. Where a place may stay
+        empty, its number n has the last column.
         """
         if not self.restricts:
             return None
-        mask = np.ones((len(places), n), dtype=bool)
-        old = places[:, place]
+        each = np.arange(len(places))
+        old = places[each, place]
+        mask = np.ones((len(places), n if self.sized else n + 1), dtype=bool)
         if self.most is not None:
-            rest = np.delete(places, place, axis=1)
-            mask &= self.counts(rest, n) < self.most
+            rest = places.copy()
+            rest[each, place] = n
+            mask[:, :n] &= self.counts(rest, n) < self.most
         if self.costs is not None:
-            room = self.funds - self.spent(places) + np.append(self.costs, 0.0)[old]
-            mask &= self.costs <= room[:, None] + ROUNDING * abs(self.funds)
-        return mask if self.sized else np.pad(mask, ((0, 0), (0, 1)), constant_values=True)
+            room = self.funds - self.spent(places) + self.prices[old]
+            mask[:, :n] &= self.costs <= room[:, None] + ROUNDING * abs(self.funds)
+        return mask

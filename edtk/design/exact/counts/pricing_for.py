@@ -23,7 +23,7 @@ from edtk.system.typing import Array
 
 MOST_VARIANCES = 2_000_000  # of a look at all candidates; beyond it short lists are quicker
 WELL = 1e8  # condition number of an order of matrices that keeps the digits of eigenvalues
-MANY_PRODUCTS = 5e7  # for a look at all candidates, from which on a bound that spares it pays
+MANY_PRODUCTS = 3e4  # for a look at all candidates, from which on a bound that spares it pays
 FEWEST_CORNERS = 4096  # of a cube; all of fewer are priced as quickly as coordinates are exchanged
 
 

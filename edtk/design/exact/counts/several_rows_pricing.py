@@ -21,6 +21,8 @@ LOOKS = 100  # at all candidates, for one plan, at most: some five are usual
 # to plans of half the distance to the bound that kicks of 8 come to in the same time.
 KICKED = 3
 KICKS = 120  # of a plan, at most
+QUICK = 2e6  # products of a look at all candidates that allow of so many starts
+MOST_PATIENCE = 8
 IDLE_KICKS = 40  # in a row without an improvement, after which there are no more
 ACCURATE = 1e-8  # least eigenvalue at unit diagonal of a plan whose inverse has half its digits
 
@@ -40,8 +42,12 @@ class SeveralRowsPricing(AnyPricing):
     """
 
     loss: ConvexLoss
-    patience = 1  # starts are long, and come within a thousandth of each other
     wave = 1
+
+    @property
+    def patience(self) -> int:  # type: ignore[override]
+        """As many starts as take little time; long ones come within a thousandth of each other."""
+        return int(np.clip(QUICK / (self.scatter.rows.size * len(self.mean)), 1, MOST_PATIENCE))
 
     @cached_property
     def look(self) -> FullLook:
@@ -73,9 +79,10 @@ class SeveralRowsPricing(AnyPricing):
         some = self._shortlist(places, base)
         value = some.value(some.inside(places))
         idle = 0
+        few = min(KICKED, max(1, len(places) - 1))  # of all places it would be a new start
         for _ in range(KICKS):
             own = some.inside(places)[None]
-            trial = kicked(rng, some.limits, own, some.number, KICKED)[0]
+            trial = kicked(rng, some.limits, own, some.number, few)[0]
             trial = some.descended(trial)
             idle += 1
             if self._is_better(some.value(trial), value):
