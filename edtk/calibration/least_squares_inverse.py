@@ -10,6 +10,8 @@ from edtk.inference.prior_rows import PriorRows
 from edtk.model.elastostatic_model import ElastostaticModel
 from edtk.system.typing import Array
 
+ROUNDING = 1e-9  # of a column, which others leave of it if they make the same readings
+
 
 @dataclass(frozen=True, eq=False)
 class LeastSquaresInverse:
@@ -44,6 +46,13 @@ class LeastSquaresInverse:
         """Changes (..., p) of the estimates by changes (..., m, rows) of measurements."""
         below = change if self.prior is None else self.prior.zeros_below(change)
         return self.whitened.solve(below)
+
+    def told(self, column: Array) -> float:
+        """With which std a further parameter of this column (m, rows) would be told; may be inf."""
+        below = column if self.prior is None else self.prior.zeros_below(column)
+        left = float(np.linalg.norm(self.whitened.residual(below)))
+        whole = float(np.linalg.norm(self.whitened.in_sigma(below)))
+        return 1 / left if left > ROUNDING * whole else np.inf
 
     def shifts(self, changes: Array) -> Array:
         """Shifts (p, c) of the estimates by c changes (m, rows, c) of measurements."""

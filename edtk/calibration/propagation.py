@@ -35,6 +35,8 @@ class Propagation:
         assumed: The joints (a,) that are not.
         k: Compliances (p + a,) of both, as the commands take them [rad/(N m)].
         roots: The errors by cause [rad/(N m)]; causes are the parts of an `ErrorBudget`.
+        told: With which standard deviations (a,) the measurements would tell the joints that are
+            not identified, by their noise, if these were unknown, one at a time [rad/(N m)].
         absolute: Whether displacements are counted from the rigid robot.
     """
 
@@ -42,6 +44,7 @@ class Propagation:
     assumed: tuple[AssumedJoint, ...]
     k: Array
     roots: dict[str, Array]
+    told: tuple[float, ...] = ()
     absolute: bool = False
 
     @classmethod
@@ -100,13 +103,15 @@ class Propagation:
         }
         others = given.joints
         wide = {name: np.pad(E, ((0, len(others)), (0, 0))) for name, E in roots.items()}
-        bent = _bent(model, data, inverse, others)
+        columns = [data.regressor(replace(model, unknown=(one.index,)))[..., 0] for one in others]
+        bent = _bent(columns, inverse, others)
         rigid = np.array([one.rigid for one in others], dtype=bool)
         return cls(
             unknown=tuple(int(j) for j in model.joints),
             assumed=others,
             k=np.append(k, [one.compliance for one in others]),
             roots=wide | {"rigid_joints": bent[:, rigid], "known_joints": bent[:, ~rigid]},
+            told=tuple(map(inverse.told, columns)),
             absolute=data.absolute,
         )
 
@@ -147,7 +152,7 @@ class Propagation:
             model=model_error,
             uncompensated=float(np.linalg.norm(bends)),
             absolute=self.absolute,
-            joints=tuple(map(JointPart, self.assumed, of_joints.tolist())),
+            joints=tuple(map(JointPart, self.assumed, of_joints.tolist(), self.told)),
         )
 
     @property
@@ -179,17 +184,14 @@ def _root(covariance: Array) -> Array:
 
 
 def _bent(
-    model: ElastostaticModel,
-    data: Measurements,
-    inverse: LeastSquaresInverse,
-    others: tuple[AssumedJoint, ...],
+    columns: list[Array], inverse: LeastSquaresInverse, others: tuple[AssumedJoint, ...]
 ) -> Array:
     """Errors (p + a, a) by joints that are off by a standard deviation, as the estimates absorb."""
-    found = np.zeros((len(model.joints) + len(others), len(others)))
-    for column, one in enumerate(others):
-        bent = data.regressor(replace(model, unknown=(one.index,)))[..., 0]
-        found[: len(model.joints), column] = one.std * inverse.solve(bent)
-        found[len(model.joints) + column, column] = -one.std
+    p = inverse.whitened.R.shape[-1]
+    found = np.zeros((p + len(others), len(others)))
+    for i, (one, column) in enumerate(zip(others, columns, strict=True)):
+        found[:p, i] = one.std * inverse.solve(column)
+        found[p + i, i] = -one.std
     return found
 
 

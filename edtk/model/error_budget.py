@@ -16,10 +16,13 @@ class JointPart:
     Attributes:
         joint: The joint, with what is assumed of it.
         error: Its part of the total [m].
+        told: With which standard deviation the measurements would tell its compliance, if it was
+            unknown, by their noise; inf if they do not [rad/(N m)].
     """
 
     joint: AssumedJoint
     error: float
+    told: float = np.inf
 
     def to_dict(self) -> dict[str, Any]:
         """Plain numbers, in SI units but for the error in millimetres."""
@@ -29,6 +32,7 @@ class JointPart:
             "std_rad_per_Nm": self.joint.std,
             "source": self.joint.source,
             "error_mm": 1e3 * self.error,
+            "told_std_rad_per_Nm": self.told if np.isfinite(self.told) else None,
         }
 
 

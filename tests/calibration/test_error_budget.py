@@ -98,6 +98,7 @@ def test_joint_that_counts_as_rigid():
     found = budget(joints=(AssumedJoint("q1", 0, 0.0, 1e-7, "stated"),))
     assert found.rigid_joints == pytest.approx(np.linalg.norm(moved), rel=1e-9)
     assert found.joints[0].error == found.rigid_joints
+    assert found.joints[0].told == np.inf  # no vertical load turns it
     assert found.uncompensated > np.linalg.norm(STUDY.target @ K)
 
 
@@ -170,6 +171,9 @@ def test_a_known_joint_holds_a_heavier_load():
     # A tenth more of the known compliance, and the same compliance taken.
     error = np.append(-0.1 * K[0], fit.solve(A @ (K * [1.1, 1, 1, 1, 1]) - without) - K[1:])
     assert found.known_joints == pytest.approx(float(np.linalg.norm(STUDY.target @ error)))
+    # The std that the fit of all has, in which this joint is unknown.
+    whole = Whitened.of(A, DATA.sigma, MODEL.parameters).covariance
+    assert found.joints[0].told == pytest.approx(float(np.sqrt(whole[0, 0])))
     (told,) = propagation.errors
     np.testing.assert_allclose(told.shifts, error[1:])
 

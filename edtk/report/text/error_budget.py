@@ -31,11 +31,15 @@ def assumed_joint(part: JointPart) -> str:
     """What is assumed of a joint, and what that makes of the error."""
     joint = part.joint
     error = f"{1e3 * part.error:.2g} mm"
+    told = ""
+    if part.told < joint.std:
+        told = f"; the measurements tell it to {part.told:.1g}: list it in joints.unknown"
     if joint.rigid:
         size = f"{joint.std:.2g} rad/(N m)"
-        return f"{error} by {joint.name}, which counts as rigid: {size} assumed, {joint.source}"
+        rigid = f"which counts as rigid: {size} assumed, {joint.source}"
+        return f"{error} by {joint.name}, {rigid}{told}"
     known = f"{joint.compliance:.2g} +- {joint.std:.1g} rad/(N m)"
-    return f"{error} by {joint.name}, which counts as known: {known}"
+    return f"{error} by {joint.name}, which counts as known: {known}{told}"
 
 
 # What makes each part smaller.
