@@ -35,7 +35,7 @@ def calibration_verdict(found: Calibration) -> str:
     if harmful:
         lines = [f"{_sentence(found, harmful[0].text)}."]
     elif level == "bad":
-        lines = [QUALITY[level]]
+        lines = [QUALITY[level], *_untold(found)]
     else:
         lines = [f"{QUALITY[level]} {_expected(found)}".strip(), *_parts(found), *_facts(found)]
     lines += [_ended(_sentence(found, diagnostic.text)) for diagnostic in others]
@@ -91,6 +91,17 @@ def _parts(found: Calibration) -> list[str]:
         return [f"The largest part is {PARTS[largest]}, with {noise}; {around}.", *_assumed(budget)]
     rest = f". The noise alone makes {noise}; {around}."
     return [*_assumed(budget), f"{first}{rest}"]
+
+
+def _untold(found: Calibration) -> list[str]:
+    """Joints that the loads turn, and that are not fitted: what does not fit may be theirs."""
+    joints = () if found.budget is None else found.budget.joints
+    return [
+        f"Joint {one.joint.name} counts as {'rigid' if one.joint.rigid else 'known'}, and the "
+        "loads turn it: if nothing else explains the misfit, list it in joints.unknown."
+        for one in joints
+        if one.told < one.joint.std
+    ]
 
 
 def _assumed(budget: ErrorBudget) -> list[str]:

@@ -114,6 +114,17 @@ def test_nothing_is_wrong_if_nothing_is_noted():
     assert box.count("<p>") == 4
 
 
+def test_a_joint_that_the_loads_turn_is_named_where_the_sheet_does_not_fit():
+    """A joint that counts as known, and bends otherwise, may be the misfit: it is to be fitted."""
+    joints = STUDY.to_dict()["joints"] | {"unknown": ["q3", "q4", "q5", "q6"]}
+    known = joints | {"known_rad_per_Nm": {"q2": 2 * STUDY.compliances[0]}}
+    kept = dict(list(STUDY.specification.simulation.compliance_rad_per_Nm.items())[1:])
+    study = STUDY.replace(joints=known, simulation={"compliance_rad_per_Nm": kept})
+    found = calibrated(study=study)
+    assert found.verdict == "bad"
+    assert "<p>Joint q2 counts as known, and the loads turn it: " in calibration_verdict(found)
+
+
 def test_a_headline_is_not_greener_than_a_warning(good):
     """What is hard to believe in the study stands in the box, and takes its green away."""
     study = STUDY.replace()
