@@ -97,9 +97,17 @@ def _of_root(root: ArrayLike) -> Array:
     K = np.array(root, dtype=float)
     if K.ndim != 2 or 0 in K.shape or not np.isfinite(K).all() or K.shape[1] > K.shape[0]:
         raise ValueError("expected a finite matrix (p, s) of full column rank")
-    if np.linalg.matrix_rank(K, 0.0) < K.shape[1]:
+    if not _are_independent(K):
         raise ValueError("expected columns that do not follow from each other")
     return K
+
+
+def _are_independent(K: Array) -> bool:
+    """Whether no column of K (p, s) follows from the others, in any units of rows and columns."""
+    sizes = np.abs(K).max(axis=1, keepdims=True)
+    even = K / np.where(sizes > 0, sizes, 1.0)
+    lengths = np.linalg.norm(even, axis=0)
+    return bool(lengths.all()) and np.linalg.matrix_rank(even / lengths) == K.shape[1]
 
 
 def _of_points(points: ArrayLike | None, weights: ArrayLike | None) -> Array:

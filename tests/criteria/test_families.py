@@ -114,6 +114,8 @@ def test_interest_of_a_family():
         ("I", {}, "needs W or points or root"),
         ("I", {"root": [[1.0, 2.0]]}, "root: expected a finite matrix"),
         ("I", {"root": np.ones((3, 2))}, "root: expected columns that do not follow"),
+        ("I", {"root": np.outer([1e20, 1, 1e-9], [1, 3])}, "root: expected columns that do not"),
+        ("I", {"root": np.eye(3, 2) @ np.diag([1, 0])}, "root: expected columns that do not"),
         ("I", {"points": np.zeros((2, 2))}, "points: expected regressors that are not all zero"),
         ("I", {"W": np.eye(2), "points": np.eye(2)}, "expected one of them"),
         ("I", {"W": np.eye(2), "weights": [1, 1]}, "weights belong to points"),
