@@ -3,16 +3,18 @@
 import numpy as np
 
 from edtk.calibration.diagnostics.diagnostic import Severity
+from edtk.calibration.geometry.day_trend import DayTrend, day_trend
 from edtk.calibration.geometry.few_poses import few_poses
 from edtk.calibration.geometry.fit_rows import FitRows
 from edtk.calibration.geometry.geometric_doubt import GeometricDoubt, rows_in_words
 from edtk.calibration.geometry.marker_doubts import marker_doubts
-from edtk.calibration.geometry.moved_frame import moved_frame
+from edtk.calibration.geometry.moved_frame import MovedFrame, moved_frame
 from edtk.calibration.geometry.study_geometry import StudyGeometry
-from edtk.calibration.geometry.untold_load import untold_load
+from edtk.calibration.geometry.untold_load import UntoldLoad, untold_load
 from edtk.inference.geometry.chance_of_outside import chance_of_outside
 from edtk.inference.geometry.geometric_fit import MM, GeometricFit, root_mean_square
 from edtk.model.geometry.geometric_parameter import GeometricParameter
+from edtk.system.typing import Array
 
 UNLIKELY = 1e-6  # probability, over all poses, below which a pose is named
 MOST_NAMED = 2  # open directions that are named in full
@@ -42,8 +44,7 @@ def fit_doubts(fit: GeometricFit, setting: StudyGeometry) -> list[GeometricDoubt
         *_worse(fit),
         *_rounded(fit),
         *_outliers(fit),
-        *_moved(fit, setting),
-        *_bent(fit, setting),
+        *_causes(fit, setting),
         *_loaded(fit, setting),
         *_springs(fit, setting),
         *_large(fit),
@@ -186,11 +187,32 @@ def _outside(fit: GeometricFit, named: bool) -> list[GeometricDoubt]:
     return [GeometricDoubt(severity, "outside", text)]
 
 
-def _moved(fit: GeometricFit, setting: StudyGeometry) -> list[GeometricDoubt]:
+def _causes(fit: GeometricFit, setting: StudyGeometry) -> list[GeometricDoubt]:
+    """What happened in the course of the day, or bends the robot: the cause that explains most.
+
+    A drift looks like a frame that moved once, and a weight in half of the poses like either: so
+    that which lowers the squares most, beside the noise that all of them leave, is named alone.
+    """
+    others = setting.taken_as_drawn
+    moved = moved_frame(fit, others)
+    trend = day_trend(fit, others)
+    rigid = not any(one.place == "compliance" for one in fit.fitted.model.parameters)
+    bent = untold_load(fit) if rigid and fit.fitted.noise.model_fit is not None else None
+    found: list[tuple[Array, GeometricDoubt]] = []
+    if moved is not None:
+        found.append((moved.columns(fit), _moved(fit, moved)))
+    if trend is not None:
+        found.append((trend.columns, _trend(fit, trend)))
+    if bent is not None:
+        found.append((bent.columns, _bent(fit, bent)))
+    if len(found) < 2:
+        return [doubt for _, doubt in found]
+    gains = FitRows.of(fit).beside(others).gains([columns for columns, _ in found])
+    return [found[int(np.argmax(gains))][1]]
+
+
+def _moved(fit: GeometricFit, moved: MovedFrame) -> GeometricDoubt:
     """The frame of the instrument moved between two poses."""
-    moved = moved_frame(fit, setting.taken_as_drawn)
-    if moved is None:
-        return []
     rows = fit.data.rows_of_pose(moved.first)
     severity = Severity.ALARM if moved.shift > fit.rms else Severity.WARNING
     until = "here on"
@@ -201,23 +223,45 @@ def _moved(fit: GeometricFit, setting: StudyGeometry) -> list[GeometricDoubt]:
         f"instrument's frame or the robot's base had moved; that explains "
         f"{100 * moved.explained:.0f} % of the residuals"
     )
-    return [GeometricDoubt(severity, "frame_moved", text, (rows[0],))]
+    return GeometricDoubt(severity, "frame_moved", text, (rows[0],))
 
 
-def _bent(fit: GeometricFit, setting: StudyGeometry) -> list[GeometricDoubt]:
-    """A weight that nobody told bends the robot; where springs are fitted, these take it."""
-    if setting.loads is not None or fit.fitted.noise.model_fit is None:
-        return []
-    found = untold_load(fit)
-    if found is None:
-        return []
-    listed = ", ".join(f'"{name}"' for name in found.joints)
+def _trend(fit: GeometricFit, trend: DayTrend) -> GeometricDoubt:
+    """Something grew from the first pose to the last."""
+    explains = f"that explains {100 * trend.explained:.0f} % of the residuals"
+    if trend.kind == "growth":
+        verb = "grown" if trend.size > 0 else "shrunk"
+        text = (
+            f"as if all links had {verb} by {1e6 * abs(trend.size):.3g} um/m from the first row to "
+            f"the last: {explains}. Did the robot warm up? Measure when it is warm, or in an order "
+            "that is not that of the poses"
+        )
+        return GeometricDoubt(Severity.WARNING, "growth", text)
+    severity = Severity.ALARM if trend.size > fit.rms else Severity.WARNING
     text = (
-        f"as if a weight that the study does not know bent {', '.join(found.joints)}: that "
-        f"explains {100 * found.explained:.0f} % of the residuals. A load, or the links' own mass? "
-        f"Give it, and ask for compliance = [{listed}]"
+        f"from the first row to the last positions drift by {MM * trend.size:.3g} mm, as if the "
+        f"instrument's frame or the robot's base moved slowly; {explains}. Points on the base "
+        'would tell, as [[marker]] with joint = "base"'
     )
-    return [GeometricDoubt(Severity.WARNING, "untold_load", text)]
+    return GeometricDoubt(severity, "drift", text)
+
+
+def _bent(fit: GeometricFit, found: UntoldLoad) -> GeometricDoubt:
+    """A weight that nobody told bends the robot; where springs are fitted, these take it."""
+    listed = ", ".join(f'"{name}"' for name in found.joints)
+    poses = np.flatnonzero(found.loaded)
+    part: tuple[int, ...] = ()
+    where = ""
+    if not found.loaded.all():
+        part = tuple(sorted(row for pose in poses for row in fit.data.rows_of_pose(int(pose))))
+        where = f"{rows_in_words(part)}: "
+    text = (
+        f"{where}as if a weight that the study does not know bent {', '.join(found.joints)}"
+        f"{' there alone' if where else ''}: that explains {100 * found.explained:.0f} % of the "
+        "residuals. A load, or the links' own mass? Give it, and ask for compliance = "
+        f"[{listed}]"
+    )
+    return GeometricDoubt(Severity.WARNING, "untold_load", text, part)
 
 
 def _loaded(fit: GeometricFit, setting: StudyGeometry) -> list[GeometricDoubt]:

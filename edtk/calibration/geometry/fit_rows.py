@@ -92,6 +92,19 @@ class FitRows:
         counts = self.fit.data.counts
         return fit_model_error(self.noise, self.motion, counts, self.residual, both, slides)
 
+    def gains(self, causes: Sequence[Array]) -> list[float]:
+        """How much better the fit is with the columns (m, 3k, c) of each cause, to compare them.
+
+        It is what the weighted squares fall by, less ``c log n`` for c columns (Schwarz 1978), with
+        the noise that is fitted beside the columns of all causes.
+        """
+        if not causes:
+            return []
+        noise = self.noise_beside(np.concatenate(list(causes), axis=-1))
+        z, X, *columns = self.whitened(noise, self.residual[..., None], self.design, *causes)
+        cost = np.log(max(self.dof(0), 2))
+        return [explained_by(z, X, one).fall - one.shape[-1] * cost for one in columns]
+
     def whitened(self, noise: PositionNoise | None, *columns: Array) -> list[Array]:
         """Columns (m, 3k, c) in units of a noise; all coordinates alike where there is none."""
         V = (noise or self.noise).of_pose(self.motion, self.fit.data.counts)
@@ -101,6 +114,42 @@ class FitRows:
             V = only_seen(alike, self.fit.data.means.seen)
         L = np.linalg.cholesky(V)
         return [np.asarray(np.linalg.solve(L, one)) for one in columns]
+
+
+@dataclass(frozen=True, eq=False)
+class Explained:
+    """What columns explain beside those of a fit.
+
+    Attributes:
+        values: Their coefficients (c,).
+        std: Standard deviations (c,) of these, where the errors have the size one.
+        fall: What the squares fall by.
+        share: Share of the squares that this is.
+    """
+
+    values: Array
+    std: Array
+    fall: float
+    share: float
+
+
+def explained_by(residual: Array, design: Array, columns: Array) -> Explained:
+    """What columns explain of residuals; all (m, 3k, c) in units of the noise."""
+    z, X, C = (one.reshape(-1, one.shape[-1]) for one in (residual, design, columns))
+    Q = np.linalg.qr(X)[0]
+    z, C = z - Q @ (Q.T @ z), C - Q @ (Q.T @ C)
+    inverse = np.linalg.pinv(C.T @ C, hermitian=True)
+    values = inverse @ (C.T @ z)
+    total = float((z**2).sum())
+    fall = total - float(((z - C @ values) ** 2).sum())
+    return Explained(values[:, 0], np.sqrt(np.diag(inverse)), fall, fall / max(total, 1e-300))
+
+
+def log_chance(share: float, count: int, dof: float) -> float:
+    """Logarithm of the probability that so many columns explain such a share by chance."""
+    from scipy.stats import f
+
+    return float(f.logsf(share / max(1 - share, 1e-12) * dof / count, count, dof))
 
 
 def of_positions(columns: Array, means: MarkerPositions) -> Array:

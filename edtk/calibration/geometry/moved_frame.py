@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from edtk.calibration.geometry.fit_rows import FitRows, of_positions
+from edtk.calibration.geometry.day_trend import frame_columns
+from edtk.calibration.geometry.fit_rows import FitRows
 from edtk.inference.geometry.geometric_fit import MM, GeometricFit
 from edtk.inference.geometry.position_noise import PositionNoise
-from edtk.model.geometry.all_parameters import all_parameters
 from edtk.model.geometry.geometric_parameter import GeometricParameter
 from edtk.system.typing import Array
 
@@ -39,6 +39,12 @@ class MovedFrame:
     end: int
     shift: float
     explained: float
+
+    def columns(self, fit: GeometricFit) -> Array:
+        """Its columns (m, 3k, 6) [mm a mm, mm a mrad]."""
+        moved = frame_columns(fit)
+        pose = np.arange(len(moved))
+        return moved * ((pose >= self.first) & (pose < self.end))[:, None, None]
 
 
 def moved_frame(fit: GeometricFit, others: Sequence[GeometricParameter] = ()) -> MovedFrame | None:
@@ -193,12 +199,7 @@ class _Day:
     @classmethod
     def of(cls, fit: GeometricFit, others: Sequence[GeometricParameter] = ()) -> "_Day":
         """Of a fit, beside parameters that are none of it."""
-        model = fit.fitted.model
-        means = fit.data.means
-        base = model.with_parameters(all_parameters(model.robot, model.markers, [], tool=False))
-        of_base = base.see(np.zeros(6), means.q).jacobian
-        assert of_base is not None
-        return cls(FitRows.of(fit).beside(others), MM * of_positions(of_base * base.scales, means))
+        return cls(FitRows.of(fit).beside(others), frame_columns(fit))
 
     def __len__(self) -> int:
         return len(self.moved)

@@ -21,13 +21,16 @@ GEARS = 3e-4  # [rad] of each of three waves a turn, in every joint
 BENT = 4e-3  # [rad/m] compliance of q2 and q3 times the weight: a millimetre or two
 
 
-def day(seed: int, bent: float = 0.0, moved: float = 0.0) -> tuple[Array, Array]:
+def day(
+    seed: int, bent: float = 0.0, moved: float = 0.0, loaded: Array | float = 1.0
+) -> tuple[Array, Array]:
     """Joint angles and positions of a robot whose gears are not round.
 
     Args:
         seed: Of everything.
         bent: Compliance of q2 and q3 times a weight at the tool [rad/m].
         moved: How far the frame moves at the pose 14 [m].
+        loaded: Shares of the weight (m,) that the poses are under.
     """
     rng = np.random.default_rng(seed)
     model = replace(StudyGeometry.of(STUDY).model, offsets=OFFSETS, start=PLACE)
@@ -36,7 +39,7 @@ def day(seed: int, bent: float = 0.0, moved: float = 0.0) -> tuple[Array, Array]
     waves = np.arange(1, 4) * q[..., None] + rng.uniform(0, 2 * np.pi, (6, 3))
     shown = q + (rng.normal(0, GEARS, (6, 3)) * np.sin(waves)).sum(axis=-1)
     down = -model.robot.frames(q, ()).linear_of_each[:, 2].T
-    shown += bent * down * np.isin(np.arange(6), [1, 2])
+    shown += (bent * down * np.isin(np.arange(6), [1, 2])) * np.reshape(loaded, (-1, 1))
     x = model.see(theta, shown, derivatives=False).points + rng.normal(0, 2e-5, (POSES, 3, 3))
     x[14:] += moved * np.array([0.6, -0.64, 0.48])
     return q, x
@@ -84,3 +87,28 @@ def test_the_verdict_says_what_to_ask_for(tmp_path: Path) -> None:
     assert len(named) == 1
     assert 'ask for compliance = ["q2", "q3"]' in named[0]
     assert found.verdict == "usable"
+
+
+PARTS = {
+    "first half": np.arange(POSES) < POSES // 2,
+    "second half": np.arange(POSES) >= POSES // 2,
+    "every other": np.arange(POSES) % 2 == 1,
+    "any": np.random.default_rng(3).random(POSES) < 0.5,
+}
+
+
+@pytest.mark.parametrize("part", PARTS)
+@pytest.mark.parametrize("seed", [1, 4])
+def test_a_weight_in_half_of_the_poses_is_named_with_their_rows(
+    part: str, seed: int, tmp_path: Path
+) -> None:
+    """Whichever half it is; not as a frame that moved or drifts."""
+    loaded = PARTS[part]
+    q, x = day(seed, bent=2 * BENT, loaded=loaded.astype(float))
+    found = edtk.identify(STUDY, by_pose(tmp_path / "day.csv", np.rad2deg(q), 1e3 * x))
+    kinds = {doubt.kind for doubt in found.doubts}
+    assert not kinds & {"frame_moved", "drift", "growth"}
+    (named,) = [doubt for doubt in found.doubts if doubt.kind == "untold_load"]
+    told = np.isin(np.arange(POSES), named.rows)
+    assert (told == loaded).mean() > 0.9
+    assert "bent q2, q3 there alone" in named.text
