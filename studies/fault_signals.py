@@ -24,6 +24,8 @@ MM = 1e-3
 DIRECTIONS = 1000  # of vectors, spread evenly
 CHUNK = 1_000_000  # log-likelihoods at once
 OUTLIER = 15.0  # [sigma]
+TWO_OUTLIERS = 10.0  # [sigma]
+PAIRS = 300  # of coordinates in which two outliers are
 SHIFTS = np.deg2rad(np.concatenate([np.arange(-30, -2), np.arange(3, 31)]))  # of mistyped joints
 
 
@@ -131,6 +133,10 @@ def signals_of(study: Study, q: Array, poses_of: Array) -> dict[str, Alternative
     found["wrong pose in all its repeats"] = Shifted(seen(_wrong_poses(study, data, A, poses_of)))
     found["one outlier of 15 sigma"] = Shifted(OUTLIER * np.concatenate([rest, -rest]))
     d = rest.shape[1]
+    some = np.random.default_rng(len(rest)).choice(len(rest), (PAIRS, 2))
+    signs = np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]])
+    pairs = np.concatenate([rest[some[:, 0]] * a + rest[some[:, 1]] * b for a, b in signs])
+    found["two outliers of 10 sigma"] = Shifted(TWO_OUTLIERS * pairs)
     found["sigma 1.5 times too small"] = Noisier(1.5**2 * np.eye(d))
     same = (poses_of[:, None] == poses_of).astype(float)
     shared = np.kron((np.eye(len(q)) + same) / 2, np.eye(3))
@@ -156,6 +162,16 @@ OF_JOINTS = (
     ("backlash", True, "", "backlash of 0.005 degrees, one joint", np.deg2rad(0.005)),
     ("backlash", False, "", "backlash of 0.005 degrees, all joints", np.deg2rad(0.005)),
 )
+# Those that have either sign, and friction, whose size is the usual one.
+OF_EITHER_SIGN = (
+    ("joint_zero", True, "zero of one joint 1 degree off", np.deg2rad(1)),
+    ("link_length", True, "one link 100 mm longer", 100 * MM),
+)
+OTHERS = (
+    ("link_length", False, "", "all links 100 mm longer", 100 * MM),
+    ("friction", True, "", "friction, a tenth of one joint's load", None),
+    ("friction", False, "deg", "friction of 0.005 degrees, all joints", np.deg2rad(0.005)),
+)
 AS_BEFORE = (
     ("backlash", True, "q2", "backlash of 0.0045 degrees, q2", np.deg2rad(0.0045)),
     ("backlash", True, "q4", "backlash of 0.012 degrees, q4", np.deg2rad(0.012)),
@@ -175,6 +191,13 @@ def _smooth(
             title, size = WITH_DIRECTION[family.cause]
             # Of the drifts the first, which all readings share.
             found.setdefault(title, [size * directions(family.dims) @ units])
+        for cause, single, title, size in OF_EITHER_SIGN:
+            if cause == family.cause and single == bool(family.joint):
+                found.setdefault(title, []).append(size * directions(1) @ units)
+        for cause, single, unit, title, size in OTHERS:
+            same = cause == family.cause and single == bool(family.joint)
+            if same and unit in ("", family.unit):
+                found.setdefault(title, []).append((size or family.usual) * units)
         for cause, single, joint, title, size in of_joints:
             same = cause == family.cause and single == bool(family.joint)
             if same and joint in ("", family.joint):

@@ -169,6 +169,60 @@ def backlash_as_before(joint: int | None, degrees: float) -> Callable[..., Scene
     return make
 
 
+def joint_zero(scene: Scene, rng: np.random.Generator) -> Scene:
+    """One joint is 1 degree further than written, or less far, in all poses."""
+    joint = int(rng.choice(scene.study.model.joints))
+    q = scene.true_q.copy()
+    q[:, joint] += np.deg2rad(1.0) * rng.choice([-1, 1])
+    return replace(scene, true_q=q, joint=scene.study.robot.joint_names[joint])
+
+
+def friction(scene: Scene, rng: np.random.Generator) -> Scene:
+    """Friction holds a tenth of one joint's mean load."""
+    joint = int(rng.choice(scene.study.model.joints))
+    torque = scene.torque()[:, joint]
+    lost = np.minimum(0.1 * np.abs(torque).mean(), np.abs(torque))
+    play = scene.play.copy()
+    play[:, joint] = -scene.k[:, joint] * lost * np.sign(torque)
+    return replace(scene, play=play, joint=scene.study.robot.joint_names[joint])
+
+
+def friction_everywhere(scene: Scene, rng: np.random.Generator) -> Scene:
+    """All joints lag by 0.005 degrees behind what their load would turn them by, or stand still."""
+    play = scene.play.copy()
+    unknown = scene.study.model.joints
+    torque = scene.torque()[:, unknown]
+    lag = np.minimum(np.deg2rad(0.005), scene.k[:, unknown] * np.abs(torque))
+    play[:, unknown] = -lag * np.sign(torque)
+    return replace(scene, play=play)
+
+
+def link_length(scene: Scene, rng: np.random.Generator) -> Scene:
+    """One link between two joints is 100 mm longer than in the model."""
+    chosen = np.arange(len(scene.longer)) == rng.choice(_links(scene))
+    return replace(scene, longer=100 * MM * chosen)
+
+
+def all_links(scene: Scene, rng: np.random.Generator) -> Scene:
+    """All links between joints are 100 mm longer than in the model."""
+    chosen = np.isin(np.arange(len(scene.longer)), _links(scene))
+    return replace(scene, longer=100 * MM * chosen)
+
+
+def two_outliers(scene: Scene, rng: np.random.Generator) -> Scene:
+    """One coordinate of each of two readings is off by 10 standard deviations."""
+    off = scene.outlier.copy()
+    rows = rng.choice(len(off), 2, replace=False)
+    off[rows, rng.integers(3, size=2)] = 10.0 * rng.choice([-1, 1], 2)
+    return replace(scene, outlier=off, rows=tuple(sorted(rows.tolist())))
+
+
+def _links(scene: Scene) -> list[int]:
+    """The joints behind links that have a length, but for the first, which is on the base."""
+    lengths = [float(np.linalg.norm(one.origin[:3, 3])) for one in scene.study.robot.joints]
+    return [j for j, length in enumerate(lengths) if j > 0 and length > 10 * MM]
+
+
 def outlier(scene: Scene, rng: np.random.Generator) -> Scene:
     """One coordinate of one reading is off by 15 standard deviations."""
     off = scene.outlier.copy()
@@ -232,6 +286,11 @@ FAULTS = (
     Fault("all joints 30 % softer by sign", "torque_sign", torque_sign_everywhere, "100 / 100"),
     Fault("backlash of 0.005 degrees, one joint", "backlash", backlash),
     Fault("backlash of 0.005 degrees, all joints", "backlash", backlash_everywhere),
+    Fault("zero of one joint 1 degree off", "joint_zero", joint_zero),
+    Fault("friction, a tenth of one joint's load", "friction", friction),
+    Fault("friction of 0.005 degrees, all joints", "friction", friction_everywhere),
+    Fault("one link 100 mm longer", "link_length", link_length),
+    Fault("all links 100 mm longer", "link_length", all_links),
     Fault("displacements in inches", "unit", in_unit(1 / 25.4)),
     Fault("displacements in centimetres", "unit", in_unit(1 / 10)),
     Fault("displacements in metres", "unit", in_unit(1e-3)),
@@ -240,6 +299,7 @@ FAULTS = (
     Fault("forces in kilonewtons", "unit", weighed_in(1e3)),
     Fault("two columns exchanged", "columns", columns),
     Fault("one outlier of 15 sigma", "outlier", outlier),
+    Fault("two outliers of 10 sigma", "outlier", two_outliers),
     Fault("backlash of 0.0045 degrees, q2", "backlash", backlash_as_before(1, 0.0045), OLD),
     Fault("backlash of 0.012 degrees, q4", "backlash", backlash_as_before(3, 0.012), OLD),
     Fault("backlash of 0.0033 degrees, all", "backlash", backlash_as_before(None, 0.0033), OLD),

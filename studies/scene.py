@@ -12,12 +12,14 @@ import pandas as pd
 from edtk import Study
 from edtk.inference.equilibrium_deflection import equilibrium_deflection
 from edtk.model.equilibrium import torque_and_derivative
+from edtk.model.robot import Robot
 from edtk.system.typing import Array, Indices
 from edtk.tables.pose_columns import pose_columns
 from edtk.tables.pose_table import WRENCH_COLUMNS, pose_factors
 from edtk.tables.sheet_columns import DEFLECTION_COLUMNS
 
 MM = 1e-3
+TINY = 1e-12  # length of a link that is none [m]
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +40,7 @@ class Scene:
         moved: Displacement (N, 3) of something else between the two readings [m].
         noise: True noise over the stated one.
         common: Share of the noise's variance that repetitions of a pose have in common.
+        longer: Lengths (n,) by which the links before the joints are longer than in the model [m].
         outlier: Error (N, 3) of single readings, in standard deviations.
         factor: Factor on the written displacements.
         exchanged: Two columns of the sheet that were exchanged; empty for none.
@@ -56,6 +59,7 @@ class Scene:
     play: Array
     turn: Array
     moved: Array
+    longer: Array
     outlier: Array
     noise: float = 1.0
     common: float = 0.0
@@ -85,8 +89,19 @@ class Scene:
             play=np.zeros(q.shape),
             turn=np.eye(3),
             moved=np.zeros((rows, 3)),
+            longer=np.zeros(study.robot.n),
             outlier=np.zeros((rows, 3)),
         )
+
+    @property
+    def robot(self) -> Robot:
+        """The true robot."""
+        joints = []
+        for joint, longer in zip(self.study.robot.joints, self.longer, strict=True):
+            origin = joint.origin.copy()
+            origin[:3, 3] *= 1 + longer / max(float(np.linalg.norm(origin[:3, 3])), TINY)
+            joints.append(replace(joint, origin=origin))
+        return replace(self.study.robot, joints=tuple(joints), tool=self.tool)
 
     def torque(self) -> Array:
         """Loads of the joints (N, n) in the unloaded pose [N m]."""
@@ -94,7 +109,7 @@ class Scene:
 
     def measured(self, rng: np.random.Generator) -> Array:
         """Written displacements (N, 3) [m]."""
-        model = replace(self.study.model, robot=self.study.robot.with_tool(self.tool))
+        model = replace(self.study.model, robot=self.robot)
         d = equilibrium_deflection(model, self.true_q, self.true_wrench, self.k)
         J = model.robot.jacobian(self.true_q)[:, :3]
         d = d + (J @ self.play[..., None])[..., 0] + self.moved

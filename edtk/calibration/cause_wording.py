@@ -50,6 +50,41 @@ def _wrong_pose(cause: Cause) -> str:
     return f"{rows}: joint {cause.joint} looks {_size(cause)} away from the written value"
 
 
+def _frame_rotation(cause: Cause) -> str:
+    """A measuring frame that is turned; or a joint whose zero is off, which does the same."""
+    turned = f"the measuring frame looks turned by {_size(cause)}"
+    if not cause.joint:
+        return turned
+    zero = "the zero of that joint is off by as much: both look the same"
+    return f"{turned} about the axis of joint {cause.joint}, or {zero}"
+
+
+def _joint_zero(cause: Cause) -> str:
+    """A joint that is counted from a zero that is off."""
+    size, which = _signed(cause, "further than", "short of")
+    return f"the zero of joint {cause.joint} looks off: it is {size} {which} what is written"
+
+
+def _link_length(cause: Cause) -> str:
+    """Links that are longer or shorter than in the model."""
+    size, which = _signed(cause, "longer", "shorter")
+    links = f"the link before joint {cause.joint} looks" if cause.joint else "every link looks"
+    return f"{links} {size} {which} than in the robot's model: is it another robot?"
+
+
+def _drift(cause: Cause) -> str:
+    """Something that moves between unloaded and loaded readings: at once, or slowly."""
+    if cause.grows:
+        return f"the readings look as if something drifts, by {_size(cause)} from first to last row"
+    return f"loaded readings look shifted by {_size(cause)} against unloaded ones"
+
+
+def _friction(cause: Cause) -> str:
+    """A joint, or every one, that friction holds."""
+    what = "of its load" if cause.unit.startswith("N") else "of its motion"
+    return f"friction in {_joint(cause)} looks to take {_size(cause)} {what}"
+
+
 def _misread(cause: Cause) -> str:
     """Columns that are to be read otherwise."""
     return f"the columns look misread ({cause.cause.replace('_', ' ')})"
@@ -59,11 +94,14 @@ _CLAUSES: dict[str, Callable[[Cause], str]] = {
     "load_size": _load_size,
     "load_direction": lambda cause: f"the load looks tilted by {_size(cause)}",
     **{f"tool_{axis}": _tool for axis in "xyz"},
-    "frame_rotation": lambda cause: f"the measuring frame looks turned by {_size(cause)}",
+    "frame_rotation": _frame_rotation,
+    "joint_zero": _joint_zero,
+    "link_length": _link_length,
+    "friction": _friction,
     "frame_axes": _misread,
     "columns": _misread,
     "unit": lambda cause: f"the displacements look {_size(cause)} too large: another unit?",
-    "drift": lambda cause: f"loaded readings look shifted by {_size(cause)} against unloaded ones",
+    "drift": _drift,
     "sigma": lambda cause: f"the noise is {_size(cause)}",
     "pose": _wrong_pose,
     "torque_sign": lambda cause: (

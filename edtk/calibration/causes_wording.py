@@ -17,3 +17,19 @@ def causes_wording(found: Finding) -> str:
     if times is not None and times > 1:
         which += f", measuring each experiment {times} times could"
     return f"{either}: {which}; the first explains {share}"
+
+
+def no_cause_wording(found: Finding) -> str:
+    """A misfit that no fault explains, and what would tell more."""
+    tells = []
+    if not found.data["repeated"]:
+        tells.append("each pose measured twice, which tells noise from model")
+    if not found.data["loads"]:
+        tells.append("a pose under half the load and along another axis, which tells what bends")
+    tells.append(
+        "positions without load in many poses, which tell the geometry (docs/howto/geometry.md)"
+    )
+    return (
+        "no cause in the list explains this: the model. Something bends, slips or is placed "
+        f"otherwise than in the study; more would tell {'; '.join(tells)}"
+    )

@@ -40,6 +40,7 @@ class Kind(Enum):
     MOVING_JOINTS = auto()
     REPEATABILITY = auto()
     CAUSE = auto()
+    NO_CAUSE = auto()
     DO_NOT_COMPENSATE = auto()
     GAINS_LITTLE = auto()
     BEYOND_LIMITS = auto()

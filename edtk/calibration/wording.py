@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from edtk.calibration.causes_wording import causes_wording
+from edtk.calibration.causes_wording import causes_wording, no_cause_wording
 from edtk.calibration.finding import Finding, Kind
 from edtk.calibration.prior_wording import ON_PRIORS, prior_wording
 from edtk.calibration.reading_wording import READINGS, reading_wording
@@ -289,6 +289,7 @@ _SENTENCES: dict[Kind, Callable[[Finding], str]] = {
     Kind.LACK_OF_FIT: _lack_of_fit,
     **dict.fromkeys(ON_VISITS, visit_wording),
     Kind.CAUSE: causes_wording,
+    Kind.NO_CAUSE: no_cause_wording,
     Kind.DO_NOT_COMPENSATE: _do_not_compensate,
     Kind.GAINS_LITTLE: _gains_little,
     Kind.BEYOND_LIMITS: _beyond_limits,

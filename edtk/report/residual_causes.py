@@ -25,7 +25,8 @@ def residual_causes(found: Calibration) -> list[str]:
     elif found.fit.p_value is not None and found.fit.p_value < UNLIKELY and not _told(found):
         text = "None of the faults that are known explains the residuals: load, tool, measuring "
         more = (
-            "frame, drift, units, columns, a wrong pose, backlash or stiffness by sign of torque."
+            "frame, drift, units, columns, a wrong pose, the zero of one joint, links of another "
+            "length, friction, backlash or stiffness by sign of torque."
         )
         parts.append(paragraph(text + more))
     return parts

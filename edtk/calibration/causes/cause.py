@@ -25,6 +25,7 @@ class Cause:
         rows: Rows that it is in, counted from 0; empty for all.
         times: Of a second cause: how often each experiment would have to be measured until the
             first one is told from it; None if that is not known, or a hundred times do not.
+        grows: Whether it grows from row to row, up to its size.
     """
 
     cause: str
@@ -36,6 +37,7 @@ class Cause:
     joint: str = ""
     rows: tuple[int, ...] = ()
     times: int | None = None
+    grows: bool = False
 
     def to_dict(self) -> dict[str, Any]:
         """Plain numbers for JSON; rows are counted from 1."""
@@ -49,4 +51,5 @@ class Cause:
             "joint": self.joint or None,
             "rows": [row + 1 for row in self.rows],
             "times": self.times,
+            "grows": self.grows,
         }

@@ -34,6 +34,7 @@ class Family:
         joint: Name of the joint that the fault is in; empty if it is in none.
         rows: Rows of the measurements that the fault is in, counted from 0; empty for all.
         only_positive: Whether there is no such fault of a negative size.
+        grows: Whether the fault grows from row to row, up to its size.
     """
 
     cause: str
@@ -46,6 +47,7 @@ class Family:
     joint: str = ""
     rows: tuple[int, ...] = ()
     only_positive: bool = False
+    grows: bool = False
 
     def derivative(self, c: Array, k: Array) -> Array:
         """Derivatives (m, rows, dims) of the predictions by the size of the fault."""

@@ -1,11 +1,12 @@
 """Which fault explains the residuals best, if any does."""
 
-from collections.abc import Mapping
-from dataclasses import replace
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from edtk.calibration.causes.cause import OUTLIER, POSE, PRIOR, Cause
+from edtk.calibration.causes.cause import NOISE, OUTLIER, POSE, PRIOR, Cause
 from edtk.calibration.causes.found_causes import FoundCauses, most_outliers
 from edtk.calibration.causes.plain_fit import PlainFit
 from edtk.calibration.causes.rank_faults import COMMON, LEVEL, likely_faults, rank_faults
@@ -18,13 +19,88 @@ from edtk.inference.least_squares import SingularPlanError
 from edtk.inference.measurements import Measurements
 from edtk.inference.prior_rows import PriorRows
 from edtk.model.elastostatic_model import ElastostaticModel
-from edtk.system.typing import Array
+from edtk.system.typing import Array, Indices
 
 MOST = 2  # causes that are named
 NO_FAULTS = (COMMON, OUTLIER, PRIOR)  # of the day; they keep others from being blamed
+SINGLE = (OUTLIER, POSE)  # faults of single rows, which may be set aside one after another
 NEAR = 6.0  # score within which a second cause is as likely as the best, to a person
 CLEARLY_OFF = 6.0  # size of an outlier, in sigma, that larger noise does not make
 WITHIN_REACH = 20.0  # score that a pose gains at most where a joint value explains it
+UNEXPLAINED = 1e-6  # probability of what the best fault leaves, below which it is none of the list
+LIKELIER = 1e-6  # score by which rows have to be set aside for more than rounding
+
+
+@dataclass(frozen=True, eq=False)
+class Look:
+    """What may explain some of the measurements, where the other rows are set aside.
+
+    Attributes:
+        plain: These measurements without any fault.
+        rows: Their rows, counted from 0.
+        ranked: Faults with their scores, the likeliest first.
+        aside: The outliers that were set aside, each with the chi-square that it took.
+        cost: What these add to the score.
+    """
+
+    plain: PlainFit
+    rows: Indices
+    ranked: tuple[tuple[float, Tried], ...]
+    aside: tuple[tuple[Tried, float], ...] = ()
+    cost: float = 0.0
+
+    @property
+    def best(self) -> Tried | None:
+        """The likeliest fault; None where none is likely. Outliers are for the next look."""
+        return next((one for _, one in self.ranked if one.cause.cause != OUTLIER), None)
+
+    @property
+    def score(self) -> float:
+        """The less, the likelier are the best fault and the outliers together."""
+        best = self.best
+        found = [score for score, one in self.ranked if one is best]
+        return self.cost + (found[0] if found else self.plain.chi2)
+
+    @property
+    def left(self) -> float:
+        """Probability that noise makes what the best fault leaves, beside the outliers."""
+        best = self.best
+        if best is None:
+            return self.plain.probability(self.plain.chi2, self.plain.dof)
+        if best.cause.cause in (NOISE, COMMON):
+            return 1.0
+        dof = self.plain.alone_dof if best.cause.cause == PRIOR else self.plain.dof - best.dims
+        return self.plain.probability(best.deviance, dof)
+
+    @property
+    def off(self) -> Tried | None:
+        """The likeliest fault of single rows that is off by far; None where a likelier one fits."""
+        best = self.best
+        for _, one in self.ranked:
+            if one is best and best.cause.cause != NOISE and self.left > LEVEL:
+                return None
+            if one.cause.cause in SINGLE and self.drop(one) > CLEARLY_OFF**2:
+                return one
+        return None
+
+    def drop(self, one: Tried) -> float:
+        """By how much a fault reduces the sum of squares."""
+        return self.plain.chi2 - one.deviance
+
+    @property
+    def is_clear(self) -> bool:
+        """Whether outliers are off by more than the others scatter, if that is more than stated.
+
+        A reading that is little off may as well be one of noise that is larger than stated.
+        """
+        best = self.best
+        dims = 0 if best is None else best.dims
+        left = self.plain.chi2
+        if best is not None and best.cause.cause not in (NOISE, COMMON):
+            left = best.deviance
+        dof = max(self.plain.dof - dims, 1)
+        scatter = 1.0 if _fits(left, dof) else max(1.0, left / dof)
+        return all(drop > CLEARLY_OFF**2 * scatter for _, drop in self.aside)
 
 
 def find_causes(
@@ -42,9 +118,12 @@ def find_causes(
     below 1 %, after looking at all faults, the one of the largest marginal likelihood is named. A
     noise that is larger than stated is one of the alternatives.
 
-    A reading that is off by itself is another one. Where it is the likeliest, the row is set aside,
-    and the others are looked at as if it had not been measured. Where so many would have to be set
-    aside that they are no outliers any more, none is.
+    Readings that are off by themselves are another one. They are set aside one after another, the
+    likeliest first, and the others are looked at as if these had not been measured. Of all these
+    looks the one of the largest marginal likelihood counts: two outliers hide each other from a
+    look at one, and make a noise that is larger than stated.
+
+    Where the best fault leaves what noise does not make, it is not the fault: none is named.
 
     Args:
         model: The robot with its calibration tool, and the measured rows.
@@ -56,46 +135,71 @@ def find_causes(
         prior: What is known of the compliances besides, linearised about the fitted ones.
     """
     told = prior if prior is not None and len(prior) else None
-    rows = np.arange(len(data))
-    first = FoundCauses()
-    for turn in range(1 + most_outliers(len(data))):
+
+    def plain_fit(rows: Indices) -> PlainFit | None:
+        """Some rows without a fault; None where they do not tell all parameters."""
         try:
             plain = PlainFit.of(model, data[rows], measured[rows], known or {}, told)
         except SingularPlanError:
-            break  # some of very many measurements, or all others, do not tell all parameters
-        if plain.dof < 1:
-            break
-        found, off = _look(plain, typed)
-        if turn == 0:
-            first = found
+            return None
+        return plain if plain.dof >= 1 else None
+
+    looks = list(_looks(len(data), plain_fit, typed))
+    if not looks:
+        return FoundCauses()
+    best = looks[0]
+    for look in looks[1:]:
+        if look.is_clear and look.score < best.score - LIKELIER:
+            best = look
+    return _found(best, len(data))
+
+
+def _looks(
+    m: int, plain_fit: Callable[[Indices], PlainFit | None], typed: tuple[int, ...]
+) -> Iterator[Look]:
+    """Look at all rows, and at those that are left where outliers are set aside one by one."""
+    rows = np.arange(m)
+    aside: tuple[tuple[Tried, float], ...] = ()
+    cost = 0.0
+    while m - len(rows) <= most_outliers(m):
+        plain = plain_fit(rows)
+        if plain is None:
+            return
+        look = Look(plain, rows, _ranked(plain, typed), aside, cost)
+        yield look
+        off = look.off
         if off is None:
-            aside = np.setdiff1d(np.arange(len(data)), rows).tolist()
-            found = found.in_rows(rows)
-            return replace(found, outliers=tuple(sorted([*aside, *found.outliers])))
-        rows = np.delete(rows, off)
-    return first
+            return
+        aside = (*aside, (off, look.drop(off)))
+        # Outliers may be found in any order.
+        cost += plain.score(off) - off.deviance - 2 * math.log(len(aside))
+        rows = np.delete(rows, off.cause.rows)
 
 
-def _look(plain: PlainFit, typed: tuple[int, ...]) -> tuple[FoundCauses, int | None]:
-    """What explains some measurements, and a row without which one has to look again."""
+def _ranked(plain: PlainFit, typed: tuple[int, ...]) -> tuple[tuple[float, Tried], ...]:
+    """The faults that may explain some measurements, the likeliest first."""
     likely = likely_faults(try_faults(plain))
     likely.sort(key=plain.score)
-    ranked = rank_faults(_with_joints(plain, likely, typed), plain.coordinates)
-    if not ranked:
-        return FoundCauses(), None
-    best = ranked[0][1]
-    if best.cause.cause == OUTLIER and _is_clearly_off(best, plain):
-        if _fits(best.deviance, plain.dof - best.dims):
-            return FoundCauses(outliers=best.cause.rows), None
-        return FoundCauses(_named(ranked, plain)), best.cause.rows[0]
-    if best.cause.cause == COMMON:
-        return FoundCauses(), None  # the test of lack of fit tells of it
-    if best.cause.cause == PRIOR and _fits(best.deviance, plain.alone_dof):
-        return FoundCauses(), None
-    return FoundCauses(_named(ranked, plain)), None
+    return tuple(rank_faults(_with_joints(plain, likely, typed), plain.coordinates))
 
 
-def _named(ranked: list[tuple[float, Tried]], plain: PlainFit) -> tuple[Cause, ...]:
+def _found(look: Look, m: int) -> FoundCauses:
+    """What the best look shows."""
+    if look.left < UNEXPLAINED:
+        return FoundCauses(unexplained=True)
+    outliers = tuple(np.setdiff1d(np.arange(m), look.rows).tolist())
+    best = look.best
+    # The test of lack of fit tells of noise that repetitions share.
+    silent = best is None or best.cause.cause == COMMON
+    if best is not None and best.cause.cause == PRIOR:
+        silent = _fits(best.deviance, look.plain.alone_dof)
+    if silent:
+        return FoundCauses(outliers=outliers)
+    named = FoundCauses(_named(look.ranked, look.plain)).in_rows(look.rows)
+    return replace(named, outliers=outliers)
+
+
+def _named(ranked: Sequence[tuple[float, Tried]], plain: PlainFit) -> tuple[Cause, ...]:
     """The best cause, and a second one that is about as likely."""
     faults = [(score, one) for score, one in ranked if one.cause.cause not in NO_FAULTS]
     best = [one for score, one in faults if score <= faults[0][0] + NEAR][:MOST]
@@ -121,16 +225,6 @@ def _with_joints(plain: PlainFit, likely: list[Tried], typed: tuple[int, ...]) -
             plain.model, plain.data, measured, one, typed, plain.by_prior
         )
     return found
-
-
-def _is_clearly_off(one: Tried, plain: PlainFit) -> bool:
-    """Whether a reading is off by more than the others scatter, if that is more than stated.
-
-    A reading that is little off may as well be one of noise that is larger than stated.
-    """
-    dof = max(plain.dof - one.dims, 1)
-    scatter = 1.0 if _fits(one.deviance, dof) else max(1.0, one.deviance / dof)
-    return plain.chi2 - one.deviance > CLEARLY_OFF**2 * scatter
 
 
 def _fits(deviance: float, dof: int) -> bool:

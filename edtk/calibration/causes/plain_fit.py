@@ -2,11 +2,13 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from edtk.calibration.causes.family import Family
 from edtk.calibration.causes.tried import Tried
+from edtk.inference.distributions import chi_square_tail, fisher_tail
 from edtk.inference.least_squares import SingularPlanError, Whitened
 from edtk.inference.measurements import Measurements
 from edtk.inference.prior_rows import PriorRows
@@ -108,6 +110,28 @@ class PlainFit:
     def alone_dof(self) -> int:
         """Degrees of freedom of the measurements alone."""
         return self.dof if self.alone is None else self.data.deflection.size - len(self.k)
+
+    @cached_property
+    def pure_error(self) -> tuple[float, int]:
+        """Sum of squares of repetitions about their means, and its degrees of freedom."""
+        z = self.z
+        group = self.data.places
+        count = np.bincount(group)
+        mean = np.stack([np.bincount(group, column) / count for column in z.T], axis=1)
+        return float(((z - mean[group]) ** 2).sum()), z.size - len(count) * z.shape[1]
+
+    def probability(self, left: float, dof: int) -> float:
+        """Probability that noise leaves so large a sum of squares.
+
+        Where repetitions scatter by more than the stated noise, what is left beside their scatter
+        is compared with that, by Fisher's law.
+        """
+        p = float(chi_square_tail(left, max(dof, 1)))
+        pure, pure_dof = self.pure_error
+        if pure_dof < 1 or pure <= pure_dof or dof <= pure_dof:
+            return p
+        F = (left - pure) / (dof - pure_dof) / (pure / pure_dof)
+        return max(p, float(fisher_tail(max(F, 0.0), dof - pure_dof, pure_dof)))
 
     def usual_shift(self, parts: int) -> Array:
         """Sizes (parts,) of shifts of single rows [m, rad]: lengths first, then rotations.

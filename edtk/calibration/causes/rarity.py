@@ -14,6 +14,7 @@ FREEDOM = 4.0
 FACTORS = 2.0 ** np.arange(-2, 7)
 WEIGHTS = FACTORS**-FREEDOM * np.exp(-FREEDOM / (2 * FACTORS**2))
 WEIGHTS = WEIGHTS / WEIGHTS.sum()
+SMALLER = 4.0 ** -np.arange(3)  # sizes of disturbed readings over that of mistyped ones
 
 
 def rarity(c: Array, covariance: Array, usual: float, only_positive: bool = False) -> float:
@@ -41,6 +42,16 @@ def rarity(c: Array, covariance: Array, usual: float, only_positive: bool = Fals
     cost = _costs(c, covariance, usual, only_positive)
     least = float(cost.min())
     return least - 2 * math.log(float(WEIGHTS @ np.exp(-(cost - least) / 2)))
+
+
+def reading_rarity(c: Array, covariance: Array, usual: float) -> float:
+    """The same of a single reading that is off: by about `usual`, or by much less.
+
+    One that was mistyped is off by the size of all readings; a beam that was disturbed makes less,
+    of any order of magnitude.
+    """
+    each = np.array([rarity(c, covariance, usual * smaller) for smaller in SMALLER])
+    return float(-2 * (np.logaddexp.reduce(-each / 2) - math.log(len(each))))
 
 
 def likely_size(c: Array, covariance: Array, usual: float) -> tuple[Array, Array]:

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from edtk.calibration.causes.cause import Cause
-from edtk.calibration.causes.rarity import rarity
+from edtk.calibration.causes.rarity import rarity, reading_rarity
 from edtk.calibration.causes.tried import Tried
 from edtk.inference.distributions import chi_square_tail
 from edtk.inference.least_squares import Whitened
@@ -55,5 +55,6 @@ def shifted(
         cost = None
         if dims == len(usual):
             own = np.linalg.inv(gram) / np.outer(usual, usual)
-            cost = rarity(c / usual, own, float(np.sqrt(dims)))
+            cost_of = rarity if len(at) > 1 else reading_rarity
+            cost = cost_of(c / usual, own, float(np.sqrt(dims)))
         yield Tried(found, chi2 - drop, dims, len(numbers), cost)

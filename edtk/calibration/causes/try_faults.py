@@ -12,7 +12,7 @@ from edtk.calibration.causes.family import fit_family
 from edtk.calibration.causes.noise_rarity import noise_rarity
 from edtk.calibration.causes.plain_fit import PlainFit
 from edtk.calibration.causes.rank_faults import COMMON
-from edtk.calibration.causes.rarity import likely_size, rarity
+from edtk.calibration.causes.rarity import likely_size, rarity, reading_rarity
 from edtk.calibration.causes.shifted import SEEN, shifted
 from edtk.calibration.causes.tried import Tried
 from edtk.calibration.whole_rows import whole_rows
@@ -27,6 +27,9 @@ from edtk.system.typing import Array
 
 UNASKED = 10.0  # a noise that is smaller than stated harms nobody: it has to be so much clearer
 LOUDEST = 4.0  # noise over the stated one, beyond which rather something unknown is wrong
+# Noise that repetitions share, over their own or the stated one: beyond it is a fault of the model.
+NO_NOISE = 6.0
+AS_MUCH = 0.5  # scatter of repetitions over that of all residuals, from which it confirms this one
 
 
 def try_faults(plain: PlainFit) -> list[Tried]:
@@ -45,7 +48,7 @@ def try_faults(plain: PlainFit) -> list[Tried]:
         *_smooth(plain),
         *_poses(plain),
         *_outliers(plain),
-        *_noise(plain, repeated=test is not None),
+        *_noise(plain, 0.0 if test is None else test.pure_error),
         *(replace(one, deviance=one.deviance + plain.by_prior) for one in shared),
         *_prior(plain),
     ]
@@ -103,6 +106,7 @@ def _smooth(plain: PlainFit) -> Iterator[Tried]:
             p,
             joint=family.joint,
             rows=family.rows,
+            grows=family.grows,
         )
         cost = rarity(fit.c, fit.covariance, family.usual, family.only_positive)
         yield Tried(cause, fit.chi2, family.dims, family.tries, cost, whole, c)
@@ -124,13 +128,14 @@ def _outliers(plain: PlainFit) -> Iterator[Tried]:
     cause = Cause(OUTLIER, math.sqrt(most), "sigma", None, p, rows=(int(row),))
     free = left[row, column]
     usual_size = plain.usual_shift(drop.shape[1])[column] * whitened.weight[row, column]
-    cost = rarity(residual[row, [column]] / free, np.array([[1 / free]]), float(usual_size))
+    off = residual[row, [column]] / free
+    cost = reading_rarity(off, np.array([[1 / free]]), float(usual_size))
     yield Tried(cause, plain.chi2 - most, 1, drop.size, cost)
 
 
 def _common_noise(found: LackOfFit | None) -> Iterator[Tried]:
     """All repetitions of a pose share a part of the noise; see `lack_of_fit`."""
-    if found is None or found.common == 0:
+    if found is None or not 0 < found.common <= NO_NOISE * max(1.0, found.pure_error):
         return
     means_dof, pure_dof = found.dof
     pure = found.pure_error**2
@@ -180,14 +185,14 @@ def _shared(strata: ErrorStrata, data: Measurements) -> Iterator[Tried]:
     yield Tried(cause, deviance, len(strata.all), 1, cost)
 
 
-def _noise(plain: PlainFit, repeated: bool) -> Iterator[Tried]:
-    """The noise is not as stated; by how much is only believed where repetitions confirm it."""
+def _noise(plain: PlainFit, pure_error: float) -> Iterator[Tried]:
+    """The noise is not as stated; a loud one is only believed where repetitions scatter as much."""
     chi2 = plain.chi2 - plain.by_prior
     dof = plain.alone_dof
     if dof < 1:
         return
     scale = chi2 / dof
-    if scale > LOUDEST**2 and not repeated:
+    if scale > LOUDEST**2 and pure_error < AS_MUCH * math.sqrt(scale):
         return
     p = float(chi_square_tail(chi2, dof))
     p = min(p, UNASKED * (1 - p))

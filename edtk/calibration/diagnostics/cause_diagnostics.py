@@ -2,6 +2,9 @@
 
 from collections.abc import Iterator
 
+import numpy as np
+
+from edtk.calibration.causes.try_faults import NO_NOISE
 from edtk.calibration.diagnostics.diagnostic import Diagnostic, Severity
 from edtk.calibration.finding import Finding, Kind
 from edtk.calibration.fitted_data import FittedData
@@ -10,7 +13,7 @@ from edtk.inference.distributions import chi_square_tail
 from edtk.inference.estimate_noise import NoiseEstimate
 from edtk.inference.lack_of_fit import UNLIKELY, LackOfFit
 
-NO_NOISE = 6.0  # noise that repetitions share, over the stated one: beyond it is a fault
+LIKE_LOADS = 2  # decimals of loads, over the largest, up to which they are the same
 
 
 def cause_diagnostics(fitted: FittedData) -> Iterator[Diagnostic]:
@@ -22,6 +25,8 @@ def cause_diagnostics(fitted: FittedData) -> Iterator[Diagnostic]:
     if causes:
         data = {"cause": causes[0], "others": causes[1:]}
         yield Diagnostic(Severity.WARNING, Finding(Kind.CAUSE, causes[0].rows, data=data))
+    if fitted.found_causes.unexplained:
+        yield Diagnostic(Severity.ALARM, _no_cause(fitted))
     yield from _moving_joints(fitted)
     test = fitted.lack_of_fit
     if fitted.noise_estimate is not None and not fitted.noise_estimate.revisited:
@@ -40,6 +45,16 @@ def cause_diagnostics(fitted: FittedData) -> Iterator[Diagnostic]:
         }
         severity = Severity.WARNING if is_noise else Severity.ALARM
         yield Diagnostic(severity, Finding(Kind.LACK_OF_FIT, data=data))
+
+
+def _no_cause(fitted: FittedData) -> Finding:
+    """A misfit that no fault explains, with what was not measured that would tell more of it."""
+    data = fitted.data
+    repeated = len(np.unique(data.places)) < len(data)
+    shape = data.wrench / np.abs(data.wrench).max()
+    loads = len(np.unique(shape.round(LIKE_LOADS), axis=0))
+    lost = {"scale": fitted.fit.scale, "repeated": repeated, "loads": loads > 1}
+    return Finding(Kind.NO_CAUSE, data=lost)
 
 
 def _is_noise(fitted: FittedData, test: LackOfFit) -> bool:

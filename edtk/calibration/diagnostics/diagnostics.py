@@ -11,14 +11,19 @@ from edtk.calibration.diagnostics.prior_diagnostics import prior_diagnostics
 from edtk.calibration.diagnostics.sign_diagnostics import sign_diagnostics
 from edtk.calibration.diagnostics.structure_diagnostics import structure_diagnostics
 from edtk.calibration.diagnostics.unit_diagnostics import unit_diagnostics
+from edtk.calibration.finding import Kind
 from edtk.calibration.fitted_data import FittedData
 from edtk.model.error_budget import ErrorBudget
+
+EXPLAIN = (Kind.CAUSE, Kind.NO_CAUSE, Kind.OUTLIERS)
 
 
 def diagnostics(
     fitted: FittedData, rho0_bias: float | None = None, budget: ErrorBudget | None = None
 ) -> tuple[Diagnostic, ...]:
     """List everything that looks wrong in measurements, the worst first.
+
+    What explains residuals stands before the line that says how large they are.
 
     Args:
         fitted: The measurements and their fit. The study's load and its assumed true compliances,
@@ -41,4 +46,13 @@ def diagnostics(
         found += budget_diagnostics(budget)
     found += pose_diagnostics(fitted)
     found = [*input_diagnostics(fitted), *found]
-    return tuple(sorted(found, key=lambda diagnostic: -diagnostic.severity))
+    return tuple(sorted(found, key=lambda diagnostic: _order(diagnostic, found)))
+
+
+def _order(diagnostic: Diagnostic, found: list[Diagnostic]) -> tuple[float, bool]:
+    """The place of a finding: by its severity; what explains residuals stands before their size."""
+    severity = diagnostic.severity
+    if diagnostic.kind in EXPLAIN:
+        sizes = [one.severity for one in found if one.kind is Kind.NOISE_ABOVE_SIGMA]
+        severity = max([severity, *sizes])
+    return -severity, diagnostic.kind not in EXPLAIN

@@ -37,7 +37,8 @@ def noise_diagnostics(fitted: FittedData) -> Iterator[Diagnostic]:
     p = float(chi_square_tail(scale**2 * n, n))
     explanation = fitted.explanation
     unexplained = explanation is not None and not explanation.refits
-    caused = bool(fitted.structural_causes or fitted.found_causes.outliers)
+    found = fitted.found_causes
+    caused = bool(fitted.structural_causes or found.outliers or found.unexplained)
     data = {"scale": scale, "p": p, "unexplained": unexplained, "caused": caused}
     large = p < UNLIKELY if fit.known else p < IMPOSSIBLE
     small = p > 1 - IMPOSSIBLE

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from edtk.calibration.causes.find_causes import UNEXPLAINED
 from edtk.calibration.diagnostics.diagnostic import Diagnostic, Severity
 from edtk.calibration.finding import Finding, Kind
 from edtk.calibration.fitted_data import FittedData
@@ -30,9 +31,12 @@ def outlier_diagnostics(fitted: FittedData) -> Iterator[Diagnostic]:
     severity = Severity.ALARM if too_many else Severity.WARNING
     rows = tuple(fit.outliers.tolist())
     rest = _rest(fitted)
+    p_rest = None if rest is None else rest.p_value
+    if fitted.found_causes.unexplained and p_rest is not None and p_rest < UNEXPLAINED:
+        return  # the model does not fit the other rows either
     data = {
         "robust": fit.robust,
-        "p_rest": None if rest is None else rest.p_value,
+        "p_rest": p_rest,
         "off": None if rest is None else _off(fitted, rest),
     }
     yield Diagnostic(severity, Finding(Kind.OUTLIERS, rows, data=data))

@@ -8,6 +8,8 @@ import pytest
 from readings import STUDY
 
 from edtk.calibration.causes.find_causes import find_causes
+from edtk.calibration.causes.plain_fit import PlainFit
+from edtk.inference.distributions import chi_square_tail
 from edtk.inference.measurements import Measurements
 from edtk.inference.simulate import simulate
 from edtk.model.equilibrium import torque_and_derivative
@@ -104,6 +106,27 @@ def backlash(seed):
     return measured(seed, extra=np.deg2rad(0.01) * J * sign[:, None])
 
 
+def joint_zero(seed):
+    """Joint q3 is one degree further than written in all poses."""
+    return measured(seed, q=Q + np.deg2rad([0, 0, 1, 0, 0, 0]))
+
+
+def friction(seed):
+    """Friction holds 500 N m of the load of joint q3."""
+    torque = np.abs(torque_and_derivative(MODEL.robot, Q, WRENCH)[0][:, 2])
+    A = MODEL.regressor(Q, WRENCH)
+    A[:, :, 1] *= np.maximum(1 - 500 / torque, 0)[:, None]
+    return measured(seed, A)
+
+
+def link_length(seed):
+    """The link before joint q3 is 100 mm longer than in the model."""
+    joints = list(MODEL.robot.joints)
+    joints[2] = replace(joints[2], origin=transform([1.35, 0, 0], [0, 0, 0]))
+    other = replace(MODEL, robot=replace(MODEL.robot, joints=tuple(joints)))
+    return measured(seed, other.regressor(Q, WRENCH))
+
+
 def softer_everywhere(seed):
     """All joints are softer by 30 % under positive torques than under negative ones."""
     sign = np.sign(torque_and_derivative(MODEL.robot, Q, WRENCH)[0][:, 1:])
@@ -138,6 +161,44 @@ def test_other_readings_are_looked_at_without_an_outlier():
         assert found.named[0].size == pytest.approx(0.05, abs=4 * found.named[0].std)
 
 
+def test_two_outliers_are_rows_and_no_noise():
+    """Two readings that are off by ten sigma are named, and no larger noise is, in 12 rows."""
+    for seed in range(3):
+        data = measured(seed)[np.arange(0, len(Q), 3)]
+        data.deflection[[seed, 9 - seed], [0, 2]] += 10 * STUDY.sigma[0]
+        found = find_causes(MODEL, data, data.deflection, TYPED)
+        assert found.named == ()
+        assert found.outliers == (seed, 9 - seed)
+
+
+def test_a_model_that_does_not_fit_is_no_fault():
+    """Where links bend, no fault is named that would leave most of it: the model does not fit."""
+    frames = MODEL.frames(Q)
+    bent = 0.4e-3 * np.linalg.norm(frames.position, axis=0) * np.sin(3 * Q[:, 1])
+    data = measured(0, extra=np.outer(bent, [1, 0.5, 0]))
+    found = find_causes(MODEL, data, data.deflection, TYPED)
+    assert found.unexplained
+    assert found.named == ()
+    assert found.outliers == ()
+
+
+def test_what_is_left_is_judged_by_the_scatter_of_repetitions():
+    """Residuals of three times the stated noise are no misfit where repetitions scatter as much."""
+    data = measured(0, noise=3.0)
+    plain = PlainFit.of(MODEL, data, data.deflection, {}, None)
+    assert chi_square_tail(plain.chi2, plain.dof) < 1e-30
+    assert plain.probability(plain.chi2, plain.dof) > 1e-3
+
+
+def test_a_drift_that_grows_is_no_shift():
+    """What moves from row to row is a drift of its whole size, and a shift grows nowhere."""
+    slowly = np.linspace(0, 0.3e-3, len(Q))[:, None] * [0, 1, 0]
+    for extra, grows, size in ((slowly, True, 0.3), (np.array([0, 0.1e-3, 0]), False, 0.1)):
+        cause = causes(measured(0, extra=extra))[0]
+        assert (cause.cause, cause.grows) == ("drift", grows)
+        assert cause.size == pytest.approx(size, abs=4 * cause.std)
+
+
 def test_many_outliers_are_none():
     """Where every third reading is off, none is set aside as the odd one."""
     data = measured(0)
@@ -157,12 +218,15 @@ def test_small_faults_are_those_that_are_usually_small():
     [
         (load_direction, 3, ""),
         (tool_z, 20, ""),
-        (frame_rotation, 2, ""),
+        (frame_rotation, 2, "q1"),
         (drift, 0.05, ""),
         (sigma, 2, ""),
         (pose, 10, "q3"),
         (torque_sign, 30, "q5"),
         (backlash, 0.01, "q5"),
+        (joint_zero, 1, "q3"),
+        (friction, 500, "q3"),
+        (link_length, 100, "q3"),
     ],
 )
 def test_fault_is_named_first_with_its_size(fault, size, joint):
