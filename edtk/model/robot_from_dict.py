@@ -144,7 +144,7 @@ def robot_from_dict(content: Mapping[str, Any], where: str | None = None) -> Rob
         return RobotFile.model_validate(content).build(where)
     except ValidationError as error:
         key, message = first_error(error, RobotFile)
-        raise RobotFileError(message, where=where, key=key) from error
+        raise RobotFileError(message, where=where, key=key or None) from None
     except RobotFileError:
         raise
     except ValueError as error:

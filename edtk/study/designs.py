@@ -78,4 +78,4 @@ class Designs:
 
     def warnings(self, plan: Plan) -> tuple[str, ...]:
         """What is hard to believe in what a plan promises, a line each."""
-        return plan_plausibility(self.study, plan)
+        return plan_plausibility(self.study, plan, self.expected(plan))

@@ -106,6 +106,7 @@ def evaluate(study: Study, plan: Plan) -> Evaluation:
     M = study.information(plan)
     cov = plan_covariance(study, M)
     has_target = study.target is not None
+    expected = plan_accuracy(study, plan)
     values, skipped = criterion_values(study, M, study.criterion, has_target)
     return Evaluation(
         criteria=values,
@@ -116,10 +117,10 @@ def evaluate(study: Study, plan: Plan) -> Evaluation:
         joints=study.specification.joints.unknown,
         units=study.model.units,
         experiments=plan.experiments,
-        expected=plan_accuracy(study, plan),
+        expected=expected,
         tasks=accuracy_of_tasks(study, cov),
         skipped=skipped,
-        warnings=study.warnings + plan_plausibility(study, plan),
+        warnings=study.warnings + plan_plausibility(study, plan, expected),
         with_prior=study.prior_information is not None,
         labels=_labels(study, values),
         interest=_interest(study, M),

@@ -1,6 +1,6 @@
 """What in the promise of a plan is hard to believe, or a pity."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,7 +10,7 @@ from edtk.design.candidate_source import CandidateSource, EmptyFeasibleSetError
 from edtk.design.plan import Plan
 from edtk.inference.least_squares import SingularPlanError, covariance
 from edtk.model.compensation_accuracy import compensation_accuracy
-from edtk.model.expected_error import WITHIN
+from edtk.model.expected_error import WITHIN, ExpectedError
 from edtk.model.neighbourhood import neighbourhood
 from edtk.study.plausibility import (
     LONGEST_LINKS,
@@ -21,6 +21,7 @@ from edtk.study.plausibility import (
     listed,
     own_scale,
 )
+from edtk.study.poor_around import poor_around
 from edtk.system.typing import Array, Indices
 
 if TYPE_CHECKING:
@@ -33,23 +34,36 @@ UNCERTAIN = 0.5  # standard deviation beside the parameter itself, where that is
 CANDIDATES = 300  # among which the best experiment for each parameter is looked for
 
 
-def plan_plausibility(study: "Study", plan: Plan) -> tuple[str, ...]:
+def plan_plausibility(
+    study: "Study", plan: Plan, expected: ExpectedError | None = None
+) -> tuple[str, ...]:
     """Find what is hard to believe, or a pity, in what a plan promises.
 
     Args:
         study: The study.
         plan: All experiments.
+        expected: Errors to expect in the test poses and around them; None where they are unknown.
 
     Returns:
         One line for each finding.
     """
     try:
         cov = covariance(study.information(plan), study.model.parameters)
-    except SingularPlanError:
-        return ()
+    except SingularPlanError as error:
+        return tuple(_untold(study, error.parameters))
     if length_of_links(study) > LONGEST_LINKS:
         return ()
-    return (*_useless(study, cov), *_hardly_excited(study, cov, plan.experiments))
+    around = () if expected is None else poor_around(expected)
+    return (*_useless(study, cov), *_hardly_excited(study, cov, plan.experiments), *around)
+
+
+def _untold(study: "Study", parameters: Sequence[str]) -> Iterator[str]:
+    """Parameters that a plan leaves open, as the criterion does not ask for them."""
+    bad = np.array([study.model.parameters.index(name) for name in parameters])
+    yield (
+        f"not told by this plan: {listed(list(parameters))}; what the sheet does not tell, edtk "
+        f"identify takes from a [prior] alone; {_cure(study, bad)}"
+    )
 
 
 def _useless(study: "Study", cov: Array) -> Iterator[str]:
@@ -92,8 +106,8 @@ def _hardly_excited(study: "Study", cov: Array, experiments: int) -> Iterator[st
         for i in bad[:MOST_NAMED]
     ]
     yield (
-        f"hardly excited: {listed(names)}, with a standard deviation of {', '.join(how)}; "
-        f"{_cure(study, bad)}"
+        f"hardly told by this plan: {listed(names)}, with a standard deviation of "
+        f"{', '.join(how)}; {_cure(study, bad)}"
     )
 
 

@@ -73,11 +73,12 @@ def plan_study(
         )
         left = since + seconds - monotonic()
         found = find_plan(relaxed, new, distinct, kept, _search_options(study, options, left))
+    expected = plan_accuracy(study, found.whole)
     return replace(
         found,
-        expected=plan_accuracy(study, found.whole),
+        expected=expected,
         with_prior=study.prior_information is not None,
-        warnings=study.warnings + plan_plausibility(study, found.whole),
+        warnings=study.warnings + plan_plausibility(study, found.whole, expected),
         seconds=monotonic() - since,
     )
 

@@ -33,6 +33,7 @@ SOFTEST = 1e-4  # no gear of a robot is softer, wrists of small collaborative ro
 INTERFEROMETER = 1e-7  # no device measures displacements of a robot better, in air [m]
 ON_AXIS = 5e-3  # least lever of a joint, below the radius of the smallest reflector [m]
 SAMPLE = 255  # poses within the joint limits in which loads are judged
+UPRIGHT = 0.5  # share of a load along z, from which it counts as up or down
 MOST_NAMED = 4
 
 
@@ -52,7 +53,7 @@ def plausibility(study: "Study") -> tuple[str, ...]:
             f"robot: its links add up to {length:.4g} m; lengths in a robot's file are in "
             "metres, are these in millimetres?",
         )
-    checks = [_tools, _pose_unit]
+    checks = [_tools, _pose_unit, _upwards]
     if study.specification.parameters is None:
         checks += [_noise, _axes]  # they judge a load, which absolute positions do not need
     return tuple(line for check in checks for line in check(study))
@@ -106,6 +107,20 @@ def _unit_of_pose(study: "Study", q_deg: Array, key: str) -> Iterator[str]:
         yield (
             f"{key}: all angles are within {np.abs(angles).max():.3g} deg of zero; are "
             "they in radians?"
+        )
+
+
+def _upwards(study: "Study") -> Iterator[str]:
+    """A load that pulls upwards, where weights pull down."""
+    load = study.specification.load
+    force = getattr(load, "F_N", None)
+    if not isinstance(force, list | tuple) or len(force) != 3:
+        return
+    up = force[2]
+    if isinstance(up, int | float) and up >= UPRIGHT * np.linalg.norm(np.array(force, float)) > 0:
+        yield (
+            f"load.F_N: {up:g} N along z pulls the tool upwards; a weight pulls along -z, is the "
+            "sign meant?"
         )
 
 

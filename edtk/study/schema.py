@@ -278,4 +278,4 @@ def read_specification(content: Mapping[str, Any], where: str) -> Specification:
         return Specification.model_validate(content, context={NO_SPRINGS: geometry})
     except ValidationError as error:
         key, message = first_error(error, Specification)
-        raise UserError(message, where=where, key=key) from error
+        raise UserError(message, where=where, key=key or None) from None

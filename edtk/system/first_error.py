@@ -13,6 +13,7 @@ BOUNDS = (
 LONGEST_LIST = 150  # characters of a list of keys, which would lose its middle in a longer line
 NEAREST = 3  # keys that are told instead
 GENERAL = "Input should"  # beginning of pydantic's own sentences
+UNKNOWN = "extra_forbidden"
 LIST = "Input should be a valid tuple"  # a word of Python, which no file has
 
 
@@ -23,22 +24,29 @@ def first_error(error: ValidationError, model: type[BaseModel]) -> tuple[str, st
         error: Of the validation of a model.
         model: The model, whose fields are described.
 
+    All keys that are missing are said at once, which is an error of no single key.
+
     Returns:
         The key, as `joints.0.axis`, and one sentence: the rule, the value that breaks it, and what
         the key means.
     """
     first = error.errors()[0]
     location = first["loc"]
-    # A part that begins with a colon tells which form of a value was tried; no key does.
-    key = ".".join(str(part) for part in location if not str(part).startswith(":"))
+    key = _key(location)
     meaning, table = _described(model, location)
-    if first["type"] == "extra_forbidden":
+    if first["type"] == UNKNOWN:
         return key, _unknown(str(location[-1]), list(table.model_fields))
     if first["type"] == "missing":
         if isinstance(location[-1], int):  # the next entry of a list that is too short
             whole = key.rpartition(".")[0]
             number = f"{location[-1]} entr{'y' if location[-1] == 1 else 'ies'}"
             return whole, f"has {number}; expected more{meaning and f'; it is: {meaning}'}"
+        all_missing = (one["loc"] for one in error.errors() if one["type"] == "missing")
+        missing = [_key(place) for place in all_missing if isinstance(place[-1], str)]
+        if len(missing) > 1:
+            unknown = [_key(one["loc"]) for one in error.errors() if one["type"] == UNKNOWN]
+            also = f"; there is no key {', '.join(unknown)}" if unknown else ""
+            return "", f"these keys are required: {', '.join(missing)}{also}"
         return key, f"this key is required{meaning and f': {meaning}'}"
     if first["type"] == "too_long":
         number = first["ctx"]["max_length"]
@@ -52,6 +60,12 @@ def first_error(error: ValidationError, model: type[BaseModel]) -> tuple[str, st
         if first["type"] == kind:
             rule = f"expected {words} {first['ctx'][sign]:g}"  # pydantic writes 0.000000000001
     return key, f"{rule}{given}{meaning and f'; it is: {meaning}'}"
+
+
+def _key(location: tuple[int | str, ...]) -> str:
+    """A location as a file's keys name it."""
+    # A part that begins with a colon tells which form of a value was tried; no key does.
+    return ".".join(str(part) for part in location if not str(part).startswith(":"))
 
 
 def _unknown(key: str, known: list[str]) -> str:

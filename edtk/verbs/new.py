@@ -123,7 +123,8 @@ def _controller(path: Path) -> ControllerTable:
         return ControllerTable.model_validate(content["controller"])
     except ValidationError as error:
         key, message = first_error(error, ControllerTable)
-        raise UserError(message, where=path, key=f"controller.{key}") from error
+        key = f"controller.{key}".rstrip(".")
+        raise UserError(message, where=path, key=key) from None
 
 
 def _load(name: str, base: str | None, tip: str | None, limits: Limits) -> Robot:

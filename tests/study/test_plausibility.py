@@ -1,6 +1,7 @@
 """What cannot well be meant in a study, or in the promise of a plan."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 from edtk.design.plan import Plan
 from edtk.model.robot_to_dict import robot_to_dict
 from edtk.study.evaluate import evaluate
+from edtk.study.plan_accuracy import plan_accuracy
 from edtk.study.plan_plausibility import plan_plausibility
 from edtk.study.random_case import random_case
 from edtk.study.study import load_study
@@ -85,12 +87,41 @@ def test_a_parameter_that_is_hardly_excited_is_named_with_its_cure():
     q = poses.q[[0, 0]] + np.array([[0.0], [1e-4]])
     plan = Plan(q, poses.wrench, np.array([1, 1]))
     line = plan_plausibility(study, plan)[-1]
-    assert line.startswith("hardly excited: k")
+    assert line.startswith("hardly told by this plan: k")
     assert line.endswith("set robust_deg in [test_pose], or optimise another criterion such as D")
     robust = study.replace(test_pose=POSE | {"robust_deg": 30})
     assert "plan more experiments" in plan_plausibility(robust, plan)[-1]
     known = STUDY.replace(joints=joints)
     assert "% of itself" in plan_plausibility(known, plan)[-1]
+
+
+def test_a_parameter_that_a_plan_leaves_open_is_named():
+    """A criterion that does not ask for a spring may plan without it; the plan says so."""
+    joints = KEYS["joints"] | {"unknown": ["q2", "q3", "q4", "q5"]}
+    study = STUDY.replace(joints=joints, **UNKNOWN_SIZE)
+    poses = random_case(study, 2, 0).plan
+    plan = Plan(poses.q[:1], poses.wrench[:1], np.array([3]))
+    (line,) = plan_plausibility(study, plan)
+    assert line.startswith("not told by this plan: k")
+    assert "[prior]" in line
+
+
+def test_a_plan_that_is_poor_around_the_test_pose_says_so():
+    """Where errors around it are three times as large as in it, both numbers are told."""
+    plan = random_case(STUDY, 6, 0).plan
+    expected = plan_accuracy(STUDY, plan)
+    assert plan_plausibility(STUDY, plan, expected) == ()
+    poor = replace(expected, mean=4 * expected.test_pose)
+    (line,) = plan_plausibility(STUDY, plan, poor)
+    assert line.startswith("errors are 4 times as large around the test pose")
+
+
+@pytest.mark.parametrize("force", [[0, 0, 2500], [500, 0, 2000]])
+def test_a_load_that_pulls_upwards_is_named(force):
+    """A weight pulls down: a force that points up has most likely the wrong sign."""
+    (line,) = STUDY.replace(load={"F_N": force}).warnings
+    assert line.startswith(f"load.F_N: {force[2]} N along z pulls the tool upwards")
+    assert STUDY.replace(load={"F_N": [0, 2500, 100]}).warnings == ()
 
 
 def test_an_error_above_the_deflection_is_useless():

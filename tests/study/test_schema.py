@@ -1,6 +1,7 @@
 """Keys of a study: each number has a range, so that no square of it overflows or vanishes."""
 
 import json
+import traceback
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from kr270 import REQUIRED, TEST_POSE
 from edtk.design.plan import Plan
 from edtk.study.evaluate import evaluate
 from edtk.study.schema import read_specification
-from edtk.study.study import Study
+from edtk.study.study import Study, load_study
 from edtk.system.errors import UserError
 
 NAMES = REQUIRED["joints"]["unknown"]
@@ -136,3 +137,17 @@ def test_what_is_allowed_stays_finite(sigma_mm, size):
     numbers = [*found.criteria.values(), *found.std, *found.covariance.ravel()]
     assert np.isfinite(numbers).all()
     assert (np.array(list(found.criteria.values())) > 0).all()
+
+
+def test_all_missing_keys_are_said_at_once(tmp_path):
+    """One run names them all, with a key that is not known, and shows nothing of pydantic."""
+    path = tmp_path / "study.toml"
+    path.write_text('robot = "kuka_kr270"\nsizes = [4]\nmesure = 3\n[joints]\n', encoding="utf-8")
+    with pytest.raises(UserError) as error:
+        load_study(path)
+    assert str(error.value) == (
+        f"{path}: these keys are required: tool, load, measurement, joints.unknown; there is no "
+        "key mesure"
+    )
+    shown = "".join(traceback.format_exception(error.value))
+    assert "pydantic" not in shown

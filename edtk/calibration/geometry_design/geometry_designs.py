@@ -13,7 +13,6 @@ from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
 from edtk.calibration.geometry_design.geometry_space import GeometrySpace
 from edtk.calibration.geometry_design.marker_task import MarkerTask, marker_tasks
 from edtk.calibration.geometry_design.plan_geometry import plan_geometry
-from edtk.calibration.geometry_design.poor_around import poor_around
 from edtk.calibration.geometry_design.told_by_plan import ToldByPlan
 from edtk.calibration.geometry_design.visit_search import STARTS, VisitSearch
 from edtk.design.exact.exact_plan import ExactPlan
@@ -29,6 +28,7 @@ from edtk.model.task_accuracy import TaskAccuracy
 from edtk.model.tasks import Tasks
 from edtk.study.case import Case
 from edtk.study.designs import Designs
+from edtk.study.poor_around import poor_around
 from edtk.study.run_options import no_progress
 from edtk.study.study import Study
 from edtk.system.errors import ArgumentError
