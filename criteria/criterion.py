@@ -201,6 +201,14 @@ class Criterion(ABC):
         found = self.curvature(R)
         return () if found is None else (found,)
 
+    def dependence(self, scale: Array) -> float:
+        """Condition number of what the criterion is about, for parameters in units of a scale (p,).
+
+        Combinations that differ only in parameters of small variances are nearly dependent there,
+        and their covariance loses the square of it in roundings.
+        """
+        return 1.0
+
     def rounding(self, W: Array) -> float:
         """Relative error, of a variance, that rounding of what the criterion was given can make.
 

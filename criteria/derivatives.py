@@ -5,6 +5,7 @@ from functools import cache
 import numpy as np
 
 from criteria.criterion import Criterion
+from criteria.linalg.root import unit_scale
 from criteria.linalg.triangle import triangle
 from criteria.linalg.typing import Array
 
@@ -41,9 +42,7 @@ def derivatives(criterion: Criterion, M: Array) -> tuple[Array, Array, Array]:
     i, j = triangle(M.shape[-1])
     safe, cov, regular = criterion.inverse(M)
     # Steps follow the diagonal of M, so that parameters may have any units.
-    d = np.sqrt(np.diagonal(safe, axis1=1, axis2=2))
-    # A parameter that nothing tells has no size; the cost does not depend on it, whatever the step.
-    d = np.where(d > 0, d, 1.0)
+    d = unit_scale(np.diagonal(safe, axis1=1, axis2=2))
     dM = STEP * (d[:, :, None] * d[:, None])[:, None] * _entries(M.shape[-1])
     C = np.broadcast_to(cov[:, None], dM.shape)
     change = dM @ C

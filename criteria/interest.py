@@ -134,13 +134,16 @@ class Interest(Relaxable):
 
         Combinations ``T'K = Q R`` of k' may be nearly dependent, and their covariance has the
         square of that. The base then is a function of the information about ``theta' = Q'k'``,
-        of which ``theta = R' theta'``.
+        of which ``theta = R' theta'``. Where that is because of the units d of the parameters,
+        ``T = diag(d) T_d``, they are factorized before T_d mixes rows of different sizes.
         """
         told = T.T @ self.K
         base = None
-        if _condition(told) > DEPENDENT:
-            Q, R = np.linalg.qr(told)
-            base = self.base.transformed(R.T)
+        d = np.linalg.norm(T, axis=1)
+        if max(_condition(told), self.dependence(1.0 / d)) > DEPENDENT:
+            graded, first = _graded_factors(d[:, None] * self.K)
+            Q, R = np.linalg.qr((T / d[:, None]).T @ graded)
+            base = self.base.transformed((R @ first).T)
         other = self.in_units(T) if base is None else self._like(base, Q)
         sizes = np.linalg.norm(np.abs(T).T @ np.abs(self.K), axis=0)
         other.rounded = self.rounded * float((sizes / np.linalg.norm(told, axis=0)).max())
@@ -169,6 +172,10 @@ class Interest(Relaxable):
         hidden = " and ".join(open_directions(M, parameters)) or "other parameters"
         words = [combination(column, parameters) for column in self.K.T[is_open]]
         return tuple(f"{each} (open: {hidden})" if each != hidden else each for each in words)
+
+    def dependence(self, scale: Array) -> float:
+        """That of the combinations; of single parameters it is one."""
+        return 1.0 if self._chosen is not None else _condition(self.K / scale[:, None])
 
     def rounding(self, W: Array) -> float:
         """That of the least exact of the combinations."""
@@ -333,6 +340,20 @@ def _condition(K: Array) -> float:
     """Condition number of combinations (p, s) of the same length, one a column."""
     s = np.linalg.svd(K / np.linalg.norm(K, axis=0), compute_uv=False)
     return float(s[0] / s[-1]) if s[-1] > 0 else np.inf
+
+
+def _graded_factors(K: Array) -> tuple[Array, Array]:
+    """Q (p, s) with orthogonal columns and R (s, s), ``Q R = K``, where rows of K differ in size.
+
+    Householder's reflections with columns exchanged are stable row by row if the largest rows come
+    first (Cox and Higham, Stability of Householder QR factorization for weighted least squares
+    problems, 1998).
+    """
+    from scipy.linalg import qr  # where it is needed
+
+    rows = np.argsort(-np.abs(K).max(axis=1), kind="stable")
+    Q, R, columns = qr(K[rows], mode="economic", pivoting=True)
+    return Q[np.argsort(rows)], R[:, np.argsort(columns)]
 
 
 def _chosen(K: Array) -> Indices | None:

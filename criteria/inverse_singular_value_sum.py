@@ -8,7 +8,7 @@ from criteria.convex_criterion import ConvexCriterion
 from criteria.covariance_criterion import CovarianceCriterion
 from criteria.curvature import Curvature, curvature_of_spectrum
 from criteria.linalg.inverse import power_trace, power_trace_of_root
-from criteria.linalg.spectrum import conjugate
+from criteria.linalg.spectrum import conjugate, sharp_variances
 from criteria.linalg.typing import Array
 from criteria.registry import register
 from criteria.relaxable import Formulation
@@ -80,8 +80,7 @@ class InverseSingularValueSum(CovarianceCriterion, ConvexCriterion):
         return 0.5 * conjugate(np.swapaxes(rows, -1, -2), s)
 
     def _cost(self, M: Array, cov: Array) -> Array:
-        # Rounding can leave an eigenvalue of cov a little below zero, which has no root.
-        return np.sqrt(np.maximum(np.linalg.eigvalsh(cov), 0.0)).sum(axis=-1)
+        return np.sqrt(sharp_variances(cov)).sum(axis=-1)
 
     def _gradient(self, M: Array, cov: Array) -> Array:
         variances, V = np.linalg.eigh(cov)

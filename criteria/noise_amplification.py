@@ -47,9 +47,11 @@ class NoiseAmplification(KinkedCriterion, Relaxable):
         if len(Z):
             s, kappa = _least_corner(Z, t)
         else:
-            eigenvalues = np.linalg.eigvalsh(M)
-            s = 1.0 / eigenvalues[0]
-            kappa = eigenvalues[-1] / eigenvalues[0]
+            # In uneven units the least eigenvalue of M is a rounding of the largest; that of its
+            # inverse is a largest one.
+            _, cov, _ = self.inverse(M)
+            s = np.linalg.eigvalsh(cov)[-1]
+            kappa = np.linalg.eigvalsh(M)[-1] * s
         if s == 0:  # no line bounds s yet: the one of E-optimality does
             return SpectralBalance(0.0, 1.0)
         return SpectralBalance(1.0 / kappa, 1.0 / s)

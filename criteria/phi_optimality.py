@@ -13,7 +13,7 @@ from criteria.criterion_error import CriterionError
 from criteria.curvature import Curvature, curvature_of_spectrum
 from criteria.d_optimality import DOptimality
 from criteria.linalg.inverse import guarded_inverse, power_trace, power_trace_of_root
-from criteria.linalg.spectrum import conjugate
+from criteria.linalg.spectrum import conjugate, sharp_variances
 from criteria.linalg.typing import Array
 from criteria.registry import register
 from criteria.relaxable import Formulation
@@ -176,7 +176,7 @@ class PhiOptimality(CovarianceCriterion, ConvexCriterion):
     def _cost(self, M: Array, cov: Array) -> Array:
         if self.q == 0:  # eigenvalues lose digits in bad units, a determinant does not
             return np.asarray(np.exp(np.linalg.slogdet(cov).logabsdet / cov.shape[-1]))
-        return self._mean(_spectrum(cov)[0])
+        return self._mean(np.maximum(sharp_variances(cov), np.finfo(float).tiny))
 
     def _gradient(self, M: Array, cov: Array) -> Array:
         if self.q == 0:

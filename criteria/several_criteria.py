@@ -17,6 +17,7 @@ from criteria.linalg.estimable import estimable_inverse
 from criteria.linalg.full_rank_root import full_rank_root
 from criteria.linalg.inverse import ROUNDING, guarded_inverse
 from criteria.linalg.is_semidefinite import is_semidefinite
+from criteria.linalg.root import unit_spectrum
 from criteria.linalg.typing import Array, Mask
 from criteria.loss import Loss
 from criteria.relaxable import Relaxable
@@ -173,6 +174,10 @@ class SeveralCriteria(Relaxable):
             Loss(part, float(best)) for part, best in zip(self.parts, self.best, strict=True)
         )
 
+    def dependence(self, scale: Array) -> float:
+        """The largest of the parts'."""
+        return max(part.dependence(scale) for part in self.parts)
+
     def rounding(self, W: Array) -> float:
         """The largest of the parts'."""
         return max(part.rounding(W) for part in self.parts)
@@ -272,12 +277,12 @@ class SeveralCriteria(Relaxable):
 
 def _factor(Z: Array) -> tuple[Array, Array]:
     """R (r, p) with ``R'R <= Z``, without what rounding leaves, and R^-1 (p, r) on its rows."""
-    d = np.sqrt(np.maximum(np.diag(Z), 0.0))
-    d = np.where(d > 0, d, 1.0)
-    r, V = np.linalg.eigh(Z / np.outer(d, d))
+    r, V, d = unit_spectrum(Z)
     kept = r > len(Z) * ROUNDING * max(float(r[-1]), 0.0)
     size = np.sqrt(r[kept])
-    return size[:, None] * V[:, kept].T * d, V[:, kept] / d[:, None] / size
+    # A parameter of which Z has nothing has nothing in R, and nothing in its inverse.
+    inverse = np.divide(1.0, d, out=np.zeros_like(d), where=d > 0)
+    return size[:, None] * V[:, kept].T * d, V[:, kept] * inverse.T / size
 
 
 def _factors(Q: Array, K: Array) -> Array:

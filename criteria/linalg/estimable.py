@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from criteria.linalg.inverse import EPS, ROUNDING, guarded_inverse, whitener
+from criteria.linalg.root import unit_scale
 from criteria.linalg.typing import Array, Mask
 
 # A diagonal entry below this part of the largest is what rounding leaves of a zero: the square of a
@@ -103,7 +104,7 @@ class _Spectrum:
     Attributes:
         r: Eigenvalues (p,).
         V: Eigenvectors (p, p).
-        d: Scales (p,) of the parameters; one for a parameter without information.
+        d: Scales (p,) of the parameters, see `unit_scale`.
         is_open: Which directions (p,) have no information but rounding.
     """
 
@@ -117,7 +118,7 @@ class _Spectrum:
         """The spectrum of a finite M (p, p)."""
         diagonal = np.diag(M)
         has_some = diagonal > NOTHING * max(float(diagonal.max()), 0.0)
-        d = np.sqrt(np.where(has_some, diagonal, 1.0))
+        d = unit_scale(np.where(has_some, diagonal, 0.0))
         R = np.where(has_some[:, None] & has_some, M / np.outer(d, d), 0.0)
         r, V = np.linalg.eigh(R)
         return cls(r, V, d, r <= len(M) * ROUNDING)

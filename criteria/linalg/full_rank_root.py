@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from criteria.linalg.inverse import ROUNDING
+from criteria.linalg.root import unit_scale
 from criteria.linalg.typing import Array
 
 # Negative part of a weight matrix, at unit diagonal, that counts as rounding of whoever made it:
@@ -24,7 +25,7 @@ def full_rank_root(W: ArrayLike) -> Array:
     if found.ndim != 2 or found.shape[0] != found.shape[1] or not np.isfinite(found).all():
         raise ValueError("expected a finite square matrix (p, p)")
     own = np.diag(found)
-    d = np.sqrt(np.where(own > 0, own, 1.0))
+    d = unit_scale(own)
     scaled = found / np.outer(d, d)
     if np.abs(scaled - scaled.T).max() > NEGATIVE:
         raise ValueError("expected a symmetric matrix")

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from criteria.linalg.root import unit_spectrum
 from criteria.linalg.typing import Array, Mask
 
 EPS = np.finfo(float).eps
@@ -71,9 +72,7 @@ def power_trace(Z: Array, power: float) -> float:
 
 def lowered_root(Z: Array) -> Array:
     """F (p, p) with ``F'F`` at most Z but for rounding, for a positive semidefinite Z (p, p)."""
-    d = np.sqrt(np.maximum(np.diag(Z), 0.0))
-    d = np.where(d > 0, d, 1.0)
-    r, V = np.linalg.eigh(Z / np.outer(d, d))
+    r, V, d = unit_spectrum(Z)
     # An eigenvalue lost in rounding counts as zero: its root would be far larger than the rounding.
     r = np.where(r > len(Z) * ROUNDING * r[-1], r, 0.0)
     return np.asarray(np.sqrt(r)[:, None] * V.T * d)

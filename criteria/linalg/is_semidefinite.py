@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from criteria.linalg.root import unit_scale
 from criteria.linalg.typing import Array, Mask
 
 # A negative eigenvalue at unit diagonal that may be rounding of whoever computed the matrix: a
@@ -21,7 +22,6 @@ def least_scaled_eigenvalue(Z: Array) -> Array:
     """Least eigenvalue (...) of symmetric matrices (..., p, p) at unit diagonal; nan is -inf."""
     finite = np.asarray(np.isfinite(Z).all(axis=(-2, -1)))
     safe = np.where(finite[..., None, None], Z, 0.0)
-    d = np.sqrt(np.abs(np.diagonal(safe, axis1=-2, axis2=-1)))
-    d = np.where(d > 0, d, 1.0)
+    d = unit_scale(np.abs(np.diagonal(safe, axis1=-2, axis2=-1)))
     least = np.linalg.eigvalsh(safe / d[..., :, None] / d[..., None, :])[..., 0]
     return np.asarray(np.where(finite, least, -np.inf))

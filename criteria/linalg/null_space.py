@@ -4,6 +4,7 @@ import numpy as np
 
 from criteria.linalg.combination import combination
 from criteria.linalg.inverse import ROUNDING
+from criteria.linalg.root import unit_scale
 from criteria.linalg.typing import Array
 
 SMALL = 1e-6  # entries below it are rounding of the echelon form, whose largest entries are one
@@ -16,8 +17,7 @@ def null_space(M: Array) -> tuple[Array, Array]:
         ``(N, d)``: the directions (p, r) in echelon form, few parameters each, in the scaled
         parameters ``d_i k_i``, and the scales d (p,).
     """
-    root = np.sqrt(np.maximum(np.diag(M), 0.0))
-    d = np.where(root > 0, root, 1.0)
+    d = unit_scale(np.diag(M))
     r, V = np.linalg.eigh(M / np.outer(d, d))
     return _echelon(V[:, r <= len(M) * ROUNDING * max(r[-1], 1.0)]), d
 

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from criteria.linalg.graded_parts import ROUNDING, graded_parts
+from criteria.linalg.root import root, unit_scale
 from criteria.linalg.typing import Array
 
 if TYPE_CHECKING:
@@ -22,8 +23,23 @@ def conjugate(V: Array, d: Array) -> Array:
 
 def extreme_eigenvalues(T: Array) -> tuple[float, float]:
     """Least and largest eigenvalue of the information that T whitens, ``(T T')^-1``."""
-    s = np.linalg.svd(T, compute_uv=False)
-    return float(s[0] ** -2), float(s[-1] ** -2)
+    # In uneven units the least singular value is a rounding of the largest, and that of the inverse
+    # is a largest one.
+    return float(np.linalg.norm(T, 2) ** -2), float(np.linalg.norm(np.linalg.inv(T), 2) ** 2)
+
+
+def sharp_variances(cov: Array) -> Array:
+    """Eigenvalues (..., p) of covariances (..., p, p) whose roots are right beside the largest.
+
+    Eigenvalues of a graded matrix are known beside the largest of all, and roots of the small ones
+    to half the digits. The singular values of a root, formed at unit diagonal, are these roots.
+    """
+    found = np.linalg.eigvalsh(cov)
+    d = np.sqrt(np.diagonal(cov, axis1=-2, axis2=-1))
+    graded = d.max(axis=-1) > GRADED * d.min(axis=-1)
+    if graded.any():
+        found[graded] = np.square(np.linalg.svd(root(cov[graded]), compute_uv=False)[..., ::-1])
+    return np.maximum(found, 0.0)
 
 
 def definite_parts(Z: Array) -> Array:
@@ -42,8 +58,7 @@ def definite_parts(Z: Array) -> Array:
     lost = ROUNDING * p * np.abs(z).max(axis=-1)
     positive = np.maximum(z, 0.0).sum(axis=-1)
     negative = -np.minimum(z, 0.0).sum(axis=-1)
-    d = np.sqrt(np.abs(np.diagonal(Z, axis1=-2, axis2=-1)))
-    d = np.where(d > 0, d, 1.0)
+    d = unit_scale(np.abs(np.diagonal(Z, axis1=-2, axis2=-1)))
     # In bad units an eigenvalue far below `lost` can be negative in truth; scaling shows it.
     least = np.linalg.eigvalsh(Z / (d[..., :, None] * d[..., None, :]))[..., 0]
     is_semidefinite = least >= -ROUNDING * p

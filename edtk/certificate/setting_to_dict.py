@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from criteria.linalg.inverse import ROUNDING
+from criteria.linalg.root import unit_spectrum
 from edtk.certificate.feasible_to_dict import feasible_to_dict
 from edtk.certificate.noise_to_dict import noise_to_dict
 from edtk.certificate.physics_to_dict import physics_to_dict, weights_to_list
@@ -44,9 +45,7 @@ def setting_to_dict(study: Study, space: DesignSpace) -> dict[str, Any]:
 
 def _prior(information: Array) -> list[list[float]]:
     """Rows F (r, p) of measurements that tell as much as the prior: ``F'F`` is its information."""
-    d = np.sqrt(np.diag(information))
-    d = np.where(d > 0, d, 1.0)
-    r, V = np.linalg.eigh(information / np.outer(d, d))
+    r, V, d = unit_spectrum(information)
     kept = r > len(r) * ROUNDING * r[-1]
     return (np.sqrt(r[kept])[:, None] * V[:, kept].T * d).tolist()
 

@@ -10,6 +10,10 @@ from numpy.typing import NDArray
 from criteria import Criterion
 from criteria.criterion import Sense
 
+# Relative excess of a bound over a cost that rounding may have made where nobody has counted it:
+# the gap that a relaxation is asked for.
+BLURRED = 1e-6
+
 
 class BoundKind(Enum):
     """The basis of a bound's claim; the value is its text for people."""
@@ -29,8 +33,8 @@ class Bound:
         kind: What the claim rests on.
         degree: Degree of homogeneity of the cost: ``cost(c M) = c**-degree cost(M)``.
         sense: Whether the criterion's printed form is minimised or maximised.
-        gap: Relative gap ``1 - cost/best`` to the cost of the best weights known. The least
-            possible cost of weights lies between the two. Below zero only by rounding.
+        gap: Relative gap ``1 - cost/best`` to the cost of the best weights known, never negative.
+            The least possible cost of weights lies between the two.
     """
 
     cost: float
@@ -40,16 +44,33 @@ class Bound:
     gap: float
 
     @classmethod
-    def of(cls, criterion: Criterion, cost: float, best: float, kind: BoundKind) -> "Bound":
-        """The bound on a criterion's cost.
+    def of(
+        cls,
+        criterion: Criterion,
+        cost: float,
+        best: float,
+        kind: BoundKind,
+        error: float = 0.0,
+        blurred: float = BLURRED,
+    ) -> "Bound":
+        """The bound on a criterion's cost, which no design that is known may be below.
+
+        It is lowered by its own rounding, and onto the cost of the best weights where rounding has
+        lifted it above. One that is further above contradicts them: it says nothing.
 
         Args:
             criterion: Tells degree and sense.
             cost: No plan costs less.
             best: Cost of the best weights known, from which the gap follows.
             kind: What the claim rests on.
+            error: Relative error that rounding may have made in the bound.
+            blurred: Relative excess over `best` that is rounding.
         """
-        return cls(float(cost), kind, criterion.degree, criterion.sense, 1.0 - cost / best)
+        lowered = max(float(cost) * (1.0 - error), 0.0)
+        if not lowered <= best * (1.0 + blurred):
+            lowered = 0.0
+        kept = min(lowered, float(best))
+        return cls(kept, kind, criterion.degree, criterion.sense, 1.0 - kept / best)
 
     def scaled(self, m: float) -> "Bound":
         """The bound on plans of m times as many experiments: ``cost * m**-degree``."""

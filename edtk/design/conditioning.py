@@ -8,6 +8,7 @@ import numpy as np
 from criteria.linalg.inverse import ROUNDING
 from criteria.linalg.null_space import directions_in_words
 from criteria.linalg.orthogonal_columns import orthogonal_columns
+from criteria.linalg.root import unit_scale
 from edtk.design.triangular_factor import triangular_factor
 from edtk.system.typing import Array, Mask
 
@@ -30,7 +31,7 @@ class Conditioning:
     """Singular values of the candidates' rows, each column scaled to length one.
 
     Attributes:
-        scale: Length (p,) of each column in the mean of all candidates; one for a column of zeros.
+        scale: Length (p,) of each column in the mean of all candidates, see `unit_scale`.
         s: Singular values (p,), ascending.
         V: Their right singular vectors (p, p), as columns.
         least: A singular value up to this one is lost in rounding.
@@ -48,7 +49,7 @@ class Conditioning:
     @classmethod
     def of_information(cls, mean: Array) -> "Conditioning":
         """From the mean information (p, p), which has the squares of the singular values."""
-        scale = _root_of(np.diag(mean))
+        scale = unit_scale(np.diag(mean))
         r, V = np.linalg.eigh(mean / np.outer(scale, scale))
         least = np.sqrt(len(mean) * ROUNDING * max(float(r[-1]), 1.0))
         return cls(scale, np.sqrt(np.maximum(r, 0.0)), V, float(least), CLEAR_OF_SQUARES, True)
@@ -56,11 +57,16 @@ class Conditioning:
     @classmethod
     def of_rows(cls, parts: Iterable[Array], mean: Array) -> "Conditioning":
         """From the rows (k, p) themselves, part by part, whose mean information is given."""
-        scale = _root_of(np.diag(mean))
+        scale = unit_scale(np.diag(mean))
         R = triangular_factor(parts, scale)
         _, s, rows = np.linalg.svd(R)
         least = len(mean) * LOST * EPS * max(float(s[0]), 1.0)
         return cls(scale, s[::-1], rows[::-1].T, least, CLEAR)
+
+    @property
+    def keeps_digits(self) -> bool:
+        """Whether squares of the rows, and sums that round each column, keep enough digits."""
+        return bool(self.s[0] * WELL > self.s[-1])
 
     @property
     def is_open(self) -> Mask:
@@ -108,8 +114,3 @@ class Conditioning:
         """Information (p, p) that leaves the same directions open, exactly, and no other nearly."""
         kept = self.V[:, ~self.is_open] * self.scale[:, None]
         return np.asarray(kept @ kept.T)
-
-
-def _root_of(diagonal: Array) -> Array:
-    """Root of each entry that is positive, and one for the others."""
-    return np.sqrt(np.where(diagonal > 0, diagonal, 1.0))

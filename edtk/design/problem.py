@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from criteria import Criterion
 from criteria.linalg.root import root
 from edtk.design.candidate_arrays import packed_information, require_information, rows_of_blocks
-from edtk.design.conditioning import WELL, Conditioning
+from edtk.design.conditioning import Conditioning
 from edtk.design.packed_information import PackedInformation
 from edtk.design.rank_deficient_error import RankDeficientError as RankDeficientError
 from edtk.design.require_identifiable import require_identifiable
@@ -209,7 +209,7 @@ class Problem(WeightedCandidates):
         Of rows whose squares have lost too many digits it comes from a QR factorization.
         """
         found = Conditioning.of_information(self.mean)
-        if not isinstance(self.kept, Rows) or found.s[0] * WELL > found.s[-1]:
+        if not isinstance(self.kept, Rows) or found.keeps_digits:
             return found
         parts = [self.kept.flat / np.sqrt(self.n)]
         if self.prior is not None:

@@ -12,6 +12,7 @@ from edtk.design.inside_differences import inside_differences
 from edtk.design.nearly_equal import nearly_equal
 from edtk.design.problem import Problem
 from edtk.design.region_points import RegionPoints
+from edtk.design.rows import Rows
 from edtk.design.user_function import UserFunction, user_functions
 from edtk.design.variable_names import as_names, variable_names
 from edtk.system.errors import ArgumentError
@@ -162,7 +163,7 @@ class Region(Presented):
         A = self._told(self._rows(flat, self._row_shape), flat, "rows")
         A = A.reshape((len(flat), len(self._sigma), -1)) / self._sigma[:, None]
         if self._T is not None:
-            A = A @ self._T
+            A = Rows(A).times(self._T).A
         return np.asarray(A.reshape(x.shape[:-1] + A.shape[1:]))
 
     def derivative_at(self, x: Array) -> Array:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from edtk.design.conditioning import Conditioning
 from edtk.design.packed import pack
 from edtk.system.typing import Array, Indices
 
@@ -31,9 +32,20 @@ class Rows:
 
     @classmethod
     def of(cls, A: Array) -> "Rows":
-        """Keep regressors (n, rows, p), of which more than p rows are turned into p (QR)."""
+        """Keep regressors (n, rows, p), of which more than p rows are turned into p (QR).
+
+        That rounds each column. Columns that are nearly dependent would lose all that tells them
+        apart, so that they keep their rows until they are whitened.
+        """
+        given = cls(A)
         _, rows, p = A.shape
-        return cls(np.asarray(np.linalg.qr(A, mode="r")) if rows > p else A)
+        if rows <= p:
+            return given
+        with np.errstate(over="ignore"):
+            mean = given.mean()
+        if not np.isfinite(mean).all() or not Conditioning.of_information(mean).keeps_digits:
+            return given
+        return cls(np.asarray(np.linalg.qr(A, mode="r")))
 
     @property
     def n(self) -> int:

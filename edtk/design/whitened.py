@@ -31,18 +31,23 @@ class Whitened:
     rounding: Array
 
     @classmethod
-    def of(cls, problem: Problem) -> "Whitened | None":
-        """Whiten a problem, once; None where its squares are good enough as they are."""
-        if problem.conditioning.is_well and not problem.has_distant_units:
+    def of(cls, problem: Problem, needed: bool = False) -> "Whitened | None":
+        """Whiten a problem, once; None where its squares are good enough as they are.
+
+        Args:
+            problem: The candidates.
+            needed: Whether a criterion asks for it, however good they are.
+        """
+        good = problem.conditioning.is_well and not problem.has_distant_units
+        if good and not needed:
             return None
         if problem not in _known:
-            _known[problem] = cls._of(problem)
+            _known[problem] = cls.by(problem, problem.conditioning.whitener)
         return _known[problem]
 
     @classmethod
-    def _of(cls, problem: Problem) -> "Whitened":
-        """Whiten a problem."""
-        T = problem.conditioning.whitener
+    def by(cls, problem: Problem, T: Array) -> "Whitened":
+        """The problem for parameters k' with ``k = T k'``, whatever T (p, p) is."""
         white = problem.in_units(T)
         rounding = problem.kept.rounding_of_times(T)
         if isinstance(white.kept, Rows):

@@ -11,6 +11,7 @@ from edtk.design.relaxation.inner_proof import InnerProof
 from edtk.design.relaxation.normalised import normalised
 from edtk.design.relaxation.order_one import OrderOne
 from edtk.design.relaxation.setting import Setting
+from edtk.design.whitened import Whitened
 from edtk.system.typing import Array
 
 EPS = float(np.finfo(float).eps)
@@ -65,13 +66,15 @@ def certify(
         inside = setting.inward(Z)
         assert inside is not None
         Z = inside
-    near = setting.problem.information(w) if np.isfinite(cost) else setting.problem.mean
-    bound = _bound(setting.problem, setting.criterion, Z, near)
+    near = w if np.isfinite(cost) else np.full(plain.n, 1.0 / plain.n)
+    bound = _bound(setting, Z, near)
     return sized.cost(cost, base), sized.cost(bound, base)
 
 
-def _bound(problem: Problem, criterion: Relaxable, Z: Array, near: Array) -> float:
-    """The bound that multipliers (r, p, p) prove."""
+def _bound(setting: Setting, Z: Array, weights: Array) -> float:
+    """The bound that multipliers (r, p, p) prove near weights (n,), less its rounding."""
+    problem = setting.problem
+    criterion = setting.criterion
     judged = normalised(problem, criterion)
     # A multiplier proves the same at any length; those far from one would leave doubles on the way.
     length = np.abs(Z).max(axis=(1, 2))
@@ -87,8 +90,10 @@ def _bound(problem: Problem, criterion: Relaxable, Z: Array, near: Array) -> flo
         t = (judged.sensitivities(Z) + _cancelled(judged, Z)).max(axis=-1)
     if not len(Z):
         return 0.0
-    found = float(criterion.lower_bound(Z, t, near))
-    return max(found, 0.0) if np.isfinite(found) else 0.0
+    found = float(criterion.lower_bound(Z, t, problem.information(weights)))
+    _, error = setting.errors(weights, Z)
+    lowered = found * (1 - error)
+    return max(lowered, 0.0) if np.isfinite(lowered) else 0.0
 
 
 def _cancelled(problem: Problem, Z: Array) -> Array:
@@ -125,11 +130,8 @@ def _exact(
         return None
     if not np.array_equal(inner.outward(), Z) or np.linalg.matrix_rank(T, 0.0) < p:
         return None
-    transformed = criterion.transformed(T)
-    white = problem.in_units(T)
-    if not isinstance(transformed, Relaxable) or not _whitens(problem, white):
-        return None
-    return Setting(white, transformed, criterion, None)
+    found = Setting.by(problem, criterion, Whitened.by(problem, T))
+    return found if found is not None and _whitens(problem, found.problem) else None
 
 
 def _whitens(given: Problem, white: Problem) -> bool:

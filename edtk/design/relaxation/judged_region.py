@@ -5,12 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from criteria import Criterion, Relaxable
+from criteria.interest import DEPENDENT
 from edtk.design.problem import Problem
 from edtk.design.region import Region
 from edtk.design.relaxation.normalised import is_normalised
-from edtk.design.relaxation.relative_accuracy import relative_accuracy
 from edtk.design.relaxation.relax import require_relaxable
-from edtk.design.rows import Rows
+from edtk.design.relaxation.setting import Setting
+from edtk.design.whitened import Whitened
 from edtk.system.errors import ArgumentError
 from edtk.system.typing import Array
 
@@ -31,12 +32,14 @@ class JudgedRegion:
         region: The region, for parameters k'.
         criterion: The criterion as a function of the information about these.
         given: The region for the parameters as they were given, with all of the prior.
+        asked: The criterion of these parameters.
         T: ``k = T k'`` (p, p); None where the parameters are the given ones.
     """
 
     region: Region
     criterion: Relaxable
     given: Region
+    asked: Relaxable
     T: Array | None
 
     @classmethod
@@ -56,29 +59,30 @@ class JudgedRegion:
         problem.require_identifiable(relaxable)
         conditioning = problem.conditioning
         # Unit traces, which criteria of degree zero need, are those of the given parameters.
-        if not conditioning.is_well and not is_normalised(relaxable):
+        depends = relaxable.dependence(conditioning.scale) > DEPENDENT
+        if (depends or not conditioning.is_well) and not is_normalised(relaxable):
             T = conditioning.whitener
             transformed = relaxable.transformed(T)
             if isinstance(transformed, Relaxable):
                 judged = region.in_units(T, np.where(conditioning.is_open, 0.0, 1.0))
-                return cls(judged, transformed, region, T)
-        return cls(region, relaxable, region, None)
+                return cls(judged, transformed, region, relaxable, T)
+        return cls(region, relaxable, region, relaxable, None)
 
-    def accuracy(self, x: Array, weights: Array, multipliers: Array) -> float:
-        """Relative error that rounding may have made in cost and bound.
+    def errors(self, x: Array, weights: Array, multipliers: Array) -> tuple[float, float]:
+        """Relative errors that rounding may have made in cost and bound.
 
         Args:
             x: Points (n, d).
             weights: Their weights (n,).
             multipliers: Multipliers (r, p, p) of the bound.
         """
-        rounding = None
+        judged = self.region.problem(x)
+        whitened = None
         if self.T is not None:
             kept = self.given.problem(x).kept
-            assert isinstance(kept, Rows)
-            rounding = kept.rounding_of_times(self.T)
-        judged: Problem = self.region.problem(x)
-        return relative_accuracy(judged, self.criterion, weights, multipliers, rounding)
+            whitened = Whitened(judged, self.T, kept.rounding_of_times(self.T))
+        setting = Setting(judged, self.criterion, self.asked, whitened, prior=self.given.prior)
+        return setting.errors(weights, multipliers)
 
 
 def _require_moderate(problem: Problem) -> None:

@@ -3,6 +3,7 @@
 import numpy as np
 
 from criteria import Relaxable
+from criteria.linalg.root import unit_scale
 from edtk.design.problem import Problem
 from edtk.system.typing import Array
 
@@ -17,21 +18,38 @@ def relative_accuracy(
     rounding: Array | None = None,
     of_squares: bool = False,
 ) -> float:
-    """Bound the relative error that rounding makes in a cost and in its lower bound.
+    """Bound the relative error that rounding makes in a cost and in its lower bound: `errors`."""
+    return sum(errors(problem, criterion, weights, multipliers, rounding, of_squares))
+
+
+def errors(
+    problem: Problem,
+    criterion: Relaxable,
+    weights: Array,
+    multipliers: Array,
+    rounding: Array | None = None,
+    of_squares: bool = False,
+) -> tuple[float, float]:
+    """Bound the relative errors that rounding makes in a cost and in its lower bound.
 
     *Cost.* Let W whiten the part of the design M that counts, ``W'M W = I``, and let M be wrong by
     dM. With ``delta = |W' dM W|`` the true matrix is between ``(1 - delta) M`` and
     ``(1 + delta) M``, and a monotone cost of degree d is wrong by the factor ``(1 + delta)^d`` at
-    most. An entry of dM is a rounding of a sum of products, below ``p eps (M_ii M_jj)^(1/2)``.
+    most. An entry of dM is a rounding of a sum of products, below ``p eps (M_ii M_jj)^(1/2)``;
+    where the criterion is about nearly dependent combinations, the square of that comes in besides.
     Rows ``X_i = A_i T`` of transformed parameters are wrong by E_i besides, which adds
     ``2 |W| (sum w_i |E_i|^2)^(1/2)`` to delta, as ``|X W| = 1``. Transformed squares that are wrong
     by E_i add ``|W|^2 sum w_i |E_i|``.
 
     *Bound.* It is proportional to ``t^-d``, t the largest sensitivity ``<Z, M_i>``. Rounding of a
     sensitivity is below ``2 p eps`` times that to ``p diag(Z)``; wrong rows add
-    ``2 |E_i| (|Z| t_i)^(1/2)``, wrong squares ``|E_i| |Z|``. Criteria that are not monotone round
-    their bounds down themselves, so that the gap has the loss; their costs are a product of an
-    extreme of M and one of cov.
+    ``2 |E_i| (|Z| t_i)^(1/2)``, wrong squares ``|E_i| |Z|``. What Z proves is computed by roots
+    and determinants of matrices that are conditioned as M is: the rounding of dM counts once more.
+    Of criteria that are not monotone, costs and bounds are products of an extreme of M and one of
+    cov, and a bound has the largest rounding of a row, not that of the weighted ones.
+
+    Powers and determinants are exponentials of logarithms, each of which is rounded to eps of its
+    size: the error of both counts ``eps`` for each decade that M and the cost are from one.
 
     First-order terms are counted; numbers as they were given are taken to be exact.
 
@@ -44,23 +62,42 @@ def relative_accuracy(
         of_squares: Whether they are of squares.
 
     Returns:
-        The sum of both errors.
+        The errors of the cost and of the bound; inf where nothing is known.
     """
     p = problem.p
     M = problem.information(weights)
     W = criterion.whitener(M)
-    spread = np.linalg.norm(np.sqrt(np.maximum(np.diag(M), 0.0))[:, None] * W, 2) ** 2
-    delta = p * p * EPS * spread
-    if rounding is not None:
-        size = float(np.linalg.norm(W, 2))
-        if of_squares:
-            delta += size**2 * float(weights @ rounding)
-        else:
-            delta += 2 * size * float(np.sqrt(weights @ rounding**2))
+    own = np.maximum(np.diag(M), 0.0)
+    spread = np.linalg.norm(np.sqrt(own)[:, None] * W, 2) ** 2
+    scale = unit_scale(own)
+    of_sums = float(p * p * EPS * spread * criterion.dependence(scale) ** 2)
+    of_rows = _of_rows(W, weights, rounding, of_squares)
+    of_powers = 4 * p * EPS * (1 + _size_of_logarithms(own, float(criterion.cost(M))))
     if not criterion.monotone:
-        return float((1 + criterion.degree) * delta)
+        times = 1 + criterion.degree
+        worst = of_sums + _of_rows(W, None, rounding, of_squares)
+        return times * (of_sums + of_rows) + of_powers, times * worst + of_powers
     lost = max((_lost(problem, M, Z, rounding, of_squares) for Z in multipliers), default=0.0)
-    return float(criterion.degree * (delta + lost))
+    of_cost = criterion.degree * (of_sums + of_rows) + of_powers
+    return float(of_cost), float(criterion.degree * (of_sums + lost) + of_powers)
+
+
+def _of_rows(W: Array, weights: Array | None, rounding: Array | None, of_squares: bool) -> float:
+    """The part of delta that wrong rows or squares make, with these weights or with any."""
+    if rounding is None:
+        return 0.0
+    size = float(np.linalg.norm(W, 2))
+    if of_squares:
+        return size**2 * float(rounding.max() if weights is None else weights @ rounding)
+    squares = np.square(rounding)
+    return 2 * size * float(np.sqrt(squares.max() if weights is None else weights @ squares))
+
+
+def _size_of_logarithms(own: Array, cost: float) -> float:
+    """The size of the logarithms of the entries of a diagonal (p,) and of a cost, the largest."""
+    numbers = np.append(own, cost)
+    told = numbers[np.isfinite(numbers) & (numbers > 0)]
+    return float(np.abs(np.log(told)).max(initial=0.0))
 
 
 def _lost(problem: Problem, M: Array, Z: Array, rounding: Array | None, of_squares: bool) -> float:

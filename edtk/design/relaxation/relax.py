@@ -3,6 +3,8 @@
 from collections.abc import Callable
 from dataclasses import replace
 
+import numpy as np
+
 from criteria import Criterion, Relaxable
 from criteria.require_homogeneous import require_homogeneous
 from edtk.design.absorb_prior import absorb_prior
@@ -86,7 +88,9 @@ def _relax(
     """`relax` of candidates whose information is of order one, and with no Bayesian prior."""
     problem.require_identifiable(criterion)
     setting = Setting.of(problem, criterion)
-    require_homogeneous(setting.criterion, setting.problem.mean)
+    equal = np.full(problem.n, 1.0 / problem.n)
+    of_cost, _ = setting.errors(equal, np.empty((0, problem.p, problem.p)))
+    require_homogeneous(setting.criterion, setting.problem.mean, of_cost)
     closed = setting.problem
     if not criterion.needs_all:
         closed = without_open_directions(closed)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from criteria import Criterion, Relaxable
-from edtk.design.bound import Bound, BoundKind
+from edtk.design.bound import BLURRED, Bound, BoundKind
 from edtk.design.candidates import Candidates
 from edtk.design.problem import RankDeficientError
 from edtk.design.region import Region
@@ -194,6 +194,12 @@ class _Search:
         proved = LargestSensitivities.over(candidates, criterion, best.multipliers)
         on_grid = float(criterion.lower_bound(best.multipliers, proved.values, best.M))
         padded = np.concatenate([weights, np.zeros(len(self.grid.x))])
+        of_cost, of_bound = judged.errors(everything, padded, best.multipliers)
+        blurred = max(of_cost, BLURRED)
+
+        def bound(cost: float, kind: BoundKind) -> Bound:
+            return Bound.of(criterion, cost, self.cost, kind, of_bound, blurred)
+
         return RelaxedRegion(
             region=judged.region,
             criterion=criterion,
@@ -201,12 +207,12 @@ class _Search:
             points=x,
             weights=weights,
             cost=self.cost,
-            grid_bound=Bound.of(criterion, on_grid, self.cost, BoundKind.PROVED_ON_CANDIDATES),
-            searched_bound=Bound.of(criterion, best.cost, self.cost, BoundKind.SEARCHED),
+            grid_bound=bound(on_grid, BoundKind.PROVED_ON_CANDIDATES),
+            searched_bound=bound(best.cost, BoundKind.SEARCHED),
             multipliers=best.multipliers,
             largest=best.largest,
             grid=self.grid.x,
-            accuracy=judged.accuracy(everything, padded, best.multipliers),
+            accuracy=of_cost + of_bound,
             solver=active.relaxation.solver,
             iterations=active.iterations,
         )

@@ -59,7 +59,7 @@ class Relaxation(Presented):
         digits = f", numbers to {self.accuracy:.0e}" if self.accuracy > VISIBLE else ""
         return (
             f"{self.criterion.label} = {self.value:.4g}, weights on {len(self.support)} of "
-            f"{len(self.weights)} candidates, {proved} {max(self.gap, 0.0):.1e}{digits}"
+            f"{len(self.weights)} candidates, {proved} {self.gap:.1e}{digits}"
         )
 
     @property
@@ -74,7 +74,7 @@ class Relaxation(Presented):
 
     @property
     def gap(self) -> float:
-        """Relative gap ``1 - bound/cost``; below zero only by rounding."""
+        """Relative gap ``1 - bound/cost``, never negative."""
         return self.proved_bound.gap_to(self.cost)
 
     @property

@@ -69,7 +69,7 @@ class RelaxedPlan(Presented):
         proved = "gap by a solver's word" if self.rests_on_solver else "proved gap"
         return (
             f"{self.criterion.label} = {value} with weights on {len(self.x)} poses, "
-            f"{proved} {max(self.gap, 0.0):.1e}"
+            f"{proved} {self.gap:.1e}"
         )
 
     @property

@@ -65,7 +65,7 @@ class RelaxedRegion(Presented):
         digits = f", numbers to {self.accuracy:.0e}" if self.accuracy > VISIBLE else ""
         return (
             f"{self.criterion.label} = {self.value:.6g} with weights on {len(self.points)} points, "
-            f"{self.kind.value} gap {max(self.gap, 0.0):.1e}{digits}"
+            f"{self.kind.value} gap {self.gap:.1e}{digits}"
         )
 
     @property

@@ -6,10 +6,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from criteria import Relaxable
-from edtk.design.bound import BoundKind
+from criteria.interest import DEPENDENT
+from edtk.design.bound import BLURRED, Bound, BoundKind
 from edtk.design.problem import Problem
 from edtk.design.relaxation.inner_proof import InnerProof
-from edtk.design.relaxation.relative_accuracy import EPS, relative_accuracy
+from edtk.design.relaxation.relative_accuracy import EPS, errors
 from edtk.design.rows import Rows
 from edtk.design.whitened import Whitened
 from edtk.system.typing import Array
@@ -41,10 +42,17 @@ class Setting:
     @classmethod
     def of(cls, problem: Problem, criterion: Relaxable) -> "Setting":
         """Transform a problem that would lose digits, with a criterion that can follow."""
-        whitened = Whitened.of(problem)
-        transformed = None if whitened is None else criterion.transformed(whitened.T)
-        if whitened is None or not isinstance(transformed, Relaxable):
-            return cls(problem, criterion, criterion, None)
+        depends = criterion.dependence(problem.conditioning.scale) > DEPENDENT
+        whitened = Whitened.of(problem, needed=depends)
+        found = None if whitened is None else cls.by(problem, criterion, whitened)
+        return found or cls(problem, criterion, criterion, None)
+
+    @classmethod
+    def by(cls, problem: Problem, criterion: Relaxable, whitened: Whitened) -> "Setting | None":
+        """The transformed problem; None for a criterion that cannot follow."""
+        transformed = criterion.transformed(whitened.T)
+        if not isinstance(transformed, Relaxable):
+            return None
         of_squares = not isinstance(problem.kept, Rows)
         return cls(whitened.problem, transformed, criterion, whitened, of_squares, problem.prior)
 
@@ -62,6 +70,21 @@ class Setting:
             found += float(len(W) ** 2 * EPS * own**2)
         return found
 
+    def errors(self, weights: Array, multipliers: Array) -> tuple[float, float]:
+        """Relative errors that rounding may have made in the cost of weights, and in a bound.
+
+        Args:
+            weights: Weights (n,).
+            multipliers: Multipliers (r, p, p) of the problem here.
+        """
+        rounding = None if self.whitened is None else self.whitened.rounding
+        of_cost, of_bound = errors(
+            self.problem, self.criterion, weights, multipliers, rounding, self.of_squares
+        )
+        of_given = self._lost_by_transforming(self.problem.information(weights))
+        of_given *= self.criterion.degree if self.criterion.monotone else 1 + self.criterion.degree
+        return of_cost + of_given, of_bound + of_given
+
     def inward(self, multipliers: Array | None) -> Array | None:
         """Multipliers (r, p, p) of the parameters as given as those of the problem here."""
         if multipliers is None or self.whitened is None:
@@ -71,22 +94,23 @@ class Setting:
 
     def outward(self, found: "Relaxation") -> "Relaxation":
         """The result as one of the problem as it was given, with its accuracy."""
-        rounding = None if self.whitened is None else self.whitened.rounding
-        accuracy = relative_accuracy(
-            self.problem,
-            self.criterion,
-            found.weights,
-            found.multipliers,
-            rounding,
-            self.of_squares,
-        )
+        of_cost, of_bound = self.errors(found.weights, found.multipliers)
         M = self.problem.information(found.weights)
-        accuracy += self.criterion.degree * self._lost_by_transforming(M)
         believes = self.criterion.rests_on_solver(found.multipliers, M)
-        found = replace(found, accuracy=accuracy, rests_on_solver=believes)
-        if believes:
-            bound = replace(found.proved_bound, kind=BoundKind.SOLVED)
-            found = replace(found, proved_bound=bound)
+        bound = Bound.of(
+            self.given,
+            found.proved_bound.cost,
+            found.cost,
+            BoundKind.SOLVED if believes else found.proved_bound.kind,
+            of_bound,
+            max(of_cost, BLURRED),
+        )
+        found = replace(
+            found,
+            accuracy=of_cost + of_bound,
+            rests_on_solver=believes,
+            proved_bound=bound,
+        )
         if self.whitened is None:
             return found
         inner = InnerProof(self.whitened.T, found.multipliers)

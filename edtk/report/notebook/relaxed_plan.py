@@ -12,7 +12,7 @@ def relaxed_plan(plan: RelaxedPlan) -> str:
     if plan.searched_bound is not None:
         bounds.append(plan.searched_bound)
     notes = [
-        f"bound {bound.value:.6g} ({bound.kind.value}), relative gap {max(bound.gap, 0.0):.1e}"
+        f"bound {bound.value:.6g} ({bound.kind.value}), relative gap {bound.gap:.1e}"
         for bound in bounds
     ]
     return notebook_table(plan.headline(), ["pose", *table.columns], rows, notes)

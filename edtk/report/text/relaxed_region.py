@@ -27,9 +27,9 @@ def region_bounds(found: RelaxedRegion) -> list[str]:
     proved = found.grid_bound
     return [
         f"bound {searched.value:.7g} over the region ({searched.kind.value}), relative gap "
-        f"{max(searched.gap, 0.0):.1e}",
+        f"{searched.gap:.1e}",
         f"bound {proved.value:.7g} over {len(found.grid)} points of a grid ({proved.kind.value}), "
-        f"relative gap {max(proved.gap, 0.0):.1e}",
+        f"relative gap {proved.gap:.1e}",
     ]
 
 

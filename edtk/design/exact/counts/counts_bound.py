@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from criteria import Relaxable
+from criteria.linalg.root import root
 from edtk.design.exact.counts.limits import Limits
 from edtk.design.exact.counts.reachable import Reachable
 from edtk.design.problem import Problem
@@ -93,7 +94,7 @@ class _Decomposition:
     def improve(self) -> None:
         """Mix the plans, and add those that the mixture's multipliers ask for."""
         columns = np.array([self.information(plan) for plan in self.plans])
-        mixed = relax(Problem(_roots(columns)), self.criterion, MASTER_GAP)
+        mixed = relax(Problem(root(columns)), self.criterion, MASTER_GAP)
         M = np.tensordot(mixed.weights, columns, axes=1)
         cost = float(self.criterion.cost(M))
         if cost < self.cost:
@@ -120,13 +121,3 @@ class _Decomposition:
         ]
         proofs.append(self.criterion.lower_bound(multipliers, largest, M))
         self.bound = max(self.bound, *(proof for proof in proofs if np.isfinite(proof)))
-
-
-def _roots(M: Array) -> Array:
-    """Rows (k, p, p) with ``U'U = M`` of positive semidefinite matrices."""
-    # At unit diagonal the roots of small eigenvalues keep their digits, whatever the units.
-    d = np.sqrt(np.diagonal(M, axis1=1, axis2=2))
-    d = np.where(d > 0, d, 1.0)
-    values, V = np.linalg.eigh(M / (d[:, :, None] * d[:, None]))
-    root = np.sqrt(np.maximum(values, 0.0))[:, :, None] * np.swapaxes(V, 1, 2)
-    return np.asarray(root * d[:, None])
