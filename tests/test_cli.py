@@ -53,7 +53,7 @@ def interrupted(after: bytes, *args: object) -> Answer:
     """The command's answer to Ctrl-C, which comes as soon as its progress says `after`."""
     command = [sys.executable, "-m", "edtk", *map(str, args)]
     with subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=ROOT
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=ROOT, preexec_fn=_hear_ctrl_c
     ) as running:
         assert running.stderr is not None
         said = b""
@@ -69,6 +69,11 @@ def interrupted(after: bytes, *args: object) -> Answer:
     return subprocess.CompletedProcess(
         command, running.returncode, stdout.decode(), (said + rest).decode()
     )
+
+
+def _hear_ctrl_c() -> None:
+    """A shell has jobs in its background ignore Ctrl-C, and so would all that they start."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 def messages(answer: Answer) -> list[str]:

@@ -1,7 +1,6 @@
 """Commands that answer every error of a user with one line."""
 
 import signal
-import sys
 import threading
 import warnings
 from collections.abc import Iterator
@@ -11,6 +10,7 @@ from typing import Any
 import click
 
 from edtk.system.errors import ArgumentError, UserError, shortened
+from edtk.system.interruptible import leave
 from edtk.system.note import Note
 
 USER_ERROR = 2  # exit code
@@ -41,7 +41,7 @@ class OneLine(click.Command):
         try:
             with _sigterm_like_ctrl_c(), _notes_at_the_end(self.program):
                 code = super().main(*args, **kwargs) or 0
-            sys.exit(code)
+            leave(code)
         except click.ClickException as error:
             message = " ".join(error.format_message().split())  # click lists choices a line each
         except click.Abort:
@@ -63,7 +63,7 @@ class OneLine(click.Command):
         except OSError as error:
             message = str(UserError(error.strerror or str(error), where=error.filename))
         click.echo(shortened(f"{self.program}: {message}"), err=True)
-        sys.exit(code)
+        leave(code)
 
 
 @contextmanager

@@ -45,7 +45,9 @@ MOST_EXPERIMENTS = 10**12  # as in a study: beyond them numbers of repetitions a
 )
 @click.option("--exclude", type=FilePath, help="Plan (CSV) of poses to stay away from.")
 @click.option(
-    "--budget", type=Range(min=0, min_open=True), help="Seconds after which the search ends."
+    "--budget",
+    type=Range(min=0, min_open=True),
+    help="Seconds for bound and plan together; the best so far is given then.",
 )
 @click.option(
     "--cost-budget",
@@ -83,7 +85,8 @@ def command(
     """Find the best plan of exactly m experiments for STUDY (TOML).
 
     The plan comes with a bound: a number that no plan of m experiments can beat. Ctrl-C, or the end
-    of the budget, leaves the best plan so far.
+    of the budget, leaves the best plan so far with the best bound so far. The first plan, seconds
+    after the start, is waited for.
     """
     from edtk.verbs.plan import plan
 

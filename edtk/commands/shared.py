@@ -1,7 +1,6 @@
 """Options and helpers that several commands share."""
 
 import math
-import sys
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -10,6 +9,7 @@ import click
 from edtk.commands.one_line import INTERRUPTED
 from edtk.system.atomic_file import STANDARD_OUTPUT, is_standard_output, write_files
 from edtk.system.errors import shortened
+from edtk.system.interruptible import leave
 from edtk.system.json_text import json_text
 
 PARTIAL = 1  # exit code: there is an answer, but not to everything that was asked
@@ -115,9 +115,9 @@ def warn_about(where: Path, warnings: tuple[str, ...]) -> None:
 
 def end_interrupted() -> NoReturn:
     """End with the exit code of an interrupted program."""
-    sys.exit(INTERRUPTED)
+    leave(INTERRUPTED)
 
 
 def end_partial() -> NoReturn:
     """End with the exit code of an answer that leaves something out."""
-    sys.exit(PARTIAL)
+    leave(PARTIAL)

@@ -1,6 +1,6 @@
 """The exact plan that a study asks for."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from time import monotonic
@@ -12,7 +12,7 @@ from edtk.design.exact.find_plan import STARTS, SearchOptions, find_plan
 from edtk.design.exact.require_enough import TooFewExperimentsError, require_enough
 from edtk.design.plan import Plan
 from edtk.design.relaxation.relax_options import RelaxOptions
-from edtk.design.relaxation.relax_poses import relax_poses
+from edtk.design.relaxation.relax_poses import relaxed_in_time
 from edtk.study.plan_accuracy import plan_accuracy
 from edtk.study.plan_plausibility import plan_plausibility
 from edtk.study.planning_space import planning_space
@@ -21,13 +21,13 @@ from edtk.study.run_options import DEFAULTS, RunOptions
 from edtk.study.study import Study
 from edtk.study.study_errors import study_errors
 from edtk.system.errors import ArgumentError
+from edtk.system.time_limit import time_limit
 
 # Descents hold matrices whose order grows with the number of distinct poses.
 MOST_DISTINCT = 200
 # Time [s] of a search after which it is worth while to start further processes, each of which takes
 # a second to load what it needs.
 ALONE = 2.0
-SHARE_OF_BOUND = 0.5  # of the budget, at most, that the search for the bound may take
 
 
 def plan_study(
@@ -49,9 +49,11 @@ def plan_study(
         distinct: Number of distinct new poses, at most; defaults to p(p+1)/2 + 1, since the best
             weights need no more.
         kept: Experiments that have been carried out already; their information counts as known.
-        budget: Seconds after which the best plan so far is returned; defaults to no limit. The
-            relaxation over the candidates and one round of starts are always completed.
+        budget: Seconds after which the best plan so far is returned; defaults to no limit. A
+            first design on the candidates and a first plan are always completed.
         options: Seed, processes and progress.
+
+    Ctrl-C leaves the best plan so far as soon as there is a first design on the candidates.
 
     Raises:
         UserError: One line that says what cannot be done, and where.
@@ -64,15 +66,17 @@ def plan_study(
         space = planning_space(study, new, kept)
         if asked.needs_all:  # else only the relaxation knows how few the right poses are
             require_enough(space, new, new if distinct is None else distinct, asked)
-        relaxed = relax_poses(
-            source_of(study, options.seed, space),
-            study.specification.candidates,
-            asked,
-            continuous=True,
-            options=_relax_options(options, since + SHARE_OF_BOUND * seconds),
-        )
-        left = since + seconds - monotonic()
-        found = find_plan(relaxed, new, distinct, kept, _search_options(study, options, left))
+        with time_limit(seconds):
+            relaxed, interrupted = relaxed_in_time(
+                source_of(study, options.seed, space),
+                study.specification.candidates,
+                asked,
+                RelaxOptions(progress=_bounding(options)),
+            )
+            left = 0.0 if interrupted else np.inf
+            found = find_plan(relaxed, new, distinct, kept, _search_options(study, options, left))
+    if interrupted:
+        found = replace(found, ended="interrupted")
     expected = plan_accuracy(study, found.whole)
     return replace(
         found,
@@ -83,16 +87,13 @@ def plan_study(
     )
 
 
-def _relax_options(options: RunOptions, end: float) -> RelaxOptions:
-    """Options of the relaxation, whose search over all poses stops at a time of `monotonic` [s]."""
+def _bounding(options: RunOptions) -> Callable[[str, float], object]:
+    """The progress of the relaxation, by the names that people read."""
 
     def progress(stage: str, gap: float) -> None:
         options.progress(f"bound: {stage}", gap)
 
-    def stop() -> bool:
-        return monotonic() >= end
-
-    return RelaxOptions(progress=progress, stop=stop)
+    return progress
 
 
 def _search_options(study: Study, options: RunOptions, seconds: float) -> SearchOptions:

@@ -138,7 +138,8 @@ def plan(
 
         distinct: Distinct new poses at most; defaults to p(p+1)/2 + 1 for p parameters.
         exclude: A plan (CSV file) of poses to stay away from.
-        budget: Seconds after which the search ends [s]; defaults to no limit.
+        budget: Seconds for bound and plan together [s], after which the best so far is given; a
+            first plan is waited for. Defaults to no limit.
         workers: Processes on this machine; defaults to one a core.
         dask: Address of a Dask scheduler (tcp://HOST:PORT) whose workers do the work instead.
         out: File to write all experiments to (CSV), of problems and regions too; "-" is standard

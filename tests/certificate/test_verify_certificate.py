@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from short_search import short_search
 
 import criteria
 from edtk.certificate.certificate import certificate
@@ -62,7 +63,8 @@ def searched() -> Content:
 @pytest.fixture(scope="module")
 def planned() -> Content:
     """The certificate of an exact plan of three experiments, after a short search."""
-    found = plan_study(STUDY, 3, "rho0", budget=0.5)
+    with short_search():
+        found = plan_study(STUDY, 3, "rho0")
     return json.loads(json.dumps(certificate(STUDY, found)))
 
 
@@ -126,7 +128,8 @@ def test_kept_experiments_and_excluded_poses(tmp_path: Path) -> None:
     """Prior information and forbidden poses are part of what is recomputed."""
     kept = STUDY.load_plan(ROOT / "studies" / "plans" / "table_4_3.csv")
     study = STUDY.excluding(kept)
-    found = plan_study(study, 5, "A", kept=kept, budget=0.5)
+    with short_search():
+        found = plan_study(study, 5, "A", kept=kept)
     content = certificate(study, found)
     assert verify_certificate(content).valid
     without = content | {"kept": []}

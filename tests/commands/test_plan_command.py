@@ -296,6 +296,20 @@ def test_ctrl_c_leaves_the_best_plan(tmp_path, monkeypatch):
     assert answer["value"] == pytest.approx(evaluated["criteria"]["A"], rel=1e-8)
 
 
+def test_ctrl_c_leaves_a_plan_while_the_bound_is_sought(tmp_path):
+    """Ctrl-C before the search has begun leaves a plan, rounded from the design so far."""
+    study = write(tmp_path)
+    options = ["--size", 6, "--criterion", "A", "--workers", 1, "--json"]
+    with ForkedCommand("plan", study, *options) as running:
+        stdout, said = running.interrupted(b"bound: continuum")
+    assert running.returncode == 130, said
+    assert said.decode().splitlines()[-1] == "edtk: interrupted; this is the best plan so far"
+    answer = json.loads(stdout)
+    assert (answer["ended"], answer["experiments"]) == ("interrupted", 6)
+    assert answer["constraint_violation"] == 0
+    assert 0 < answer["efficiency"] <= 1
+
+
 def test_text_says_what_json_says(found, monkeypatch):
     """Without --json a person reads value and bound in mm, efficiency and poses; rho0 is this
     study's default.

@@ -57,7 +57,7 @@ def test_kept_repetitions_count():
 
 
 def test_a_short_budget_still_gives_a_plan():
-    """Any budget gives a bound and a feasible plan; the text says that the bound was cut off."""
+    """Any budget gives a bound and a feasible plan; the text says what the bound is on."""
     found = plan_study(STUDY, 3, "A", budget=1e-6)
     assert found.ended == "budget"
     assert found.starts == 16
@@ -65,12 +65,14 @@ def test_a_short_budget_still_gives_a_plan():
     assert found.violation == 0
     assert 0 < found.bound < found.value < np.inf
     assert 1 > found.bound_gap > 1e-3
+    assert found.efficiency <= 1
     too_optimistic = f"may be up to {100 * found.bound_gap:.2g} % too optimistic"
     assert f"its search was stopped early: it {too_optimistic}" in found.summary()
+    assert "over the candidates and these poses alone" in found.summary()
 
 
 def test_interrupted_search_has_its_best_plan(monkeypatch):
-    """Ctrl-C leaves the best plan so far after the first starts, and nothing before them."""
+    """Ctrl-C leaves the best plan so far, and nothing before there is a first design."""
 
     def after(stage):
         def progress(label, number):
@@ -83,8 +85,16 @@ def test_interrupted_search_has_its_best_plan(monkeypatch):
     found = plan_study(ARM, 3, "A", options=RunOptions(progress=after("starts")))
     assert (found.ended, found.starts) == ("interrupted", 16)
     assert found.value == pytest.approx(evaluate(ARM, found.whole).criteria["A"], rel=1e-9)
+    early = plan_study(ARM, 3, "A", options=RunOptions(progress=after("continuum")))
+    assert (early.ended, early.starts) == ("interrupted", 16)
+    assert (
+        found.value
+        <= early.value
+        == pytest.approx(evaluate(ARM, early.whole).criteria["A"], rel=1e-9)
+    )
+    assert early.bound <= early.value
     with pytest.raises(KeyboardInterrupt):
-        plan_study(ARM, 3, "A", options=RunOptions(progress=after("bound")))
+        plan_study(ARM, 3, "A", options=RunOptions(progress=after("candidates")))
 
 
 def test_progress_tells_of_bound_and_starts():

@@ -14,7 +14,7 @@ from edtk.calibration.geometry_design.geometry_space import GeometrySpace
 from edtk.calibration.geometry_design.load_trial import LoadTrial
 from edtk.calibration.geometry_design.new_visits import new_visits
 from edtk.calibration.geometry_design.too_few_visits import too_few_visits
-from edtk.calibration.geometry_design.visit_search import VisitSearch
+from edtk.calibration.geometry_design.visit_search import FoundVisits, VisitSearch
 from edtk.design.bound import BoundKind
 from edtk.design.exact.exact_plan import ExactPlan
 from edtk.design.exact.require_enough import TooFewExperimentsError, require_enough
@@ -22,15 +22,15 @@ from edtk.design.plan import Plan
 from edtk.design.problem import RankDeficientError
 from edtk.design.relaxation.relax import require_relaxable
 from edtk.design.relaxation.relax_options import RelaxOptions
-from edtk.design.relaxation.relax_poses import relax_poses
+from edtk.design.relaxation.relax_poses import relaxed_in_time
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
 from edtk.study.relax_study import source_of
 from edtk.study.run_options import RunOptions
 from edtk.system.errors import ArgumentError
+from edtk.system.time_limit import out_of_time, time_left, time_limit
 
 TOLERANCE = 2e-2  # relative gap of a bound: that of 35 parameters would take minutes to 1e-3
 SEARCHES = 12  # over all poses for the bound, at most: what is left after them is a per cent or two
-SHARE_OF_BOUND = 0.5  # of the seconds, at most, that the search for the bound may take
 MOST_LOADS = 5  # none counted: of more, too many sets would have to be searched one by one
 AS_GOOD = 1e-4  # relative difference of costs of plans below which the cheaper day is better
 
@@ -45,8 +45,6 @@ class DaySearch:
         kept: Visits that were made already.
         new: Number of new visits; None where the budget decides.
         costs: What visits and load changes cost; None where nothing does.
-        since: When the search began, on the clock of `time.monotonic` [s].
-        seconds: How long it may take; infinity for no limit.
         options: Seed and progress.
         distinct: Different new visits at most; None for any number.
     """
@@ -56,8 +54,6 @@ class DaySearch:
     kept: Plan | None
     new: int | None
     costs: DayCosts | None
-    since: float
-    seconds: float
     options: RunOptions
     distinct: int | None = None
 
@@ -69,7 +65,6 @@ class DaySearch:
         criterion: str | None,
         kept: Plan | None,
         cost_budget: float | None,
-        seconds: float | None,
         options: RunOptions,
     ) -> "DaySearch":
         """Check the arguments.
@@ -93,8 +88,6 @@ class DaySearch:
             kept,
             new_visits(size, kept),
             costs,
-            monotonic(),
-            np.inf if seconds is None else seconds,
             options,
         )
 
@@ -120,24 +113,65 @@ class DaySearch:
         return replace(self, distinct=distinct)
 
     def run(self) -> GeometryPlan:
-        """Search each set of loads, and take the best plan."""
+        """Search each set of loads, and take the best plan.
+
+        Where there are several sets, each has a first plan and a first bound before any of them is
+        searched in earnest: the bound of a day rests on all of them.
+        """
+        since = monotonic()
         self._require_enough()
-        trials: list[LoadTrial] = []
+        sets = dict(self.budget.sets())
+        trials: dict[tuple[int, ...], LoadTrial] = {}
         refused: RankDeficientError | None = None
-        for loads, funds in self.budget.sets():
-            least = min((one.found.cost for one in trials if one.found), default=np.inf)
-            try:
-                trials.append(self._trial(loads, funds, least))
-            except RankDeficientError as error:
-                # Without a load, springs are open; with it, they may be told.
-                refused = error
-        found = [one for one in trials if one.found and np.isfinite(one.found.cost)]
+        if len(sets) > 1:
+            for loads, funds in sets.items():
+                try:
+                    with time_limit(0.0):
+                        trials[loads] = self._trial(loads, funds)
+                except RankDeficientError as error:
+                    # Without a load, springs are open; with it, they may be told.
+                    refused = error
+            sets = {loads: sets[loads] for loads in trials}
+        ended = self._search_all(sets, trials)
+        found = [one for one in trials.values() if one.found and np.isfinite(one.found.cost)]
         if not found and not trials:
             assert refused is not None
             raise refused
         if not found:
             raise self._too_few()
-        return self._result(self._cheapest(found), trials)
+        result = self._result(self._cheapest(found), list(trials.values()))
+        return replace(result, seconds=monotonic() - since, ended=ended or result.ended)
+
+    def _search_all(
+        self, sets: dict[tuple[int, ...], float], trials: dict[tuple[int, ...], LoadTrial]
+    ) -> str:
+        """Search each set of loads, whose first plans are there already where it has others.
+
+        Args:
+            sets: The sets, and what the budget leaves for visits.
+            trials: The best of each, which changes.
+
+        Returns:
+            Why the search ended, "budget" or "interrupted"; empty where it came to its end.
+        """
+        for i, (loads, funds) in enumerate(sets.items()):
+            if trials and out_of_time():
+                return "budget"
+            others = [one.found.cost for key, one in trials.items() if one.found and key != loads]
+            least = min(others, default=np.inf)
+            try:
+                with time_limit(time_left() / (len(sets) - i)):
+                    trial = self._trial(loads, funds, least)
+            except KeyboardInterrupt:
+                if not trials:
+                    raise
+                return "interrupted"
+            # A first plan counts no more where no plan of these loads can be the best one.
+            is_open = trial.bound.cost < least
+            trials[loads] = trial.or_better(trials.get(loads)) if is_open else trial
+            if trial.found is not None and trial.found.ended == "interrupted":
+                return "interrupted"
+        return "budget" if out_of_time() else ""
 
     def _require_enough(self) -> None:
         """Check that visits are enough to tell all parameters apart, before any search.
@@ -178,7 +212,7 @@ class DaySearch:
         spent = [one.price(self.question, self.costs) for one, _ in best]
         return best[int(np.argmin(spent))][0]
 
-    def _trial(self, loads: tuple[int, ...], funds: float, least: float) -> LoadTrial:
+    def _trial(self, loads: tuple[int, ...], funds: float, least: float = np.inf) -> LoadTrial:
         """The best plan of a set of loads, unless its bound is no better than a least cost."""
         space = self.question.space.with_loads(self.question.wrenches, loads)
         prices = self.budget.prices(loads)
@@ -190,21 +224,22 @@ class DaySearch:
         if m is None:
             space = replace(space, prices=prices)
         space = self._beside_kept(space, total)
-        relaxed = self._relaxed(space)
-        bound = relaxed.best_bound.scaled(total)
-        if bound.cost >= least:
-            return LoadTrial(loads, relaxed, bound, None)
+        relaxed, interrupted = self._relaxed(space)
+        if relaxed.best_bound.scaled(total).cost >= least:
+            return LoadTrial(loads, relaxed, total, None)
         counted = replace(space, prices=None)
         if m is None and space.prior is not None:
             counted = self._beside_kept(replace(counted, prior=None), 1.0)
-        search = VisitSearch(
-            counted, relaxed, self.criterion, self._seed, self._late, self._progress
-        )
-        if m is not None and (one_price or affords(funds, prices.max() * m)):
-            return LoadTrial(loads, relaxed, bound, search.of_size(m, self.distinct))
-        most = most_visits(funds, prices.min()) if m is None else m
-        found = search.within(prices, funds, most, m is not None, self.distinct)
-        return LoadTrial(loads, relaxed, bound, found)
+        search = VisitSearch(counted, relaxed, self.criterion, self._seed, self._progress)
+        with time_limit(0.0 if interrupted else np.inf):
+            if m is not None and (one_price or affords(funds, prices.max() * m)):
+                found: FoundVisits | None = search.of_size(m, self.distinct)
+            else:
+                most = most_visits(funds, prices.min()) if m is None else m
+                found = search.within(prices, funds, most, m is not None, self.distinct)
+        if found is not None and interrupted:
+            found = replace(found, ended="interrupted")
+        return LoadTrial.of(loads, relaxed, total, found)
 
     def _beside_kept(self, space: GeometrySpace, total: float) -> GeometrySpace:
         """The space with its share of what the kept visits tell."""
@@ -213,9 +248,8 @@ class DaySearch:
         known = replace(self.question.space, prior=None).information(self.kept)
         return replace(space, prior=known / total, sharing=max(int(total), 1))
 
-    def _relaxed(self, space: GeometrySpace) -> RelaxedPlan:
-        """The relaxation over all feasible poses."""
-        half = self.since + SHARE_OF_BOUND * self.seconds
+    def _relaxed(self, space: GeometrySpace) -> tuple[RelaxedPlan, bool]:
+        """The relaxation over all feasible poses, and whether Ctrl-C has ended it."""
         rounds = 0
 
         def progress(stage: str, gap: float) -> None:
@@ -223,16 +257,11 @@ class DaySearch:
             rounds += stage == "continuum"
             self.options.progress(f"bound: {stage}", gap)
 
-        return relax_poses(
+        return relaxed_in_time(
             source_of(self.question.study, self.options.seed, space),
             self.question.study.specification.candidates,
             self.criterion,
-            continuous=True,
-            options=RelaxOptions(
-                tolerance=TOLERANCE,
-                progress=progress,
-                stop=lambda: rounds >= SEARCHES or monotonic() >= half,
-            ),
+            RelaxOptions(tolerance=TOLERANCE, progress=progress, stop=lambda: rounds >= SEARCHES),
         )
 
     @property
@@ -244,10 +273,6 @@ class DaySearch:
     def _seed(self) -> int:
         seed = self.options.seed
         return self.question.study.specification.seed if seed is None else seed
-
-    def _late(self) -> bool:
-        """Whether the time has run out."""
-        return monotonic() >= self.since + self.seconds
 
     def _progress(self, label: str, cost: float) -> None:
         self.options.progress(label, cost)
@@ -274,7 +299,7 @@ class DaySearch:
             found.starts,
             found.found,
             found.optima,
-            monotonic() - self.since,
+            0.0,
             found.ended,
             warnings=question.study.warnings,
         )

@@ -19,7 +19,7 @@ from edtk.design.exact.exact_plan import ExactPlan
 from edtk.design.exact.no_plan_error import NoPlanError
 from edtk.design.exact.require_enough import require_enough
 from edtk.design.plan import Plan
-from edtk.design.relaxation.relax_options import RelaxOptions, never
+from edtk.design.relaxation.relax_options import RelaxOptions
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
 from edtk.inference.task_accuracy import task_accuracy
 from edtk.model.expected_error import WITHIN, ExpectedError, expected_error
@@ -110,7 +110,7 @@ class GeometryDesigns(Designs):
             require_enough(space, case.size, places, criterion)
         seed = self.study.specification.seed
         search = VisitSearch(
-            space, relaxed, criterion, seed, never, no_progress, starts=min(starts, STARTS)
+            space, relaxed, criterion, seed, no_progress, starts=min(starts, STARTS)
         )
         found = search.of_size(case.size, case.distinct)
         plan = space.plan(found.x, found.repeats)

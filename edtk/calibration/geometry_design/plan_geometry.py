@@ -1,5 +1,7 @@
 """The plan that a study of geometry asks for: visits, loads and what the day may cost."""
 
+import numpy as np
+
 from edtk.calibration.geometry_design.day_search import DaySearch
 from edtk.calibration.geometry_design.geometry_plan import GeometryPlan
 from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
@@ -8,6 +10,7 @@ from edtk.study.run_options import DEFAULTS, RunOptions
 from edtk.study.study import Study
 from edtk.study.study_errors import study_errors
 from edtk.system.errors import ArgumentError
+from edtk.system.time_limit import time_limit
 
 
 def plan_geometry(
@@ -36,15 +39,16 @@ def plan_geometry(
             Defaults to any number.
         kept: Visits that were made already; they cost nothing more.
         cost_budget: What the new visits may cost; defaults to the study's.
-        seconds: Time after which the best plan so far is returned; defaults to no limit.
+        seconds: Time after which the best plan so far is returned; defaults to no limit. A first
+            design on the candidates and a first plan, of each set of loads, are always completed.
         options: Seed and progress.
 
     Raises:
         UserError: One line that says what cannot be done, and where.
     """
-    with study_errors(study):
+    with study_errors(study), time_limit(np.inf if seconds is None else seconds):
         question = GeometryQuestion.of(study)
-        search = DaySearch.of(question, size, criterion, kept, cost_budget, seconds, options)
+        search = DaySearch.of(question, size, criterion, kept, cost_budget, options)
         try:
             return search.limited(distinct).run()
         except ArgumentError as error:

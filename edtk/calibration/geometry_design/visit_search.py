@@ -19,6 +19,7 @@ from edtk.design.problem import Problem, RankDeficientError
 from edtk.design.relaxation.normalised import normalised
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
 from edtk.system.errors import UserError
+from edtk.system.time_limit import out_of_time, time_limit
 from edtk.system.typing import Array, Indices
 
 STARTS = 8
@@ -73,7 +74,6 @@ class VisitSearch:
         relaxed: A relaxation of the same space and criterion, whatever a visit costs there.
         criterion: What is minimised.
         seed: Seed.
-        late: Asked whether to end early.
         progress: Called with a label and the best cost.
         starts: Number of starts.
     """
@@ -82,7 +82,6 @@ class VisitSearch:
     relaxed: RelaxedPlan
     criterion: Criterion
     seed: int
-    late: Callable[[], bool]
     progress: Callable[[str, float], object]
     starts: int = STARTS
 
@@ -98,11 +97,13 @@ class VisitSearch:
         rng = np.random.default_rng((self.seed, SEED))
         k = m if distinct is None else min(m, distinct)
         starts = self._starts(rng, weights, k)
+        if out_of_time():
+            starts = starts[:1]
         even = np.tile(apportion(np.ones(k), m).astype(float), (len(starts), 1))
         places, repeats, costs = self._exchanged(pool, starts, even)
         elite = np.argsort(costs, kind="stable")[:ELITE]
-        self.progress(f"{self.starts} starts", float(costs[elite[0]]))
-        return self._finished(pool.x[places[elite]], repeats[elite], pool, self.starts)
+        self.progress(_counted(len(starts)), float(costs[elite[0]]))
+        return self._finished(pool.x[places[elite]], repeats[elite], pool, len(starts))
 
     def within(
         self, prices: Array, funds: float, m: int, sized: bool, distinct: int | None = None
@@ -129,8 +130,16 @@ class VisitSearch:
         plain = problem.with_prior(None)
         nothing = np.zeros(problem.n, dtype=int)
         starts = self.starts if problem.p <= FEW else 1
-        found = find_counts(plain, self.criterion, limits, nothing, seed=self.seed, starts=starts)
-        self.progress(f"{starts} start{'s' if starts > 1 else ''}", found.cost)
+        found = find_counts(
+            plain,
+            self.criterion,
+            limits,
+            nothing,
+            seed=self.seed,
+            starts=starts,
+            thorough=problem.p <= FEW,
+        )
+        self.progress(_counted(starts), found.cost)
         chosen = found.support
         repeats = found.counts[chosen].astype(float)
         while distinct is not None and len(chosen) > distinct:
@@ -165,12 +174,15 @@ class VisitSearch:
                     nothing,
                     seed=self.seed,
                     starts=starts,
+                    thorough=problem.p <= FEW,
                 )
             except (RankDeficientError, UserError):
                 continue
             if np.isfinite(found.cost) and (best is None or found.cost < best[0]):
                 kept = found.support
                 best = (found.cost, rest[kept], found.counts[kept].astype(float))
+            if best is not None and out_of_time():
+                break
         return None if best is None else (best[1], best[2])
 
     def _pool(self) -> tuple[Candidates, Array]:
@@ -201,12 +213,10 @@ class VisitSearch:
         costs = np.asarray(self.criterion.cost(self.space.at(x).information(repeats))).reshape(-1)
         try:
             for turn in range(ROUNDS):
-                if self.late():
+                if out_of_time():
                     ended = "budget"
                     break
-                x, reached = refine(
-                    self.space, self.criterion, x, repeats, STEPS, SHARPNESS, self.late
-                )
+                x, reached = refine(self.space, self.criterion, x, repeats, STEPS, SHARPNESS)
                 gained = bool((reached < costs * (1 - GAIN)).any())
                 costs = reached
                 self.progress("refine", float(costs.min()))
@@ -221,7 +231,8 @@ class VisitSearch:
         best = int(np.argmin(costs))
         alike = np.unique(np.floor(np.log(costs[np.isfinite(costs)]) / SAME))
         same = int((costs <= costs[best] * (1 + SAME)).sum())
-        return self._rounded(x[best], repeats[best], (starts, same, len(alike), ended))
+        with time_limit(0.0 if ended == "interrupted" else np.inf):
+            return self._rounded(x[best], repeats[best], (starts, same, len(alike), ended))
 
     def _problem(self, x: Array) -> Problem:
         """The visits of plans (b, k, v)."""
@@ -247,11 +258,14 @@ class VisitSearch:
         used = repeats > 0
         x, repeats = x[used], repeats[used]
         if ended == "starts":
-            x = refine(
-                self.space, self.criterion, x[None], repeats[None], FINEST, SHARPEST, self.late
-            )[0][0]
+            x = refine(self.space, self.criterion, x[None], repeats[None], FINEST, SHARPEST)[0][0]
         x, repeats = round_plan(self.space, self.criterion, x, repeats)
         order = np.lexsort((*np.round(x.T[::-1], 9), self.space.load_of(x)))
         x, repeats = x[order], repeats[order]
         cost = float(self.criterion.cost(self.space.problem(x).information(repeats)))
         return FoundVisits(x, repeats.astype(int), cost, starts, found, optima, ended)
+
+
+def _counted(starts: int) -> str:
+    """A number of starts, in words of the progress."""
+    return f"{starts} start{'s' if starts > 1 else ''}"

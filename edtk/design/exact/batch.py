@@ -1,6 +1,5 @@
 """One batch of a search for exact plans: starts, a coarse descent, and a fine one of the best."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -47,13 +46,10 @@ class Batch:
     weights: Array
     seed: tuple[int, ...]
 
-    def search(self, late: Callable[[], bool]) -> Search:
+    def search(self) -> Search:
         """Refine starts coarsely, the elite finely, then exchange and refine it in turn.
 
         Descents are asked for, so that whoever runs several batches can do theirs together.
-
-        Args:
-            late: Asked between descents whether to end early.
 
         Yields:
             Descents; costs and plans at their ends are sent back.
@@ -64,9 +60,7 @@ class Batch:
         costs, plans = yield Descent(self._starts(), COARSE)
         costs, plans = yield Descent(self._elite(costs, plans), FINE)
         return (
-            yield from exchange_and_refine(
-                self.space, self.criterion, (costs, plans), self._fresh, late
-            )
+            yield from exchange_and_refine(self.space, self.criterion, (costs, plans), self._fresh)
         )
 
     def _starts(self) -> Plans:

@@ -1,8 +1,7 @@
 """Batches of a search for exact plans, whose descents are done side by side."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from time import monotonic
 
 import numpy as np
 
@@ -12,6 +11,7 @@ from edtk.design.exact.kicks import Kicks
 from edtk.design.exact.plans import Plans
 from edtk.design.exact.refine import refine
 from edtk.system.one_thread import one_thread
+from edtk.system.time_limit import time_limit
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,14 +33,13 @@ class Batches:
 
     def __call__(self) -> list[Answer]:
         """The answer of each batch: costs (e,) of plans, the best first, and the plans."""
-        end = monotonic() + self.seconds
         # The rounding of a product may depend on the number of threads, and so would the plan.
-        with one_thread():
-            return self._run(lambda: monotonic() >= end)
+        with one_thread(), time_limit(self.seconds):
+            return self._run()
 
-    def _run(self, late: Callable[[], bool]) -> list[Answer]:
+    def _run(self) -> list[Answer]:
         """Do the descents that the batches ask for, until each has its answer."""
-        searches = [batch.search(late) for batch in self.batches]
+        searches = [batch.search() for batch in self.batches]
         answers: dict[int, Answer] = {}
         asked: dict[int, Descent] = {}
 
@@ -57,19 +56,19 @@ class Batches:
             # Batches go through the same stages, so that this is all of them most of the time.
             effort = next(iter(asked.values())).effort
             now = [i for i, descent in asked.items() if descent.effort == effort]
-            ends = self._refined([asked.pop(i) for i in now], late)
+            ends = self._refined([asked.pop(i) for i in now])
             for i, end in zip(now, ends, strict=True):
                 go_on(i, end)
         return [answers[i] for i in range(len(searches))]
 
-    def _refined(self, descents: Sequence[Descent], late: Callable[[], bool]) -> list[Answer]:
+    def _refined(self, descents: Sequence[Descent]) -> list[Answer]:
         """Costs and plans after descents of the same effort."""
         first = self.batches[0]
         x = np.concatenate([descent.plans.x for descent in descents])
         repeats = np.concatenate([descent.plans.repeats for descent in descents])
         effort = descents[0].effort
         x, costs = refine(
-            first.space, first.criterion, x, repeats, effort.iterations, effort.sharpness, late
+            first.space, first.criterion, x, repeats, effort.iterations, effort.sharpness
         )
         ends = np.cumsum([len(descent.plans.x) for descent in descents])[:-1]
         parts = zip(np.split(costs, ends), np.split(x, ends), np.split(repeats, ends), strict=True)

@@ -12,6 +12,7 @@ from edtk.design.exact.candidate_prices import CandidatePrices
 from edtk.design.exact.exchange_costs import exchange_costs
 from edtk.design.problem import Problem
 from edtk.system.errors import UserError
+from edtk.system.time_limit import out_of_time
 from edtk.system.typing import Array, Indices
 
 EXCHANGES_AT_ONCE = 20_000  # their matrices, of some megabytes, stay in a core's cache
@@ -73,7 +74,7 @@ def exchange(
     problem, criterion = absorb_prior(problem, criterion, _size(times, criterion))
     found, costs = _exchanged(problem, criterion, places, times, shortlists, thorough)
     stuck = ~np.isfinite(costs)
-    if stuck.any():
+    if stuck.all() or (stuck.any() and not out_of_time()):
         ridge = RIDGE * problem.mean
         ridged = problem.with_prior(ridge if problem.prior is None else problem.prior + ridge)
         some = places[stuck], times[stuck]
@@ -118,6 +119,9 @@ def _exchanged(
     left = np.arange(len(times))
     while len(left):
         plans, left = search.round(plans, left, sizes, thorough)
+        # Without time one plan that tells all is enough.
+        if out_of_time() and np.isfinite(plans.costs).any():
+            break
     return plans.places, plans.costs
 
 

@@ -11,6 +11,7 @@ from edtk.design.exact.best_repeats import best_repeats
 from edtk.design.exact.descent import FINE, Answer, Descent, Search
 from edtk.design.exact.exchange_in_turn import exchange_in_turn
 from edtk.design.exact.plans import Plans
+from edtk.system.time_limit import out_of_time
 from edtk.system.typing import Array, Indices
 
 # Rounds of refinement, with an exchange between them. The last exchange still improved the best
@@ -24,7 +25,6 @@ def exchange_and_refine(
     criterion: Criterion,
     first: Answer,
     fresh: Callable[[int], Candidates],
-    late: Callable[[], bool],
 ) -> Search:
     """Exchange places of plans and refine them, as long as one of the plans becomes better.
 
@@ -35,7 +35,6 @@ def exchange_and_refine(
         criterion: The criterion to improve.
         first: Costs (b,) of the plans, and the plans.
         fresh: The candidates of each turn.
-        late: Asked before each turn whether to end early.
 
     Yields:
         Descents; costs and plans at their ends are sent back.
@@ -45,7 +44,7 @@ def exchange_and_refine(
     """
     costs, plans = first
     for turn in range(1, ROUNDS):
-        if late():
+        if out_of_time():
             break
         exchanged = _exchanged(space, criterion, plans, fresh(turn))
         reached, exchanged = yield Descent(exchanged, FINE)

@@ -6,6 +6,7 @@ from criteria import Criterion
 from edtk.design.exact.best_repeats import best_repeats
 from edtk.design.exact.exchange import exchange
 from edtk.design.problem import Problem
+from edtk.system.time_limit import out_of_time
 from edtk.system.typing import Array, Indices
 
 GAIN = 1e-9  # relative improvement by new places for which repetitions are distributed anew
@@ -38,7 +39,7 @@ def exchange_in_turn(
         # With one measurement a place, a new distribution is the same as an exchange of places.
         repeated = repeats[left].sum(axis=1) > places.shape[1]
         costs[left] = reached
-        left = left[improved & repeated]
+        left = left[improved & repeated & (not out_of_time())]
         for i in left:
             blocks = problem.blocks(places[i])
             repeats[i] = best_repeats(criterion, blocks, repeats[i], problem.prior)

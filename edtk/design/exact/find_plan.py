@@ -1,7 +1,7 @@
 """The search for the best plan of exactly m experiments, on every core."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from time import monotonic
 
 import numpy as np
@@ -19,6 +19,8 @@ from edtk.design.exact.spread import divided, spread
 from edtk.design.exact.tidy import tidy
 from edtk.design.plan import Plan
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
+from edtk.system.time_limit import out_of_time, time_left, time_limit
+from edtk.system.typing import Array
 from edtk.system.workers import Workers
 
 Progress = Callable[[int, float], object]
@@ -96,30 +98,43 @@ def find_plan(
         WorkersLostError: The workers have gone away.
     """
     since = monotonic()
+    with time_limit(options.seconds):
+        found = _found(relaxed, m, places, kept, options)
+    return replace(found, seconds=monotonic() - since)
+
+
+def _found(
+    relaxed: RelaxedPlan, m: int, places: int | None, kept: Plan | None, options: SearchOptions
+) -> ExactPlan:
+    """`find_plan` within the time that is left."""
     space = relaxed.space
     searched = space.alone if places is None else space
     if places is None:
         places = _enough_places(space.p, m)
     if not _rounds_well(relaxed, m, places):
         require_enough(space, m, places, relaxed.criterion)
-    search = _Search(relaxed, searched, m, places, since + options.seconds, options)
+    search = _Search(relaxed, searched, m, places, options)
     record = SearchRecord(searched)
     try:
         ended = search.run(record)
         if ended != "budget":
             search.kick(record)
     except KeyboardInterrupt:
-        if record.empty:
-            raise
         ended = "interrupted"
-    # An interrupted search has a best plan all the same, which is tidied like any other.
-    plan = _tidied(relaxed, searched, record, kept)
+    with time_limit(0.0 if ended == "interrupted" else np.inf):
+        if record.empty:
+            search.run(record)
+        # An interrupted search has a best plan all the same, which is tidied like any other.
+        x, repeats = _tidied(relaxed, searched, record, kept)
+    plan = space.plan(x, repeats.astype(int))
+    if relaxed.searched_bound is None:
+        # The poses of the plan are no candidates, and the bound has to hold for them, too.
+        relaxed = relaxed.holding_for(x)
     # The cost is that of the plan as it is written, whatever the search believed.
     cost = float(relaxed.criterion.cost(space.information_beside(kept, plan)))
     found, optima = record.census()
     starts = record.batches * BATCH_SIZE
-    seconds = monotonic() - since
-    return ExactPlan(relaxed, plan, kept, cost, starts, found, optima, seconds, ended)
+    return ExactPlan(relaxed, plan, kept, cost, starts, found, optima, 0.0, ended)
 
 
 def _rounds_well(relaxed: RelaxedPlan, m: int, places: int) -> bool:
@@ -139,15 +154,15 @@ def _rounds_well(relaxed: RelaxedPlan, m: int, places: int) -> bool:
 
 def _tidied(
     relaxed: RelaxedPlan, searched: DesignSpace, record: SearchRecord, kept: Plan | None
-) -> Plan:
-    """The best plan of a record, with as few poses as it needs."""
+) -> tuple[Array, Array]:
+    """Design variables and repetitions of the best plan of a record, on as few poses as needed."""
     x, repeats = tidy(searched, relaxed.criterion, record.best, record.cost)
     space = relaxed.space
     if space.noise is not None and space.noise.shares:
         if searched is not space:
             x, repeats = divided(x, repeats)
         x = spread(space, relaxed.criterion, x, repeats, None if kept is None else kept.q)
-    return space.plan(x, repeats.astype(int))
+    return x, repeats
 
 
 def _enough_places(p: int, m: int) -> int:
@@ -167,7 +182,6 @@ class _Search:
         space: Its design space, perhaps without what repeats share.
         m: Number of new experiments.
         places: Number of distinct poses at most.
-        end: Time of `monotonic` [s] at which the search ends.
         options: Seed, limits and workers.
     """
 
@@ -175,7 +189,6 @@ class _Search:
     space: DesignSpace
     m: int
     places: int
-    end: float
     options: SearchOptions
 
     def run(self, record: SearchRecord) -> str:
@@ -198,8 +211,8 @@ class _Search:
                     options.progress(record.batches * BATCH_SIZE, record.cost)
                     if record.idle >= options.patience:
                         # Batches without time go nowhere.
-                        return "budget" if self.end <= monotonic() else "stagnation"
-            if self.end <= monotonic():
+                        return "budget" if out_of_time() else "stagnation"
+            if out_of_time():
                 return "budget"
         return "starts"
 
@@ -216,7 +229,7 @@ class _Search:
             known=x.reshape(-1, x.shape[-1]),
             seed=(self.options.seed, self.m, self.places, KICKED),
         )
-        ((_, answers),) = Workers().run([Batches((kicks,), self.end - monotonic())])
+        ((_, answers),) = Workers().run([Batches((kicks,), time_left())])
         record.improve(*answers[0])
 
     @property
@@ -231,18 +244,18 @@ class _Search:
 
     def _wave(self, record: SearchRecord, pieces: int, most: int) -> list[Batches]:
         """So many pieces of work, from the next batch on, each of several batches."""
-        seconds = self.end - monotonic()
         size = min(TOGETHER // self._variables, INEQUALITIES // self._inequalities)
         # The search ends no sooner; batches beyond these may be in vain.
         first = record.batches
         left = self.options.patience - record.idle + (1 if record.empty else 0)
         size = max(1, min(size, -(-left // pieces)))
-        if seconds <= 0:
+        if out_of_time():
             size = 1
         last = min(first + pieces * size, most)
         firsts = range(first, last, size)
         return [
-            Batches(tuple(map(self._batch, range(i, min(i + size, last)))), seconds) for i in firsts
+            Batches(tuple(map(self._batch, range(i, min(i + size, last)))), time_left())
+            for i in firsts
         ]
 
     def _batch(self, number: int) -> Batch:

@@ -1,6 +1,5 @@
 """The end of a search: the best plans are kicked out of their optima, one place at a time."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +14,7 @@ from edtk.design.exact.candidate_prices import CandidatePrices
 from edtk.design.exact.descent import COARSE, FINE, Answer, Descent, Search
 from edtk.design.exact.exchange_costs import exchange_costs
 from edtk.design.exact.plans import Plans
+from edtk.system.time_limit import out_of_time
 from edtk.system.typing import Array, Indices
 
 CHAMPIONS = 4  # plans that are kicked
@@ -52,12 +52,12 @@ class Kicks:
     known: Array
     seed: tuple[int, ...]
 
-    def search(self, late: Callable[[], bool]) -> Search:
+    def search(self) -> Search:
         """Kick and refine in turn; see `Batch.search`."""
         costs, plans = self.best
         for turn in range(TURNS):
             kicked = self._kicked(plans, self._candidates(turn))
-            if late() or not len(kicked.x):
+            if out_of_time() or not len(kicked.x):
                 break
             reached, kicked = yield Descent(kicked, COARSE)
             reached, kicked = yield Descent(self._best_of(reached, kicked, ELITE)[1], FINE)

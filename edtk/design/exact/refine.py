@@ -1,7 +1,5 @@
 """Nonlinear refinement: all experiments of a plan move together under the constraints."""
 
-from collections.abc import Callable
-
 import numpy as np
 
 from criteria import Criterion
@@ -17,11 +15,6 @@ FIRST_BARRIER = 0.03
 LATER_BARRIER = 0.003
 
 
-def never() -> bool:
-    """Do not stop early."""
-    return False
-
-
 def refine(
     space: Space,
     criterion: Criterion,
@@ -29,7 +22,6 @@ def refine(
     repeats: Array,
     iterations: int = 200,
     sharpness: tuple[float, ...] = SHARPNESS,
-    stop: Callable[[], bool] = never,
 ) -> tuple[Array, Array]:
     """Move the poses and loads of plans to a local optimum of the criterion, many plans at once.
 
@@ -44,7 +36,6 @@ def refine(
         repeats: Their repetitions (b, k), which are kept.
         iterations: Limit on the number of steps, for each smooth criterion.
         sharpness: Sharpness of these smooth criteria.
-        stop: Asked before each step whether to end early.
 
     Returns:
         Design variables (b, k, v) and costs (b,). Plans are feasible and never worse than a
@@ -55,7 +46,7 @@ def refine(
     barrier = FIRST_BARRIER
     for guide in smooth:
         objective = LogCost(guide, repeats)
-        stages.append(descend(space, stages[-1], objective, iterations, barrier=barrier, stop=stop))
+        stages.append(descend(space, stages[-1], objective, iterations, barrier=barrier))
         barrier = LATER_BARRIER
     costs = np.array([_costs(space.at(stage), criterion, repeats) for stage in stages])
     best = costs.argmin(axis=0)

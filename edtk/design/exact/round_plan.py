@@ -8,6 +8,7 @@ from criteria import Criterion
 from edtk.design.design_space import DesignSpace
 from edtk.design.exact.round_poses import MOST_TRIED, best_of_tried, round_poses
 from edtk.design.exact.steps_around import number_around, steps_around
+from edtk.system.time_limit import out_of_time
 from edtk.system.typing import Array
 
 LOSS = 1e-5  # relative increase of the cost by rounding; at a constraint it is 1e-6 as a rule
@@ -60,6 +61,8 @@ def _improved(space: DesignSpace, criterion: Criterion, x: Array, repeats: Array
     for _ in range(PASSES):
         before = cost
         for i in np.flatnonzero(repeats > 0).tolist():
+            if out_of_time():
+                return x
             tried = steps_around(space, x[i], wider)
             if not len(tried):
                 continue

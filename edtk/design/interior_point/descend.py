@@ -21,15 +21,11 @@ from edtk.design.interior_point.scaled_variables import ScaledVariables
 from edtk.design.interior_point.state import State
 from edtk.design.interior_point.step import step
 from edtk.design.space import Space
+from edtk.system.time_limit import out_of_time
 from edtk.system.typing import Array, Indices
 
 # The least barrier holds the objective back by at most this part of the accuracy.
 SPARE = 0.1
-
-
-def never() -> bool:
-    """Do not stop early."""
-    return False
 
 
 def descend(
@@ -39,9 +35,10 @@ def descend(
     iterations: int = 200,
     accuracy: float = 1e-7,
     barrier: float = 0.03,
-    stop: Callable[[], bool] = never,
 ) -> Array:
     """Find design variables from which no way leads further down, as far as the steps can tell.
+
+    When the time is over (`time_limit`), the best so far are the answer.
 
     Args:
         space: Feasible set and movable variables.
@@ -51,7 +48,6 @@ def descend(
         iterations: Limit on steps that are tried.
         accuracy: A start is done when a step promises less, and the barrier holds back less.
         barrier: Weight mu of the barrier at the beginning, of all k experiments together.
-        stop: Asked before each step whether to end early.
 
     Returns:
         Design variables (b, k, v), never worse than a feasible start, and feasible where the start
@@ -65,7 +61,7 @@ def descend(
     variables = ScaledVariables(space, inside)
     look = partial(Point.at, variables, objective)
     first = State.first(look(variables.begin(), np.arange(len(x))), barrier)
-    for here in _points(first, look, iterations, accuracy, barrier, stop):
+    for here in _points(first, look, iterations, accuracy, barrier):
         better = np.flatnonzero(here.value < least[here.start])
         won = here.start[better]
         answer[won] = variables.design(here.y[better], won)
@@ -79,7 +75,6 @@ def _points(
     iterations: int,
     accuracy: float,
     barrier: float,
-    stop: Callable[[], bool],
 ) -> Iterator[Point]:
     """The points that the starts come to, one after each step, until all are done."""
     slacks = state.point.slack[:1].size
@@ -87,7 +82,7 @@ def _points(
     for _ in range(iterations):
         yield state.point
         state = state.going_on()
-        if not len(state) or stop():
+        if not len(state) or out_of_time():
             return
         state = step(state, look, barrier, floor, accuracy)
     yield state.point

@@ -12,6 +12,7 @@ from edtk.design.problem import RankDeficientError
 from edtk.design.relaxation.relax import relax
 from edtk.design.relaxation.relaxation import Relaxation
 from edtk.design.relaxation.solver_options import SolverOptions
+from edtk.system.time_limit import out_of_time
 from edtk.system.typing import Array
 
 # How boldly poses are merged, the boldest first: relative difference of information below which two
@@ -85,6 +86,8 @@ class ActiveSet:
             last_first = support[heavy[::-1]]
             trials = [last_first] if found is None else [last_first, found + last_first]
             for poses in trials:
+                if out_of_time():
+                    return self
                 kept = distinct(poses.problem.blocks(), T, alike)
                 try:
                     fewer = self.over(poses[kept], gap)

@@ -20,6 +20,7 @@ from edtk.design.relaxation.restricted_master import RelaxationError, is_clearly
 from edtk.design.relaxation.solver_options import LEAST_BATCH, NEWTON, SolverOptions
 from edtk.design.relaxation.step import Step
 from edtk.design.relaxation.warm_start import WarmStart
+from edtk.system.time_limit import out_of_time
 from edtk.system.typing import Array, Indices
 
 # Gap that a program solved to a few digits can still prove; a smaller one needs an exact solution.
@@ -59,6 +60,8 @@ class ColumnGeneration:
     def steps(self, start: WarmStart) -> Iterator[Step]:
         """Solve one restricted master problem after the other, until the gap is proved.
 
+        When the time is over (`time_limit`), no other one is begun.
+
         Args:
             start: The design to begin with; without candidates, they are chosen here.
 
@@ -83,7 +86,7 @@ class ColumnGeneration:
             is_last = gap <= self.gap and (self.gap >= COARSE or not effort.loose)
             yield self._masters.on_heavy(step) if is_last and not effort.loose else step
             can_end = True
-            if is_last:
+            if is_last or out_of_time():
                 return
             # After an exact solution a candidate outside has the largest sensitivity, unless the
             # gap is closed: where an active one has it, the solver was not accurate enough.

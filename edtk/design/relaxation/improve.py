@@ -10,6 +10,7 @@ from edtk.design.relaxation.column_generation import ColumnGeneration
 from edtk.design.relaxation.incumbent import Incumbent
 from edtk.design.relaxation.restricted_master import RelaxationError
 from edtk.design.relaxation.solver_options import NEWTON, SolverOptions
+from edtk.system.time_limit import out_of_time
 from edtk.system.typing import Array, Indices
 
 Progress = Callable[[int, float], object]
@@ -49,7 +50,7 @@ def _improve_on_parts(
     """Solve over a part of many candidates, price all of them, and again over the most sensitive.
 
     Returns:
-        Whether the gap is proved.
+        Whether the gap is proved, or the time is over.
     """
     problem = incumbent.problem
     part = np.arange(0, problem.n, EVERY)
@@ -65,7 +66,7 @@ def _improve_on_parts(
             return False
         sensitivities = incumbent.update_from(inner, part, part_gap, part_gap <= gap)
         progress(incumbent.iterations, incumbent.gap)
-        if incumbent.gap <= gap:
+        if incumbent.gap <= gap or out_of_time():
             return True
         incumbent.last = inner.last.outside(part)
         part = _most_sensitive(sensitivities(), incumbent.last.candidates)
@@ -103,7 +104,7 @@ def _improve(incumbent: Incumbent, gap: float, options: SolverOptions, progress:
         bound_before = incumbent.lower_bound
         _improve_by_member(incumbent, gap, options, progress)
         stuck = 0 < incumbent.lower_bound <= bound_before
-        if incumbent.gap <= gap or stuck:
+        if incumbent.gap <= gap or stuck or out_of_time():
             return
 
 

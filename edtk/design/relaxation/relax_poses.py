@@ -18,10 +18,12 @@ from edtk.design.relaxation.relaxed_plan import RelaxedPlan
 from edtk.design.relaxation.search_continuum import fresh_poses, search_continuum
 from edtk.design.relaxation.settle import settle
 from edtk.design.relaxation.sweep_candidates import most_sensitive, sweep_candidates
+from edtk.system.time_limit import out_of_time, time_left, time_limit
 from edtk.system.typing import Array
 
 ROUNDS = 40  # passes over the candidates, or searches over all poses, at most
 NEAR_OPTIMAL = 100  # candidates per multiplier that stay beside the support when others are dropped
+SHARE_OF_BOUND = 0.5  # of the time for a plan, at most, that its bound may take
 MERGING_SHARE = 0.5  # of the tolerance, which merging support points may spend
 # Accuracies relative to the present gap of the bound: of an ascent, and of the relaxation over the
 # poses found so far. A sharper one would be spent on multipliers that the next poses change.
@@ -82,6 +84,24 @@ def relax_poses(
     return run.best.plan
 
 
+def relaxed_in_time(
+    source: CandidateSource, n: int, criterion: Criterion, options: RelaxOptions
+) -> tuple[RelaxedPlan, bool]:
+    """The relaxation over all poses from which a plan is searched: it has a share of the time.
+
+    Returns:
+        The relaxation, and whether Ctrl-C has ended it.
+
+    Raises:
+        KeyboardInterrupt: Ctrl-C before a first certified plan.
+    """
+    try:
+        with time_limit(SHARE_OF_BOUND * time_left()):
+            return relax_poses(source, n, criterion, True, options), False
+    except PlanInterrupted as interrupt:
+        return interrupt.best, True
+
+
 @dataclass(frozen=True, eq=False)
 class _Run:
     """One call of `relax_poses`: its stages, each of which leaves a certified plan in `best`."""
@@ -96,6 +116,8 @@ class _Run:
         """Carry out the stages that are needed where so many candidates fit in memory."""
         head = self.take(fit)
         active = self.solve(head)
+        if out_of_time():
+            return
         beyond_memory = self.n > fit
         if beyond_memory or continuous:
             active = self.drop_others(active)
@@ -147,7 +169,7 @@ class _Run:
             self.best.spend("solve")
             plan = self.best.certify(active, self.n, largest)
             self.options.progress("solve", plan.gap)
-            if plan.gap <= self.options.gap:
+            if plan.gap <= self.options.gap or out_of_time():
                 break
             active = active.over(active.poses + joining, self.options.gap / 2)
         return active
@@ -157,6 +179,8 @@ class _Run:
         enough = (1 - MERGING_SHARE) * self.options.tolerance
         away = 1.0
         last = active.support
+        if out_of_time():
+            return
         fresh = self._fresh(0)
         is_new = True
         for turn in range(1, ROUNDS + 1):
@@ -171,6 +195,8 @@ class _Run:
                 fresh,
                 is_new,
             )
+            if out_of_time():
+                return  # ascents that were cut off have not seen the largest sensitivity
             proved = self._largest(head, Z)
             searched = searched.or_larger(self._largest(active.poses, Z))
             self.best.spend("continuous")

@@ -1,7 +1,7 @@
 """A design over poses: weights instead of repetitions, with bounds and what proves them."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,6 +10,7 @@ import numpy as np
 from criteria import Relaxable
 from edtk.design.bound import Bound, BoundKind, printed_form
 from edtk.design.candidate_source import CandidateSource
+from edtk.design.candidates import Candidates
 from edtk.design.design_space import DesignSpace
 from edtk.design.plan import Plan
 from edtk.design.relaxation.largest_sensitivities import LargestSensitivities
@@ -101,6 +102,19 @@ class RelaxedPlan(Presented):
     def best_bound(self) -> Bound:
         """The bound over all poses where one was searched, else the proved one."""
         return self.proved_bound if self.searched_bound is None else self.searched_bound
+
+    def holding_for(self, x: Array) -> "RelaxedPlan":
+        """The same with a proved bound that holds for designs on further experiments, too.
+
+        Args:
+            x: Their design variables (k, v); they need not be candidates.
+        """
+        others = Candidates(x, self.space.problem(x))
+        own = LargestSensitivities.over(others, self.criterion, self.multipliers)
+        largest = self.proved_sensitivities.or_larger(own)
+        cost = self.criterion.lower_bound(self.multipliers, largest.values, self.information)
+        proved = Bound.of(self.criterion, cost, self.cost, BoundKind.PROVED_ON_CANDIDATES)
+        return replace(self, proved_bound=proved, proved_sensitivities=largest)
 
     @property
     def information(self) -> Array:

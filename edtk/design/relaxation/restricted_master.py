@@ -3,6 +3,7 @@
 import threading
 import warnings
 from collections.abc import Sequence
+from time import monotonic
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -13,6 +14,8 @@ from criteria.linalg.triangle import triangle
 from edtk.design.relaxation.active_information import ActiveInformation
 from edtk.design.relaxation.leverages import leverages
 from edtk.design.relaxation.rounding_of_inverse import rounding_of_inverse
+from edtk.system.interruptible import interruptible
+from edtk.system.time_limit import time_left
 from edtk.system.typing import Array
 
 # Tolerances as sharp as the solvers can reach on programs of order one: a bound loses what they
@@ -31,6 +34,10 @@ SOLVERS: dict[str, dict[str, float]] = {
 LOOSE: dict[str, dict[str, float]] = {
     "CLARABEL": {"tol_gap_rel": 1e-4, "tol_gap_abs": 1e-4, "tol_feas": 1e-6}
 }
+TIME_LIMIT = {"CLARABEL": "time_limit", "SCS": "time_limit_secs"}  # what solvers call it
+LONGEST_S = 300.0  # of one program: nobody waits longer for the last digits of a bound
+SHORTEST_S = 5.0  # which a first program has in any case: without it there is no design at all
+SCS_INTERRUPTED = -5  # SCS takes Ctrl-C for itself
 POLISH = "SLSQP"
 CHAIN = (*SOLVERS, POLISH)  # interior points are the most accurate, splitting the most robust
 WHITE = 1e3  # factor by which a design's eigenvalues may differ from one and count as white
@@ -116,6 +123,7 @@ class RestrictedMaster:
             ValueError,
             ArithmeticError,
             MemoryError,
+            TimeoutError,
         ) as error:
             raise RelaxationError(f"{solver}: {' '.join(str(error).split())}") from error
         information = ActiveInformation.of_blocks(blocks)
@@ -155,9 +163,10 @@ class RestrictedMaster:
         whitened = self.T.T @ blocks @ self.T
         self.packed.value[:, :n] = whitened[:, self.rows, self.columns].T
         options = SOLVERS[solver] | (LOOSE.get(solver, {}) if loose else {})
+        options |= {TIME_LIMIT[solver]: _seconds()}
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of inaccuracy, which the certificate measures
-            self.program.solve(solver=solver, **self.compiling, **options)
+            self._run(solver, options)
         weights = self.w.value
         dual = self.balance.dual_value
         has_answer = all(x is not None and np.isfinite(x).all() for x in (weights, dual))
@@ -167,6 +176,28 @@ class RestrictedMaster:
         upper = np.zeros(self.T.shape)
         upper[self.rows, self.columns] = dual / np.where(self.rows == self.columns, 1.0, 2.0)
         return np.asarray(weights[:n]), self.T @ (upper + np.triu(upper, 1).T) @ self.T.T
+
+    def _run(self, solver: str, options: dict[str, float]) -> None:
+        """Solve the program, as its `solve` does, and hear Ctrl-C while that goes on.
+
+        Raises:
+            KeyboardInterrupt: Also where the solver has taken the signal for itself.
+        """
+        program = self.program
+        data, chain, inverse = program.get_problem_data(
+            solver, solver_opts=options, **self.compiling
+        )
+        try:
+            solution = interruptible(
+                lambda: chain.solve_via_data(program, data, warm_start=True, solver_opts=options)
+            )
+        except KeyboardInterrupt:
+            # The solver may still be at it: nobody else shall use its program.
+            _compiled.programs.pop(self.criterion, None)
+            raise
+        if solver == "SCS" and solution["info"]["status_val"] == SCS_INTERRUPTED:
+            raise KeyboardInterrupt
+        program.unpack_results(solution, chain, inverse)
 
     def _polish(self, blocks: Array) -> tuple[Array, Array]:
         """Weights (n,) of a smooth criterion by sequential quadratic programming, from equal ones.
@@ -181,8 +212,11 @@ class RestrictedMaster:
         criterion = self.criterion
         whitened = self.T.T @ blocks @ self.T
         S = np.linalg.inv(self.T)
+        end = monotonic() + _seconds()
 
         def log_cost(w: Array) -> tuple[float, Array]:
+            if monotonic() > end:
+                raise TimeoutError("time limit")
             M = S.T @ np.tensordot(w, whitened, axes=1) @ S
             cost = float(criterion.cost(M))
             if not np.isfinite(cost):
@@ -202,6 +236,11 @@ class RestrictedMaster:
         weights = np.maximum(result.x, 0.0)
         M = np.tensordot(weights / weights.sum(), blocks, axes=1)
         return weights, -criterion.gradient(M)
+
+
+def _seconds() -> float:
+    """How long a solver may take for one program [s]."""
+    return min(LONGEST_S, max(SHORTEST_S, time_left()))
 
 
 def regular_weights(

@@ -56,7 +56,11 @@ def _budget(found: ExactPlan) -> list[str]:
 def reach(found: ExactPlan) -> str:
     """Which plans the bound speaks of."""
     searched = found.lower_bound.kind is BoundKind.SEARCHED
-    reach = "searched over all poses, not proved" if searched else "over the candidates"
+    reach = (
+        "searched over all poses, not proved"
+        if searched
+        else "over the candidates and these poses alone, for want of time to search all poses"
+    )
     if found.bound_gap <= CUT_OFF:
         return reach
     too_good = "too optimistic by an unknown amount"

@@ -14,6 +14,7 @@ from edtk.calibration.geometry_design.geometry_plan import GeometryPlan
 from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
 from edtk.calibration.geometry_design.plan_geometry import plan_geometry
 from edtk.cli import main
+from edtk.design.bound import BoundKind
 from edtk.design.relaxation import search_continuum
 from edtk.study.run_options import RunOptions
 from edtk.study.study import Study
@@ -250,3 +251,36 @@ def test_too_few_different_visits_within_a_budget() -> None:
     """One pose under one load does not tell four parameters, however often it is visited."""
     with pytest.raises(UserError, match="distinct 1: so few different visits cannot tell"):
         plan_geometry(priced(loaded_visit=5), criterion="D", cost_budget=31, distinct=1)
+
+
+@pytest.mark.parametrize("study", [STUDY, priced(budget=20)], ids=["size", "costs"])
+def test_without_time_there_is_a_first_plan(study: Study) -> None:
+    """Any time gives a plan that tells all, and bounds that hold on the candidates and for it."""
+    size = 8 if study is STUDY else None
+    first = plan_geometry(study, size, seconds=1e-9)
+    assert first.ended == "budget"
+    assert np.isfinite(first.cost)
+    assert first.violation == 0.0
+    assert 0 < first.efficiency <= 1
+    assert first.lower_bound.kind is BoundKind.PROVED_ON_CANDIDATES
+    assert "over the candidates and these poses alone" in first.summary()
+    if study is not STUDY:
+        assert first.spent is not None
+        assert first.spent <= 20
+        assert set(first.proofs) == set(plan_geometry(study).proofs)
+
+
+@pytest.mark.parametrize("study", [STUDY, priced(budget=20)], ids=["size", "costs"])
+def test_ctrl_c_leaves_a_plan_while_the_bound_is_sought(study: Study) -> None:
+    """As soon as there is a first plan it is what Ctrl-C leaves, with the bound so far."""
+    size = 8 if study is STUDY else None
+
+    def enough(label: str, number: float) -> None:
+        if "continuum" in label:
+            raise KeyboardInterrupt
+
+    found = plan_geometry(study, size, options=RunOptions(progress=enough))
+    assert found.ended == "interrupted"
+    assert np.isfinite(found.cost)
+    assert 0 < found.efficiency <= 1
+    assert found.whole.experiments <= 8 if size else found.spent is not None

@@ -121,7 +121,7 @@ def test_company_does_not_matter(args):
 def test_one_thread(monkeypatch):
     """Batches compute in one thread, so that the rounding of products is always the same."""
     monkeypatch.setattr(
-        Batches, "_run", lambda self, late: [pool["num_threads"] for pool in threadpool_info()]
+        Batches, "_run", lambda self: [pool["num_threads"] for pool in threadpool_info()]
     )
     with threadpool_limits(2):
         assert set(Batches((batch(),))()) == {1}

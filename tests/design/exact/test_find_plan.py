@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import cache
+from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -226,7 +227,7 @@ def test_no_time(name):
 
 
 def test_interrupted():
-    """Ctrl-C after the first batch leaves its plan; before, there is none to leave."""
+    """Ctrl-C after the first batch leaves its plan; before, the first plan that can be given."""
 
     def interrupt(starts, cost):
         raise KeyboardInterrupt
@@ -236,11 +237,19 @@ def test_interrupted():
     assert_sound(plan, 3)
 
     class Impatient(Workers):
-        def run(self, pieces):
-            raise KeyboardInterrupt
+        """Workers of which the user has enough at once."""
 
-    with pytest.raises(KeyboardInterrupt):
-        search(relaxed("D"), 3, workers=Impatient())
+        asked: ClassVar[list[int]] = []
+
+        def run(self, pieces):
+            self.asked.append(len(pieces))
+            if len(self.asked) == 1:
+                raise KeyboardInterrupt
+            return super().run(pieces)
+
+    plan = search(relaxed("D"), 3, workers=Impatient())
+    assert (plan.ended, plan.starts) == ("interrupted", BATCH)
+    assert_sound(plan, 3)
 
 
 def test_a_team_that_goes_away():

@@ -6,6 +6,7 @@ sqrt(2 accuracy) of it.
 """
 
 from dataclasses import replace
+from importlib import import_module
 
 import numpy as np
 import pytest
@@ -312,8 +313,8 @@ def test_starts_do_not_see_each_other(space):
         assert np.linalg.norm(together[i] - alone[0]) <= 2 * NEAR
 
 
-def test_stop_is_asked_before_each_step():
-    """A descent that is told to stop ends with what it has: no worse, and feasible."""
+def test_time_is_looked_at_before_each_step(monkeypatch):
+    """A descent whose time is over ends with what it has: no worse, and feasible."""
     space = DESIGNS["kr270"]
     asked = []
     start = groups(space, 3, 2, 10)
@@ -323,7 +324,9 @@ def test_stop_is_asked_before_each_step():
         asked.append(None)
         return len(asked) == 3
 
-    end = descend(space, start, objective, stop=third)
+    with monkeypatch.context() as patch:
+        patch.setattr(import_module("edtk.design.interior_point.descend"), "out_of_time", third)
+        end = descend(space, start, objective)
     assert len(asked) == 3
     np.testing.assert_array_equal(end, descend(space, start, objective, iterations=2))
     assert (end != descend(space, start, objective, iterations=9)).any()

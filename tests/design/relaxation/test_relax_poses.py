@@ -25,6 +25,7 @@ from edtk.model.elastostatic_model import ElastostaticModel
 from edtk.model.loads.free_load import FreeLoad
 from edtk.model.loads.listed_load import ListedLoad
 from edtk.model.workspace import Workspace
+from edtk.system.time_limit import time_limit
 
 pytestmark = pytest.mark.slow
 
@@ -234,6 +235,33 @@ def test_a_bound_that_is_enough():
     assert short.searched_bound.cost < whole.searched_bound.cost
     assert short.searched_bound.cost <= whole.cost
     assert_proved_by_sensitivities(short)
+
+
+@pytest.mark.parametrize("name", ["rho0", "E", "c"])
+def test_without_time_the_bound_is_that_of_a_first_design(name):
+    """One program over the candidates is solved, and proves a bound on them that holds."""
+    criterion = {"rho0": RHO0, "E": create("E"), "c": create("c", c=[1.0, 0, 0, 0, 0])}[name]
+    source = CandidateSource(KR270, 0)
+    with time_limit(0.0):
+        first = relax_poses(source, 1000, criterion, True)
+    assert first.searched_bound is None
+    best = relax_poses(source, 1000, criterion)
+    assert 0 < first.proved_bound.cost <= best.cost
+    assert best.proved_bound.cost <= first.cost < np.inf
+    assert first.certify() == (
+        pytest.approx(first.cost),
+        pytest.approx(first.proved_bound.cost, rel=1e-6),
+    )
+
+
+def test_a_bound_that_holds_for_other_poses():
+    """Poses that are no candidates may lower a bound on the candidates, and never raise it."""
+    with time_limit(0.0):
+        first = relax_poses(CandidateSource(KR270, 0), 50, RHO0, True)
+    better = paper(0, 1000)
+    held = first.holding_for(better.x)
+    assert held.proved_bound.cost < first.proved_bound.cost
+    assert held.proved_bound.cost <= better.cost
 
 
 @pytest.mark.parametrize(("name", "seed"), [("rho0", 0), ("A", 3), ("E", 1)])

@@ -1,6 +1,6 @@
 """Prices for every criterion, and for candidates of any number of rows."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -28,11 +28,13 @@ class AnyPricing(Pricing):
         criterion: The criterion to minimise.
         scatter: The candidates' rows; a candidate of zeros at the end stands for an empty place.
         mean: Mean information (p, p) of the candidates.
+        thorough: Whether all candidates are tried at last.
     """
 
     criterion: Criterion
     scatter: Scatter
     mean: Array
+    thorough: bool = field(default=True, kw_only=True)
     kicks = 2
     patience = 32
 
@@ -62,7 +64,12 @@ class AnyPricing(Pricing):
     def rounds(self) -> tuple[int, ...]:  # type: ignore[override]
         """Lengths of the shortlists, the last one of all candidates."""
         n = len(self.scatter.rows)
-        return (*(size for size in SHORTLISTS if size < n), n)
+        short = tuple(size for size in SHORTLISTS if size < n)
+        return (*short, n) if self.thorough or not short else short
+
+    def brief(self) -> "AnyPricing":
+        """Prices that look at shortlists only."""
+        return replace(self, thorough=False)
 
     def information(self, places: Indices, ridge: float) -> Array:
         """Information (b, p, p) of plans (b, m)."""

@@ -14,6 +14,7 @@ from edtk.design.exact.counts.limits import Limits
 from edtk.design.exact.counts.prices import Pricing
 from edtk.design.exact.counts.scatter import Scatter
 from edtk.design.exact.counts.swap_between_blocks import swap_between_blocks
+from edtk.system.time_limit import out_of_time
 from edtk.system.typing import Array, Indices, Mask
 
 # Part of the candidates' mean information that is added to every plan at first, so that a singular
@@ -40,7 +41,7 @@ class FoundCounts:
         cost: Its cost.
         starts: Number of starts.
         found: How many of them, the ones around the best plan left out, led to a plan as good.
-        ended: Why the search ended: "starts", "stagnation", "proved" or "interrupted".
+        ended: Why the search ended: "starts", "stagnation", "proved", "budget" or "interrupted".
     """
 
     places: Indices
@@ -94,6 +95,9 @@ class CountsSearch:
                 progress(record.starts, record.cost)
                 if self._is_proved(record.cost):
                     ended = "proved"
+                    break
+                if out_of_time():
+                    ended = "budget"
                     break
                 idle = record.starts - record.improved
                 if starts is None and (
@@ -162,6 +166,8 @@ class CountsSearch:
         scores = self.pricing.scores(places, RIDGE)
         together = min(self.pricing.kicks, max(1, self.pricing.together // size))
         for _ in range(self.pricing.kicks // together):
+            if out_of_time():
+                break
             trials = kicked(rng, self.limits, np.repeat(places, together, axis=0), n, few)
             trials = self._improved(trials, RIDGE, guide)
             reached = self.pricing.scores(trials, RIDGE).reshape(size, together)
@@ -173,7 +179,7 @@ class CountsSearch:
             scores[better] = reached[each, best][better]
         costs = self._costs(places)
         regular = np.isfinite(costs) & self._has_inverse(places)
-        if regular.any():
+        if regular.any() and not out_of_time():
             places[regular] = self._improved(places[regular], 0.0)
             costs = self._costs(places)
         return costs, places

@@ -4,6 +4,7 @@ import numpy as np
 
 from edtk.design.exact.counts.limits import Limits
 from edtk.design.exact.counts.prices import GAIN, Pricing
+from edtk.system.time_limit import out_of_time
 from edtk.system.typing import Indices
 
 SWEEPS = 100  # over all places, at most, in each round: some ten are usual
@@ -30,6 +31,8 @@ def descend_places(pricing: Pricing, limits: Limits, places: Indices, ridge: flo
         part = slice(first, first + pricing.batch)
         for size in pricing.rounds:
             found[part] = _descend(pricing, limits, found[part], ridge, size)
+            if out_of_time():
+                break
     return found
 
 
@@ -52,6 +55,7 @@ def _descend(pricing: Pricing, limits: Limits, places: Indices, ridge: float, si
                 moved[better] = True
         places[left] = own
         left = left[moved]
-        if not len(left):
+        # Without time one sweep is enough: it tells all that a plan of so many places can.
+        if not len(left) or out_of_time():
             break
     return places

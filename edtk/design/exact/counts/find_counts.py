@@ -33,6 +33,7 @@ def find_counts(
     seed: int = 0,
     starts: int | None = None,
     progress: Progress = lambda starts, cost: None,
+    thorough: bool = True,
 ) -> ProblemPlan:
     """Search for the best plan within limits, and bound how much better any plan can be.
 
@@ -49,6 +50,8 @@ def find_counts(
         seed: Seed.
         starts: Number of starts; None to go on until nothing better is found.
         progress: Called with the number of starts so far and the best cost.
+        thorough: Whether no exchange of one place for any candidate shall improve the plan, which
+            is wasted on places that move afterwards.
 
     Raises:
         UserError: No plan of so few experiments was found that identifies all parameters.
@@ -67,6 +70,8 @@ def find_counts(
     _require_beside_blocks(question, limits, problem)
     relaxed, reason = _relaxed(question, plain)
     search = _search(bare, plain, limits, relaxed)
+    if not thorough:
+        search = replace(search, pricing=search.pricing.brief())
     found = search.run(seed, starts, progress)
     cost = float(search.criterion.cost(search.scatter.information(found.places[None])[0]))
     _require_regular(cost, limits, problem, criterion)

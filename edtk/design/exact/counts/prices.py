@@ -89,6 +89,10 @@ class Pricing(ABC):
         """
         return None
 
+    def brief(self) -> "Pricing":
+        """Prices for a search whose plans move afterwards: these, or quicker ones."""
+        return self
+
     @abstractmethod
     def effort(self, limits: Limits) -> float:
         """About how many products a start takes, all its sweeps and kicks together."""

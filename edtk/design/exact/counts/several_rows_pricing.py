@@ -12,6 +12,7 @@ from edtk.design.exact.counts.draw_places import kicked
 from edtk.design.exact.counts.full_look import FullLook
 from edtk.design.exact.counts.prices import GAIN
 from edtk.design.exact.counts.shortlist import Shortlist, place_tangent
+from edtk.system.time_limit import out_of_time
 from edtk.system.typing import Array, Indices, Mask
 
 LISTED = 32  # candidates of a shortlist for each place
@@ -91,7 +92,7 @@ class SeveralRowsPricing(AnyPricing):
                 places = some.candidates[some.descended(some.inside(places))]
                 value = some.value(some.inside(places))
                 idle = 0
-            if idle >= IDLE_KICKS:
+            if idle >= IDLE_KICKS or out_of_time():
                 break
         return places
 
@@ -108,12 +109,16 @@ class SeveralRowsPricing(AnyPricing):
             if (new == places).all():
                 break
             places = new
+            if out_of_time():
+                break
         return places
 
     def _settled(self, places: Indices, base: Array) -> Indices:
         """A plan (m,) that no exchange of one place for any candidate improves."""
         for _ in range(LOOKS):
             places = self._descended(places, base)
+            if out_of_time():
+                break
             better = self._improved_once(places, base)
             if better is None:
                 break
