@@ -12,6 +12,7 @@ from edtk.certificate.largest_sensitivities import LargestSensitivities
 from edtk.certificate.proof import Proof
 from edtk.certificate.recompute import values
 from edtk.certificate.recompute.day import Day
+from edtk.certificate.recompute.effort import of_rows, require
 from edtk.certificate.recompute.lower_bound import lower_bound
 from edtk.certificate.recompute.multipliers import Multipliers
 from edtk.certificate.recompute.plain_data import table, text, whole
@@ -23,6 +24,7 @@ DECORATION = ("edtk", "title", "study_sha256")  # keys on which no claim rests
 AMOUNTS = {"relaxation": "weight", "plan": "repeats"}
 LONGEST_NAME = 60
 MOST_REPEATS = 1e9
+MOST_NUMBERS = 2e7  # in the rows of all experiments together
 WEIGHTS_SUM = 1e-9  # deviation from one that is rounding
 
 
@@ -76,6 +78,10 @@ class Case:
             raise ValueError("experiments: expected at least one")
         if kind == "relaxation" and len(kept):
             raise ValueError("kept: expected none beside the weights of a relaxation")
+        some = len(made) + len(kept)
+        if some * len(setting.sigma) * setting.p > MOST_NUMBERS:
+            raise ValueError(f"experiments: {some} have more rows than are computed here")
+        require(of_rows(setting, some), f"{some} experiments")
         day = None
         proofs: dict[tuple[int, ...], Proof] = {}
         if "day" in content:
@@ -83,13 +89,19 @@ class Case:
             if kind != "plan":
                 raise ValueError("day: expected one in the certificate of a plan alone")
             proofs = read_proofs(content["proof"], setting)
+        proof = next(iter(proofs.values()), None) or Proof.from_dict(content["proof"], setting)
+        efforts = [
+            LargestSensitivities.effort(setting, one, name)
+            for one in (proofs.values() if proofs else (proof,))
+        ]
+        require(sum(efforts), "the multipliers and poses of its proof")
         return cls(
             name=name,
             kind=kind,
             setting=setting,
             made=made,
             kept=kept,
-            proof=next(iter(proofs.values()), None) or Proof.from_dict(content["proof"], setting),
+            proof=proof,
             stated=dict(table(content["claims"], (), "claims", content["claims"])),
             sharing=_sharing(content, kind, setting),
             day=day,

@@ -9,7 +9,7 @@ import numpy as np
 from edtk.certificate.experiments import Experiments
 from edtk.certificate.largest_sensitivities import LargestSensitivities
 from edtk.certificate.proof import Proof
-from edtk.certificate.recompute.candidates import COSTLY, candidates
+from edtk.certificate.recompute.candidates import candidates
 from edtk.certificate.recompute.day import MOST_LOADS, Day
 from edtk.certificate.recompute.load import TINY, Load
 from edtk.certificate.recompute.lower_bound import lower_bound
@@ -114,8 +114,8 @@ class DayBound:
 
     def _is_blind(self, setting: Setting) -> bool:
         """Whether visits of any poses under some loads leave a parameter open."""
-        burden = COSTLY * MOST_SETS
-        drawn = np.concatenate([*candidates(setting, [SEED], "random", DRAWS, burden)])
+        few = candidates(setting, [SEED], "random", DRAWS, parts=MOST_SETS)
+        drawn = np.concatenate([*few])
         n = len(setting.fixed)
         A = setting.whitened_rows(drawn[:, :n], setting.load.wrench(drawn[:, n:]))
         every = np.concatenate([A.reshape(-1, setting.p), self.known])

@@ -8,8 +8,9 @@ import numpy as np
 
 from edtk.certificate.experiments import Experiments
 from edtk.certificate.proof import Proof
-from edtk.certificate.recompute.candidates import COSTLY, candidates
-from edtk.certificate.recompute.climb import climb
+from edtk.certificate.recompute.candidates import candidates
+from edtk.certificate.recompute.climb import ROUNDS, climb
+from edtk.certificate.recompute.effort import of_bounds, of_experiment, of_sample
 from edtk.certificate.recompute.multipliers import Multipliers
 from edtk.certificate.recompute.setting import Setting
 from edtk.system.typing import Array
@@ -66,7 +67,7 @@ class LargestSensitivities:
         poses of the design count too.
         """
         _, best = self._over_candidates
-        own = candidates(self.setting, [OWN_SEED], "random", OWN_DRAWS)
+        own = candidates(self.setting, [OWN_SEED], "random", OWN_DRAWS, 1, self.parts)
         starts = np.concatenate([best, *own, self.proof.points, self.proof.searched])
         heights = self._at(starts)
         found = np.array(self.searched)
@@ -108,8 +109,9 @@ class LargestSensitivities:
         largest = np.full(r, -np.inf)
         best = proof.points[:0]
         heights = np.empty((r, 0))
-        burden = r + COSTLY * (self.parts - 1)
-        drawn = candidates(self.setting, proof.seed, proof.sampling, proof.candidates, burden)
+        drawn = candidates(
+            self.setting, proof.seed, proof.sampling, proof.candidates, r, self.parts
+        )
         for x in drawn:
             found = self._at(x)
             largest = np.maximum(largest, found.max(axis=1))
@@ -129,6 +131,15 @@ class LargestSensitivities:
             axis=1, initial=-np.inf
         )
 
+    @staticmethod
+    def effort(setting: Setting, proof: Proof, name: str) -> float:
+        """Time for all but the candidates themselves [us]."""
+        r = len(proof.multipliers) if isinstance(proof.multipliers, list) else 1
+        points = 3 * (len(proof.points) + len(proof.searched))
+        climbs = r * (ROUNDS * STARTS + OWN_DRAWS)
+        each = of_experiment(setting, r) + of_sample(setting)
+        return (points + climbs) * each + of_bounds(setting, r, name == "G")
+
     def _at(self, x: Array) -> Array:
         """Sensitivities (r, k) of experiments x (k, v)."""
         return self._sensitivities(self.multipliers, x)
@@ -145,5 +156,9 @@ class LargestSensitivities:
     def _sensitivities(self, multipliers: Multipliers, x: Array) -> Array:
         """Sensitivities (r, k) of experiments x (k, v) under some multipliers."""
         n = len(self.setting.fixed)
-        rows = self.setting.whitened_rows(x[:, :n], self.setting.load.wrench(x[:, n:]))
-        return multipliers.sensitivities(rows, self.prior, self.per_trace)
+        found = [np.empty((len(multipliers.Z), 0))]
+        for first in range(0, len(x), self.setting.block):
+            some = x[first : first + self.setting.block]
+            rows = self.setting.whitened_rows(some[:, :n], self.setting.load.wrench(some[:, n:]))
+            found.append(multipliers.sensitivities(rows, self.prior, self.per_trace))
+        return np.concatenate(found, axis=1)

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from typing import Any
 
+from edtk.certificate.recompute.effort import of_sample, require
 from edtk.certificate.recompute.plain_data import numbers, rows, table, text, whole
 from edtk.certificate.recompute.setting import Setting
 from edtk.system.typing import Array
@@ -10,6 +11,7 @@ from edtk.system.typing import Array
 MOST_SEEDS = 16  # numbers that a seed may consist of
 LARGEST = 2**128  # number in a seed, and number of candidates: far more than anybody can draw
 MOST_POINTS = 20_000
+MOST_PROOFS = 63  # in a certificate
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +54,7 @@ class Proof:
         for key in ("support", "searched"):
             rows(content[key], MOST_POINTS, f"proof.{key}")
             x = numbers(content[key], (None, size), f"proof.{key}")
+            require(len(x) * of_sample(setting) * MOST_PROOFS, f"the experiments of proof.{key}")
             # A pose that is not allowed could only lower the bound, to the harm of nobody but the
             # one who reads it. It is no candidate.
             points[key] = x[setting.feasible(x)]

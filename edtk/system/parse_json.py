@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,8 @@ from typing import Any
 from edtk.system.check_leaves import check_leaves
 from edtk.system.errors import UserError
 
+MOST_WRITTEN = 500  # digits of a number in a file: reading more takes the square of their number
+LONG_NUMBER = re.compile(rf"[0-9]{{{MOST_WRITTEN}}}")
 MOST_DIGITS = 308  # of an integer, beyond which it is no finite number of double precision
 
 
@@ -25,6 +28,8 @@ def parse_json(text: str, where: Path | str | None = None) -> Any:
     Raises:
         UserError: The text is not valid JSON, or nested too deeply; names the place.
     """
+    if LONG_NUMBER.search(text):
+        raise UserError(f"has a number of {MOST_WRITTEN} digits or more", where=where)
     try:
         content = json.loads(text, object_pairs_hook=_unique, parse_int=_integer)
         check_leaves(content, partial(_require_finite, where))

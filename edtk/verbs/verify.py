@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 # A certificate has some hundred lines; one of 20,000 experiments has 20 MB. A larger file is
 # rejected before it fills the memory.
-MOST_MB = 50.0
+MOST_MB = 30.0
 
 
 def verify(

@@ -4,21 +4,21 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
+from edtk.certificate.recompute.effort import MOST_SECONDS, of_experiment, of_sample
 from edtk.certificate.recompute.setting import Setting
 from edtk.system.typing import Array
 
 CHUNK = 16384
 BARREN = 30  # chunks without a feasible pose after which the drawing gives up
-# Samples that are drawn at most. They take up to a minute on one core: a certificate that asks
-# for more must not keep a machine busy for hours. A million candidates of the milling example, of
-# whose samples one in three is feasible, need 3e6.
-MOST_SAMPLES = 30_000_000
-USUAL_JOINTS = 8  # the time that a sample takes grows with the joints beyond
-COSTLY = 20  # excluded poses or multipliers that take as long as the sample itself
 
 
 def candidates(
-    setting: Setting, seed: list[int], sampling: str, number: int, multipliers: int = 1
+    setting: Setting,
+    seed: list[int],
+    sampling: str,
+    number: int,
+    multipliers: int = 1,
+    parts: int = 1,
 ) -> Iterator[Array]:
     """The first feasible experiments (k, n + d) of a seeded sequence, `number` of them, in chunks.
 
@@ -31,15 +31,19 @@ def candidates(
         sampling: "random" or "sobol".
         number: Number of feasible experiments.
         multipliers: Number of multipliers whose sensitivities each of them is to have.
+        parts: Number of such sequences in a certificate, which share the time that it may take.
 
     Raises:
         ValueError: No feasible pose turns up, or too many samples are needed.
     """
-    joints = max(1.0, len(setting.fixed) / USUAL_JOINTS)
-    burden = joints + (len(setting.workspace.excluded) + multipliers) / COSTLY
-    most = int(MOST_SAMPLES / burden)
+    # A million candidates of the milling example, of whose samples one in three is feasible, need
+    # 3e6 samples and 10 s.
+    seconds = MOST_SECONDS / parts
+    left_seconds = seconds - number * of_experiment(setting, multipliers) / 1e6
+    most = int(max(left_seconds, 0.0) * 1e6 / of_sample(setting))
     if number > most:
-        raise ValueError(f"{number:.3g} candidates are more than the {most:.3g} samples drawn here")
+        message = f"{number:.3g} candidates take longer than the {seconds:.2g} s that they may take"
+        raise ValueError(message)
     n = len(setting.fixed)
     draw = _cube_of(seed, sampling, len(setting.free) + setting.load.size)
     left = number

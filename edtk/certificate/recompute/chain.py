@@ -8,7 +8,7 @@ import numpy as np
 from edtk.certificate.recompute.plain_data import number, numbers, rows, table, text, whole
 from edtk.system.typing import Array, Mask
 
-MOST_JOINTS = 32
+MOST_JOINTS = 200  # twice those that edtk reads from a URDF, for joints that follow others
 RIGID = 1e-9  # deviation of a rotation's columns from orthonormal ones, against rounding
 JOINT = ("name", "kind", "origin", "axis", "limits")
 ORIGIN = np.zeros(3)

@@ -9,9 +9,12 @@ from edtk.system.typing import Array
 
 LONGER = 1.5  # one success in five or so keeps the step, by Rechenberg's rule for steps of chance
 SHORTER = 0.9
+ROUNDS = 120
 
 
-def climb(setting: Setting, x: Array, height: Callable[[Array], Array], rounds: int = 120) -> Array:
+def climb(
+    setting: Setting, x: Array, height: Callable[[Array], Array], rounds: int = ROUNDS
+) -> Array:
     """Experiments (k, v) uphill of feasible ones (k, v), by steps of chance that shrink.
 
     A step that is feasible and higher is taken, and makes the next one longer; others shorten it.

@@ -34,8 +34,9 @@ def deviations(stacked: Array, K: Array) -> Array | None:
     length = np.linalg.norm(stacked, axis=0)
     d = np.where(length > len(stacked) * EPS * length.max(), length, 1.0)
     unit = np.where(length > len(stacked) * EPS * length.max(), stacked, 0.0) / d
-    _, s, V = np.linalg.svd(unit)
-    s = np.pad(s, (0, len(V) - len(s)))
+    # Rows of zeros make V square; to ask for a square one would make U (N, N), too.
+    unit = np.pad(unit, ((0, max(unit.shape[1] - len(unit), 0)), (0, 0)))
+    _, s, V = np.linalg.svd(unit, full_matrices=False)
     # Rows have half the digits of their squares to lose; M itself counts as singular at 16 p eps.
     is_known = s > 4 * np.sqrt(len(d) * EPS)
     scaled = K / d[:, None]

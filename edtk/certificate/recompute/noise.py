@@ -98,10 +98,14 @@ class Noise:
         """
         if not self.discrepancy.any():
             return np.ones(len(q))
-        turn = (q[:, None] - q)[:, :, ~chain.prismatic]
-        # Half a turn is the farthest: the sine of half the angle has its length, the short way.
-        away = np.linalg.norm(2 * np.arcsin(np.abs(np.sin(turn / 2))), axis=2)
-        return np.asarray((away < max(self.within * (1 - SAME), SAME)) @ amount)
+        turning = q[:, ~chain.prismatic]
+        near = max(self.within * (1 - SAME), SAME)
+        found = []
+        for pose in turning:
+            # Half a turn is the farthest: the sine of half the angle has its length, the short way.
+            turn = 2 * np.arcsin(np.abs(np.sin((turning - pose) / 2)))
+            found.append((np.linalg.norm(turn, axis=1) < near) @ amount)
+        return np.array(found, dtype=float)
 
     def _add_tracker(self, Sigma: Array, chain: Chain, physics: Physics, q: Array) -> None:
         """Add the tracker's part to covariances (k, rows, rows), marker by marker."""

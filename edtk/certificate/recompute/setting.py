@@ -18,6 +18,7 @@ from edtk.certificate.recompute.tasks import Tasks
 from edtk.certificate.recompute.workspace import Workspace
 from edtk.system.typing import Array, Mask
 
+BLOCK = 3_000_000  # numbers in an array that lies between poses and rows
 TINY = 1e-9  # violation of a constraint that is rounding [m or rad]
 MEASURED = {"position": 3, "pose": 6}  # rows that an experiment measures
 KEYS = ("robot", "unknown", "rows", "sigma", "load", "workspace", "excluded", "free", "fixed")
@@ -143,8 +144,20 @@ class Setting:
         Where noise is not white, the rows are those of unit covariance. Visits (k,) say how many
         share the model's errors in each pose, by default one.
         """
-        A = self._whitened(q, wrench, visits)
+        blocks = []
+        # Some at a time: what lies between poses and rows may be hundreds of times larger.
+        for first in range(0, max(len(q), 1), self.block):
+            some = slice(first, first + self.block)
+            blocks.append(self._whitened(q[some], wrench[some], _some(visits, some)))
+        A = np.concatenate(blocks)
         return A if self.price is None else A / np.sqrt(self.price(wrench))[:, None, None]
+
+    @property
+    def block(self) -> int:
+        """Number of experiments whose rows are computed at once."""
+        measured = len(self.sigma)
+        wide = max(measured if self.noise is not None else 0, len(self.chain.axes), self.p, 6)
+        return int(max(BLOCK // (measured * wide), 1))
 
     def _whitened(self, q: Array, wrench: Array, visits: Array | None) -> Array:
         """The same, whatever they cost."""
@@ -181,6 +194,11 @@ class Setting:
         """Whether each experiment x (k, n + d) is allowed, but for rounding."""
         n = len(self.fixed)
         return (self.violation(x[:, :n]) <= TINY) & self.load.allows(x[:, n:])
+
+
+def _some(values: Array | None, some: slice) -> Array | None:
+    """Some of the values, if there are any."""
+    return None if values is None else values[some]
 
 
 def _tasks(

@@ -15,6 +15,9 @@ from edtk.system.typing import Array
 
 WHERE = "setting.test_pose"
 MOST_TASKS = 10_000
+MOST_NUMBERS = 3e7  # of all tasks' rows and of what they are computed from
+NEAR_POSES = 255  # of a neighbourhood
+OVERHEAD = 20  # poses that take as long as what a task takes besides
 LONGEST_LEVER = 1e3  # of rotations that count as displacements [m]
 # What the weights of the tasks are rounded down by, beside their sum: more than rounding.
 ROUNDING = 1e-14
@@ -46,6 +49,7 @@ class Tasks:
         """
         if content is None:
             return cls([], np.empty(0))
+        _require_few(content, len(Chain.from_dict(robot).axes), len(unknown))
         if not isinstance(content, list):
             return cls([_harm(content, robot, unknown, WHERE)], np.ones(1))
         places = [f"{WHERE}.{i}" for i in range(len(rows(content, MOST_TASKS, WHERE)))]
@@ -68,6 +72,7 @@ class Tasks:
         if content is None:
             return cls([], np.empty(0))
         places = [f"{WHERE}.{i}" for i in range(len(rows(content, MOST_TASKS, WHERE)))]
+        _require_few(content, len(chain.axes), geometry.p, len(physics.sensors))
         each = []
         for task, place in zip(content, places, strict=True):
             task = table(task, ("q", "wrench", "weight"), place)
@@ -113,6 +118,19 @@ class Tasks:
         """Rows (r, p) whose squares are the mean of the tasks' harms."""
         parts = [np.sqrt(share) * A for share, A in zip(shares, self.each, strict=True) if share]
         return np.concatenate(parts)
+
+
+def _require_few(content: Any, joints: int, p: int, instruments: int = 1) -> None:
+    """Check, before any is computed, that the rows of all tasks fit into memory.
+
+    Raises:
+        ValueError: They do not.
+    """
+    tasks = content if isinstance(content, list) else [content]
+    near = any(isinstance(task, dict) and task.get("within") for task in tasks)
+    each = (NEAR_POSES if near else OVERHEAD) * instruments * 6 * (joints + p)
+    if len(tasks) * each > MOST_NUMBERS:
+        raise ValueError(f"{WHERE}: {len(tasks)} tasks have more rows than are computed here")
 
 
 def _shares(content: list[Any], places: list[str]) -> Array:
