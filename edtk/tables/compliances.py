@@ -189,13 +189,15 @@ def _check_joints(
                 where=where,
                 key=f"{prefix}{joint}",
             )
-    for joint in needed:
-        if joint not in table:
-            raise UserError(
-                f"expected the compliance of joint {joint!r} in rad/(N m)",
-                where=where,
-                key=f"{prefix}{joint}",
-            )
+    missing = [joint for joint in needed if joint not in table]
+    if missing:
+        names = ", ".join(map(repr, missing))
+        of = f"joint {names}" if len(missing) == 1 else f"joints {names}"
+        raise UserError(
+            f"expected the compliance of {of} in rad/(N m)",
+            where=where,
+            key=f"{prefix}{missing[0]}",
+        )
 
 
 def _by_joint(
