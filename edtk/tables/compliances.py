@@ -191,8 +191,8 @@ def _check_joints(
             )
     missing = [joint for joint in needed if joint not in table]
     if missing:
-        names = ", ".join(map(repr, missing))
-        of = f"joint {names}" if len(missing) == 1 else f"joints {names}"
+        listed = ", ".join(map(repr, missing))
+        of = f"joint{'s' * (len(missing) > 1)} {listed}"
         raise UserError(
             f"expected the compliance of {of} in rad/(N m)",
             where=where,
