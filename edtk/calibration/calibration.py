@@ -193,6 +193,21 @@ class Calibration(Presented):
         return float(np.linalg.norm(self.study.target @ self.bias))
 
     @property
+    def assumed(self) -> str:
+        """What no reading tells and is taken as stated, with its cost; empty where readings do.
+
+        A load of another size makes all displacements larger alike, as softer joints do. A spring
+        that is known, a prior on the others, or weights besides the load tell these apart.
+        """
+        known = bool(self.study.known) or self.fitted.told_before is not None
+        if known or self.study.model.weights is not None:
+            return ""
+        return (
+            "the size of the load is assumed, as no reading tells it without a known spring: 1 % "
+            "of the load is 1 % of every displacement, and of every compliance"
+        )
+
+    @property
     def sigma_hat(self) -> float:
         """Estimated noise of a position coordinate [m].
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from edtk.calibration.compensation import Compensation
 from edtk.calibration.refused_rows import RefusedRow, RefusedRowsError, require_one
+from edtk.calibration.task_doubts import task_doubts
 from edtk.calibration.tools_of_task import ToolInUse, tools_of_task
 from edtk.design.plan import Plan
 from edtk.inference.error_quantiles import error_quantiles
@@ -63,12 +64,17 @@ def compensate(
     turned = any(one.lever for one in study.tasks)
     parts: list[Compensation] = []
     refused: list[RefusedRow] = []
-    for tool in tools_of_task(study, len(task.q), own):
+    tools = tools_of_task(study, len(task.q), own)
+    doubts = task_doubts(study, found, task)
+    for tool in tools:
         part, left_out = _with_tool(tool, taken, task, turned)
         refused += left_out
         parts += [] if part is None else [part]
+    if doubts and not parts:
+        refused = [replace(row, reason=f"{row.reason}; {doubts[0]}") for row in refused]
     require_one(len(parts), refused, path)
-    return Compensation.joined(parts, sorted(refused, key=lambda row: row.row))
+    joined = Compensation.joined(parts, sorted(refused, key=lambda row: row.row))
+    return replace(joined, doubts=doubts)
 
 
 @dataclass(frozen=True, eq=False)

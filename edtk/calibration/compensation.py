@@ -57,6 +57,7 @@ class Compensation(Presented):
         refused: Rows of the task that have no answer.
         by_noise: What the noise of the measurements alone makes of it (t,) [m]; None likewise.
         by_joints: The joints that are not identified, and what each makes of it (t,) [m].
+        doubts: What looks like another unit in the task or the compliances, a sentence each.
     """
 
     robot: Robot
@@ -75,6 +76,7 @@ class Compensation(Presented):
     refused: tuple[RefusedRow, ...] = ()
     by_noise: Array | None = None
     by_joints: tuple[tuple[AssumedJoint, Array], ...] = ()
+    doubts: tuple[str, ...] = ()
 
     @classmethod
     def joined(

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-from edtk.commands.shared import FilePath, end_partial, json_option, show, warn
+from edtk.commands.shared import FilePath, end_partial, json_option, show, warn, warn_about
 
 
 @click.command("compensate", short_help="Correct commands for the load.")
@@ -26,6 +26,7 @@ def command(study: Path, k: Path, task: Path | None, as_json: bool, out: Path | 
     Rows without a command, as it would be out of limits, are named and left out, and the exit code
     is then 1; the column row says which rows the others are.
     """
+    from edtk.calibration.compensation import Compensation
     from edtk.calibration.refused_rows import refused_in_words
     from edtk.verbs.compensate import compensate
 
@@ -35,6 +36,8 @@ def command(study: Path, k: Path, task: Path | None, as_json: bool, out: Path | 
             f"{k}: the calibration says not to use these compliances; "
             "its error band is not to be trusted"
         )
+    if isinstance(found, Compensation):
+        warn_about(task or study, found.doubts)
     show(found, as_json, out)
     if found.refused:
         warn(f"{task or study}: {refused_in_words(found.refused)}")

@@ -34,7 +34,13 @@ def calibration_report(found: Calibration) -> str:
         calibration_verdict(found),
         *([] if found.budget is None else [budget_section(found, found.budget)]),
         *([] if found.tasks is None else [task_section(found.tasks)]),
-        section("Compliances", _compliances(found), _intervals(found), *_interest(found)),
+        section(
+            "Compliances",
+            _compliances(found),
+            *([paragraph(f"{found.assumed.capitalize()}.")] if found.assumed else []),
+            _intervals(found),
+            *_interest(found),
+        ),
         section(
             "Do the residuals fit the noise?",
             paragraph(_noise(found)),

@@ -11,6 +11,7 @@ from click.testing import CliRunner
 
 from edtk.calibration.calibrate import calibrate
 from edtk.calibration.compensate import BAND, compensate
+from edtk.calibration.task_doubts import task_doubts
 from edtk.cli import main
 from edtk.design.plan import Plan
 from edtk.inference.equilibrium_deflection import equilibrium_deflection
@@ -224,6 +225,26 @@ def test_rows_without_a_command_are_left_out(given, tmp_path):
     text = edtk(PATH, k, task).stdout
     assert [line[:5] for line in text.splitlines()[1:3]] == ["   2 ", "   5 "]
     assert "4 rows left out" in text
+
+
+@pytest.mark.parametrize(
+    ("factor", "poses", "load", "words"),
+    [
+        (1.0, 1.0, 1.0, None),
+        (1e3, 1.0, 1.0, "the compliances are 1e+03 times those of the study's [simulation]"),
+        (1.0, np.pi / 180, 1.0, "all joint angles of the task are within 6.3 degrees of zero"),
+        (1.0, 1.0, 1e-3, "the forces of the task are 0.001 times those of the study's test pose"),
+    ],
+)
+def test_another_unit_is_doubted(factor, poses, load, words):
+    """Compliances per kN m, poses in radians and loads in kN are said, and sound ones are not."""
+    q = poses * np.deg2rad([[0, -56.9, 89.3, 45.1, 76, 57.2], [20, -80, 60, 10, -40, 100]])
+    wrench = load * np.tile(STUDY.tasks[0].wrench, (2, 1))
+    k = factor * np.array(list(K.values()))
+    found = Compliances(tuple(K), k, k, None)
+    doubts = task_doubts(STUDY, found, Plan(q, wrench, np.ones(2, dtype=int)))
+    assert len(doubts) == (words is not None)
+    assert all(doubt.startswith(words) for doubt in doubts)
 
 
 def test_other_mistakes(given, tmp_path):

@@ -40,6 +40,8 @@ def _compliances(found: Calibration) -> list[str]:
     if found.part is not None:
         rigid = ", ".join(found.part.rigid)
         lines.append(f"  not told by the measurements, and taken as rigid: {rigid}")
+    if found.assumed:
+        lines.append(f"  {found.assumed}")
     if found.interest:
         lines.append("of interest")
         unit = found.asked.model.unit
