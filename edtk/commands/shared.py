@@ -13,7 +13,6 @@ from edtk.system.interruptible import leave
 from edtk.system.json_text import json_text
 
 PARTIAL = 1  # exit code: there is an answer, but not to everything that was asked
-MOST_OF_A_WARNING = 600  # characters
 
 
 class NamedPath(click.Path):
@@ -103,8 +102,8 @@ def print_out(text: str) -> None:
 
 
 def warn(message: str) -> None:
-    """Print one line on standard error; it may list more than an error does."""
-    click.echo(shortened(f"edtk: {message}", MOST_OF_A_WARNING), err=True)
+    """Print one line on standard error, as long as an error's at most."""
+    click.echo(shortened(f"edtk: {message}"), err=True)
 
 
 def warn_about(where: Path, warnings: tuple[str, ...]) -> None:

@@ -14,6 +14,9 @@ if TYPE_CHECKING:
 
 WIDE = 430.0  # px, beyond which a picture has a row of its own and scrolls on a phone
 MOST_ENLARGED = 1.25
+# What a browser may load: styles and pictures in the file itself, and nothing else. Text of a study
+# or a sheet that would pass for HTML could neither run nor ask anybody for anything.
+POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
 
 
 @dataclass(frozen=True)
@@ -34,6 +37,7 @@ class Page:
         body = "\n".join(self.parts)
         return (
             '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+            f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">\n'
             '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
             f'<title>{title}</title>\n<link rel="icon" href="data:,">\n'
             f"<style>{PAGE_STYLE}</style>\n</head>\n"

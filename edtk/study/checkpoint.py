@@ -38,6 +38,7 @@ class Checkpoint:
     def __init__(self, folder: Path, key: str) -> None:
         self.folder = folder
         self.key = key
+        self._known: dict[str, Mapping[str, Any]] = {}  # answers that have a file
 
     def find(self, case: str) -> dict[str, Any] | None:
         """The answer of a case; None if there is no file of it, or not one that `keep` has written.
@@ -53,6 +54,7 @@ class Checkpoint:
 
     def keep(self, case: str, answer: Mapping[str, Any]) -> None:
         """Write the answer of a case."""
+        self._known[case] = answer
         text = json.dumps(self._sealed(answer), indent=1)
         write_text(self.folder / f"{case}.json", f"{text}\n")
 
@@ -85,12 +87,19 @@ class Checkpoint:
                 missing.append(name)
             else:
                 answers[name] = answer
+                self._known[name] = answer
                 report(name)
         for i, answer in workers.run([pieces[name] for name in missing]):
             self.keep(missing[i], answer)
             answers[missing[i]] = answer
             report(missing[i])
         return answers
+
+    def restore(self) -> None:
+        """Write again what somebody has removed while others were computed."""
+        for case, answer in self._known.items():
+            if not (self.folder / f"{case}.json").exists():
+                self.keep(case, answer)
 
     def forget_others(self, cases: Iterable[str]) -> None:
         """Remove the files of all cases but these."""

@@ -82,6 +82,7 @@ def run_study(
         except WorkersLostError as error:
             raise UserError(f"{error}; what is finished is kept, run again to go on") from error
     checkpoint.forget_others([*answers, *map(_relaxation_name, bases)])
+    checkpoint.restore()
     relaxations = _relaxations(designs, bases)
     cases = none_worse(
         [

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from edtk.inference.prior import Normal, Prior
+from edtk.system.errors import UserError
 from edtk.tables.compliances import load_compliances
 
 if TYPE_CHECKING:
@@ -72,7 +73,11 @@ def _from_file(study: "Study", name: str) -> Normal:
     """
     unknown = study.specification.joints.unknown
     key = "prior.earlier_file"
-    found = load_compliances(study.folder / name, study.robot.joint_names, unknown)
+    try:
+        found = load_compliances(study.folder / name, study.robot.joint_names, unknown)
+    except UserError as error:
+        place = name if error.key is None else f"{name}: {error.key}"
+        raise study.error(key, f"{place}: {error.message}") from error
     not_positive = study.error(
         key, f"{name}: expected a positive definite covariance, or std, beside k"
     )

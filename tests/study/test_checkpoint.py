@@ -113,6 +113,18 @@ def test_nothing_is_there_before_it_is_kept(checkpoint):
     assert checkpoint.find("folder") is None
 
 
+def test_what_was_removed_meanwhile_is_written_again(checkpoint):
+    """A folder that somebody removes while a run goes on has every finished case at its end."""
+    answer = {"value": 1.5}
+    checkpoint.keep("relaxation_D", answer)
+    path = checkpoint.folder / "relaxation_D.json"
+    written = path.read_bytes()
+    path.unlink()
+    checkpoint.folder.rmdir()
+    checkpoint.restore()
+    assert path.read_bytes() == written
+
+
 def test_forget_others_leaves_named_cases_and_other_files(checkpoint):
     """Of the JSON files those that are named stay; other files do anyway."""
     for name in ("one", "two", "three"):

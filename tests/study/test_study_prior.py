@@ -65,7 +65,7 @@ def test_what_the_bound_and_an_estimated_sigma_leave(with_prior, tmp_path):
 @pytest.mark.parametrize(
     ("line", "words"),
     [
-        ('earlier_file = "absent.json"', "absent.json: no such file"),
+        ('earlier_file = "absent.json"', r"prior\.earlier_file: absent.json: no such file"),
         (
             'earlier_file = "bare.json"',
             "prior.earlier_file: bare.json: expected a positive definite covariance",
