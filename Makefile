@@ -19,9 +19,12 @@ PYTEST := PYTHONDONTWRITEBYTECODE= OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 
 test: $(VENV)/.installed
 	$(PYTEST)
 
-# The fast part of the tests: laws, textbook optima and messages, without searches and subprocesses.
+# The first case of each test of the lower floors, without what is marked as slow. Above them nearly
+# every test fits a sheet or searches a plan.
+QUICK := $(addprefix tests/,criteria design inference model study system tables) $(wildcard tests/test_*.py)
+
 quick: $(VENV)/.installed
-	$(PYTEST) -m "not slow and not zoo"
+	$(PYTEST) -m "not slow and not zoo" --first-case $(QUICK)
 
 docs: $(VENV)/.installed
 	$(BIN)/sphinx-build -W -n -q -b html docs results/docs

@@ -57,6 +57,26 @@ include = ["my_criterion.py"]
 """
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """The option of `make quick`."""
+    parser.addoption(
+        "--first-case", action="store_true", help="of a test with several cases run the first"
+    )
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """With --first-case leave out all other cases of a test, those of markers left out before."""
+    if not config.getoption("--first-case"):
+        return
+    first: dict[str, pytest.Item] = {}
+    for item in items:
+        first.setdefault(item.nodeid.partition("[")[0], item)
+    kept = list(first.values())
+    config.hook.pytest_deselected(items=[item for item in items if item not in set(kept)])
+    items[:] = kept
+
+
 def pytest_collection_finish() -> None:
     """Spare the garbage collector what was imported, which it would look through time and again.
 
