@@ -34,6 +34,7 @@ def _measured(found: GeometricCalibration) -> list[tuple[str, str]]:
         ("On the base", ", ".join(found.setting.references)),
         ("Stated noise", f"{stated.reading:.3g} mm a coordinate"),
         ("Loads", _loads(fit.data.wrench)),
+        ("Assumed", "; ".join(found.assumed)),
     ]
     return [(name, text) for name, text in rows if text]
 

@@ -86,7 +86,6 @@ def _check_unused(study: "StudyObjects") -> None:
     unused = {
         "joints.known_rad_per_Nm": bool(given.joints.known_rad_per_Nm),
         "noise.tracker_position_mm": noise is not None and noise.has_tracker,
-        "noise.discrepancy_mm": noise is not None and bool(noise.discrepancy_mm),
         "task": given.task is not None,
         "prior": given.prior != type(given.prior)(),
     }
@@ -98,7 +97,6 @@ def _check_unused(study: "StudyObjects") -> None:
     instead = {
         "joints.known_rad_per_Nm": "list the joint in parameters.compliance",
         "noise.tracker_position_mm": "give measurement.sigma_mm",
-        "noise.discrepancy_mm": "what the model leaves out is estimated",
         "task": "give test poses",
         "prior": "its estimate rests on the positions alone",
     }

@@ -12,6 +12,7 @@ from edtk.calibration.geometry_design.detect_in_visits import (
 )
 from edtk.calibration.geometry_design.geometry_designs import GeometryDesigns
 from edtk.calibration.geometry_design.plan_geometry import plan_geometry as plan_of_study
+from edtk.calibration.geometry_design.poor_left_out import poor_left_out
 from edtk.study.run_options import Progress, RunOptions
 from edtk.study.study import Study
 from edtk.system.errors import ArgumentError
@@ -77,7 +78,7 @@ def plan_geometry(
             options=RunOptions(seed=seed, progress=progress),
         )
     detections, separations = detect_in_visits(found.question, found.whole, faults)
-    warnings = found.warnings
+    warnings = found.warnings + poor_left_out(found.question, found.whole)
     if found.relaxed.criterion.needs_target:
         warnings += GeometryDesigns(asked, found.question).around(found.whole)
     found = replace(found, detections=detections, separations=separations, warnings=warnings)

@@ -51,7 +51,7 @@ class Consensus:
 
     def predict(self, q: Array) -> Array:
         """Positions (m, k, 3) of the markers in poses q (m, n) [m]."""
-        return _points(self.robot.forward(q), self.start)
+        return points_at(self.robot.forward(q), self.start)
 
 
 def _least(robot: Robot, flange: Array, data: MarkerPositions, share: float) -> Consensus | None:
@@ -76,20 +76,20 @@ def _least(robot: Robot, flange: Array, data: MarkerPositions, share: float) -> 
         start = linear_start(flange[chosen], data.measured[chosen], data.seen[chosen])
         if not start.whole:
             continue
-        distance = _distances(data, _points(flange, start))
+        distance = distances(data, points_at(flange, start))
         typical = float(np.quantile(distance[told], share))
         if best is None or typical < best.typical:
             best = Consensus(robot, start, distance, typical)
     return best
 
 
-def _points(flange: Array, start: LinearStart) -> Array:
+def points_at(flange: Array, start: LinearStart) -> Array:
     """Positions (m, k, 3) for transforms (m, 4, 4) of the tool frame."""
     local = flange[:, None, :3, 3] + np.einsum("mij,kj->mki", flange[:, :3, :3], start.tools)
     return np.asarray(local @ start.base[:3, :3].T + start.base[:3, 3])
 
 
-def _distances(data: MarkerPositions, points: Array) -> Array:
+def distances(data: MarkerPositions, points: Array) -> Array:
     """Root mean square distance (v,) of what was seen in each visit [m]."""
     squares = np.where(data.seen, ((data.measured - points) ** 2).sum(axis=-1), 0.0)
     return np.asarray(np.sqrt(squares.sum(axis=1) / np.maximum(data.seen.sum(axis=1), 1)))

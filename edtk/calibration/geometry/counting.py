@@ -5,6 +5,7 @@ from itertools import combinations, product
 
 import numpy as np
 
+from edtk.calibration.geometry.consensus import distances, points_at
 from edtk.inference.geometry.linear_start import LinearStart, linear_start
 from edtk.inference.geometry.marker_positions import MarkerPositions
 from edtk.model.robot import Robot
@@ -14,7 +15,10 @@ MOST_POSES = 40  # that a search looks at
 MOST_JOINTS = 8  # beyond them the ways to count are too many to try
 FAR = 0.02  # of the spread of positions: no drawing is as wrong
 MUCH = 4.0  # times better, another way to count is believed
-ALIKE = 1.05  # two ways whose distances differ by less are equally good
+# Two ways whose distances differ by less are equally good. Every change has to pay for itself: one
+# of a joint that stands still in most visits fits these as well, and makes the others look wrong.
+ALIKE = 1.5
+BEYOND = 10.0  # times the distance of the best way: a visit farther off does not fit at all
 DEGREE = np.pi / 180
 KEPT = 0.75  # of the visits place the robot where a few may be wrong
 TURNS = 5  # of placing it and of choosing these visits
@@ -162,14 +166,29 @@ def _least(
     ]
     if not sound:
         return None
-    least = min(start.rms for start, _, _ in sound)
-    alike = [one for one in sound if one[0].rms <= ALIKE * least + 1e-9]
+    limit = BEYOND * min(start.rms for start, _, _ in sound) + 1e-9
+    sizes = [_bounded(robot, few, start, way, limit) for start, _, way in sound]
+    alike = [
+        one for one, size in zip(sound, sizes, strict=True) if size <= ALIKE * min(sizes) + 1e-9
+    ]
     start, _, way = min(alike, key=lambda one: one[1])
     if not way.words or far_off(start, few):
         return None
     if still.rms < MUCH * start.rms and not still.mirrored:
         return None
     return way
+
+
+def _bounded(
+    robot: Robot, few: MarkerPositions, start: LinearStart, way: Counting, limit: float
+) -> float:
+    """Root mean square distance of all visits, none counted as farther off than a limit [m].
+
+    A start by most visits is not judged by these alone: a way that makes sound visits look wrong
+    is worse than one that fits them.
+    """
+    apart = distances(few, points_at(robot.forward(few.q @ way.matrix.T), start))
+    return float(np.sqrt((np.minimum(apart, limit) ** 2).mean()))
 
 
 def in_radians(robot: Robot, data: MarkerPositions) -> bool:

@@ -3,6 +3,7 @@
 import numpy as np
 
 from edtk.calibration.diagnostics.diagnostic import Severity
+from edtk.calibration.geometry.common_scale import common_scale
 from edtk.calibration.geometry.day_trend import DayTrend, day_trend
 from edtk.calibration.geometry.few_poses import few_poses
 from edtk.calibration.geometry.fit_rows import FitRows
@@ -49,6 +50,7 @@ def fit_doubts(fit: GeometricFit, setting: StudyGeometry) -> list[GeometricDoubt
         *_springs(fit, setting),
         *_large(fit),
         *marker_doubts(fit, setting),
+        *_scaled(fit, setting),
         *_negative(fit),
         *_noise(fit, setting),
     ]
@@ -307,6 +309,20 @@ def _large(fit: GeometricFit) -> list[GeometricDoubt]:
     more = f", and {len(large) - 1} more" if len(large) > 1 else ""
     text = f"{large[0]}{more}: is the drawing that of this robot?"
     return [GeometricDoubt(Severity.WARNING, "large", text)]
+
+
+def _scaled(fit: GeometricFit, setting: StudyGeometry) -> list[GeometricDoubt]:
+    """All lengths are longer than drawn together, as by a scale of the instrument."""
+    scale = None if setting.taken_as_drawn else common_scale(fit)
+    if scale is None:
+        return []
+    longer = "longer" if scale.size > 0 else "shorter"
+    text = (
+        f"all lengths come out {longer} than drawn together, by {1e6 * abs(scale.size):.3g} +- "
+        f"{1e6 * scale.std:.2g} um/m: is the scale of the instrument off, or the robot of another "
+        "size? A known length, measured beside the robot, would tell"
+    )
+    return [GeometricDoubt(Severity.WARNING, "scale", text)]
 
 
 def _shown(parameter: GeometricParameter, value: float) -> str:

@@ -118,6 +118,18 @@ class GeometricCalibration(Presented):
         return float(np.sqrt(3 * np.average(squares.mean(axis=1), weights=weights)))
 
     @property
+    def assumed(self) -> tuple[str, ...]:
+        """What no reading of the sheet can tell, each with what it costs where it is wrong."""
+        reach = self.study.robot.reach
+        lines = [
+            "the scale of the instrument is right: all lengths would be wrong together, by "
+            f"{1e-4 * MM * reach:.2g} mm at {reach:.2g} m for each 100 um/m; a known length tells"
+        ]
+        if self.fit.fitted.compliances.any():
+            lines.append("the loads are as stated: 1 % of a load is 1 % of every compliance")
+        return tuple(lines)
+
+    @property
     def verdict(self) -> str:
         """Whether to use the result: "good", "usable" or "bad", as the worst doubt says."""
         least = Severity.WARNING if self.study.warnings else Severity.NOTE
@@ -166,6 +178,7 @@ class GeometricCalibration(Presented):
             "doubts": [doubt.text for doubt in self.doubts],
             "diagnostics": [doubt.to_dict() for doubt in self.doubts],
             "study_warnings": list(self.study.warnings),
+            "assumed": list(self.assumed),
             "posterior": None if self.posterior is None else self.posterior.to_dict(),
             "geometry": {**geometry_to_dict(fit.fitted, self.counting), "study": self._marks()},
         }

@@ -13,6 +13,7 @@ from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
 from edtk.calibration.geometry_design.geometry_space import GeometrySpace
 from edtk.calibration.geometry_design.marker_task import MarkerTask, marker_tasks
 from edtk.calibration.geometry_design.plan_geometry import plan_geometry
+from edtk.calibration.geometry_design.poor_left_out import poor_left_out
 from edtk.calibration.geometry_design.told_by_plan import ToldByPlan
 from edtk.calibration.geometry_design.visit_search import STARTS, VisitSearch
 from edtk.design.exact.exact_plan import ExactPlan
@@ -175,10 +176,11 @@ class GeometryDesigns(Designs):
         return task_accuracy(self.tasks, cov)
 
     def warnings(self, plan: Plan) -> tuple[str, ...]:
-        """Whether a plan for the test poses is poor around them."""
+        """Whether a plan is poor around the test poses, or no better than base and tool alone."""
+        few = poor_left_out(self.question, plan)
         if not criteria.get(self.study.main_criterion).needs_target:
-            return ()
-        return self.around(plan)
+            return few
+        return (*few, *self.around(plan))
 
     def around(self, plan: Plan) -> tuple[str, ...]:
         """The same of a plan for any criterion; nothing where nothing tells these errors."""

@@ -30,6 +30,7 @@ def geometric_calibration(found: GeometricCalibration) -> str:
     for doubt in found.doubts:
         if doubt.severity is Severity.NOTE:
             lines.append(f"note: {doubt.text}")
+    lines += [f"assumed: {line}" for line in found.assumed]
     if found.posterior is not None:
         lines += ["posterior", found.posterior.summary()]
     return "\n".join([*lines, f"verdict: {found.verdict}"])

@@ -265,7 +265,6 @@ def test_points_on_the_base_tell_what_moved(tmp_path: Path) -> None:
             "leaves nothing unknown",
         ),
         ({"joints": {"known_rad_per_Nm": {"q2": 1e-6}}}, "joints.known_rad_per_Nm"),
-        ({"noise": {"discrepancy_mm": 0.1}}, "noise.discrepancy_mm: .*is estimated"),
         ({"interest": {"joints": ["q2"]}}, "interest.joints: a study with"),
         ({"prior": {"nu": 5}}, "prior: .*does not heed"),
         ({"joints": {"unknown": ["q2"]}, "parameters": {"compliance": ["q3"]}}, "joints.unknown"),
