@@ -25,7 +25,7 @@ def relative_accuracy(
 def errors(
     problem: Problem,
     criterion: Relaxable,
-    weights: Array,
+    weights: Array | None,
     multipliers: Array,
     rounding: Array | None = None,
     of_squares: bool = False,
@@ -56,7 +56,7 @@ def errors(
     Args:
         problem: The candidates (n).
         criterion: What was minimised.
-        weights: Weights (n,).
+        weights: Weights (n,); None for equal ones, with the largest rounding of a row.
         multipliers: Multipliers (r, p, p) of the bound.
         rounding: Bounds (n,) on ``|E_i|``, if rows or squares were transformed.
         of_squares: Whether they are of squares.
@@ -65,7 +65,7 @@ def errors(
         The errors of the cost and of the bound; inf where nothing is known.
     """
     p = problem.p
-    M = problem.information(weights)
+    M = problem.mean if weights is None else problem.information(weights)
     W = criterion.whitener(M)
     own = np.maximum(np.diag(M), 0.0)
     spread = np.linalg.norm(np.sqrt(own)[:, None] * W, 2) ** 2

@@ -88,8 +88,7 @@ def _relax(
     """`relax` of candidates whose information is of order one, and with no Bayesian prior."""
     problem.require_identifiable(criterion)
     setting = Setting.of(problem, criterion)
-    equal = np.full(problem.n, 1.0 / problem.n)
-    of_cost, _ = setting.errors(equal, np.empty((0, problem.p, problem.p)))
+    of_cost, _ = setting.errors(None, np.empty((0, problem.p, problem.p)))
     require_homogeneous(setting.criterion, setting.problem.mean, of_cost)
     closed = setting.problem
     if not criterion.needs_all:

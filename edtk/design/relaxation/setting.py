@@ -70,18 +70,19 @@ class Setting:
             found += float(len(W) ** 2 * EPS * own**2)
         return found
 
-    def errors(self, weights: Array, multipliers: Array) -> tuple[float, float]:
+    def errors(self, weights: Array | None, multipliers: Array) -> tuple[float, float]:
         """Relative errors that rounding may have made in the cost of weights, and in a bound.
 
         Args:
-            weights: Weights (n,).
+            weights: Weights (n,); None for equal ones.
             multipliers: Multipliers (r, p, p) of the problem here.
         """
         rounding = None if self.whitened is None else self.whitened.rounding
         of_cost, of_bound = errors(
             self.problem, self.criterion, weights, multipliers, rounding, self.of_squares
         )
-        of_given = self._lost_by_transforming(self.problem.information(weights))
+        M = self.problem.mean if weights is None else self.problem.information(weights)
+        of_given = self._lost_by_transforming(M)
         of_given *= self.criterion.degree if self.criterion.monotone else 1 + self.criterion.degree
         return of_cost + of_given, of_bound + of_given
 
