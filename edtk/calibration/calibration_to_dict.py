@@ -27,6 +27,7 @@ def calibration_to_dict(found: "Calibration") -> dict[str, Any]:
         "rho0_bias": found.rho0_bias,
         "model": "nonlinear" if found.fitted.nonlinear else "linear",
         "budget_mm": None if found.budget is None else found.budget.to_dict(),
+        **_all_uncertain(found),
         "lack_of_fit": None if found.lack_of_fit is None else found.lack_of_fit.to_dict(),
         "noise": None if found.noise is None else found.noise.to_dict(),
         "causes": [cause.to_dict() for cause in found.causes],
@@ -40,16 +41,15 @@ def calibration_to_dict(found: "Calibration") -> dict[str, Any]:
         "known": {name: one.value for name, one in joints.known.items()},
         "k_unbounded": _known(found.by_joint(fit.unbounded)),
         "k_bias": None if found.bias is None else _known(found.by_joint(found.bias)),
-        **_all_uncertain(found),
         "posterior": None if found.check is None else found.check.to_dict(),
         **_of_interest(found),
     }
 
 
 def _all_uncertain(found: "Calibration") -> dict[str, Any]:
-    """All that commands may be off by; nothing without a task."""
+    """All that commands may be off by; null without a task."""
     if found.budget is None:
-        return {}
+        return {"covariance_measured": None, "assumed_joints": None}
     unknown = found.study.specification.joints.unknown
     parts = {one.joint.name: one.to_dict() for one in found.budget.joints}
     errors = found.propagation.errors
