@@ -55,6 +55,7 @@ class Kind(Enum):
     OPPOSITE_SIGN = auto()
     JOINT_OFFSET = auto()
     MARKER_UNIT = auto()
+    SWAPPED_MARKERS = auto()
     OTHER_AXES = auto()
     SEVERAL_READINGS = auto()
 

@@ -62,6 +62,11 @@ def _marker_unit(found: Finding) -> str:
     return f"columns {columns} look as if they were in metres; expected millimetres"
 
 
+def _swapped_markers(found: Finding) -> str:
+    """Two markers that were exchanged in all rows."""
+    return f"the markers {' and '.join(found.columns)} look swapped in all rows"
+
+
 def _other_axes(found: Finding) -> str:
     """Displacements along other axes."""
     expected = ", ".join(found.data["expected"])
@@ -88,6 +93,7 @@ _CLAUSES: dict[Kind, Callable[[Finding], str]] = {
     Kind.OPPOSITE_SIGN: _opposite_sign,
     Kind.JOINT_OFFSET: _joint_offset,
     Kind.MARKER_UNIT: _marker_unit,
+    Kind.SWAPPED_MARKERS: _swapped_markers,
     Kind.OTHER_AXES: _other_axes,
     Kind.SEVERAL_READINGS: _several_readings,
 }

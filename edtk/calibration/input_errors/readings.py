@@ -9,13 +9,15 @@ import numpy as np
 from edtk.calibration.finding import Finding, Kind
 from edtk.calibration.input_errors.reading import Reading
 from edtk.inference.measurements import Measurements
+from edtk.inference.row_numbers import row_numbers
 from edtk.study.study import Study
-from edtk.system.typing import Array
+from edtk.system.typing import Array, Indices
 from edtk.tables.pose_columns import pose_columns
 from edtk.tables.pose_table import WRENCH_COLUMNS
 from edtk.tables.sheet_columns import DEFLECTION_COLUMNS, MARKER_COLUMNS, ROTATION_COLUMNS
 
 AXES = "xyz"
+MOST_MARKERS = 6  # of which each two may be exchanged
 OFFSETS_DEG = (90, -90, 180)  # by which zeros of joints differ between conventions
 
 
@@ -38,6 +40,7 @@ def readings(study: Study, data: Measurements, only_signs: bool = False) -> Iter
         yield from _wrench_signs(data)
         yield from _rotations(data)
         yield from _markers(data)
+        yield from _swapped_markers(study, data)
     if directed:
         yield from _other_axes(data)
     if not only_signs:
@@ -125,6 +128,38 @@ def _markers(data: Measurements) -> Iterator[Reading]:
         yield Reading(_swapped(MARKER_COLUMNS, i, j), other)
     in_metres = replace(data, marker=1e3 * data.marker)
     yield Reading(Finding(Kind.MARKER_UNIT, columns=MARKER_COLUMNS), in_metres)
+
+
+def _swapped_markers(study: Study, data: Measurements) -> Iterator[Reading]:
+    """Two markers, or other instruments of one kind, are exchanged in all rows."""
+    index = np.zeros(len(data), dtype=int) if data.sensor is None else data.sensor
+    which = row_numbers(index[:, None], data.marker)
+    first = np.unique(which, return_index=True)[1]
+    if not 1 < len(first) <= MOST_MARKERS:
+        return
+    model = study.model
+    for i, j in combinations(range(len(first)), 2):
+        a, b = first[[i, j]]
+        if type(model.instruments[index[a]]) is not type(model.instruments[index[b]]):
+            continue
+        row = np.arange(len(data))
+        row = np.where(which == i, b, np.where(which == j, a, row))
+        sensor = None if data.sensor is None else index[row]
+        other = replace(data, sensor=sensor, marker=data.marker[row])
+        if data.absolute:
+            moved = data.rigid(model) - other.rigid(model)
+            whole = data.deflection.copy()
+            whole[:, : moved.shape[1]] += moved
+            other = replace(other, deflection=whole)
+        names = tuple(_marker_name(study, data, index, one) for one in (a, b))
+        yield Reading(Finding(Kind.SWAPPED_MARKERS, columns=names), other)
+
+
+def _marker_name(study: Study, data: Measurements, index: Indices, row: int) -> str:
+    """The marker of a row, by its name or its place on the tool."""
+    name = study.model.instruments[index[row]].name
+    place = ", ".join(f"{1e3 * x:g}" for x in data.marker[row])
+    return name or f"({place}) mm"
 
 
 def _other_axes(data: Measurements) -> Iterator[Reading]:

@@ -18,6 +18,7 @@ from edtk.inference.equilibrium_deflection import equilibrium_deflection
 from edtk.inference.measurements import Measurements
 from edtk.inference.simulate import simulate
 from edtk.model.elastostatic_model import ElastostaticModel
+from tests.support.visits import TRACKER, visited
 
 pytestmark = pytest.mark.slow
 
@@ -63,6 +64,18 @@ def test_swapped_joints(i, j):
     data = measured()
     line = found(replace(data, q=exchanged(data.q, i, j)))
     assert line.startswith(f"columns q{i + 1}_deg and q{j + 1}_deg look swapped")
+
+
+def test_swapped_markers():
+    """Two of three markers that are exchanged in all rows are named by their places."""
+    data = visited()
+    moved = data.regressor(STUDY.model) @ STUDY.compliances
+    noise = np.random.default_rng(0).normal(0, TRACKER, moved.shape)
+    right = replace(data, deflection=moved + noise)
+    assert found(right) is None
+    order = np.arange(len(data)).reshape(-1, 3)[:, [1, 0, 2]].ravel()
+    line = found(replace(right, deflection=right.deflection[order]))
+    assert line.startswith("the markers (0, 0, 0) mm and (300, 0, 100) mm look swapped in all rows")
 
 
 @pytest.mark.parametrize("joint", [2, 3, 4, 5, 6])
