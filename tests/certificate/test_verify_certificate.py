@@ -124,6 +124,14 @@ def test_designed_loads(load: str, tmp_path: Path) -> None:
     assert verify_certificate(certificate(study, relax_study(study, "D", candidates=300))).valid
 
 
+def test_a_plan_without_time_for_a_search() -> None:
+    """A bound on the candidates and the plan's own poses is confirmed as what it is."""
+    found = plan_study(STUDY.replace(candidates=100), 3, "rho0", budget=1e-6)
+    content = certificate(STUDY, found)
+    assert set(content["claims"]) == {"value", "bound"}
+    assert verify_certificate(content).valid
+
+
 def test_kept_experiments_and_excluded_poses(tmp_path: Path) -> None:
     """Prior information and forbidden poses are part of what is recomputed."""
     kept = STUDY.load_plan(ROOT / "studies" / "plans" / "table_4_3.csv")

@@ -286,8 +286,10 @@ class DaySearch:
         whole = plan if self.kept is None else self.kept + plan
         M = replace(question.space, prior=None).information(whole)
         least = min(trials, key=lambda one: one.bound.cost).bound
-        if any(one.bound.kind is BoundKind.SEARCHED for one in trials):
-            least = replace(least, kind=BoundKind.SEARCHED)
+        # What holds for all sets of loads is as far-reaching as the narrowest of their bounds.
+        searched = all(one.bound.kind is BoundKind.SEARCHED for one in trials)
+        kind = BoundKind.SEARCHED if searched else BoundKind.PROVED_ON_CANDIDATES
+        least = replace(least, kind=kind)
         rho0 = None
         if question.target is not None:
             rho0 = float(question.criterion("rho0").value(M))

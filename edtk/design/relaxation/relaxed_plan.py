@@ -106,6 +106,8 @@ class RelaxedPlan(Presented):
     def holding_for(self, x: Array) -> "RelaxedPlan":
         """The same with a proved bound that holds for designs on further experiments, too.
 
+        They join the poses, without weight, so that a certificate has all that its bound is on.
+
         Args:
             x: Their design variables (k, v); they need not be candidates.
         """
@@ -114,7 +116,13 @@ class RelaxedPlan(Presented):
         largest = self.proved_sensitivities.or_larger(own)
         cost = self.criterion.lower_bound(self.multipliers, largest.values, self.information)
         proved = Bound.of(self.criterion, cost, self.cost, BoundKind.PROVED_ON_CANDIDATES)
-        return replace(self, proved_bound=proved, proved_sensitivities=largest)
+        return replace(
+            self,
+            x=np.concatenate([self.x, x]),
+            weights=np.concatenate([self.weights, np.zeros(len(x))]),
+            proved_bound=proved,
+            proved_sensitivities=largest,
+        )
 
     @property
     def information(self) -> Array:

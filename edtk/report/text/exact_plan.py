@@ -31,7 +31,7 @@ def exact_plan(found: ExactPlan) -> str:
         f"in {len(whole.q)} poses{kept}",
         f"  value       {factor * found.value:.6g}{unit}",
         f"  bound       {factor * found.bound:.6g}{unit}  ({reach(found)})",
-        f"  efficiency  {100 * found.efficiency:.2f} %",
+        f"  efficiency  {100 * found.efficiency:.2f} %{among(found)}",
         *_budget(found),
         *([] if found.expected is None else [str(found.expected)]),
         *shown_faults(found.robot, found.detections, found.separations),
@@ -51,6 +51,13 @@ def _budget(found: ExactPlan) -> list[str]:
     if found.error_budget is not None:
         return [error_budget(found.error_budget)]
     return [] if found.expected is None else [NO_BUDGET]
+
+
+def among(found: ExactPlan) -> str:
+    """What the efficiency is among, where that is not all poses."""
+    if found.lower_bound.kind is BoundKind.SEARCHED:
+        return ""
+    return " of the best on these poses; other poses may be better"
 
 
 def reach(found: ExactPlan) -> str:

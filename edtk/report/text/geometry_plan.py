@@ -5,7 +5,7 @@ import numpy as np
 from edtk.calibration.geometry_design.geometry_plan import GeometryPlan
 from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
 from edtk.calibration.geometry_design.poses_by_load import PosesByLoad
-from edtk.report.text.exact_plan import on_limits, reach
+from edtk.report.text.exact_plan import among, on_limits, reach
 from edtk.report.text.search_summary import search_summary
 from edtk.report.text.shown_faults import shown_faults
 from edtk.report.text_table import number_columns
@@ -26,7 +26,7 @@ def geometry_plan(found: GeometryPlan) -> str:
         f"of {len(poses.q)} poses{kept}",
         f"  value       {factor * found.value:.6g}{unit}",
         f"  bound       {factor * found.bound:.6g}{unit}  ({reach(found)})",
-        f"  efficiency  {100 * found.efficiency:.2f} %",
+        f"  efficiency  {100 * found.efficiency:.2f} %{among(found)}",
         *_identified(found),
         *_rho0(found),
         *visits_by_load(poses),
