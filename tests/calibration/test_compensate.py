@@ -251,7 +251,7 @@ def test_other_mistakes(given, tmp_path):
     """A joint missing in K.json, and a study without a test pose, are named."""
     k, task, _ = given
     k.write_text(json.dumps({"k": {"q2": 3e-7}}), encoding="utf-8")
-    assert "k.q3: expected the compliance of joint 'q3'" in edtk(PATH, k, task).stderr
+    assert "k.q3: expected the compliance of joints 'q3', 'q4', 'q5'" in edtk(PATH, k, task).stderr
     text = PATH.read_text(encoding="utf-8").replace('"rho0", ', "").replace(', "rho0"', "")
     bare = tmp_path / "study.toml"
     bare.write_text(text[: text.index("[test_pose]")], encoding="utf-8")

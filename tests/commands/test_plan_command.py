@@ -32,7 +32,7 @@ KEYS = [
     "found",
 ]
 KEYS += ["optima", "ended", "seconds", "constraint_violation"]
-KEYS += ["expected_error", "warnings", "budget_mm", "detect", "plan", "exact"]
+KEYS += ["expected_error", "warnings", "on_limits", "budget_mm", "detect", "plan", "exact"]
 LOADS = {
     "bounded": "F_max_N = 2500\ndirection = [0, 0, -2]",
     "free": "F_max_N = 2500",
