@@ -32,11 +32,16 @@ STEPS_DEG = (10.0, 5.0, 1.0, 0.5, 0.1)  # to which angles are rounded, the coars
 COARSE_DEG = 0.5  # no controller shows less: angles as coarse were rounded by a person
 EXACT = 1e-6  # of a step: nearer to a multiple an angle is one, but for rounding
 LIKE_ROUNDING = 0.6  # to its inverse: errors of joints beside those of rounding
+UNCAUSED = (
+    ". No cause in the list explains it (a frame that moved or drifts, links that grow, a weight): "
+    "it is the model's. Poses that are reached from both sides would tell backlash"
+)
 EXPLAINED = ("outliers", "frame_moved", "rough")  # these leave many outside by themselves
 
 
 def fit_doubts(fit: GeometricFit, setting: StudyGeometry) -> list[GeometricDoubt]:
     """Everything that looks wrong, in any order."""
+    causes = _causes(fit, setting)
     found = [
         *_rough(fit),
         *_turned(fit),
@@ -45,14 +50,14 @@ def fit_doubts(fit: GeometricFit, setting: StudyGeometry) -> list[GeometricDoubt
         *_worse(fit),
         *_rounded(fit),
         *_outliers(fit),
-        *_causes(fit, setting),
+        *causes,
         *_loaded(fit, setting),
         *_springs(fit, setting),
         *_large(fit),
         *marker_doubts(fit, setting),
         *_scaled(fit, setting),
         *_negative(fit),
-        *_noise(fit, setting),
+        *_noise(fit, setting, bool(causes)),
     ]
     named = any(doubt.kind in EXPLAINED for doubt in found)
     return [*found, *_outside(fit, named)]
@@ -346,8 +351,14 @@ def _negative(fit: GeometricFit) -> list[GeometricDoubt]:
     return [GeometricDoubt(Severity.WARNING, "negative", text)]
 
 
-def _noise(fit: GeometricFit, setting: StudyGeometry) -> list[GeometricDoubt]:
-    """What the model leaves out, beside the stated noise; and repeats that scatter otherwise."""
+def _noise(fit: GeometricFit, setting: StudyGeometry, caused: bool) -> list[GeometricDoubt]:
+    """What the model leaves out, beside the stated noise; and repeats that scatter otherwise.
+
+    Args:
+        fit: The fit.
+        setting: The study.
+        caused: Whether a cause explains a part of it, which is named besides.
+    """
     found = []
     noise = fit.fitted.noise
     stated = setting.noise
@@ -363,7 +374,7 @@ def _noise(fit: GeometricFit, setting: StudyGeometry) -> list[GeometricDoubt]:
         text = (
             f"the model leaves {MM * fit.rms:.2g} mm, many times the noise: as if joints erred by "
             f"{up_to}{joints:.2g} mrad and positions by {noise.model_white:.2g} mm in each pose; "
-            f"bands include it{_as_drawn(fit, setting)}"
+            f"bands include it{_as_drawn(fit, setting) or ('' if caused else UNCAUSED)}"
         )
         found.append(GeometricDoubt(Severity.NOTE, "discrepancy", text))
     return found
