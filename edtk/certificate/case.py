@@ -161,9 +161,10 @@ class Case:
             prior=self._prior,
             per_trace=self.degree == 0,
             # The weights of a relaxation may be on poses that are no candidates. The bound holds
-            # for them too, or else the design itself could beat it.
+            # for them too, or else the design itself could beat it; so does that of a plan whose
+            # bound is over candidates alone.
             own=self.made,
-            own_count=self.kind == "relaxation",
+            own_count=self.kind == "relaxation" or "bound_searched" not in self.stated,
         )
 
     def bound(self, searched: bool) -> float:

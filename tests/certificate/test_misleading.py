@@ -30,7 +30,7 @@ def small_searches() -> Iterator[None]:
 def honest(tmp_path_factory: pytest.TempPathFactory) -> Content:
     """The certificate of a plan of six visits."""
     path = tmp_path_factory.mktemp("misleading") / "c.json"
-    edtk.plan(STUDY, 6, budget=1.0, certificate=path)
+    edtk.plan(STUDY, 6, certificate=path)
     return json.loads(path.read_text())  # type: ignore[no-any-return]
 
 
@@ -95,17 +95,16 @@ def test_a_plan_that_beats_its_bound_is_a_contradiction(honest: Content) -> None
 
 
 def test_a_bound_over_all_poses_that_is_dropped(honest: Content) -> None:
-    """A plan has its efficiency beside all poses, or none; nor does a bound hold that it beats."""
+    """A plan has its efficiency beside all poses, or none."""
     content = copy.deepcopy(honest)
     content["claims"]["bound"] = content["claims"].pop("bound_searched")
     assert "bound_searched" in edtk.verify(consistent(content), STUDY).failed
     del content["claims"]["efficiency"]
-    assert edtk.verify(consistent(content), STUDY).failed == ("bound",)
-    content["experiments"][0]["repeats"] += 1
-    content["experiments"][0]["q"][0] += 0.5  # now it is worse than the best of the candidates
     found = edtk.verify(consistent(content), STUDY)
     assert found.valid, found.summary()
-    assert "the bound on all plans of 7 new experiments is proved on 100 random" in found.proved
+    # The plan's own poses count, so that it cannot beat the bound.
+    assert content["claims"]["bound"] <= content["claims"]["value"] * (1 + 1e-9)
+    assert "the bound on all plans of 6 new experiments is proved on 100 random" in found.proved
 
 
 def test_a_day_that_is_dropped(honest: Content) -> None:
