@@ -129,14 +129,16 @@ def _scores(fixed: Array, K: Array, z: Array, X: Array, v: Array) -> _Scores:
     L = np.linalg.cholesky(V)
     inverse = np.linalg.inv(V)
     W = inverse @ X
-    H = np.linalg.pinv(np.einsum("brp,brq->pq", X, W), hermitian=True)
+    # As products of two matrices: einsum alone sums over so many rows one by one.
+    XW = np.tensordot(X, W, axes=((0, 1), (0, 1)))
+    H = np.linalg.pinv(XW, hermitian=True)
     y = np.einsum("brs,bs->br", inverse, z)
     k = H @ np.einsum("brp,br->p", X, y)
     Pz = y - W @ k
     quadratic = np.einsum("br,cbrs,bs->c", Pz, K, Pz)
     own = inverse @ K
     KW = K @ W
-    G = np.einsum("brp,cbrq->cpq", W, KW)
+    G = np.moveaxis(np.tensordot(W, KW, axes=((0, 1), (1, 2))), 1, 0)
     trace = np.einsum("cbrr->c", own) - np.einsum("pq,cqp->c", H, G)
     B = np.einsum("cbrp,brs,dbsq->cdpq", KW, inverse, KW, optimize=True)
     HG = H @ G
@@ -145,7 +147,7 @@ def _scores(fixed: Array, K: Array, z: Array, X: Array, v: Array) -> _Scores:
         - 2 * np.einsum("pq,cdqp->cd", H, B)
         + np.einsum("cpq,dqp->cd", HG, HG)
     )
-    values = np.linalg.eigvalsh(np.einsum("brp,brq->pq", X, W)) if X.shape[-1] else np.ones(1)
+    values = np.linalg.eigvalsh(XW) if X.shape[-1] else np.ones(1)
     log_design = float(np.log(values[values > 0]).sum())
     log_V = 2 * float(np.log(np.diagonal(L, axis1=1, axis2=2)).sum())
     likelihood = -0.5 * (log_V + log_design + float((z * Pz).sum()))
