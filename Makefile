@@ -21,7 +21,7 @@ test: $(VENV)/.installed
 
 # The first case of each test of the lower floors, without what is marked as slow. Above them nearly
 # every test fits a sheet or searches a plan.
-QUICK := $(addprefix tests/,criteria design inference model study system tables) $(wildcard tests/test_*.py)
+QUICK := $(addprefix tests/,criteria design fit measure robots study system) $(wildcard tests/test_*.py)
 
 quick: $(VENV)/.installed
 	$(PYTEST) -m "not slow and not zoo" --first-case $(QUICK)

@@ -10,7 +10,7 @@ This package knows no robot, no plan and no algorithm, and imports nothing from 
 
 from criteria.convex_criterion import ConvexCriterion
 from criteria.criterion import Criterion, Sense
-from criteria.criterion_error import (
+from criteria.errors import (
     CriterionError,
     DuplicateCriterionError,
     MissingTargetError,

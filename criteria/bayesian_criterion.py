@@ -1,14 +1,17 @@
-"""Bayesian criteria: what is known before the experiments counts beside what they will tell."""
+"""Bayesian criteria, A and D: what is known before the experiments counts beside what they tell."""
 
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from criteria.a_optimality import AOptimality
 from criteria.criterion import Criterion
-from criteria.criterion_error import CriterionError
-from criteria.linalg.full_rank_root import full_rank_root
+from criteria.d_optimality import DOptimality
+from criteria.errors import CriterionError
+from criteria.linalg.inverse import full_rank_root
 from criteria.linalg.typing import Array, Mask
+from criteria.registry import register
 from criteria.relaxable import Formulation, Relaxable
 
 if TYPE_CHECKING:
@@ -122,3 +125,28 @@ class BayesianCriterion(Relaxable):
 
     def _gradient(self, M: Array, cov: Array) -> Array:
         return self.base.gradient_of_regular(M + self._R, cov)
+
+
+@register
+class BayesianAOptimality(BayesianCriterion):
+    """``trace((M + R)^-1)`` for a prior precision R, see `BayesianCriterion`."""
+
+    name = "bayes_A"
+    title = "Bayesian A-optimality"
+    formula = "trace((M + R)^-1)"
+    sense = "min"
+    degree = 1.0
+    base_class = AOptimality
+
+
+@register
+class BayesianDOptimality(BayesianCriterion):
+    """``det(M + R)^(1/p)`` for a prior precision R, see `BayesianCriterion`."""
+
+    name = "bayes_D"
+    title = "Bayesian D-optimality"
+    formula = "det(M + R)^(1/p)"
+    sense = "max"
+    degree = 1.0
+    unit_free = True
+    base_class = DOptimality

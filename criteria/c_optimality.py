@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from criteria.a_optimality import AOptimality
-from criteria.combinations_of import combinations_of
-from criteria.criterion_error import CriterionError
+from criteria.errors import CriterionError
+from criteria.interest import combinations_of
 from criteria.named_interest import SumOfVariances
 from criteria.registry import register
 

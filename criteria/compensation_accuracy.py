@@ -7,9 +7,8 @@ from numpy.typing import ArrayLike
 
 from criteria.convex_criterion import ConvexCriterion
 from criteria.curvature import Curvature, curvature_of_variances
-from criteria.linalg.inverse import lowered_root, power_trace_of_root
-from criteria.linalg.log_of_inverse import log_of_inverse
-from criteria.linalg.rounding_of_rows import rounding_of_rows
+from criteria.linalg.inverse import lowered_root, power_trace_of_root, rounding_of_rows
+from criteria.linalg.logarithms import log_of_inverse
 from criteria.linalg.typing import Array
 from criteria.registry import register
 

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from criteria.criterion import Criterion
-from criteria.criterion_error import CriterionError
 from criteria.curvature import Curvature
+from criteria.errors import CriterionError
 from criteria.linalg.typing import Array
 from criteria.registry import register
 from criteria.relaxable import Formulation

@@ -4,13 +4,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from criteria.kinked_criterion import KinkedCriterion
-from criteria.linalg.soft_maximum import soft_maximum
+from criteria.criterion import KinkedCriterion
+from criteria.linalg.logarithms import soft_maximum
 from criteria.linalg.spectrum import bounded_below, conjugate, definite_parts, largest_eigenvalue
 from criteria.linalg.typing import Array
 from criteria.registry import register
-from criteria.relaxable import Formulation, Relaxable
-from criteria.spectral_band import SpectralBand
+from criteria.relaxable import Formulation, Relaxable, SpectralBand
 
 if TYPE_CHECKING:
     import cvxpy as cp

@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from criteria.criterion import Criterion
-from criteria.criterion_error import CriterionError, MissingTargetError
-from criteria.require_homogeneous import require_homogeneous
-from criteria.require_slope import require_slope
+from criteria.errors import CriterionError, MissingTargetError
+from criteria.plugins import require_homogeneous, require_slope
 
 
 def construct(

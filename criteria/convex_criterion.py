@@ -5,11 +5,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from criteria.errors import CriterionError
 from criteria.linalg.inverse import whitener
-from criteria.linalg.is_semidefinite import is_semidefinite
+from criteria.linalg.spectrum import is_semidefinite
 from criteria.linalg.typing import Array
 from criteria.relaxable import Formulation, Relaxable
-from criteria.require_expression import require_expression
 
 if TYPE_CHECKING:
     import cvxpy as cp
@@ -21,6 +21,30 @@ PARALLEL = 1e-12
 # tried where the solver does not reach it.
 TOLERANCES = (1e-10, 1e-9, 1e-8)
 SAFETY = 1e-7  # part by which a solver's optimum is lowered: ten times the loosest tolerance
+
+
+def require_expression(found: object, place: str) -> "cp.Expression":
+    """Check that a criterion's code has returned a scalar expression of cvxpy.
+
+    Args:
+        found: What the code has returned.
+        place: The code, for the message: "criterion 'mine': its expression".
+
+    Raises:
+        CriterionError: It is something else, or has more than one entry.
+    """
+    import cvxpy as cp
+
+    if not isinstance(found, cp.Expression):
+        raise CriterionError(
+            f"{place} returns an object of type {type(found).__name__}; expected a scalar "
+            "expression of cvxpy"
+        )
+    if not found.is_scalar():
+        raise CriterionError(
+            f"{place} has shape {found.shape}; expected a scalar expression of cvxpy"
+        )
+    return found
 
 
 class ConvexCriterion(Relaxable):

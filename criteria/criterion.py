@@ -1,19 +1,19 @@
-"""The abstract criterion, and the laws that every criterion obeys."""
+"""The abstract criterion, the laws that every criterion obeys, and its plainest kinds."""
 
 from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from functools import cache
 from typing import Any, Literal, Self, final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from criteria.criterion_error import CriterionError
 from criteria.curvature import Curvature
-from criteria.linalg.estimable import range_whitener
-from criteria.linalg.inverse import guarded_inverse
-from criteria.linalg.null_space import open_directions
-from criteria.linalg.typing import Array, Mask
+from criteria.errors import CriterionError
+from criteria.linalg.estimable import open_directions, range_whitener
+from criteria.linalg.inverse import guarded_inverse, unit_scale
+from criteria.linalg.typing import Array, Mask, triangle
 
-Sense = Literal["min", "max"]
 DESCRIBED = (
     "name",
     "title",
@@ -25,6 +25,12 @@ DESCRIBED = (
     "monotone",
     "unit_free",
 )
+# Of an entry of M, in parts of the root of the product of its two diagonal entries. A one-sided
+# difference errs by the step (truncation) and by eps/step (rounding), here 1e-6 and 2e-10.
+STEP = 1e-6
+
+
+Sense = Literal["min", "max"]
 
 
 class Criterion(ABC):
@@ -356,3 +362,129 @@ class Criterion(ABC):
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self.name!r})"
+
+
+@dataclass(frozen=True, eq=False)
+class Loss:
+    """``f(M) = (cost(M) / best)^(1/d)`` of a smooth criterion of degree d, of degree one itself.
+
+    Attributes:
+        criterion: The criterion.
+        best: Its least cost.
+    """
+
+    criterion: Criterion
+    best: float
+
+    def log(self, M: Array) -> float:
+        """``log f`` at M (p, p); inf where M is singular."""
+        return float(np.log(self.criterion.cost(M) / self.best)) / self.criterion.degree
+
+    def slope(self, M: Array) -> Array:
+        """Minus the gradient (p, p) of ``log f`` at a regular M (p, p)."""
+        cost, G = self.criterion.cost_and_gradient(M)
+        return np.asarray(-G / (self.criterion.degree * cost))
+
+    def curvature(self, R: Array) -> Curvature | None:
+        """The derivatives of ``log f`` at a root R (p, p) of the covariance, if they are known."""
+        found = self.criterion.curvature(R)
+        return None if found is None else found.power(1 / self.criterion.degree)
+
+
+@cache
+def _entries(p: int) -> Array:
+    """Symmetric matrices (1 + q, p, p): zero, then ones at each place of the triangle."""
+    i, j = triangle(p)
+    E = np.zeros((1 + len(i), p, p))
+    k = np.arange(1, 1 + len(i))
+    E[k, i, j] = 1.0
+    E[k, j, i] = 1.0
+    return E
+
+
+def derivatives(criterion: Criterion, M: Array) -> tuple[Array, Array, Array]:
+    """Cost, gradient, and second derivative by the entries of the upper triangle.
+
+    With dM given by its triangle v (q,), row by row, q = p (p + 1)/2, the cost is
+    ``f + <G, dM> + v' K v / 2`` up to third order. One call evaluates all differences of all
+    matrices; the inverse changes by ``-cov (dM - dM cov dM) cov``, to the same order.
+
+    Args:
+        criterion: A criterion that is smooth near M.
+        M: Information matrices (b, p, p).
+
+    Returns:
+        Costs f (b,), gradients G (b, p, p) and K (b, q, q); inf, nan and nan where M is singular.
+    """
+    i, j = triangle(M.shape[-1])
+    safe, cov, regular = criterion.inverse(M)
+    # Steps follow the diagonal of M, so that parameters may have any units.
+    d = unit_scale(np.diagonal(safe, axis1=1, axis2=2))
+    dM = STEP * (d[:, :, None] * d[:, None])[:, None] * _entries(M.shape[-1])
+    C = np.broadcast_to(cov[:, None], dM.shape)
+    change = dM @ C
+    G = criterion.gradient_of_regular(safe[:, None] + dM, C - C @ (change - change @ change))
+    difference = G[:, 1:, i, j] - G[:, :1, i, j]
+    # An entry off the diagonal stands for two entries of M.
+    weight = np.where(i == j, 1.0, 2.0)
+    K = difference * weight / (STEP * d[:, i] * d[:, j])[..., None]
+    cost = np.where(regular, criterion.cost_of_regular(safe, cov), np.inf)
+    nan = np.where(regular, 0.0, np.nan)[:, None, None]
+    return cost, G[:, 0] + nan, 0.5 * (K + np.swapaxes(K, 1, 2)) + nan
+
+
+class CovarianceCriterion(Criterion):
+    """A criterion whose `_cost` needs the covariance, and never looks at the information.
+
+    A criterion of a part of the parameters has their covariance at hand; it then saves the inverse.
+    """
+
+    @abstractmethod
+    def covariance_slope(self, cov: Array) -> Array:
+        """S (..., p, p) with d cost = <S, d cov>, so that the gradient is ``-cov S cov``."""
+
+    def cost_of_root(self, L: Array) -> Array:
+        """Costs (...) of the covariances ``L L'`` of roots L (..., p, p)."""
+        cov = L @ np.swapaxes(L, -1, -2)
+        return self._cost(cov, cov)
+
+    def slope_of_root(self, L: Array) -> Array:
+        """``L' S L`` (..., p, p), with S the slope at the covariances ``L L'``."""
+        transposed = np.swapaxes(L, -1, -2)
+        return np.asarray(transposed @ self.covariance_slope(L @ transposed) @ L)
+
+
+class DeterminantCriterion(Criterion):
+    """A criterion whose cost is a function of det M.
+
+    An exchange of experiments evaluates such a criterion by the matrix determinant lemma, which
+    needs no update of an inverse.
+    """
+
+    @abstractmethod
+    def cost_of_log_determinant(self, log_det: Array, p: int) -> Array:
+        """Costs (...) of regular (p, p) matrices, given their log det M (...)."""
+
+    def _cost(self, M: Array, cov: Array) -> Array:
+        return self.cost_of_log_determinant(np.linalg.slogdet(M).logabsdet, M.shape[-1])
+
+
+class KinkedCriterion(Criterion):
+    """A criterion that takes a largest eigenvalue or variance, so that its cost has kinks.
+
+    A descent needs a smooth cost. It minimises `smoothed` criteria, one sharper than the other,
+    that replace the maximum by a `soft_maximum`.
+
+    Args:
+        sharpness: Exponent of the soft maximum, above one; inf for the maximum itself.
+    """
+
+    smooth = False
+
+    def __init__(self, sharpness: float = np.inf) -> None:
+        self.sharpness = sharpness
+        self.smooth = bool(np.isfinite(sharpness))
+
+    def smoothed(self, sharpness: float) -> Self:
+        """The same criterion with a soft maximum in place of the maximum."""
+        return type(self)(sharpness)

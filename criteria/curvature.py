@@ -1,11 +1,10 @@
-"""The second derivative of a criterion in the form that a Newton step over many weights needs."""
+"""Second derivatives of criteria, as Newton's method over many weights needs them."""
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from criteria.linalg.triangle import triangle
-from criteria.linalg.typing import Array
+from criteria.linalg.typing import Array, triangle
 
 # Half the log of the ratio of two eigenvalues that count as one: its square is rounding.
 SAME = 1e-8

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from criteria.convex_criterion import ConvexCriterion
+from criteria.criterion import DeterminantCriterion
 from criteria.curvature import Curvature
-from criteria.determinant_criterion import DeterminantCriterion
 from criteria.linalg.typing import Array
 from criteria.registry import register
 

@@ -4,8 +4,8 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from criteria.combinations_of import combinations_of
 from criteria.d_optimality import DOptimality
+from criteria.interest import combinations_of
 from criteria.named_interest import NamedInterest
 from criteria.registry import register
 

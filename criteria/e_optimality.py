@@ -5,14 +5,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from criteria.convex_criterion import ConvexCriterion
-from criteria.covariance_criterion import CovarianceCriterion
-from criteria.kinked_criterion import KinkedCriterion
-from criteria.linalg.soft_maximum import soft_maximum
+from criteria.criterion import CovarianceCriterion, KinkedCriterion
+from criteria.linalg.logarithms import soft_maximum
 from criteria.linalg.spectrum import bounded_below, conjugate
 from criteria.linalg.typing import Array
 from criteria.registry import register
-from criteria.relaxable import Formulation
-from criteria.spectral_band import SpectralBand
+from criteria.relaxable import Formulation, SpectralBand
 
 if TYPE_CHECKING:
     import cvxpy as cp

@@ -5,10 +5,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from criteria.convex_criterion import ConvexCriterion
-from criteria.covariance_criterion import CovarianceCriterion
-from criteria.kinked_criterion import KinkedCriterion
+from criteria.criterion import CovarianceCriterion, KinkedCriterion
 from criteria.linalg.inverse import power_trace, power_trace_of_root, whitener
-from criteria.linalg.soft_maximum import soft_maximum
+from criteria.linalg.logarithms import soft_maximum
 from criteria.linalg.spectrum import conjugate
 from criteria.linalg.typing import Array
 from criteria.registry import register

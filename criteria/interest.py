@@ -1,35 +1,83 @@
 """Criteria for some of the parameters, or for combinations of them; the others are nuisance."""
 
+from collections.abc import Sequence
 from copy import copy
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from criteria.combinations_of import combinations_of
-from criteria.covariance_criterion import CovarianceCriterion
-from criteria.criterion import Criterion
-from criteria.criterion_error import CriterionError
+from criteria.criterion import CovarianceCriterion, Criterion, DeterminantCriterion
 from criteria.curvature import Curvature
-from criteria.determinant_criterion import DeterminantCriterion
-from criteria.linalg.combination import combination, combination_names
-from criteria.linalg.estimable import estimable_inverse, open_columns, strayed_part
-from criteria.linalg.inverse import scaled_inverse, whitener
-from criteria.linalg.is_semidefinite import is_semidefinite
-from criteria.linalg.null_space import open_directions
-from criteria.linalg.rounding_of_rows import rounding_of_rows
+from criteria.errors import CriterionError
+from criteria.linalg.estimable import (
+    combination,
+    combination_names,
+    estimable_inverse,
+    open_columns,
+    open_directions,
+    strayed_part,
+)
+from criteria.linalg.inverse import rounding_of_rows, scaled_inverse, whitener
+from criteria.linalg.spectrum import is_semidefinite
 from criteria.linalg.typing import Array, Indices, Mask
-from criteria.monotone import monotone
-from criteria.relaxable import Formulation, Relaxable
-from criteria.spectral_band import SpectralBand
+from criteria.relaxable import Formulation, Relaxable, SpectralBand
 
 if TYPE_CHECKING:
     import cvxpy as cp
 
+# Least singular value of unit combinations that do not follow from each other.
+DEPENDENT_COMBINATIONS = 1e-10
 # Names that a title lists, and those that it begins with where there are more.
 MOST_NAMED = 8
 FIRST_NAMED = 4
 DEPENDENT = 100.0  # condition number of combinations whose covariance keeps its digits
+
+
+def combinations_of(K: ArrayLike) -> Array:
+    """A frozen copy (p, s) of combinations.
+
+    Raises:
+        CriterionError: They are not finite, or depend on each other.
+    """
+    found = np.array(K, dtype=float)
+    found = found[:, None] if found.ndim == 1 else found
+    if found.ndim != 2 or 0 in found.shape or not np.isfinite(found).all():
+        raise CriterionError("interest: expected a finite matrix (p, s), a combination a column")
+    length = np.linalg.norm(found, axis=0)
+    if not (length > 0).all():
+        raise CriterionError("interest: a combination is zero; expected factors that are not")
+    s = np.linalg.svd(found / length, compute_uv=False)
+    if found.shape[1] > found.shape[0] or s[-1] < DEPENDENT_COMBINATIONS:
+        raise CriterionError(
+            "interest: a combination follows from the others; expected each to say something new"
+        )
+    found.flags.writeable = False
+    return found
+
+
+def monotone(base: Criterion) -> Relaxable:
+    """The criterion, if it may be applied to a part of the parameters.
+
+    Raises:
+        CriterionError: It may not.
+    """
+    if base.needs_target:
+        raise CriterionError(
+            f"criterion {base.name!r} says by its target what is of interest; expected a criterion "
+            "without a target"
+        )
+    if not base.takes_interest:
+        raise CriterionError(
+            f"criterion {base.name!r} says by itself what is of interest; expected one that does "
+            "not, such as D or A"
+        )
+    if not isinstance(base, Relaxable) or not base.monotone or not base.convex:
+        raise CriterionError(
+            f"criterion {base.name!r} is not monotone and convex; expected one that is, such as D "
+            "or A, for a part of the parameters"
+        )
+    return base
 
 
 class Interest(Relaxable):
@@ -368,3 +416,36 @@ def _listed(names: tuple[str, ...]) -> str:
     if len(names) <= MOST_NAMED:
         return ", ".join(names)
     return f"{', '.join(names[:FIRST_NAMED])} and {len(names) - FIRST_NAMED} more"
+
+
+def in_models(parts: Sequence[Criterion], sizes: Sequence[int]) -> tuple[Relaxable, ...]:
+    """Criteria of ``diag(M_1, .., M_k)``, each about the parameters of its own model alone.
+
+    Of a block diagonal matrix, the information about the parameters of a block is that block.
+
+    Args:
+        parts: Criteria, one a model.
+        sizes: Numbers of parameters of the models.
+
+    Raises:
+        CriterionError: There are not as many sizes as criteria, or one is not positive; or a
+            criterion cannot be about a part of the parameters.
+    """
+    if len(sizes) != len(parts) or min(sizes) < 1:
+        raise CriterionError(f"sizes: expected a positive number for each of {len(parts)} criteria")
+    ends = np.cumsum(sizes)
+    columns = np.eye(int(ends[-1]))
+    blocks = [columns[:, end - size : end] for size, end in zip(sizes, ends, strict=True)]
+    return tuple(_about(part, block) for part, block in zip(parts, blocks, strict=True))
+
+
+def _about(part: Criterion, block: np.ndarray) -> Interest:
+    """A criterion about the parameters that the columns of a block (p, s) choose."""
+    if not isinstance(part, Interest):
+        return Interest(part, block)
+    if len(part.K) != block.shape[1]:
+        raise CriterionError(
+            f"criterion {part.label!r} is about {len(part.K)} parameters, and its model has "
+            f"{block.shape[1]}"
+        )
+    return part.of(block @ part.K)

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from criteria.convex_criterion import ConvexCriterion
-from criteria.covariance_criterion import CovarianceCriterion
+from criteria.criterion import CovarianceCriterion
 from criteria.curvature import Curvature, curvature_of_spectrum
 from criteria.linalg.inverse import power_trace, power_trace_of_root
 from criteria.linalg.spectrum import conjugate, sharp_variances

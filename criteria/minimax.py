@@ -6,12 +6,9 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from criteria.criterion import Criterion
-from criteria.kinked_criterion import KinkedCriterion
-from criteria.linalg.soft_maximum import soft_maximum
-from criteria.linalg.triangle import triangle
-from criteria.linalg.typing import Array
-from criteria.loss import Loss
+from criteria.criterion import Criterion, KinkedCriterion, Loss
+from criteria.linalg.logarithms import soft_maximum
+from criteria.linalg.typing import Array, triangle
 from criteria.registry import register
 from criteria.relaxable import Formulation
 from criteria.several_criteria import SeveralCriteria

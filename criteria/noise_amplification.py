@@ -4,8 +4,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from criteria.kinked_criterion import KinkedCriterion
-from criteria.linalg.soft_maximum import soft_maximum
+from criteria.criterion import KinkedCriterion
+from criteria.linalg.logarithms import soft_maximum
 from criteria.linalg.spectrum import conjugate
 from criteria.linalg.typing import Array
 from criteria.registry import register

@@ -7,11 +7,10 @@ import numpy as np
 
 from criteria.a_optimality import AOptimality
 from criteria.convex_criterion import ConvexCriterion
-from criteria.covariance_criterion import CovarianceCriterion
-from criteria.criterion import Criterion
-from criteria.criterion_error import CriterionError
+from criteria.criterion import CovarianceCriterion, Criterion
 from criteria.curvature import Curvature, curvature_of_spectrum
 from criteria.d_optimality import DOptimality
+from criteria.errors import CriterionError
 from criteria.linalg.inverse import guarded_inverse, power_trace, power_trace_of_root
 from criteria.linalg.spectrum import conjugate, sharp_variances
 from criteria.linalg.typing import Array

@@ -3,12 +3,10 @@
 from typing import TYPE_CHECKING, ClassVar, Self
 
 from criteria.convex_criterion import ConvexCriterion
-from criteria.criterion import Criterion
+from criteria.criterion import Criterion, DeterminantCriterion
 from criteria.curvature import Curvature
-from criteria.determinant_criterion import DeterminantCriterion
 from criteria.linalg.typing import Array
-from criteria.relaxable import Formulation
-from criteria.spectral_band import SpectralBand
+from criteria.relaxable import Formulation, SpectralBand
 
 if TYPE_CHECKING:
     import cvxpy as cp

@@ -5,7 +5,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from criteria.criterion_error import CriterionError
+from criteria.errors import CriterionError
 from criteria.power_criterion import PowerCriterion
 from criteria.registry import register
 from criteria.worst_task_accuracy import WorstTaskAccuracy

@@ -6,10 +6,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from criteria.a_optimality import AOptimality
-from criteria.criterion_error import CriterionError
-from criteria.linalg.full_rank_root import full_rank_root
-from criteria.linalg.inverse import ROUNDING
-from criteria.linalg.rounding_of_rows import rounding_of_rows
+from criteria.errors import CriterionError
+from criteria.linalg.inverse import ROUNDING, full_rank_root, rounding_of_rows
 from criteria.linalg.typing import Array
 from criteria.named_interest import SumOfVariances
 from criteria.registry import register

@@ -13,14 +13,10 @@ from numpy.typing import ArrayLike
 
 from criteria.construct import construct, known_parameters
 from criteria.criterion import Criterion
-from criteria.criterion_error import (
-    CriterionError,
-    DuplicateCriterionError,
-    UnknownCriterionError,
-)
+from criteria.errors import CriterionError, DuplicateCriterionError, UnknownCriterionError
 from criteria.interest import Interest
-from criteria.load_plugin import HOOKS, guard_plugin, load_plugin
-from criteria.named_parameters import named_parameters
+from criteria.named_interest import named_parameters
+from criteria.plugins import HOOKS, guard_plugin, load_plugin
 from criteria.relaxable import Relaxable
 
 if TYPE_CHECKING:
@@ -40,6 +36,8 @@ FAMILIES = (
     "compound",
     "minimax",
 )  # the order in which they are listed
+
+
 _registered: dict[str, type[Criterion]] = {}
 C = TypeVar("C", bound=type[Criterion])
 

@@ -9,17 +9,13 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from criteria.criterion import Criterion
-from criteria.criterion_error import CriterionError
-from criteria.in_models import in_models
-from criteria.interest import Interest
+from criteria.criterion import Criterion, Loss
+from criteria.errors import CriterionError
+from criteria.interest import Interest, in_models
 from criteria.linalg.estimable import estimable_inverse
-from criteria.linalg.full_rank_root import full_rank_root
-from criteria.linalg.inverse import ROUNDING, guarded_inverse
-from criteria.linalg.is_semidefinite import is_semidefinite
-from criteria.linalg.root import unit_spectrum
+from criteria.linalg.inverse import ROUNDING, full_rank_root, guarded_inverse, unit_spectrum
+from criteria.linalg.spectrum import is_semidefinite
 from criteria.linalg.typing import Array, Mask
-from criteria.loss import Loss
 from criteria.relaxable import Relaxable
 
 FLOOR = 1e-12  # least eigenvalue, of the largest, of what splits a multiplier into parts

@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from criteria.criterion import DeterminantCriterion
 from criteria.d_optimality import DOptimality
-from criteria.determinant_criterion import DeterminantCriterion
 from criteria.linalg.typing import Array
 from criteria.power_criterion import PowerCriterion
 from criteria.registry import register

@@ -11,8 +11,7 @@ from criteria.linalg.spectrum import (
     largest_eigenvalue,
 )
 from criteria.linalg.typing import Array
-from criteria.relaxable import Formulation, Relaxable
-from criteria.spectral_band import SpectralBand
+from criteria.relaxable import Formulation, Relaxable, SpectralBand
 
 if TYPE_CHECKING:
     import cvxpy as cp

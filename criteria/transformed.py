@@ -5,16 +5,12 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from criteria.convex_criterion import ConvexCriterion
-from criteria.covariance_criterion import CovarianceCriterion
-from criteria.criterion import DESCRIBED, Criterion
+from criteria.criterion import DESCRIBED, CovarianceCriterion, Criterion, DeterminantCriterion
 from criteria.curvature import Curvature
-from criteria.determinant_criterion import DeterminantCriterion
 from criteria.linalg.inverse import lowered_root, whitener
-from criteria.linalg.is_semidefinite import is_semidefinite
-from criteria.linalg.orthogonal_columns import have_orthogonal_columns
+from criteria.linalg.spectrum import have_orthogonal_columns, is_semidefinite
 from criteria.linalg.typing import Array
-from criteria.relaxable import Formulation, Relaxable
-from criteria.spectral_band import SpectralBand
+from criteria.relaxable import Formulation, Relaxable, SpectralBand
 
 if TYPE_CHECKING:
     import cvxpy as cp

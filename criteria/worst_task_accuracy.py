@@ -7,12 +7,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from criteria.convex_criterion import ConvexCriterion
-from criteria.kinked_criterion import KinkedCriterion
-from criteria.linalg.inverse import power_trace, whitener
-from criteria.linalg.rounding_of_rows import rounding_of_rows
-from criteria.linalg.soft_maximum import soft_maximum
-from criteria.linalg.triangle import triangle
-from criteria.linalg.typing import Array, Indices
+from criteria.criterion import KinkedCriterion
+from criteria.linalg.inverse import power_trace, rounding_of_rows, whitener
+from criteria.linalg.logarithms import soft_maximum
+from criteria.linalg.typing import Array, Indices, triangle
 from criteria.registry import register
 from criteria.relaxable import Formulation
 

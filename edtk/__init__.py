@@ -17,44 +17,43 @@ from edtk.version import __version__
 if TYPE_CHECKING:
     import criteria as criteria
     from edtk.calibration.calibration import Calibration as Calibration
-    from edtk.calibration.compensation import Compensation as Compensation
+    from edtk.calibration.compensate import Compensation as Compensation
     from edtk.calibration.geometry.geometric_calibration import (
         GeometricCalibration as GeometricCalibration,
     )
     from edtk.calibration.geometry.geometry_problem import geometry_problem as geometry_problem
     from edtk.calibration.geometry.prediction import Prediction as Prediction
-    from edtk.calibration.geometry_design.geometry_evaluation import (
+    from edtk.calibration.geometry_design.evaluate_geometry import (
         GeometryEvaluation as GeometryEvaluation,
     )
     from edtk.calibration.geometry_design.geometry_plan import GeometryPlan as GeometryPlan
-    from edtk.calibration.plan_bias import PlanBias as PlanBias
+    from edtk.calibration.planned import PlanBias as PlanBias
     from edtk.calibration.posterior_check import PosteriorCheck as PosteriorCheck
-    from edtk.certificate.verification import Verification as Verification
+    from edtk.certificate.verify_certificate import Verification as Verification
     from edtk.design.bound import Bound as Bound
     from edtk.design.exact.apportion import apportion as apportion
     from edtk.design.exact.counts.problem_plan import ProblemPlan as ProblemPlan
     from edtk.design.exact.exact_plan import ExactPlan as ExactPlan
     from edtk.design.exact.exchange import exchange as exchange
-    from edtk.design.exact.region_plan import RegionPlan as RegionPlan
+    from edtk.design.exact.plan_region import RegionPlan as RegionPlan
     from edtk.design.plan import Plan as Plan
     from edtk.design.problem import Problem as Problem
+    from edtk.design.problems import several_models as several_models
     from edtk.design.region import Region as Region
     from edtk.design.relaxation.relax_poses import PlanInterrupted as PlanInterrupted
     from edtk.design.relaxation.relaxation import Relaxation as Relaxation
     from edtk.design.relaxation.relaxed_plan import RelaxedPlan as RelaxedPlan
     from edtk.design.relaxation.relaxed_region import RelaxedRegion as RelaxedRegion
-    from edtk.design.several_models import several_models as several_models
-    from edtk.inference.controller_search.found_controller import (
-        FoundController as FoundController,
-    )
-    from edtk.model.joint import Joint as Joint
-    from edtk.model.load_robot import load_robot as load_robot
-    from edtk.model.robot import Robot as Robot
-    from edtk.model.robot_overview import RobotOverview as RobotOverview
+    from edtk.fit.controller.find_controller import FoundController as FoundController
+    from edtk.robots.joint import Joint as Joint
+    from edtk.robots.load_robot import load_robot as load_robot
+    from edtk.robots.robot import Robot as Robot
+    from edtk.robots.robot_overview import RobotOverview as RobotOverview
     from edtk.study.evaluate import Evaluation as Evaluation
     from edtk.study.study import Study as Study
     from edtk.study.study_run import StudyRun as StudyRun
     from edtk.system.errors import UserError as UserError
+    from edtk.verbs.bayes import Sampling as Sampling
     from edtk.verbs.bayes import bayes as bayes
     from edtk.verbs.bias import bias as bias
     from edtk.verbs.compensate import compensate as compensate
@@ -68,7 +67,6 @@ if TYPE_CHECKING:
     from edtk.verbs.relax import relax as relax
     from edtk.verbs.robot import robot as robot
     from edtk.verbs.run import run as run
-    from edtk.verbs.sampling import Sampling as Sampling
     from edtk.verbs.template import template as template
     from edtk.verbs.verify import verify as verify
 
@@ -91,11 +89,11 @@ _HOME = {
     "verify": "edtk.verbs.verify",
     # nouns
     "Study": "edtk.study.study",
-    "Robot": "edtk.model.robot",
-    "Joint": "edtk.model.joint",
-    "RobotOverview": "edtk.model.robot_overview",
-    "FoundController": "edtk.inference.controller_search.found_controller",
-    "load_robot": "edtk.model.load_robot",
+    "Robot": "edtk.robots.robot",
+    "Joint": "edtk.robots.joint",
+    "RobotOverview": "edtk.robots.robot_overview",
+    "FoundController": "edtk.fit.controller.find_controller",
+    "load_robot": "edtk.robots.load_robot",
     "Plan": "edtk.design.plan",
     "ExactPlan": "edtk.design.exact.exact_plan",
     "RelaxedPlan": "edtk.design.relaxation.relaxed_plan",
@@ -104,24 +102,24 @@ _HOME = {
     "GeometricCalibration": "edtk.calibration.geometry.geometric_calibration",
     "Prediction": "edtk.calibration.geometry.prediction",
     "GeometryPlan": "edtk.calibration.geometry_design.geometry_plan",
-    "GeometryEvaluation": "edtk.calibration.geometry_design.geometry_evaluation",
+    "GeometryEvaluation": "edtk.calibration.geometry_design.evaluate_geometry",
     "PosteriorCheck": "edtk.calibration.posterior_check",
-    "PlanBias": "edtk.calibration.plan_bias",
-    "Compensation": "edtk.calibration.compensation",
-    "Verification": "edtk.certificate.verification",
+    "PlanBias": "edtk.calibration.planned",
+    "Compensation": "edtk.calibration.compensate",
+    "Verification": "edtk.certificate.verify_certificate",
     "Bound": "edtk.design.bound",
-    "Sampling": "edtk.verbs.sampling",
+    "Sampling": "edtk.verbs.bayes",
     "StudyRun": "edtk.study.study_run",
     "UserError": "edtk.system.errors",
     "PlanInterrupted": "edtk.design.relaxation.relax_poses",
     # any linear(ised) model
     "Problem": "edtk.design.problem",
     "Region": "edtk.design.region",
-    "several_models": "edtk.design.several_models",
+    "several_models": "edtk.design.problems",
     "Relaxation": "edtk.design.relaxation.relaxation",
     "ProblemPlan": "edtk.design.exact.counts.problem_plan",
     "RelaxedRegion": "edtk.design.relaxation.relaxed_region",
-    "RegionPlan": "edtk.design.exact.region_plan",
+    "RegionPlan": "edtk.design.exact.plan_region",
     "apportion": "edtk.design.exact.apportion",
     "exchange": "edtk.design.exact.exchange",
     "geometry_problem": "edtk.calibration.geometry.geometry_problem",

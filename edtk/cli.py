@@ -19,7 +19,7 @@ from edtk.commands import (
     template,
     verify,
 )
-from edtk.commands.one_line import OneLine
+from edtk.commands.shared import OneLine
 from edtk.version import __version__
 
 COMMANDS = (

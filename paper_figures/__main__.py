@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-from edtk.commands.one_line import OneLine
+from edtk.commands.shared import OneLine
 from paper_figures import figure_7, table_5, table_6
 from paper_figures.example import load_example
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from edtk.system.atomic_file import write_text
+from edtk.system.files import write_text
 
 
 def write_csv(path: Path, table: pd.DataFrame) -> None:

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from edtk.system.atomic_file import Content, write_files
+from edtk.system.files import Content, write_files
 from paper_figures.simulated import Errors
 
 DOTS = 30  # a plan

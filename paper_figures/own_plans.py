@@ -13,7 +13,7 @@ from tqdm import tqdm
 from edtk import ExactPlan, Plan, Study, criteria
 from edtk.design.exact.find_plan import SearchOptions, find_plan
 from edtk.design.relaxation.relax_poses import relax_poses
-from edtk.study.relax_study import source_of
+from edtk.study.plan_study import source_of
 from edtk.system.workers import open_workers
 from paper_figures.example import load_example, target_of
 from paper_figures.targets import both

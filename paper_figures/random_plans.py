@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from edtk import Plan, Study
-from edtk.design.sample_feasible import sample_feasible
-from edtk.inference.least_squares import covariance
+from edtk.design.candidate_source import sample_feasible
+from edtk.fit.least_squares import covariance
 from edtk.system.typing import Array
 from paper_figures.example import target_of
 from paper_figures.mean_distance import mean_distance

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from edtk import Plan, Study
-from edtk.inference.least_squares import covariance, estimate
-from edtk.inference.simulate import simulate
-from edtk.model.compensation_accuracy import compensation_accuracy
+from edtk.fit.least_squares import covariance, estimate
+from edtk.fit.measurements import simulate
+from edtk.measure.expected_error import compensation_accuracy
 from edtk.system.typing import Array
 from paper_figures import printed_values
 from paper_figures.example import plans_of_table_4, target_of

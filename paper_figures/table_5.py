@@ -6,9 +6,9 @@ import numpy as np
 import pandas as pd
 
 from edtk import Study
-from edtk.inference.least_squares import covariance
-from edtk.report.markdown_table import markdown_table
-from edtk.system.atomic_file import write_text
+from edtk.fit.least_squares import covariance
+from edtk.report.tables import markdown_table
+from edtk.system.files import write_text
 from paper_figures import printed_values
 from paper_figures.csv_file import write_csv
 from paper_figures.example import plans_of_table_4

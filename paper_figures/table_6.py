@@ -7,8 +7,8 @@ import numpy as np
 import pandas as pd
 
 from edtk import Plan, Study, criteria
-from edtk.report.markdown_table import markdown_table
-from edtk.system.atomic_file import write_text
+from edtk.report.tables import markdown_table
+from edtk.system.files import write_text
 from edtk.system.typing import Array
 from paper_figures import printed_values
 from paper_figures.csv_file import write_csv

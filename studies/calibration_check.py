@@ -33,10 +33,10 @@ from simulation_based_calibration import (
 from tqdm import tqdm
 
 from edtk import Study, load_study
-from edtk.inference.least_squares import estimate
-from edtk.inference.simulate import simulate
-from edtk.report.markdown_table import markdown_table
-from edtk.system.atomic_file import write_text
+from edtk.fit.least_squares import estimate
+from edtk.fit.measurements import simulate
+from edtk.report.tables import markdown_table
+from edtk.system.files import write_text
 from edtk.system.typing import Array
 
 HERE = Path(__file__).parent

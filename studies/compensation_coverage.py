@@ -6,15 +6,15 @@ import numpy as np
 
 from edtk import Plan, Study
 from edtk.calibration.compensate import compensate
-from edtk.calibration.linear_model_bias import linear_model_bias
-from edtk.inference.equilibrium_deflection import equilibrium_deflection
-from edtk.inference.identify import identify
-from edtk.inference.measurements import Measurements
-from edtk.model.all_compliances import all_compliances
-from edtk.model.elastostatic_model import ElastostaticModel
-from edtk.model.remaining_error import remaining_error
+from edtk.calibration.nonlinear_part import linear_model_bias
+from edtk.fit.equilibrium import equilibrium_deflection
+from edtk.fit.identify import identify
+from edtk.fit.measurements import Measurements
+from edtk.measure.compliances import Compliances
+from edtk.measure.elastostatic_model import ElastostaticModel
+from edtk.measure.expected_error import remaining_error
+from edtk.measure.task import all_compliances
 from edtk.system.typing import Array
-from edtk.tables.compliances import Compliances
 
 # Measurements of a plan, each so many times: the more, the more the linear model's bias counts.
 REPEATS = {"table_4_12, once": 1, "table_4_12, four times": 4, "table_4_12, twelve times": 12}

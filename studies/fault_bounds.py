@@ -17,7 +17,7 @@ from fault_signals import AS_BEFORE, Alternative, log_mean_exp, signals_of
 from faults import FAULTS
 
 from edtk import Study
-from edtk.inference.distributions import chi_square_quantile
+from edtk.fit.distributions import chi_square_quantile
 from edtk.system.typing import Array
 
 LEVEL = 0.01  # false alarms of the test of all residuals alike

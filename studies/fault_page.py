@@ -18,7 +18,7 @@ from fault_shares import (
 )
 from faults import FAULTS
 
-from edtk.report.markdown_table import markdown_table
+from edtk.report.tables import markdown_table
 
 # By robot, plan and how often each experiment is measured, and by fault.
 Possible = Mapping[tuple[str, str, int], Mapping[str, Bound]]

@@ -13,11 +13,11 @@ import numpy as np
 from faults import KR270
 
 from edtk import Study
-from edtk.calibration.causes.families import families
-from edtk.calibration.planned_measurements import planned_measurements
+from edtk.calibration.causes.family import families
+from edtk.calibration.planned import planned_measurements
 from edtk.design.plan import Plan
-from edtk.inference.least_squares import Whitened
-from edtk.inference.measurements import Measurements
+from edtk.fit.least_squares import Whitened
+from edtk.fit.measurements import Measurements
 from edtk.system.typing import Array
 
 MM = 1e-3

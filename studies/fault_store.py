@@ -8,7 +8,7 @@ from pathlib import Path
 from fault_shares import PLANS, Cell, Shares
 from faults import FAULTS
 
-from edtk.system.atomic_file import write_text
+from edtk.system.files import write_text
 
 PATH = Path(__file__).with_suffix(".json")
 

@@ -29,8 +29,8 @@ from threadpoolctl import threadpool_limits
 from tqdm import tqdm
 
 from edtk import Study
-from edtk.design.sample_feasible import sample_feasible
-from edtk.system.atomic_file import write_text
+from edtk.design.candidate_source import sample_feasible
+from edtk.system.files import write_text
 from edtk.system.workers import open_workers
 
 HERE = Path(__file__).parent

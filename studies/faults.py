@@ -7,9 +7,8 @@ import numpy as np
 from scene import Scene
 from scipy.spatial.transform import Rotation
 
+from edtk.measure.pose_table import DEFLECTION_COLUMNS, pose_columns
 from edtk.system.typing import Array
-from edtk.tables.pose_columns import pose_columns
-from edtk.tables.sheet_columns import DEFLECTION_COLUMNS
 
 MM = 1e-3
 OUTLIER = 15.0  # size of an outlier, in standard deviations of the noise

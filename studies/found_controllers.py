@@ -15,14 +15,12 @@ from scipy.spatial.transform import Rotation
 from tqdm import tqdm
 
 from edtk import Robot, load_robot
-from edtk.inference.controller_search.counted import Counted
-from edtk.inference.controller_search.find_controller import find_controller
-from edtk.inference.controller_search.positions import Positions
-from edtk.inference.controller_search.same_arms import same_arms
-from edtk.inference.controller_search.ways_to_count import WayToCount, ways_to_count
-from edtk.model.robot_from_dict import robot_from_dict
-from edtk.report.markdown_table import markdown_table
-from edtk.system.atomic_file import write_text
+from edtk.fit.controller.find_controller import find_controller
+from edtk.fit.controller.fits import Positions
+from edtk.fit.controller.ways_to_count import Counted, WayToCount, same_arms, ways_to_count
+from edtk.report.tables import markdown_table
+from edtk.robots.robot_file import robot_from_dict
+from edtk.system.files import write_text
 from edtk.system.typing import Array
 
 HERE = Path(__file__).parent

@@ -18,8 +18,8 @@ import numpy as np
 import criteria
 import edtk
 from edtk.design.relaxation.relax import relax
-from edtk.report.markdown_table import markdown_table
-from edtk.system.atomic_file import write_text
+from edtk.report.tables import markdown_table
+from edtk.system.files import write_text
 
 HERE = Path(__file__).parent
 CANDIDATES = 101

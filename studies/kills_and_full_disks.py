@@ -18,7 +18,7 @@ import tempfile
 from pathlib import Path
 from time import monotonic, sleep
 
-from edtk.system.atomic_file import write_text
+from edtk.system.files import write_text
 
 HERE = Path(__file__).parent
 PLAN = HERE / "plans" / "table_4_3.csv"

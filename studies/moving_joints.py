@@ -18,19 +18,17 @@ from fault_robots import robots
 from threadpoolctl import threadpool_limits
 
 from edtk import Study
-from edtk.calibration.diagnostics.cause_diagnostics import cause_diagnostics
+from edtk.calibration.diagnostics.noise_diagnostics import cause_diagnostics
 from edtk.calibration.finding import Kind
 from edtk.calibration.fitted_data import FittedData
 from edtk.calibration.moving_joints import joint_unit
-from edtk.design.sample_feasible import sample_feasible
-from edtk.inference.equilibrium_deflection import equilibrium_deflection
-from edtk.inference.identification import Identification
-from edtk.inference.identify import identify
-from edtk.inference.joint_motion import joint_motion
-from edtk.inference.measurements import Measurements
-from edtk.inference.visit_covariance import visit_covariance
-from edtk.model.all_compliances import all_compliances
-from edtk.report.markdown_table import markdown_table
+from edtk.design.candidate_source import sample_feasible
+from edtk.fit.equilibrium import equilibrium_deflection
+from edtk.fit.identify import Identification, identify
+from edtk.fit.measurements import Measurements, joint_motion
+from edtk.fit.noise import visit_covariance
+from edtk.measure.task import all_compliances
+from edtk.report.tables import markdown_table
 from edtk.system.typing import Array
 
 POSES = 12

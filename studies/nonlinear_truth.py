@@ -15,11 +15,11 @@ from threadpoolctl import threadpool_limits
 
 from edtk import Study
 from edtk.calibration.fitted_data import FittedData
-from edtk.design.sample_feasible import sample_feasible
-from edtk.inference.equilibrium_deflection import equilibrium_deflection
-from edtk.inference.measurements import Measurements
-from edtk.model.all_compliances import all_compliances
-from edtk.report.markdown_table import markdown_table
+from edtk.design.candidate_source import sample_feasible
+from edtk.fit.equilibrium import equilibrium_deflection
+from edtk.fit.measurements import Measurements
+from edtk.measure.task import all_compliances
+from edtk.report.tables import markdown_table
 from edtk.system.workers import open_workers
 
 SIZES = (12, 30, 60, 150)  # random poses

@@ -17,8 +17,8 @@ from tqdm import tqdm
 
 from edtk import ExactPlan, Study, criteria
 from edtk.design.exact.find_plan import SearchOptions
-from edtk.report.markdown_table import markdown_table
-from edtk.system.atomic_file import write_text
+from edtk.report.tables import markdown_table
+from edtk.system.files import write_text
 from edtk.system.workers import Workers, open_workers
 from paper_figures.example import load_example, target_of
 from paper_figures.own_plans import search_plan

@@ -20,10 +20,10 @@ from tqdm import tqdm
 
 import edtk
 from edtk.calibration.geometry.study_geometry import StudyGeometry
-from edtk.inference.geometry.fitted_geometry import resting_torque
-from edtk.model.geometry.geometric_model import GeometricModel
-from edtk.report.markdown_table import markdown_table
-from edtk.system.atomic_file import write_text
+from edtk.fit.geometry.fitted_geometry import resting_torque
+from edtk.measure.geometric_model import GeometricModel
+from edtk.report.tables import markdown_table
+from edtk.system.files import write_text
 
 HERE = Path(__file__).parent
 Array = NDArray[np.float64]

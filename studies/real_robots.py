@@ -17,17 +17,20 @@ from numpy.typing import NDArray
 import edtk
 from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
 from edtk.calibration.geometry.geometry_problem import geometry_problem
-from edtk.calibration.geometry.tool_from_rows import tool_from_rows
-from edtk.inference.geometry.fit_geometry import fit_geometry, placed_tools
-from edtk.inference.geometry.fit_variances_of_blocks import fit_variances_of_blocks
-from edtk.inference.geometry.fitted_geometry import FittedGeometry
-from edtk.inference.geometry.geometric_fit import GeometricFit
-from edtk.inference.geometry.marker_positions import MarkerPositions
-from edtk.inference.geometry.place_robot import place_robot
-from edtk.inference.geometry.position_noise import PositionNoise, contrasts_of, fit_model_error
-from edtk.inference.geometry.working import working
-from edtk.report.markdown_table import markdown_table
-from edtk.system.atomic_file import write_text
+from edtk.calibration.geometry.prediction import tool_from_rows
+from edtk.fit.geometry.fit_geometry import fit_geometry, placed_tools
+from edtk.fit.geometry.fitted_geometry import FittedGeometry, GeometricFit
+from edtk.fit.geometry.least_squares_fit import working
+from edtk.fit.geometry.marker_positions import MarkerPositions
+from edtk.fit.geometry.place_robot import place_robot
+from edtk.fit.geometry.position_noise import (
+    PositionNoise,
+    contrasts_of,
+    fit_model_error,
+    fit_variances_of_blocks,
+)
+from edtk.report.tables import markdown_table
+from edtk.system.files import write_text
 
 HERE = Path(__file__).parent
 Array = NDArray[np.float64]

@@ -18,17 +18,16 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from edtk.inference.geometry.fit_geometry import fit_geometry
-from edtk.inference.geometry.marker_positions import MarkerPositions
-from edtk.inference.geometry.position_noise import PositionNoise
-from edtk.model.geometry.all_parameters import all_parameters
-from edtk.model.geometry.geometric_model import GeometricModel, Seen
-from edtk.model.geometry.rotation import rotation, rotation_vectors
-from edtk.model.joint import Joint
-from edtk.model.robot import Robot
-from edtk.model.transform import transform
-from edtk.report.markdown_table import markdown_table
-from edtk.system.atomic_file import write_text
+from edtk.fit.geometry.fit_geometry import fit_geometry
+from edtk.fit.geometry.marker_positions import MarkerPositions
+from edtk.fit.geometry.position_noise import PositionNoise
+from edtk.measure.geometric_model import GeometricModel, Seen
+from edtk.measure.parameters import all_parameters
+from edtk.report.tables import markdown_table
+from edtk.robots.joint import Joint
+from edtk.robots.robot import Robot
+from edtk.robots.rotations import rotation, rotation_vectors, transform
+from edtk.system.files import write_text
 
 HERE = Path(__file__).parent
 Array = NDArray[np.float64]

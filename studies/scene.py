@@ -10,13 +10,11 @@ import numpy as np
 import pandas as pd
 
 from edtk import Study
-from edtk.inference.equilibrium_deflection import equilibrium_deflection
-from edtk.model.equilibrium import torque_and_derivative
-from edtk.model.robot import Robot
+from edtk.fit.equilibrium import equilibrium_deflection
+from edtk.measure.equilibrium import torque_and_derivative
+from edtk.measure.pose_table import DEFLECTION_COLUMNS, WRENCH_COLUMNS, pose_columns, pose_factors
+from edtk.robots.robot import Robot
 from edtk.system.typing import Array, Indices
-from edtk.tables.pose_columns import pose_columns
-from edtk.tables.pose_table import WRENCH_COLUMNS, pose_factors
-from edtk.tables.sheet_columns import DEFLECTION_COLUMNS
 
 MM = 1e-3
 TINY = 1e-12  # length of a link that is none [m]

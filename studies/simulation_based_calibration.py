@@ -15,13 +15,12 @@ from scipy import stats
 from threadpoolctl import threadpool_limits
 
 from edtk import Study
-from edtk.inference.least_squares import estimate
-from edtk.inference.noise import Noise
-from edtk.inference.posterior import Posterior
-from edtk.inference.prior import Flat, HalfNormal, LogNormal, Normal, Prior
-from edtk.inference.run_chain import Demand
-from edtk.inference.sample_posterior import SamplingOptions, sample_posterior
-from edtk.inference.simulate import simulate
+from edtk.fit.least_squares import estimate
+from edtk.fit.measurements import simulate
+from edtk.fit.noise import Noise
+from edtk.fit.posterior import Posterior, SamplingOptions, sample_posterior
+from edtk.fit.prior import Flat, HalfNormal, LogNormal, Normal, Prior
+from edtk.fit.run_chain import Demand
 from edtk.system.typing import Array
 from edtk.system.workers import open_workers
 

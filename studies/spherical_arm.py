@@ -15,10 +15,9 @@ from time import perf_counter
 import numpy as np
 
 from edtk import Study, load_study
-from edtk.report.markdown_table import markdown_table
-from edtk.study.plan_study import plan_study
-from edtk.study.relax_study import relax_study
-from edtk.system.atomic_file import write_text
+from edtk.report.tables import markdown_table
+from edtk.study.plan_study import plan_study, relax_study
+from edtk.system.files import write_text
 
 HERE = Path(__file__).parent
 TOLERANCE = 3e-7  # of the search over all poses

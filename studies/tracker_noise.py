@@ -18,11 +18,11 @@ from tqdm import tqdm
 from tracked_robots import tracked_robots
 
 from edtk import Study
+from edtk.design.candidate_source import sample_feasible
 from edtk.design.plan import Plan
-from edtk.design.sample_feasible import sample_feasible
-from edtk.model.noise.whitener import Whitener
-from edtk.report.markdown_table import markdown_table
-from edtk.system.atomic_file import write_text
+from edtk.measure.noise import Whitener
+from edtk.report.tables import markdown_table
+from edtk.system.files import write_text
 
 HERE = Path(__file__).parent
 Array = NDArray[np.float64]

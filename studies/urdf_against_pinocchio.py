@@ -21,13 +21,12 @@ from pathlib import Path
 
 import numpy as np
 
-from edtk.model.load_robot import load_robot
-from edtk.model.robot import Robot
-from edtk.model.robot_from_dict import RobotFileError
-from edtk.model.urdf.chain import chain
-from edtk.model.urdf.parse_urdf import LIMITED, parse_urdf
-from edtk.system.atomic_file import write_text
-from edtk.system.read_text import read_text
+from edtk.robots.load_robot import load_robot
+from edtk.robots.robot import Robot
+from edtk.robots.robot_file import RobotFileError
+from edtk.robots.urdf.chain import chain
+from edtk.robots.urdf.parse_urdf import LIMITED, parse_urdf
+from edtk.system.files import read_text, write_text
 
 PACKAGES = ("example-robot-data", "rtb-data")
 ALLOWED = 1e-12

@@ -97,7 +97,7 @@ def one_process() -> Iterator[None]:
         return open_workers(workers or 1, dask)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("edtk.verbs.workers_for.open_workers", here)
+        patch.setattr("edtk.verbs.inputs.open_workers", here)
         yield
 
 
@@ -116,7 +116,7 @@ def _make_searches_small(patch: pytest.MonkeyPatch) -> None:
     patch.setattr("edtk.design.relaxation.search_continuum.SCREEN", 2000)
     patch.setattr("edtk.design.relaxation.search_continuum.STARTS", 12)
     patch.setattr("edtk.study.plan_study.STARTS", 16)
-    patch.setattr("edtk.design.exact.kicks.TURNS", 1)
+    patch.setattr("edtk.design.exact.search_record.TURNS", 1)
 
 
 @pytest.fixture(scope="module")

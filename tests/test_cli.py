@@ -565,7 +565,7 @@ def test_address_of_no_cluster(
     nothing is said by others.
     """
     soon = partial(open_workers, greeting_s=0.3)
-    monkeypatch.setattr("edtk.verbs.workers_for.open_workers", soon)
+    monkeypatch.setattr("edtk.verbs.inputs.open_workers", soon)
     options = ["--size", 3, "--dask", address, "--out", tmp_path / "out"]
     assert_one_line(edtk("plan", study, *options), "no Dask scheduler answers", address)
     assert capfd.readouterr() == ("", "")

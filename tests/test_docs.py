@@ -17,8 +17,8 @@ import criteria
 from edtk.calibration.calibration import Calibration
 from edtk.calibration.fitted_data import FittedData
 from edtk.cli import main
-from edtk.inference.measurements import Measurements
-from edtk.model.robot_from_dict import RobotFile, robot_from_dict
+from edtk.fit.measurements import Measurements
+from edtk.robots.robot_file import RobotFile, robot_from_dict
 from edtk.study.schema import Specification
 
 ROOT = Path(__file__).parents[1]

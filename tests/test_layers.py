@@ -14,9 +14,9 @@ FLOORS = (
     ("edtk.certificate.recompute",),
     ("criteria.linalg",),
     ("criteria",),
-    ("edtk.model",),
-    ("edtk.tables",),
-    ("edtk.design", "edtk.inference"),
+    ("edtk.robots",),
+    ("edtk.measure",),
+    ("edtk.design", "edtk.fit"),
     ("edtk.design.interior_point",),
     ("edtk.design.relaxation",),
     ("edtk.design.exact",),
@@ -29,7 +29,7 @@ FLOORS = (
     ("edtk.cli",),
 )
 LEVELS = {room: level for level, rooms in enumerate(FLOORS) for room in rooms}
-SIBLINGS = ("edtk.design", "edtk.inference")  # with their wings, neither imports the other
+SIBLINGS = ("edtk.design", "edtk.fit")  # with their wings, neither imports the other
 FILES = sorted(path for folder in ("criteria", "edtk") for path in (ROOT / folder).rglob("*.py"))
 
 
@@ -105,12 +105,12 @@ def test_no_two_files_of_tests_have_one_name() -> None:
     ("module", "statement", "allowed"),
     [
         ("edtk.design.problem", "import edtk.calibration.posterior_check", False),
-        ("edtk.model.robot", "from edtk import study", False),
+        ("edtk.robots.robot", "from edtk import study", False),
         ("edtk.design.problem", "from edtk.study.study import Study", False),
         ("edtk.design.problem", "from edtk.design.exact.refine import refine", False),
         ("edtk.design.relaxation.relax", "from edtk.design import exact", False),
-        ("edtk.design.exact.refine", "from edtk.inference.fit_huber import fit_huber", False),
-        ("edtk.inference.identify", "from edtk.design.plan import Plan", False),
+        ("edtk.design.exact.refine", "from edtk.fit.fit_huber import fit_huber", False),
+        ("edtk.fit.identify", "from edtk.design.plan import Plan", False),
         ("edtk.verbs.plan", "from edtk.commands.plan import command", False),
         ("edtk.design.exact.refine", "from edtk.design import relaxation", True),
         ("edtk.design.exact.refine", "from edtk.design.plan import Plan", True),

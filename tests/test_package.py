@@ -46,7 +46,8 @@ def test_wheel_holds_edtk_and_criteria_and_nothing_else(wheel: Path) -> None:
     """The wheel occupies two import names, and brings the robots and the type marker."""
     names = zipfile.ZipFile(wheel).namelist()
     assert {n.split("/")[0] for n in names if ".dist-info" not in n} == {"edtk", "criteria"}
-    assert {"edtk/model/robots/kuka_kr270.toml", "edtk/py.typed", "criteria/py.typed"} <= set(names)
+    needed = {"edtk/robots/builtin/kuka_kr270.toml", "edtk/py.typed", "criteria/py.typed"}
+    assert needed <= set(names)
 
 
 def test_wheel_works_from_another_folder(wheel: Path, tmp_path: Path) -> None:

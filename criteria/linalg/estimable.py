@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from criteria.linalg.inverse import EPS, ROUNDING, guarded_inverse, whitener
-from criteria.linalg.root import unit_scale
+from criteria.linalg.inverse import EPS, ROUNDING, guarded_inverse, unit_scale, whitener
 from criteria.linalg.typing import Array, Mask
 
+SMALL = 1e-6  # entries below it are rounding of the echelon form, whose largest entries are one
 # A diagonal entry below this part of the largest is what rounding leaves of a zero: the square of a
 # dozen roundings of an excitation that is exactly zero, such as the torque of a vertical force
 # about a vertical axis. Parameters whose units differ by less than 14 decades stay above it.
@@ -15,6 +15,65 @@ NOTHING = 1e-29
 # Multiple of the rounding of an eigenvector, ``p eps / gap``, that a component along an open
 # direction may have and still count as none.
 SLACK = 64.0
+
+
+def combination(factors: Array, parameters: tuple[str, ...]) -> str:
+    """Words for a combination with these factors (p,), such as "k4", "k2 - 0.5 k3" or "- 2 k1"."""
+    words = []
+    for factor, name in zip(factors, parameters, strict=True):
+        if factor:
+            term = f"{abs(factor):.3g} {name}".removeprefix("1 ")
+            words.append(f"{'-' if factor < 0 else '+'} {term}")
+    return " ".join(words).removeprefix("+ ")
+
+
+def combination_names(K: Array) -> tuple[str, ...]:
+    """Words for combinations of parameters that are called k1 .. kp."""
+    parameters = tuple(f"k{i + 1}" for i in range(len(K)))
+    return tuple(combination(column, parameters) for column in K.T)
+
+
+def null_space(M: Array) -> tuple[Array, Array]:
+    """Directions that M (p, p) does not excite, whatever the units of the parameters.
+
+    Returns:
+        ``(N, d)``: the directions (p, r) in echelon form, few parameters each, in the scaled
+        parameters ``d_i k_i``, and the scales d (p,).
+    """
+    d = unit_scale(np.diag(M))
+    r, V = np.linalg.eigh(M / np.outer(d, d))
+    return _echelon(V[:, r <= len(M) * ROUNDING * max(r[-1], 1.0)]), d
+
+
+def _echelon(N: Array) -> Array:
+    """A basis (p, r) of the space of the columns of N, each of few parameters."""
+    N = N.copy()
+    if N.shape[1]:
+        # scipy is imported here, where it is needed: regular matrices are the rule.
+        from scipy.linalg import qr
+
+        _, triangle, pivots = qr(N.T, mode="economic", pivoting=True)
+        N[pivots] = np.linalg.solve(triangle[:, : N.shape[1]], triangle).T
+    return np.where(np.abs(N) > SMALL, N, 0.0)
+
+
+def open_directions(M: Array, parameters: tuple[str, ...]) -> tuple[str, ...]:
+    """Words for each direction that M (p, p) does not excite, such as "k4" or "k2 - 0.5 k3"."""
+    N, d = null_space(M)
+    return tuple(_words(column, column / d, parameters) for column in N.T)
+
+
+def directions_in_words(V: Array, d: Array, parameters: tuple[str, ...]) -> tuple[str, ...]:
+    """Words for the space of directions V (p, r) of the scaled parameters ``d_i k_i``."""
+    return tuple(_words(column, column / d, parameters) for column in _echelon(V).T)
+
+
+def _words(scaled: Array, direction: Array, parameters: tuple[str, ...]) -> str:
+    """One direction (p,) as a sum of parameters, of which the first leading one has no factor."""
+    # The leading parameter is chosen in scaled parameters, where entries can be compared.
+    size = np.abs(scaled)
+    lead = np.flatnonzero(size > (1 - SMALL) * size.max())[0]
+    return combination(direction / direction[lead], parameters)
 
 
 def estimable_inverse(M: Array, K: Array, rounded: float = 1.0) -> tuple[Array, Array, Mask]:

@@ -1,9 +1,14 @@
 """Inverses and roots of information matrices; singular matrices are marked, not raised."""
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from criteria.linalg.root import unit_spectrum
 from criteria.linalg.typing import Array, Mask
+
+# Negative part of a weight matrix, at unit diagonal, that counts as rounding of whoever made it:
+# sums of a million squares lose ten digits at most.
+NEGATIVE = 1e-10
+
 
 EPS = np.finfo(float).eps
 # Eigenvalues of a (p, p) matrix scaled to a unit diagonal are known to a small multiple of p eps;
@@ -91,3 +96,91 @@ def scaled_inverse(variance: Array) -> Array:
     d = np.sqrt(np.diagonal(variance, axis1=-2, axis2=-1))
     dd = d[..., :, None] * d[..., None, :]
     return np.linalg.inv(variance / dd) / dd
+
+
+def root(M: Array) -> Array:
+    """F (..., p, p) with ``F'F = M`` of positive semidefinite M (..., p, p), also singular.
+
+    The eigenvalues are those of M at unit diagonal, so that bad units cost no digits. Negative
+    ones, which rounding leaves, are cut off.
+    """
+    r, V, d = unit_spectrum(M)
+    return np.asarray(np.sqrt(np.maximum(r, 0.0))[..., :, None] * np.swapaxes(V, -1, -2) * d)
+
+
+def unit_spectrum(M: Array) -> tuple[Array, Array, Array]:
+    """Eigenvalues r (..., p), ascending, and eigenvectors V of semidefinite M at unit diagonal.
+
+    Returns:
+        ``(r, V, d)`` with ``M = D V diag(r) V' D``, D = diag(d) and d (..., 1, p) the roots of the
+        diagonal. They are zero where the diagonal is: eigenvectors of the other parameters have
+        roundings there, which any other scale would bring in, in whatever units it is.
+    """
+    d = np.sqrt(np.maximum(np.diagonal(M, axis1=-2, axis2=-1), 0.0))[..., None, :]
+    scale = unit_scale(np.square(d))
+    r, V = np.linalg.eigh(M / scale / np.swapaxes(scale, -1, -2))
+    return r, V, d
+
+
+def unit_scale(diagonal: Array) -> Array:
+    """The roots (..., p) of a diagonal, by which a matrix gets a unit diagonal.
+
+    Where an entry is not positive, the scale is the largest one, or one where none is: it must be
+    divided by, and all scales grow with the matrix, so that its units decide nothing.
+    """
+    size = np.sqrt(np.maximum(diagonal, 0.0))
+    largest = size.max(axis=-1, keepdims=True, initial=0.0)
+    return np.where(size > 0, size, np.where(largest > 0, largest, 1.0))
+
+
+def full_rank_root(W: ArrayLike) -> Array:
+    """K (p, r) of full column rank with ``K K' = W``, for a positive semidefinite W (p, p).
+
+    A Cholesky factorization whose pivot is the largest remaining entry of the diagonal. So each
+    column is dominated by its pivot: the columns are independent in any units of the parameters.
+
+    Raises:
+        ValueError: W is not square, finite, symmetric and positive semidefinite, or is zero.
+    """
+    found = np.array(W, dtype=float)
+    if found.ndim != 2 or found.shape[0] != found.shape[1] or not np.isfinite(found).all():
+        raise ValueError("expected a finite square matrix (p, p)")
+    own = np.diag(found)
+    d = unit_scale(own)
+    scaled = found / np.outer(d, d)
+    if np.abs(scaled - scaled.T).max() > NEGATIVE:
+        raise ValueError("expected a symmetric matrix")
+    if np.linalg.eigvalsh(scaled).min() < -NEGATIVE:
+        raise ValueError("expected a positive semidefinite matrix")
+    remaining = 0.5 * (scaled + scaled.T)
+    columns: list[Array] = []
+    for _ in range(len(found)):
+        share = np.diag(remaining)
+        left = np.where(share > len(found) * ROUNDING, share * own, 0.0)
+        if not left.any():
+            break
+        pivot = int(left.argmax())
+        column = remaining[:, pivot] / np.sqrt(share[pivot])
+        remaining = remaining - np.outer(column, column)
+        remaining[pivot] = 0.0
+        remaining[:, pivot] = 0.0
+        columns.append(column * d)
+    if not columns:
+        raise ValueError("expected a matrix that is not zero")
+    return np.stack(columns, axis=1)
+
+
+def rounding_of_rows(rows: Array, W: Array) -> float:
+    """Bound the relative error of ``sum_j |a_j W|^2`` where products of a_j and W cancel.
+
+    A product of p terms is wrong by ``p eps`` times the sum of their sizes; with ``|w_i|`` the
+    length of a row of W, ``|a_j W|`` is wrong by ``p eps sum_i |a_ji| |w_i|`` at most.
+
+    Args:
+        rows: Rows a_j (k, p).
+        W: Matrix (p, r), such as a root of a covariance.
+    """
+    lengths = np.linalg.norm(rows @ W, axis=1)
+    sizes = np.abs(rows) @ np.linalg.norm(W, axis=1)
+    total = float(lengths @ lengths)
+    return float(2 * rows.shape[1] * EPS * (lengths @ sizes) / total) if total > 0 else 0.0

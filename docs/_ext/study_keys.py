@@ -21,7 +21,7 @@ class StudyKeys(SphinxDirective):
 
     def run(self) -> list[nodes.Node]:
         """Parse the generated text in the place of the directive."""
-        from edtk.model.robot_from_dict import RobotFile
+        from edtk.robots.robot_file import RobotFile
         from edtk.study.schema import Specification
 
         table = RobotFile if self.arguments == ["robot"] else Specification

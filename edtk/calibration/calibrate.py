@@ -1,33 +1,58 @@
-"""From a filled-in sheet to compliances, with everything that a person wants to know about them."""
+"""From a filled-in sheet to compliances, with everything that a person wants to know."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
-from edtk.calibration.calibration import Calibration
-from edtk.calibration.calibration_budget import calibration_budget
+from edtk.calibration.calibration import Calibration, Origin
+from edtk.calibration.cause_wording import cause_of
 from edtk.calibration.diagnostics.diagnostics import diagnostics
 from edtk.calibration.fitted_data import FittedData
-from edtk.calibration.input_errors.find_input_error import find_input_error
-from edtk.calibration.input_errors.input_error import InputError
-from edtk.calibration.linear_model_bias import linear_model_bias
-from edtk.calibration.origin import Origin
-from edtk.calibration.stated_noise import stated_noise
+from edtk.calibration.input_errors.find_input_error import InputError, find_input_error
+from edtk.calibration.moving_joints import stated_noise
+from edtk.calibration.nonlinear_part import linear_model_bias
+from edtk.calibration.propagation import calibration_budget
 from edtk.calibration.told_part import ToldPart, told_part
 from edtk.design.plan import Plan
-from edtk.inference.correlated_noise import NotPositiveDefiniteError
-from edtk.inference.fit_huber import SigmaTooSmallError
-from edtk.inference.identify import NothingLeftError
-from edtk.inference.least_squares import SingularPlanError
-from edtk.inference.measurements import Measurements
-from edtk.inference.visit_covariance import TooManyVisitsError
-from edtk.model.loads.fixed_load import FixedLoad
+from edtk.fit.correlated_noise import NotPositiveDefiniteError
+from edtk.fit.fit_huber import SigmaTooSmallError
+from edtk.fit.identify import NothingLeftError
+from edtk.fit.least_squares import SingularPlanError
+from edtk.fit.measurements import Measurements
+from edtk.fit.noise import TooManyVisitsError
+from edtk.measure.pose_table import Table, path_of
+from edtk.robots.loads.fixed_load import FixedLoad
 from edtk.study.study import Study
 from edtk.study.study_model import study_sigma
-from edtk.study.study_prior import study_prior
+from edtk.study.study_parts import study_prior
 from edtk.system.errors import UserError
 from edtk.system.typing import Array
-from edtk.tables.pose_table import Table, path_of
+
+# Numbers by joint, and other ones, that rest on the estimate: with wrong columns they mean nothing.
+BY_JOINT = ("k", "std", "k_unbounded")
+OTHERS = ("correlation", "covariance_dof", "rho0", "rho0_bias", "budget_mm", "expected_error")
+
+
+def misread_sheet(found: Calibration) -> dict[str, Any] | None:
+    """Name the causes of a sheet that was taken as it is, without the estimate.
+
+    A person reads one line that says which columns look misread, and no result. A program asks for
+    the causes and the verdict, and is not to read compliances that are known to be wrong.
+
+    Args:
+        found: The calibration of the sheet as it is.
+
+    Returns:
+        The keys of `Calibration.to_dict`, where all that rests on the estimate is null; None where
+        no columns are misread.
+    """
+    if not any(cause_of(diagnostic.finding) for diagnostic in found.diagnostics):
+        return None
+    said = found.to_dict()
+    joints = found.study.specification.joints.unknown
+    empty = {name: dict.fromkeys(joints) for name in BY_JOINT}
+    return {**said, **empty, **dict.fromkeys(OTHERS), "k_bias": None}
 
 
 def calibrate(

@@ -1,40 +1,208 @@
 """Identified compliances, with everything that a person wants to know about them."""
 
+import hashlib
 from dataclasses import dataclass, replace
+from datetime import UTC, datetime
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from edtk.calibration.calibration_budget import propagation_of
-from edtk.calibration.calibration_to_dict import calibration_to_dict
-from edtk.calibration.cause_of import cause_of
-from edtk.calibration.causes.cause import Cause
+from edtk.calibration.cause_wording import cause_of
+from edtk.calibration.causes.family import Cause
 from edtk.calibration.diagnostics.diagnostic import Diagnostic, Severity
-from edtk.calibration.fitted_data import FittedData
-from edtk.calibration.interest_estimates import interest_estimates
-from edtk.calibration.origin import Origin
-from edtk.calibration.posterior_check import PosteriorCheck
-from edtk.calibration.propagation import Propagation
-from edtk.calibration.residual_table import residual_table
-from edtk.calibration.told_part import ToldPart
-from edtk.calibration.with_posterior import with_posterior
-from edtk.inference.estimate_noise import NoiseEstimate
-from edtk.inference.identification import Identification
-from edtk.inference.lack_of_fit import LackOfFit
-from edtk.inference.measurements import Measurements
-from edtk.inference.sample_posterior import SamplingOptions
-from edtk.model.error_budget import ErrorBudget
-from edtk.model.expected_error import ExpectedError, expected_error
-from edtk.model.task_accuracy import TaskAccuracy
-from edtk.study.accuracy_of_tasks import accuracy_of_tasks
+from edtk.calibration.diagnostics.diagnostics import diagnostics
+from edtk.calibration.diagnostics.prior_diagnostics import posterior_diagnostics
+from edtk.calibration.finding import Kind
+from edtk.calibration.fitted_data import FittedData, residual_table
+from edtk.calibration.posterior_check import PosteriorCheck, check_posterior
+from edtk.calibration.propagation import Propagation, calibration_budget, propagation_of
+from edtk.calibration.told_part import ToldPart, interest_estimates
+from edtk.fit.estimate_noise import NoiseEstimate
+from edtk.fit.identify import Identification
+from edtk.fit.least_squares import Estimate
+from edtk.fit.measurements import Measurements
+from edtk.fit.noise import Noise
+from edtk.fit.outliers import LackOfFit
+from edtk.fit.posterior import SamplingOptions
+from edtk.measure.expected_error import ErrorBudget, ExpectedError, TaskAccuracy, expected_error
+from edtk.measure.pose_table import Table
+from edtk.study.evaluate import accuracy_of_tasks
 from edtk.study.study import Study
+from edtk.study.study_parts import study_prior
 from edtk.system.presented import Presented
 from edtk.system.typing import Array
 
 if TYPE_CHECKING:
     import pandas as pd
+
+
+@dataclass(frozen=True)
+class Origin:
+    """The file of the measurements as it was read, and options that the fit does not show.
+
+    Attributes:
+        sha256: Of the file, in hex digits; empty for a pipe, which cannot be read twice, and for a
+            data frame.
+        changed: When the file was changed last, "2026-11-22 09:16:27 UTC"; empty likewise. A
+            report has this instead of its own date, so that the same run writes the same bytes.
+        linear: Whether the linear model was asked for.
+        as_is: Whether the sheet was to be taken as it is.
+    """
+
+    sha256: str = ""
+    changed: str = ""
+    linear: bool = False
+    as_is: bool = False
+
+    @classmethod
+    def of(cls, path: Table, linear: bool, as_is: bool) -> "Origin":
+        """Look at a file that has just been read.
+
+        Args:
+            path: The file, or a pipe; or a data frame, which has no file.
+            linear: Whether the linear model was asked for.
+            as_is: Whether the sheet was to be taken as it is.
+        """
+        if not isinstance(path, str | Path) or not Path(path).is_file():
+            return cls(linear=linear, as_is=as_is)
+        with Path(path).open("rb") as file:
+            digest = hashlib.file_digest(file, "sha256").hexdigest()
+        seconds = int(Path(path).stat().st_mtime)
+        changed = f"{datetime.fromtimestamp(seconds, UTC):%Y-%m-%d %H:%M:%S} UTC"
+        return cls(digest, changed, linear, as_is)
+
+
+def calibration_to_dict(found: "Calibration") -> dict[str, Any]:
+    """Plain numbers, SI, for JSON; a number that is not known is null."""
+    fit = found.fit
+    study = found.study
+    joints = study.specification.joints
+    return {
+        "k": _known(found.k),
+        "std": _known(found.std),
+        "correlation": fit.correlation.tolist(),
+        "covariance_dof": fit.covariance_dof if np.isfinite(fit.covariance_dof) else None,
+        "sigma_hat": found.sigma_hat if np.isfinite(fit.scale) else None,
+        "chi2": fit.chi2,
+        "dof": fit.dof,
+        "p_value": fit.p_value,
+        "outliers": (fit.outliers + 1).tolist(),
+        "rho0": _rho0(found),
+        "rho0_bias": found.rho0_bias,
+        "model": "nonlinear" if found.fitted.nonlinear else "linear",
+        "budget_mm": None if found.budget is None else found.budget.to_dict(),
+        **_all_uncertain(found),
+        "lack_of_fit": None if found.lack_of_fit is None else found.lack_of_fit.to_dict(),
+        "noise": None if found.noise is None else found.noise.to_dict(),
+        "causes": [cause.to_dict() for cause in found.causes],
+        "expected_error": None if found.expected is None else found.expected.to_dict(),
+        **({} if found.tasks is None else {"tasks": found.tasks.to_dict()}),
+        "verdict": found.verdict,
+        "doubts": [diagnostic.text for diagnostic in found.diagnostics],
+        "study_warnings": list(study.warnings),
+        "diagnostics": [diagnostic.to_dict() for diagnostic in found.diagnostics],
+        "negative": [joints.unknown[i] for i in np.flatnonzero(fit.negative)],
+        "known": {name: one.value for name, one in joints.known.items()},
+        "k_unbounded": _known(found.by_joint(fit.unbounded)),
+        "k_bias": None if found.bias is None else _known(found.by_joint(found.bias)),
+        "posterior": None if found.check is None else found.check.to_dict(),
+        **_of_interest(found),
+    }
+
+
+def _all_uncertain(found: "Calibration") -> dict[str, Any]:
+    """All that commands may be off by; null without a task."""
+    if found.budget is None:
+        return {"covariance_measured": None, "assumed_joints": None}
+    unknown = found.study.specification.joints.unknown
+    parts = {one.joint.name: one.to_dict() for one in found.budget.joints}
+    errors = found.propagation.errors
+    return {
+        "covariance_measured": found.propagation.measured.tolist(),
+        "assumed_joints": [
+            parts[one.joint.name]
+            | {"shifts_rad_per_Nm": dict(zip(unknown, one.shifts.tolist(), strict=True))}
+            for one in errors
+        ],
+    }
+
+
+def _rho0(found: "Calibration") -> dict[str, Any] | None:
+    """The accuracy in the task with its interval; None without a task."""
+    if found.study.target is None:
+        return None
+    value, interval = found.fit.accuracy(found.study.target)
+    return {"value": value, "interval95": list(interval)}
+
+
+def _of_interest(found: "Calibration") -> dict[str, Any]:
+    """What is of interest, and what is not told; nothing where all compliances matter."""
+    if found.asked.interest is None:
+        return {}
+    told = {name: {"value": k, "std": std} for name, (k, std) in found.interest.items()}
+    return {"interest": told, "not_told": [] if found.part is None else list(found.part.open)}
+
+
+def _known(values: dict[str, float]) -> dict[str, float | None]:
+    """The same, with None for no number, as JSON has it."""
+    return {name: None if np.isnan(value) else value for name, value in values.items()}
+
+
+def with_posterior(
+    found: "Calibration", rng: np.random.Generator, options: SamplingOptions
+) -> "Calibration":
+    """Sample the posterior of a calibration, see `Calibration.sampled`.
+
+    Args:
+        found: The calibration without it.
+        rng: Source of randomness.
+        options: How accurately, and where the chain is kept.
+    """
+    fitted = found.fitted
+    fit = found.fit
+    noise = _noise(found)
+    check = check_posterior(
+        found.study,
+        fitted.A,
+        fitted.measured,
+        fitted.noise,
+        Estimate(fit.k, fit.covariance),
+        rng,
+        noise=noise,
+        options=options,
+    )
+    prior = study_prior(found.study)
+    estimated = prior.is_flat and noise.normal and not fit.known and not fit.robust
+    budget = found.budget
+    named = found.diagnostics
+    if fitted.untold:
+        names = found.study.model.parameters
+        posterior = Estimate(check.posterior.mean, check.posterior.covariance, names)
+        fitted = fitted.described_by(posterior)
+        budget = calibration_budget(fitted, None)
+        named = diagnostics(fitted, None, budget)
+    added = posterior_diagnostics(fitted, prior, check.posterior)
+    rest = (one for one in named if one.kind is not Kind.PRIOR_CONTRADICTED)
+    return replace(
+        found,
+        fitted=fitted,
+        budget=budget,
+        diagnostics=tuple(sorted([*added, *rest], key=lambda one: -one.severity)),
+        check=replace(check, sigma_estimated=estimated),
+    )
+
+
+def _noise(found: "Calibration") -> Noise:
+    """The noise that a posterior assumes beside a fit."""
+    noise = found.study.specification.prior.noise()
+    if not found.fit.known:
+        noise = replace(noise, sigma_factor=np.inf)
+    if found.fit.robust and noise.normal:
+        noise = replace(noise, nu=None)
+    return noise
+
 
 VERDICTS = {Severity.NOTE: "good", Severity.WARNING: "usable", Severity.ALARM: "bad"}
 
@@ -62,7 +230,7 @@ class Calibration(Presented):
     bias: Array | None = None
     budget: ErrorBudget | None = None
     check: PosteriorCheck | None = None
-    origin: Origin = Origin()  # noqa: RUF009  (frozen)
+    origin: Origin = Origin()
     part: ToldPart | None = None
 
     def headline(self) -> str:

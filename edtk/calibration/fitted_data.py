@@ -2,41 +2,40 @@
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from edtk.calibration.bends_much import bends_much
-from edtk.calibration.causes.cause import NOISE, Cause
-from edtk.calibration.causes.found_causes import FoundCauses, most_outliers
-from edtk.calibration.equal_rows import EqualRows, equal_rows
-from edtk.calibration.input_errors.explanation import Explanation, explanation
-from edtk.calibration.known_part import known_part
-from edtk.calibration.look_for_causes import look_for_causes
-from edtk.calibration.match_plan import PlanMatch, match_plan
-from edtk.calibration.moving_joints import joint_unit, own_of_visits
-from edtk.calibration.repetitions_agree import repetitions_agree
-from edtk.calibration.with_common_noise import with_common_noise
+from edtk.calibration.causes.family import NOISE, Cause
+from edtk.calibration.causes.find_causes import FoundCauses, look_for_causes, most_outliers
+from edtk.calibration.input_errors.readings import Explanation, explanation
+from edtk.calibration.match_plan import EqualRows, PlanMatch, equal_rows, match_plan
+from edtk.calibration.moving_joints import (
+    joint_unit,
+    own_of_visits,
+    repetitions_agree,
+    with_common_noise,
+)
+from edtk.calibration.nonlinear_part import bends_much, known_part
 from edtk.design.plan import Plan
-from edtk.inference.correlated_noise import CorrelatedNoise
-from edtk.inference.estimate_noise import NoiseEstimate, estimate_noise
-from edtk.inference.fit_equilibrium import LinearisedData, NoFitError, fit_equilibrium
-from edtk.inference.fit_with_prior import fit_with_prior
-from edtk.inference.identification import Identification
-from edtk.inference.identify import identify
-from edtk.inference.lack_of_fit import LackOfFit
-from edtk.inference.least_squares import Estimate
-from edtk.inference.linearise import linearise
-from edtk.inference.measurements import Measurements
-from edtk.inference.prior import Prior
-from edtk.inference.prior_rows import PriorRows
-from edtk.inference.visit_residuals import visit_residuals
-from edtk.inference.whiten import RowNoise
-from edtk.model.all_compliances import all_compliances
-from edtk.model.equilibrium import NoEquilibriumError
+from edtk.fit.correlated_noise import CorrelatedNoise, RowNoise
+from edtk.fit.equilibrium import LinearisedData, NoFitError, fit_equilibrium, linearise
+from edtk.fit.estimate_noise import NoiseEstimate, estimate_noise, visit_residuals
+from edtk.fit.identify import Identification, identify
+from edtk.fit.least_squares import Estimate
+from edtk.fit.measurements import Measurements
+from edtk.fit.outliers import LackOfFit
+from edtk.fit.prior import Prior, PriorRows, fit_with_prior
+from edtk.measure.equilibrium import NoEquilibriumError
+from edtk.measure.pose_table import TURN_COLUMN, coordinate_columns
+from edtk.measure.task import all_compliances
 from edtk.study.study import Study
-from edtk.study.study_prior import study_prior
+from edtk.study.study_parts import study_prior
 from edtk.system.errors import UserError
 from edtk.system.typing import Array
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 @dataclass(frozen=True, eq=False)
@@ -291,3 +290,28 @@ class FittedData:
     def equal_rows(self) -> EqualRows | None:
         """Rows that are the same to the last digit; None where all are different."""
         return equal_rows(self.data)
+
+
+def residual_table(fitted: FittedData) -> "pd.DataFrame":
+    """A row for each measured coordinate.
+
+    `row` and `pose` count from 1; `coordinate` has the unit of `residual` in its name.
+    """
+    import pandas as pd
+
+    fit = fitted.fit
+    m, rows = fit.residual.shape
+    units = np.where(fitted.data.lengths, 1e3, 180 / np.pi)
+    columns = np.tile(coordinate_columns(rows), (m, 1)).astype(object)
+    if fitted.data.turn is not None:
+        columns[fitted.data.turn] = TURN_COLUMN
+    return pd.DataFrame(
+        {
+            "row": np.repeat(np.arange(1, m + 1), rows),
+            "pose": np.repeat(fitted.data.pose + 1, rows),
+            "coordinate": columns.ravel(),
+            "residual": (fit.residual * units).ravel(),
+            "leverage": fit.leverage.ravel(),
+            "standardised": fit.standardised.ravel(),
+        }
+    )

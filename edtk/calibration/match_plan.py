@@ -1,18 +1,161 @@
-"""Which experiment of a plan each measurement is one of."""
+"""Which experiment of a plan each measurement is one of, and rows that are equal."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from edtk.calibration.pose_resolution import pose_resolution
 from edtk.design.plan import Plan
-from edtk.inference.measurements import Measurements
-from edtk.inference.row_numbers import row_numbers
+from edtk.fit.correlated_noise import row_numbers
+from edtk.fit.distributions import poisson_tail
+from edtk.fit.measurements import Measurements
+from edtk.measure.pose_table import DIGITS, pose_factors
 from edtk.study.study import Study
 from edtk.system.typing import Array, Indices
-from edtk.tables.pose_table import pose_factors
 
+MOST_POSES = 2000  # of more, every second, third, ... is enough to tell how far robots bend
+SHOWN = 10  # rows that are named; of more, the number is said
+MOST_DIGITS = 9  # decimals of a millimetre or a degree that a reading is looked at to
+SAME_READING = 1e-4  # of a decimal step: below that a number is a multiple of it, but for rounding
+ROUNDING = 1e-9  # relative: a pose at the very limit counts as within
+SAME_ANGLE = 1e-6  # of a decimal step: below that a number is a multiple of it, but for rounding
 OTHER_LOAD = 0.25  # of the planned load: an applied load that is farther off is another one
+
+
+def some_poses(pose: Indices) -> Indices:
+    """Choose the rows of at most `MOST_POSES` poses, with all their repetitions.
+
+    Args:
+        pose: Number (m,) of each row's pose, counted from 0.
+    """
+    every = -(-(1 + int(pose.max())) // MOST_POSES)
+    return np.flatnonzero(pose % every == 0)
+
+
+def some_rows(count: int, most: int) -> Indices:
+    """Choose rows by chance, as every second row may be of the same pose.
+
+    Args:
+        count: Number of rows.
+        most: How many are wanted, at most.
+
+    Returns:
+        Rows in their order, counted from 0; all of them if they are not too many.
+    """
+    if count <= most:
+        return np.arange(count)
+    return np.sort(np.random.default_rng(0).choice(count, most, replace=False))
+
+
+def row_names(rows: Sequence[int]) -> str:
+    """Some rows, counted from 1: "row 5", or "rows 5, 6 and 12 more"."""
+    shown = ", ".join(str(row + 1) for row in rows[:SHOWN])
+    more = f" and {len(rows) - SHOWN} more" if len(rows) > SHOWN else ""
+    return f"row{'s' * (len(rows) > 1)} {shown}{more}"
+
+
+@dataclass(frozen=True)
+class EqualRows:
+    """Rows that are the same in all columns.
+
+    Attributes:
+        later: The first row, counted from 0, that repeats an earlier one.
+        earlier: The row that it repeats.
+        others: Number of further rows that repeat earlier ones.
+        chance: Probability of so many, by the resolution of the readings.
+    """
+
+    later: int
+    earlier: int
+    others: int
+    chance: float
+
+
+def equal_rows(data: Measurements) -> EqualRows | None:
+    """Find rows that are the same to the last digit; None where all are different.
+
+    Two repetitions agree in a coordinate of resolution d with probability
+    ``d / (2 sqrt(pi) sigma)`` at most, and the number of agreeing pairs is about Poisson's.
+    """
+    pose = data.places
+    row = row_numbers(pose[:, None].astype(float), data.deflection)
+    copies = np.ones(len(row), dtype=bool)
+    copies[np.unique(row, return_index=True)[1]] = False
+    if not copies.any():
+        return None
+    later = int(np.flatnonzero(copies)[0])
+    earlier = int(np.flatnonzero(row == row[later])[0])
+    turn = np.zeros(len(data), dtype=bool) if data.turn is None else data.turn
+    kinds = [np.flatnonzero(~turn), np.flatnonzero(turn)]
+    expected = sum(_agreeing(data[kind], pose[kind]) for kind in kinds if len(kind))
+    chance = float(poisson_tail(_pairs(row) - 1, expected))
+    return EqualRows(later, earlier, int(copies.sum()) - 1, chance)
+
+
+def _agreeing(data: Measurements, place: Indices) -> float:
+    """Expected number of pairs of repetitions of a place that agree, of at most."""
+    agree = _steps(data) / (2 * np.sqrt(np.pi) * data.sigma.mean(axis=0))
+    return float(_pairs(place) * np.minimum(agree, 1.0).prod())
+
+
+def _pairs(number: np.ndarray) -> float:
+    """How many pairs have the same number."""
+    counts = np.bincount(number)
+    return float((counts * (counts - 1) / 2).sum())
+
+
+def _steps(data: Measurements) -> Array:
+    """Resolution (rows,) of the readings [m, rad]."""
+    if data.turn is not None and data.turn.all():
+        turned = resolution(data.deflection * 180 / np.pi) * np.pi / 180
+        return np.full(1, turned)
+    lengths = data.deflection[:, :3]
+    steps = [np.full(lengths.shape[1], resolution(lengths * 1e3) / 1e3)]
+    if data.deflection.shape[1] == 6:
+        per_radian = 180 / np.pi
+        turned = resolution(data.deflection[:, 3:] * per_radian) / per_radian
+        steps.append(np.full(3, turned))
+    return np.concatenate(steps)
+
+
+def resolution(values: Array) -> float:
+    """The decimal step 10^-d, d <= 9, that all values are multiples of."""
+    for digits in range(MOST_DIGITS):
+        scaled = values * 10.0**digits
+        if np.abs(scaled - np.rint(scaled)).max() < SAME_READING:
+            return float(10.0**-digits)
+    return 10.0**-MOST_DIGITS
+
+
+LEAST = 10.0**-DIGITS  # [deg, mm]: plans have so many digits
+
+
+def pose_resolution(study: Study, data: Measurements | None = None) -> float:
+    """The digits that poses are written with [deg, mm].
+
+    Those are the study's `plan_resolution_deg`, or the digits of the sheet if these are fewer.
+
+    Args:
+        study: The study.
+        data: The measurements of a sheet, if its digits count.
+    """
+    steps = [LEAST, study.specification.workspace.plan_resolution_deg]
+    if data is not None:
+        steps.append(_printed_step(study.robot.shown(data.q) / pose_factors(study.robot)))
+    return max(steps) * (1 + ROUNDING)
+
+
+def _printed_step(values: Array) -> float:
+    """The coarsest decimal step of the columns (m, n), as far as they have decimals.
+
+    A column of whole numbers has the digits of the others: it may be a joint that stands still.
+    """
+    digits = []
+    for column in values.T:
+        scaled = column * 10.0 ** np.arange(DIGITS + 1)[:, None]
+        whole = (np.abs(scaled - np.rint(scaled)) < SAME_ANGLE).all(axis=1)
+        digits.append(int(whole.argmax()) if whole.any() else DIGITS)
+    return float(10.0 ** -min((d for d in digits if d), default=0))
 
 
 @dataclass(frozen=True, eq=False)

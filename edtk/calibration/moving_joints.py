@@ -1,27 +1,105 @@
-"""The fit where joints move all markers of a visit together, by an amount that is estimated."""
+"""The fit where joints move between visits, or repetitions share a part of their noise."""
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from edtk.inference.correlated_noise import CorrelatedNoise, NotPositiveDefiniteError
-from edtk.inference.estimate_noise import NoiseEstimate
-from edtk.inference.fit_equilibrium import LinearisedData
-from edtk.inference.identification import Identification
-from edtk.inference.identify import identify
-from edtk.inference.joint_motion import joint_motion
-from edtk.inference.lack_of_fit import LackOfFit, lack_of_fit
-from edtk.inference.least_squares import SingularPlanError, Whitened
-from edtk.inference.measurements import Measurements
-from edtk.inference.visit_covariance import (
-    TooManyVisitsError,
-    own_covariance,
-    visit_covariance,
-)
-from edtk.inference.whiten import RowNoise
+from edtk.fit.correlated_noise import CorrelatedNoise, NotPositiveDefiniteError, RowNoise, whiten
+from edtk.fit.equilibrium import LinearisedData, fit_common_noise
+from edtk.fit.estimate_noise import NoiseEstimate
+from edtk.fit.identify import Identification, identify
+from edtk.fit.least_squares import SingularPlanError, Whitened
+from edtk.fit.measurements import Measurements, joint_motion
+from edtk.fit.noise import TooManyVisitsError, own_covariance, tracker_noise, visit_covariance
+from edtk.fit.outliers import LackOfFit, lack_of_fit
+from edtk.measure.noise import VisitNoise, shared_visits
+from edtk.measure.pose_table import pose_factors
 from edtk.study.study import Study
-from edtk.system.typing import Array
-from edtk.tables.pose_table import pose_factors
+from edtk.system.typing import Array, Indices
+
+if TYPE_CHECKING:
+    from edtk.calibration.fitted_data import FittedData
+
+ROUNDS = 4  # of finding outliers; two are the rule
+
+
+def stated_noise(study: Study, data: Measurements, repeats: Indices | None = None) -> Measurements:
+    """Give measurements the covariance of their visits; the same where noise is white.
+
+    A sheet that states the noise of its displacements speaks for tracker and white noise; motions
+    of the joints and the discrepancy are added to what it says.
+
+    Args:
+        study: Its [noise].
+        data: Poses, markers, visits, and the white noise or that of the sheet.
+        repeats: Visits (m,) of which each row is the mean; one by default.
+
+    Raises:
+        NotPositiveDefiniteError: A measurement has no noise in some direction.
+        TooManyVisitsError: A pose is visited more often than a computer likes.
+    """
+    noise = study.noise
+    if noise is None:
+        return data
+    times = np.ones(len(data), dtype=int) if repeats is None else repeats
+    own = CorrelatedNoise.of_any(data.noise, data.sigma.shape)
+    if noise.tracker is not None and not data.stated:
+        own = tracker_noise(study.model, data, noise.tracker, noise.readings)
+    tracker = own.over(times)
+    joints = np.sqrt(noise.readings) * noise.repeatability
+    motion = joint_motion(study.model, data) * joints / np.sqrt(times)[:, None, None]
+    covariance = visit_covariance(data, tracker, motion, _discrepancy(study, noise, data, times))
+    visit = data.visits.astype(float)
+    return replace(data, covariance=covariance, sigma=covariance.std, tracker=tracker, visit=visit)
+
+
+def _discrepancy(study: Study, noise: VisitNoise, data: Measurements, times: Indices) -> Array:
+    """Standard deviations (m, rows) of the model's errors, which visits of a pose share.
+
+    Poses near each other share an unknown part of it. As in a design, the variance of a pose is
+    counted as often as there are visits near it, over its own visits: that is never too little.
+    """
+    size = float(noise.discrepancy.max())
+    if not size:
+        return np.zeros(data.sigma.shape)
+    first = np.unique(data.pose, return_index=True)[1]
+    of_visit = np.unique(data.visits, return_index=True)[1]
+    visits = np.bincount(data.pose[of_visit], times[of_visit])
+    prismatic = np.array([joint.kind == "prismatic" for joint in study.robot.joints])
+    near = shared_visits(data.q[first], visits, prismatic, noise.within)
+    return np.sqrt(near / visits)[data.pose, None] * np.where(data.lengths, size, 0.0)
+
+
+def repetitions_agree(fitted: "FittedData") -> LackOfFit | None:
+    """Test repetitions, or visits where joints move all markers of one.
+
+    A reading that is off by itself disagrees with the model and not with what is not repeated, or
+    with its repetitions: either way it says nothing of noise, and counts as not measured.
+
+    Returns:
+        The test; None where nothing is repeated, or not all parameters are told.
+    """
+    if fitted.untold:
+        return None
+    data = fitted.data
+    found = fitted.noise_estimate
+    if found is not None and data.tracker is None:
+        others, seen = fitted.others
+        return visits_lack_of_fit(fitted.study, others, seen, found)
+    p = len(fitted.fit.k)
+    test = lack_of_fit(whiten(fitted.fit.residual, data.noise), data.places, p)
+    if test is None or not (test.seen or len(fitted.fit.outliers)):
+        return test  # nothing was found that an outlier could have made
+    if not fitted.found_causes.outliers:
+        return test
+    rows = np.delete(np.arange(len(data)), fitted.found_causes.outliers)
+    rest = data[rows]
+    try:
+        whitened = Whitened.of(fitted.linear_regressor[rows], rest.noise, fitted.fit.parameters)
+    except SingularPlanError:
+        return test
+    return lack_of_fit(whitened.residual(fitted.as_linear[rows]), rest.places, p)
 
 
 def moving_joints(
@@ -169,3 +247,42 @@ def stated_repeatability(study: Study) -> float | None:
         return None
     sizes = study.noise.repeatability / pose_factors(study.robot)
     return float(np.sqrt(np.mean(sizes**2)))
+
+
+def with_common_noise(fitted: "FittedData") -> "FittedData":
+    """The same with the noise that repetitions or visits share, where no fault explains it.
+
+    Outliers are told by the noise, and the noise by rows that are none: each is found anew with the
+    other one until they agree.
+    """
+    if fitted.data.tracker is not None or fitted.fit.robust:
+        return fitted  # the study says what visits share
+    known = fitted
+    for _ in range(ROUNDS):
+        found = _with_noise_of(known)
+        if np.array_equal(found.fit.outliers, known.fit.outliers):
+            return found
+        known = replace(fitted, fit=replace(fitted.fit, outliers=found.fit.outliers))
+    return found
+
+
+def _with_noise_of(fitted: "FittedData") -> "FittedData":
+    """The same with shared noise as rows have it that are no outliers so far."""
+    data = fitted.data
+    found = fitted.noise_estimate
+    test = fitted.lack_of_fit
+    shared = (test is not None and test.seen) or (found is not None and found.moves)
+    if not shared or fitted.structural_causes:
+        return fitted
+    seen = LinearisedData(fitted.A, fitted.measured)
+    again = None
+    if found is not None:
+        again = moving_joints(fitted.study, data, seen, found, fitted.fit)
+    elif test is not None and data.covariance is not None:
+        again = shared_by_repetitions(data, seen, test, fitted.fit)
+    elif test is not None:
+        seen, fit = fit_common_noise(seen, data.sigma, data.places, test, fitted.fit)
+        return replace(fitted, A=seen.A, measured=seen.measured, fit=fit, common_noise=True)
+    if again is None:
+        return fitted
+    return replace(fitted, fit=again[1], common_noise=True, estimated=again[0])

@@ -1,14 +1,24 @@
-"""A sampled posterior beside the covariance that Eq. (13) promises."""
+"""The Bayesian check: does the sampled posterior have the covariance that the fit states?"""
 
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from edtk.calibration.pose_error import PoseError
-from edtk.inference.noise import Noise
-from edtk.inference.posterior import Posterior
-from edtk.inference.whiten import RowNoise
+from edtk.fit.correlated_noise import RowNoise, std_of
+from edtk.fit.least_squares import Estimate, SingularPlanError, estimate
+from edtk.fit.noise import Noise
+from edtk.fit.posterior import Posterior, SamplingOptions, sample_posterior
+from edtk.fit.prior import fit_with_prior
+from edtk.fit.run_chain import autocorrelation_time
+from edtk.measure.task import Task, Tasks
+from edtk.study.study import Study
+from edtk.study.study_parts import study_prior
+from edtk.system.errors import UserError
 from edtk.system.presented import Presented
 from edtk.system.typing import Array
 
@@ -16,6 +26,111 @@ if TYPE_CHECKING:
     import pandas as pd
 
 NO_VARIANCE = 2  # degrees of freedom up to which Student's t has no variance
+AXES = 3
+MOST_NUMBERS = 30_000_000  # displacements in a file, 240 MB before they are packed
+DIMENSIONS = {
+    "deflection": ["experiment", "row"],
+    "regressor": ["experiment", "row", "compliance"],
+    "sigma": ["experiment", "row"],
+    "task_regressor": ["task_pose", "axis", "compliance"],
+}
+
+
+@dataclass(frozen=True, eq=False)
+class PoseError(Presented):
+    """The error after compensation with the least-squares estimate, by the posterior [m].
+
+    A0 is the target of rho0: the test pose's regressor, unless a neighbourhood or rotations count
+    too.
+
+    Attributes:
+        rho0: ``sqrt(E |A0 (k - k_hat)|^2)``.
+        rho0_error: Its Monte-Carlo standard error.
+        rho0_fit: ``sqrt(trace(A0 cov A0'))``, Eq. (20), with the covariance of the fit.
+        error_95: Length that ``|A0 (k - k_hat)|`` does not exceed with a probability of 95 %.
+        displacement: Mean of the displacement of the tool point under the task's load (3,).
+        displacement_95: Ends of its 95 % intervals, by coordinate (2, 3).
+        place: Where rho0 is the error, in words.
+        displaced: Which of several test poses the displacement is of, counted from 1: the one with
+            the largest error; None for a single one.
+    """
+
+    rho0: float
+    rho0_error: float
+    rho0_fit: float
+    error_95: float
+    displacement: Array
+    displacement_95: Array
+    place: str = "in the test pose"
+    displaced: int | None = None
+
+    def headline(self) -> str:
+        """The error after compensation."""
+        return f"rho0 = {1e3 * self.rho0:.4g} mm {self.place}"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data [m]."""
+        return {
+            name: value.tolist() if isinstance(value, np.ndarray) else value
+            for name, value in vars(self).items()
+            if name != "displaced" or value is not None
+        }
+
+
+def pose_error(tasks: Tasks, fit: Estimate, posterior: Posterior) -> PoseError:
+    """Find errors and displacements in the test poses.
+
+    Args:
+        tasks: The test poses. Their target says what counts as the error, the regressor of the
+            worst of them how the tool point is displaced.
+        fit: The estimate with which commands are compensated.
+        posterior: The compliances that the robot may have.
+    """
+    target = tasks.target
+    squares = (((posterior.samples - fit.k) @ target.T) ** 2).sum(axis=-1)
+    rho0 = float(np.sqrt(squares.mean()))
+    effective = squares.size / autocorrelation_time(squares[..., None])[0]
+    dk = (posterior.samples - fit.k).reshape(-1, len(fit.k))
+    second_moment = dk.T @ dk / len(dk)
+    worst = int(np.argmax([np.sum((A @ second_moment) * A) for A in tasks.targets]))
+    moved = posterior.samples @ tasks[worst].regressor.T
+    return PoseError(
+        rho0=rho0,
+        # The error of a mean of squares; of its root it is half that, relative to the root.
+        rho0_error=float(squares.std() / np.sqrt(effective) / (2 * rho0)),
+        rho0_fit=float(np.sqrt(np.trace(target @ fit.covariance @ target.T))),
+        error_95=float(np.sqrt(np.quantile(squares, 0.95))),
+        displacement=moved.mean(axis=(0, 1)),
+        displacement_95=np.quantile(moved, [0.025, 0.975], axis=(0, 1)),
+        place=tasks.place,
+        displaced=worst + 1 if len(tasks) > 1 else None,
+    )
+
+
+def first_estimate(
+    study: Study, A: Array, measured: Array, sigma: RowNoise
+) -> tuple[Estimate, tuple[str, ...]]:
+    """Fit compliances by least squares; with the study's prior where these have no answer.
+
+    Args:
+        study: Names and prior.
+        A: Regressors (m, rows, p).
+        measured: Deflections (m, rows) [m, rad].
+        sigma: Noise that broadcasts to (m, rows) [m, rad], or correlated noise.
+
+    Returns:
+        The estimate, and the names of the parameters that measurements alone do not tell.
+
+    Raises:
+        SingularPlanError: The prior does not tell these parameters either.
+        UserError: The study's prior is not one.
+    """
+    names = study.model.parameters
+    try:
+        return estimate(A, measured, sigma, names), ()
+    except SingularPlanError as error:
+        prior = study_prior(study)
+        return fit_with_prior(A, measured, sigma, names, prior), error.parameters
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,3 +234,161 @@ class PosteriorCheck(Presented):
             "steps": self.posterior.steps,
             "walkers": self.posterior.samples.shape[1],
         }
+
+
+def check_posterior(
+    study: Study,
+    A: Array,
+    measured: Array,
+    sigma: RowNoise,
+    identified: Estimate,
+    rng: np.random.Generator,
+    *,
+    noise: Noise | None = None,
+    options: SamplingOptions = SamplingOptions(),  # noqa: B008  (frozen)
+) -> PosteriorCheck:
+    """Sample the posterior of measurements, and compare standard deviations.
+
+    Args:
+        study: Priors, names and test pose.
+        A: Regressors (m, rows, p).
+        measured: Deflections (m, rows) [m, rad].
+        sigma: Noise (m, rows) [m, rad], or correlated noise.
+        identified: The estimate from these measurements. Its covariance is Eq. (13), corrected
+            where sigma was estimated, or where the loss was not least squares; that of
+            `first_estimate` where there are none.
+        rng: Source of randomness.
+        noise: Assumptions about the noise; default to those of the study.
+        options: How accurately, and where the chain is kept.
+
+    Raises:
+        UserError: The study's prior is not one.
+        SingularPlanError: Neither measurements nor prior tell a parameter.
+        UnconvergedError: The chain does not converge.
+        ImproperPosteriorError: Too few measurements for the unknowns.
+        ChainFileError: The file is no chain, or of another problem.
+    """
+    assumed = study.specification.prior.noise() if noise is None else noise
+    fit, untold = first_estimate(study, A, measured, sigma)
+    prior = study_prior(study)
+    posterior = sample_posterior(
+        A, measured, sigma, fit, rng, prior=prior, noise=assumed, options=options
+    )
+    table = _table(study, identified, posterior)
+    # Without a least-squares fit the posterior's mean is what commands are compensated with.
+    used = Estimate(posterior.mean, posterior.covariance) if untold else identified
+    pose = pose_error(study.tasks, used, posterior) if study.tasks else None
+    return PosteriorCheck(
+        table, "identified", posterior, A, measured, sigma, assumed, pose, untold=untold
+    )
+
+
+def _table(study: Study, identified: Estimate, posterior: Posterior) -> "pd.DataFrame":
+    """The rows of `PosteriorCheck.table`."""
+    import pandas as pd
+
+    std = np.sqrt(np.diag(identified.covariance))
+    low, high = posterior.interval()
+    return pd.DataFrame(
+        {
+            "parameter": study.model.parameters,
+            "unit": study.model.units,
+            "reference": identified.k,
+            "mean": posterior.mean,
+            "low_95": low,
+            "high_95": high,
+            "std_posterior": posterior.std,
+            "std_fit": std,
+            "ratio": posterior.std / std,
+            "ratio_error": posterior.std_error / std,
+            "tau_steps": posterior.tau,
+            "r_hat": posterior.r_hat,
+            "effective_samples": posterior.effective,
+        }
+    )
+
+
+@contextmanager
+def _without_warnings() -> Iterator[None]:
+    """ArviZ announces its successor at every import, and other things while it writes."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        yield
+
+
+def require_arviz(path: Path | str) -> None:
+    """Check, before long work, that ArviZ is installed.
+
+    Args:
+        path: The file that it is needed for.
+
+    Raises:
+        UserError: It is not installed.
+    """
+    try:
+        with _without_warnings():
+            import arviz  # noqa: F401
+    except ModuleNotFoundError:
+        message = "the export needs the extra edtk[posterior], which is not installed"
+        raise UserError(message, where=path) from None
+
+
+def inference_data(check: PosteriorCheck, tasks: Sequence[Task] = ()) -> bytes:
+    """The content of a NetCDF file of posterior and measurements; walkers are ArviZ's chains.
+
+    It is made in memory: where a disk is full, HDF5 ends the whole process.
+
+    Args:
+        check: The posterior.
+        tasks: The task poses, for the posterior of the displacement under the load of each [m].
+            It is left out where they are so many that the file would be too large: the regressors
+            of the poses give it for any draw.
+    """
+    targets = np.array([task.regressor for task in tasks])
+    drawn = int(np.prod(check.posterior.samples.shape[:2]))
+    variables = _variables(check)
+    dimensions = dict(DIMENSIONS)
+    if len(tasks) == 1:
+        variables["displacement"] = np.swapaxes(check.posterior.samples @ targets[0].T, 0, 1)
+        dimensions["displacement"] = ["axis"]
+    elif len(tasks) and drawn * len(tasks) * AXES <= MOST_NUMBERS:
+        moved = np.einsum("sdp,tap->dsta", check.posterior.samples, targets)
+        variables["displacement"] = moved
+        dimensions["displacement"] = ["task_pose", "axis"]
+    constant = {"regressor": check.A, "sigma": std_of(check.sigma)}
+    if len(tasks) > 1:
+        constant["task_regressor"] = targets
+    with _without_warnings():
+        import arviz
+        import xarray
+
+        data = arviz.from_dict(
+            posterior=variables,
+            observed_data={"deflection": check.measured},
+            constant_data=constant,
+            coords={"axis": ["x", "y", "z"]},
+            dims=dimensions,
+            posterior_attrs={"sampler": "emcee", "steps": check.posterior.steps},
+        )
+        for name, unit in zip(check.table["parameter"], check.table["unit"], strict=True):
+            data.posterior[name].attrs["units"] = unit
+        if "displacement" in variables:
+            data.posterior["displacement"].attrs["units"] = "m"
+        groups = {f"/{name}": data[name] for name in data.groups()}
+        packed = {
+            name: {variable: {"zlib": True} for variable in group.data_vars}
+            for name, group in groups.items()
+        }
+        tree = xarray.DataTree.from_dict(groups)
+        return bytes(tree.to_netcdf(engine="h5netcdf", encoding=packed))
+
+
+def _variables(check: PosteriorCheck) -> dict[str, Any]:
+    """Samples (walkers, steps) of the compliances and of the noise."""
+    posterior = check.posterior
+    variables: dict[str, Any] = {}
+    for i, name in enumerate(check.table["parameter"]):
+        variables[name] = posterior.samples[..., i].T
+    for i, name in enumerate(posterior.noise_names):
+        variables[name] = posterior.noise[..., i].T
+    return variables

@@ -1,24 +1,48 @@
-"""How what is uncertain in a calibration moves its compliances, and with them the tool point."""
+"""How what is uncertain in a calibration moves its compliances, and the budget of errors."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from edtk.calibration.causes.families_with_known import families_with_known
-from edtk.calibration.least_squares_inverse import LeastSquaresInverse
-from edtk.calibration.uncertainty import Uncertainty
-from edtk.inference.measurements import Measurements
-from edtk.inference.prior_rows import PriorRows
-from edtk.inference.translations import translations
-from edtk.model.assumed_joint import AssumedError, AssumedJoint
-from edtk.model.dead_weights import DeadWeights
-from edtk.model.elastostatic_model import ElastostaticModel
-from edtk.model.error_budget import ErrorBudget, JointPart
-from edtk.model.tasks import Tasks
+from edtk.calibration.causes.family import families_with_known
+from edtk.calibration.fitted_data import FittedData
+from edtk.calibration.match_plan import some_rows
+from edtk.calibration.told_part import LeastSquaresInverse
+from edtk.fit.measurements import Measurements, translations
+from edtk.fit.prior import PriorRows
+from edtk.measure.elastostatic_model import ElastostaticModel
+from edtk.measure.expected_error import AssumedError, AssumedJoint, ErrorBudget, JointPart
+from edtk.measure.task import Tasks
+from edtk.robots.weights import DeadWeights
+from edtk.study.study import Study
+from edtk.study.study_model import assumed_joints, payload_beside_load
 from edtk.system.typing import Array, Indices, Mask
 
 TOOL = ("tool_x", "tool_y", "tool_z")
+MOST_ROWS = 5000  # measurements over which the circumstances are propagated
+
+
+@dataclass(frozen=True)
+class Uncertainty:
+    """How well the circumstances of a calibration are known: standard deviations.
+
+    Attributes:
+        load_size: Relative, of the size of the calibration load; 0.01 is one per cent.
+        load_direction: Of its direction, about each axis across it [rad].
+        tool: Of the calibration tool point, and the marker on it, along each axis [m].
+        drift: Of a shift between unloaded and loaded readings that all rows share, along each axis
+            [m].
+        repeatability: Of the robot between an unloaded and a loaded reading, along each axis [m].
+        joints: The joints that are not identified, and how far each may be off.
+    """
+
+    load_size: float = 0.01
+    load_direction: float = float(np.deg2rad(1.0))
+    tool: float = 1e-3
+    drift: float = 0.0
+    repeatability: float = 0.0
+    joints: tuple[AssumedJoint, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -221,3 +245,64 @@ def _readings(
         Q = Q / np.sqrt(repeats[:, None, None])
     R: Array = np.array(np.linalg.qr(Q.reshape(-1, Q.shape[-1]), mode="r"))
     return np.asarray(np.linalg.solve(whitened.R, R.T) / whitened.scale[:, None])
+
+
+def calibration_budget(fitted: FittedData, rho0_bias: float | None) -> ErrorBudget | None:
+    """Propagate what is uncertain to the study's task; None without a test pose.
+
+    Args:
+        fitted: The measurements and their fit.
+        rho0_bias: Error that the linear model leaves in the test pose [m]; None if it is unknown.
+    """
+    study = fitted.study
+    if not study.tasks:
+        return None
+    return propagation_of(fitted).budget(study.tasks, rho0_bias or 0.0)
+
+
+def propagation_of(fitted: FittedData) -> Propagation:
+    """How what is uncertain moves the estimates of a calibration.
+
+    Of very many measurements some are taken, by chance, each of which stands for several: what the
+    circumstances do is a mean over the measurements, known to about a per cent from so many.
+
+    Args:
+        fitted: The measurements and their fit.
+    """
+    data = fitted.data
+    repeats = None
+    if len(data) > MOST_ROWS:
+        repeats = np.full(MOST_ROWS, len(data) / MOST_ROWS)
+        data = data[some_rows(len(data), MOST_ROWS)]
+    k = fitted.fit.k
+    # An estimate that may as well be zero says nothing of its neighbours.
+    told = np.where(k > fitted.fit.std, k, 0.0)
+    uncertainty = uncertainty_of(fitted.study, told)
+    return Propagation.of(
+        fitted.study.model,
+        data,
+        k,
+        fitted.fit.covariance,
+        uncertainty,
+        repeats,
+        fitted.told_before if fitted.untold else None,
+        payload_beside_load(fitted.study),
+    )
+
+
+def uncertainty_of(study: Study, k: Array | None = None) -> Uncertainty:
+    """The study's [uncertainty] in SI units.
+
+    Args:
+        study: The study.
+        k: Compliances (p,) of the unknown joints, see `assumed_joints` [rad/(N m)].
+    """
+    given = study.specification.uncertainty
+    return Uncertainty(
+        load_size=given.load_percent / 100,
+        load_direction=float(np.deg2rad(given.load_direction_deg)),
+        tool=given.tool_mm / 1e3,
+        drift=given.drift_mm / 1e3,
+        repeatability=given.repeatability_mm / 1e3,
+        joints=assumed_joints(study, k),
+    )

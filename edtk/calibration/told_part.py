@@ -1,4 +1,4 @@
-"""What measurements tell of a study's compliances, where they leave some open."""
+"""What measurements tell of the compliances, and of combinations that a study is about."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -7,12 +7,18 @@ from typing import Any
 import numpy as np
 
 import criteria
-from criteria.linalg.combination import combination
-from criteria.linalg.null_space import null_space
-from edtk.inference.measurements import Measurements
-from edtk.inference.whiten import whiten_columns
-from edtk.study.plan_covariance import OpenInterestError
+from criteria.linalg.estimable import combination, null_space
+from edtk.fit.correlated_noise import whiten_columns
+from edtk.fit.identify import Identification
+from edtk.fit.least_squares import Whitened
+from edtk.fit.measurements import Measurements
+from edtk.fit.prior import PriorRows
+from edtk.measure.elastostatic_model import ElastostaticModel
+from edtk.study.evaluate import OpenInterestError
 from edtk.study.study import Study
+from edtk.system.typing import Array
+
+ROUNDING = 1e-9  # of a column, which others leave of it if they make the same readings
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,3 +95,78 @@ def _without(study: Study, rigid: tuple[str, ...]) -> Study:
         kept = {name: value for name, value in given.items() if name not in rigid}
         changed["simulation"] = {"compliance_rad_per_Nm": kept}
     return study.replace(**changed)
+
+
+def interest_estimates(
+    asked: Study, fitted: Study, fit: Identification, combined: bool
+) -> dict[str, tuple[float, float]]:
+    """Find ``K'k`` and the roots of the diagonal of ``K' cov(k) K``.
+
+    Args:
+        asked: The study, which says what is of interest.
+        fitted: The same, perhaps of fewer unknown joints: the others count as rigid.
+        fit: The fit of these.
+        combined: Whether some estimates are of combinations, which may be negative.
+
+    Returns:
+        Estimate and standard deviation of each combination, by its name; none where the study has
+        no table `interest`.
+    """
+    if asked.interest is None:
+        return {}
+    joints = asked.specification.joints.unknown
+    K = asked.interest[[joints.index(name) for name in fitted.specification.joints.unknown]]
+    std = np.sqrt(np.einsum("ps,pq,qs->s", K, fit.covariance, K))
+    k = fit.unbounded if combined else fit.k
+    pairs = zip((k @ K).tolist(), std.tolist(), strict=True)
+    return dict(zip(asked.interest_names, pairs, strict=True))
+
+
+@dataclass(frozen=True, eq=False)
+class LeastSquaresInverse:
+    """How estimates change with measurements: ``dk = A+ change``.
+
+    Attributes:
+        whitened: The factored regressors of the measurements, and of a prior below them.
+        prior: The prior; None for none.
+        count: Number of measurements.
+    """
+
+    whitened: Whitened
+    prior: PriorRows | None
+    count: int
+
+    @classmethod
+    def of(
+        cls, model: ElastostaticModel, data: Measurements, A: Array, prior: PriorRows | None = None
+    ) -> "LeastSquaresInverse":
+        """Factor the regressors A (m, rows, p) of measurements.
+
+        Raises:
+            SingularPlanError: Measurements and prior leave a parameter open.
+        """
+        noise = data.noise
+        if prior is not None:
+            noise = prior.noise_below(noise, A.shape[1])
+            A = prior.below(A)
+        return cls(Whitened.of(A, noise, model.parameters), prior, len(data))
+
+    def solve(self, change: Array) -> Array:
+        """Changes (..., p) of the estimates by changes (..., m, rows) of measurements."""
+        below = change if self.prior is None else self.prior.zeros_below(change)
+        return self.whitened.solve(below)
+
+    def told(self, column: Array) -> float:
+        """With which std a further parameter of this column (m, rows) would be told; may be inf."""
+        below = column if self.prior is None else self.prior.zeros_below(column)
+        left = float(np.linalg.norm(self.whitened.residual(below)))
+        whole = float(np.linalg.norm(self.whitened.in_sigma(below)))
+        return 1 / left if left > ROUNDING * whole else np.inf
+
+    def shifts(self, changes: Array) -> Array:
+        """Shifts (p, c) of the estimates by c changes (m, rows, c) of measurements."""
+        return self.solve(np.moveaxis(changes, -1, 0)).T
+
+    def by_reading(self) -> Array:
+        """``W' Q`` (m, rows, p): what a unit of each measured coordinate adds to ``Q' W dp``."""
+        return self.whitened.by_reading()[: self.count]

@@ -2,14 +2,99 @@
 
 from collections.abc import Callable
 
-from edtk.calibration.causes_wording import causes_wording, no_cause_wording
+from edtk.calibration.cause_wording import (
+    READINGS,
+    causes_wording,
+    no_cause_wording,
+    reading_wording,
+)
 from edtk.calibration.finding import Finding, Kind
-from edtk.calibration.prior_wording import ON_PRIORS, prior_wording
-from edtk.calibration.reading_wording import READINGS, reading_wording
-from edtk.calibration.row_names import row_names
-from edtk.calibration.visit_wording import ON_VISITS, visit_wording
+from edtk.calibration.match_plan import row_names
 
+# Which of two estimates to believe, by the reason why they differ.
+BELIEVE = {
+    "contradiction": "believe neither before it is clear whether prior or measurements are wrong",
+    "prior": "believe the posterior, as the prior says more than the measurements, and fits them",
+    "noise": "believe the posterior, which also infers the noise, and bounds outliers",
+    "model": "believe neither: both rest on the same measurements, so model or signs are wrong",
+}
 LEAST_P = 0.01  # probability of residuals that still fit
+
+
+def prior_wording(found: Finding) -> str:
+    """One line that says how prior, measurements and posterior agree."""
+    return _PRIOR_SENTENCES[found.kind](found)
+
+
+def _rests_on_prior(found: Finding) -> str:
+    """Parameters that the measurements do not tell."""
+    names = ", ".join(found.parameters)
+    return (
+        f"the measurements alone do not tell {names}: least squares have no answer, and k and std "
+        "are mean and standard deviation of the posterior, which rests on the [prior]"
+    )
+
+
+def _prior_contradicted(found: Finding) -> str:
+    """A prior under which the estimate is improbable."""
+    p = found.data["p"]
+    likely = f"p = {p:.1g}" if p > 1e-300 else "p < 1e-300"
+    if found.data["earlier"]:
+        return (
+            f"the earlier calibration contradicts the measurements ({likely}): one of them is "
+            "wrong, or the robot has changed"
+        )
+    return (
+        f"the prior of {', '.join(found.parameters)} contradicts the measurements ({likely}): one "
+        "of them is wrong"
+    )
+
+
+def _posterior_differs(found: Finding) -> str:
+    """A posterior that is far from least squares."""
+    data = found.data
+    return (
+        f"{found.parameters[0]}: the posterior's mean {data['mean']:.3g} is {data['distance']:.2g} "
+        f"of its standard deviations from the fit's {data['k']:.3g}: {BELIEVE[data['reason']]}"
+    )
+
+
+_PRIOR_SENTENCES: dict[Kind, Callable[[Finding], str]] = {
+    Kind.RESTS_ON_PRIOR: _rests_on_prior,
+    Kind.PRIOR_CONTRADICTED: _prior_contradicted,
+    Kind.POSTERIOR_DIFFERS: _posterior_differs,
+}
+ON_PRIORS = tuple(_PRIOR_SENTENCES)
+
+
+ON_VISITS = (Kind.MOVING_JOINTS, Kind.REPEATABILITY)
+
+
+def visit_wording(found: Finding) -> str:
+    """One line that says what moves together, and what to write into the study."""
+    if found.kind is Kind.REPEATABILITY:
+        return _repeatability(found)
+    data = found.data
+    test = f"F = {data['F']:.3g}, p = {data['p']:.1g}"
+    moved = f"by {1e3 * data['moved']:.2g} mm ({test}), as where joints do not return exactly"
+    used = "it is taken into account, and " if data["used"] else ""
+    write = f"{used}repeatability_deg = {data['joints']:.2g} in the study's [noise] states it"
+    if data["revisited"]:
+        return f"all markers of a visit move together {moved}: {write}"
+    return (
+        f"markers of a pose are off together {moved}, or the model does not fit (visiting poses "
+        f"again would tell): {write}"
+    )
+
+
+def _repeatability(found: Finding) -> str:
+    """Joints that return better or worse than the study states."""
+    data = found.data
+    size = f"{data['joints']:.2g} +- {data['std']:.1g} deg"
+    return (
+        f"visits say that joints return within {size}, stated {data['stated']:.3g} deg "
+        f"(p = {data['p']:.1g}): repeatability_deg in the study's [noise] is wrong, or poses are"
+    )
 
 
 def wording(finding: Finding) -> str:

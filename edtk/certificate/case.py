@@ -7,14 +7,11 @@ from typing import Any
 import numpy as np
 
 from edtk.certificate.day_bound import DayBound, read_proofs
-from edtk.certificate.experiments import Experiments
-from edtk.certificate.largest_sensitivities import LargestSensitivities
-from edtk.certificate.proof import Proof
+from edtk.certificate.proof import Experiments, LargestSensitivities, Proof
 from edtk.certificate.recompute import values
+from edtk.certificate.recompute.candidates import of_rows, require
 from edtk.certificate.recompute.day import Day
-from edtk.certificate.recompute.effort import of_rows, require
-from edtk.certificate.recompute.lower_bound import lower_bound
-from edtk.certificate.recompute.multipliers import Multipliers
+from edtk.certificate.recompute.lower_bound import Multipliers, lower_bound
 from edtk.certificate.recompute.plain_data import table, text, whole
 from edtk.certificate.recompute.setting import Setting
 from edtk.system.typing import Array

@@ -1,4 +1,4 @@
-"""What proves the numbers of a relaxation or of an exact plan, as plain data for a file."""
+"""What proves the numbers of a relaxation or of an exact plan, as plain data."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -16,7 +16,7 @@ from edtk.design.plan import Plan
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
 from edtk.study.study import Study
 from edtk.system.errors import UserError
-from edtk.system.json_text import json_text
+from edtk.system.parsing import json_text
 from edtk.version import __version__
 
 NONE: Mapping[tuple[int, ...], RelaxedPlan] = MappingProxyType({})

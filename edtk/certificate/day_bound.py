@@ -6,22 +6,20 @@ from typing import Any
 
 import numpy as np
 
-from edtk.certificate.experiments import Experiments
-from edtk.certificate.largest_sensitivities import LargestSensitivities
-from edtk.certificate.proof import Proof
+from edtk.certificate.proof import Experiments, LargestSensitivities, Proof
 from edtk.certificate.recompute.candidates import candidates
 from edtk.certificate.recompute.day import MOST_LOADS, Day
-from edtk.certificate.recompute.load import TINY, Load
-from edtk.certificate.recompute.lower_bound import lower_bound
-from edtk.certificate.recompute.multipliers import Multipliers
+from edtk.certificate.recompute.lower_bound import Multipliers, lower_bound
 from edtk.certificate.recompute.plain_data import rows, table, whole
-from edtk.certificate.recompute.setting import Setting
+from edtk.certificate.recompute.setting import TINY, Load, Setting
 from edtk.system.typing import Array
 
-MOST_SETS = 2**MOST_LOADS - 1
 DRAWS = 1024  # poses that show whether some loads can tell all parameters
 SEED = 20_260_319
 NONE = 1e-12  # of the largest singular value of scaled columns, that is rounding of none
+
+
+MOST_SETS = 2**MOST_LOADS - 1
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,20 +1,18 @@
 """Recompute every claim of a certificate of a relaxation over a problem of arrays."""
 
 import math
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 import criteria
-from edtk.certificate.problem_verification import ProblemVerification
 from edtk.certificate.recompute.plain_data import number, numbers, rows, table, text
-from edtk.certificate.verification import Claim
+from edtk.certificate.verify_certificate import Claim, Verification
 from edtk.design.bound import printed_form
-from edtk.design.problem import Problem
-from edtk.design.problem_digest import problem_digest
-from edtk.design.relaxation.certify import certify
-from edtk.design.relaxation.inner_proof import InnerProof
-from edtk.design.relaxation.store import CERTIFICATE
+from edtk.design.problem import Problem, problem_digest
+from edtk.design.relaxation.certify import CERTIFICATE, certify
+from edtk.design.relaxation.proof import InnerProof
 from edtk.system.typing import Array
 
 KEYS = ("kind", "criterion", "candidates", "weights", "value", "bound", "gap", "multipliers")
@@ -22,6 +20,43 @@ OPTIONAL = ("dual_weights", "inner")
 MOST_MULTIPLIERS = 100
 AGREE = 1e-8  # relative difference that two ways of rounding may make
 ABSOLUTE = 1e-8  # difference of a gap or of a sum of weights, which are of order one
+
+
+@dataclass(frozen=True, repr=False)
+class ProblemVerification(Verification):
+    """All claims of a certificate of a relaxation over a problem's candidates, checked.
+
+    Attributes:
+        about: The criterion as a person reads it, with its parameters.
+    """
+
+    about: str = ""
+
+    @property
+    def proved(self) -> str:
+        """What is proved, and on what."""
+        if not self.valid:
+            return "nothing is proved"
+        return f"the bound is proved on the {self.candidates} candidates of the problem alone"
+
+    @property
+    def label(self) -> str:
+        """The criterion as a person reads it."""
+        return self.about
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data for JSON: `valid`, what the certificate is about, and the claims."""
+        return {
+            "valid": self.valid,
+            "criterion": self.criterion,
+            "about": self.about,
+            "kind": self.kind,
+            "candidates": self.candidates,
+            "proved": self.proved,
+            "support": self.poses,
+            "second_implementation": False,
+            "claims": [claim.to_dict() for claim in self.claims],
+        }
 
 
 def verify_problem(content: Any, problem: Problem) -> ProblemVerification:

@@ -6,8 +6,14 @@ from typing import Any
 
 import click
 
-from edtk.commands.sampling_options import SamplingOptions, sampling_options
-from edtk.commands.shared import FilePath, FolderPath, json_option, show
+from edtk.commands.shared import (
+    FilePath,
+    FolderPath,
+    SamplingOptions,
+    json_option,
+    sampling_options,
+    show,
+)
 
 
 class _Number(click.ParamType[Any]):

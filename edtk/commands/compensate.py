@@ -26,8 +26,8 @@ def command(study: Path, k: Path, task: Path | None, as_json: bool, out: Path | 
     Rows without a command, as it would be out of limits, are named and left out, and the exit code
     is then 1; the column row says which rows the others are.
     """
-    from edtk.calibration.compensation import Compensation
-    from edtk.calibration.refused_rows import refused_in_words
+    from edtk.calibration.compensate import Compensation
+    from edtk.calibration.tasks_in_use import refused_in_words
     from edtk.verbs.compensate import compensate
 
     found = compensate(study, k, task, out=out)

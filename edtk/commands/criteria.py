@@ -3,7 +3,7 @@
 import click
 
 from edtk.commands.shared import json_option, print_out, warn
-from edtk.system.json_text import json_text
+from edtk.system.parsing import json_text
 
 
 @click.command("criteria", short_help="List the criteria.")
@@ -11,7 +11,7 @@ from edtk.system.json_text import json_text
 def command(as_json: bool) -> None:
     """List the criteria, built in or from plug-ins."""
     import criteria
-    from edtk.report.text.criteria_table import criteria_table, families_table
+    from edtk.report.views.evaluation import criteria_table, families_table
 
     loaded = criteria.load_all()
     rows = [criterion.describe() for criterion in loaded.classes.values()]

@@ -7,18 +7,19 @@ from typing import TYPE_CHECKING
 
 import click
 
-from edtk.commands.sampling_options import SamplingOptions, sampling_options
 from edtk.commands.shared import (
     FilePath,
     FolderPath,
+    SamplingOptions,
     json_option,
     print_out,
+    sampling_options,
     show,
     warn,
     warn_about,
 )
 from edtk.system.errors import UserError
-from edtk.system.json_text import json_text
+from edtk.system.parsing import json_text
 
 if TYPE_CHECKING:
     from edtk.calibration.calibration import Calibration
@@ -86,8 +87,8 @@ def command(
     Student-t if --robust, sigma unknown if --sigma-unknown. A killed run with --chain goes on where
     it was when it is started again.
     """
-    from edtk.calibration.input_errors.input_error import InputError
-    from edtk.calibration.misread_sheet import misread_sheet
+    from edtk.calibration.calibrate import misread_sheet
+    from edtk.calibration.input_errors.find_input_error import InputError
     from edtk.verbs.identify import identify
 
     if sampling.given() and not bayes:
@@ -138,7 +139,7 @@ def _doubts(found: "Calibration | GeometricCalibration", robust: bool) -> Iterat
 @contextmanager
 def _prior_hint(bayes: bool) -> Iterator[None]:
     """Say that prior knowledge helps where measurements alone do not tell every compliance."""
-    from edtk.inference.least_squares import SingularPlanError
+    from edtk.fit.least_squares import SingularPlanError
 
     try:
         yield

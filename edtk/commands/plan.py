@@ -4,7 +4,6 @@ from pathlib import Path
 
 import click
 
-from edtk.commands.progress_line import progress_line
 from edtk.commands.shared import (
     FilePath,
     Number,
@@ -14,6 +13,7 @@ from edtk.commands.shared import (
     dask_option,
     end_interrupted,
     json_option,
+    progress_line,
     seed_option,
     show,
     warn,

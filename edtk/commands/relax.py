@@ -4,7 +4,6 @@ from pathlib import Path
 
 import click
 
-from edtk.commands.progress_line import progress_line
 from edtk.commands.shared import (
     FilePath,
     Number,
@@ -13,6 +12,7 @@ from edtk.commands.shared import (
     criterion_option,
     end_interrupted,
     json_option,
+    progress_line,
     seed_option,
     show,
     warn,

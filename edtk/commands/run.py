@@ -5,8 +5,14 @@ from pathlib import Path
 
 import click
 
-from edtk.commands.progress_line import SHOWN_AFTER_S
-from edtk.commands.shared import FilePath, FolderPath, dask_option, warn_about, workers_option
+from edtk.commands.shared import (
+    SHOWN_AFTER_S,
+    FilePath,
+    FolderPath,
+    dask_option,
+    warn_about,
+    workers_option,
+)
 from edtk.system.errors import shortened
 
 BAR = "{percentage:3.0f} %|{bar}| [{elapsed}<{remaining}]{postfix}"
@@ -29,7 +35,7 @@ def command(
     """
     from tqdm import tqdm
 
-    from edtk.report.text.study_run import expected_of_run
+    from edtk.report.views.study import expected_of_run
     from edtk.verbs.run import run
 
     with tqdm(total=1.0, file=sys.stderr, bar_format=BAR, delay=SHOWN_AFTER_S) as bar:

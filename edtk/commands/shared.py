@@ -1,18 +1,159 @@
-"""Options and helpers that several commands share."""
+"""Options and helpers that commands share, and errors in one line."""
 
 import math
+import signal
+import sys
+import threading
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import wraps
 from pathlib import Path
-from typing import Any, NoReturn
+from threading import Timer
+from time import time
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import click
 
-from edtk.commands.one_line import INTERRUPTED
-from edtk.system.atomic_file import STANDARD_OUTPUT, is_standard_output, write_files
-from edtk.system.errors import shortened
+from edtk.system.errors import ArgumentError, Note, UserError, shortened
+from edtk.system.files import STANDARD_OUTPUT, is_standard_output, write_files
 from edtk.system.interruptible import leave
-from edtk.system.json_text import json_text
+from edtk.system.parsing import json_text
 
+if TYPE_CHECKING:
+    from edtk.verbs.bayes import Sampling
+
+USER_ERROR = 2  # exit code
+INTERRUPTED = 130  # exit code after Ctrl-C, as shells have it
+FLAGS = {"memory_mb": "--memory"}  # of arguments whose flags have other names
+# Options that help where the library raises an error of this class: only commands know a flag.
+HINTS = {
+    "InputError": "; --as-is takes it as it is",
+    "UnconvergedError": " with --most, or expect less with --accuracy",
+    "SigmaTooSmallError": ", or --sigma-unknown",
+}
+SHOWN_AFTER_S = 1.0
 PARTIAL = 1  # exit code: there is an answer, but not to everything that was asked
+
+
+class OneLine(click.Command):
+    """Mixin for a click command: an error of the user is one line, and never a traceback."""
+
+    program = "edtk"
+
+    def main(self, *args: Any, **kwargs: Any) -> Any:
+        """Run the command and exit: with code 2 after an error of the user, 130 after Ctrl-C.
+
+        SIGTERM, by which schedulers and containers end a program, is taken like Ctrl-C.
+        """
+        kwargs["standalone_mode"] = False
+        code = USER_ERROR
+        try:
+            with _sigterm_like_ctrl_c(), _notes_at_the_end(self.program):
+                code = super().main(*args, **kwargs) or 0
+            leave(code)
+        except click.ClickException as error:
+            message = " ".join(error.format_message().split())  # click lists choices a line each
+        except click.Abort:
+            message = "interrupted"
+            code = INTERRUPTED
+        except ArgumentError as error:
+            flag = FLAGS.get(error.argument, f"--{error.argument.replace('_', '-')}")
+            message = str(error.naming(flag))
+        except UserError as error:
+            kinds = (type(error).__name__, type(error.__cause__).__name__)
+            message = str(error) + "".join(HINTS.get(kind, "") for kind in kinds)
+        except LookupError as error:
+            # Imported late: the criteria bring scipy, which no error in a path should wait for.
+            from criteria import CriterionError
+
+            if not isinstance(error, CriterionError):
+                raise
+            message = str(error)
+        except OSError as error:
+            message = str(UserError(error.strerror or str(error), where=error.filename))
+        click.echo(shortened(f"{self.program}: {message}"), err=True)
+        leave(code)
+
+
+@contextmanager
+def _sigterm_like_ctrl_c() -> Iterator[None]:
+    """Let SIGTERM interrupt the command, which then leaves its best result so far."""
+    main_thread = threading.current_thread() is threading.main_thread()
+    # One who starts a program may have it ignore the signal.
+    if not main_thread or signal.getsignal(signal.SIGTERM) is not signal.SIG_DFL:
+        yield
+        return
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
+
+
+@contextmanager
+def _notes_at_the_end(program: str) -> Iterator[None]:
+    """Notes come on standard error, a line each, once the command has succeeded."""
+    notes: dict[str, None] = {}
+    with warnings.catch_warnings():
+        python = warnings.showwarning
+
+        def keep(message: Any, category: type[Warning], *args: Any, **kwargs: Any) -> None:
+            if issubclass(category, Note):
+                notes[str(message)] = None
+            else:
+                python(message, category, *args, **kwargs)
+
+        warnings.simplefilter("always", Note)
+        warnings.showwarning = keep
+        yield
+    # A failure has one line, that of the error.
+    for text in notes:
+        click.echo(shortened(f"{program}: {text}"), err=True)
+
+
+@contextmanager
+def progress_line(first: str) -> Iterator[Callable[[str], None]]:
+    """A line on standard error that says the current step and the time since the beginning.
+
+    It appears after a second, so that short work and refused input show none.
+
+    Args:
+        first: The first step, which may take long.
+
+    Yields:
+        What to call with each next step.
+    """
+    from tqdm import tqdm
+
+    bar = tqdm(
+        desc=first,
+        file=sys.stderr,
+        bar_format="{desc} [{elapsed}]",
+        delay=SHOWN_AFTER_S,
+        mininterval=0,
+        miniters=1,
+    )
+
+    def appear() -> None:
+        bar.last_print_t = time()  # else its end would take the line for one never shown
+        bar.refresh()
+
+    # A bar looks at the clock when there is news only, of which the first step has none.
+    timer = Timer(SHOWN_AFTER_S, appear)
+    timer.daemon = True
+    timer.start()
+    try:
+        with bar:
+
+            def say(step: str) -> None:
+                bar.set_description_str(step, refresh=False)
+                bar.update()
+
+            yield say
+    finally:
+        timer.cancel()
 
 
 class NamedPath(click.Path):
@@ -120,3 +261,67 @@ def end_interrupted() -> NoReturn:
 def end_partial() -> NoReturn:
     """End with the exit code of an answer that leaves something out."""
     leave(PARTIAL)
+
+
+Command = Callable[..., None]
+_OPTIONS = (
+    click.option(
+        "--accuracy",
+        type=Range(min=1e-4, max=0.5),
+        help="Monte-Carlo error of standard deviations, relative.  [default: 0.01]",
+    ),
+    click.option("--most", type=click.IntRange(min=1), help="Limit on steps.  [default: 60000]"),
+    click.option(
+        "--chain", type=FilePath, help="Keep the chain (HDF5), and go on from a kept one."
+    ),
+    click.option("--export", type=FilePath, help="Write ArviZ InferenceData (NetCDF)."),
+    seed_option,
+)
+
+
+@dataclass(frozen=True)
+class SamplingOptions:
+    """The options as they are given on the command line; None where one is not given."""
+
+    accuracy: float | None
+    most: int | None
+    chain: Path | None
+    export: Path | None
+    seed: int | None
+
+    def given(self) -> list[str]:
+        """Names of the options that are given."""
+        return [f"--{name}" for name, value in vars(self).items() if value is not None]
+
+    @contextmanager
+    def with_progress(self) -> "Iterator[Sampling]":
+        """How to sample, with a progress bar on standard error for long runs."""
+        from tqdm import tqdm
+
+        from edtk.verbs.bayes import Sampling
+
+        with tqdm(
+            unit="step", file=sys.stderr, desc="emcee", delay=SHOWN_AFTER_S, leave=False
+        ) as bar:
+            yield Sampling(**vars(self), progress=lambda steps: bar.update(steps - bar.n))
+
+
+def sampling_options(command: Command) -> Command:
+    """Add the options to a command, which takes them as one argument `sampling`."""
+
+    @wraps(command)
+    def bundled(
+        *args: object,
+        accuracy: float | None,
+        most: int | None,
+        chain: Path | None,
+        export: Path | None,
+        seed: int | None,
+        **others: object,
+    ) -> None:
+        options = SamplingOptions(accuracy, most, chain, export, seed)
+        command(*args, sampling=options, **others)
+
+    for option in reversed(_OPTIONS):
+        bundled = option(bundled)
+    return bundled

@@ -28,7 +28,7 @@ def command(
     reads it. Markers away from the tool point have their offsets from it, in the tool frame, in
     columns of their own.
     """
-    from edtk.tables.csv_text import csv_text
+    from edtk.measure.cells import csv_text
     from edtk.verbs.load_study import load_study
     from edtk.verbs.template import template
 

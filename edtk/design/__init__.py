@@ -1,1 +1,1 @@
-"""Which poses to measure (the paper's Section 4): problems, plans, and how plans are found."""
+"""Which experiments to make: problems, spaces, relaxed designs and exact plans, with bounds."""

@@ -10,12 +10,35 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from edtk.design.candidates import Candidates
 from edtk.design.design_space import DesignSpace
+from edtk.design.problem import Problem
 from edtk.system.typing import Array, Indices
 
-Sampling = Literal["random", "sobol"]
 CHUNK = 16384  # samples that a thread evaluates at once: their arrays fit into a core's cache
+
+
+@dataclass(frozen=True, eq=False)
+class Candidates:
+    """Candidate experiments and the information of one measurement in each.
+
+    Attributes:
+        x: Design variables (n, v).
+        problem: Their information, in the same order.
+    """
+
+    x: Array
+    problem: Problem
+
+    def __getitem__(self, chosen: Indices) -> "Candidates":
+        """The chosen candidates."""
+        return Candidates(self.x[chosen], self.problem[chosen])
+
+    def __add__(self, others: "Candidates") -> "Candidates":
+        """These candidates, then others."""
+        return Candidates(np.concatenate([self.x, others.x]), self.problem + others.problem)
+
+
+Sampling = Literal["random", "sobol"]
 
 
 class EmptyFeasibleSetError(ValueError):
@@ -206,3 +229,13 @@ def require_some(n: int) -> None:
     """
     if n < 1:
         raise ValueError("at least one candidate is needed")
+
+
+def sample_feasible(space: DesignSpace, n: int, seed: int | tuple[int, ...]) -> Array:
+    """Draw n feasible experiments (n, v), uniform within the bounds.
+
+    Raises:
+        EmptyFeasibleSetError: No feasible pose turns up; names the constraint.
+        ValueError: n < 1.
+    """
+    return np.concatenate([chunk.x for chunk in CandidateSource(space, seed).chunks(n)])

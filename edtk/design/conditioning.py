@@ -5,14 +5,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from criteria.linalg.inverse import ROUNDING
-from criteria.linalg.null_space import directions_in_words
-from criteria.linalg.orthogonal_columns import orthogonal_columns
-from criteria.linalg.root import unit_scale
-from edtk.design.triangular_factor import triangular_factor
+from criteria.linalg.estimable import directions_in_words
+from criteria.linalg.inverse import ROUNDING, unit_scale
+from criteria.linalg.spectrum import orthogonal_columns
 from edtk.system.typing import Array, Mask
 
-EPS = float(np.finfo(float).eps)
+AT_ONCE = 2**18  # doubles per part: some megabytes beside millions of rows
 # Condition number up to which squares of rows are good enough: they lose its square in roundings.
 WELL = 1e3
 # The same of information that is given: what it has lost is lost, and copies of it are large.
@@ -24,6 +22,32 @@ LOST = 1e3
 # Squares decline twice as fast.
 CLEAR = 1e-8
 CLEAR_OF_SQUARES = 1e-4
+
+
+def triangular_factor(parts: Iterable[Array], scale: Array) -> Array:
+    """R (p, p), upper triangular, with ``R'R = sum of B'B``, where B are rows over `scale`.
+
+    Squares of rows never occur, so that R has all digits of rows whose condition number is up to
+    the inverse of a rounding; of ``B'B`` that is true up to its root only. Householder reflections
+    are stable column by column, whatever their units.
+
+    Args:
+        parts: Rows (k, p), part by part.
+        scale: Size (p,) of each column.
+    """
+    p = len(scale)
+    R = np.zeros((0, p))
+    step = max(AT_ONCE // p, 2 * p)
+    for rows in parts:
+        for start in range(0, len(rows), step):
+            part = np.vstack([R, rows[start : start + step] / scale])
+            R = np.asarray(np.linalg.qr(part, mode="r"))
+    found = np.zeros((p, p))
+    found[: len(R)] = R
+    return found
+
+
+EPS = float(np.finfo(float).eps)
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,14 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from edtk.model.robot import Robot
-from edtk.system.atomic_file import write_text
+from edtk.measure.cells import csv_text
+from edtk.measure.pose_table import WRENCH_COLUMNS, PoseTable, Table, in_file_units, pose_columns
+from edtk.robots.robot import Robot
+from edtk.system.files import write_text
 from edtk.system.presented import Presented
 from edtk.system.typing import Array, Indices
-from edtk.tables.csv_text import csv_text
-from edtk.tables.in_file_units import in_file_units
-from edtk.tables.pose_columns import pose_columns
-from edtk.tables.pose_table import WRENCH_COLUMNS, PoseTable, Table
 
 if TYPE_CHECKING:
     import pandas as pd

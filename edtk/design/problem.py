@@ -1,5 +1,7 @@
 """A design problem as arrays: the information of candidate experiments. It knows no robot."""
 
+import hashlib
+from collections.abc import Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -7,22 +9,175 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from criteria import Criterion
-from criteria.linalg.root import root
-from edtk.design.candidate_arrays import packed_information, require_information, rows_of_blocks
+from criteria.linalg.inverse import root
+from criteria.linalg.spectrum import is_semidefinite
 from edtk.design.conditioning import Conditioning
-from edtk.design.packed_information import PackedInformation
-from edtk.design.rank_deficient_error import RankDeficientError as RankDeficientError
-from edtk.design.require_identifiable import require_identifiable
-from edtk.design.rows import Rows
+from edtk.design.information import PackedInformation, Rows, nearly_equal
 from edtk.design.weighted_candidates import WeightedCandidates
-from edtk.system.typing import Array, Indices
+from edtk.system.errors import ArgumentError
+from edtk.system.typing import Array, Indices, Mask
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from edtk.design.frame_problem import FrameProblem
+    from edtk.design.problems import FrameProblem
 
+SYMMETRIC = 1e-9  # difference across the diagonal that is rounding
 DISTANT = 1e-24  # ratio of squares: of units that are twelve decades apart
+
+
+class RankDeficientError(ValueError):
+    """The candidates cannot identify all parameters; the message names the open directions.
+
+    Attributes:
+        of_interest: Whether a criterion asked for some of the parameters only.
+    """
+
+    def __init__(self, message: str, of_interest: bool = False) -> None:
+        super().__init__(message)
+        self.of_interest = of_interest
+
+
+def is_information(M: Array) -> bool:
+    """Whether a matrix (p, p) may be information."""
+    if not np.isfinite(M).all() or not nearly_equal(M, M.T, SYMMETRIC):
+        return False
+    return bool(is_semidefinite(M))
+
+
+def variable_names(given: Sequence[str] | None, n: int) -> tuple[str, ...]:
+    """Names (n,) of variables: x for one, x1 .. xn for several, unless others are given.
+
+    Raises:
+        ArgumentError: Their number is not n, or two are the same.
+    """
+    if given is None:
+        return ("x",) if n == 1 else tuple(f"x{i + 1}" for i in range(n))
+    names = as_names(given) or ()
+    if len(names) != n or len(set(names)) != n:
+        message = f"{', '.join(names)}; expected {n} different names"
+        raise ArgumentError(message, argument="variables")
+    return names
+
+
+def as_names(given: Sequence[str] | None) -> tuple[str, ...] | None:
+    """Names as a tuple; one may stand alone, and None stays None."""
+    if given is None:
+        return None
+    return (given,) if isinstance(given, str) else tuple(given)
+
+
+def require_identifiable(problem: "Problem", criterion: Criterion | None) -> None:
+    """Check that the candidates and the prior together excite all that has to be known.
+
+    Args:
+        problem: The candidates.
+        criterion: Tells what that is; None for all directions of the parameters.
+
+    Raises:
+        RankDeficientError: Some directions are open, or parameters can hardly be told apart.
+    """
+    if problem.conditioning.fades:
+        how = "" if isinstance(problem.kept, Rows) else ", or give rows instead of information"
+        raise RankDeficientError(
+            "the candidates together do not identify all parameters to working precision: "
+            f"their condition number is {problem.conditioning.number:.1e}; centre or scale the "
+            f"regressors{how}"
+        )
+    if criterion is not None and not criterion.needs_all:
+        missing = _missing(problem, criterion)
+        if missing:
+            raise RankDeficientError(
+                "the candidates together cannot identify what is of interest: no candidate "
+                f"tells {' or '.join(missing)}",
+                of_interest=True,
+            )
+        return
+    if problem.conditioning.is_open.any():
+        directions = problem.conditioning.directions(problem.parameters)
+        raise RankDeficientError(
+            "the candidates together cannot identify all parameters: no candidate excites "
+            f"{' or '.join(directions)}"
+        )
+
+
+def _missing(problem: "Problem", criterion: Criterion) -> tuple[str, ...]:
+    """What the candidates leave open of all that a criterion needs, in words."""
+    found = problem.conditioning
+    if not problem.has_distant_units:
+        M = problem.mean if found.is_well else found.information()
+        return criterion.missing(M, problem.parameters)
+    # In units of the columns' lengths no parameter is taken for rounding.
+    M = found.information() / np.outer(found.scale, found.scale)
+    return criterion.in_units(np.diag(1.0 / found.scale)).missing(M, problem.parameters)
+
+
+def rows_of_blocks(blocks: ArrayLike, sigma: ArrayLike) -> Rows:
+    """Keep regressors (n, rows, p), each row divided by its sigma.
+
+    Args:
+        blocks: Regressors A_i (n, rows, p).
+        sigma: Standard deviation of the noise, one number or one per row (rows,).
+
+    Raises:
+        ValueError: The regressors do not have three axes, there are no candidates, an entry is not
+            finite (its candidate is named), or sigma is not positive.
+    """
+    if np.iscomplexobj(blocks):
+        raise ValueError("blocks must be real numbers; give real and imaginary parts as two rows")
+    A = np.asarray(blocks, dtype=float)
+    if A.ndim != 3 or 0 in A.shape:
+        hint = "; X[:, None, :] has one row a candidate" if A.ndim == 2 and A.size else ""
+        raise ValueError(
+            f"blocks must be a non-empty array (n, rows, p), not of shape {A.shape}{hint}"
+        )
+    given = np.asarray(sigma, dtype=float)
+    if given.shape not in ((), (1,), A.shape[1:2]):
+        raise ValueError(
+            f"sigma must be one number, or one for each of {A.shape[1]} rows, not of shape "
+            f"{given.shape}"
+        )
+    scale = np.broadcast_to(given, A.shape[1:2])
+    if not (np.isfinite(scale) & (scale > 0)).all():
+        raise ValueError("sigma must be finite and positive")
+    _require_finite(np.isfinite(A).all(axis=(1, 2)))
+    # A finite regressor may have a square that is not; it is named below without a warning.
+    with np.errstate(over="ignore", invalid="ignore"):
+        whitened = A / scale[:, None]
+        squares = np.einsum("irp,irp->i", whitened, whitened)
+    _require_finite(np.isfinite(squares), "an entry that is too large to be squared")
+    return Rows.of(whitened)
+
+
+def packed_information(packed: Array) -> PackedInformation:
+    """Keep the upper triangles (p(p+1)/2, n) of the information of candidates, without a copy.
+
+    Raises:
+        ValueError: There are no candidates, or an entry is not finite (its candidate is named).
+    """
+    if packed.ndim != 2 or 0 in packed.shape:
+        raise ValueError(
+            f"packed information must be a non-empty array (p(p+1)/2, n), not {packed.shape}"
+        )
+    # A sum is finite only if all its terms are, and needs no mask of the size of the input.
+    _require_finite(np.isfinite(packed.sum(axis=0)))
+    return PackedInformation(packed)
+
+
+def require_information(prior: Array | None) -> None:
+    """Refuse a prior that no measurements can have.
+
+    Raises:
+        ValueError: It is not finite, symmetric and positive semidefinite.
+    """
+    if prior is not None and not is_information(prior):
+        raise ValueError("the prior must be finite, symmetric and positive semidefinite")
+
+
+def _require_finite(finite: Mask, what: str = "an entry that is not finite") -> None:
+    """Name the first candidate that has an entry which is not finite, or has no finite square."""
+    if not finite.all():
+        raise ValueError(f"block {np.flatnonzero(~finite)[0]} has {what}")
 
 
 class Problem(WeightedCandidates):
@@ -112,7 +267,7 @@ class Problem(WeightedCandidates):
             2  0.0  0.3333
             4  1.0  0.3333
         """
-        from edtk.design.frame_problem import FrameProblem  # it derives from this class
+        from edtk.design.problems import FrameProblem  # it derives from this class
 
         return FrameProblem(frame, formula, sigma, prior, experiment)
 
@@ -126,7 +281,7 @@ class Problem(WeightedCandidates):
         """Make a problem from the information of each candidate, without a copy.
 
         Args:
-            packed: Upper triangles (p(p+1)/2, n), see `edtk.design.packed`.
+            packed: Upper triangles (p(p+1)/2, n), see `edtk.design.information`.
             parameters: Names (p,) for messages; they default to k1 .. kp.
             prior: Prior information M0 (p, p), positive semidefinite; by default there is none.
 
@@ -266,3 +421,24 @@ class Problem(WeightedCandidates):
         return Problem.of_kept(
             kept.scaled(1.0 / np.where(trace > 0, trace, 1.0)), self.parameters, None
         )
+
+
+def problem_digest(problem: Problem) -> str:
+    """SHA-256 of a problem's candidates and prior information, in hexadecimal digits.
+
+    It is that of a line of text, then of numbers as little-endian doubles. Of rows the line is
+    "rows N R P", and the numbers are the rows ``A_i / sigma`` (N, R, P); of information it is
+    "triangles Q N", and they are the packed triangles (Q, N). M0 (P, P) follows if there is one.
+    """
+    kept = problem.kept
+    if isinstance(kept, Rows):
+        words = ("rows", *kept.A.shape)
+        numbers = kept.A
+    else:
+        words = ("triangles", *problem.packed.shape)
+        numbers = problem.packed
+    found = hashlib.sha256((" ".join(map(str, words)) + "\n").encode())
+    for array in (numbers, problem.prior):
+        if array is not None:
+            found.update(np.ascontiguousarray(array, dtype="<f8").data)
+    return found.hexdigest()

@@ -1,31 +1,216 @@
 """A region where experiments may lie: a model as a function of its points. It knows no robot."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from copy import copy
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from criteria.linalg.root import root
-from edtk.design.box_limits import box_limits
-from edtk.design.inside_differences import inside_differences
-from edtk.design.nearly_equal import nearly_equal
-from edtk.design.problem import Problem
-from edtk.design.region_points import RegionPoints
-from edtk.design.rows import Rows
-from edtk.design.user_function import UserFunction, user_functions
-from edtk.design.variable_names import as_names, variable_names
+from criteria.linalg.inverse import root
+from edtk.design.design_space import weighted_information
+from edtk.design.information import Rows, nearly_equal, pack_gram
+from edtk.design.problem import Problem, as_names, variable_names
 from edtk.system.errors import ArgumentError
 from edtk.system.presented import Presented
-from edtk.system.typing import Array
+from edtk.system.typing import Array, Mask
 
-Model = Callable[[Array], ArrayLike]
+FEASIBLE = 1e-10  # by which rounding may carry a point over a constraint, in the constraint's units
 # Points at which a model is tried before any work: parts of the range of each variable.
 TRIED = (0.5, 0.3179, 0.7311)
 # Relative difference of rows computed together and one by one, beyond which a model is not a
 # function of its point alone; and of a gradient from the difference of rows.
 ALIKE = 1e-9
 GRADIENT_ALIKE = 1e-5
+
+
+@dataclass(frozen=True, eq=False)
+class UserFunction:
+    """A function of points (n, d), with one value or array of values for each.
+
+    Args:
+        function: The function.
+        name: The argument by which it came, for messages.
+    """
+
+    function: Callable[[Array], ArrayLike]
+    name: str
+
+    def __call__(self, x: Array, shape: tuple[int, ...] | None = None) -> Array:
+        """Values (n, ...) at points (n, d), which may be not finite.
+
+        Args:
+            x: The points.
+            shape: Shape of the values of one point; None for any.
+
+        Raises:
+            ArgumentError: The function fails, or its values have another shape.
+        """
+        try:
+            with np.errstate(all="ignore"):  # what is not finite is judged by the caller
+                values = np.asarray(self.function(x.copy()))
+                if np.iscomplexobj(values):
+                    raise TypeError("values are complex; expected real ones")
+                values = values.astype(float)
+        except (TypeError, ValueError, IndexError) as error:
+            message = f"fails for points of shape {x.shape}: {error}"
+            raise ArgumentError(message, argument=self.name) from error
+        if values.shape[:1] != (len(x),) or (shape is not None and values.shape[1:] != shape):
+            expected = "one entry a point" if shape is None else f"{(len(x), *shape)}"
+            raise self.wrong_shape(values, f"{expected} for {len(x)} points")
+        return values
+
+    def wrong_shape(self, values: Array, expected: str) -> ArgumentError:
+        """The error of values of a wrong shape."""
+        message = f"values have the shape {values.shape}; expected {expected}"
+        return ArgumentError(message, argument=self.name)
+
+
+def user_functions(given: object, name: str) -> tuple[UserFunction, ...]:
+    """One function or a list of them.
+
+    Raises:
+        ArgumentError: It is neither.
+    """
+    each = [given] if callable(given) or not isinstance(given, Iterable) else list(given)
+    functions = [function for function in each if callable(function)]
+    if len(functions) < len(each):
+        raise ArgumentError("expected a function of points, or a list of them", argument=name)
+    return tuple(UserFunction(function, name) for function in functions)
+
+
+def box_limits(low: ArrayLike, high: ArrayLike) -> Array:
+    """Make the bounds (2, d) of d variables from two lists, or of one from two numbers.
+
+    Args:
+        low: Lower bounds (d,).
+        high: Upper bounds (d,).
+
+    Raises:
+        ArgumentError: They are not finite, or one is not below the other.
+    """
+    try:
+        lower = np.atleast_1d(np.asarray(low, dtype=float))
+        upper = np.atleast_1d(np.asarray(high, dtype=float))
+    except (TypeError, ValueError) as error:
+        message = "expected numbers, one for each variable"
+        raise ArgumentError(message, argument="low, high") from error
+    if lower.ndim != 1 or lower.shape != upper.shape or not lower.size:
+        raise ArgumentError(
+            f"{upper.shape} beside low of {lower.shape}; expected one bound a variable",
+            argument="high",
+        )
+    limits = np.stack([lower, upper])
+    if not np.isfinite(limits).all():
+        raise ArgumentError("a bound is not finite; expected a box", argument="low, high")
+    if not (lower < upper).all():
+        i = int(np.argmin(upper - lower))
+        raise ArgumentError(
+            f"bounds {lower[i]:g} and {upper[i]:g} of variable {i + 1}; expected low < high",
+            argument="low, high",
+        )
+    return limits
+
+
+# Distance of the nodes in parts of a variable's range. A second-order difference errs by its square
+# (truncation) and by eps over it (rounding): about 4e-11 each, of the change over a whole range of
+# a function that is as smooth as a wave of that range.
+STEP = float(np.finfo(float).eps ** (1 / 3))
+
+
+def inside_differences(function: Callable[[Array], Array], x: Array, limits: Array) -> Array:
+    """Differentiate by each variable: the slope at x of a parabola through three nodes.
+
+    The nodes c - h, c, c + h lie in the box, with c as close to x as that allows. With
+    ``u = (x - c)/h`` the slope is ``((2u - 1) f_- - 4u f_0 + (2u + 1) f_+)/(2h)``: the central
+    difference where x is away from the bounds, the one-sided one of second order on a bound.
+
+    Args:
+        function: Maps points (m, d) of the box to values (m, ...).
+        x: Points (n, d) of the box.
+        limits: Bounds (2, d).
+
+    Returns:
+        Derivatives (n, ..., d). Ten digits of them are good, see `STEP`.
+    """
+    n, d = x.shape
+    low, high = limits
+    h = STEP * (high - low)
+    centre = np.clip(x, low + h, high - h)
+    nodes = np.broadcast_to(x, (3, d, n, d)).copy()
+    each = np.arange(d)
+    for place in range(3):
+        # Rounding may carry a node over the bound by a last digit.
+        moved = np.clip(centre + (place - 1) * h, low, high)
+        nodes[place, each, :, each] = moved.T
+    values = function(nodes.reshape(-1, d))
+    values = values.reshape(3, d, n, *values.shape[1:])
+    u = ((x - centre) / h).T.reshape(d, n, *[1] * (values.ndim - 3))
+    width = 2 * h.reshape(d, *[1] * (values.ndim - 2))
+    slopes = ((2 * u - 1) * values[0] - 4 * u * values[1] + (2 * u + 1) * values[2]) / width
+    return np.asarray(np.moveaxis(slopes, 0, -1))
+
+
+@dataclass(frozen=True, eq=False)
+class RegionPoints:
+    """Points x (..., d) of a region.
+
+    Args:
+        space: The region.
+        x: Points (..., d).
+    """
+
+    space: "Region"
+    x: Array
+
+    @cached_property
+    def regressor(self) -> Array:
+        """Whitened rows (..., rows, p)."""
+        return self.space.rows_at(self.x)
+
+    @cached_property
+    def derivative(self) -> Array:
+        """Derivatives (..., rows, p, d) of the whitened rows."""
+        return self.space.derivative_at(self.x)
+
+    @property
+    def packed(self) -> Array:
+        """Information of one experiment each, packed (p(p+1)/2, ...), without the prior."""
+        A = self.regressor
+        return pack_gram(A.transpose(A.ndim - 1, A.ndim - 2, *range(A.ndim - 2)))
+
+    @cached_property
+    def slack(self) -> Array:
+        """Slacks (..., c) of the constraints; negative means infeasible."""
+        return self.space.slack_at(self.x)
+
+    @cached_property
+    def slack_gradient(self) -> Array:
+        """Derivatives (..., c, d) of the slacks."""
+        return self.space.slack_derivative_at(self.x)
+
+    @property
+    def feasible(self) -> Mask:
+        """Whether each point (...) lies in the box and satisfies the constraints."""
+        low, high = self.space.limits
+        within = ((self.x >= low) & (self.x <= high)).all(axis=-1)
+        return np.asarray(within & (self.slack >= -FEASIBLE).all(axis=-1))
+
+    def visited(self, visits: Array) -> "RegionPoints":
+        """The same points: repeats share no error."""
+        return self
+
+    def information(self, repeats: Array) -> Array:
+        """Information matrices (b, p, p) of plans (b, k) with repetitions or weights (b, k)."""
+        return weighted_information(self.regressor, repeats, self.space.prior)
+
+    def slope(self, B: Array) -> Array:
+        """Derivatives (..., d) of ``<B, A>`` of the whitened rows A by the point, B held fixed."""
+        return np.einsum("...rp,...rpd->...d", B, self.derivative)
+
+
+Model = Callable[[Array], ArrayLike]
 
 
 class Region(Presented):

@@ -5,9 +5,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from edtk.design.packed import pack, sensitivity_rows
-from edtk.design.packed_information import PackedInformation
-from edtk.design.rows import Rows
+from edtk.design.information import PackedInformation, Rows, pack, sensitivity_rows
 from edtk.system.presented import Presented
 from edtk.system.typing import Array, Indices
 

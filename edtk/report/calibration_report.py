@@ -1,31 +1,165 @@
 """The report of a calibration: verdict first, then tables and pictures, in one HTML file."""
 
+from pathlib import Path
+
 import numpy as np
 
 from edtk.calibration.calibration import Calibration
-from edtk.inference.identification import Identification
-from edtk.report.budget_section import budget_section
-from edtk.report.calibration_facts import calibration_facts
-from edtk.report.calibration_title import calibration_title
-from edtk.report.calibration_verdict import calibration_verdict
-from edtk.report.digits import digits
-from edtk.report.draw.correlation import correlation
-from edtk.report.draw.intervals import intervals
-from edtk.report.draw.name_ticks import room_for
-from edtk.report.draw.quantiles import quantiles
-from edtk.report.draw.residuals import ResidualPanel, drawn_rows, residuals
-from edtk.report.new_figure import new_figure
-from edtk.report.noise_parts import noise_parts
-from edtk.report.page import Page, paragraph, picture, section, table
+from edtk.calibration.finding import Kind
+from edtk.fit.identify import Identification
+from edtk.measure.cells import csv_text
+from edtk.measure.expected_error import ErrorBudget
+from edtk.measure.pose_table import coordinate_names
+from edtk.report.calibration_sections import (
+    budget_section,
+    calibration_facts,
+    noise_parts,
+    residual_causes,
+    task_section,
+)
+from edtk.report.draw.bars import correlation, intervals
+from edtk.report.draw.names import room_for
+from edtk.report.draw.residuals import ResidualPanel, drawn_rows, quantiles, residuals
+from edtk.report.figures import new_figure
+from edtk.report.page import Page, paragraph, picture, section, table, verdict
 from edtk.report.posterior_report import posterior_report
-from edtk.report.residual_causes import residual_causes
-from edtk.report.shown_probability import shown_probability
-from edtk.report.task_section import task_section
-from edtk.tables.coordinate_columns import coordinate_names
+from edtk.report.shown import digits, shown_probability
+from edtk.report.views.calibration import assumed_joints
+from edtk.study.study import Study
+from edtk.system.files import Content
+from edtk.system.parsing import json_text
 
+WORD = "Calibration"
+QUALITY = {
+    "good": "Good calibration.",
+    "usable": "Usable calibration, with a warning.",
+    "bad": "Do not use this calibration yet.",
+}
+# Words for the parts of an error budget.
+PARTS = {
+    "noise": "the noise of the measurements",
+    "model": "the linear model",
+    "load": "an uncertain load",
+    "tool": "an uncertain tool point",
+    "rigid_joints": "joints that count as rigid",
+    "known_joints": "joints that count as known",
+    "drift": "drift between unloaded and loaded readings",
+    "repeatability": "the robot's repeatability",
+}
+LEAST = 1e-300  # keeps a compliance that is zero from being divided by
 SHOWN = 8  # rows of the table of residuals
 WIDTH = 4.4  # of a picture [inch]: letters can be read on a phone, and on a desk two have room
 UNITLESS = ("parameter", "std [%]")  # columns that do not have the parameters' unit
+NAMES = ("k.json", "residuals.csv", "report.html")
+MANY = 10_000  # measurements from which the file of residuals is to be small:
+FEW_DIGITS = 6  # a residual is a difference, of which no reading has more digits
+DIGITS = 10
+
+
+def calibration_title(study: Study) -> str:
+    """The study's title, which says that it is of a calibration."""
+    title = study.specification.title
+    return title if title.startswith(WORD) else f"{WORD}: {title}"
+
+
+def calibration_verdict(found: Calibration) -> str:
+    """The box at the top of the report, the most important line first."""
+    harmful = [d for d in found.diagnostics if d.kind is Kind.DO_NOT_COMPENSATE]
+    others = [d for d in found.diagnostics if d.kind is not Kind.DO_NOT_COMPENSATE]
+    level = found.verdict
+    if harmful:
+        lines = [f"{_sentence(found, harmful[0].text)}."]
+    elif level == "bad":
+        lines = [QUALITY[level], *_untold(found)]
+    else:
+        lines = [f"{QUALITY[level]} {_expected(found)}".strip(), *_parts(found), *_facts(found)]
+    lines += [_ended(_sentence(found, diagnostic.text)) for diagnostic in others]
+    lines += [_ended(f"The study: {warning}") for warning in found.study.warnings]
+    return verdict(level, lines)
+
+
+def _ended(text: str) -> str:
+    """The text with a full stop, unless it asks."""
+    return text if text.endswith("?") else f"{text}."
+
+
+def _sentence(found: Calibration, text: str) -> str:
+    """The text with a capital letter, unless it begins with the name of a parameter."""
+    text = text.replace("+-", "\N{PLUS-MINUS SIGN}")
+    if text.startswith(found.parameters):
+        return text
+    return f"{text[:1].upper()}{text[1:]}"
+
+
+def _expected(found: Calibration) -> str:
+    """The accuracy to expect, in one sentence."""
+    fit = found.fit
+    if found.budget is None:
+        k = np.maximum(np.abs(fit.k), LEAST)
+        worst = int(np.argmax(fit.std / k))
+        share = f"{100 * fit.std[worst] / k[worst]:.2g} %"
+        return f"The least certain compliance is {found.parameters[worst]}, to {share}."
+    place = f" {found.study.tasks.place}" if found.study.tasks else ""
+    return (
+        f"Expect a total error of {1e3 * found.budget.total:.2g} mm{place} after compensation, "
+        f"instead of {1e3 * found.budget.uncompensated:.2g} mm without."
+    )
+
+
+def _parts(found: Calibration) -> list[str]:
+    """The largest part of the error, what is assumed, and what the noise makes of it."""
+    budget = found.budget
+    if budget is None or found.expected is None or found.study.target is None:
+        return []
+    largest = budget.largest
+    low, high = found.fit.accuracy(found.study.target)[1]
+    interval = "" if low == high else f" (95 %: {1e3 * low:.2g} to {1e3 * high:.2g} mm)"
+    noise = f"{1e3 * budget.noise:.2g} mm{interval}"
+    poses = "pose" if found.expected.poses == 1 else "poses"
+    around = (
+        f"within {np.rad2deg(found.expected.within):.3g} deg of the test {poses} it makes "
+        f"{1e3 * found.expected.mean:.2g} mm on average, and {1e3 * found.expected.largest:.2g} mm "
+        "at most"
+    )
+    first = f"The largest part is {PARTS[largest]}, with {1e3 * budget.parts[largest]:.2g} mm"
+    if largest == "noise":
+        return [f"The largest part is {PARTS[largest]}, with {noise}; {around}.", *_assumed(budget)]
+    rest = f". The noise alone makes {noise}; {around}."
+    return [*_assumed(budget), f"{first}{rest}"]
+
+
+def _untold(found: Calibration) -> list[str]:
+    """Joints that the loads turn, and that are not fitted: what does not fit may be theirs."""
+    joints = () if found.budget is None else found.budget.joints
+    return [
+        f"Joint {one.joint.name} counts as {'rigid' if one.joint.rigid else 'known'}, and the "
+        "loads turn it: if nothing else explains the misfit, list it in joints.unknown."
+        for one in joints
+        if one.told < one.joint.std
+    ]
+
+
+def _assumed(budget: ErrorBudget) -> list[str]:
+    """What of the total was measured, and what rests on joints that nobody measured."""
+    joints = assumed_joints(budget)
+    if not joints:
+        return []
+    named = "; ".join(joints).replace("+-", "\N{PLUS-MINUS SIGN}")
+    return [f"Of the total, what was measured makes {1e3 * budget.measured:.2g} mm. {named}."]
+
+
+def _facts(found: Calibration) -> list[str]:
+    """What is in order; nothing where a finding says otherwise."""
+    noted = {diagnostic.kind for diagnostic in found.diagnostics}
+    if noted - {Kind.GAINS_LITTLE}:
+        return []
+    noise = "the noise was estimated and is not larger than stated"
+    if found.fit.known:
+        noise = "the residuals fit the noise"
+    facts = f"{noise}, there are no outliers, and all compliances are positive."
+    if noted or (found.budget and found.budget.rigid_joints) or found.study.warnings:
+        return [f"{facts[0].upper()}{facts[1:]}"]
+    return [f"Nothing is wrong: {facts}"]
 
 
 def calibration_report(found: Calibration) -> str:
@@ -196,3 +330,19 @@ def _pairs(found: Calibration) -> str:
     chosen = above[np.argsort(size, kind="stable")[:SHOWN]]
     rows = [[f"{names[i]}, {names[j]}", f"{found.fit.correlation[i, j]:+.3f}"] for i, j in chosen]
     return table(["pair", "correlation"], rows) if rows else ""
+
+
+def calibration_files(calibration: Calibration, folder: Path) -> dict[Path, Content]:
+    """The contents of `k.json`, `residuals.csv` and `report.html`, by path.
+
+    Args:
+        calibration: The result.
+        folder: Folder of the files.
+    """
+    digits = FEW_DIGITS if len(calibration.data) > MANY else DIGITS
+    contents = (
+        json_text(calibration.to_dict()) + "\n",
+        csv_text(calibration.residuals(), digits),
+        calibration_report(calibration),
+    )
+    return {folder / name: content for name, content in zip(NAMES, contents, strict=True)}

@@ -1,27 +1,43 @@
-"""The comparison report: the text of one Markdown file."""
+"""The comparison report: one Markdown file and its figures."""
 
 from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING
 
-from edtk.calibration.geometry_design.geometry_designs import GeometryDesigns
+from edtk.calibration.geometry_design.evaluate_geometry import GeometryDesigns
 from edtk.calibration.geometry_design.visit_search import STARTS
-from edtk.calibration.plan_tasks import plan_tasks
-from edtk.design.exact.batch import BATCH_SIZE
-from edtk.model.task_accuracy import TaskAccuracy
-from edtk.report.comparison.all_values import all_values
-from edtk.report.comparison.around_the_task import around_the_task
-from edtk.report.comparison.by_size import by_size
-from edtk.report.comparison.efficiencies import Efficiencies, efficiencies
-from edtk.report.comparison.fewer_poses import fewer_poses
-from edtk.report.comparison.in_each_task import in_each_task
-from edtk.report.comparison.loss_of_others import loss_of_others
-from edtk.report.comparison.relaxation_table import relaxation_table
-from edtk.report.comparison.setting_of_geometry import margin_in_words, setting_of_geometry
-from edtk.report.comparison.verdict import verdict
-from edtk.report.comparison.visits_by_load import visits_by_load
-from edtk.report.task_table import TOOL_POINT
-from edtk.study.describe_measured import describe_measured
-from edtk.study.describe_noise import describe_noise
+from edtk.calibration.planned import plan_tasks
+from edtk.design.exact.find_plan import BATCH_SIZE
+from edtk.measure.expected_error import TaskAccuracy
+from edtk.report.calibration_sections import TOOL_POINT
+from edtk.report.comparison_sections import (
+    PICTURE,
+    Efficiencies,
+    all_values,
+    around_the_task,
+    by_size,
+    efficiencies,
+    fewer_poses,
+    in_each_task,
+    loss_of_others,
+    margin_in_words,
+    relaxation_table,
+    setting_of_geometry,
+    verdict,
+    visits_by_load,
+)
+from edtk.report.draw.bars import heat_map
+from edtk.report.draw.names import room_for
+from edtk.report.draw.plans import LONGEST_LABEL, criterion_by_size, task_errors
+from edtk.report.figures import new_figure, png
+from edtk.study.schema import describe_noise
+from edtk.study.study_model import describe_measured
 from edtk.study.study_run import StudyRun
+from edtk.system.errors import shortened
+from edtk.system.files import Content
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 AROUND = "What accuracy to expect in the test pose, and around it"
 IN_EACH = "What accuracy to expect in the test poses, and around them"
@@ -44,6 +60,7 @@ RELAXATION = (
     "all feasible poses; it was searched by ascent from many starts, and is not proved. For O4, "
     "which is not convex, the proof is by the least corner of a polygon that holds all designs.\n"
 )
+USUAL_LABEL = 20  # which have their place
 
 
 def comparison_report(run: StudyRun, sizes: Iterable[Efficiencies]) -> str:
@@ -189,3 +206,49 @@ def _origin(run: StudyRun) -> str:
     """Where the numbers come from."""
     version = run.table["edtk"].iloc[0]
     return f"Seed {run.study.specification.seed}, study {run.study.digest}, edtk {version}.\n"
+
+
+def comparison_files(run: StudyRun) -> dict[Path, Content]:
+    """The contents of `report.md` and of its figures, by path.
+
+    Args:
+        run: The result of the study.
+    """
+    sizes = [Efficiencies.of(run, size) for size in sorted(run.study.specification.sizes)]
+    files: dict[Path, Content] = {run.folder / "comparison.png": png(_comparison(run))}
+    for found in sizes:
+        if found.plans:
+            files[run.folder / found.picture] = png(_heat_map(found))
+    if run.accuracies:
+        files[run.folder / PICTURE] = png(_task_figure(run))
+    return files | {run.folder / "report.md": comparison_report(run, sizes)}
+
+
+def _comparison(run: StudyRun) -> "Figure":
+    """The main criterion by size, with the legend beside it."""
+    figure = new_figure(8.6, 4.8)
+    criterion_by_size(run, figure.add_subplot())
+    figure.legend(loc="outside right upper", fontsize=8, frameon=False)
+    return figure
+
+
+def _task_figure(run: StudyRun) -> "Figure":
+    """Errors in each test pose, of the largest plan for the main criterion and others beside."""
+    figure = new_figure(8.6, 4.2)
+    first, *others = run.accuracies.items()
+    task_errors(first[1], first[0], dict(others), figure.add_subplot())
+    figure.legend(loc="outside right upper", fontsize=8, frameon=False)
+    return figure
+
+
+def _heat_map(found: Efficiencies) -> "Figure":
+    """Efficiencies of the plans of one size."""
+    plans = [shortened(name, LONGEST_LABEL) for name in found.plans]
+    longer = max(0, *(len(name) - USUAL_LABEL for name in plans))
+    width = 1.8 + 0.62 * len(found.names) + 0.09 * longer
+    height = 1.1 + 0.36 * len(plans) + room_for(found.names)
+    figure = new_figure(width, height)
+    ax = figure.add_subplot()
+    heat_map(100 * found.values, plans, found.names, ax)
+    ax.set_title(f"Efficiency of plans of {found.size} experiments, by criterion", fontsize=10)
+    return figure

@@ -1,19 +1,24 @@
 """The report of a calibration of geometry: verdict first, then tables and pictures."""
 
+from pathlib import Path
+
 import numpy as np
 
 from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
 from edtk.calibration.geometry.geometric_doubt import rows_in_words
-from edtk.inference.geometry.geometric_fit import MM, root_mean_square
-from edtk.model.geometry.geometric_parameter import GeometricParameter
-from edtk.report.calibration_title import calibration_title
-from edtk.report.draw.left_out_errors import left_out_errors
-from edtk.report.draw.marker_residuals import marker_residuals
-from edtk.report.geometry_facts import geometry_facts
-from edtk.report.new_figure import new_figure
-from edtk.report.page import Page, paragraph, picture, section, table, verdict
-from edtk.report.places_of import places_of
-from edtk.report.posterior_of_geometry import posterior_of_geometry
+from edtk.fit.geometry.fitted_geometry import MM, root_mean_square
+from edtk.measure.cells import csv_text
+from edtk.measure.parameters import GeometricParameter
+from edtk.report.calibration_report import NAMES, calibration_title
+from edtk.report.draw.residuals import left_out_errors, marker_residuals
+from edtk.report.figures import new_figure
+from edtk.report.page import Page, facts, paragraph, picture, section, table, verdict
+from edtk.report.posterior_report import posterior_of_geometry
+from edtk.report.shown import places_of
+from edtk.system.files import Content
+from edtk.system.parsing import json_text
+from edtk.system.typing import Array
+from edtk.version import __version__
 
 SHOWN = 8  # rows of the table of poses
 WIDTH = 4.4  # of a picture [inch]: letters can be read on a phone, and on a desk two have room
@@ -30,6 +35,72 @@ GROUPS = {
     "tool": "Markers: how far they are from where the study has them on the tool",
     "base": "Base: how far it is from where the drawing fits best",
 }
+
+
+def geometry_facts(found: GeometricCalibration) -> str:
+    """The section that lets somebody else repeat the result."""
+    return section(
+        "What was measured, and how was it evaluated?",
+        facts("Measurements", _measured(found)),
+        facts("Evaluation", _evaluated(found)),
+    )
+
+
+def _measured(found: GeometricCalibration) -> list[tuple[str, str]]:
+    """The file, and what is in it."""
+    fit = found.fit
+    left_out = len(found.left_out)
+    stated = found.setting.noise
+    rows = [
+        ("File", found.path.name),
+        ("SHA-256", found.origin.sha256),
+        ("Last changed", found.origin.changed),
+        ("Positions", f"{fit.data.count} in {len(fit.data)} visits of {fit.data.poses} poses"),
+        ("Left out", f"{left_out} visits" if left_out else ""),
+        ("Markers", ", ".join(fit.data.markers)),
+        ("On the base", ", ".join(found.setting.references)),
+        ("Stated noise", f"{stated.reading:.3g} mm a coordinate"),
+        ("Loads", _loads(fit.data.wrench)),
+        ("Assumed", "; ".join(found.assumed)),
+    ]
+    return [(name, text) for name, text in rows if text]
+
+
+def _evaluated(found: GeometricCalibration) -> list[tuple[str, str]]:
+    """The study, the place of the robot, and the program."""
+    study = found.study
+    name = f"{study.path.name}, " if study.path is not None else ""
+    loss = (
+        "poses that fit badly count less, as with t errors" if (found.fit.weights < 1).any() else ""
+    )
+    rows = [
+        ("Study", f"{name}SHA-256 begins with {study.digest}"),
+        ("Robot", study.robot.name),
+        ("Robot in the instrument's frame", robot_stands(found.base)),
+        ("Joints count", found.counting.words or "as the study says"),
+        (
+            "Fit",
+            f"nonlinear least squares, variances by restricted likelihood; {loss}".rstrip("; "),
+        ),
+        ("Program", f"edtk {__version__}"),
+    ]
+    return [(name, text) for name, text in rows if text]
+
+
+def _loads(wrench: Array) -> str:
+    """How many poses are loaded."""
+    loaded = int(wrench.any(axis=1).sum())
+    return f"{loaded} of {len(wrench)} visits" if loaded else ""
+
+
+def robot_stands(base: Array) -> str:
+    """Where the world of the drawing is in the frame of the instrument, in words."""
+    from scipy.spatial.transform import Rotation
+
+    vector = np.rad2deg(Rotation.from_matrix(base[:3, :3]).as_rotvec())
+    place = ", ".join(f"{x:.2f}" for x in MM * base[:3, 3])
+    turn = ", ".join(f"{x:.3f}" for x in vector)
+    return f"at ({place}) mm, turned by the rotation vector ({turn}) deg"
 
 
 def geometry_report(found: GeometricCalibration) -> str:
@@ -229,3 +300,18 @@ def _rank(found: GeometricCalibration) -> list[str]:
             table(["told by no pose"], [[one] for one in fit.redundant], words=1, full=True)
         )
     return parts
+
+
+def geometry_files(found: GeometricCalibration, folder: Path) -> dict[Path, Content]:
+    """The contents of `k.json`, `residuals.csv` and `report.html`, by path.
+
+    Args:
+        found: The result.
+        folder: Folder of the files.
+    """
+    contents = (
+        json_text(found.to_dict()),
+        csv_text(found.residuals()),
+        geometry_report(found),
+    )
+    return {folder / name: content for name, content in zip(NAMES, contents, strict=True)}

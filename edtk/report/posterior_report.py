@@ -1,12 +1,99 @@
-"""The part of a calibration's report that shows the sampled posterior."""
+"""The part of a report that shows the sampled posterior, and its pictures as files."""
 
-from edtk.calibration.pose_error import PoseError
-from edtk.calibration.posterior_check import PosteriorCheck
-from edtk.report.digits import digits
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
+from edtk.calibration.posterior_check import PoseError, PosteriorCheck
+from edtk.fit.geometry.geometry_posterior import GeometryPosterior
+from edtk.report.draw.posterior import (
+    MOST_PANELS,
+    LabelledSamples,
+    PredictiveResiduals,
+    corner,
+    predictive_residuals,
+    trace,
+)
+from edtk.report.figures import new_figure, png
 from edtk.report.page import paragraph, picture, section, table
-from edtk.report.posterior_figures import posterior_figures
+from edtk.report.shown import digits, places_of
+from edtk.system.files import Content
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+PANEL = 1.55  # side of a panel of the corner [inch]
+MARGIN = 1.6  # beside the panels [inch]
+NAMES = ("corner.png", "trace.png", "residuals.png")
 NOISE = {"sigma_ratio": "Noise over the stated one", "nu": "Degrees of freedom of Student's t"}
+
+
+@dataclass(frozen=True, eq=False)
+class PosteriorFigures:
+    """The pictures of one posterior.
+
+    Attributes:
+        corner: Each compliance, and each pair of them.
+        trace: The chain after burn-in.
+        residuals: Residuals, and where new measurements would fall.
+    """
+
+    corner: "Figure"
+    trace: "Figure"
+    residuals: "Figure"
+
+
+def posterior_figures(check: PosteriorCheck) -> PosteriorFigures:
+    """Draw a posterior."""
+    shown = LabelledSamples.of(check)
+    return PosteriorFigures(_corner(check, shown), _trace(check, shown), _residuals(check))
+
+
+def _corner(check: PosteriorCheck, shown: LabelledSamples) -> "Figure":
+    """Histograms and pairwise clouds."""
+    d = len(shown.labels)
+    figure = new_figure(MARGIN + PANEL * d, MARGIN + PANEL * d)
+    figure.set_layout_engine("constrained", hspace=0.02, wspace=0.02)
+    corner(shown, figure.subplots(d, d, sharex="col", squeeze=False))
+    title = f"Posterior, with contours that hold 39 % and 86 %; lines: {check.reference}"
+    figure.suptitle(title, fontsize=11)
+    return figure
+
+
+def _trace(check: PosteriorCheck, shown: LabelledSamples) -> "Figure":
+    """Walkers by step."""
+    d = len(shown.labels)
+    figure = new_figure(9.0, 0.8 + 1.3 * d)
+    trace(shown, check.posterior.steps, figure.subplots(d, 1, sharex=True, squeeze=False)[:, 0])
+    title = f"Walkers (blue), their mean (black) and {check.reference} (orange)"
+    figure.suptitle(title, fontsize=11)
+    return figure
+
+
+def _residuals(check: PosteriorCheck) -> "Figure":
+    """Residuals in bands."""
+    found = PredictiveResiduals.of(check)
+    rows = found.residual.shape[1]
+    panels = min(rows, MOST_PANELS)
+    figure = new_figure(9.0, 1.0 + 1.7 * panels)
+    predictive_residuals(found, figure.subplots(panels, 1, sharex=True, squeeze=False)[:, 0])
+    some = f" (first {panels} of {rows} coordinates)" if panels < rows else ""
+    title = f"Residuals{some}, and where 95 % of new measurements would fall"
+    figure.suptitle(f"{title}: {100 * found.inside:.0f} % are inside", fontsize=11)
+    return figure
+
+
+def posterior_pictures(check: PosteriorCheck, folder: Path) -> dict[Path, Content]:
+    """The contents of corner.png, trace.png and residuals.png, by path.
+
+    Args:
+        check: The posterior.
+        folder: Folder of the pictures.
+    """
+    figures = posterior_figures(check)
+    drawn = (figures.corner, figures.trace, figures.residuals)
+    return {folder / name: png(figure) for name, figure in zip(NAMES, drawn, strict=True)}
 
 
 def posterior_report(check: PosteriorCheck) -> str:
@@ -76,4 +163,33 @@ def _test_pose(pose: PoseError) -> str:
         f"square; {1e3 * pose.rho0_fit:.3g} mm by the fit, Eq. (20)), and with 95 % probability "
         f"below {1e3 * pose.error_95:.3g} mm. Displacement under the task's load{which}, 95 % "
         f"intervals in mm: {axes}."
+    )
+
+
+def posterior_of_geometry(found: GeometricCalibration, posterior: GeometryPosterior) -> str:
+    """How it was computed, and a table."""
+    rows = []
+    for row in posterior.to_frame().to_dict(orient="records"):
+        places = places_of(row["std_posterior"])
+        rows.append(
+            [
+                row["parameter"],
+                f"{row['mean']:+.{places}f}",
+                f"{row['std_posterior']:.{places}f}",
+                f"{row['std_fit']:.{places}f}",
+                f"{row['ratio']:.2f}",
+                f"{row['low_95']:+.{places}f} .. {row['high_95']:+.{places}f}",
+                row["unit"],
+            ]
+        )
+    header = ["parameter", "mean", "std", "std of the fit", "ratio", "95 % interval", "unit"]
+    text = f"{posterior.quality[:1].upper()}{posterior.quality[1:]}."
+    sizes = (
+        "Errors are as large as they were fitted. The fit weights coordinates more equally than "
+        "the noise says, and its standard deviations are those of that."
+    )
+    return section(
+        "What does the posterior say?",
+        paragraph(f"{text} {sizes}"),
+        table(header, rows, full=True),
     )

@@ -2,17 +2,51 @@
 
 import re
 from importlib import import_module
-from importlib.util import find_spec
 from typing import Any
 
 from edtk.system.presented import Presented
 
+# The page of `edtk.report.views` that shows a result. It holds `exact_plan_text`, and where there
+# are a table and a picture `exact_plan_notebook` and `exact_plan_plot`.
+PAGES = {
+    "calibration": "calibration",
+    "compensation": "compensation",
+    "evaluation": "evaluation",
+    "exact_plan": "plan",
+    "found_controller": "robot",
+    "geometric_calibration": "geometry",
+    "geometric_compensation": "compensation",
+    "geometry_evaluation": "geometry_plan",
+    "geometry_plan": "geometry_plan",
+    "geometry_posterior": "geometry",
+    "identification": "calibration",
+    "plan": "plan",
+    "plan_bias": "evaluation",
+    "pose_error": "calibration",
+    "posterior": "posterior",
+    "posterior_check": "posterior",
+    "prediction": "geometry",
+    "presented": "presented",
+    "problem": "problem",
+    "problem_plan": "problem",
+    "problem_verification": "problem",
+    "region_plan": "region",
+    "relaxation": "relaxation",
+    "relaxed_plan": "relaxed_plan",
+    "relaxed_region": "region",
+    "robot": "robot",
+    "robot_overview": "robot",
+    "study": "study",
+    "study_run": "study",
+    "verification": "verification",
+}
+
 
 def render(form: str, result: Presented, *arguments: Any, **options: Any) -> Any:
-    """Render a result in one form, with the file of its class, or else of its nearest base class.
+    """Render a result in one form, with the function of its class, or else of its nearest base.
 
     Args:
-        form: A folder of `edtk.report`: "text", "notebook" or "plot".
+        form: "text", "notebook" or "plot".
         result: The result.
         arguments: Further arguments of the form, such as axes.
         options: Further arguments of the function of the class.
@@ -22,9 +56,11 @@ def render(form: str, result: Presented, *arguments: Any, **options: Any) -> Any
     """
     for cls in type(result).__mro__:
         name = _snake_case(cls.__name__)
-        module = f"edtk.report.{form}.{name}"
-        if find_spec(module) is not None:
-            return getattr(import_module(module), name)(result, *arguments, **options)
+        if name not in PAGES:
+            continue
+        page = import_module(f"edtk.report.views.{PAGES[name]}")
+        if hasattr(page, f"{name}_{form}"):
+            return getattr(page, f"{name}_{form}")(result, *arguments, **options)
     raise TypeError(f"{type(result).__name__} is no result that edtk.report can render as {form}")
 
 

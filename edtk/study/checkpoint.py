@@ -12,10 +12,9 @@ import numpy as np
 
 import criteria
 from edtk.design.design_space import DesignSpace
-from edtk.model.robot_to_dict import robot_to_dict
+from edtk.robots.robot_file import robot_to_dict
 from edtk.study.study import Study
-from edtk.system.atomic_file import write_text
-from edtk.system.read_text import read_text
+from edtk.system.files import read_text, write_text
 from edtk.system.typing import Array
 from edtk.system.workers import Workers
 

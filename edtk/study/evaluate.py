@@ -1,27 +1,174 @@
 """The worth of a plan: all criteria, standard deviations and covariance."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 import criteria
+from criteria.linalg.estimable import estimable_inverse, open_columns
 from edtk.design.plan import Plan
-from edtk.model.expected_error import ExpectedError
-from edtk.model.task_accuracy import TaskAccuracy
-from edtk.study.accuracy_of_tasks import accuracy_of_tasks
-from edtk.study.criteria_frame import criteria_frame
-from edtk.study.criterion_values import criterion_values, observability
-from edtk.study.plan_accuracy import plan_accuracy
-from edtk.study.plan_covariance import plan_covariance
-from edtk.study.plan_plausibility import plan_plausibility
+from edtk.fit.distributions import task_accuracy
+from edtk.fit.least_squares import SingularPlanError, covariance
+from edtk.measure.expected_error import ExpectedError, TaskAccuracy, expected_error
+from edtk.study.plausibility import plan_plausibility
 from edtk.study.study import Study
+from edtk.system.errors import UserError
 from edtk.system.presented import Presented
 from edtk.system.typing import Array
 
 if TYPE_CHECKING:
     import pandas as pd
+
+OBSERVABILITY = ("O1", "O2", "O3", "O4", "O5")  # indices that others also print without sigma
+
+
+CriterionOf = Callable[[str], criteria.Criterion]
+
+
+def criterion_values(
+    study: Study, M: Array, criterion: CriterionOf, has_target: bool
+) -> tuple[dict[str, float], dict[str, str]]:
+    """Values of all criteria that apply, and why those of other plug-ins have none.
+
+    Args:
+        study: The study, which names criteria and gives their parameters.
+        M: Information (p, p) of a plan.
+        criterion: The study's criterion of a name; raises `UserError` where it has none.
+        has_target: Whether there is a task, without which criteria of tasks do not apply.
+
+    Raises:
+        UserError: A criterion that the study names fails.
+    """
+    loaded = criteria.load_all()
+    values = {}
+    skipped = dict(loaded.problems)
+    # Criteria that need parameters have them only where the study gives them.
+    own = {name: criteria.get(name) for name in study.names if name not in loaded.problems}
+    for name, known in (loaded.classes | own).items():
+        if known.needs_target and not has_target:
+            continue
+        try:
+            values[name] = float(criterion(name).value(M))
+        except (criteria.CriterionError, UserError) as error:
+            message = error.message if isinstance(error, UserError) else str(error)
+            if name in study.names:
+                raise UserError(message, where=study.where) from error
+            skipped[name] = message
+    return values, skipped
+
+
+def observability(M: Array, criterion: CriterionOf) -> dict[str, float]:
+    """O1 to O5 of ``A' A`` (p, p), without division by sigma."""
+    found = {}
+    for name in OBSERVABILITY:
+        with suppress(UserError):  # an index that has no meaning for a part of the parameters
+            found[name] = float(criterion(name).value(M))
+    return found
+
+
+def criteria_frame(values: Mapping[str, float]) -> "pd.DataFrame":
+    """A table with a criterion a row, by name: value, sense, title and formula."""
+    import pandas as pd
+
+    classes = [criteria.get(name) for name in values]
+    return pd.DataFrame(
+        {
+            "value": list(values.values()),
+            "sense": [criterion.sense for criterion in classes],
+            "title": [criterion.title for criterion in classes],
+            "formula": [criterion.formula for criterion in classes],
+        },
+        index=pd.Index(list(values), name="criterion"),
+    )
+
+
+class OpenInterestError(SingularPlanError):
+    """A plan cannot identify what is of interest."""
+
+    def __str__(self) -> str:
+        return f"the plan cannot identify {' or '.join(self.parameters)}, which is of interest"
+
+
+def plan_covariance(study: Study, M: Array) -> Array:
+    """Covariance (p, p) of the compliances, Eq. (13), under the information M (p, p) of a plan.
+
+    Where only some compliances are of interest, the plan may leave others open. These have infinite
+    variances, and their covariances are no numbers.
+
+    Raises:
+        SingularPlanError: All compliances are of interest, and the plan cannot identify them.
+        OpenInterestError: The plan cannot identify what is of interest; names it.
+    """
+    names = study.model.parameters
+    if study.interest is None:
+        return covariance(M, names)
+    try:
+        return covariance(M, names)
+    except SingularPlanError:
+        missing = criteria.create("A", interest=study.interest).missing(M, names)
+        if missing:
+            raise OpenInterestError(tuple(missing)) from None
+    everything = np.eye(len(M))
+    is_open = open_columns(M, everything)
+    cov = estimable_inverse(M, everything[:, ~is_open])[1].copy()
+    cov[is_open] = np.nan
+    cov[:, is_open] = np.nan
+    cov[is_open, is_open] = np.inf
+    return cov
+
+
+def plan_accuracy(study: Study, plan: Plan) -> ExpectedError | None:
+    """Find the errors to expect in the test pose and around it.
+
+    Args:
+        study: The study, whose design space needs no candidates for this.
+        plan: All experiments.
+
+    Returns:
+        The errors; None without a test pose, or if the plan leaves a parameter open.
+    """
+    if not study.tasks:
+        return None
+    try:
+        cov = covariance(study.information(plan), study.model.parameters)
+    except SingularPlanError:
+        return None
+    return expected_error(study.tasks, np.asarray(cov))
+
+
+def accuracy_of_tasks(
+    study: Study, cov: Array, k: Array | None = None, dof: float = np.inf
+) -> TaskAccuracy | None:
+    """Find the error to expect in each of several test poses.
+
+    Args:
+        study: The study.
+        cov: Covariance (p, p) of the compliances.
+        k: Identified compliances (p,); default to those of [simulation], as far as there are any.
+        dof: Degrees of freedom of the covariance; inf where sigma is known.
+
+    Returns:
+        The errors; None for a single test pose, of which other lines tell, without one, and where
+        the covariance leaves compliances open.
+    """
+    if len(study.tasks) < 2 or not np.isfinite(cov).all():
+        return None
+    if k is None and study.specification.simulation is not None:
+        k = study.compliances
+    before = None if k is None else _displacements(study, k)
+    is_path = study.specification.task is not None
+    return task_accuracy(study.tasks, cov, before, dof, is_path)
+
+
+def _displacements(study: Study, k: Array) -> Array:
+    """Displacement (t,) of the tool point by the load of each task, with the known joints [m]."""
+    known = study.known
+    tasks = study.tasks.with_unknown((*study.unknown, *known))
+    every = np.concatenate([k, list(known.values())])
+    return np.array([np.linalg.norm(task.regressor @ every) for task in tasks])
 
 
 @dataclass(frozen=True, eq=False)

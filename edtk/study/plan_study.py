@@ -1,33 +1,178 @@
-"""The exact plan that a study asks for."""
+"""The exact plan and the relaxation that a study asks for."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from time import monotonic
 
 import numpy as np
 
-from edtk.design.exact.exact_plan import ExactPlan
+from edtk.design.candidate_source import CandidateSource, EmptyFeasibleSetError
+from edtk.design.design_space import DesignSpace
+from edtk.design.exact.exact_plan import ExactPlan, TooFewExperimentsError, require_enough
 from edtk.design.exact.find_plan import STARTS, SearchOptions, find_plan
-from edtk.design.exact.require_enough import TooFewExperimentsError, require_enough
 from edtk.design.plan import Plan
-from edtk.design.relaxation.relax_options import RelaxOptions
-from edtk.design.relaxation.relax_poses import relaxed_in_time
-from edtk.study.plan_accuracy import plan_accuracy
-from edtk.study.plan_plausibility import plan_plausibility
-from edtk.study.planning_space import planning_space
-from edtk.study.relax_study import source_of
-from edtk.study.run_options import DEFAULTS, RunOptions
+from edtk.design.problem import RankDeficientError
+from edtk.design.relaxation.relax_poses import (
+    DEFAULT_MB,
+    MemoryLimitError,
+    RelaxOptions,
+    relax_poses,
+    relaxed_in_time,
+)
+from edtk.design.relaxation.relaxed_plan import RelaxedPlan
+from edtk.design.relaxation.restricted_master import RelaxationError
+from edtk.study.evaluate import plan_accuracy
+from edtk.study.plausibility import plan_plausibility
 from edtk.study.study import Study
-from edtk.study.study_errors import study_errors
-from edtk.system.errors import ArgumentError
+from edtk.system.errors import ArgumentError, UserError
 from edtk.system.time_limit import time_limit
+from edtk.system.workers import Workers, WorkersLostError
 
+TOLERANCE = 1e-5  # relative gap, beyond which a bound would not change how a plan is judged
+CANDIDATES = 0  # the stream of random numbers that candidates come from
 # Descents hold matrices whose order grows with the number of distinct poses.
 MOST_DISTINCT = 200
 # Time [s] of a search after which it is worth while to start further processes, each of which takes
 # a second to load what it needs.
 ALONE = 2.0
+
+
+@contextmanager
+def study_errors(study: "Study") -> Iterator[None]:
+    """Turn errors of relaxations and searches into one line that says what to change.
+
+    Args:
+        study: The study that is being answered.
+
+    Raises:
+        UserError: Names the key of the study, or is an `ArgumentError` that names the argument of
+            the call.
+    """
+    try:
+        yield
+    except EmptyFeasibleSetError as error:
+        raise study.error("workspace", str(error)) from error
+    except RankDeficientError as error:
+        unknown = "joints.unknown" if study.specification.parameters is None else "parameters"
+        key = "interest" if error.of_interest else unknown
+        raise study.error(key, str(error)) from error
+    except MemoryLimitError as error:
+        raise ArgumentError(str(error), argument="memory_mb") from error
+    except (NotImplementedError, RelaxationError) as error:
+        raise UserError(str(error), where=study.where) from error
+    except WorkersLostError as error:
+        raise UserError(str(error)) from error
+
+
+Progress = Callable[[str, float], object]
+THIS_PROCESS = Workers()
+
+
+def no_progress(label: str, number: float) -> None:
+    """Report to nobody."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunOptions:
+    """How a long computation is carried out; the question itself is the study.
+
+    Attributes:
+        seed: Takes the place of the study's seed; None for the study's own.
+        workers: The processes that do the work; answers do not depend on them. Defaults to this
+            one.
+        progress: Called with a label of what is done, and a number: a relaxation reports its
+            relative gap, the search for a plan its best cost so far, and a whole run the share of
+            its steps that are done.
+    """
+
+    seed: int | None = None
+    workers: Workers = THIS_PROCESS
+    progress: Progress = no_progress
+
+
+DEFAULTS = RunOptions()
+
+
+def planning_space(study: Study, new: int | None = None, kept: Plan | None = None) -> DesignSpace:
+    """The study's design space, with all that is known beside the experiments to be designed.
+
+    Args:
+        study: The study.
+        new: Number of experiments to be designed, which share what is known; only needed where
+            something is.
+        kept: Experiments that have been carried out already.
+
+    Returns:
+        The space, whose prior is that of the study, if it counts, and of the kept experiments.
+    """
+    known = study.prior_information
+    if kept is not None:
+        of_kept = study.space.information(kept)
+        known = of_kept if known is None else known + of_kept
+    if known is None:
+        return study.space
+    assert new is not None
+    return study.space.with_kept(known, new)
+
+
+def source_of(
+    study: Study, seed: int | None = None, space: DesignSpace | None = None
+) -> CandidateSource:
+    """Where the candidates of a study come from.
+
+    Args:
+        study: The study.
+        seed: Seed; defaults to the study's.
+        space: Design space; defaults to the study's.
+    """
+    return CandidateSource(
+        space or study.space,
+        (study.specification.seed if seed is None else seed, CANDIDATES),
+        study.specification.sampling,
+    )
+
+
+def relax_study(
+    study: Study,
+    criterion: str | None = None,
+    *,
+    candidates: int | None = None,
+    continuous: bool = False,
+    size: int | None = None,
+    tolerance: float = TOLERANCE,
+    memory_mb: float = DEFAULT_MB,
+    options: RunOptions = DEFAULTS,
+) -> RelaxedPlan:
+    """Find the best weights over feasible poses, with a bound on every plan.
+
+    Args:
+        study: The study.
+        criterion: Name of a criterion; defaults to the one that the study is about.
+        candidates: Number of candidate poses; defaults to the study's.
+        continuous: Whether to search over all feasible poses, beyond the candidates.
+        size: Number of experiments that share a prior which counts in designs; defaults to the
+            first of the study's sizes.
+        tolerance: Relative gap at which that search ends.
+        memory_mb: Limit on memory [MB].
+        options: Seed and progress; the work is done by threads of this process.
+
+    Raises:
+        UserError: One line that says what cannot be done, and where.
+        PlanInterrupted: Ctrl-C after a first certified plan, which it carries.
+    """
+    if size is not None and not study.specification.prior.in_design:
+        message = "has no effect without a prior in the design; expected none"
+        raise ArgumentError(message, argument="size", given=size)
+    with study_errors(study):
+        space = planning_space(study, size or study.specification.sizes[0])
+        return relax_poses(
+            source_of(study, options.seed, space),
+            study.specification.candidates if candidates is None else candidates,
+            study.criterion(criterion),
+            continuous,
+            RelaxOptions(tolerance=tolerance, memory_mb=memory_mb, progress=options.progress),
+        )
 
 
 def plan_study(

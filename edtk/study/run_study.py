@@ -1,41 +1,123 @@
 """The answer to a whole study: bounds and plans for every criterion and size, compared."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 import criteria
-from edtk.design.candidate_source import CandidateSource
-from edtk.design.exact.exact_plan import ExactPlan
-from edtk.design.exact.no_plan_error import NoPlanError
-from edtk.design.exact.smallest_size import smallest_size
+from criteria import Relaxable
+from edtk.design.bound import Bound
+from edtk.design.candidate_source import CandidateSource, sample_feasible
+from edtk.design.exact.exact_plan import ExactPlan, NoPlanError, smallest_size
+from edtk.design.exact.round_poses import round_poses
 from edtk.design.plan import Plan
 from edtk.design.relaxation.relax import require_relaxable
 from edtk.design.relaxation.relax_poses import relax_poses
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
-from edtk.study.bound_for import relaxation_key
-from edtk.study.case import Case
 from edtk.study.checkpoint import checkpoint_of
-from edtk.study.comparison_table import comparison_table
-from edtk.study.designs import Designs
-from edtk.study.none_worse import none_worse
-from edtk.study.random_case import random_case
-from edtk.study.relax_study import source_of
-from edtk.study.relaxed_under import relaxed_under
-from edtk.study.run_options import DEFAULTS, Progress, RunOptions
+from edtk.study.plan_study import DEFAULTS, Progress, RunOptions, source_of, study_errors
 from edtk.study.study import Study
-from edtk.study.study_errors import study_errors
-from edtk.study.study_run import StudyRun
+from edtk.study.study_run import Case, Designs, StudyRun, comparison_table, relaxation_key
 from edtk.system.errors import UserError
 from edtk.system.workers import WorkersLostError
 
-Answer = dict[str, Any]
-Complete = Callable[[Mapping[str, Callable[[], Answer]]], dict[str, Answer]]
-
+PLANS = 101  # of which the median is shown; odd, so that the median is one of them
+STREAM = 2  # of random numbers, apart from those of the candidates
+GAIN = 1e-6  # relative improvement that counts; plans that differ by less are one, but for rounding
 # Fewer distinct poses are compared with more up to this number: beyond it nothing is gained.
 MOST_DISTINCT = 8
+
+
+def random_case(study: Study, size: int, index: int, designs: Designs | None = None) -> Case:
+    """Draw many plans of feasible poses at random, and take the one of median cost.
+
+    Args:
+        study: The study, whose main criterion orders the plans.
+        size: Number of experiments of each.
+        index: Number of the stream of random numbers, one for each size.
+        designs: The designs of the study; default to those of compliances.
+
+    Returns:
+        The median plan, in poses that a controller takes, or the reason why it has no cost.
+    """
+    seed = (study.specification.seed, STREAM, index)
+    designs = Designs(study) if designs is None else designs
+    space = designs.space(size)
+    x = sample_feasible(space, PLANS * size, seed).reshape(PLANS, size, -1)
+    costs = designs.criterion().cost(space.at(x).information(np.ones((PLANS, size))))
+    middle = int(np.argsort(costs, kind="stable")[PLANS // 2])
+    if not np.isfinite(costs[middle]):
+        return Case("random", "", size, reason="such a plan cannot identify all parameters")
+    poses, repeats = round_poses(space, designs.criterion(), x[middle], np.ones(size))
+    return Case("random", "", size, plan=space.plan(poses, repeats.astype(int)))
+
+
+def none_worse(cases: Sequence[Case]) -> list[Case]:
+    """Cases in the same order, each with the best plan of all that answer its question.
+
+    A plan of at most k poses answers the question for one of at most k + 1, and for one of any
+    number. Where poses of a search come close to each other, the search for fewer of them may find
+    the better plan.
+    """
+    return [_with_best(case, [other for other in cases if _answers(other, case)]) for case in cases]
+
+
+def _answers(other: Case, case: Case) -> bool:
+    """Whether a plan is one of the same criterion and size, on no more poses."""
+    if other.found is None or other.optimised != case.optimised or other.size != case.size:
+        return False
+    return _limit(other) <= _limit(case)
+
+
+def _limit(case: Case) -> float:
+    """Number of distinct poses at most."""
+    return np.inf if case.distinct is None else case.distinct
+
+
+def _with_best(case: Case, others: Sequence[Case]) -> Case:
+    """The case, with the plan of another one where that is better."""
+    own = np.inf if case.found is None else case.found.cost
+    for other in others:
+        assert other.found is not None
+        if other.found.cost < own * (1 - GAIN):
+            own = other.found.cost
+            case = replace(case, plan=other.plan, found=other.found, reason="")
+    return case
+
+
+def relaxed_under(criterion: Relaxable, relaxed: RelaxedPlan) -> RelaxedPlan:
+    """The relaxation under a criterion, from that under its `plan_criterion`.
+
+    O1 = D^(1/2) is greater where D is, so D's weights are O1's, and each bound on the cost of D is
+    turned into one on that of O1 by the same increasing function. The multipliers prove both.
+
+    Args:
+        criterion: The criterion.
+        relaxed: The relaxation under `criterion.plan_criterion`.
+    """
+    if criterion.name == relaxed.criterion.name:
+        return relaxed
+    cost = criterion.cost_from_plan_criterion(relaxed.cost)
+
+    def turned(bound: Bound) -> Bound:
+        return Bound.of(criterion, criterion.cost_from_plan_criterion(bound.cost), cost, bound.kind)
+
+    searched = relaxed.searched_bound
+    return replace(
+        relaxed,
+        criterion=criterion,
+        cost=cost,
+        proved_bound=turned(relaxed.proved_bound),
+        searched_bound=None if searched is None else turned(searched),
+    )
+
+
+Answer = dict[str, Any]
+Complete = Callable[[Mapping[str, Callable[[], Answer]]], dict[str, Answer]]
 
 
 def run_study(

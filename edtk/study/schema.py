@@ -13,31 +13,38 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
-from edtk.model.controller_table import ControllerTable
-from edtk.model.loads.load import Load as LoadFamily
-from edtk.study.costs_table import CostsTable
-from edtk.study.criterion_table import CriterionTable
-from edtk.study.interest_table import InterestTable
-from edtk.study.joints_table import NO_SPRINGS, JointsTable
-from edtk.study.load_choice import LoadChoice
-from edtk.study.marker_table import DistanceTable, MarkerTable
-from edtk.study.measurement_table import MeasurementTable
-from edtk.study.noise_table import NoiseTable
-from edtk.study.parameters_table import ParametersTable
-from edtk.study.payload_stands_in import payload_stands_in
-from edtk.study.payload_table import PayloadTable
-from edtk.study.prior_table import PriorTable
-from edtk.study.simulation_table import SimulationTable
+from edtk.robots.controller import ControllerTable
+from edtk.robots.loads.load import Load as LoadFamily
 from edtk.study.table import Count, Table
-from edtk.study.task_table import TaskTable
-from edtk.study.test_pose import TestPose, TestPoses
-from edtk.study.tool import Tool
-from edtk.study.uncertainty_table import UncertaintyTable
-from edtk.study.workspace_table import WorkspaceTable
+from edtk.study.tables_of_measurement import (
+    CostsTable,
+    DistanceTable,
+    MarkerTable,
+    MeasurementTable,
+    NoiseTable,
+    PriorTable,
+    SimulationTable,
+    UncertaintyTable,
+)
+from edtk.study.tables_of_robot import (
+    NO_SPRINGS,
+    JointsTable,
+    LoadChoice,
+    ParametersTable,
+    WorkspaceTable,
+)
+from edtk.study.tables_of_task import (
+    CriterionTable,
+    InterestTable,
+    PayloadTable,
+    TaskTable,
+    TestPose,
+    TestPoses,
+    Tool,
+    payload_stands_in,
+)
 from edtk.system.errors import UserError
-from edtk.system.finite import ZERO
-from edtk.system.first_error import first_error
-from edtk.system.line import Line
+from edtk.system.fields import ZERO, Line, first_error
 
 # The criterion that a study is about gets more descents: its plans are those that people carry out.
 MORE_DESCENTS = 4
@@ -279,3 +286,16 @@ def read_specification(content: Mapping[str, Any], where: str) -> Specification:
     except ValidationError as error:
         key, message = first_error(error, Specification)
         raise UserError(message, where=where, key=key or None) from None
+
+
+def describe_noise(specification: Specification) -> str:
+    """White noise, then the errors of [noise]; commas between them."""
+    measurement = specification.measurement
+    sizes = []
+    if measurement.sigma_mm is not None:
+        sizes.append(f"{measurement.sigma_mm:g} mm")
+    if measurement.sigma_deg is not None and measurement.rows == "pose":
+        sizes.append(f"{measurement.sigma_deg:g} deg")
+    white = f"sigma = {' and '.join(sizes)}" if sizes else ""
+    other = "" if specification.noise is None else specification.noise.describe()
+    return ", ".join(filter(None, (white, other)))

@@ -9,23 +9,17 @@ from typing import Any, Unpack
 
 from edtk.design.design_space import DesignSpace
 from edtk.design.plan import Plan
-from edtk.model.robot import Robot
-from edtk.model.robot_to_dict import robot_to_dict
+from edtk.measure.pose_table import Table
+from edtk.robots.robot import Robot
+from edtk.robots.robot_file import robot_to_dict
 from edtk.study.check_study import check_study
-from edtk.study.load_plan import load_plan
-from edtk.study.plain_keys import plain_keys
 from edtk.study.plausibility import plausibility
-from edtk.study.prior_information import prior_information
-from edtk.study.read_toml import read_toml
 from edtk.study.schema import Specification, read_specification
-from edtk.study.study_keys import StudyKeys, keys_signature
 from edtk.study.study_objects import StudyObjects
-from edtk.study.study_robot import study_robot
-from edtk.study.study_space import study_space
-from edtk.study.study_toml import study_toml
+from edtk.study.study_parts import load_plan, prior_information, study_robot, study_space
+from edtk.study.study_toml import StudyKeys, keys_signature, plain_keys, read_toml, study_toml
 from edtk.system.presented import Presented
 from edtk.system.typing import Array
-from edtk.tables.pose_table import Table
 
 DIGITS = 12  # of the SHA-256 that names a study in results
 

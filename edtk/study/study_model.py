@@ -1,28 +1,132 @@
-"""What a study measures and what loads its robot, as the elastostatic model needs it."""
+"""What a study measures and what loads its robot, as the model needs it, and in words."""
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from edtk.model.body_point import BodyPoint
-from edtk.model.dead_weights import DeadWeights
-from edtk.model.elastostatic_model import ElastostaticModel, Rows
-from edtk.model.sensors.distance import Distance
-from edtk.model.sensors.marker import Marker
-from edtk.model.sensors.one_row import OneRow
-from edtk.model.sensors.pose_marker import PoseMarker
-from edtk.model.sensors.sensor import Sensor
-from edtk.study.marker_table import MarkerTable
-from edtk.study.payload_table import PayloadTable
-from edtk.system.finite import Vector3
+from edtk.measure.elastostatic_model import ElastostaticModel, Rows
+from edtk.measure.expected_error import (
+    SAMPLE,
+    SHORTEST,
+    AssumedJoint,
+    Likely,
+    as_neighbours,
+    by_load,
+    levers,
+)
+from edtk.measure.instruments.distance import Distance
+from edtk.measure.instruments.marker import Marker
+from edtk.measure.instruments.one_row import OneRow
+from edtk.measure.instruments.pose_marker import PoseMarker
+from edtk.measure.instruments.sensor import Sensor
+from edtk.measure.noise import VisitNoise
+from edtk.measure.pose_table import pose_factors
+from edtk.robots.frames import BodyPoint
+from edtk.robots.weights import DeadWeights
+from edtk.study.tables_of_measurement import MarkerTable
+from edtk.study.tables_of_task import PayloadTable
+from edtk.system.fields import Vector3
 from edtk.system.typing import Array
 
-ROWS = ("x", "y", "z", "rx", "ry", "rz")
-
-BASE = "base"  # the body of a marker that the robot does not move
-
 if TYPE_CHECKING:
+    from edtk.study.study import Study
     from edtk.study.study_objects import StudyObjects
+
+COORDINATES = 3  # of the first marker; or a distance, in any number of rows
+KNOWN = "known_rad_per_Nm"
+ROWS = ("x", "y", "z", "rx", "ry", "rz")
+BASE = "base"  # the body of a marker that the robot does not move
+READINGS = {"unloaded": 2, "nominal": 1}  # by what a displacement is measured from
+
+
+def least_error(study: "StudyObjects", q: Array) -> float:
+    """The least standard deviation of a coordinate of the first marker in any of some poses [m].
+
+    Args:
+        study: The study.
+        q: Poses (s, n) [rad or m]; they do not matter where noise is white.
+    """
+    if study.noise is None:
+        return float(study.sigma[0])
+    Sigma = study.noise.covariance_of(study.model, study.model.frames(q))
+    return float(np.sqrt(np.einsum("rrk->rk", Sigma)[:COORDINATES].min()))
+
+
+def assumed_joints(study: "Study", k: Array | None = None) -> tuple[AssumedJoint, ...]:
+    """List the joints that are not identified, from base to tip.
+
+    A known joint may be off by its standard deviation. A revolute joint without a known compliance
+    counts as rigid, and is off by the compliance that it has. That is what the study says of it
+    (`rigid_rad_per_Nm`, then `[simulation]`), or else follows from its neighbours by load capacity,
+    see `as_neighbours`, and without any from the load.
+
+    Args:
+        study: The study.
+        k: Compliances (p,) of the unknown joints; default to those of [simulation], as far as it
+            has any [rad/(N m)].
+    """
+    known = study.specification.joints.known
+    likely = likely_compliances(study, k)
+    found = []
+    for index, joint in enumerate(study.robot.joints):
+        if index in study.unknown:
+            continue
+        if joint.name in known:
+            one = known[joint.name]
+            found.append(AssumedJoint(joint.name, index, one.value, one.deviation, KNOWN))
+        elif joint.name in likely:
+            size, source = likely[joint.name].compliance, likely[joint.name].source
+            found.append(AssumedJoint(joint.name, index, 0.0, size, source))
+    return tuple(found)
+
+
+def likely_compliances(study: "Study", k: Array | None = None) -> dict[str, Likely]:
+    """The compliance that each revolute joint is likely to have, by name.
+
+    Args:
+        study: The study.
+        k: Compliances (p,) of the unknown joints, those that are not positive count as not known;
+            default to those of [simulation].
+    """
+    given = study.specification
+    simulated = {} if given.simulation is None else given.simulation.compliance_rad_per_Nm
+    told = {name: Likely(size, "[simulation]") for name, size in simulated.items()}
+    stated = given.uncertainty.rigid_rad_per_Nm
+    told |= {name: Likely(size, "rigid_rad_per_Nm") for name, size in stated.items()}
+    near = _neighbours(study, simulated, k)
+    lever = levers(study.robot)
+    force = _force(study)
+    found = {}
+    for j, joint in enumerate(study.robot.joints):
+        if joint.kind == "revolute":
+            guess = as_neighbours(lever, near, j, study.robot.joint_names) if near else None
+            found[joint.name] = told.get(joint.name) or guess or by_load(float(lever[j]), force)
+    return found
+
+
+def _neighbours(
+    study: "Study", simulated: Mapping[str, float], k: Array | None
+) -> dict[int, float]:
+    """Compliances of the revolute joints of which something is known, by index [rad/(N m)]."""
+    joints = study.robot.joints
+    unknown = study.specification.joints.unknown
+    sizes = dict(simulated) if k is None else dict(zip(unknown, k.tolist(), strict=True))
+    near = study.known | {study.robot.joint_names.index(name): k for name, k in sizes.items()}
+    return {j: size for j, size in near.items() if size > 0 and joints[j].kind == "revolute"}
+
+
+def _force(study: "Study") -> float:
+    """Size of the largest load of the study at the tool point, torques by the reach [N]."""
+    given = study.specification
+    if given.load is None and given.payload is None:
+        return 0.0
+    load = given.build_load()
+    cube = np.random.default_rng(0).random((SAMPLE, load.limits.shape[1]))
+    wrench = load.wrench(load.draw(cube))
+    size = np.linalg.norm(wrench[:, :3], axis=1)
+    turn = np.linalg.norm(wrench[:, 3:], axis=1)
+    return float((size + turn / max(study.robot.reach, SHORTEST)).max())
 
 
 def study_model(study: "StudyObjects", unknown: tuple[int, ...]) -> ElastostaticModel:
@@ -210,3 +314,56 @@ def _held(
     point = _payload_point(study, payload)
     held = DeadWeights((payload.mass_kg,), (point,), len(study.robot.chain))
     return held if links is None else held.with_more(links)
+
+
+def study_noise(study: "StudyObjects") -> VisitNoise | None:
+    """Build the noise of the rows that the model of a study has; None where it is white.
+
+    Tracker and discrepancy concern lengths. Rotations have the noise of `measurement.sigma_deg`,
+    and distances that of their own instrument, besides what the joints do to both.
+
+    Args:
+        study: Its keys, its robot and its model, checked.
+    """
+    table = study.specification.noise
+    if table is None or table.is_white:
+        return None
+    tracker = table.tracker()
+    lengths: list[bool] = []
+    tracked: list[tuple[int, int]] = []
+    for point, sensor in enumerate(study.model.whole_instruments):
+        if tracker is not None and not isinstance(sensor, Distance):
+            tracked.append((point, len(lengths)))
+        lengths += sensor.lengths.tolist()
+    return VisitNoise(
+        tracker=tracker,
+        tracked=tuple(tracked),
+        repeatability=table.repeatability(pose_factors(study.robot)),
+        white=study_sigma(study),
+        discrepancy=np.where(lengths, table.discrepancy_mm / 1e3, 0.0),
+        within=float(np.deg2rad(table.discrepancy_within_deg)),
+        readings=READINGS[study.specification.measurement.reference],
+    )
+
+
+def describe_measured(study: "StudyObjects") -> str:
+    """How many markers, poses and distances, and what they are measured from.
+
+    Args:
+        study: Its keys, checked.
+    """
+    model = study.model
+    since = ", from the nominal robot" if study.is_absolute else ""
+    if not model.sensors:
+        return f"{model.rows}{since}"
+    given = study.specification
+    kinds = marker_kinds(study)
+    poses = kinds.count("pose")
+    positions = kinds.count("position")
+    distances = len(given.distance)
+    parts = [
+        f"{count} {kind}{'s' if count > 1 else ''}"
+        for count, kind in ((positions, "position"), (poses, "pose"), (distances, "distance"))
+        if count
+    ]
+    return f"{', '.join(parts)}{since}"

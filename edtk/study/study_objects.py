@@ -1,5 +1,6 @@
 """The objects that the keys of a study describe: its model, noise, task and criteria."""
 
+from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -7,23 +8,47 @@ from typing import Any
 import numpy as np
 
 import criteria
-from criteria.linalg.combination import combination
-from edtk.model.elastostatic_model import ElastostaticModel
-from edtk.model.noise.visit_noise import VisitNoise
-from edtk.model.rigid_joints import rigid_joints_in_words
-from edtk.model.robot import Robot
-from edtk.model.task import Task
-from edtk.model.tasks import Tasks
-from edtk.study.given_parameters import given_parameters
+from criteria.linalg.estimable import combination
+from edtk.measure.elastostatic_model import ElastostaticModel
+from edtk.measure.noise import VisitNoise
+from edtk.measure.pose_table import of_file_units
+from edtk.measure.task import Task, Tasks, rigid_joints_in_words
+from edtk.robots.robot import Robot
 from edtk.study.schema import Specification
-from edtk.study.study_model import study_model, study_sigma
-from edtk.study.study_noise import study_noise
-from edtk.study.study_tasks import study_tasks
+from edtk.study.study_model import study_model, study_noise, study_sigma
+from edtk.study.study_parts import study_tasks
+from edtk.study.tables_of_task import CriterionTable
 from edtk.system.errors import UserError
 from edtk.system.typing import Array
-from edtk.tables.in_file_units import of_file_units
 
 IN_PYTHON = "Study"  # takes the place of the file's name in messages about a study without a file
+
+
+def given_parameters(
+    name: str, table: CriterionTable | None, unknown: Sequence[str]
+) -> dict[str, Any]:
+    """The parameters of a criterion as `criteria.create` takes them; none where it needs none.
+
+    Args:
+        name: Name of the criterion.
+        table: The study's key `criterion`.
+        unknown: Names (p,) of the parameters that are unknown.
+
+    Raises:
+        CriterionError: The study gives none, and the criterion needs them, or they name others.
+    """
+    if table is not None and table.name == name:
+        try:
+            return table.build(unknown)
+        except ValueError as error:
+            raise criteria.CriterionError(f"criterion {name!r}: {error}") from error
+    if criteria.get(name).needs_parameters:
+        expected = ", ".join(criteria.parameters_of(name))
+        raise criteria.CriterionError(
+            f"criterion {name!r} needs parameters; give criterion = {{ name = {name!r}, ... }} "
+            f"with {expected}"
+        )
+    return {}
 
 
 class StudyObjects:

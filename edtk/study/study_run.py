@@ -1,24 +1,208 @@
-"""The result of a whole study."""
+"""The result of a whole study, its table of comparison and its files."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+import criteria
 from edtk.design.bound import Bound
+from edtk.design.design_space import DesignSpace
+from edtk.design.exact.exact_plan import ExactPlan
+from edtk.design.exact.find_plan import SearchOptions, find_plan
 from edtk.design.plan import Plan
+from edtk.design.relaxation.relax_poses import RelaxOptions
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
-from edtk.model.expected_error import ExpectedError
-from edtk.model.task_accuracy import TaskAccuracy
-from edtk.study.bound_for import bound_for
-from edtk.study.case import Case
-from edtk.study.designs import Designs
+from edtk.fit.least_squares import SingularPlanError
+from edtk.measure.cells import csv_text
+from edtk.measure.expected_error import ExpectedError, TaskAccuracy
+from edtk.study.evaluate import accuracy_of_tasks, plan_accuracy, plan_covariance
+from edtk.study.plan_study import planning_space
+from edtk.study.plausibility import plan_plausibility
 from edtk.study.study import Study
+from edtk.system.files import Content
 from edtk.system.presented import Presented
+from edtk.system.typing import Array
+from edtk.version import __version__
 
 if TYPE_CHECKING:
     import pandas as pd
+
+# Relative gap of the search over all poses: tables show efficiencies to 0.1 %.
+TOLERANCE = 1e-4
+ERRORS = ("error_test_pose", "error_mean", "error_largest")
+KINDS = ("optimised", "distinct", "random")  # of plans that a run makes
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """One plan of the comparison, or the question for it.
+
+    Attributes:
+        kind: "optimised", "distinct", "published" or "random".
+        optimised: Name of the criterion that it is optimised for, or "".
+        size: Number of experiments m.
+        distinct: Number of distinct poses, at most; None for any.
+        plan: The plan; None before it is found, or if there is no such plan.
+        found: How it was found, with its bound; None for plans that were not searched for.
+        reason: Why there is no such plan, or "".
+        label: What tells it from other plans of its kind and size: the file of a published plan.
+    """
+
+    kind: str
+    optimised: str
+    size: int
+    distinct: int | None = None
+    plan: Plan | None = None
+    found: ExactPlan | None = None
+    reason: str = ""
+    label: str = ""
+
+    @property
+    def name(self) -> str:
+        """Name in tables, and of the plan's file."""
+        distinct = f"k{self.distinct}" if self.distinct else ""
+        parts = (self.kind, self.optimised, f"m{self.size}", distinct, self.label)
+        return "_".join(filter(None, parts))
+
+
+def relaxation_key(name: str, size: int | None) -> str:
+    """What the relaxation under a criterion is called in a run.
+
+    Args:
+        name: Name of the criterion.
+        size: Number of experiments, where the relaxation depends on it: a prior counts the less,
+            the more experiments share it.
+    """
+    return name if size is None else f"{name}_m{size}"
+
+
+def bound_for(relaxations: Mapping[str, RelaxedPlan], name: str, size: int) -> Bound | None:
+    """The best bound on plans of so many experiments; None where no relaxation gives one.
+
+    Args:
+        relaxations: Relaxations of a run by `relaxation_key`.
+        name: Name of the criterion.
+        size: Number of experiments.
+    """
+    for key in (relaxation_key(name, None), relaxation_key(name, size)):
+        if key in relaxations:
+            return relaxations[key].best_bound.scaled(size)
+    return None
+
+
+@dataclass(frozen=True, eq=False)
+class Designs:
+    """The designs of a study of compliances; other kinds of study override what is theirs.
+
+    Attributes:
+        study: The study.
+    """
+
+    study: Study
+
+    def space(self, size: int | None = None) -> DesignSpace:
+        """Where plans of so many experiments are searched, with what is known besides."""
+        return planning_space(self.study, size)
+
+    def criterion(self, name: str | None = None) -> criteria.Criterion:
+        """A criterion; by default the one that the study is about."""
+        return self.study.criterion(name)
+
+    def information(self, plan: Plan) -> Array:
+        """Information matrix (p, p) of a plan, and of a prior that counts."""
+        return self.study.information(plan)
+
+    def relax_options(self) -> RelaxOptions:
+        """How accurate relaxations over all poses are."""
+        return RelaxOptions(tolerance=TOLERANCE)
+
+    def distinct(self, sizes: range) -> range:
+        """Numbers of distinct poses, of those below a size, for which plans are searched, too."""
+        return sizes
+
+    def search(self, relaxed: RelaxedPlan, case: Case, starts: int) -> ExactPlan:
+        """The best plan of a case.
+
+        Raises:
+            NoPlanError: There is no such plan, as so few experiments tell too little.
+        """
+        options = SearchOptions(seed=self.study.specification.seed, starts=starts)
+        return find_plan(relaxed, case.size, case.distinct, options=options)
+
+    def expected(self, plan: Plan) -> ExpectedError | None:
+        """Errors to expect in the test poses and around them; None where nothing tells them."""
+        return plan_accuracy(self.study, plan)
+
+    def accuracy(self, plan: Plan) -> TaskAccuracy | None:
+        """Errors to expect in each of several test poses; None where nothing tells them."""
+        try:
+            cov = plan_covariance(self.study, self.information(plan))
+            return accuracy_of_tasks(self.study, cov)
+        except SingularPlanError:
+            return None
+
+    def warnings(self, plan: Plan) -> tuple[str, ...]:
+        """What is hard to believe in what a plan promises, a line each."""
+        return plan_plausibility(self.study, plan, self.expected(plan))
+
+
+def comparison_table(
+    designs: Designs, cases: Iterable[Case], relaxations: Mapping[str, RelaxedPlan]
+) -> "pd.DataFrame":
+    """Compare plans under all criteria of a study.
+
+    Args:
+        designs: The designs of the study.
+        cases: The plans; one that does not exist has a row with its reason and without values.
+        relaxations: Relaxations by `relaxation_key`, whose bounds efficiencies refer to.
+
+    Returns:
+        One row a plan: what it is; the value of each criterion [SI units]; its efficiency under
+        each criterion with a relaxation, which is the best bound divided by its cost; with a test
+        pose, the errors to expect there and around it [m]; seed, digest of the study and version.
+    """
+    import pandas as pd
+
+    return pd.DataFrame([_row(designs, case, relaxations) for case in cases])
+
+
+def _row(designs: Designs, case: Case, relaxations: Mapping[str, RelaxedPlan]) -> dict[str, Any]:
+    study = designs.study
+    row: dict[str, Any] = {
+        "plan": case.name,
+        "kind": case.kind,
+        "optimised_for": case.optimised,
+        "experiments": case.size,
+        "distinct_at_most": case.distinct or case.size,
+        "poses": 0 if case.plan is None else len(case.plan.q),
+        "reason": case.reason,
+    }
+    M = None if case.plan is None else designs.information(case.plan)
+    for name in study.specification.criteria:
+        row[name] = np.nan if M is None else float(designs.criterion(name).value(M))
+    for name in dict.fromkeys(relaxed.criterion.name for relaxed in relaxations.values()):
+        cost = np.inf if M is None else float(designs.criterion(name).cost(M))
+        bound = bound_for(relaxations, name, case.size)
+        row[f"efficiency_{name}"] = np.nan if bound is None else bound.efficiency(cost)
+    if study.tasks:
+        row |= _errors(designs, case)
+    return row | {
+        "seed": study.specification.seed,
+        "study_sha256": study.digest,
+        "edtk": __version__,
+    }
+
+
+def _errors(designs: Designs, case: Case) -> dict[str, float]:
+    """The errors that a plan promises in the test pose and around it [m]; NaN where it has none."""
+    found = None if case.plan is None else designs.expected(case.plan)
+    if found is None:
+        return dict.fromkeys(ERRORS, np.nan)
+    return dict(zip(ERRORS, (found.test_pose, found.mean, found.largest), strict=True))
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,3 +314,17 @@ def _plan_name(case: Case) -> str:
     if case.kind == "optimised":
         return f"optimised for {case.optimised}"
     return f"{case.kind} ({case.label})" if case.label else case.kind
+
+
+def run_files(run: StudyRun) -> dict[Path, Content]:
+    """The contents of `results.csv` and of every plan that the run has made, by path.
+
+    Published plans have files of their own.
+    """
+    robot = run.study.robot
+    files: dict[Path, Content] = {
+        run.folder / "plans" / f"{case.name}.csv": csv_text(case.plan.to_frame(robot))
+        for case in run.cases
+        if case.plan is not None and case.kind in KINDS
+    }
+    return files | {run.folder / "results.csv": csv_text(run.table)}

@@ -1,16 +1,177 @@
-"""A study as the text of a TOML file, from which it can be read again."""
+"""Studies as TOML, from files, from Python's keys, and back to text."""
 
+import inspect
+import math
 import os
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypedDict
+
+import numpy as np
 
 from edtk.design.plan import Plan
-from edtk.study.toml_text import toml_text
-from edtk.system.atomic_file import write_text
+from edtk.robots.robot import Robot
+from edtk.study.schema import Specification
+from edtk.study.table import Table
+from edtk.system.files import decode, read_bytes, write_text
+from edtk.system.parsing import MOST_MB, parse_toml
 
 if TYPE_CHECKING:
     from edtk.study.study import Study
+
+MOST_INLINE = 100  # characters of a line, beyond which a list is written an entry a line
+SHORT_ESCAPES = {
+    '"': '\\"',
+    "\\": "\\\\",
+    "\b": "\\b",
+    "\t": "\\t",
+    "\n": "\\n",
+    "\f": "\\f",
+    "\r": "\\r",
+}
+
+
+def read_toml(path: Path) -> tuple[dict[str, Any], bytes]:
+    """Read a study file.
+
+    Returns:
+        Its keys, and its bytes.
+
+    Raises:
+        UserError: The file does not exist, cannot be read, or is not valid TOML.
+    """
+    raw = read_bytes(path, MOST_MB)
+    return parse_toml(decode(raw, path), path), raw
+
+
+def plain_keys(keys: Mapping[str, Any]) -> dict[str, Any]:
+    """Turn arrays into lists, paths into strings and tables into mappings, at every depth.
+
+    Args:
+        keys: Keys and their values; a key whose value is None counts as not given.
+
+    Returns:
+        The same keys with plain values. Values of other kinds stay as they are, for the
+        validation to reject.
+    """
+    return {str(key): _plain(value) for key, value in keys.items() if value is not None}
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Table):
+        return value.model_dump(mode="json", exclude_none=True, exclude_defaults=True)
+    if isinstance(value, Mapping):
+        return plain_keys(value)
+    if isinstance(value, np.ndarray | np.generic):
+        return _plain(value.tolist())
+    if isinstance(value, Path):
+        return str(value)
+    if isinstance(value, list | tuple):
+        return [_plain(entry) for entry in value]
+    return value
+
+
+BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
+
+
+def toml_text(content: Mapping[str, Any]) -> str:
+    """Write plain keys as TOML 1.0, so that `tomllib.loads` gives the same keys and values.
+
+    Args:
+        content: Booleans, integers, floats, strings, lists and tables (mappings with string keys),
+            nested at will. Tuples are written as lists.
+
+    Returns:
+        The text. Keys keep their order, but for tables, which follow the other keys of their
+        table, as TOML demands.
+
+    Raises:
+        TypeError: A value is of no such kind; TOML knows no None.
+    """
+    return "\n".join(_lines(content, ())).strip("\n") + "\n"
+
+
+def inline(value: Any) -> str:
+    """Write one value as it stands on the right of an equals sign; a table on one line."""
+    return _value(value)
+
+
+def _lines(table: Mapping[str, Any], path: tuple[str, ...]) -> list[str]:
+    """Lines of a table: its plain keys, then its tables."""
+    lines = []
+    for key, value in table.items():
+        if not (_is_table(value) or _is_table_array(value)):
+            lines.append(f"{_key(key)} = {_value(value, len(key) + len(' = '))}")
+    for key, value in table.items():
+        inner = (*path, key)
+        name = ".".join(map(_key, inner))
+        if _is_table(value):
+            inside = _lines(value, inner)
+            needs_header = not inside or inside[0] != ""  # the header of a table inside says it all
+            lines += ["", f"[{name}]", *inside] if needs_header else inside
+        elif _is_table_array(value):
+            for entry in value:
+                lines += ["", f"[[{name}]]", *_lines(entry, inner)]
+    return lines
+
+
+def _is_table(value: object) -> bool:
+    return isinstance(value, Mapping)
+
+
+def _is_list(value: object) -> bool:
+    return isinstance(value, Sequence) and not isinstance(value, str | bytes)
+
+
+def _is_table_array(value: Any) -> bool:
+    return _is_list(value) and len(value) > 0 and all(map(_is_table, value))
+
+
+def _key(key: str) -> str:
+    return key if BARE_KEY.fullmatch(key) else _string(key)
+
+
+def _value(value: Any, indent: int = 0) -> str:
+    """A value on the right of an equals sign, or inside a list."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, int):
+        return str(int(value))
+    if isinstance(value, float):
+        return _float(float(value))
+    if isinstance(value, str):
+        return _string(value)
+    if _is_table(value):  # inside a list that holds other things too
+        return f"{{ {', '.join(f'{_key(key)} = {_value(v)}' for key, v in value.items())} }}"
+    if _is_list(value):
+        entries = [_value(entry) for entry in value]
+        line = f"[{', '.join(entries)}]"
+        if indent + len(line) <= MOST_INLINE:
+            return line
+        return "\n".join(["[", *(f"    {entry}," for entry in entries), "]"])
+    raise TypeError(f"TOML has no form for {value!r}")
+
+
+def _float(number: float) -> str:
+    """The shortest text that is read as the same number."""
+    if math.isnan(number):
+        return "nan"
+    if math.isinf(number):
+        return "inf" if number > 0 else "-inf"
+    return repr(number)
+
+
+def _string(text: str) -> str:
+    """A basic string: quotes, backslashes and control characters are escaped."""
+    return f'"{"".join(map(_character, text))}"'
+
+
+def _character(character: str) -> str:
+    if character in SHORT_ESCAPES:
+        return SHORT_ESCAPES[character]
+    is_control = ord(character) < 0x20 or ord(character) == 0x7F
+    return f"\\u{ord(character):04x}" if is_control else character
 
 
 def study_toml(study: "Study", path: Path | str | None = None) -> str:
@@ -78,3 +239,55 @@ def _relative(path: Path, folder: Path) -> str:
         return Path(os.path.relpath(path, folder)).as_posix()
     except ValueError:  # no relative path leads to another drive
         return path.absolute().as_posix()
+
+
+class StudyKeys(TypedDict, total=False):
+    """The keys of a study in Python; `Specification` describes them, with units and defaults."""
+
+    title: str | None
+    robot: Robot | str | Path | Mapping[str, Any]
+    base_link: str | None
+    tip_link: str | None
+    controller: Mapping[str, Any] | None
+    tool: Mapping[str, Any] | None
+    load: Mapping[str, Any] | None
+    parameters: Mapping[str, Any] | None
+    payload: Mapping[str, Any] | None
+    marker: Sequence[Mapping[str, Any]] | None
+    distance: Sequence[Mapping[str, Any]] | None
+    measurement: Mapping[str, Any]
+    joints: Mapping[str, Any]
+    workspace: Mapping[str, Any] | None
+    test_pose: Mapping[str, Any] | Sequence[Mapping[str, Any]] | None
+    task: Mapping[str, Any] | None
+    interest: Mapping[str, Any] | None
+    criterion: str | Mapping[str, Any] | None
+    criteria: list[str] | tuple[str, ...] | None
+    optimise: list[str] | tuple[str, ...] | None
+    sizes: list[int] | tuple[int, ...] | None
+    candidates: int | None
+    sampling: str | None
+    starts: int | None
+    seed: int | None
+    published: list[str] | tuple[str, ...] | None
+    simulation: Mapping[str, Any] | None
+    prior: Mapping[str, Any] | None
+    noise: Mapping[str, Any] | None
+    costs: Mapping[str, Any] | None
+    uncertainty: Mapping[str, Any] | None
+
+
+def keys_signature() -> inspect.Signature:
+    """The signature of `Study`: its keys by name, the required ones first, `folder` last."""
+    fields = Specification.model_fields
+    required = {name for name, field in fields.items() if field.is_required()}
+    names = [*sorted(fields, key=lambda name: name not in required), "folder"]
+    parameters = [
+        inspect.Parameter(
+            name,
+            inspect.Parameter.KEYWORD_ONLY,
+            default=inspect.Parameter.empty if name in required else None,
+        )
+        for name in names
+    ]
+    return inspect.Signature(parameters)

@@ -1,10 +1,10 @@
-"""The base of all tables of a study, and the kinds of numbers that stand in them."""
+"""The base of all tables of a study, and the kinds of values that stand in them."""
 
 from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from edtk.system.finite import LARGEST, Finite
+from edtk.system.fields import LARGEST, Finite
 
 # Squares of smaller numbers underflow.
 Positive = Annotated[Finite, Field(ge=1e-12)]
@@ -25,3 +25,8 @@ class Table(BaseModel):
     """A table of keys: unknown keys are rejected, and values do not change."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+def listed(value: object) -> object:
+    """A single name as a list of one."""
+    return (value,) if isinstance(value, str) else value

@@ -1,7 +1,9 @@
-"""Errors that carry what a person needs to mend the cause, on one line of limited length."""
+"""Errors and remarks that carry what a person needs to mend the cause, on one line."""
 
 import re
+import warnings
 from functools import partial
+from operator import index
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +13,8 @@ WHERE = 90  # characters of a path, in a line that is too long
 KEY = 60  # characters of a key
 QUOTATION = 60  # characters of a quoted value
 MOST_SEARCHED = 4000  # a longer text is cut before the search for quotations, which takes time
+
+
 QUOTED = re.compile(r"""(?<!\w)(['"]).*?\1(?!\w)""")  # an apostrophe in a word is no quote
 
 
@@ -131,3 +135,40 @@ class ArgumentError(UserError):
     def naming(self, name: str) -> "ArgumentError":
         """The same error, whose message gives the argument another name."""
         return ArgumentError(self.message, argument=name, given=self.given, where=self.where)
+
+
+class Note(UserWarning):
+    """A remark to the user; its text is one line. Programs filter it like any warning."""
+
+
+def note(message: str, where: Path | str) -> None:
+    """Tell the user.
+
+    Args:
+        message: What was assumed.
+        where: The file that it was assumed of.
+    """
+    # As an error would say it: where first, of limited length.
+    warnings.warn(Note(str(UserError(message, where=where))), stacklevel=2)
+
+
+def whole_number(given: object, argument: str, least: int) -> int:
+    """The argument as a whole number that is not too small.
+
+    Args:
+        given: What the caller gave.
+        argument: Name of the argument.
+        least: The least number that makes sense.
+
+    Raises:
+        ArgumentError: It is not such a number.
+    """
+    try:
+        number = index(given)  # type: ignore[arg-type]
+    except TypeError as error:
+        message = f"expected a whole number, {least} or more"
+        raise ArgumentError(message, argument=argument, given=given) from error
+    if number < least:
+        message = f"expected a whole number, {least} or more"
+        raise ArgumentError(message, argument=argument, given=given)
+    return number

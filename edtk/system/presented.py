@@ -10,10 +10,10 @@ class Presented:
     """A result that a person can look at.
 
     A class that inherits from it says `headline()`, and nothing else. The room `edtk.report`
-    renders results, with one file for each class and form: `report/text/exact_plan.py` holds the
-    function `exact_plan(result)` that writes the `summary()` of an `ExactPlan`; `report/notebook/`
-    and `report/plot/` hold those of the other forms. A class without such a file is rendered like
-    its base class, at last like any `Presented`.
+    renders results, with one page for each family of them: `report/views/plan.py` holds the
+    function `exact_plan_text(result)` that writes the `summary()` of an `ExactPlan`, and those of
+    the other forms. A class without such a function is rendered like its base class, at last like
+    any `Presented`.
 
     `edtk.report` lies above all rooms that hold results, and some of it needs matplotlib. So it is
     looked up when it is called, and never imported with the class.
@@ -50,7 +50,7 @@ class Presented:
             ax: Axes to draw into; a new figure where it is not given. A picture of several panels
                 divides the place of these axes.
             options: Further arguments of the picture, such as the joint variables q of a robot; see
-                the function of the class in `edtk.report.plot`.
+                the function of the class in `edtk.report.views`.
 
         Returns:
             The axes, or an array of them where the picture has several panels.

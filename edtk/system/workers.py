@@ -1,19 +1,40 @@
-"""Independent pieces of work on the cores of this machine, or on a Dask cluster."""
+"""Independent work on the cores of this machine or on a cluster, each in one thread."""
 
 import os
+import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import lru_cache
 from threading import Event, Thread
 from typing import Any, TypeVar
 
-from edtk.system.one_thread import one_thread
+from threadpoolctl import ThreadpoolController
 
-T = TypeVar("T")
 GREETING_S = 5.0  # in which a scheduler has to answer
 PATIENCE_S = 20.0  # with a cluster that has lost all its workers
 GLANCE_S = 1.0  # between two looks at a cluster's workers
 CLOSING_S = 2.0  # for a connection to close; after it the connection is left to itself
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Let the libraries that are loaded compute in one thread, as `threadpool_limits(1)` does.
+
+    Libraries are looked for when modules were imported since the last time, and not each time:
+    that takes as long as a short descent.
+    """
+    with _libraries(len(sys.modules)).limit(limits=1):
+        yield
+
+
+@lru_cache(maxsize=1)
+def _libraries(modules: int) -> ThreadpoolController:
+    """The libraries with threads of their own, where so many modules are imported."""
+    return ThreadpoolController()
+
+
+T = TypeVar("T")
 
 
 class WorkersLostError(RuntimeError):

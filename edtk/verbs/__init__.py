@@ -1,1 +1,1 @@
-"""The verbs of the front door, one a file: what a command does, one call does."""
+"""The verbs of the front door: what a command does, one call does."""

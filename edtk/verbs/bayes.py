@@ -1,21 +1,102 @@
-"""`edtk.bayes`: the sampled posterior of a plan beside Eq. (13)."""
+"""`edtk.bayes`: the sampled posterior of a plan beside Eq. (13), and options of sampling."""
 
 import math
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-from edtk.calibration.check_plan_posterior import check_plan_posterior
-from edtk.calibration.inference_data import inference_data
-from edtk.calibration.posterior_check import PosteriorCheck
-from edtk.inference.noise import NU_IN_WORDS, Noise
-from edtk.study.prior_table import LEAST_NU
-from edtk.system.atomic_file import Content, write_files
+import numpy as np
+
+from edtk.calibration.planned import check_plan_posterior
+from edtk.calibration.posterior_check import PosteriorCheck, inference_data
+from edtk.fit.noise import NU_IN_WORDS, Noise
+from edtk.study.tables_of_measurement import LEAST_NU
 from edtk.system.errors import ArgumentError, UserError
-from edtk.system.finite import LARGEST
-from edtk.verbs.inputs import PlanLike, StudyLike, as_plan, as_study, files_of, name_of
-from edtk.verbs.require_output import require_folder, require_output
-from edtk.verbs.sampling import Sampling
+from edtk.system.fields import LARGEST
+from edtk.system.files import Content, write_files
+from edtk.verbs.inputs import (
+    PlanLike,
+    StudyLike,
+    as_plan,
+    as_study,
+    files_of,
+    name_of,
+    require_file,
+    require_folder,
+    require_output,
+)
 
 MOST_MEASUREMENTS = 100_000  # the density of the posterior is a sum over them, at every step
+
+
+@dataclass(frozen=True)
+class Sampling:
+    """How a posterior is sampled.
+
+    Attributes:
+        accuracy: Monte-Carlo error of every standard deviation, relative to it, at most; None for
+            0.01.
+        most: Limit on the steps of the chain; None for 60000.
+        chain: File that keeps the chain (HDF5), and from which sampling goes on; None for none.
+        export: File for ArviZ InferenceData (NetCDF), "-" for standard output; None for none.
+        seed: Seed; None for the study's.
+        progress: Called with the number of steps so far.
+    """
+
+    accuracy: float | None = None
+    most: int | None = None
+    chain: Path | str | None = None
+    export: Path | str | None = None
+    seed: int | None = None
+    progress: Callable[[int], object] = lambda steps: None
+
+    def require_writable(self, *inputs: Path | str | None) -> None:
+        """Check that both files can be written, are no inputs, and that ArviZ is installed.
+
+        Raises:
+            UserError: A file is an input, or ArviZ is missing.
+            OSError: A file cannot be written.
+        """
+        from edtk.calibration.posterior_check import require_arviz
+
+        require_file(self.chain)
+        if self.export is not None:
+            require_arviz(self.export)
+        for path in (self.chain, self.export):
+            require_output(path, *inputs)
+        require_output(self.export, self.chain)
+
+    @contextmanager
+    def arguments(self, source: Path, study_seed: int) -> Iterator[dict[str, Any]]:
+        """Arguments of a posterior check; errors of the sampler name the input.
+
+        Args:
+            source: The file, or the word, that begins a message.
+            study_seed: Seed of the study, for where no seed is given.
+
+        Raises:
+            UserError: The chain does not converge, cannot be kept, or has no proper posterior.
+        """
+        from edtk.fit.chain_file import ChainFileError
+        from edtk.fit.least_squares import SingularPlanError
+        from edtk.fit.posterior import ImproperPosteriorError, SamplingOptions
+        from edtk.fit.run_chain import Demand, UnconvergedError
+
+        default = Demand()
+        demand = Demand(
+            self.accuracy or default.accuracy, default.length, self.most or default.most
+        )
+        seed = study_seed if self.seed is None else self.seed
+        try:
+            chain = None if self.chain is None else Path(self.chain)
+            options = SamplingOptions(demand, chain, self.progress)
+            yield {"rng": np.random.default_rng(seed), "options": options}
+        except (SingularPlanError, ImproperPosteriorError, UnconvergedError) as error:
+            raise UserError(str(error), where=source) from error
+        except ChainFileError as error:
+            raise UserError(str(error)) from error
 
 
 def bayes(
@@ -60,7 +141,7 @@ def bayes(
             where=name_of(plan, "plan"),
         )
     if figures is not None:
-        from edtk.report.posterior_pictures import NAMES, posterior_pictures
+        from edtk.report.posterior_report import NAMES, posterior_pictures
 
         for name in NAMES:
             require_output(Path(figures) / name, *inputs, sampling.chain, sampling.export)

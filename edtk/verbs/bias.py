@@ -1,6 +1,6 @@
 """`edtk.bias`: the cost of identifying with the linear model."""
 
-from edtk.calibration.plan_bias import PlanBias, plan_bias
+from edtk.calibration.planned import PlanBias, plan_bias
 from edtk.verbs.inputs import PlanLike, StudyLike, as_plan, as_study, errors_in, name_of
 
 

@@ -6,19 +6,15 @@ from typing import TYPE_CHECKING, Any, Union
 
 import numpy as np
 
+from edtk.calibration.compensate import Compensation
 from edtk.calibration.compensate import compensate as compensate_task
-from edtk.calibration.compensation import Compensation
-from edtk.calibration.geometry.compensate_geometry import (
-    GeometricCompensation,
-    compensate_geometry,
-)
-from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
-from edtk.calibration.geometry.read_result import read_result
-from edtk.calibration.load_task import load_task
+from edtk.calibration.geometry.compensate_geometry import GeometricCompensation, compensate_geometry
+from edtk.calibration.geometry.geometric_calibration import GeometricCalibration, read_result
+from edtk.calibration.tasks_in_use import load_task
 from edtk.design.plan import Plan
+from edtk.measure.compliances import Compliances, load_compliances
 from edtk.study.study import Study
 from edtk.system.errors import ArgumentError
-from edtk.tables.compliances import Compliances, load_compliances
 from edtk.verbs.inputs import (
     PlanLike,
     StudyLike,
@@ -28,8 +24,8 @@ from edtk.verbs.inputs import (
     files_of,
     name_of,
     plan_of,
+    require_output,
 )
-from edtk.verbs.require_output import require_output
 
 if TYPE_CHECKING:
     from edtk.calibration.calibration import Calibration

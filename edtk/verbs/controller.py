@@ -3,18 +3,15 @@
 from dataclasses import replace
 from pathlib import Path
 
-from edtk.inference.controller_search.find_controller import find_controller
-from edtk.inference.controller_search.found_controller import FoundController
-from edtk.inference.controller_search.positions import Positions
-from edtk.inference.geometry.marker_positions import MarkerPositions
-from edtk.inference.geometry.read_positions import read_positions
-from edtk.model.load_robot import load_robot
-from edtk.model.robot import Robot
-from edtk.study.toml_text import toml_text
-from edtk.system.atomic_file import write_text
+from edtk.fit.controller.find_controller import FoundController, find_controller
+from edtk.fit.controller.fits import Positions
+from edtk.fit.geometry.marker_positions import MarkerPositions, read_positions
+from edtk.robots.load_robot import load_robot
+from edtk.robots.robot import Robot
+from edtk.study.study_toml import toml_text
 from edtk.system.errors import UserError
-from edtk.verbs.inputs import errors_in, name_of
-from edtk.verbs.require_output import require_output
+from edtk.system.files import write_text
+from edtk.verbs.inputs import errors_in, name_of, require_output
 
 
 def controller(

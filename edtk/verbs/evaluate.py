@@ -7,7 +7,7 @@ from edtk.study.evaluate import evaluate as evaluate_plan
 from edtk.verbs.inputs import PlanLike, StudyLike, as_plan, as_study, errors_in, name_of
 
 if TYPE_CHECKING:
-    from edtk.calibration.geometry_design.geometry_evaluation import GeometryEvaluation
+    from edtk.calibration.geometry_design.evaluate_geometry import GeometryEvaluation
 
 
 def evaluate(study: StudyLike, plan: PlanLike) -> "Evaluation | GeometryEvaluation":

@@ -6,16 +6,24 @@ from edtk.calibration.calibrate import calibrate
 from edtk.calibration.calibration import Calibration
 from edtk.calibration.geometry.calibrate_geometry import calibrate_geometry
 from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
-from edtk.calibration.inference_data import inference_data
-from edtk.report.calibration_files import NAMES, calibration_files
-from edtk.report.geometry_files import geometry_files
+from edtk.calibration.posterior_check import inference_data
+from edtk.measure.pose_table import Table, path_of
+from edtk.report.calibration_report import NAMES, calibration_files
+from edtk.report.geometry_report import geometry_files
 from edtk.study.study import Study
-from edtk.system.atomic_file import Content, write_files
 from edtk.system.errors import ArgumentError
-from edtk.tables.pose_table import Table, path_of
-from edtk.verbs.inputs import PlanLike, StudyLike, as_plan, as_study, as_table, files_of
-from edtk.verbs.require_output import require_folder, require_output
-from edtk.verbs.sampling import Sampling
+from edtk.system.files import Content, write_files
+from edtk.verbs.bayes import Sampling
+from edtk.verbs.inputs import (
+    PlanLike,
+    StudyLike,
+    as_plan,
+    as_study,
+    as_table,
+    files_of,
+    require_folder,
+    require_output,
+)
 
 
 def identify(

@@ -1,17 +1,31 @@
-"""Inputs of a verb: a path, a table, or what another verb returns."""
+"""Inputs and outputs of verbs: checked before the work, so that no result is lost in the end."""
 
-from collections.abc import Iterator, Mapping
+import os
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass
+from itertools import combinations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, TypeGuard
 
+import criteria
 from edtk.design.plan import Plan
+from edtk.measure.pose_table import Table, path_of
 from edtk.study.study import Study, load_study
 from edtk.system.errors import ArgumentError, UserError
-from edtk.tables.pose_table import Table, path_of
+from edtk.system.files import (
+    STANDARD_OUTPUT,
+    Content,
+    is_standard_output,
+    require_writable,
+    write_files,
+)
+from edtk.system.workers import Workers, WorkersLostError, open_workers
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from edtk.design.design_space import DesignSpace
 
 
 class HasPlan(Protocol):
@@ -122,7 +136,7 @@ def errors_in(where: Path | str) -> Iterator[None]:
     Raises:
         UserError: A plan or sheet leaves parameters open, or a file cannot be used.
     """
-    from edtk.inference.least_squares import SingularPlanError
+    from edtk.fit.least_squares import SingularPlanError
 
     try:
         yield
@@ -131,3 +145,186 @@ def errors_in(where: Path | str) -> Iterator[None]:
     except OSError as error:
         # Without a name it is none of the files that were asked for: memory of workers, say.
         raise UserError(error.strerror or str(error), where=error.filename) from error
+
+
+def require_output(path: Path | str | None, *inputs: Path | str | None) -> None:
+    """Check, before long work, that a file can be written.
+
+    The file must be neither an input of the same call nor a sheet with measurements in it.
+
+    Args:
+        path: The file to write; None and standard output (`-`) are always fine.
+        inputs: The files that the call reads; None entries do not count.
+
+    Raises:
+        UserError: The file is an input, or holds measurements.
+        OSError: The file cannot be written.
+    """
+    if path is None or Path(path) == STANDARD_OUTPUT:
+        return
+    if any(other is not None and _same(path, other) for other in inputs):
+        raise UserError("is read by this command; expected another file to write", where=path)
+    require_writable(path)
+    if Path(path).exists():
+        from edtk.calibration.template import is_filled
+
+        if is_filled(Path(path)):
+            raise UserError("has measurements in it; expected another file to write", where=path)
+
+
+def require_different(**outputs: Path | str | None) -> None:
+    """Check that the files that a call writes are not the same.
+
+    Args:
+        outputs: The files by argument; None entries do not count.
+
+    Raises:
+        ArgumentError: Two arguments name the same file.
+    """
+    given = {argument: path for argument, path in outputs.items() if path is not None}
+    for first, second in combinations(given, 2):
+        both_printed = is_standard_output(given[first]) and is_standard_output(given[second])
+        if both_printed or _same(given[first], given[second]):
+            raise ArgumentError(
+                "another output goes there, too; expected a place of its own",
+                argument=second,
+                given=given[second],
+            )
+
+
+def require_file(path: Path | str | None) -> None:
+    """Check that an output is no standard output: it is read as well.
+
+    Raises:
+        UserError: It is standard output.
+    """
+    if path is not None and Path(path) == STANDARD_OUTPUT:
+        raise UserError("is standard output; expected a file", where=path)
+
+
+def require_folder(path: Path | str | None) -> None:
+    """Check that an output of several files is no standard output.
+
+    Raises:
+        UserError: It is standard output.
+    """
+    if path is not None and Path(path) == STANDARD_OUTPUT:
+        raise UserError("is standard output; expected a folder for several files", where=path)
+
+
+def _same(first: Path | str, second: Path | str) -> bool:
+    """Whether two paths lead to the same file, through links or not."""
+    return os.path.realpath(first) == os.path.realpath(second)
+
+
+CriterionLike = criteria.Criterion | str | Mapping[str, Any]
+
+
+def for_criterion(study: Study, criterion: CriterionLike | None) -> tuple[Study, str | None]:
+    """The study that asks for a criterion, and the criterion's name in it.
+
+    A name stands for the criterion with what the study says of it. A table with parameters, or a
+    criterion that needs some, becomes the study's own key `criterion`.
+
+    Args:
+        study: The study.
+        criterion: What is asked for; None for the criterion that the study is about.
+
+    Raises:
+        UserError: The study cannot have such a criterion.
+        CriterionError: There is no such criterion, or its parameters are wrong.
+    """
+    if criterion is None or isinstance(criterion, str):
+        return study, criterion
+    if isinstance(criterion, criteria.Criterion):
+        if not criterion.needs_parameters:
+            return study, criterion.name
+        criterion = criterion.to_dict()
+    if study.specification.parameters is not None:
+        name = str(criterion.get("name"))  # which parameters it has only the design knows
+    else:
+        name = criteria.as_criterion(criterion, study.specification.joints.unknown).name
+    return study.replace(criterion=dict(criterion)), name
+
+
+@contextmanager
+def workers_for(workers: int | None, dask: str | None) -> Iterator[Workers]:
+    """Workers that are open as long as the block runs.
+
+    Args:
+        workers: Processes on this machine; None for one a core.
+        dask: Address of a Dask scheduler; None for this machine.
+
+    Raises:
+        ArgumentError: Both are given, no scheduler answers there, or its workers are lost.
+    """
+    if workers is not None and dask is not None:
+        message = "a cluster's own workers do the work; expected one of both options"
+        raise ArgumentError(message, argument="workers", given=workers)
+    try:
+        with open_workers(workers, dask) as found:
+            yield found
+    except WorkersLostError as error:
+        raise ArgumentError(str(error), argument="dask") from error
+
+
+def setting_of(study: "Study", space: "DesignSpace | None" = None) -> dict[str, Any]:
+    """Robot, load, noise, constraints and tasks of a study as plain data.
+
+    Args:
+        study: The study, of compliances or of geometry.
+        space: The design space that was searched; defaults to the study's.
+    """
+    if study.specification.parameters is not None:
+        from edtk.calibration.geometry_design.geometry_question import (
+            GeometryQuestion,
+            geometry_setting,
+        )
+
+        return geometry_setting(GeometryQuestion.of(study))
+    from edtk.certificate.setting_to_dict import setting_to_dict
+
+    return setting_to_dict(study, study.space if space is None else space)
+
+
+@dataclass(frozen=True)
+class TableAndCertificate:
+    """Where they go; both may be standard output, `-`, but not at once.
+
+    Attributes:
+        out: The table (CSV); None for none.
+        certificate: What proves the numbers (JSON); None for none.
+    """
+
+    out: Path | str | None
+    certificate: Path | str | None
+
+    def require(self, *inputs: Path | str | None) -> None:
+        """Check, before long work, that both can be written.
+
+        Args:
+            inputs: The files that the call reads; None entries do not count.
+
+        Raises:
+            UserError: They are the same file, or one of them is an input or holds measurements.
+            OSError: A file cannot be written.
+        """
+        require_different(out=self.out, certificate=self.certificate)
+        for path in (self.out, self.certificate):
+            require_output(path, *inputs)
+
+    def write(self, table: Callable[[], "pd.DataFrame"], proof: Callable[[], str]) -> None:
+        """Write what was asked for, both files or none.
+
+        Args:
+            table: Makes the table.
+            proof: Makes the text of the certificate.
+        """
+        from edtk.measure.cells import csv_text
+
+        files: dict[Path, Content] = {}
+        if self.out is not None:
+            files[Path(self.out)] = csv_text(table())
+        if self.certificate is not None:
+            files[Path(self.certificate)] = proof()
+        write_files(files)

@@ -9,20 +9,18 @@ from pathlib import Path
 import numpy as np
 from pydantic import ValidationError
 
-from edtk.model.controller_table import ControllerTable
-from edtk.model.load_robot import URDF, builtin_robots, load_robot
-from edtk.model.robot import Robot
-from edtk.model.urdf.load_urdf import XACRO, arm_in
-from edtk.study.first_choices import first_choices
-from edtk.study.new_study_text import new_study_text
-from edtk.study.read_toml import read_toml
+from edtk.robots.controller import ControllerTable
+from edtk.robots.load_robot import URDF, builtin_robots, load_robot
+from edtk.robots.robot import Robot
+from edtk.robots.urdf.load_urdf import XACRO, arm_in
+from edtk.study.new_study import first_choices, new_study_text
 from edtk.study.study import Study, load_study
-from edtk.system.atomic_file import write_text
+from edtk.study.study_toml import read_toml
 from edtk.system.errors import ArgumentError, UserError
-from edtk.system.first_error import first_error
-from edtk.system.parse_toml import parse_toml
-from edtk.verbs.inputs import errors_in
-from edtk.verbs.require_output import require_file, require_output
+from edtk.system.fields import first_error
+from edtk.system.files import write_text
+from edtk.system.parsing import parse_toml
+from edtk.verbs.inputs import errors_in, require_file, require_output
 
 LEAST_KG = 1e-3
 MOST_KG = 1e5

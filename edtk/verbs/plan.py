@@ -9,18 +9,22 @@ from numpy.typing import ArrayLike
 from edtk.design.exact.exact_plan import ExactPlan
 from edtk.design.problem import Problem
 from edtk.design.region import Region
-from edtk.study.run_options import Progress, no_progress
+from edtk.study.plan_study import Progress, no_progress
 from edtk.study.study import Study
-from edtk.system.errors import ArgumentError
-from edtk.system.whole_number import whole_number
-from edtk.verbs.for_criterion import CriterionLike, for_criterion
-from edtk.verbs.inputs import PlanLike, StudyLike, as_study
-from edtk.verbs.plan_of_study import plan_of_study
-from edtk.verbs.table_and_certificate import TableAndCertificate
+from edtk.system.errors import ArgumentError, whole_number
+from edtk.verbs.inputs import (
+    CriterionLike,
+    PlanLike,
+    StudyLike,
+    TableAndCertificate,
+    as_study,
+    for_criterion,
+)
+from edtk.verbs.plan_study import plan_compliances
 
 if TYPE_CHECKING:
     from edtk.design.exact.counts.problem_plan import ProblemPlan
-    from edtk.design.exact.region_plan import RegionPlan
+    from edtk.design.exact.plan_region import RegionPlan
 
 FIXED = float("inf")  # variance of effects of blocks of which nothing is known
 
@@ -231,7 +235,7 @@ def _of_region(
     starts: int | None,
 ) -> "RegionPlan":
     """The plan of a region, and its table."""
-    from edtk.verbs.plan_region import plan_region
+    from edtk.verbs.plan_problem import plan_region
 
     files = TableAndCertificate(out, None)
     files.require()
@@ -262,7 +266,7 @@ def _of_study(
         if options[argument] is not None:
             whole_number(options[argument], argument, 1)
     if study.specification.parameters is not None:
-        from edtk.verbs.plan_geometry import plan_geometry
+        from edtk.verbs.plan_study import plan_geometry
 
         return plan_geometry(
             study, size, criterion, seed, keep, progress, cost_budget=cost_budget, **options
@@ -270,7 +274,7 @@ def _of_study(
     _require_none({"cost_budget": cost_budget}, "a study")
     m = _given(size)
     asked, name = for_criterion(study, criterion)
-    return plan_of_study(asked, m, name, seed, keep, progress, **options)
+    return plan_compliances(asked, m, name, seed, keep, progress, **options)
 
 
 def _given(size: int | None) -> int:

@@ -1,4 +1,4 @@
-"""`edtk.plan` of a problem of arrays: its arguments, checked."""
+"""`edtk.plan` of a problem of arrays or of a region: its arguments, checked."""
 
 from collections.abc import Callable, Sequence
 from numbers import Real
@@ -7,17 +7,50 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 import criteria
+from edtk.design.exact import plan_region as exact
 from edtk.design.exact.counts.find_counts import find_counts
 from edtk.design.exact.counts.limits import ROUNDING, Limits
 from edtk.design.exact.counts.problem_plan import ProblemPlan
+from edtk.design.exact.plan_region import RegionPlan
+from edtk.design.information import Rows
 from edtk.design.problem import Problem
-from edtk.design.rows import Rows
-from edtk.system.errors import ArgumentError
+from edtk.design.region import Region
+from edtk.study.plan_study import Progress
+from edtk.system.errors import ArgumentError, whole_number
 from edtk.system.typing import Array, Indices
-from edtk.system.whole_number import whole_number
-from edtk.verbs.for_criterion import CriterionLike
+from edtk.verbs.inputs import CriterionLike
 
 MOST_PLACES = 5000  # experiments of a plan: a search looks at each of them in turn
+
+
+def plan_region(
+    region: Region,
+    size: int,
+    criterion: CriterionLike,
+    seed: int,
+    starts: int | None,
+    keep: object,
+    progress: Progress,
+) -> RegionPlan:
+    """Search for the best plan in a region; the arguments are those of `edtk.plan`.
+
+    Raises:
+        ArgumentError: An argument is impossible.
+        UserError: So few experiments cannot identify the parameters.
+    """
+    if keep is not None and not isinstance(keep, Problem):
+        raise ArgumentError("expected a Problem of the experiments at hand", argument="keep")
+    criterion = criteria.as_criterion(criterion, region.parameters)
+    number = None if starts is None else whole_number(starts, "starts", 1)
+    return exact.plan_region(
+        region,
+        whole_number(size, "size", 1),
+        criterion,
+        whole_number(seed, "seed", 0),
+        number,
+        keep,
+        progress,
+    )
 
 
 def plan_problem(

@@ -4,14 +4,21 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
+from edtk.calibration.geometry.geometric_calibration import GeometricCalibration, read_result
 from edtk.calibration.geometry.prediction import Prediction, predict_positions
-from edtk.calibration.geometry.read_result import read_result
 from edtk.design.plan import REPEATS
-from edtk.system.atomic_file import write_files
-from edtk.tables.csv_text import csv_text
-from edtk.verbs.inputs import PlanLike, StudyLike, as_study, as_table, files_of, name_of, plan_of
-from edtk.verbs.require_output import require_output
+from edtk.measure.cells import csv_text
+from edtk.system.files import write_files
+from edtk.verbs.inputs import (
+    PlanLike,
+    StudyLike,
+    as_study,
+    as_table,
+    files_of,
+    name_of,
+    plan_of,
+    require_output,
+)
 
 
 def predict(

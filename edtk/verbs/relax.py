@@ -12,9 +12,7 @@ if TYPE_CHECKING:
     from edtk.design.relaxation.relaxed_plan import RelaxedPlan
     from edtk.design.relaxation.relaxed_region import RelaxedRegion
     from edtk.study.study import Study
-    from edtk.verbs.for_criterion import CriterionLike
-    from edtk.verbs.inputs import StudyLike
-    from edtk.verbs.table_and_certificate import TableAndCertificate
+    from edtk.verbs.inputs import CriterionLike, StudyLike, TableAndCertificate
 
 Progress = Callable[[str, float], object]
 MEMORY_MB = 1000.0
@@ -118,10 +116,8 @@ def relax(
         asked = "D" if criterion is None else criterion
         return _relax_region(question, asked, candidates, size, progress, out, certificate)
     from edtk.design.relaxation.relax_poses import PlanInterrupted
-    from edtk.study.run_options import RunOptions
-    from edtk.verbs.for_criterion import for_criterion
-    from edtk.verbs.inputs import as_study, errors_in
-    from edtk.verbs.table_and_certificate import TableAndCertificate
+    from edtk.study.plan_study import RunOptions
+    from edtk.verbs.inputs import TableAndCertificate, as_study, errors_in, for_criterion
 
     study = as_study(question)
     files = TableAndCertificate(out, certificate)
@@ -152,10 +148,10 @@ def relax(
 def _relaxed_by(study: "Study") -> Callable[..., "RelaxedPlan"]:
     """What relaxes a study: of geometry, or of compliances alone."""
     if study.specification.parameters is not None:
-        from edtk.calibration.geometry_design.relax_geometry import relax_geometry
+        from edtk.calibration.geometry_design.plan_geometry import relax_geometry
 
         return relax_geometry
-    from edtk.study.relax_study import relax_study
+    from edtk.study.plan_study import relax_study
 
     return relax_study
 
@@ -165,7 +161,7 @@ def _write(study: "Study", found: "RelaxedPlan", files: "TableAndCertificate") -
 
     def proof() -> str:
         from edtk.certificate.certificate import certificate_text
-        from edtk.verbs.setting_of import setting_of
+        from edtk.verbs.inputs import setting_of
 
         return certificate_text(study, found, setting_of(study, found.space))
 
@@ -191,9 +187,9 @@ def _relax_problem(
     """The relaxation over the candidates of a problem of arrays."""
     import criteria
     from edtk.design.relaxation.relax import relax as relax_candidates
-    from edtk.system.json_text import json_text
-    from edtk.system.whole_number import whole_number
-    from edtk.verbs.table_and_certificate import TableAndCertificate
+    from edtk.system.errors import whole_number
+    from edtk.system.parsing import json_text
+    from edtk.verbs.inputs import TableAndCertificate
 
     criterion = criteria.as_criterion(criterion, problem.parameters)
     files = TableAndCertificate(out, certificate)
@@ -216,11 +212,11 @@ def _relax_region(
 ) -> "RelaxedRegion":
     """The relaxation over all points of a region, and its files."""
     import criteria
-    from edtk.design.relaxation.region_grid import POINTS
     from edtk.design.relaxation.relax_region import relax_region
-    from edtk.system.json_text import json_text
-    from edtk.system.whole_number import whole_number
-    from edtk.verbs.table_and_certificate import TableAndCertificate
+    from edtk.design.relaxation.search_region import POINTS
+    from edtk.system.errors import whole_number
+    from edtk.system.parsing import json_text
+    from edtk.verbs.inputs import TableAndCertificate
 
     criterion = criteria.as_criterion(criterion, region.parameters)
     files = TableAndCertificate(out, certificate)

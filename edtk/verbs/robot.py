@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
-from edtk.model.load_robot import load_robot
-from edtk.model.robot_overview import RobotOverview
-from edtk.model.urdf.load_urdf import OpenLimitsError
-from edtk.verbs.require_output import require_output
+from edtk.robots.load_robot import load_robot
+from edtk.robots.robot_overview import RobotOverview
+from edtk.robots.urdf.load_urdf import OpenLimitsError
+from edtk.verbs.inputs import require_output
 
 STAND_IN = {"revolute": (-3.141592653589793, 3.141592653589793), "prismatic": (-1.0, 1.0)}
 
@@ -32,7 +32,7 @@ def robot(
         UserError: The robot or the picture's name is not valid.
         OSError: The picture cannot be written.
     """
-    from edtk.report.picture_file import picture_file, require_picture
+    from edtk.report.figures import picture_file, require_picture
 
     if plot is not None:
         require_picture(plot)

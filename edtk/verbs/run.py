@@ -11,19 +11,21 @@ from criteria import Criterion
 from edtk.certificate.certificate import certificate_text, is_certifiable
 from edtk.design.exact.exact_plan import ExactPlan
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
-from edtk.report.comparison_files import comparison_files
-from edtk.study.designs import Designs
-from edtk.study.run_files import KINDS, run_files
-from edtk.study.run_options import Progress, RunOptions, no_progress
+from edtk.report.comparison_report import comparison_files
+from edtk.study.plan_study import Progress, RunOptions, no_progress
 from edtk.study.run_study import run_study
 from edtk.study.study import Study
-from edtk.study.study_run import StudyRun
-from edtk.system.atomic_file import Content, made_folder, sweep, write_files
+from edtk.study.study_run import KINDS, Designs, StudyRun, run_files
 from edtk.system.errors import UserError
-from edtk.system.folder_lock import FolderLock
-from edtk.verbs.inputs import StudyLike, as_study, errors_in
-from edtk.verbs.require_output import require_folder, require_output
-from edtk.verbs.workers_for import workers_for
+from edtk.system.files import Content, FolderLock, made_folder, sweep, write_files
+from edtk.verbs.inputs import (
+    StudyLike,
+    as_study,
+    errors_in,
+    require_folder,
+    require_output,
+    workers_for,
+)
 
 # Names of files that a run writes; others in the folder are left alone.
 PLAN = rf"({'|'.join(KINDS)})_(.+_)?m\d+(_k\d+)?"
@@ -83,7 +85,7 @@ def _designs_of(study: Study) -> Callable[[Study], Designs]:
     """What tells the designs of a study: of compliances, or of geometry."""
     if study.specification.parameters is None:
         return Designs
-    from edtk.calibration.geometry_design.geometry_designs import GeometryDesigns
+    from edtk.calibration.geometry_design.evaluate_geometry import GeometryDesigns
 
     return GeometryDesigns.of
 
@@ -134,7 +136,7 @@ def _setting(found: StudyRun) -> dict[str, Any] | None:
     """The setting of a study of geometry; None for the usual one."""
     if found.study.specification.parameters is None:
         return None
-    from edtk.verbs.setting_of import setting_of
+    from edtk.verbs.inputs import setting_of
 
     return setting_of(found.study)
 

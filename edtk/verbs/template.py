@@ -3,14 +3,20 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from edtk.calibration.require_empty import require_empty
+from edtk.calibration.template import require_empty, write_template
 from edtk.calibration.template import template as empty_sheet
-from edtk.calibration.template import write_template
 from edtk.study.study import Study
-from edtk.system.atomic_file import is_standard_output
 from edtk.system.errors import ArgumentError, UserError
-from edtk.verbs.inputs import PlanLike, StudyLike, as_plan, as_study, files_of, name_of
-from edtk.verbs.require_output import require_output
+from edtk.system.files import is_standard_output
+from edtk.verbs.inputs import (
+    PlanLike,
+    StudyLike,
+    as_plan,
+    as_study,
+    files_of,
+    name_of,
+    require_output,
+)
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -63,7 +69,7 @@ def template(
             where=name_of(plan, "plan"),
         )
     if geometry:
-        from edtk.calibration.geometry_design.position_sheet import position_sheet
+        from edtk.calibration.geometry_design.geometry_plan import position_sheet
 
         table = position_sheet(question, measured)
     else:

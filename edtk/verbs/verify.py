@@ -8,14 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from edtk.certificate.verification import Claim, Verification
-from edtk.certificate.verify_certificate import verify_certificate
+from edtk.certificate.verify_certificate import Claim, Verification, verify_certificate
 from edtk.certificate.verify_problem import verify_problem
 from edtk.design.problem import Problem
-from edtk.design.relaxation.store import CERTIFICATE
+from edtk.design.relaxation.certify import CERTIFICATE
 from edtk.system.errors import ArgumentError, UserError
-from edtk.system.parse_json import parse_json
-from edtk.system.read_text import read_text
+from edtk.system.files import read_text
+from edtk.system.parsing import parse_json
 
 if TYPE_CHECKING:
     from edtk.calibration.geometry_design.day_costs import DayCosts
@@ -111,8 +110,7 @@ def _beside_study(
     """The claims that a certificate's setting, and what it asks, are those of a study."""
     # Imported late: studies bring pydantic, which the check of a file alone need not pay.
     from edtk.calibration.geometry_design.day_costs import DayCosts
-    from edtk.verbs.inputs import as_plan, as_study
-    from edtk.verbs.setting_of import setting_of
+    from edtk.verbs.inputs import as_plan, as_study, setting_of
 
     known = as_study(study)
     expected = json.loads(json.dumps(setting_of(known)))

@@ -20,8 +20,8 @@ from threadpoolctl import threadpool_limits
 
 import edtk
 from edtk import Problem
-from edtk.report.markdown_table import markdown_table
-from edtk.system.atomic_file import write_text
+from edtk.report.tables import markdown_table
+from edtk.system.files import write_text
 
 HERE = Path(__file__).parent
 STARTS = 200

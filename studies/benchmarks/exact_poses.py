@@ -21,8 +21,8 @@ from measure import Measured, machine, measure
 from tqdm import tqdm
 
 import edtk
-from edtk.report.markdown_table import markdown_table
-from edtk.system.atomic_file import write_text
+from edtk.report.tables import markdown_table
+from edtk.system.files import write_text
 
 HERE = Path(__file__).parent
 CRITERIA = ("D", "A", "rho0")

@@ -25,9 +25,9 @@ import edtk
 from criteria.linalg.inverse import whitener
 from edtk import Problem, Study, criteria, load_study, relax
 from edtk.design.candidate_source import CandidateSource
-from edtk.model.robot_to_dict import robot_to_dict
-from edtk.report.markdown_table import markdown_table
-from edtk.system.atomic_file import write_files
+from edtk.report.tables import markdown_table
+from edtk.robots.robot_file import robot_to_dict
+from edtk.system.files import write_files
 
 HERE = Path(__file__).parent
 STUDY = HERE.parent / "kr270_milling.toml"

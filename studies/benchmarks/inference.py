@@ -18,15 +18,14 @@ import numpy as np
 from measure import machine, measure
 
 from edtk import Plan, load_study
-from edtk.inference.identify import identify
-from edtk.inference.least_squares import estimate
-from edtk.inference.measurements import Measurements
-from edtk.inference.noise import Noise
-from edtk.inference.sample_posterior import sample_posterior
-from edtk.inference.simulate import simulate
-from edtk.report.markdown_table import markdown_table
-from edtk.system.atomic_file import write_text
-from edtk.tables.sheet_columns import DEFLECTION_COLUMNS, MARKER_COLUMNS
+from edtk.fit.identify import identify
+from edtk.fit.least_squares import estimate
+from edtk.fit.measurements import Measurements, simulate
+from edtk.fit.noise import Noise
+from edtk.fit.posterior import sample_posterior
+from edtk.measure.pose_table import DEFLECTION_COLUMNS, MARKER_COLUMNS
+from edtk.report.tables import markdown_table
+from edtk.system.files import write_text
 
 HERE = Path(__file__).parent
 STUDY = HERE.parent / "kr270_milling.toml"

@@ -18,10 +18,10 @@ import criteria
 from edtk import Problem, load_study
 from edtk.design.candidate_source import CandidateSource
 from edtk.design.exact.exchange_costs import exchange_costs
-from edtk.design.interior_point.neighbourhood import Neighbourhood
-from edtk.design.relaxation.log_cost import LogCost
-from edtk.report.markdown_table import markdown_table
-from edtk.system.atomic_file import write_text
+from edtk.design.interior_point.objective import Neighbourhood
+from edtk.design.relaxation.settle import LogCost
+from edtk.report.tables import markdown_table
+from edtk.system.files import write_text
 
 HERE = Path(__file__).parent
 NAMES = ("A", "D", "E", "G", "O5")

@@ -19,9 +19,9 @@ from tqdm import tqdm
 from edtk import Problem, Study, relax
 from edtk.design.candidate_source import CandidateSource
 from edtk.design.exact.exact_plan import ExactPlan
-from edtk.report.markdown_table import markdown_table
+from edtk.report.tables import markdown_table
 from edtk.study.plan_study import plan_study
-from edtk.system.atomic_file import write_text
+from edtk.system.files import write_text
 
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE.parent))

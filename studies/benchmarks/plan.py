@@ -23,14 +23,12 @@ from tqdm import tqdm
 
 from edtk import Study, exchange, load_study
 from edtk.design.candidate_source import CandidateSource
-from edtk.design.design_space import DesignSpace
-from edtk.design.experiments import Experiments
+from edtk.design.design_space import DesignSpace, Experiments
 from edtk.design.interior_point.descend import descend
-from edtk.design.interior_point.neighbourhood import Neighbourhood
-from edtk.design.interior_point.objective import Local
-from edtk.design.relaxation.log_cost import LogCost
-from edtk.report.markdown_table import markdown_table
-from edtk.system.atomic_file import write_text
+from edtk.design.interior_point.objective import Local, Neighbourhood
+from edtk.design.relaxation.settle import LogCost
+from edtk.report.tables import markdown_table
+from edtk.system.files import write_text
 from edtk.system.typing import Array, Indices
 
 HERE = Path(__file__).parent

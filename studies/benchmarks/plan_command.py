@@ -21,8 +21,8 @@ import numpy as np
 from measure import machine
 from tqdm import tqdm
 
-from edtk.report.markdown_table import markdown_table
-from edtk.system.atomic_file import write_text
+from edtk.report.tables import markdown_table
+from edtk.system.files import write_text
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]

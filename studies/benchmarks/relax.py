@@ -25,9 +25,9 @@ from criteria.linalg.inverse import whitener
 from edtk import Problem, Study, load_study, relax
 from edtk.design.candidate_source import CandidateSource
 from edtk.design.relaxation.relax_poses import relax_poses
-from edtk.report.markdown_table import markdown_table
-from edtk.report.png import png
-from edtk.system.atomic_file import write_files
+from edtk.report.figures import png
+from edtk.report.tables import markdown_table
+from edtk.system.files import write_files
 
 HERE = Path(__file__).parent
 STUDY = HERE.parent / "kr270_milling.toml"

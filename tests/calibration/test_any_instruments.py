@@ -7,22 +7,22 @@ from scipy.spatial.transform import Rotation
 
 from edtk.calibration.calibrate import calibrate
 from edtk.calibration.compensate import compensate
-from edtk.calibration.planned_measurements import planned_measurements
+from edtk.calibration.planned import planned_measurements
 from edtk.calibration.template import template
 from edtk.design.plan import Plan
-from edtk.inference.run_chain import Demand
-from edtk.inference.sample_posterior import SamplingOptions
-from edtk.inference.whiten import whiten_columns
-from edtk.model.load_robot import load_robot
-from edtk.model.robot import Robot
-from edtk.model.robot_to_dict import robot_to_dict
-from edtk.model.transform import transform
+from edtk.fit.correlated_noise import whiten_columns
+from edtk.fit.posterior import SamplingOptions
+from edtk.fit.run_chain import Demand
+from edtk.measure.compliances import Compliances
+from edtk.measure.pose_table import TURN_COLUMN
 from edtk.report.calibration_report import calibration_report
-from edtk.report.text.calibration import calibration as calibration_text
+from edtk.report.views.calibration import calibration_text
+from edtk.robots.load_robot import load_robot
+from edtk.robots.robot import Robot
+from edtk.robots.robot_file import robot_to_dict
+from edtk.robots.rotations import transform
 from edtk.study.study import Study
 from edtk.system.errors import UserError
-from edtk.tables.compliances import Compliances
-from edtk.tables.sheet_columns import TURN_COLUMN
 
 G = 9.80665
 K = np.array([0.2, 0.3, 0.4, 2.8, 2.9, 2.1]) * 1e-6

@@ -8,13 +8,12 @@ from kr270 import REQUIRED, TEST_POSE
 from scipy.spatial.transform import Rotation
 
 from edtk.calibration.fitted_data import FittedData
-from edtk.calibration.plan_budget import plan_budget
-from edtk.calibration.planned_measurements import planned_measurements
+from edtk.calibration.planned import plan_budget, planned_measurements
 from edtk.design.plan import Plan
-from edtk.inference.least_squares import Whitened
-from edtk.model.load_robot import load_robot
-from edtk.model.robot_to_dict import robot_to_dict
-from edtk.report.text.error_budget import error_budget as text
+from edtk.fit.least_squares import Whitened
+from edtk.report.views.calibration import error_budget as text
+from edtk.robots.load_robot import load_robot
+from edtk.robots.robot_file import robot_to_dict
 from edtk.study.study import Study
 
 K = np.array([0.3, 0.4, 2.8, 2.9, 2.1]) * 1e-6

@@ -8,17 +8,17 @@ import pandas as pd
 import pytest
 
 from edtk.calibration.calibrate import calibrate
-from edtk.calibration.plan_bias import plan_bias
+from edtk.calibration.planned import plan_bias
 from edtk.calibration.template import template
-from edtk.inference.run_chain import Demand
-from edtk.inference.sample_posterior import SamplingOptions
-from edtk.inference.simulate import simulate
-from edtk.report.calibration_files import calibration_files
+from edtk.fit.measurements import simulate
+from edtk.fit.posterior import SamplingOptions
+from edtk.fit.run_chain import Demand
+from edtk.measure.compliances import load_compliances
+from edtk.report.calibration_report import calibration_files
 from edtk.study.evaluate import evaluate
 from edtk.study.study import load_study
-from edtk.system.atomic_file import write_files
 from edtk.system.errors import UserError
-from edtk.tables.compliances import load_compliances
+from edtk.system.files import write_files
 
 pytestmark = pytest.mark.slow
 

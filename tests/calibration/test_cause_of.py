@@ -2,7 +2,7 @@
 
 import pytest
 
-from edtk.calibration.cause_of import cause_of
+from edtk.calibration.cause_wording import cause_of
 from edtk.calibration.finding import Finding, Kind
 
 INCHES = Finding(Kind.LENGTH_UNIT, data={"unit": "inches"})

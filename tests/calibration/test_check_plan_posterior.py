@@ -5,11 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from edtk.calibration.check_plan_posterior import check_plan_posterior
-from edtk.inference.least_squares import SingularPlanError
-from edtk.inference.noise import Noise
-from edtk.inference.run_chain import Demand
-from edtk.inference.sample_posterior import SamplingOptions
+from edtk.calibration.planned import check_plan_posterior
+from edtk.fit.least_squares import SingularPlanError
+from edtk.fit.noise import Noise
+from edtk.fit.posterior import SamplingOptions
+from edtk.fit.run_chain import Demand
 from edtk.study.study import load_study
 
 pytestmark = pytest.mark.slow

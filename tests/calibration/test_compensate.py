@@ -11,20 +11,20 @@ from click.testing import CliRunner
 
 from edtk.calibration.calibrate import calibrate
 from edtk.calibration.compensate import BAND, compensate
-from edtk.calibration.task_doubts import task_doubts
+from edtk.calibration.tasks_in_use import task_doubts
 from edtk.cli import main
 from edtk.design.plan import Plan
-from edtk.inference.equilibrium_deflection import equilibrium_deflection
-from edtk.inference.error_quantiles import error_quantiles
-from edtk.inference.identify import identify
-from edtk.inference.simulate import simulate
-from edtk.model.elastostatic_model import ElastostaticModel
-from edtk.model.equilibrium import equilibrium
-from edtk.model.remaining_error import remaining_error
+from edtk.fit.distributions import error_quantiles
+from edtk.fit.equilibrium import equilibrium_deflection
+from edtk.fit.identify import identify
+from edtk.fit.measurements import simulate
+from edtk.measure.compliances import Compliances
+from edtk.measure.elastostatic_model import ElastostaticModel
+from edtk.measure.equilibrium import equilibrium
+from edtk.measure.expected_error import remaining_error
 from edtk.study.evaluate import evaluate
 from edtk.study.study import load_study
 from edtk.system.errors import UserError
-from edtk.tables.compliances import Compliances
 from edtk.verbs.compensate import compensate as commands
 
 pytestmark = pytest.mark.slow

@@ -7,15 +7,15 @@ import pytest
 from readings import PLAN, STUDY
 from scipy.special import chndtr
 
-from edtk.calibration.causes.families import families
+from edtk.calibration.causes.family import families
 from edtk.calibration.detect import detect, sized_faults
-from edtk.calibration.planned_measurements import planned_measurements
+from edtk.calibration.planned import planned_measurements
 from edtk.design.plan import Plan
-from edtk.inference.distributions import chi_square_quantile
-from edtk.inference.least_squares import Whitened
-from edtk.inference.translations import translations
-from edtk.model.load_robot import load_robot
-from edtk.model.robot_to_dict import robot_to_dict
+from edtk.fit.distributions import chi_square_quantile
+from edtk.fit.least_squares import Whitened
+from edtk.fit.measurements import translations
+from edtk.robots.load_robot import load_robot
+from edtk.robots.robot_file import robot_to_dict
 from edtk.system.errors import ArgumentError, UserError
 
 K = STUDY.compliances

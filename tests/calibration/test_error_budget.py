@@ -7,16 +7,15 @@ import pytest
 from readings import PLAN, STUDY
 from scipy.spatial.transform import Rotation
 
-from edtk.calibration import calibration_budget as module
+from edtk.calibration import propagation as module
 from edtk.calibration.fitted_data import FittedData
-from edtk.calibration.propagation import Propagation
-from edtk.calibration.uncertainty import Uncertainty
-from edtk.inference.least_squares import Whitened
-from edtk.inference.measurements import Measurements
-from edtk.inference.prior_rows import PriorRows
-from edtk.model.assumed_joint import AssumedJoint
-from edtk.model.elastostatic_model import ElastostaticModel
-from edtk.model.tasks import Tasks
+from edtk.calibration.propagation import Propagation, Uncertainty
+from edtk.fit.least_squares import Whitened
+from edtk.fit.measurements import Measurements
+from edtk.fit.prior import PriorRows
+from edtk.measure.elastostatic_model import ElastostaticModel
+from edtk.measure.expected_error import AssumedJoint
+from edtk.measure.task import Tasks
 
 MODEL = STUDY.model
 K = STUDY.compliances

@@ -7,11 +7,10 @@ import pandas as pd
 import pytest
 from readings import PLAN, STUDY
 
-from edtk.calibration import inference_data as module
-from edtk.calibration.inference_data import inference_data
-from edtk.calibration.posterior_check import PosteriorCheck
-from edtk.inference.noise import Noise
-from edtk.inference.posterior import Posterior
+from edtk.calibration import posterior_check as module
+from edtk.calibration.posterior_check import PosteriorCheck, inference_data
+from edtk.fit.noise import Noise
+from edtk.fit.posterior import Posterior
 
 pytestmark = pytest.mark.slow  # ArviZ takes seconds to import
 

@@ -2,8 +2,7 @@
 
 from pathlib import Path
 
-from edtk.calibration.is_filled import is_filled
-from edtk.calibration.template import template
+from edtk.calibration.template import is_filled, template
 from edtk.study.study import load_study
 
 STUDY = load_study(Path(__file__).parents[2] / "studies" / "kr270_milling.toml")

@@ -6,16 +6,16 @@ from arm import arm
 
 from edtk.calibration.compensate import compensate
 from edtk.calibration.fitted_data import FittedData
-from edtk.calibration.input_errors.explanation import explanation
+from edtk.calibration.input_errors.readings import explanation
 from edtk.calibration.nonlinear_part import nonlinear_part
-from edtk.calibration.plan_bias import plan_bias
+from edtk.calibration.planned import plan_bias
 from edtk.design.plan import Plan
-from edtk.inference.equilibrium_deflection import equilibrium_deflection
-from edtk.inference.measurements import Measurements
-from edtk.study.assumed_joints import assumed_joints
+from edtk.fit.equilibrium import equilibrium_deflection
+from edtk.fit.measurements import Measurements
+from edtk.measure.compliances import Compliances
 from edtk.study.study import load_study
+from edtk.study.study_model import assumed_joints
 from edtk.system.errors import UserError
-from edtk.tables.compliances import Compliances
 
 K = np.array([3e-6, 5e-6])
 TEST_POSE = {"q_deg": [10, 40], "tool": {"position_mm": [400, 0, 0]}, "load": {"F_N": [0, 0, -50]}}

@@ -3,10 +3,10 @@
 import numpy as np
 from readings import STUDY
 
-from edtk.calibration.linear_model_bias import linear_model_bias
-from edtk.inference.equilibrium_deflection import equilibrium_deflection
-from edtk.inference.least_squares import estimate
-from edtk.inference.measurements import Measurements
+from edtk.calibration.nonlinear_part import linear_model_bias
+from edtk.fit.equilibrium import equilibrium_deflection
+from edtk.fit.least_squares import estimate
+from edtk.fit.measurements import Measurements
 
 
 def test_several_markers():

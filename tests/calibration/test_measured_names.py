@@ -3,7 +3,7 @@
 import pytest
 from arm import arm
 
-from edtk.calibration.measured_names import measured_names
+from edtk.calibration.template import measured_names
 
 PLATE = {"name": "plate", "position_mm": [0, 0, 100]}
 FOREARM = {"name": "forearm", "position_mm": [300, 0, 0], "joint": "q1"}

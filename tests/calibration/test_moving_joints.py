@@ -9,11 +9,10 @@ from edtk.calibration.calibrate import calibrate
 from edtk.calibration.diagnostics.diagnostic import Severity
 from edtk.calibration.finding import Kind
 from edtk.calibration.fitted_data import FittedData
-from edtk.inference.joint_motion import joint_motion
-from edtk.inference.simulate import simulate
-from edtk.inference.visit_covariance import visit_covariance
-from edtk.report.noise_parts import noise_parts
-from edtk.report.text.calibration import calibration as in_text
+from edtk.fit.measurements import joint_motion, simulate
+from edtk.fit.noise import visit_covariance
+from edtk.report.calibration_sections import noise_parts
+from edtk.report.views.calibration import calibration_text as in_text
 from edtk.study.study import load_study
 from tests.support.readings import STUDY
 from tests.support.visits import sheet, visited

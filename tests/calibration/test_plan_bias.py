@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from edtk.calibration.plan_bias import plan_bias
+from edtk.calibration.planned import plan_bias
 from edtk.cli import main
 from edtk.design.plan import Plan
-from edtk.inference.bias import linearisation_bias
+from edtk.fit.equilibrium import linearisation_bias
 from edtk.study.study import load_study
 from edtk.system.errors import UserError
 from edtk.verbs.bayes import bayes

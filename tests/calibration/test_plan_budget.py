@@ -3,7 +3,7 @@
 import pytest
 from readings import PLAN, STUDY
 
-from edtk.calibration.plan_budget import plan_budget
+from edtk.calibration.planned import plan_budget
 from edtk.study.evaluate import evaluate
 
 

@@ -7,8 +7,7 @@ import pytest
 from readings import PLAN, STUDY
 
 import edtk
-from edtk.calibration.plan_budget import plan_budget
-from edtk.calibration.plan_tasks import plan_tasks
+from edtk.calibration.planned import plan_budget, plan_tasks
 from edtk.design.plan import Plan
 from edtk.study.evaluate import evaluate
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from kr270 import REQUIRED, TEST_POSE
 
-from edtk.calibration.pose_error import pose_error
-from edtk.inference.least_squares import Estimate
+from edtk.calibration.posterior_check import pose_error
+from edtk.fit.least_squares import Estimate
 from edtk.study.study import Study
 
 OTHER = TEST_POSE | {"q_deg": [0, -60, 90, 10, 45, 30], "load": {"F_N": [900, -900, 300]}}

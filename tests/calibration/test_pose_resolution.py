@@ -5,10 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from edtk.calibration.match_plan import match_plan
-from edtk.calibration.pose_resolution import pose_resolution
+from edtk.calibration.match_plan import match_plan, pose_resolution
 from edtk.design.plan import Plan
-from edtk.inference.measurements import Measurements
+from edtk.fit.measurements import Measurements
 from edtk.study.study import load_study
 
 STUDY = load_study(Path(__file__).parents[2] / "studies" / "kr270_milling.toml")

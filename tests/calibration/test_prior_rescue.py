@@ -9,17 +9,15 @@ from readings import STUDY, measured
 
 from edtk.calibration.calibrate import calibrate
 from edtk.calibration.calibration import Calibration
-from edtk.calibration.check_plan_posterior import check_plan_posterior
-from edtk.calibration.diagnostics.posterior_diagnostics import posterior_diagnostics
+from edtk.calibration.diagnostics.prior_diagnostics import posterior_diagnostics
 from edtk.calibration.fitted_data import FittedData
+from edtk.calibration.planned import check_plan_posterior
 from edtk.design.plan import Plan
-from edtk.inference.fit_with_prior import fit_with_prior
-from edtk.inference.least_squares import SingularPlanError
-from edtk.inference.posterior import Posterior
-from edtk.inference.prior import Flat, LogNormal, Normal, Prior
-from edtk.inference.run_chain import Demand
-from edtk.inference.sample_posterior import SamplingOptions
-from edtk.study.study_prior import study_prior
+from edtk.fit.least_squares import SingularPlanError
+from edtk.fit.posterior import Posterior, SamplingOptions
+from edtk.fit.prior import Flat, LogNormal, Normal, Prior, fit_with_prior
+from edtk.fit.run_chain import Demand
+from edtk.study.study_parts import study_prior
 
 pytestmark = pytest.mark.slow
 
@@ -75,8 +73,8 @@ def test_one_pose_and_a_prior():
 
 def test_calibrate_needs_to_be_asked(tmp_path):
     """Without a posterior that is to be sampled, a singular sheet is refused as before."""
+    from edtk.measure.pose_table import pose_columns
     from edtk.system.errors import UserError
-    from edtk.tables.pose_columns import pose_columns
 
     study = STUDY.replace(prior=LOG_NORMAL)
     header = [*pose_columns(STUDY.robot), "dx_mm", "dy_mm", "dz_mm"]

@@ -7,8 +7,8 @@ import pytest
 from readings import PLAN, STUDY, readings_of
 
 from edtk.calibration.fitted_data import FittedData
-from edtk.inference.lack_of_fit import lack_of_fit
-from edtk.inference.whiten import whiten
+from edtk.fit.correlated_noise import whiten
+from edtk.fit.outliers import lack_of_fit
 
 POSES = np.random.default_rng(3).uniform(*STUDY.model.robot.limits, size=(5, 6))
 Q = np.repeat(POSES, (5, 3, 2, 1, 1), axis=0)  # the last two poses are measured once

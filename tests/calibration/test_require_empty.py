@@ -4,8 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from edtk.calibration.require_empty import require_empty
-from edtk.calibration.template import template
+from edtk.calibration.template import require_empty, template
 from edtk.study.study import load_study
 from edtk.system.errors import UserError
 

@@ -6,10 +6,8 @@ from readings import PLAN, STUDY
 from scipy.stats import norm
 
 from edtk.calibration.causes.family import Family
-from edtk.calibration.detect import detect, sized_faults
-from edtk.calibration.separations import SizedFamily, right_share, separations
-from edtk.design.detection import Detection
-from edtk.design.separation import ENOUGH
+from edtk.calibration.detect import SizedFamily, detect, right_share, separations, sized_faults
+from edtk.design.detection import ENOUGH, Detection
 
 
 def fault(only_positive=False):

@@ -8,8 +8,8 @@ import pytest
 from click.testing import CliRunner
 
 from edtk.cli import main
-from edtk.inference.least_squares import estimate
-from edtk.inference.simulate import simulate
+from edtk.fit.least_squares import estimate
+from edtk.fit.measurements import simulate
 from edtk.study.study import load_study
 
 pytestmark = pytest.mark.slow

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from edtk.calibration.some_poses import MOST_POSES, some_poses
+from edtk.calibration.match_plan import MOST_POSES, some_poses
 
 
 def test_few_poses_are_all_taken():

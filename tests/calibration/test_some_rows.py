@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from edtk.calibration.some_rows import some_rows
+from edtk.calibration.match_plan import some_rows
 
 
 def test_few_rows_are_all_taken():

@@ -6,18 +6,13 @@ import pytest
 from edtk.calibration.calibrate import calibrate
 from edtk.calibration.diagnostics.diagnostic import Severity
 from edtk.calibration.finding import Kind
-from edtk.calibration.is_filled import is_filled
-from edtk.calibration.plan_budget import plan_budget
-from edtk.calibration.plan_noise import plan_noise, visits_noise
-from edtk.calibration.planned_measurements import planned_measurements
-from edtk.calibration.stated_noise import stated_noise
-from edtk.calibration.template import template
-from edtk.inference.least_squares import estimate
-from edtk.inference.simulate import simulate
-from edtk.inference.whiten import std_of
-from edtk.study.study import load_study
-from edtk.system.errors import UserError
-from edtk.tables.sheet_columns import (
+from edtk.calibration.moving_joints import stated_noise
+from edtk.calibration.planned import plan_budget, plan_noise, planned_measurements, visits_noise
+from edtk.calibration.template import is_filled, template
+from edtk.fit.correlated_noise import std_of
+from edtk.fit.least_squares import estimate
+from edtk.fit.measurements import simulate
+from edtk.measure.pose_table import (
     COVARIANCE_COLUMNS,
     DEFLECTION_COLUMNS,
     MARKER_COLUMNS,
@@ -25,6 +20,8 @@ from edtk.tables.sheet_columns import (
     SIGMA_COLUMN,
     VISIT_COLUMN,
 )
+from edtk.study.study import load_study
+from edtk.system.errors import UserError
 from tests.support.readings import PLAN, STUDY
 from tests.support.visits import sheet, visited
 

@@ -5,8 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from edtk.calibration.require_empty import require_empty
-from edtk.calibration.template import template
+from edtk.calibration.template import require_empty, template
 from edtk.design.plan import Plan
 from edtk.study.study import load_study
 from edtk.system.errors import UserError

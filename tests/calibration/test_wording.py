@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from edtk.calibration.causes.cause import Cause
+from edtk.calibration.causes.family import Cause
 from edtk.calibration.finding import Finding, Kind
 from edtk.calibration.wording import wording
 

@@ -11,7 +11,7 @@ import pytest
 
 import edtk
 from edtk.certificate.certificate import certificate
-from edtk.study.relax_study import relax_study
+from edtk.study.plan_study import relax_study
 
 Content = dict[str, Any]
 KR270 = {

@@ -12,7 +12,7 @@ from click.testing import CliRunner
 from loaded_arm import LOAD, STUDY
 
 import edtk
-from edtk.certificate import largest_sensitivities
+from edtk.certificate import proof as largest_sensitivities
 from edtk.certificate.recompute.day import Day
 from edtk.certificate.verify_certificate import verify_certificate
 from edtk.cli import main

@@ -12,7 +12,7 @@ from click.testing import CliRunner
 from edtk.certificate.certificate import certificate
 from edtk.certificate.verify_certificate import verify_certificate
 from edtk.cli import main
-from edtk.study.relax_study import relax_study
+from edtk.study.plan_study import relax_study
 from edtk.study.study import load_study
 
 pytestmark = pytest.mark.slow

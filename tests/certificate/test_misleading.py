@@ -10,7 +10,7 @@ import pytest
 from loaded_arm import LOAD, STUDY
 
 import edtk
-from edtk.certificate import largest_sensitivities
+from edtk.certificate import proof as largest_sensitivities
 from edtk.design.relaxation import search_continuum
 
 Content = dict[str, Any]

@@ -13,10 +13,9 @@ import pytest
 from short_search import short_search
 
 from edtk.certificate.certificate import certificate
-from edtk.certificate.verification import Verification
-from edtk.model.robot_to_dict import robot_to_dict
-from edtk.study.plan_study import plan_study
-from edtk.study.relax_study import relax_study
+from edtk.certificate.verify_certificate import Verification
+from edtk.robots.robot_file import robot_to_dict
+from edtk.study.plan_study import plan_study, relax_study
 from edtk.study.study import Study, load_study
 from edtk.system.errors import UserError
 from edtk.verbs.verify import verify

@@ -9,7 +9,7 @@ from kr270 import REQUIRED, TEST_POSE
 
 from edtk.certificate.certificate import certificate
 from edtk.certificate.verify_certificate import verify_certificate
-from edtk.study.relax_study import relax_study
+from edtk.study.plan_study import relax_study
 from edtk.study.study import Study
 
 Content = dict[str, Any]

@@ -15,8 +15,7 @@ import criteria
 from edtk.certificate.certificate import certificate
 from edtk.certificate.recompute import values
 from edtk.certificate.verify_certificate import verify_certificate
-from edtk.study.plan_study import plan_study
-from edtk.study.relax_study import relax_study
+from edtk.study.plan_study import plan_study, relax_study
 from edtk.study.study import Study, load_study
 
 pytestmark = pytest.mark.slow

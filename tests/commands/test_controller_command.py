@@ -11,9 +11,8 @@ from click.testing import CliRunner
 
 import edtk
 from edtk.cli import main
-from edtk.model.robot_from_dict import robot_from_dict
-from edtk.model.robot_to_dict import robot_to_dict
-from edtk.study.toml_text import toml_text
+from edtk.robots.robot_file import robot_from_dict, robot_to_dict
+from edtk.study.study_toml import toml_text
 
 JOINTS = (
     ([0, 0, 0.4], [0, 0, 1]),

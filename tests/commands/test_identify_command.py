@@ -9,8 +9,8 @@ import pytest
 from click.testing import CliRunner, Result
 
 from edtk.cli import main
-from edtk.inference.fit_huber import SigmaTooSmallError
-from edtk.inference.simulate import simulate
+from edtk.fit.fit_huber import SigmaTooSmallError
+from edtk.fit.measurements import simulate
 from edtk.study.study import load_study
 
 pytestmark = pytest.mark.slow
@@ -108,7 +108,7 @@ def test_a_far_too_small_sigma_names_the_option(measured: Path, monkeypatch) -> 
     def refuse(*args: object) -> None:
         raise SigmaTooSmallError(50.0)
 
-    monkeypatch.setattr("edtk.inference.identify.fit_huber", refuse)
+    monkeypatch.setattr("edtk.fit.identify.fit_huber", refuse)
     answer = edtk("identify", PAPER, measured, "--robust")
     line = "residual is 50 times sigma: expected a larger sigma, or --sigma-unknown\n"
     assert_one_line(answer, f"{measured}: the smallest {line}")

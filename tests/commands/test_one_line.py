@@ -10,7 +10,7 @@ from click.testing import CliRunner
 
 from criteria import CriterionError
 from edtk.cli import main
-from edtk.commands.one_line import OneLine
+from edtk.commands.shared import OneLine
 from edtk.system.errors import ArgumentError, UserError
 
 LONG = "x\n" * 10**5

@@ -4,7 +4,7 @@ import time
 
 import pytest
 
-from edtk.commands import progress_line as progress
+from edtk.commands import shared as progress
 
 
 def test_short_work_says_nothing(capsys: pytest.CaptureFixture[str]) -> None:

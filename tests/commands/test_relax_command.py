@@ -15,8 +15,8 @@ from click.testing import CliRunner
 
 from edtk.cli import main
 from edtk.design.candidate_source import CandidateSource
-from edtk.design.relaxation.capacity import capacity
-from edtk.design.relaxation.solver_options import SOLVERS_IN_TURN
+from edtk.design.relaxation.relax_poses import capacity
+from edtk.design.relaxation.restricted_master import SOLVERS_IN_TURN
 from edtk.study.study import load_study
 
 pytestmark = pytest.mark.slow
@@ -259,7 +259,7 @@ def test_continuous_finds_the_best_of_all_poses(seed):
 
 def test_long_work_says_how_near_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
     """Progress is on standard error, with the gap that is proved so far."""
-    monkeypatch.setattr("edtk.commands.progress_line.SHOWN_AFTER_S", 0.0)
+    monkeypatch.setattr("edtk.commands.shared.SHOWN_AFTER_S", 0.0)
     words = ["relax", str(PATH), "--json", "--candidates", "321"]
     answer = CliRunner().invoke(main, words)
     assert answer.exit_code == 0

@@ -5,7 +5,7 @@ import pytest
 from matrices import make, positive
 
 import criteria
-from criteria.covariance_criterion import CovarianceCriterion
+from criteria.criterion import CovarianceCriterion
 
 NAMES = [n for n in criteria.available() if issubclass(criteria.get(n), CovarianceCriterion)]
 

@@ -6,7 +6,7 @@ from matrices import make, positive, symmetric
 
 import criteria
 from criteria.linalg.inverse import whitener
-from criteria.linalg.triangle import triangle
+from criteria.linalg.typing import triangle
 
 NAMES = (*(n for n in criteria.available() if n != "phi"), "phi 0", "phi 2")
 CURVED = [n for n in NAMES if make(n, 3).curvature(np.eye(3)) is not None]

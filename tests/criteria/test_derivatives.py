@@ -5,7 +5,7 @@ import pytest
 from matrices import make, positive, symmetric, units
 
 import criteria
-from criteria.derivatives import derivatives
+from criteria.criterion import derivatives
 
 every = pytest.mark.parametrize("name", criteria.available())
 

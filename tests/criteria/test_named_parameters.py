@@ -5,7 +5,7 @@ import pytest
 
 import edtk
 from criteria import CriterionError, as_criterion
-from criteria.named_parameters import named_parameters
+from criteria.named_interest import named_parameters
 
 NAMES = ("a", "b", "c")
 X = np.vander(np.linspace(-1, 1, 21), 3, increasing=True)

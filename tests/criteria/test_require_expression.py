@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import criteria
-from criteria.load_plugin import guard_plugin
+from criteria.plugins import guard_plugin
 from edtk.design.problem import Problem
 from edtk.design.relaxation.relax import relax
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import criteria
-from criteria.criterion_error import CriterionError
-from criteria.require_slope import require_slope
+from criteria.errors import CriterionError
+from criteria.plugins import require_slope
 
 M = np.diag([1.0, 2.0, 5.0]) + 0.5
 

@@ -9,11 +9,14 @@ import pytest
 from designs import DESIGNS, KR270, LOADED
 from scipy.stats import kstest, qmc
 
-from edtk.design.candidate_source import CandidateSource, EmptyFeasibleSetError
-from edtk.design.candidates import Candidates
-from edtk.design.sample_feasible import sample_feasible
-from edtk.model.constraints.height import Height
-from edtk.model.workspace import Workspace
+from edtk.design.candidate_source import (
+    Candidates,
+    CandidateSource,
+    EmptyFeasibleSetError,
+    sample_feasible,
+)
+from edtk.robots.constraints.height import Height
+from edtk.robots.workspace import Workspace
 
 pytestmark = pytest.mark.slow
 

@@ -9,10 +9,10 @@ from noisy import NOISY, marked, noisy
 from scipy.spatial.transform import Rotation
 
 import criteria
+from edtk.design.candidate_source import sample_feasible
 from edtk.design.plan import Plan
-from edtk.design.relaxation.sensitivity import sensitivity_and_slope
-from edtk.design.sample_feasible import sample_feasible
-from edtk.model.noise.tracker import Tracker
+from edtk.design.relaxation.search_continuum import sensitivity_and_slope
+from edtk.measure.noise import Tracker
 
 on_every_space = pytest.mark.parametrize("space", NOISY.values(), ids=NOISY)
 RNG = np.random.default_rng(6)

@@ -7,16 +7,14 @@ import pytest
 from designs import DESIGNS, LOADED, STUDY
 from designs import KR270 as DESIGN
 
-from edtk.design.candidate_source import CandidateSource
+from edtk.design.candidate_source import CandidateSource, sample_feasible
 from edtk.design.design_space import DesignSpace
 from edtk.design.exact.exchange import exchange
 from edtk.design.exact.refine import refine
 from edtk.design.plan import Plan
-from edtk.design.relaxation.relax_options import RelaxOptions
-from edtk.design.relaxation.relax_poses import relax_poses
-from edtk.design.sample_feasible import sample_feasible
-from edtk.model.loads.free_load import FreeLoad
-from edtk.model.loads.listed_load import ListedLoad
+from edtk.design.relaxation.relax_poses import RelaxOptions, relax_poses
+from edtk.robots.loads.free_load import FreeLoad
+from edtk.robots.loads.listed_load import ListedLoad
 
 pytestmark = pytest.mark.slow
 

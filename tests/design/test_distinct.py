@@ -5,8 +5,8 @@ import pytest
 from designs import DESIGNS, KR270, symmetric
 
 from criteria.linalg.inverse import whitener
-from edtk.design.distinct import distinct
-from edtk.design.sample_feasible import sample_feasible
+from edtk.design.candidate_source import sample_feasible
+from edtk.design.information import distinct
 
 on_each = pytest.mark.parametrize("space", DESIGNS.values(), ids=DESIGNS)
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from designs import LOADED
 
-from edtk.design.sample_feasible import sample_feasible
-from edtk.model.loads.free_load import FreeLoad
-from edtk.model.loads.listed_load import ListedLoad
+from edtk.design.candidate_source import sample_feasible
+from edtk.robots.loads.free_load import FreeLoad
+from edtk.robots.loads.listed_load import ListedLoad
 
 pytestmark = pytest.mark.slow
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from edtk.design.packed import order, pack_gram, sensitivity_rows, unpack
+from edtk.design.information import order, pack_gram, sensitivity_rows, unpack
 
 RNG = np.random.default_rng(0)
 SIZES = pytest.mark.parametrize("p", [1, 2, 3, 5, 12])

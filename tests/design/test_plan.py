@@ -7,12 +7,12 @@ import pandas as pd
 import pytest
 
 from edtk.design.plan import Plan
-from edtk.model.joint import Joint
-from edtk.model.load_robot import load_robot
-from edtk.model.robot import Robot
-from edtk.model.transform import transform
+from edtk.measure.pose_table import PoseFileError
+from edtk.robots.joint import Joint
+from edtk.robots.load_robot import load_robot
+from edtk.robots.robot import Robot
+from edtk.robots.rotations import transform
 from edtk.system.errors import UserError
-from edtk.tables.pose_table import PoseFileError
 
 KR270 = load_robot("kuka_kr270")
 MIXED = Robot(

@@ -6,7 +6,7 @@ from importlib import import_module
 import numpy as np
 import pytest
 
-from edtk.design import packed_information
+from edtk.design import information as packed_information
 from edtk.design.problem import Problem, RankDeficientError
 
 EPS = np.finfo(float).eps
@@ -161,7 +161,7 @@ def test_prior_counts_in_every_sensitivity(blocks, prior):
 @pytest.mark.parametrize("as_rows", [False, True])
 def test_largest_sensitivities(prior, with_prior, as_rows, monkeypatch):
     """They are those of `sensitivities`, however many candidates are priced at a time."""
-    monkeypatch.setattr(packed_information, "AT_ONCE", 7)
+    monkeypatch.setattr(packed_information, "PACKED_AT_ONCE", 7)
     rows = np.random.default_rng(5).normal(size=(30, 2, 4))
     problem = Problem(rows, prior=prior if with_prior else None)
     if not as_rows:

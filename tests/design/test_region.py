@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 import edtk
-from edtk.design.inside_differences import inside_differences
-from edtk.design.region import Region
-from edtk.design.relaxation.region_grid import RegionGrid
+from edtk.design.region import Region, inside_differences
+from edtk.design.relaxation.search_region import RegionGrid
 from edtk.system.errors import ArgumentError, UserError
 
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from edtk.design.information import Rows
 from edtk.design.problem import Problem
-from edtk.design.rows import Rows
 
 EPS = np.finfo(float).eps
 SHAPES = pytest.mark.parametrize("shape", [(9, 1, 5), (9, 3, 5), (9, 5, 5), (9, 8, 5)], ids=str)
@@ -76,7 +76,7 @@ def test_triangles_in_chunks(monkeypatch):
     """Packed information is the same, however many candidates are turned into it at once."""
     kept = Rows(np.random.default_rng(7).normal(size=(23, 2, 4)))
     whole = kept.packed()
-    monkeypatch.setattr("edtk.design.rows.AT_ONCE", 5 * 16)
+    monkeypatch.setattr("edtk.design.information.ROWS_AT_ONCE", 5 * 16)
     np.testing.assert_array_equal(kept.packed(), whole)
 
 

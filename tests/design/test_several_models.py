@@ -7,8 +7,8 @@ from scipy.optimize import brentq
 import criteria
 import edtk
 from edtk.design.problem import Problem
+from edtk.design.problems import several_models
 from edtk.design.relaxation.relax import relax
-from edtk.design.several_models import several_models
 from edtk.system.errors import ArgumentError
 
 X = np.linspace(-1, 1, 41)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import criteria
-from edtk.design.exact.best_repeats import best_repeats
+from edtk.design.exact.apportion import best_repeats
 from edtk.design.exact.exchange import exchange
 from edtk.design.problem import Problem, RankDeficientError
 from edtk.design.relaxation.relax import relax

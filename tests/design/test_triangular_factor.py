@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from edtk.design import triangular_factor as module
-from edtk.design.triangular_factor import triangular_factor
+from edtk.design import conditioning as module
+from edtk.design.conditioning import triangular_factor
 
 EPS = np.finfo(float).eps
 

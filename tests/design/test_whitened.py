@@ -6,10 +6,9 @@ import weakref
 import numpy as np
 import pytest
 
-from edtk.design.packed_information import PackedInformation
+from edtk.design.information import PackedInformation, Rows
 from edtk.design.problem import Problem
-from edtk.design.rows import Rows
-from edtk.design.whitened import Whitened
+from edtk.design.problems import Whitened
 
 EPS = np.finfo(float).eps
 

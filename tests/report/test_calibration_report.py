@@ -12,24 +12,19 @@ from browser import CHROMIUM, WIDTHS, in_browser
 from matplotlib.figure import Figure
 from scipy.stats import probplot
 
-from edtk.calibration.calibration import Calibration
-from edtk.calibration.calibration_budget import calibration_budget
+from edtk.calibration.calibration import Calibration, Origin
 from edtk.calibration.diagnostics.diagnostics import diagnostics
 from edtk.calibration.fitted_data import FittedData
-from edtk.calibration.origin import Origin
-from edtk.inference.measurements import Measurements
-from edtk.inference.run_chain import Demand
-from edtk.inference.sample_posterior import SamplingOptions
-from edtk.inference.simulate import simulate
-from edtk.model.error_budget import ErrorBudget
-from edtk.report.calibration_facts import calibration_facts
-from edtk.report.calibration_report import calibration_report
-from edtk.report.calibration_verdict import calibration_verdict
-from edtk.report.digits import digits
-from edtk.report.draw.error_budget import error_budget
-from edtk.report.draw.intervals import intervals
-from edtk.report.draw.quantiles import quantiles
-from edtk.report.draw.residuals import drawn_rows
+from edtk.calibration.propagation import calibration_budget
+from edtk.fit.measurements import Measurements, simulate
+from edtk.fit.posterior import SamplingOptions
+from edtk.fit.run_chain import Demand
+from edtk.measure.expected_error import ErrorBudget
+from edtk.report.calibration_report import calibration_report, calibration_verdict
+from edtk.report.calibration_sections import calibration_facts
+from edtk.report.draw.bars import error_budget, intervals
+from edtk.report.draw.residuals import drawn_rows, quantiles
+from edtk.report.shown import digits
 from edtk.study.study import load_study
 from edtk.version import __version__
 

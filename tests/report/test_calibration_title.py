@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from edtk.report.calibration_title import calibration_title
+from edtk.report.calibration_report import calibration_title
 from edtk.study.study import load_study
 
 TABLES = """robot = "kuka_kr270"

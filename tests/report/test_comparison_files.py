@@ -2,8 +2,8 @@
 
 from comparisons import PATH, other_criteria, two_sizes
 
-from edtk.report.comparison_files import comparison_files
-from edtk.study.relax_study import relax_study
+from edtk.report.comparison_report import comparison_files
+from edtk.study.plan_study import relax_study
 from edtk.study.study import load_study
 
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from comparisons import PATH, other_criteria, two_sizes
 
-from edtk.report.comparison.efficiencies import Efficiencies
 from edtk.report.comparison_report import comparison_report
-from edtk.study.relax_study import relax_study
+from edtk.report.comparison_sections import Efficiencies
+from edtk.study.plan_study import relax_study
 from edtk.study.study import load_study
 
 

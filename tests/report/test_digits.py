@@ -2,7 +2,7 @@
 
 import pytest
 
-from edtk.report.digits import digits
+from edtk.report.shown import digits
 
 
 @pytest.mark.parametrize(

@@ -89,7 +89,7 @@ def test_files_are_written_again(tmp_path: Path) -> None:
 
 def test_many_points_are_thinned() -> None:
     """Of many points the largest are drawn, and some evenly."""
-    from edtk.report.draw.thinned import MOST, thinned
+    from edtk.report.draw.posterior import MOST, thinned
 
     sizes = np.arange(10 * MOST)[::-1].astype(float)
     some = thinned(sizes)

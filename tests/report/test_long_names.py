@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from edtk.calibration.plan_bias import plan_bias
+from edtk.calibration.planned import plan_bias
 from edtk.design.plan import Plan
-from edtk.report.draw.heat_map import heat_map
-from edtk.report.draw.short_names import MOST, short_names
-from edtk.report.text_table import name_width, number_columns
+from edtk.report.draw.bars import heat_map
+from edtk.report.draw.names import MOST, short_names
+from edtk.report.tables import name_width, number_columns
 from edtk.study.evaluate import evaluate
 from tests.support.arm import ROBOT, arm
 

@@ -1,6 +1,6 @@
 """Markdown tables."""
 
-from edtk.report.markdown_table import markdown_table
+from edtk.report.tables import markdown_table
 
 
 def test_table():

@@ -1,7 +1,6 @@
 """Tables for notebooks and terminals."""
 
-from edtk.report.notebook_table import SHOWN, notebook_table
-from edtk.report.text_table import text_table
+from edtk.report.tables import SHOWN, notebook_table, text_table
 
 
 def test_everything_is_escaped() -> None:

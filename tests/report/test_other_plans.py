@@ -2,8 +2,8 @@
 
 import pandas as pd
 
-from edtk.report.other_plans import other_plans
-from edtk.study.case import Case
+from edtk.report.shown import other_plans
+from edtk.study.study_run import Case
 
 
 def table_of(*cases):

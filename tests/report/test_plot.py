@@ -14,26 +14,23 @@ from matplotlib.text import Text
 import criteria
 import edtk
 from edtk.calibration.calibration import Calibration
-from edtk.calibration.check_plan_posterior import check_plan_posterior
 from edtk.calibration.compensate import compensate
 from edtk.calibration.fitted_data import FittedData
-from edtk.calibration.plan_bias import plan_bias
+from edtk.calibration.planned import check_plan_posterior, plan_bias
 from edtk.design.plan import Plan
 from edtk.design.problem import Problem
 from edtk.design.relaxation.relax import relax
-from edtk.inference.measurements import Measurements
-from edtk.inference.run_chain import Demand
-from edtk.inference.sample_posterior import SamplingOptions
-from edtk.inference.simulate import simulate
-from edtk.model.robot_overview import RobotOverview
-from edtk.report.draw.correlation import correlation
-from edtk.report.draw.heat_map import heat_map
-from edtk.report.draw.joint_variables import joint_variables
+from edtk.fit.measurements import Measurements, simulate
+from edtk.fit.posterior import SamplingOptions
+from edtk.fit.run_chain import Demand
+from edtk.measure.compliances import Compliances
+from edtk.report.draw.bars import correlation, heat_map
+from edtk.report.draw.plans import joint_variables
+from edtk.robots.robot_overview import RobotOverview
 from edtk.study.evaluate import evaluate
-from edtk.study.relax_study import relax_study
+from edtk.study.plan_study import relax_study
 from edtk.study.study import load_study
 from edtk.system.errors import ArgumentError
-from edtk.tables.compliances import Compliances
 
 STUDY = load_study(Path(__file__).parents[2] / "studies" / "kr270_milling.toml")
 PLAN = STUDY.published_plans()["table_4_3"].repeated(2)

@@ -4,14 +4,13 @@ import numpy as np
 import pytest
 from arm import arm
 
-from edtk.calibration.check_plan_posterior import check_plan_posterior
+from edtk.calibration.planned import check_plan_posterior
 from edtk.calibration.posterior_check import PosteriorCheck
 from edtk.design.plan import Plan
-from edtk.inference.noise import Noise
-from edtk.inference.run_chain import Demand
-from edtk.inference.sample_posterior import SamplingOptions
-from edtk.report.posterior_figures import posterior_figures
-from edtk.report.posterior_report import posterior_report
+from edtk.fit.noise import Noise
+from edtk.fit.posterior import SamplingOptions
+from edtk.fit.run_chain import Demand
+from edtk.report.posterior_report import posterior_figures, posterior_report
 
 pytestmark = pytest.mark.slow
 
@@ -52,7 +51,7 @@ def test_panels_have_the_names_of_the_instruments(check, monkeypatch):
     figure = posterior_figures(check).residuals
     assert [axis.get_ylabel() for axis in figure.axes] == [f"{name}\n[sigma]" for name in names]
     assert "coordinates" not in figure.get_suptitle()
-    monkeypatch.setattr("edtk.report.posterior_figures.MOST_PANELS", 2)
+    monkeypatch.setattr("edtk.report.posterior_report.MOST_PANELS", 2)
     figure = posterior_figures(check).residuals
     assert [axis.get_ylabel() for axis in figure.axes] == [f"{x}\n[sigma]" for x in names[:2]]
     assert "(first 2 of 7 coordinates)" in figure.get_suptitle()

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from edtk.calibration.pose_error import PoseError
+from edtk.calibration.posterior_check import PoseError
 from edtk.report.render import render
 
 

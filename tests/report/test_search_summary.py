@@ -2,7 +2,7 @@
 
 import pytest
 
-from edtk.report.text.search_summary import search_summary
+from edtk.report.views.plan import search_summary
 
 
 @pytest.mark.parametrize(

@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 from readings import STUDY
 
-from edtk.design.detection import Detection
-from edtk.design.separation import Separation
-from edtk.report.text.shown_faults import shown_faults
+from edtk.design.detection import Detection, Separation
+from edtk.report.views.plan import shown_faults
 
 Q = np.deg2rad([0, 10, -20, 30, 40, 50])
 DRIFT = Detection("drift", 0.05, "mm", 0.5, Q, 0.75)

@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from edtk.model.task_accuracy import TaskAccuracy
-from edtk.report.comparison.in_each_task import in_each_task
-from edtk.report.draw.task_errors import task_errors
-from edtk.report.task_section import task_section
-from edtk.report.task_table import MOST_ROWS, task_sentence, task_table
+from edtk.measure.expected_error import TaskAccuracy
+from edtk.report.calibration_sections import MOST_ROWS, task_section, task_sentence, task_table
+from edtk.report.comparison_sections import in_each_task
+from edtk.report.draw.plans import task_errors
 
 
 def accuracy(count: int, is_path: bool, known: bool = True) -> TaskAccuracy:

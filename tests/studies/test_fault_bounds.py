@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal, norm
 
-from edtk.calibration.planned_measurements import planned_measurements
+from edtk.calibration.planned import planned_measurements
 from edtk.design.plan import Plan
-from edtk.inference.least_squares import Whitened
+from edtk.fit.least_squares import Whitened
 
 
 @pytest.fixture(scope="module")

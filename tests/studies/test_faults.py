@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from edtk.calibration.causes.cause import Cause
-from edtk.inference.equilibrium_deflection import equilibrium_deflection
-from edtk.model.transform import transform
+from edtk.calibration.causes.family import Cause
+from edtk.fit.equilibrium import equilibrium_deflection
+from edtk.robots.rotations import transform
 
 
 @pytest.fixture(scope="module")

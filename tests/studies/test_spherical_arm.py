@@ -7,7 +7,7 @@ import pytest
 
 from edtk.design.candidate_source import CandidateSource
 from edtk.design.exact.find_plan import SearchOptions, find_plan
-from edtk.study.relax_study import relax_study
+from edtk.study.plan_study import relax_study
 from edtk.study.study import load_study
 
 STUDY = load_study(Path(__file__).parents[2] / "studies" / "spherical_arm.toml")

@@ -6,10 +6,9 @@ from pathlib import Path
 import pandas as pd
 from kr270 import REQUIRED, TEST_POSE
 
-from edtk.study.case import Case
-from edtk.study.random_case import random_case
+from edtk.study.run_study import random_case
 from edtk.study.study import Study
-from edtk.study.study_run import StudyRun
+from edtk.study.study_run import Case, StudyRun
 
 OTHER = TEST_POSE | {"q_deg": [0, -60, 90, 10, 45, 30], "load": {"F_N": [300, -200, 100]}}
 

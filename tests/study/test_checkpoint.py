@@ -216,7 +216,7 @@ def test_key_depends_on_the_code(tmp_path):
         "    keys.append(checkpoint_of(study, Path('cases')).key)\n"
         "import edtk\nprint(edtk.__file__, *keys)"
     )
-    changed = [tmp_path / "edtk/design/packed.py", tmp_path / "criteria/linalg/inverse.py"]
+    changed = [tmp_path / "edtk/design/information.py", tmp_path / "criteria/linalg/inverse.py"]
     env = {**os.environ, "PYTHONPATH": str(tmp_path)}
     command = [sys.executable, "-W", "error", "-c", script, str(PATH), *map(str, changed)]
     done = subprocess.run(command, capture_output=True, text=True, env=env, cwd=tmp_path)

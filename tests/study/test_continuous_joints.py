@@ -7,8 +7,8 @@ import pytest
 from arm import KEYS, ROBOT, arm
 
 import edtk
-from edtk.model.neighbourhood import neighbourhood
-from edtk.model.robot_from_dict import robot_from_dict
+from edtk.robots.robot_file import robot_from_dict
+from edtk.robots.workspace import neighbourhood
 
 FIRST, SECOND = ROBOT["joints"]
 ENDLESS = {key: value for key, value in FIRST.items() if key != "limits_deg"} | {"continuous": True}

@@ -12,8 +12,7 @@ from click.testing import CliRunner
 from edtk.calibration.template import template
 from edtk.cli import main
 from edtk.design.plan import Plan
-from edtk.model.robot_from_dict import robot_from_dict
-from edtk.model.robot_to_dict import robot_to_dict
+from edtk.robots.robot_file import robot_from_dict, robot_to_dict
 from edtk.study.study import Study, load_study
 from edtk.system.errors import UserError
 from edtk.verbs.compensate import compensate

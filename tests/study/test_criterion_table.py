@@ -8,7 +8,7 @@ import criteria
 import edtk
 from edtk.study.check_study import check_study
 from edtk.study.evaluate import evaluate
-from edtk.study.relax_study import relax_study
+from edtk.study.plan_study import relax_study
 from edtk.study.study import Study
 from edtk.system.errors import UserError
 

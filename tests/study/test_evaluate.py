@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from edtk.design.plan import Plan
-from edtk.inference.least_squares import SingularPlanError
+from edtk.fit.least_squares import SingularPlanError
 from edtk.study.evaluate import evaluate
 from edtk.study.study import load_study
 

@@ -7,12 +7,10 @@ import numpy as np
 import pytest
 
 from edtk.design.candidate_source import CandidateSource
-from edtk.model.load_robot import load_robot
-from edtk.model.robot import Robot
-from edtk.model.robot_from_dict import robot_from_dict
-from edtk.model.robot_to_dict import robot_to_dict
-from edtk.study.first_choices import first_choices
-from edtk.study.new_study_text import new_study_text
+from edtk.robots.load_robot import load_robot
+from edtk.robots.robot import Robot
+from edtk.robots.robot_file import robot_from_dict, robot_to_dict
+from edtk.study.new_study import first_choices, new_study_text
 from edtk.study.study import Study
 from edtk.system.errors import UserError
 

@@ -9,16 +9,13 @@ from kr270 import REQUIRED
 
 from edtk.certificate.certificate import certificate
 from edtk.certificate.verify_certificate import verify_certificate
-from edtk.design.exact.require_enough import require_enough
-from edtk.design.exact.smallest_size import smallest_size
+from edtk.design.exact.exact_plan import require_enough, smallest_size
 from edtk.design.plan import Plan
-from edtk.model.joint import Joint
-from edtk.model.robot import Robot
-from edtk.report.text.evaluation import evaluation
-from edtk.study.evaluate import evaluate
-from edtk.study.plan_covariance import OpenInterestError
-from edtk.study.plan_study import plan_study
-from edtk.study.relax_study import relax_study
+from edtk.report.views.evaluation import evaluation_text
+from edtk.robots.joint import Joint
+from edtk.robots.robot import Robot
+from edtk.study.evaluate import OpenInterestError, evaluate
+from edtk.study.plan_study import plan_study, relax_study
 from edtk.study.study import Study, load_study
 from edtk.system.errors import UserError
 from edtk.verbs.verify import verify
@@ -53,7 +50,7 @@ def test_criteria_are_those_of_the_covariance_of_what_is_of_interest():
     assert found.interest == pytest.approx({"k2": cov[0, 0] ** 0.5, "k3 - 2 k4": cov[1, 1] ** 0.5})
     np.testing.assert_array_equal(found.covariance, all_of_it.covariance)
     assert set(found.skipped) == {"O2", "O4"}
-    shown = evaluation(found)
+    shown = evaluation_text(found)
     assert "D of k2, k3 - 2 k4 " in shown
     assert "rho0  " in shown
 

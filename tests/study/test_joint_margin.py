@@ -9,8 +9,8 @@ import edtk
 from edtk.certificate.case import Case
 from edtk.certificate.certificate import certificate_text
 from edtk.design.plan import Plan
-from edtk.model.joint_margin import joints_on_limits, on_limits_in_words
-from edtk.system.parse_json import parse_json
+from edtk.robots.workspace import joints_on_limits, on_limits_in_words
+from edtk.system.parsing import parse_json
 
 PATH = Path(__file__).parents[2] / "studies" / "kr270_milling.toml"
 STUDY = edtk.load_study(PATH)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from arm import KEYS, arm
 
-from edtk.report.text.study import study as study_text
+from edtk.report.views.study import study_text
 from edtk.study.study import Study
 from edtk.system.errors import UserError
 
@@ -143,8 +143,8 @@ def test_beside_the_arm():
 
 def test_base_far_away():
     """What counts is where the arm is, not how far from the world's origin."""
-    from edtk.model.robot_from_dict import robot_from_dict
-    from edtk.model.transform import transform
+    from edtk.robots.robot_file import robot_from_dict
+    from edtk.robots.rotations import transform
 
     robot = robot_from_dict(KEYS["robot"])
     away = type(robot)(robot.name, robot.joints, transform([20.0, 0, 0], [0, 0, 0]), robot.tool)

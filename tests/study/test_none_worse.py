@@ -2,8 +2,8 @@
 
 from types import SimpleNamespace
 
-from edtk.study.case import Case
-from edtk.study.none_worse import GAIN, none_worse
+from edtk.study.run_study import GAIN, none_worse
+from edtk.study.study_run import Case
 
 
 def case(cost, distinct=None, size=3, optimised="rho0"):

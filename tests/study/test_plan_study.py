@@ -8,8 +8,7 @@ from arm import arm
 
 from edtk.design.plan import Plan
 from edtk.study.evaluate import evaluate
-from edtk.study.plan_study import plan_study
-from edtk.study.run_options import RunOptions
+from edtk.study.plan_study import RunOptions, plan_study
 from edtk.study.study import load_study
 from edtk.system.errors import UserError
 

@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 
 from edtk.design.plan import Plan
-from edtk.model.robot_to_dict import robot_to_dict
-from edtk.study.evaluate import evaluate
-from edtk.study.plan_accuracy import plan_accuracy
-from edtk.study.plan_plausibility import plan_plausibility
-from edtk.study.random_case import random_case
+from edtk.robots.robot_file import robot_to_dict
+from edtk.study.evaluate import evaluate, plan_accuracy
+from edtk.study.plausibility import plan_plausibility
+from edtk.study.run_study import random_case
 from edtk.study.study import load_study
 
 STUDIES = Path(__file__).parents[2] / "studies"

@@ -12,8 +12,7 @@ from edtk.design.exact.find_plan import SearchOptions, find_plan
 from edtk.design.plan import Plan
 from edtk.design.relaxation.relax_poses import relax_poses
 from edtk.study.evaluate import evaluate
-from edtk.study.planning_space import planning_space
-from edtk.study.relax_study import relax_study, source_of
+from edtk.study.plan_study import planning_space, relax_study, source_of
 from edtk.study.study import load_study
 from edtk.system.errors import UserError
 from edtk.verbs.verify import verify

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from arm import arm
 
-from edtk.study.relax_study import relax_study
-from edtk.study.relaxed_under import relaxed_under
+from edtk.study.plan_study import relax_study
+from edtk.study.run_study import relaxed_under
 
 STUDY = arm()
 

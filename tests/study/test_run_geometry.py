@@ -11,11 +11,11 @@ from click.testing import CliRunner
 from loaded_arm import STUDY
 
 import edtk
-from edtk.calibration.geometry_design.geometry_designs import GeometryDesigns
+from edtk.calibration.geometry_design.evaluate_geometry import GeometryDesigns
 from edtk.cli import main
 from edtk.design.relaxation import search_continuum
 from edtk.report.comparison_report import comparison_report
-from edtk.study.run_options import RunOptions
+from edtk.study.plan_study import RunOptions
 from edtk.study.run_study import run_study
 from edtk.study.study import Study
 from edtk.study.study_run import StudyRun

@@ -12,10 +12,10 @@ from arm import arm
 from forked_command import ForkedCommand
 
 from edtk.study.checkpoint import Checkpoint, checkpoint_of
-from edtk.study.run_files import run_files
-from edtk.study.run_options import RunOptions
+from edtk.study.plan_study import RunOptions
 from edtk.study.run_study import run_study
 from edtk.study.study import load_study
+from edtk.study.study_run import run_files
 from edtk.system.errors import UserError
 from edtk.verbs.run import run
 

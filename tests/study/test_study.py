@@ -15,13 +15,13 @@ import pytest
 from kr270 import REQUIRED, TEST_POSE
 
 from edtk.design.plan import Plan
-from edtk.model.joint import Joint
-from edtk.model.load_robot import load_robot
-from edtk.model.robot import Robot
-from edtk.model.transform import transform
+from edtk.robots.joint import Joint
+from edtk.robots.load_robot import load_robot
+from edtk.robots.robot import Robot
+from edtk.robots.rotations import transform
 from edtk.study.schema import Specification
 from edtk.study.study import Study, load_study
-from edtk.study.toml_text import toml_text
+from edtk.study.study_toml import toml_text
 from edtk.system.errors import UserError
 
 STUDIES = Path(__file__).parents[2] / "studies"

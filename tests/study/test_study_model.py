@@ -9,9 +9,9 @@ from kr270 import REQUIRED, TEST_POSE
 import edtk
 from edtk.certificate.certificate import certificate
 from edtk.certificate.verify_certificate import verify_certificate
-from edtk.model.dead_weights import GRAVITY
-from edtk.model.load_robot import load_robot
-from edtk.model.robot_to_dict import robot_to_dict
+from edtk.robots.load_robot import load_robot
+from edtk.robots.robot_file import robot_to_dict
+from edtk.robots.weights import GRAVITY
 from edtk.study.study import Study
 from edtk.system.errors import UserError
 

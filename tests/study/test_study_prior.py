@@ -8,7 +8,7 @@ import pytest
 
 from edtk.study.evaluate import evaluate
 from edtk.study.study import load_study
-from edtk.study.study_prior import study_prior
+from edtk.study.study_parts import study_prior
 from edtk.system.errors import UserError
 
 PAPER = Path(__file__).parents[2] / "studies" / "kr270_milling.toml"

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from edtk.study.study import load_study
-from edtk.study.study_space import study_space
+from edtk.study.study_parts import study_space
 
 STUDIES = Path(__file__).parents[2] / "studies"
 POSES = "q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n-90,80,10,20,30\n-60,50,10,20,30\n"

@@ -9,13 +9,11 @@ import numpy as np
 import pytest
 from kr270 import REQUIRED, TEST_POSE
 
-from edtk.model.compensation_accuracy import compensation_accuracy
-from edtk.study.accuracy_of_tasks import accuracy_of_tasks
-from edtk.study.evaluate import evaluate
-from edtk.study.random_case import random_case
+from edtk.measure.expected_error import compensation_accuracy
+from edtk.study.evaluate import accuracy_of_tasks, evaluate
+from edtk.study.run_study import random_case
 from edtk.study.study import Study, load_study
-from edtk.system.errors import UserError
-from edtk.system.note import Note
+from edtk.system.errors import Note, UserError
 
 OTHER = TEST_POSE | {"q_deg": [0, -60, 90, 10, 45, 30], "load": {"F_N": [300, -200, 100]}}
 ALONE = Study(**REQUIRED, test_pose=TEST_POSE)

@@ -6,7 +6,7 @@ import tomllib
 
 import pytest
 
-from edtk.study.toml_text import toml_text
+from edtk.study.study_toml import toml_text
 
 
 @pytest.mark.parametrize(

@@ -4,10 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from edtk.model.joint import Joint
-from edtk.model.robot import Robot
-from edtk.model.tied_joint import TiedJoint
-from edtk.model.transform import transform
+from edtk.robots.joint import Joint, TiedJoint
+from edtk.robots.robot import Robot
+from edtk.robots.rotations import transform
 
 KINDS = ("revolute", "prismatic", "revolute", "revolute", "prismatic", "revolute", "revolute")
 

@@ -6,19 +6,19 @@ from pathlib import Path
 import numpy as np
 
 from edtk.design.design_space import DesignSpace
-from edtk.design.interior_point.neighbourhood import Neighbourhood
-from edtk.design.relaxation.log_cost import LogCost
-from edtk.model.constraints.height import Height
-from edtk.model.constraints.tilt import Tilt
-from edtk.model.elastostatic_model import ElastostaticModel
-from edtk.model.joint import Joint
-from edtk.model.loads.bounded_load import BoundedLoad
-from edtk.model.loads.fixed_load import FixedLoad
-from edtk.model.loads.free_load import FreeLoad
-from edtk.model.loads.listed_load import ListedLoad
-from edtk.model.robot import Robot
-from edtk.model.transform import transform
-from edtk.model.workspace import Workspace
+from edtk.design.interior_point.objective import Neighbourhood
+from edtk.design.relaxation.settle import LogCost
+from edtk.measure.elastostatic_model import ElastostaticModel
+from edtk.robots.constraints.height import Height
+from edtk.robots.constraints.tilt import Tilt
+from edtk.robots.joint import Joint
+from edtk.robots.loads.bounded_load import BoundedLoad
+from edtk.robots.loads.fixed_load import FixedLoad
+from edtk.robots.loads.free_load import FreeLoad
+from edtk.robots.loads.listed_load import ListedLoad
+from edtk.robots.robot import Robot
+from edtk.robots.rotations import transform
+from edtk.robots.workspace import Workspace
 from edtk.study.study import load_study
 
 STUDY = load_study(Path(__file__).parents[2] / "studies" / "kr270_milling.toml")

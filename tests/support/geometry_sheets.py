@@ -11,7 +11,7 @@ from small_arm import ROBOT
 
 from edtk.calibration.geometry.study_geometry import StudyGeometry
 from edtk.cli import main
-from edtk.model.transform import transform
+from edtk.robots.rotations import transform
 from edtk.study.study import Study
 
 Array = NDArray[np.float64]

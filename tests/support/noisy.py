@@ -8,12 +8,11 @@ import numpy as np
 from designs import DESIGNS
 
 from edtk.design.design_space import DesignSpace
-from edtk.model.body_point import BodyPoint
-from edtk.model.elastostatic_model import ElastostaticModel
-from edtk.model.noise.tracker import Tracker
-from edtk.model.noise.visit_noise import VisitNoise
-from edtk.model.sensors.distance import Distance
-from edtk.model.sensors.marker import Marker
+from edtk.measure.elastostatic_model import ElastostaticModel
+from edtk.measure.instruments.distance import Distance
+from edtk.measure.instruments.marker import Marker
+from edtk.measure.noise import Tracker, VisitNoise
+from edtk.robots.frames import BodyPoint
 
 TRACKER = Tracker(np.array([6.0, -4.0, 1.5]), (2e-5, 1e-5), (4e-5, 1.5e-5))
 

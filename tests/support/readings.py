@@ -4,9 +4,9 @@ from pathlib import Path
 
 import numpy as np
 
-from edtk.inference.equilibrium_deflection import equilibrium_deflection
-from edtk.inference.measurements import Measurements
-from edtk.model.all_compliances import all_compliances
+from edtk.fit.equilibrium import equilibrium_deflection
+from edtk.fit.measurements import Measurements
+from edtk.measure.task import all_compliances
 from edtk.study.study import load_study
 
 STUDY = load_study(Path(__file__).parents[2] / "studies" / "kr270_milling.toml")

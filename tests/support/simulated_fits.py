@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-from edtk.inference.identify import identify
-from edtk.inference.simulate import simulate
+from edtk.fit.identify import identify
+from edtk.fit.measurements import simulate
 from edtk.study.study import load_study
 
 STUDY = load_study(Path(__file__).parents[2] / "studies" / "kr270_milling.toml")

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from edtk.model.elastostatic_model import ElastostaticModel
-from edtk.model.load_robot import load_robot
-from edtk.model.transform import transform
+from edtk.measure.elastostatic_model import ElastostaticModel
+from edtk.robots.load_robot import load_robot
+from edtk.robots.rotations import transform
 
 K0 = np.array([0.302, 0.406, 3.002, 3.303, 2.365]) * 1e-6
 SIGMA = 0.03e-3

@@ -3,20 +3,19 @@
 import numpy as np
 import pandas as pd
 
-from edtk.inference.equilibrium_deflection import equilibrium_deflection
-from edtk.inference.joint_motion import joint_motion
-from edtk.inference.measurements import Measurements
-from edtk.inference.visit_covariance import visit_covariance
-from edtk.model.all_compliances import all_compliances
-from edtk.model.elastostatic_model import ElastostaticModel
-from edtk.tables.pose_columns import pose_columns
-from edtk.tables.pose_table import WRENCH_COLUMNS
-from edtk.tables.sheet_columns import (
+from edtk.fit.equilibrium import equilibrium_deflection
+from edtk.fit.measurements import Measurements, joint_motion
+from edtk.fit.noise import visit_covariance
+from edtk.measure.elastostatic_model import ElastostaticModel
+from edtk.measure.pose_table import (
     DEFLECTION_COLUMNS,
     MARKER_COLUMNS,
     SIGMA_COLUMN,
     VISIT_COLUMN,
+    WRENCH_COLUMNS,
+    pose_columns,
 )
+from edtk.measure.task import all_compliances
 from tests.support.readings import PLAN, STUDY
 
 MODEL = STUDY.model

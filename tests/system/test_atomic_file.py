@@ -10,8 +10,14 @@ from pathlib import Path
 import pytest
 from forked import fill_disk, forked, kill_at
 
-from edtk.system.atomic_file import TEMPORARY, require_writable, sweep, write_files, write_text
-from edtk.system.folder_lock import FolderLock
+from edtk.system.files import (
+    TEMPORARY,
+    FolderLock,
+    require_writable,
+    sweep,
+    write_files,
+    write_text,
+)
 
 ROOT = Path(__file__).parents[2]
 LEFT = ".edtk-0123456789abcdef"  # of a process that was killed
@@ -226,5 +232,5 @@ OTHER_WAYS = re.compile(
 def test_every_file_is_written_here(room: str) -> None:
     """No module of the toolkit has a way of its own to write a file."""
     for path in (ROOT / room).rglob("*.py"):
-        if path.name != "atomic_file.py":
+        if path.name != "files.py":
             assert not OTHER_WAYS.search(path.read_text()), path

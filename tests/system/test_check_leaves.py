@@ -1,6 +1,6 @@
 """Every value of a tree is checked, with its key."""
 
-from edtk.system.check_leaves import check_leaves
+from edtk.system.parsing import check_leaves
 
 
 def test_values_come_with_their_keys():

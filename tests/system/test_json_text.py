@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 
-from edtk.system.json_text import json_text
+from edtk.system.parsing import json_text
 
 
 def test_numbers_that_are_not_finite_are_null():

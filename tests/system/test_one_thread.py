@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from edtk.system.one_thread import _libraries, one_thread
+from edtk.system.workers import _libraries, one_thread
 
 
 def threads() -> list[int]:

@@ -3,7 +3,7 @@
 import pytest
 
 from edtk.system.errors import UserError
-from edtk.system.parse_json import parse_json
+from edtk.system.parsing import parse_json
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ from contextlib import suppress
 import pytest
 
 from edtk.system.errors import UserError
-from edtk.system.parse_toml import parse_toml
+from edtk.system.parsing import parse_toml
 
 
 @pytest.mark.parametrize(

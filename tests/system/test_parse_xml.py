@@ -2,9 +2,9 @@
 
 import pytest
 
-from edtk.system import parse_xml as module
+from edtk.system import parsing as module
 from edtk.system.errors import UserError
-from edtk.system.parse_xml import parse_xml
+from edtk.system.parsing import parse_xml
 
 BOMB = '<!DOCTYPE a [<!ENTITY b "bbbb"><!ENTITY c "&b;&b;">]><a>&c;</a>'
 

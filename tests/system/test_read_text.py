@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from edtk.system.errors import UserError
-from edtk.system.read_text import CHUNK, read_text
+from edtk.system.files import CHUNK, read_text
 
 GERMAN = "Länge\n1,5\n"
 

@@ -3,7 +3,7 @@
 import pytest
 
 import edtk
-from edtk.inference.noise import Noise
+from edtk.fit.noise import Noise
 from edtk.verbs.bayes import _noise
 
 

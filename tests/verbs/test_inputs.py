@@ -12,7 +12,7 @@ from geometry_sheets import by_marker, truth
 import edtk
 from edtk.cli import main
 from edtk.design.plan import Plan
-from edtk.system.note import Note
+from edtk.system.errors import Note
 
 PATH = Path(__file__).parents[2] / "studies" / "kr270_milling.toml"
 STUDY = edtk.load_study(PATH)

@@ -5,12 +5,7 @@ import os
 import pytest
 
 from edtk.system.errors import ArgumentError, UserError
-from edtk.verbs.require_output import (
-    require_different,
-    require_file,
-    require_folder,
-    require_output,
-)
+from edtk.verbs.inputs import require_different, require_file, require_folder, require_output
 
 SHEET = "q2_deg,dx_mm,dy_mm,dz_mm\n0,{},,\n"
 

@@ -4,7 +4,7 @@ import pytest
 from arm import arm
 
 from edtk.system.errors import UserError
-from edtk.system.folder_lock import FolderLock
+from edtk.system.files import FolderLock
 from edtk.verbs.run import run
 
 

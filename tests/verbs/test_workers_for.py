@@ -3,7 +3,7 @@
 import pytest
 
 from edtk.system.errors import ArgumentError
-from edtk.verbs.workers_for import workers_for
+from edtk.verbs.inputs import workers_for
 
 
 def test_processes_here_and_a_cluster_exclude_each_other():

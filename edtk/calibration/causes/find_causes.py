@@ -3,32 +3,113 @@
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from edtk.calibration.causes.cause import NOISE, OUTLIER, POSE, PRIOR, Cause
-from edtk.calibration.causes.found_causes import FoundCauses, most_outliers
-from edtk.calibration.causes.plain_fit import PlainFit
-from edtk.calibration.causes.rank_faults import COMMON, LEVEL, likely_faults, rank_faults
-from edtk.calibration.causes.times_to_tell import times_to_tell
-from edtk.calibration.causes.tried import Tried
-from edtk.calibration.causes.try_faults import try_faults
+from edtk.calibration.causes.family import NOISE, OUTLIER, POSE, PRIOR, Cause, Tried
+from edtk.calibration.causes.try_faults import (
+    COMMON,
+    LEVEL,
+    PlainFit,
+    likely_faults,
+    rank_faults,
+    try_faults,
+)
 from edtk.calibration.causes.wrong_pose import wrong_pose
-from edtk.inference.distributions import chi_square_tail
-from edtk.inference.least_squares import SingularPlanError
-from edtk.inference.measurements import Measurements
-from edtk.inference.prior_rows import PriorRows
-from edtk.model.elastostatic_model import ElastostaticModel
+from edtk.calibration.match_plan import some_rows
+from edtk.fit.distributions import chi_square_tail
+from edtk.fit.least_squares import SingularPlanError
+from edtk.fit.measurements import Measurements
+from edtk.fit.prior import PriorRows
+from edtk.measure.elastostatic_model import ElastostaticModel
 from edtk.system.typing import Array, Indices
 
+if TYPE_CHECKING:
+    from edtk.calibration.fitted_data import FittedData
+
+MOST_OFF = 6  # one of so many rows may be an outlier, and one in any case
+MOST_LOOKS = 20  # outliers that anybody would look at one by one
+LIKELY = 1.2816  # a standard normal variable is below it with 90 %
+MOST_TIMES = 100  # times that anybody would measure
 MOST = 2  # causes that are named
-NO_FAULTS = (COMMON, OUTLIER, PRIOR)  # of the day; they keep others from being blamed
-SINGLE = (OUTLIER, POSE)  # faults of single rows, which may be set aside one after another
 NEAR = 6.0  # score within which a second cause is as likely as the best, to a person
 CLEARLY_OFF = 6.0  # size of an outlier, in sigma, that larger noise does not make
 WITHIN_REACH = 20.0  # score that a pose gains at most where a joint value explains it
 UNEXPLAINED = 1e-6  # probability of what the best fault leaves, below which it is none of the list
 LIKELIER = 1e-6  # score by which rows have to be set aside for more than rounding
+MOST_ROWS = 1000  # measurements in which causes are looked for
+
+
+@dataclass(frozen=True)
+class FoundCauses:
+    """Faults that explain the residuals, and outliers beside which they do.
+
+    Attributes:
+        named: The best cause, and a second one that is about as likely; none if noise explains all.
+        outliers: Rows that are off by themselves, counted from 0: the others were looked at without
+            them.
+        unexplained: Whether the best fault leaves what noise does not make; it is not named.
+    """
+
+    named: tuple[Cause, ...] = ()
+    outliers: tuple[int, ...] = ()
+    unexplained: bool = False
+
+    def in_rows(self, rows: Indices) -> "FoundCauses":
+        """The same of measurements of which these were some: their row i is `rows[i]` there."""
+        named = tuple(replace(one, rows=_numbers(one.rows, rows)) for one in self.named)
+        return replace(self, named=named, outliers=_numbers(self.outliers, rows))
+
+
+def most_outliers(rows: int) -> int:
+    """How many of so many rows may be off by themselves; of more, none is the odd one."""
+    return min(max(1, rows // MOST_OFF), MOST_LOOKS)
+
+
+def _numbers(found: tuple[int, ...], rows: Indices) -> tuple[int, ...]:
+    """Numbers among all rows of some that were found among a part of them."""
+    return tuple(int(rows[i]) for i in found)
+
+
+def times_to_tell(first: Tried, second: Tried, plain: PlainFit) -> int | None:
+    """Repetitions after which the first fault, if it is the true one, is told from the second.
+
+    Of what the first fault makes, ``D_1 c``, the second leaves a part of squared length d^2 in
+    units of the noise, once compliances and its own size are fitted. Between two predictions that
+    are d apart the likelier one is right with the probability Phi(d/2) (Fisher's linear
+    discriminant); each repetition of all experiments adds as much to d^2.
+
+    Args:
+        first: The fault that is taken for the true one.
+        second: The other one.
+        plain: The measurements without any fault.
+
+    Returns:
+        How often each experiment is measured until that is 90 %, at least once; None for the same
+        fault or one of single rows, and where `MOST` times do not.
+    """
+    size = first.size
+    if first is second or size is None or second.family is None:
+        return None
+    made = _shown(first, plain) @ size
+    other = _shown(second, plain)
+    imitated, *_ = np.linalg.lstsq(other, made, rcond=None)
+    apart = float(((made - other @ imitated) ** 2).sum())
+    if apart * MOST_TIMES < (2 * LIKELY) ** 2:
+        return None
+    return math.ceil((2 * LIKELY) ** 2 / apart)
+
+
+def _shown(one: Tried, plain: PlainFit) -> Array:
+    """What residuals (n, dims) show of a unit of each of a fault's parameters."""
+    assert one.family is not None
+    columns = np.moveaxis(one.family.derivative_at_zero(plain.k), -1, 0)
+    return np.stack([plain.whitened.residual(column).ravel() for column in columns], axis=-1)
+
+
+NO_FAULTS = (COMMON, OUTLIER, PRIOR)  # of the day; they keep others from being blamed
+SINGLE = (OUTLIER, POSE)  # faults of single rows, which may be set aside one after another
 
 
 @dataclass(frozen=True, eq=False)
@@ -235,3 +316,21 @@ def _fits(deviance: float, dof: int) -> bool:
 def _explained(one: Tried, plain: PlainFit) -> float:
     """Share of the misfit that a fault explains."""
     return min(1.0, max(0.0, plain.chi2 - one.deviance) / max(plain.chi2 - plain.dof, 1e-9))
+
+
+def look_for_causes(fitted: "FittedData") -> FoundCauses:
+    """Look for faults and outliers in the residuals of a fit, or of some of very many rows."""
+    if fitted.fit.robust:
+        return FoundCauses()  # a robust fit sets aside what a fault makes
+    study = fitted.study
+    rows = some_rows(len(fitted.data), MOST_ROWS)
+    typed = tuple(
+        j
+        for j, joint in enumerate(study.robot.joints)
+        if joint.kind == "revolute" and j not in study.fixed
+    )
+    measured = fitted.as_linear[rows]
+    found = find_causes(
+        study.model, fitted.data[rows], measured, typed, study.known, fitted.told_before
+    )
+    return found.in_rows(rows)

@@ -1,35 +1,239 @@
 """Every fault that may explain residuals, each fitted to them."""
 
 import math
-from collections.abc import Iterator
-from dataclasses import replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
-from edtk.calibration.causes.cause import NOISE, OUTLIER, POSE, PRIOR, Cause
-from edtk.calibration.causes.families_with_known import families_with_known
-from edtk.calibration.causes.family import fit_family
-from edtk.calibration.causes.noise_rarity import noise_rarity
-from edtk.calibration.causes.plain_fit import PlainFit
-from edtk.calibration.causes.rank_faults import COMMON
-from edtk.calibration.causes.rarity import likely_size, rarity, reading_rarity
-from edtk.calibration.causes.shifted import SEEN, shifted
-from edtk.calibration.causes.tried import Tried
-from edtk.calibration.whole_rows import whole_rows
-from edtk.inference.distributions import chi_square_tail, fisher_tail
-from edtk.inference.error_strata import ErrorStrata, Stratum
-from edtk.inference.estimate_noise import yardstick
-from edtk.inference.lack_of_fit import LackOfFit, lack_of_fit
-from edtk.inference.measurements import Measurements
-from edtk.inference.translations import translations
-from edtk.inference.visit_residuals import visit_residuals
+from edtk.calibration.causes.family import (
+    NOISE,
+    OUTLIER,
+    POSE,
+    PRIOR,
+    Cause,
+    Family,
+    Tried,
+    families_with_known,
+    fit_family,
+)
+from edtk.calibration.causes.rarity import likely_size, noise_rarity, rarity, reading_rarity
+from edtk.calibration.causes.wrong_pose import SEEN, shifted
+from edtk.calibration.nonlinear_part import whole_rows
+from edtk.fit.correlated_noise import RowNoise, whiten
+from edtk.fit.distributions import chi_square_tail, fisher_tail
+from edtk.fit.estimate_noise import ErrorStrata, Stratum, visit_residuals, yardstick
+from edtk.fit.least_squares import SingularPlanError, Whitened
+from edtk.fit.measurements import Measurements, translations
+from edtk.fit.outliers import LackOfFit, lack_of_fit
+from edtk.fit.prior import PriorRows
+from edtk.measure.elastostatic_model import ElastostaticModel
+from edtk.measure.instruments.pose_marker import COORDINATES
 from edtk.system.typing import Array
 
+TINY = 1e-12  # size of nothing [m, rad]
+LEVEL = 0.01  # p of faults that are named
+COMMON = "common_noise"
+OTHERS = 1.25
 UNASKED = 10.0  # a noise that is smaller than stated harms nobody: it has to be so much clearer
 LOUDEST = 4.0  # noise over the stated one, beyond which rather something unknown is wrong
 # Noise that repetitions share, over their own or the stated one: beyond it is a fault of the model.
 NO_NOISE = 6.0
 AS_MUCH = 0.5  # scatter of repetitions over that of all residuals, from which it confirms this one
+
+
+@dataclass(frozen=True, eq=False)
+class PlainFit:
+    """The compliances alone, fitted to measurements, and to what is known of them besides.
+
+    Attributes:
+        model: The robot with its calibration tool, and the measured rows.
+        data: The measurements.
+        known: Compliances of further joints, by their index [rad/(N m)].
+        prior: What is known of the compliances besides; None for nothing.
+        A: Regressors (m, rows, p) of the measurements.
+        noise: The noise of the measurements, and of the rows of the prior below them.
+        measured: Deflections (m, rows) [m, rad], and values of the prior below them.
+        whitened: The factors of all regressors in units of the noise.
+        k: Least-squares estimates (p,) [rad/(N m)].
+        z: Residuals (m, rows) of the measurements in units of their noise.
+        chi2: Sum of squares of all residuals.
+        alone: The sum of squares without the prior; None where measurements alone do not tell all
+            compliances.
+    """
+
+    model: ElastostaticModel
+    data: Measurements
+    known: Mapping[int, float]
+    prior: PriorRows | None
+    A: Array
+    noise: RowNoise
+    measured: Array
+    whitened: Whitened
+    k: Array
+    z: Array
+    chi2: float
+    alone: float | None
+
+    @classmethod
+    def of(
+        cls,
+        model: ElastostaticModel,
+        data: Measurements,
+        measured: Array,
+        known: Mapping[int, float],
+        prior: PriorRows | None,
+    ) -> "PlainFit":
+        """Fit the compliances.
+
+        Raises:
+            SingularPlanError: They are not all told.
+        """
+        A = data.regressor(model)
+        names = model.parameters
+        if prior is None:
+            whitened = Whitened.of(A, data.noise, names)
+            k = whitened.solve(measured)
+            z = whiten(measured - A @ k, data.noise)
+            chi2 = float((z**2).sum())
+            return cls(
+                model, data, known, None, A, data.noise, measured, whitened, k, z, chi2, chi2
+            )
+        noise = prior.noise_below(data.noise, measured.shape[1])
+        both = prior.measured_below(measured)
+        whitened = Whitened.of(prior.below(A), noise, names)
+        k = whitened.solve(both)
+        z = whiten(both - prior.below(A) @ k, noise)
+        try:
+            rest = Whitened.of(A, data.noise, names).residual(measured)
+            alone: float | None = float((rest**2).sum())
+        except SingularPlanError:
+            alone = None
+        m = len(data)
+        chi2 = float((z**2).sum())
+        return cls(model, data, known, prior, A, noise, both, whitened, k, z[:m], chi2, alone)
+
+    @property
+    def coordinates(self) -> int:
+        """Number of measured coordinates, and of what is known besides."""
+        return self.data.deflection.size + (0 if self.prior is None else len(self.prior))
+
+    @property
+    def dof(self) -> int:
+        """Degrees of freedom."""
+        return self.coordinates - len(self.k)
+
+    @property
+    def by_prior(self) -> float:
+        """What the prior adds to the sum of squares."""
+        return 0.0 if self.alone is None else self.chi2 - self.alone
+
+    @property
+    def alone_dof(self) -> int:
+        """Degrees of freedom of the measurements alone."""
+        return self.dof if self.alone is None else self.data.deflection.size - len(self.k)
+
+    @cached_property
+    def pure_error(self) -> tuple[float, int]:
+        """Sum of squares of repetitions about their means, and its degrees of freedom."""
+        z = self.z
+        group = self.data.places
+        count = np.bincount(group)
+        mean = np.stack([np.bincount(group, column) / count for column in z.T], axis=1)
+        return float(((z - mean[group]) ** 2).sum()), z.size - len(count) * z.shape[1]
+
+    def probability(self, left: float, dof: int) -> float:
+        """Probability that noise leaves so large a sum of squares.
+
+        Where repetitions scatter by more than the stated noise, what is left beside their scatter
+        is compared with that, by Fisher's law.
+        """
+        p = float(chi_square_tail(left, max(dof, 1)))
+        pure, pure_dof = self.pure_error
+        if pure_dof < 1 or pure <= pure_dof or dof <= pure_dof:
+            return p
+        F = (left - pure) / (dof - pure_dof) / (pure / pure_dof)
+        return max(p, float(fisher_tail(max(F, 0.0), dof - pure_dof, pure_dof)))
+
+    def usual_shift(self, parts: int) -> Array:
+        """Sizes (parts,) of shifts of single rows [m, rad]: lengths first, then rotations.
+
+        A reading of another pose, or a mistyped one, is off by about the size of all readings.
+        """
+        measured = self.measured_rows(self.measured)
+        lengths = self.data.lengths
+        sizes = [measured[which] for which in (lengths, ~lengths)]
+        length, turn = (max(float(np.sqrt(np.mean(x**2))), TINY) if x.size else TINY for x in sizes)
+        return np.where(np.arange(parts) < COORDINATES, length, turn)
+
+    def below(self, family: Family) -> Family:
+        """The same fault, whose predictions have the rows of the prior below them."""
+        prior = self.prior
+        if prior is None:
+            return family
+
+        def predict(c: Array) -> tuple[Array, Array]:
+            A, b = family.predict(c)
+            return prior.below(A), prior.zeros_below(b)
+
+        return replace(family, predict=predict)
+
+    def score(self, one: Tried) -> float:
+        """The less, the likelier is the fault."""
+        return one.score(self.coordinates)
+
+    def measured_rows(self, x: Array) -> Array:
+        """The part of an array (m + ..., ...) that is of measurements."""
+        return np.asarray(x[: len(self.data)])
+
+
+# Shares of the level, as divisors, of noise that is tested whatever is looked at beside it, and of
+# all other faults together: any cause is then named in at most 1.5 % of good data.
+ALWAYS = {NOISE: 2.0, COMMON: 6.0}
+
+
+def likely_faults(tried: Sequence[Tried]) -> list[Tried]:
+    """The faults that may explain residuals which are no chance, after looking at all faults.
+
+    Each cause has the same share of the level, which its joints, poses or readings share. Where one
+    fault is no chance, every fault that would be none, had nothing else been tried, may be what it
+    is: that is for `rank_faults` to say. Their p is the least level at which they are among these.
+    """
+    kinds = len({one.cause.cause for one in tried} - set(ALWAYS))
+    whole = min(
+        (one.cause.p * ALWAYS.get(one.cause.cause, OTHERS * kinds * one.tries) for one in tried),
+        default=1.0,
+    )
+    found = [replace(one, cause=replace(one.cause, p=max(one.cause.p, whole))) for one in tried]
+    return [one for one in found if one.cause.p < LEVEL]
+
+
+def rank_faults(found: Sequence[Tried], coordinates: int) -> list[tuple[float, Tried]]:
+    """The faults with their scores, the likeliest first.
+
+    A cause that is in one of several joints, or of several shapes, is as likely as these together,
+    ``-2 log sum exp(-s/2)`` of their scores s: that is the score of the best of them.
+
+    Args:
+        found: The faults.
+        coordinates: Number of measured coordinates.
+    """
+    ranked = sorted(((one.score(coordinates), one) for one in found), key=lambda pair: pair[0])
+    by_cause: dict[str, list[float]] = {}
+    for score, one in ranked:
+        by_cause.setdefault(one.cause.cause, []).append(score)
+    best: set[str] = set()
+    whole = []
+    for score, one in ranked:
+        cause = one.cause.cause
+        value = score
+        if cause not in best:
+            best.add(cause)
+            share = sum(math.exp(-(other - score) / 2) for other in by_cause[cause])
+            value = score - 2 * math.log(share)
+        whole.append((value, one))
+    return sorted(whole, key=lambda pair: pair[0])
 
 
 def try_faults(plain: PlainFit) -> list[Tried]:

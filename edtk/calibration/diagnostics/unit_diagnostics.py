@@ -1,18 +1,26 @@
 """Numbers that look like those of another unit."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
 from edtk.calibration.diagnostics.diagnostic import Diagnostic, Severity
-from edtk.calibration.diagnostics.small_unit import small_unit
 from edtk.calibration.finding import Finding, Kind
 from edtk.calibration.fitted_data import FittedData
 from edtk.calibration.match_plan import OTHER_LOAD
-from edtk.model.loads.fixed_load import FixedLoad
+from edtk.fit.equilibrium import NoFitError, fit_equilibrium
+from edtk.measure.equilibrium import NoEquilibriumError
+from edtk.measure.pose_table import WRENCH_COLUMNS
+from edtk.measure.task import all_compliances
+from edtk.robots.loads.fixed_load import FixedLoad
 from edtk.system.typing import Array, Mask
-from edtk.tables.pose_table import WRENCH_COLUMNS
 
+UNITS = ((1 / 10, "centimetres"), (1 / 25.4, "inches"))
+ENOUGH = 5  # degrees of freedom from which residuals tell their size
+SUSPECT = 0.3  # residuals over sigma below which other units are tried
+# Factor up to which residuals are as large as sigma says: the two units are 2.5 apart.
+AS_LARGE = 1.5
 USUAL_FORCES = 1.5  # factor up to which the median force is taken as the expected one
 UNIT_FACTOR = 1.2  # factor up to which a ratio of forces is that of two units
 FORCE_UNITS = (
@@ -24,7 +32,44 @@ FORCE_UNITS = (
 LENGTH_UNITS = ((1e-3, "metres"), (1e3, "micrometres"))
 LENGTH_FACTOR = 10.0  # factor up to which a ratio of lengths is that of two units
 ROTATION_FACTOR = 3.0  # the same of rotations
-ENOUGH = 5  # degrees of freedom from which the residuals tell the size of the displacements
+
+
+def small_unit(fitted: FittedData, ratio: float | None) -> str | None:
+    """Find the unit in which displacements and residuals have the sizes that they should.
+
+    A factor on all displacements is one on all compliances and on the residuals. The residuals in
+    millimetres are smaller than sigma by the factor, and the displacements smaller than predicted.
+
+    Args:
+        fitted: The measurements and their fit.
+        ratio: Size of the displacements over that of the predicted ones; None without assumed
+            compliances, where a sigma that is as many times too large looks the same.
+
+    Returns:
+        The unit's name, in the plural; None where millimetres are as likely.
+    """
+    fit = fitted.fit
+    if fit.dof < ENOUGH or not fit.scale < SUSPECT:
+        return None
+    found = []
+    for factor, name in UNITS:
+        near = ratio is None or ratio < np.sqrt(factor)
+        off = abs(np.log(_noise(fitted, factor))) if near else np.inf
+        if off < np.log(AS_LARGE):
+            found.append((off, name))
+    return min(found, key=lambda entry: entry[0])[1] if found else None
+
+
+def _noise(fitted: FittedData, factor: float) -> float:
+    """Residuals over sigma, where displacements are in a unit; inf where that does not fit."""
+    study = fitted.study
+    data = fitted.data
+    data = replace(data, deflection=data.deflection / factor)
+    start = all_compliances(study.model, fitted.fit.unbounded / factor)
+    try:
+        return fit_equilibrium(study.model, data, start)[1].scale
+    except (NoEquilibriumError, NoFitError):
+        return np.inf
 
 
 def unit_diagnostics(fitted: FittedData) -> Iterator[Diagnostic]:

@@ -5,11 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
+from edtk.calibration.calibration import Origin
 from edtk.calibration.diagnostics.diagnostic import Severity
-from edtk.calibration.geometry.copied_visits import (
-    refuse_copied_visits,
-    without_copied_markers,
-)
 from edtk.calibration.geometry.counting import (
     Counting,
     as_said,
@@ -20,27 +17,26 @@ from edtk.calibration.geometry.counting import (
     one_in_radians,
     placed_by_most,
 )
-from edtk.calibration.geometry.explain_visits import SCALES
 from edtk.calibration.geometry.fit_doubts import fit_doubts
 from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
 from edtk.calibration.geometry.geometric_doubt import GeometricDoubt, rows_in_words
-from edtk.calibration.geometry.gross_doubts import gross_doubts
-from edtk.calibration.geometry.gross_errors import GrossErrors, gross_errors
-from edtk.calibration.geometry.reference_points import reference_points
-from edtk.calibration.geometry.study_geometry import StudyGeometry
+from edtk.calibration.geometry.gross_errors import SCALES, GrossErrors, gross_doubts, gross_errors
+from edtk.calibration.geometry.sound_rows import (
+    refuse_copied_visits,
+    with_standing,
+    without_beyond_reach,
+    without_copied_markers,
+)
+from edtk.calibration.geometry.study_geometry import StudyGeometry, reference_points
 from edtk.calibration.geometry.turn_reading import EXPECTED, turn_reading
-from edtk.calibration.geometry.with_standing import with_standing
-from edtk.calibration.geometry.without_beyond_reach import without_beyond_reach
-from edtk.calibration.origin import Origin
-from edtk.inference.geometry.fit_geometry import TooFewPosesError, fit_geometry
-from edtk.inference.geometry.geometric_fit import MM, GeometricFit, root_mean_squares
-from edtk.inference.geometry.marker_positions import MarkerPositions
-from edtk.inference.geometry.read_positions import read_positions
-from edtk.model.robot import Robot
+from edtk.fit.geometry.fit_geometry import TooFewPosesError, fit_geometry
+from edtk.fit.geometry.fitted_geometry import MM, GeometricFit, root_mean_squares
+from edtk.fit.geometry.marker_positions import MarkerPositions, read_positions
+from edtk.measure.pose_table import Table, path_of
+from edtk.robots.robot import Robot
 from edtk.study.study import Study
 from edtk.system.errors import UserError
 from edtk.system.typing import Array, Mask
-from edtk.tables.pose_table import Table, path_of
 
 SCALE_WITHIN = 0.2  # relative: how near to one of these a unit has to be
 AGREES = 5.0  # times the error of poses left out, within which a visit agrees with the others

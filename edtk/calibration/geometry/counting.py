@@ -5,10 +5,10 @@ from itertools import combinations, product
 
 import numpy as np
 
-from edtk.calibration.geometry.consensus import distances, points_at
-from edtk.inference.geometry.linear_start import LinearStart, linear_start
-from edtk.inference.geometry.marker_positions import MarkerPositions
-from edtk.model.robot import Robot
+from edtk.calibration.geometry.gross_errors import distances, points_at
+from edtk.fit.geometry.marker_positions import MarkerPositions
+from edtk.fit.geometry.place_robot import LinearStart, linear_start
+from edtk.robots.robot import Robot
 from edtk.system.typing import Array
 
 MOST_POSES = 40  # that a search looks at
@@ -19,10 +19,12 @@ MUCH = 4.0  # times better, another way to count is believed
 # of a joint that stands still in most visits fits these as well, and makes the others look wrong.
 ALIKE = 1.5
 BEYOND = 10.0  # times the distance of the best way: a visit farther off does not fit at all
-DEGREE = np.pi / 180
 KEPT = 0.75  # of the visits place the robot where a few may be wrong
 TURNS = 5  # of placing it and of choosing these visits
 MOST_TRIED = 24  # ways to count that are looked at with a part of the visits
+
+
+DEGREE = np.pi / 180
 
 
 @dataclass(frozen=True, eq=False)

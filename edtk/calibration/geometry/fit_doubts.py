@@ -1,22 +1,21 @@
-"""What looks wrong in a fit of geometry."""
+"""What looks wrong in a fit of geometry, and whether its poses are enough to judge it."""
 
 import numpy as np
 
 from edtk.calibration.diagnostics.diagnostic import Severity
-from edtk.calibration.geometry.common_scale import common_scale
-from edtk.calibration.geometry.day_trend import DayTrend, day_trend
-from edtk.calibration.geometry.few_poses import few_poses
-from edtk.calibration.geometry.fit_rows import FitRows
+from edtk.calibration.geometry.fit_rows import DayTrend, FitRows, common_scale, day_trend
 from edtk.calibration.geometry.geometric_doubt import GeometricDoubt, rows_in_words
-from edtk.calibration.geometry.marker_doubts import marker_doubts
-from edtk.calibration.geometry.moved_frame import MovedFrame, moved_frame
+from edtk.calibration.geometry.moved_frame import MovedFrame, UntoldLoad, moved_frame, untold_load
+from edtk.calibration.geometry.sound_rows import marker_doubts
 from edtk.calibration.geometry.study_geometry import StudyGeometry
-from edtk.calibration.geometry.untold_load import UntoldLoad, untold_load
-from edtk.inference.geometry.chance_of_outside import chance_of_outside
-from edtk.inference.geometry.geometric_fit import MM, GeometricFit, root_mean_square
-from edtk.model.geometry.geometric_parameter import GeometricParameter
+from edtk.fit.geometry.fitted_geometry import MM, GeometricFit, root_mean_square
+from edtk.fit.geometry.judge_fit import chance_of_outside
+from edtk.measure.parameters import GeometricParameter
 from edtk.system.typing import Array
 
+ALONE = 1e-9  # leverage below one that rounding makes of a direction that one pose tells
+WORSE = 10.0  # times as far off as by the drawing: nothing shows that so few poses tell anything
+FEW = 2.5  # coordinates a parameter, below which poses are few
 UNLIKELY = 1e-6  # probability, over all poses, below which a pose is named
 MOST_NAMED = 2  # open directions that are named in full
 MOST_LETTERS = 120  # of their names together
@@ -37,6 +36,51 @@ UNCAUSED = (
     "it is the model's. Poses that are reached from both sides would tell backlash"
 )
 EXPLAINED = ("outliers", "frame_moved", "rough")  # these leave many outside by themselves
+
+
+def few_poses(fit: GeometricFit) -> list[GeometricDoubt]:
+    """What looks wrong in the number of poses, in any order."""
+    return [*_few(fit), *_alone(fit)]
+
+
+def _few(fit: GeometricFit) -> list[GeometricDoubt]:
+    """Hardly more coordinates than parameters."""
+    coordinates = fit.data.rows * fit.data.means.count
+    if coordinates >= FEW * fit.structural:
+        return []
+    markers = len(fit.data.markers)
+    missing = int(np.ceil((FEW * fit.structural - coordinates) / (fit.data.rows * markers)))
+    poses = f"{missing} more pose{'s' if missing > 1 else ''}"
+    text = (
+        f"{coordinates} coordinates for {fit.structural} parameters leave little to judge by; "
+        f"measure {poses}"
+    )
+    if fit.loo_rms <= WORSE * fit.placed:
+        return [GeometricDoubt(Severity.WARNING, "few_poses", text)]
+    # Neither residuals nor poses left out speak for such a fit, and an error of one pose is all in.
+    text += (
+        f". A pose left out is {MM * fit.loo_rms:.3g} mm off, and by the drawing "
+        f"{MM * fit.placed:.3g}"
+    )
+    return [GeometricDoubt(Severity.ALARM, "few_poses", text)]
+
+
+def _alone(fit: GeometricFit) -> list[GeometricDoubt]:
+    """Poses that alone tell something: how far off they are without themselves is not known."""
+    if fit.turns is not None:
+        return []
+    design = FitRows.of(fit).design
+    Q = np.linalg.qr(design.reshape(-1, design.shape[-1]))[0].reshape(design.shape)
+    leverage = np.linalg.eigvalsh(Q @ np.swapaxes(Q, 1, 2))[:, -1]
+    alone = np.flatnonzero(leverage > 1 - ALONE)
+    if not len(alone):
+        return []
+    rows = tuple(sorted({row for pose in alone for row in fit.data.rows_of_pose(int(pose))}))
+    text = (
+        f"{rows_in_words(rows)}: each tells what no other pose does, so that the error of poses "
+        "left out is that of some directions alone, and too small"
+    )
+    return [GeometricDoubt(Severity.WARNING, "alone", text, rows)]
 
 
 def fit_doubts(fit: GeometricFit, setting: StudyGeometry) -> list[GeometricDoubt]:

@@ -1,21 +1,31 @@
-"""Residuals and columns of the positions of a fit, to try what else would explain them."""
+"""Residuals and columns of the positions of a fit, and what grew or drifted over a day."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
-from edtk.inference.geometry.geometric_fit import MM, GeometricFit
-from edtk.inference.geometry.marker_positions import MarkerPositions
-from edtk.inference.geometry.position_noise import (
+from edtk.fit.geometry.fitted_geometry import MM, GeometricFit
+from edtk.fit.geometry.marker_positions import MarkerPositions
+from edtk.fit.geometry.position_noise import (
     PositionNoise,
     fit_model_error,
+    fit_variances_of_blocks,
     only_seen,
 )
-from edtk.model.geometry.geometric_parameter import GeometricParameter
+from edtk.measure.parameters import GeometricParameter, all_parameters
 from edtk.system.typing import Array
 
 DEPENDENT = 1e-8  # singular value of columns of unit length, beside the largest, that is rounding
+UNLIKELY_TREND = 1e-5
+EXPLAINS = 0.1  # of the weighted squares, at least
+COORDINATES = 3.0  # of a pose that err together
+RATES = (0.0, 3.0, 8.0)  # of settling in a day: a steady drift, and warming up
+FEWEST_OF_TREND = 8  # poses
+UNLIKELY_SCALE = 1e-4
+LEAST = 1e-4  # [m/m] below it a scale is that of the air's temperature
+FEWEST_OF_SCALE = 6  # parameters of the geometry that show how far from the drawing this robot is
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,3 +170,164 @@ def of_positions(columns: Array, means: MarkerPositions) -> Array:
     there = means.seen[..., None, None]
     found = np.where(there, columns[:, :, :3], 0.0)
     return np.asarray(found.reshape(len(columns), -1, columns.shape[-1]))
+
+
+@dataclass(frozen=True, eq=False)
+class DayTrend:
+    """Something that grows from the first pose to the last.
+
+    Attributes:
+        kind: "drift" of the frame, or "growth" of all links.
+        size: At the end of the day: how far positions are off, root mean square [m], or the growth
+            of all lengths [m/m].
+        explained: Share of the weighted squares that it explains.
+        columns: Its columns (m, 3k, c) [mm a unit].
+    """
+
+    kind: Literal["drift", "growth"]
+    size: float
+    explained: float
+    columns: Array
+
+
+def day_trend(fit: GeometricFit, others: Sequence[GeometricParameter] = ()) -> DayTrend | None:
+    """Try a drift of the frame and a growth of all links, and test the best.
+
+    At the time t, from 0 at the first pose to 1 at the last, both have the size ``t`` or, as where
+    something warms up, ``(1 - exp(-c t)) / (1 - exp(-c))``. A drift has the six columns of a motion
+    of the frame, and growth one: the motion by all lengths of the drawing together. The noise is
+    fitted anew beside them (see `moved_frame`). The smallest probability of the fall of the squares
+    counts as often as shapes are tried.
+
+    Args:
+        fit: Of a sheet whose poses are in the order in which they were measured.
+        others: Errors of the drawing that were not asked for, which are fitted beside it.
+    """
+    rows = FitRows.of(fit).beside(others)
+    if len(rows.residual) < FEWEST_OF_TREND:
+        return None
+    kinds: list[tuple[Literal["drift", "growth"], Array]] = [
+        ("drift", frame_columns(fit)),
+        ("growth", growth_columns(fit)),
+    ]
+    tried = (_best(rows, kind, columns) for kind, columns in kinds)
+    found = [one for one in tried if one is not None]
+    gains = rows.gains([one.columns for one in found])
+    return max(zip(gains, found, strict=True), key=lambda one: one[0], default=(0.0, None))[1]
+
+
+def frame_columns(fit: GeometricFit) -> Array:
+    """Columns (m, 3k, 6) of a motion of the frame [mm a mm, mm a mrad]."""
+    model = fit.fitted.model
+    base = model.with_parameters(all_parameters(model.robot, model.markers, [], tool=False))
+    by_base = base.see(np.zeros(6), fit.data.means.q).jacobian
+    assert by_base is not None
+    return MM * of_positions(by_base * base.scales, fit.data.means)
+
+
+def growth_columns(fit: GeometricFit) -> Array:
+    """The column (m, 3k, 1) of a growth of all lengths between joints [mm by 1 mm/m]."""
+    model = fit.fitted.model
+    robot = model.robot
+    lengths = tuple(
+        one for one in all_parameters(robot, model.markers, base=False, tool=False) if not one.turns
+    )
+    every = model.with_parameters(lengths)
+    jacobian = every.see(np.zeros(every.p), fit.data.means.q).jacobian
+    assert jacobian is not None
+    origins = {joint.name: joint.origin[:3, :3].T @ joint.origin[:3, 3] for joint in robot.chain}
+    long = np.array([origins[one.of]["xyz".index(one.component)] for one in lengths])
+    return of_positions((jacobian @ long)[..., None], fit.data.means)
+
+
+def _best(rows: FitRows, kind: Literal["drift", "growth"], columns: Array) -> DayTrend | None:
+    """The shape of one kind that explains most, where chance does not."""
+    m, _, c = columns.shape
+    dof = rows.dof(c)
+    if dof < 2 * c:
+        return None
+    times = np.linspace(0.0, 1.0, m)
+    shapes = [np.expm1(-r * times) / np.expm1(-r) if r else times for r in RATES]
+    noise = rows.noise_beside(columns * times[:, None, None])
+    tried = []
+    for shape in shapes:
+        grown = columns * shape[:, None, None]
+        one = explained_by(*rows.whitened(noise, rows.residual[..., None], rows.design, grown))
+        tried.append((one.share, one.values, grown))
+    share, values, grown = max(tried, key=lambda one: one[0])
+    chance = log_chance(share, c, max(dof / COORDINATES, 1.0)) + np.log(len(shapes))
+    if chance > np.log(UNLIKELY_TREND) or share < EXPLAINS:
+        return None
+    if kind == "growth":
+        return DayTrend(kind, 1e-3 * float(values[0]), share, grown)
+    seen = rows.fit.data.means.seen[-1].reshape(-1)
+    off = (columns[-1] @ values).reshape(-1, 3)[seen]
+    size = float(np.sqrt((off**2).sum(axis=-1).mean())) / MM if len(off) else 0.0
+    return DayTrend(kind, size, share, grown)
+
+
+@dataclass(frozen=True)
+class CommonScale:
+    """A scale by which lengths that were measured are longer than drawn.
+
+    Attributes:
+        size: The scale less one [m/m].
+        std: Its standard deviation.
+    """
+
+    size: float
+    std: float
+
+
+def common_scale(fit: GeometricFit) -> CommonScale | None:
+    """Estimate a scale of all lengths, beside errors of the drawing of unknown size, and test it.
+
+    Where all geometry is fitted, lengths take up a scale s of the instrument: they come out as
+    ``theta = T d + s t + e``, with the errors d of the drawing, how all of them (T) and a scale (t)
+    move the minimal set, and the errors e of the fit, of covariance C. Robots are built with errors
+    of either sign: d has two variances, of lengths and of angles, fitted by restricted likelihood,
+    and s is that of generalised least squares with ``C + T D T'``. Base and markers are free.
+
+    Args:
+        fit: Of a study that asks for all geometry.
+    """
+    model = fit.fitted.model
+    own = np.array([one.place == "joint" for one in model.parameters])
+    if own.sum() < FEWEST_OF_SCALE:
+        return None
+    means = fit.data.means
+    errors = all_parameters(model.robot, model.markers, base=False, tool=False)
+    every = model.with_parameters(errors)
+    seen = model.see(fit.fitted.theta, means.q)
+    jacobian = every.see(np.zeros(every.p), means.q).jacobian
+    assert jacobian is not None
+    scaled = of_positions(seen.points[..., None], means)  # mm by 1 mm/m
+    moved = MM * of_positions(jacobian * every.scales, means)
+    columns = np.concatenate([moved, scaled], axis=-1)
+    taken = _coefficients(FitRows.of(fit).design, columns)[own]
+    turns = np.array([one.turns for one in errors])
+    kinds = [K @ K.T for K in (taken[:, :-1][:, ~turns], taken[:, :-1][:, turns])]
+    C = fit.fitted.covariance[np.ix_(own, own)]
+    y = fit.fitted.values[own]
+    t = taken[:, -1]
+    found = fit_variances_of_blocks(C[None], [K[None] for K in kinds], y[None], t[None, :, None])
+    V = C + sum(v * K for v, K in zip(found.variances, kinds, strict=True))
+    weighted = np.linalg.solve(V, t)
+    variance = 1 / float(t @ weighted)
+    scale = CommonScale(1e-3 * variance * float(weighted @ y), 1e-3 * float(np.sqrt(variance)))
+    return scale if _is_told(scale, len(y) - 1 - len(kinds)) else None
+
+
+def _coefficients(design: Array, columns: Array) -> Array:
+    """How a design (m, r, p) combines to columns (m, r, c): (p, c)."""
+    X = design.reshape(-1, design.shape[-1])
+    return np.asarray(np.linalg.lstsq(X, columns.reshape(len(X), -1), rcond=None)[0])
+
+
+def _is_told(scale: CommonScale, dof: int) -> bool:
+    """Whether a scale is large, and no matter of chance."""
+    from scipy.stats import t
+
+    if abs(scale.size) < LEAST:
+        return False
+    return bool(2 * t.sf(abs(scale.size) / scale.std, dof) < UNLIKELY_SCALE)

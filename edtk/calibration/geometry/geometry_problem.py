@@ -1,4 +1,4 @@
-"""The design problem of a study of geometry: candidate poses, loaded or not, and what they tell."""
+"""The design problem of a study of geometry: candidate poses, loaded or not."""
 
 from dataclasses import dataclass
 
@@ -7,13 +7,12 @@ from numpy.typing import ArrayLike
 
 import criteria
 from edtk.calibration.geometry.study_geometry import StudyGeometry, StudyLoads
-from edtk.calibration.geometry_design.position_rows import PositionRows
-from edtk.design.candidate_arrays import rows_of_blocks
-from edtk.design.problem import Problem
-from edtk.inference.geometry.fit_geometry import stages
-from edtk.inference.geometry.position_noise import PositionNoise
-from edtk.model.geometry.geometric_model import GeometricModel
-from edtk.model.geometry.identifiable import identifiable
+from edtk.calibration.geometry_design.geometry_space import PositionRows
+from edtk.design.problem import Problem, rows_of_blocks
+from edtk.fit.geometry.fit_geometry import stages
+from edtk.fit.geometry.position_noise import PositionNoise
+from edtk.measure.geometric_model import GeometricModel
+from edtk.measure.parameters import identifiable
 from edtk.study.study import Study
 from edtk.system.errors import ArgumentError
 from edtk.system.presented import Presented

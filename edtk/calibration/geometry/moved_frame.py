@@ -1,27 +1,34 @@
-"""Whether the frame of the instrument moved between two poses, by the residuals of a fit."""
+"""Whether the frame moved, or a weight hangs that nobody told, by the residuals of a fit."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from edtk.calibration.geometry.day_trend import frame_columns
-from edtk.calibration.geometry.fit_rows import FitRows
-from edtk.inference.geometry.geometric_fit import MM, GeometricFit
-from edtk.inference.geometry.position_noise import PositionNoise
-from edtk.model.geometry.geometric_parameter import GeometricParameter
-from edtk.system.typing import Array
+from edtk.calibration.geometry.fit_rows import FitRows, explained_by, frame_columns, log_chance
+from edtk.fit.geometry.fitted_geometry import MM, GeometricFit
+from edtk.fit.geometry.position_noise import PositionNoise
+from edtk.measure.parameters import GeometricParameter
+from edtk.system.typing import Array, Indices, Mask
 
-FEWEST = 2  # poses before, after and between
-UNLIKELY = 1e-6
+FEWEST_IN_FRAME = 2  # poses before, after and between
+UNLIKELY_FRAME = 1e-6
 # Of the squares, at least: a drift of the floor explains less. Equal weights make more of errors
 # that the coordinates of a pose have in common, which are then as if fewer poses told something.
-EXPLAINS = {False: 0.2, True: 0.5}
-COORDINATES = {False: 3.0, True: 6.0}  # of a pose that err together
+FRAME_EXPLAINS = {False: 0.2, True: 0.5}
+FRAME_COORDINATES = {False: 3.0, True: 6.0}  # of a pose that err together
 # Probability of a motion that the noise was fitted beside: of 200 sound days none had less.
 RARE = 1e-2
 SIDE = 4  # poses before and after such a motion: of fewer it may be that one is a wrong one
 BREAKS = 30  # poses at which a motion that is taken back is tried first
+UNLIKELY_LOAD = 1e-4
+LOAD_EXPLAINS = 0.5  # of the squares, at least: gears that are not round explain less
+LOAD_COORDINATES = 3.0  # of a pose that err together
+SURE = 2.0  # standard deviations by which a joint gives way
+FEWEST_LOADED = 4  # poses with the weight, and without it
+STARTS = 6  # random ones of the search for poses with a weight
+ROUNDS = 12  # of telling the weight and the poses, in turn
+SAME = 1e-6  # [m] a load that changes less from pose to pose tells nothing
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,21 +83,21 @@ def _best(day: "_Day", white: bool) -> MovedFrame | None:
     """The motion that lowers the squares most, where chance does not explain it."""
     m = len(day)
     dof = day.dof
-    if m < 2 * FEWEST or dof < 4:
+    if m < 2 * FEWEST_IN_FRAME or dof < 4:
         return None
     sums = day.sums(None if white else day.rows.noise)
     total = float((sums.z**2).sum())
-    ends = [(s, m) for s in range(FEWEST, m - FEWEST + 1)]
+    ends = [(s, m) for s in range(FEWEST_IN_FRAME, m - FEWEST_IN_FRAME + 1)]
     best = max((sums.fall(s, t), s, t) for s, t in ends)
     between = max(((sums.fall(s, t), s, t) for s, t in _pairs(m)), default=best)
     between = max((sums.fall(s, t), s, t) for s, t in _near(between[1], between[2], m))
-    independent = max(dof / COORDINATES[white], 1.0)
+    independent = max(dof / FRAME_COORDINATES[white], 1.0)
     judged = [
         (_probability(fall, total, independent) * count, fall, s, t)
         for (fall, s, t), count in ((best, m), (between, m * m))
     ]
     probability, fall, s, t = min(judged)
-    if probability > UNLIKELY or fall < EXPLAINS[white] * total:
+    if probability > UNLIKELY_FRAME or fall < FRAME_EXPLAINS[white] * total:
         return None
     return MovedFrame(s, t, day.size(sums.motion(s, t), s, t), fall / total)
 
@@ -110,24 +117,24 @@ def _beside_noise(day: "_Day") -> MovedFrame | None:
     after = day.sums(day.noise_beside(s))
     total = float((after.z**2).sum())
     fall = after.fall(s, m)
-    independent = max(day.dof / COORDINATES[False], 1.0)
-    if _probability(fall, total, independent) * m > RARE or fall < EXPLAINS[False] * total:
+    independent = max(day.dof / FRAME_COORDINATES[False], 1.0)
+    if _probability(fall, total, independent) * m > RARE or fall < FRAME_EXPLAINS[False] * total:
         return None
     return MovedFrame(s, m, day.size(after.motion(s, m), s, m), fall / total)
 
 
 def _pairs(m: int) -> Iterator[tuple[int, int]]:
     """Some poses between which a motion is tried, the day's ends left out."""
-    breaks = np.unique(np.linspace(FEWEST, m - 1, BREAKS).astype(int)).tolist()
-    return ((s, t) for s in breaks for t in breaks if t - s >= FEWEST)
+    breaks = np.unique(np.linspace(FEWEST_IN_FRAME, m - 1, BREAKS).astype(int)).tolist()
+    return ((s, t) for s in breaks for t in breaks if t - s >= FEWEST_IN_FRAME)
 
 
 def _near(s: int, t: int, m: int) -> list[tuple[int, int]]:
     """Pairs near a pair, as near as the next that was tried, and itself."""
     step = max(m // BREAKS, 1) + 1
     pairs = {(s, t)}
-    for a in range(max(s - step, FEWEST), min(s + step, m - FEWEST) + 1):
-        for b in range(max(t - step, a + FEWEST), min(t + step, m) + 1):
+    for a in range(max(s - step, FEWEST_IN_FRAME), min(s + step, m - FEWEST_IN_FRAME) + 1):
+        for b in range(max(t - step, a + FEWEST_IN_FRAME), min(t + step, m) + 1):
             pairs.add((a, b))
     return sorted(pairs)
 
@@ -230,3 +237,147 @@ class _Day:
 def _before(terms: Array) -> Array:
     """Sums (m + 1, ...) of all terms before each one, and of all."""
     return np.concatenate([np.zeros((1, *terms.shape[1:])), np.cumsum(terms, axis=0)])
+
+
+@dataclass(frozen=True, eq=False)
+class UntoldLoad:
+    """A weight that explains a good part of the residuals.
+
+    Attributes:
+        joints: Names of the joints that give way.
+        explained: Share of the squared residuals that this explains.
+        loaded: Mask (m,) of the poses that are under it.
+        columns: Its columns (m, 3k, c).
+        log_chance: Logarithm of the probability that chance explains as much.
+    """
+
+    joints: tuple[str, ...]
+    explained: float
+    loaded: Mask
+    columns: Array
+    log_chance: float
+
+
+def untold_load(fit: GeometricFit) -> UntoldLoad | None:
+    """Try springs of all joints under a weight at the tool, and test those that give way.
+
+    A weight W turns joint j by ``k_j W t_j(q)``, with t_j the torque of a unit force down at the
+    tool: the columns are the motions by the joints times t_j, and ``k_j W`` is not negative. The
+    noise is fitted anew beside them (see `moved_frame`), and the fall of the squares has to be
+    improbable, and half of them with equal weights. The weight of the links bends joints much the
+    same way, so that both are meant.
+
+    The weight may hang there in all poses, from one on or up to it, in every other one, or in any
+    that the residuals tell. The probability counts as often as there are ways to choose them.
+
+    Args:
+        fit: Of positions without springs among its parameters.
+    """
+    rows = FitRows.of(fit)
+    robot = fit.fitted.model.robot
+    frames = robot.frames(fit.data.means.q, ())
+    torque = -frames.folded(frames.linear_of_each)[:, 2].T
+    turned = np.flatnonzero(np.ptp(torque, axis=0) > SAME)
+    if not len(turned) or rows.dof(len(turned)) < len(turned):
+        return None
+    bent = rows.motion * torque[:, None]
+    every = np.ones(len(bent), dtype=bool)
+    found = _judged(rows, bent, turned, every, 0.0)
+    parts = [_judged(rows, bent, turned, *one) for one in _parts_of_day(rows, bent[..., turned])]
+    told = [one for one in (found, *parts) if one is not None]
+    return min(told, key=lambda one: one.log_chance, default=None)
+
+
+def _judged(
+    rows: FitRows, bent: Array, turned: Indices, loaded: Mask, log_tries: float
+) -> UntoldLoad | None:
+    """A weight in some poses, where chance does not explain what it does."""
+    bent = bent * loaded[:, None, None]
+    noise = rows.noise_beside(bent[..., turned])
+    parts = (rows.residual[..., None], rows.design)
+    every = explained_by(*rows.whitened(noise, *parts, bent[..., turned]))
+    giving = turned[every.values > SURE * every.std]
+    if not len(giving):
+        return None
+    columns = bent[..., giving]
+    found = explained_by(*rows.whitened(noise, *parts, columns)).share
+    explained = explained_by(*rows.whitened(None, *parts, columns)).share
+    independent = max(rows.dof(len(giving)) / LOAD_COORDINATES, 1.0)
+    chance = log_chance(found, len(giving), independent) + log_tries
+    if explained < LOAD_EXPLAINS or chance > np.log(UNLIKELY_LOAD):
+        return None
+    names = tuple(rows.fit.fitted.model.robot.joint_names[j] for j in giving)
+    return UntoldLoad(names, explained, loaded, columns, chance)
+
+
+def _parts_of_day(rows: FitRows, bent: Array) -> list[tuple[Mask, float]]:
+    """Masks (m,) of poses that a weight may load, and logarithms of how many such there are."""
+    m = len(bent)
+    if m < 2 * FEWEST_LOADED:
+        return []
+    each = np.arange(m)
+    turns = [each % 2 == 0, each % 2 == 1]
+    breaks = range(FEWEST_LOADED, m - FEWEST_LOADED + 1)
+    halves = [mask for s in breaks for mask in (each >= s, each < s)]
+    z, X, C = rows.whitened(None, rows.residual[..., None], rows.design, bent)
+    day = _LoadedPoses.of(z, X, C)
+    half = min(halves, key=day.left)
+    turn = min(turns, key=day.left)
+    rng = np.random.default_rng(0)
+    starts = [half, turn, *(rng.random((STARTS, m)) < 0.5)]
+    free = min((day.settled(start) for start in starts), key=day.left)
+    found = [(half, float(np.log(len(halves)))), (turn, float(np.log(len(turns))))]
+    if FEWEST_LOADED <= free.sum() <= m - FEWEST_LOADED:
+        found.append((free, m * float(np.log(2.0))))
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class _LoadedPoses:
+    """Residuals, and what a weight in some poses leaves of them.
+
+    Attributes:
+        z: Residuals (m, r).
+        X: Columns (m, r, p) of the fit.
+        C: Columns (m, r, c) of a weight.
+        Q: An orthonormal basis (m r, p) of the columns of the fit.
+    """
+
+    z: Array
+    X: Array
+    C: Array
+    Q: Array
+
+    @classmethod
+    def of(cls, z: Array, X: Array, C: Array) -> "_LoadedPoses":
+        """Of rows that all count alike."""
+        Q = np.linalg.qr(X.reshape(-1, X.shape[-1]))[0]
+        return cls(z[..., 0], X, C, Q)
+
+    def _apart(self, loaded: Mask) -> tuple[Array, Array]:
+        """Residuals (m, r) with a weight in some poses, and its size (c,), none below zero."""
+        from scipy.optimize import nnls
+
+        C = (self.C * loaded[:, None, None]).reshape(-1, self.C.shape[-1])
+        z = self.z.reshape(-1)
+        C, z = C - self.Q @ (self.Q.T @ C), z - self.Q @ (self.Q.T @ z)
+        # Of as many rows as columns: the squares fall by as much.
+        q, r = np.linalg.qr(C)
+        size = nnls(r, q.T @ z)[0]
+        return (z - C @ size).reshape(self.z.shape), size
+
+    def left(self, loaded: Mask) -> float:
+        """Sum of squares."""
+        return float((self._apart(loaded)[0] ** 2).sum())
+
+    def settled(self, loaded: Mask) -> Mask:
+        """The poses (m,) that fit better under the weight, told in turn with its size."""
+        for _ in range(ROUNDS):
+            apart, size = self._apart(loaded)
+            bend = self.C @ size
+            without = apart + bend * loaded[:, None]
+            after = ((without - bend) ** 2).sum(axis=1) < (without**2).sum(axis=1)
+            if (after == loaded).all():
+                break
+            loaded = after
+        return loaded

@@ -1,22 +1,34 @@
-"""What a study of geometry says of its robot: model, noise and loads."""
+"""What a study of geometry says of its robot: model, noise, loads, and points on the base."""
 
 from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
-from edtk.inference.geometry.marker_positions import MarkerPositions
-from edtk.inference.geometry.position_noise import PositionNoise
-from edtk.model.dead_weights import DeadWeights
-from edtk.model.elastostatic_model import ElastostaticModel
-from edtk.model.frames import Frames
-from edtk.model.geometry.all_parameters import all_parameters
-from edtk.model.geometry.geometric_model import GeometricModel
-from edtk.model.geometry.geometric_parameter import GeometricParameter
-from edtk.study.assumed_joints import likely_compliances
+from edtk.calibration.diagnostics.diagnostic import Severity
+from edtk.calibration.geometry.geometric_doubt import GeometricDoubt, rows_in_words
+from edtk.fit.geometry.marker_positions import MarkerPositions
+from edtk.fit.geometry.place_robot import rigid_motion
+from edtk.fit.geometry.position_noise import PositionNoise
+from edtk.measure.elastostatic_model import ElastostaticModel
+from edtk.measure.geometric_model import GeometricModel
+from edtk.measure.parameters import GeometricParameter, all_parameters
+from edtk.robots.frames import Frames
+from edtk.robots.weights import DeadWeights
 from edtk.study.study import Study
-from edtk.study.study_model import is_reference, marker_names, on_robot, own_weights
-from edtk.system.typing import Array
+from edtk.study.study_model import (
+    is_reference,
+    likely_compliances,
+    marker_names,
+    on_robot,
+    own_weights,
+)
+from edtk.system.typing import Array, Indices, Mask
+
+STEP = 0.1  # [rad or m]: the mark's pose has its joints at 1, 2, 3, ... steps
+SCATTERS = 10.0  # times its usual scatter a point has moved
+SAME = 1e-3  # [m] nearer than this two readings are of one point
+LEAST = 1e-4  # [m] below it a motion is that of the floor
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,3 +178,104 @@ class StudyLoads:
         weights = [one for one in (self.links, self.payload) if one is not None]
         bodies = {*self.by_wrench.bodies, *(body for one in weights for body in one.bodies)}
         return self.by_wrench.robot.frames(q, tuple(sorted(bodies)))
+
+
+WRENCH = np.array([100.0, 200.0, 300.0, 10.0, 20.0, 30.0])  # [N, N m]: any one that is not zero
+
+
+def study_marks(setting: StudyGeometry) -> dict[str, Array]:
+    """Numbers that differ where a study counts its joints, or loads them, in another way.
+
+    Predictions rest on more than a result holds: on the controller's signs and zeros, on the place
+    where a load acts, and on the weights of payload and links. What these do in one pose is written
+    beside the result, so that a study that was changed since is not answered with wrong numbers.
+
+    Returns:
+        `shown`: what the controller shows in a pose (n,) [rad or m]; `loads`: loads (2, n) of the
+        joints there without a wrench and under one [N m or N], where springs are asked for.
+    """
+    robot = setting.study.robot
+    q = STEP * np.arange(1.0, robot.n + 1)
+    marks = {"shown": np.asarray(robot.shown(q))}
+    if setting.loads is not None:
+        marks["loads"] = setting.loads(np.stack([q, q]), np.stack([0 * WRENCH, WRENCH]))
+    return marks
+
+
+@dataclass(frozen=True, eq=False)
+class References:
+    """What the points on the base tell.
+
+    Attributes:
+        doubts: What moved.
+        frames: For each visit the motion (v, 4, 4) that takes its positions back to where the
+            frame of the instrument was at most times; the identity where it did not move.
+    """
+
+    doubts: tuple[GeometricDoubt, ...]
+    frames: Array
+
+
+def reference_points(points: MarkerPositions, tool: MarkerPositions) -> References:
+    """Tell a point that moved from a frame that moved with all of them.
+
+    A point moved where it is far from its median place alone; the frame of the instrument did where
+    most points are, and a rigid motion brings all of them back.
+
+    Args:
+        points: Positions of the points on the base, lost ones NaN.
+        tool: Those of the markers on the tool in the same visits: a beam may have been on one.
+    """
+    v, r = points.seen.shape
+    frames = np.tile(np.eye(4), (v, 1, 1))
+    if not r:
+        return References((), frames)
+    place = np.nanmedian(points.measured, axis=0)
+    apart = np.linalg.norm(points.measured - place, axis=-1)
+    usual = 1.4826 * np.nanmedian(apart, axis=0)
+    moved: Mask = apart > np.maximum(SCATTERS * usual, LEAST)
+    together = (moved.sum(axis=1) > points.seen.sum(axis=1) / 2) & (points.seen.sum(axis=1) > 2)
+    doubts = []
+    if together.any():
+        for visit in np.flatnonzero(together):
+            seen = points.seen[visit]
+            frames[visit] = rigid_motion(points.measured[visit][seen], place[seen])
+        doubts.append(_frame_moved(points, together, apart))
+    for i in range(r):
+        alone = np.flatnonzero(moved[:, i] & ~together)
+        if len(alone):
+            doubts += _moved_alone(points, tool, alone, i, apart[alone, i])
+    return References(tuple(doubts), frames)
+
+
+def _moved_alone(
+    points: MarkerPositions, tool: MarkerPositions, visits: Indices, i: int, apart: Array
+) -> list[GeometricDoubt]:
+    """The doubts that name the visits in which one point is elsewhere, by where it is."""
+    here = np.linalg.norm(tool.measured[visits] - points.measured[visits, i, None], axis=-1)
+    on = [int(np.nanargmin(one)) if np.nanmin(one, initial=1.0) < SAME else -1 for one in here]
+    found = []
+    name = points.markers[i]
+    for marker in sorted(set(on)):
+        chosen = np.flatnonzero(np.array(on) == marker)
+        rows = tuple(int(row) for row in points.row[visits[chosen], i])
+        what = f"moved, by up to {1e3 * float(apart[chosen].max()):.3g} mm"
+        if marker >= 0:
+            what = f"is where the marker {tool.markers[marker]} on the tool is"
+        text = f"{rows_in_words(rows)}: the point {name} on the base {what}; it does not count"
+        found.append(GeometricDoubt(Severity.WARNING, "reference_moved", text, rows))
+    return found
+
+
+def _frame_moved(points: MarkerPositions, together: Mask, apart: Array) -> GeometricDoubt:
+    """The doubt that names the visits in which all points moved."""
+    visits = np.flatnonzero(together)
+    rows = tuple(sorted({int(row) for row in points.row[visits].ravel() if row >= 0}))
+    size = 1e3 * float(np.nanmax(np.nanmedian(apart[visits], axis=1)))
+    return GeometricDoubt(
+        Severity.WARNING,
+        "frame_moved",
+        f"{rows_in_words(rows)}: the frame of the instrument moved, by up to {size:.3g} mm at the "
+        "base; positions there are taken back by the points on the base",
+        rows,
+    )

@@ -4,26 +4,26 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from edtk.inference.geometry.marker_positions import MarkerPositions
-from edtk.inference.geometry.turn_columns import turn_columns
-from edtk.model.robot import Robot
+from edtk.fit.geometry.marker_positions import MarkerPositions, turn_columns
+from edtk.measure.pose_table import PoseTable, Table, pose_columns
+from edtk.robots.robot import Robot
 from edtk.system.typing import Array
-from edtk.tables.pose_columns import pose_columns
-from edtk.tables.pose_table import PoseTable, Table
 
 MOST_VISITS = 60  # that are compared, each with all others
-FAR = float(np.deg2rad(1.0))  # no drawing turns a tool as wrongly
 LARGE = 0.1  # of the angles themselves
 BETTER = 4.0  # times, another way to write them is believed
 TURNS = 4  # of finding the base, and of choosing the pairs that fit it
 KEPT = 0.5  # of the pairs
 ALIKE = 1.5  # two ways whose differences are as near fit alike
 LEAST = 3  # visits, of which each two are compared
-DEGREE = np.pi / 180
-
 EXPECTED = (
     "degrees everywhere, and rotation vectors (axis times angle) or quaternions with qw first"
 )
+INVERSE = "those of the instrument, seen from the marker"
+
+
+FAR = float(np.deg2rad(1.0))  # no drawing turns a tool as wrongly
+DEGREE = np.pi / 180
 
 Reading = Callable[[Array], Array]
 
@@ -167,7 +167,6 @@ def _inverse(reading: Reading) -> Reading:
     return lambda values: np.swapaxes(reading(values), 1, 2)
 
 
-INVERSE = "those of the instrument, seen from the marker"
 # In order of trust: of two that fit alike the first is meant.
 VECTORS: dict[str, Reading] = {
     "": _vector(DEGREE),

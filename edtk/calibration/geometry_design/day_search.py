@@ -6,26 +6,30 @@ from time import monotonic
 import numpy as np
 
 from criteria import Relaxable
-from edtk.calibration.geometry_design.day_budget import DayBudget, affords, most_visits
-from edtk.calibration.geometry_design.day_costs import DayCosts
+from edtk.calibration.geometry_design.day_costs import (
+    DayBudget,
+    DayCosts,
+    PosesByLoad,
+    affords,
+    most_visits,
+)
 from edtk.calibration.geometry_design.geometry_plan import GeometryPlan
 from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
 from edtk.calibration.geometry_design.geometry_space import GeometrySpace
-from edtk.calibration.geometry_design.load_trial import LoadTrial
-from edtk.calibration.geometry_design.new_visits import new_visits
-from edtk.calibration.geometry_design.too_few_visits import too_few_visits
-from edtk.calibration.geometry_design.visit_search import FoundVisits, VisitSearch
-from edtk.design.bound import BoundKind
-from edtk.design.exact.exact_plan import ExactPlan
-from edtk.design.exact.require_enough import TooFewExperimentsError, require_enough
+from edtk.calibration.geometry_design.visit_search import (
+    FoundVisits,
+    VisitSearch,
+    new_visits,
+    too_few_visits,
+)
+from edtk.design.bound import Bound, BoundKind
+from edtk.design.exact.exact_plan import ExactPlan, TooFewExperimentsError, require_enough
 from edtk.design.plan import Plan
 from edtk.design.problem import RankDeficientError
 from edtk.design.relaxation.relax import require_relaxable
-from edtk.design.relaxation.relax_options import RelaxOptions
-from edtk.design.relaxation.relax_poses import relaxed_in_time
+from edtk.design.relaxation.relax_poses import RelaxOptions, relaxed_in_time
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
-from edtk.study.relax_study import source_of
-from edtk.study.run_options import RunOptions
+from edtk.study.plan_study import RunOptions, source_of
 from edtk.system.errors import ArgumentError
 from edtk.system.time_limit import out_of_time, time_left, time_limit
 
@@ -33,6 +37,56 @@ TOLERANCE = 2e-2  # relative gap of a bound: that of 35 parameters would take mi
 SEARCHES = 12  # over all poses for the bound, at most: what is left after them is a per cent or two
 MOST_LOADS = 5  # none counted: of more, too many sets would have to be searched one by one
 AS_GOOD = 1e-4  # relative difference of costs of plans below which the cheaper day is better
+
+
+@dataclass(frozen=True, eq=False)
+class LoadTrial:
+    """The best plan of one set of loads.
+
+    Attributes:
+        loads: Indices of the loads.
+        relaxed: The relaxation over its poses.
+        total: Visits, or what they cost, of which the relaxation has one.
+        found: The plan; None where it could not be better than another one.
+    """
+
+    loads: tuple[int, ...]
+    relaxed: RelaxedPlan
+    total: float
+    found: FoundVisits | None
+
+    @property
+    def bound(self) -> Bound:
+        """No plan of these loads costs less."""
+        return self.relaxed.best_bound.scaled(self.total)
+
+    @classmethod
+    def of(
+        cls,
+        loads: tuple[int, ...],
+        relaxed: RelaxedPlan,
+        total: float,
+        found: FoundVisits | None,
+    ) -> "LoadTrial":
+        """A trial whose bound holds for the plan that was found."""
+        if found is not None and relaxed.searched_bound is None:
+            relaxed = relaxed.holding_for(found.x)
+        return cls(loads, relaxed, total, found)
+
+    def or_better(self, earlier: "LoadTrial | None") -> "LoadTrial":
+        """The trial with the plan of an earlier one, where that is better or the only one."""
+        if earlier is None or earlier.found is None:
+            return self
+        if self.found is not None and self.found.cost <= earlier.found.cost:
+            return self
+        return LoadTrial.of(self.loads, self.relaxed, self.total, earlier.found)
+
+    def price(self, question: GeometryQuestion, costs: DayCosts) -> float:
+        """What the day of the plan costs."""
+        assert self.found is not None
+        visits = self.relaxed.space.plan(self.found.x, self.found.repeats)
+        poses = PosesByLoad.of(visits, question.wrenches, question.study.robot)
+        return costs.total(poses.wrenches, poses.visits.sum(axis=0))
 
 
 @dataclass(frozen=True, eq=False)

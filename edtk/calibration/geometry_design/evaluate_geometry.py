@@ -1,22 +1,356 @@
-"""The worth of a plan of visits: rank, all criteria, and the error to expect in the test poses."""
+"""The worth of a plan of visits, and what a run asks about designs of geometry."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from time import monotonic
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 import criteria
-from edtk.calibration.geometry_design.geometry_designs import GeometryDesigns
-from edtk.calibration.geometry_design.geometry_evaluation import GeometryEvaluation
-from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
-from edtk.calibration.geometry_design.poses_by_load import PosesByLoad
-from edtk.calibration.geometry_design.position_rows import MM, PositionRows
-from edtk.calibration.geometry_design.told_by_plan import ToldByPlan
+from edtk.calibration.geometry_design.day_costs import PosesByLoad
+from edtk.calibration.geometry_design.day_search import SEARCHES
+from edtk.calibration.geometry_design.day_search import TOLERANCE as OF_PLANS
+from edtk.calibration.geometry_design.geometry_plan import ToldByPlan
+from edtk.calibration.geometry_design.geometry_question import (
+    GeometryQuestion,
+    MarkerTask,
+    marker_tasks,
+)
+from edtk.calibration.geometry_design.geometry_space import MM, GeometrySpace, PositionRows
+from edtk.calibration.geometry_design.plan_geometry import plan_geometry
+from edtk.calibration.geometry_design.visit_search import STARTS, VisitSearch
+from edtk.design.exact.exact_plan import ExactPlan, NoPlanError, require_enough
 from edtk.design.plan import Plan
-from edtk.model.geometry.identifiable import Identifiable
-from edtk.study.criterion_values import criterion_values, observability
+from edtk.design.relaxation.relax_poses import RelaxOptions
+from edtk.design.relaxation.relaxed_plan import RelaxedPlan
+from edtk.fit.distributions import task_accuracy
+from edtk.measure.expected_error import WITHIN, ExpectedError, TaskAccuracy, expected_error
+from edtk.measure.parameters import GeometricParameter, Identifiable
+from edtk.measure.task import Tasks
+from edtk.robots.workspace import neighbourhood
+from edtk.study.evaluate import criteria_frame, criterion_values, observability
+from edtk.study.plan_study import no_progress, study_errors
+from edtk.study.plausibility import poor_around
 from edtk.study.study import Study
-from edtk.study.study_errors import study_errors
+from edtk.study.study_run import Case, Designs
+from edtk.system.errors import ArgumentError
+from edtk.system.presented import Presented
 from edtk.system.typing import Array
 
+if TYPE_CHECKING:
+    import pandas as pd
+
+USUAL = 1.0  # mm and mrad: errors of a drawing that are larger are the exception
+HIDDEN = 1e-9  # of a direction: a visit alone tells it
+# Relative gap at which the search over all poses ends. With more parameters than a few it is that
+# of `plan_geometry`, as are the most searches: what is left would take minutes.
+TOLERANCE = 1e-3
+FEW = 12
 UNTOLD = 1e-6  # [mm] an error in a task that a unit of what a plan leaves open may make
+
+
+def poor_left_out(question: GeometryQuestion, plan: Plan) -> tuple[str, ...]:
+    """A sentence where a pose left out will likely be worse than with base and tool alone.
+
+    With whitened columns ``Q R`` and the rows Q_b of a visit, its error left out has the covariance
+    ``(I - Q_b Q_b')^-1``; with base and tool alone it is that of the noise, beside the errors of
+    the drawing that these do not take up. Both are averages over the visits of the plan, of
+    positions. Where the drawing has to err by more than a millimetre and a milliradian in each
+    parameter for the calibration to pay, it likely does not.
+
+    Args:
+        question: The question; its study says what the model leaves out (noise.discrepancy_mm).
+        plan: The visits; those of one pose and load count as one.
+    """
+    table = question.study.specification.noise
+    if table is None or not table.discrepancy_mm:
+        return ()
+    model = question.model
+    errors = np.array([one.place in ("joint", "compliance") for one in model.parameters])
+    if not errors.any():
+        return ()
+    # What repeats do not average out is most of such an error.
+    noise = replace(question.setting.noise, model_white=table.discrepancy_mm)
+    sigma = float(np.hypot(noise.reading, noise.model_white))
+    rows = PositionRows(model, question.setting.loads)(plan.q, plan.wrench)
+    rows = rows[:, model.placed_rows] / sigma
+    both = _left_out(rows)
+    alone = _left_out(rows[..., ~errors])
+    moved = _not_taken(rows[..., errors], rows[..., ~errors])
+    if both <= alone:
+        return ()
+    needed = np.sqrt((both - alone) / moved)
+    if needed < USUAL:
+        return ()
+    off, placed = (sigma * np.sqrt(3 * size) for size in (both, alone))
+    return (
+        f"a pose that is not visited will be about {off:.2g} mm off, by what the model leaves out "
+        f"(noise.discrepancy_mm = {table.discrepancy_mm:g}) and the noise; base and tool alone "
+        f"leave {placed:.2g} mm besides the errors of the drawing. So few visits are better only "
+        f"where these are above {needed:.2g} mm and mrad each: plan more visits, or ask for fewer "
+        "parameters",
+    )
+
+
+def _left_out(rows: Array) -> float:
+    """Mean square of a whitened coordinate (m, r) that is predicted without its visit."""
+    m, r, p = rows.shape
+    Q = np.linalg.qr(rows.reshape(m * r, p))[0].reshape(m, r, -1)
+    hidden = np.eye(r) - Q @ np.swapaxes(Q, 1, 2)
+    inverse = np.linalg.pinv(hidden, rcond=HIDDEN, hermitian=True)
+    return float(np.einsum("mrr->", inverse)) / (m * r)
+
+
+def _not_taken(moves: Array, taken: Array) -> float:
+    """Mean square of a whitened coordinate by unit errors (m, r, e), less what others take up."""
+    m, r, _ = moves.shape
+    Q = np.linalg.qr(taken.reshape(m * r, -1))[0]
+    C = moves.reshape(m * r, -1)
+    return float(((C - Q @ (Q.T @ C)) ** 2).sum()) / (m * r)
+
+
+@dataclass(frozen=True, eq=False)
+class GeometryEvaluation(Presented):
+    """What a plan tells, and how well; parameters in their own units (mm, mrad, 1e-6 rad/(N m)).
+
+    Attributes:
+        question: The question of the study.
+        poses: The poses with their visits by load.
+        criteria: Value of every criterion that applies, by name; rho0 and rho_max in metres. None
+            but these where parameters are open.
+        observability_unscaled: O1 to O5 from the singular values of the rows in millimetres and
+            milliradians.
+        covariance: Covariance (r, r) of the parameters that the plan tells.
+        parameters: These parameters (r,).
+        open: A sentence for each parameter that feasible poses could tell, and this plan does not.
+        rho0: Error of the markers to expect in the test poses [m]; None without any, or where it
+            depends on an open parameter.
+        skipped: Why criteria have no value, by name.
+        warnings: What is hard to believe in the study, a line each.
+    """
+
+    question: GeometryQuestion
+    poses: PosesByLoad
+    criteria: dict[str, float]
+    observability_unscaled: dict[str, float]
+    covariance: Array
+    parameters: tuple[GeometricParameter, ...]
+    open: tuple[str, ...]
+    rho0: float | None
+    skipped: dict[str, str]
+    warnings: tuple[str, ...]
+
+    def headline(self) -> str:
+        """Number of visits, and how many parameters they tell."""
+        rho0 = "" if self.rho0 is None else f", rho0 {1e3 * self.rho0:.4g} mm"
+        return (
+            f"{self.experiments} visits tell {self.rank} of {self.question.model.p} parameters "
+            f"apart{rho0}"
+        )
+
+    @property
+    def experiments(self) -> int:
+        """Number of visits."""
+        return int(self.poses.visits.sum())
+
+    @property
+    def rank(self) -> int:
+        """Number of parameters that the plan tells apart."""
+        return len(self.parameters)
+
+    @cached_property
+    def std(self) -> Array:
+        """Standard deviations (r,) in the parameters' units."""
+        return np.sqrt(np.diag(self.covariance))
+
+    def to_frame(self) -> "pd.DataFrame":
+        """A table with a criterion a row, by name: value, sense, title and formula."""
+        return criteria_frame(self.criteria)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain numbers, for JSON."""
+        names = [one.name for one in self.parameters]
+        return {
+            "criteria": self.criteria,
+            "observability_unscaled": self.observability_unscaled,
+            "std": dict(zip(names, self.std.tolist(), strict=True)),
+            "covariance": self.covariance.tolist(),
+            "parameters": names,
+            "units": [one.unit for one in self.parameters],
+            "experiments": self.experiments,
+            "rank": self.rank,
+            "possible_rank": self.question.model.p,
+            "structural_rank": self.question.structural.p,
+            "open": list(self.open),
+            "untold": list(self.question.untold),
+            "rho0_mm": None if self.rho0 is None else 1e3 * self.rho0,
+            "loads": self.poses.wrenches.tolist(),
+            "poses": self.poses.to_list(),
+            "skipped": self.skipped,
+            "warnings": list(self.warnings),
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class GeometryDesigns(Designs):
+    """The designs of a study of geometry: visits of poses, without and with a load.
+
+    Attributes:
+        question: The question of the study.
+    """
+
+    question: GeometryQuestion
+
+    @classmethod
+    def of(cls, study: Study) -> "GeometryDesigns":
+        """Those of a study with [parameters].
+
+        Raises:
+            UserError: Its loads are none that a plan can choose among, or no pose is feasible.
+        """
+        return cls(study, GeometryQuestion.of(study))
+
+    def space(self, size: int | None = None) -> GeometrySpace:
+        """Where visits may lie; nothing is known besides."""
+        return self.question.space
+
+    def criterion(self, name: str | None = None) -> criteria.Criterion:
+        """A criterion of the parameters in their own units."""
+        return self.question.criterion(name)
+
+    def information(self, plan: Plan) -> Array:
+        """Information matrix (p, p) of a plan."""
+        return self.question.space.information(plan)
+
+    def relax_options(self) -> RelaxOptions:
+        """How accurate relaxations over all poses are: the same on every machine."""
+        searches = 0
+
+        def progress(stage: str, gap: float) -> None:
+            nonlocal searches
+            searches += stage == "continuum"
+
+        tolerance = TOLERANCE if self.question.model.p <= FEW else OF_PLANS
+        return RelaxOptions(
+            tolerance=tolerance, progress=progress, stop=lambda: searches >= SEARCHES
+        )
+
+    @property
+    def has_budget(self) -> bool:
+        """Whether the study says what a day may cost."""
+        costs = self.study.specification.costs
+        return costs is not None and costs.budget is not None
+
+    def distinct(self, sizes: range) -> range:
+        """Numbers of distinct visits for which plans are searched; none within a budget."""
+        return range(0) if self.has_budget else sizes
+
+    def search(self, relaxed: RelaxedPlan, case: Case, starts: int) -> ExactPlan:
+        """The best plan of a case, within the study's budget if it has one.
+
+        Raises:
+            NoPlanError: So few visits tell too little, or a budget does not pay for them.
+        """
+        if self.has_budget:
+            return self._within_budget(relaxed, case)
+        since = monotonic()
+        space = self.question.space
+        criterion = relaxed.criterion
+        places = case.size if case.distinct is None else case.distinct
+        if criterion.needs_all:
+            require_enough(space, case.size, places, criterion)
+        seed = self.study.specification.seed
+        search = VisitSearch(
+            space, relaxed, criterion, seed, no_progress, starts=min(starts, STARTS)
+        )
+        found = search.of_size(case.size, case.distinct)
+        plan = space.plan(found.x, found.repeats)
+        cost = float(criterion.cost(space.information(plan)))
+        if not np.isfinite(cost):
+            raise NoPlanError(f"so few visits cannot tell what {criterion.label} needs")
+        return ExactPlan(
+            relaxed,
+            plan,
+            None,
+            cost,
+            found.starts,
+            found.found,
+            found.optima,
+            monotonic() - since,
+            found.ended,
+        )
+
+    def _within_budget(self, relaxed: RelaxedPlan, case: Case) -> ExactPlan:
+        """The same, where a day pays for some loads alone."""
+        costs = self.study.specification.costs
+        budget = None if costs is None else costs.budget
+        try:
+            # Given here, a budget that pays for too little is an error of this call.
+            found = plan_geometry(self.study, case.size, case.optimised, cost_budget=budget)
+        except ArgumentError as error:
+            raise NoPlanError(error.message) from error
+        return ExactPlan(
+            relaxed,
+            found.plan,
+            None,
+            found.cost,
+            found.starts,
+            found.found,
+            found.optima,
+            found.seconds,
+            found.ended,
+        )
+
+    @cached_property
+    def tasks(self) -> Tasks:
+        """The test poses; there may be none."""
+        return marker_tasks(self.question)
+
+    def expected(self, plan: Plan) -> ExpectedError | None:
+        """Errors of the markers to expect in the test poses and around them.
+
+        Returns:
+            The errors; None without test poses, where the plan leaves a parameter open, or where
+            something that no feasible pose tells moves the markers around a test pose.
+        """
+        cov = self._covariance(plan)
+        if not self.tasks or cov is None or not self._is_told:
+            return None
+        return expected_error(self.tasks, cov)
+
+    def accuracy(self, plan: Plan) -> TaskAccuracy | None:
+        """Errors of the markers to expect in each of several test poses; None likewise."""
+        cov = self._covariance(plan)
+        if len(self.tasks) < 2 or cov is None:
+            return None
+        return task_accuracy(self.tasks, cov)
+
+    def warnings(self, plan: Plan) -> tuple[str, ...]:
+        """Whether a plan is poor around the test poses, or no better than base and tool alone."""
+        few = poor_left_out(self.question, plan)
+        if not criteria.get(self.study.main_criterion).needs_target:
+            return few
+        return (*few, *self.around(plan))
+
+    def around(self, plan: Plan) -> tuple[str, ...]:
+        """The same of a plan for any criterion; nothing where nothing tells these errors."""
+        expected = self.expected(plan)
+        return () if expected is None else poor_around(expected)
+
+    @cached_property
+    def _is_told(self) -> bool:
+        """Whether feasible poses tell all that moves the markers around the test poses."""
+        return all(
+            isinstance(task, MarkerTask)
+            and task.is_told(neighbourhood(task.robot, task.q, task.within or WITHIN))
+            for task in self.tasks
+        )
+
+    def _covariance(self, plan: Plan) -> Array | None:
+        """Covariance (p, p) of the parameters; None where the plan leaves any open."""
+        by_plan = ToldByPlan(self.question, plan)
+        return None if len(by_plan.told.left) else by_plan.covariance
 
 
 def evaluate_geometry(study: Study, plan: Plan) -> GeometryEvaluation:

@@ -1,17 +1,68 @@
-"""A plan of visits for a study of geometry: which poses to measure, without and with a load."""
+"""A plan of visits for a study of geometry, by load, with what it tells, and its sheet."""
 
 from dataclasses import dataclass, field
-from typing import Any
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from edtk.calibration.geometry_design.day_costs import DayCosts
+from edtk.calibration.geometry.study_geometry import StudyGeometry
+from edtk.calibration.geometry_design.day_costs import DayCosts, PosesByLoad
 from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
-from edtk.calibration.geometry_design.poses_by_load import PosesByLoad
+from edtk.calibration.geometry_design.geometry_space import PositionRows
+from edtk.calibration.template import visiting_order
 from edtk.design.bound import Bound
 from edtk.design.exact.exact_plan import ExactPlan
+from edtk.design.plan import Plan
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
+from edtk.fit.geometry.fit_geometry import stages
+from edtk.fit.geometry.marker_positions import VECTOR
+from edtk.measure.parameters import Identifiable, identifiable
+from edtk.measure.pose_table import (
+    LOADED_COLUMNS,
+    MARKER_NAME_COLUMN,
+    VISIT_COLUMN,
+    pose_columns,
+    rounded,
+)
+from edtk.study.study import Study
 from edtk.system.typing import Array, Indices
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+@dataclass(frozen=True, eq=False)
+class ToldByPlan:
+    """The parameters that a plan tells.
+
+    Attributes:
+        question: The question of the study.
+        plan: The plan.
+    """
+
+    question: GeometryQuestion
+    plan: Plan
+
+    @cached_property
+    def told(self) -> Identifiable:
+        """Which parameters of the question it tells apart."""
+        question = self.question
+        rows = question.rows(self.plan.q, self.plan.wrench).reshape(-1, question.model.p)
+        return identifiable(rows, question.model.parameters, stages(question.model))
+
+    @cached_property
+    def covariance(self) -> Array:
+        """Covariance (r, r) of these parameters, in their units."""
+        question = self.question
+        kept = self.told.kept
+        rows = PositionRows(question.model, question.setting.loads, question.setting.noise)
+        A = rows(self.plan.q, self.plan.wrench)
+        weighted = np.sqrt(self.plan.repeats)[:, None, None] * A[..., kept]
+        # From the rows: their squares would lose half of the digits.
+        R = np.linalg.qr(weighted.reshape(-1, len(kept)), mode="r")
+        inverse = np.linalg.solve(R, np.eye(len(R)))
+        return np.asarray(inverse @ inverse.T)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -114,3 +165,57 @@ class GeometryPlan(ExactPlan):
                 "unit": costs.unit,
             },
         }
+
+
+def position_sheet(study: Study, plan: Plan) -> "pd.DataFrame":
+    """Make the empty sheet of a plan of visits: a row for each marker of each visit.
+
+    All poses without a load come first, then those under each load, each in an order of little
+    joint travel. Where the study asks for more load changes, the visits of each load are shared out
+    among so many rounds. Reference points on the base have rows in every visit, too. Orientations
+    of full poses are rotation vectors. Angles have the digits that a controller takes; `edtk
+    identify` reads the sheet when it is filled in.
+
+    Args:
+        study: The study, with [parameters].
+        plan: The visits.
+    """
+    setting = StudyGeometry.of(study)
+    plan = Plan(rounded(study.robot, plan.q), plan.wrench, plan.repeats)
+    order = visit_order(study, plan)
+    names = (*setting.markers, *setting.references)
+    table = plan.to_frame(study.robot).drop(columns="repeats")
+    table = table.iloc[np.repeat(order, len(names))].reset_index(drop=True)
+    table[VISIT_COLUMN] = np.arange(len(table)) // len(names) + 1
+    table[MARKER_NAME_COLUMN] = list(names) * len(order)
+    table[list(LOADED_COLUMNS)] = np.nan
+    if setting.full_poses:
+        table[_turn_columns(study, setting.markers)] = np.nan
+    return table
+
+
+def _turn_columns(study: Study, markers: tuple[str, ...]) -> list[str]:
+    """Columns of the orientations; with the markers' names where a joint has one of them."""
+    if set(VECTOR) & set(pose_columns(study.robot)):
+        return [f"{name}_{column}" for name in markers for column in VECTOR]
+    return list(VECTOR)
+
+
+def visit_order(study: Study, plan: Plan) -> Indices:
+    """Indices of the plan's poses in the order in which they are visited, repeats included."""
+    lower, upper = study.robot.limits
+    span = upper - lower
+    loads = np.unique(plan.wrench, axis=0)
+    loads = loads[np.argsort(loads.any(axis=1), kind="stable")]
+    costs = DayCosts.of(study)
+    changes = len(loads) - 1 if costs is None else costs.changes_of(len(loads))
+    rounds: list[list[Indices]] = []
+    for i, load in enumerate(loads):
+        own = np.flatnonzero((plan.wrench == load).all(axis=1))
+        path = own[visiting_order(plan.q[own], span)]
+        visits = np.repeat(path, plan.repeats[path])
+        # Load i is on in every len(loads)-th of changes + 1 stretches of the day.
+        stretches = len(range(i, changes + 1, len(loads)))
+        rounds.append(np.array_split(visits, stretches))
+    taken = [rounds[i % len(loads)][i // len(loads)] for i in range(changes + 1)]
+    return np.concatenate(taken)

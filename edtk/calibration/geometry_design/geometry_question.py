@@ -1,4 +1,4 @@
-"""What a study of geometry asks of a plan: where poses may lie, what is unknown, and criteria."""
+"""What a study of geometry asks of a plan, and the setting of its designs."""
 
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
@@ -8,25 +8,56 @@ import numpy as np
 
 import criteria
 from edtk.calibration.geometry.study_geometry import StudyGeometry
-from edtk.calibration.geometry_design.geometry_space import GeometrySpace
-from edtk.calibration.geometry_design.position_rows import MM, PositionRows
-from edtk.calibration.geometry_design.wrenches_of import wrenches_of
+from edtk.calibration.geometry_design.geometry_space import MM, GeometrySpace, PositionRows
+from edtk.certificate.setting_to_dict import feasible_to_dict, place_to_dict, weights_to_list
 from edtk.design.candidate_source import CandidateSource
 from edtk.design.design_space import DesignSpace
-from edtk.inference.geometry.fit_geometry import stages
-from edtk.model.geometry.geometric_model import GeometricModel
-from edtk.model.geometry.identifiable import Identifiable, identifiable
-from edtk.model.loads.fixed_load import FixedLoad
-from edtk.model.loads.listed_load import ListedLoad
-from edtk.study.given_parameters import given_parameters
+from edtk.fit.geometry.fit_geometry import stages
+from edtk.measure.geometric_model import GeometricModel
+from edtk.measure.parameters import COMPONENTS, GeometricParameter, Identifiable, identifiable
+from edtk.measure.pose_table import of_file_units
+from edtk.measure.task import Task, Tasks
+from edtk.robots.frames import BodyPoint
+from edtk.robots.loads.fixed_load import FixedLoad
+from edtk.robots.loads.listed_load import ListedLoad
+from edtk.robots.weights import DeadWeights
 from edtk.study.study import Study
-from edtk.study.study_space import pose_space
+from edtk.study.study_objects import given_parameters
+from edtk.study.study_parts import pose_space
 from edtk.system.errors import UserError
 from edtk.system.typing import Array
-from edtk.tables.in_file_units import of_file_units
 
 POSES = 60  # poses under each load that show what any poses could tell
 UNTOLD = 1e-6  # [mm] an error in a task that a unit of what no pose tells may make
+
+
+NONE = np.zeros(6)
+
+
+def wrenches_of(study: Study) -> Array:
+    """The wrenches (s, 6) among which a visit chooses: none first, then those of the study.
+
+    Without springs a load tells nothing, and none is alone.
+
+    Raises:
+        UserError: The study leaves the load free: a day of measurements changes few loads.
+    """
+    given = study.specification
+    if not given.joints.unknown or (given.load is None and given.payload is None):
+        return NONE[None]
+    load = given.build_load()
+    if isinstance(load, FixedLoad):
+        own = load.always[None]
+    elif isinstance(load, ListedLoad):
+        own = load.wrenches
+    else:
+        raise study.error(
+            "load",
+            "plans of geometry visit poses without a load or with a given one; expected F_N or "
+            "list_F_N",
+        )
+    own = np.unique(own[own.any(axis=1)], axis=0)
+    return np.concatenate([NONE[None], own])
 
 
 @dataclass(frozen=True, eq=False)
@@ -235,3 +266,165 @@ def _feasible(space: GeometrySpace, study: Study, wrenches: Array) -> tuple[Arra
 def _under_each(q: Array, wrenches: Array) -> tuple[Array, Array]:
     """Every pose under every load."""
     return np.tile(q, (len(wrenches), 1)), np.repeat(wrenches, len(q), axis=0)
+
+
+def geometry_setting(question: GeometryQuestion) -> dict[str, Any]:
+    """Write robot, markers, parameters, loads, noise and test poses as plain data.
+
+    Everything is in SI units and radians, but for the study's own keys, which name their units.
+
+    Args:
+        question: The question of the study.
+    """
+    feasible = feasible_to_dict(question.study, question.space)
+    loads = question.setting.loads
+    return {
+        "robot": feasible["robot"],
+        "unknown": [],
+        "rows": question.model.rows,
+        **_noise(question),
+        "load": _load(question.wrenches),
+        "workspace": feasible["workspace"],
+        "excluded": feasible["excluded"],
+        "free": feasible["free"],
+        "fixed": feasible["fixed"],
+        **({"margin": feasible["margin"]} if any(feasible["margin"]) else {}),
+        "test_pose": _test_poses(question),
+        "physics": {
+            "sensors": [
+                {"kind": question.model.rows, "offset": offset.tolist(), "joint": None}
+                for offset in question.model.offsets
+            ],
+            "load_point": place_to_dict(
+                BodyPoint() if loads is None else loads.by_wrench.load_point
+            ),
+            "weights": _weights(None if loads is None else loads.links),
+        },
+        "geometry": {
+            "parameters": [_parameter(question, one) for one in question.model.parameters],
+            "payload": _weights(None if loads is None else loads.payload),
+        },
+        **_interest(question),
+    }
+
+
+def _noise(question: GeometryQuestion) -> dict[str, Any]:
+    """The white part, and the joints' repeatability where there is any."""
+    noise = question.setting.noise
+    of_marker = [noise.reading / 1e3] * 3 + ([] if noise.turn is None else [noise.turn / 1e3] * 3)
+    white = {"sigma": of_marker * len(question.model.markers)}
+    if not np.any(noise.joints):
+        return white
+    return white | {
+        "noise": {
+            "tracker": None,
+            "repeatability": (np.asarray(noise.joints) / 1e3).tolist(),
+            "discrepancy": [0.0] * len(white["sigma"]),
+            "within": 0.0,
+            "readings": 1,
+        }
+    }
+
+
+def _load(wrenches: Array) -> dict[str, Any]:
+    """No load, or the wrenches among which a visit chooses."""
+    if len(wrenches) == 1:
+        return {"F_N": [0.0, 0.0, 0.0], "T_Nm": [0.0, 0.0, 0.0]}
+    return {"wrenches": wrenches.tolist()}
+
+
+def _test_poses(question: GeometryQuestion) -> list[dict[str, Any]] | None:
+    """The test poses with their loads and weights; None without any."""
+    poses = question.study.specification.test_poses
+    if not poses:
+        return None
+    return [
+        {
+            "q": of_file_units(question.study.robot, np.array(pose.q_deg)).tolist(),
+            "wrench": pose.load.build().tolist(),
+            "weight": pose.weight,
+        }
+        for pose in poses
+    ]
+
+
+def _weights(weights: DeadWeights | None) -> list[dict[str, Any]]:
+    """Mass and centre of each weight; none without any."""
+    return [] if weights is None else weights_to_list(weights)
+
+
+def _parameter(question: GeometryQuestion, one: GeometricParameter) -> dict[str, Any]:
+    """A parameter: its name, what it moves, of which joint or marker, and its component."""
+    robot = question.study.robot
+    names = {
+        "base": ("",),
+        "joint": robot.body_names,
+        "tool": question.model.markers,
+        "compliance": robot.joint_names,
+    }
+    return {
+        "name": one.name,
+        "place": one.place,
+        "of": names[one.place].index(one.of),
+        "component": COMPONENTS.index(one.component) if one.component else 0,
+    }
+
+
+def _interest(question: GeometryQuestion) -> dict[str, Any]:
+    """What criteria without a task are about; nothing where that is all."""
+    if question.study.specification.interest is None:
+        return {}
+    return {"interest": question.interest()[0].tolist()}
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class MarkerTask(Task):
+    """A task whose harm is the error of all markers, by geometry and springs.
+
+    Args:
+        question: The question of the study, whose parameters they are.
+    """
+
+    question: GeometryQuestion
+
+    def harm(self, q: Array) -> Array:
+        """Rows (..., 3k, p) whose squares, times an error, add up to the mean square of k markers.
+
+        Args:
+            q: Joint variables (..., n) [rad or m].
+        """
+        rows = self._rows(q)
+        return np.asarray(rows[..., self.question.shares.kept])
+
+    def is_told(self, q: Array) -> bool:
+        """Whether what feasible poses leave open moves no marker in poses q (..., n)."""
+        shares = self.question.shares
+        rows = self._rows(q)
+        apart = rows[..., shares.left] - rows[..., shares.kept] @ shares.shares
+        return bool(MM * np.abs(apart).max(initial=0.0) <= UNTOLD)
+
+    def _rows(self, q: Array) -> Array:
+        """Rows (..., 3k, structural p) of the root of the mean square [m]."""
+        question = self.question
+        flat = q.reshape(-1, self.robot.n)
+        wrench = np.tile(self.wrench, (len(flat), 1))
+        rows = PositionRows(question.structural, question.setting.loads)(flat, wrench)
+        rows = rows[:, question.model.placed_rows] / MM / np.sqrt(len(question.model.markers))
+        return np.asarray(rows.reshape(*q.shape[:-1], *rows.shape[1:]))
+
+
+def marker_tasks(question: GeometryQuestion) -> Tasks:
+    """The test poses of a study of geometry; there may be none."""
+    study = question.study
+    return Tasks(
+        MarkerTask(
+            q=of_file_units(study.robot, np.array(pose.q_deg)),
+            tool=study.robot.tool,
+            wrench=pose.load.build(),
+            robot=study.robot,
+            unknown=(),
+            weight=pose.weight,
+            question=question,
+        )
+        for pose in study.specification.test_poses
+    )

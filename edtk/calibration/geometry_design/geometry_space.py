@@ -1,4 +1,4 @@
-"""Where experiments of a study of geometry may lie: poses, without and with a load."""
+"""Where experiments of a study of geometry may lie, and what markers tell there."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -7,17 +7,168 @@ from functools import cached_property
 import numpy as np
 
 from edtk.calibration.geometry.study_geometry import StudyLoads
-from edtk.calibration.geometry_design.position_rows import PositionRows
-from edtk.design.candidate_arrays import rows_of_blocks
-from edtk.design.design_space import DesignSpace
-from edtk.design.experiments import Experiments
+from edtk.design.design_space import DesignSpace, Experiments
 from edtk.design.plan import Plan
-from edtk.design.problem import Problem
-from edtk.inference.geometry.position_noise import PositionNoise
-from edtk.model.geometry.geometric_model import GeometricModel
-from edtk.model.loads.fixed_load import FixedLoad
-from edtk.model.loads.listed_load import ListedLoad
+from edtk.design.problem import Problem, rows_of_blocks
+from edtk.fit.geometry.position_noise import PositionNoise
+from edtk.measure.geometric_model import GeometricModel
+from edtk.measure.nominal_columns import NominalColumns, PlacedColumns
+from edtk.robots.loads.fixed_load import FixedLoad
+from edtk.robots.loads.listed_load import ListedLoad
 from edtk.system.typing import Array, Indices
+
+MM = 1e3
+BLOCK = 1024  # poses at once: their arrays fit into a core's cache
+
+
+@dataclass(frozen=True, eq=False)
+class PositionRows:
+    """How what is seen of all markers moves with the parameters, at the geometry of the drawing.
+
+    A marker has r = 3 rows, its position [mm], or r = 6 with its orientation as a turn in the axes
+    of the instrument [mrad]. With the noise of a pose they are whitened: ``L^-1 J`` of its
+    covariance ``L L'``.
+
+    Args:
+        model: Markers and parameters.
+        loads: What loads the joints; None without springs.
+        noise: The errors of a pose; None for rows in millimetres and milliradians.
+    """
+
+    model: GeometricModel
+    loads: StudyLoads | None
+    noise: PositionNoise | None = None
+
+    @cached_property
+    def columns(self) -> NominalColumns:
+        """Where columns and slopes come from."""
+        return NominalColumns(self.model)
+
+    @cached_property
+    def scales(self) -> Array:
+        """Millimetres that a metre by one unit of each parameter is, or mrad that a rad is (p,)."""
+        return MM * self.model.scales
+
+    @property
+    def is_white(self) -> bool:
+        """Whether the errors of all coordinates are independent, and of positions alike."""
+        noise = self.noise
+        return noise is None or not (np.any(noise.joints) or np.any(noise.model_joints))
+
+    @cached_property
+    def _sigma(self) -> Array:
+        """Their standard deviations (k r,) [mm, mrad]; one without noise."""
+        noise = self.noise
+        if noise is None:
+            return np.ones(self._width)
+        of_marker = [np.hypot(noise.reading, noise.model_white)] * 3
+        if noise.turn is not None:
+            of_marker += [np.hypot(noise.turn, noise.model_turn)] * 3
+        return np.tile(of_marker, len(self.model.markers))
+
+    @property
+    def _width(self) -> int:
+        """Rows of a pose."""
+        return self.model.row_count * len(self.model.markers)
+
+    def __call__(self, q: Array, wrench: Array) -> Array:
+        """Rows (m, k r, p) for a unit of each parameter, in mm and mrad or in units of the noise.
+
+        Args:
+            q: Poses (m, n) [rad or m].
+            wrench: Their forces and torques (m, 6) [N, N m].
+        """
+        found = np.empty((len(q), self._width, self.model.p))
+        for first in range(0, len(q), BLOCK):
+            part = slice(first, first + BLOCK)
+            found[part] = self._block(q[part], wrench[part])
+        return found
+
+    def slopes(self, q: Array, wrench: Array, B: Array) -> Array:
+        """Derivatives (m, n) of ``<B, rows>`` by the joints, weights B (m, k r, p) held fixed.
+
+        Where errors are correlated, ``rows = L^-1 A`` with ``V = L L'``, and B must be such that
+        ``B rows'`` is symmetric, as it is for ``B = rows G`` with symmetric G, from differentials
+        of information: then it does not matter how L turns, see `Experiments.slope`.
+        """
+        found = np.empty(q.shape)
+        for first in range(0, len(q), BLOCK):
+            part = slice(first, first + BLOCK)
+            found[part] = self._slope(q[part], wrench[part], B[part])
+        return found
+
+    def _block(self, q: Array, wrench: Array) -> Array:
+        """The rows of a block of poses."""
+        placed = self.columns.at(q)
+        rows = self._rows(placed, self._torque(q, wrench))
+        if self.is_white:
+            return np.asarray(rows / self._sigma[:, None])
+        return self._whitened(rows, placed)
+
+    def _rows(self, placed: PlacedColumns, torque: Array | None) -> Array:
+        """Rows (m, k r, p) in millimetres and milliradians."""
+        J = placed.jacobian(torque)
+        flat = J.reshape(self.model.p, -1, J.shape[-1])
+        return np.asarray(np.moveaxis(flat, (0, 1), (2, 1)) * self.scales)
+
+    def _whitened(self, rows: Array, placed: PlacedColumns) -> Array:
+        """Rows (m, r, p) in units of correlated noise."""
+        L = np.linalg.cholesky(self._covariance(_motion(placed)))
+        return np.asarray(np.linalg.solve(L, rows))
+
+    def _covariance(self, motion: Array) -> Array:
+        """Covariances (m, k r, k r) of a visit, for motions (m, k r, n) by the joints."""
+        assert self.noise is not None
+        return self.noise.of_reading(motion) + self.noise.of_model(motion)
+
+    def _torque(self, q: Array, wrench: Array) -> Array | None:
+        """Loads (n, m) of the free joints, whose springs have not given way."""
+        return None if self.loads is None else self.loads(q, wrench).T
+
+    def _slope(self, q: Array, wrench: Array, B: Array) -> Array:
+        """The derivatives of a block of poses."""
+        placed = self.columns.at(q)
+        torque = self._torque(q, wrench)
+        weights = B / self._sigma[:, None]
+        of_noise = np.zeros(q.shape)
+        if not self.is_white:
+            weights, of_noise = self._correlated(placed, self._rows(placed, torque), B)
+        by_motion, by_torque = placed.slope(
+            _component_first(weights * self.scales, len(self.model.markers)), torque
+        )
+        found = by_motion.T + of_noise
+        return found if self.loads is None else found + self.loads.slope(q, wrench, by_torque.T)
+
+    def _correlated(self, placed: PlacedColumns, rows: Array, B: Array) -> tuple[Array, Array]:
+        """Weights (m, r, p) of the rows in millimetres, and what the noise adds (m, n).
+
+        ``d<B, L^-1 A> = <W, dA> - <W A' V^-1, dV>/2`` with ``W = L^-T B``; the covariance changes
+        by ``dV = dJ S J' + J S dJ'``, with the variances S of the joints.
+        """
+        noise = self.noise
+        assert noise is not None
+        motion = _motion(placed)
+        V = self._covariance(motion)
+        L = np.linalg.cholesky(V)
+        W: Array = np.linalg.solve(np.swapaxes(L, 1, 2), B).astype(float, copy=False)
+        Q = W @ np.swapaxes(np.linalg.solve(V, rows), 1, 2)
+        variances = np.square(noise.joints)
+        if len(noise.model_joints):
+            variances = variances + np.square(noise.model_joints)
+        C = -0.5 * (Q + np.swapaxes(Q, 1, 2)) @ (motion * variances)
+        return W, placed.motion_slope(_component_first(C, len(self.model.markers))).T
+
+
+def _motion(placed: PlacedColumns) -> Array:
+    """Motions (m, k r, n) of all coordinates by the joints [mm/mrad]."""
+    n, _, _, m = placed.by_joints.shape
+    return np.moveaxis(placed.by_joints.reshape(n, -1, m), (0, 1), (2, 1))
+
+
+def _component_first(A: Array, markers: int) -> Array:
+    """Arrays (m, k r, c) as (c, k, r, m)."""
+    m, _, c = A.shape
+    return np.moveaxis(A, (2, 1), (0, 1)).reshape(c, markers, -1, m)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -1,24 +1,26 @@
-"""The search for the best visits: exchange among good poses, then all joints move together."""
+"""The search for the best visits: exchange among good poses, then all joints together."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from criteria import Criterion
+from criteria import Criterion, Relaxable
+from edtk.calibration.geometry_design.day_costs import MOST_VISITS
 from edtk.calibration.geometry_design.geometry_space import GeometrySpace
-from edtk.design.candidates import Candidates
+from edtk.design.candidate_source import Candidates
 from edtk.design.exact.apportion import apportion
 from edtk.design.exact.counts.find_counts import find_counts
 from edtk.design.exact.counts.limits import Limits
 from edtk.design.exact.exchange import exchange
-from edtk.design.exact.exchange_in_turn import exchange_in_turn
-from edtk.design.exact.refine import refine
-from edtk.design.exact.round_plan import round_plan
+from edtk.design.exact.refine import exchange_in_turn, refine
+from edtk.design.exact.round_poses import round_plan
+from edtk.design.plan import Plan
 from edtk.design.problem import Problem, RankDeficientError
-from edtk.design.relaxation.normalised import normalised
+from edtk.design.relaxation.proof import normalised
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
-from edtk.system.errors import UserError
+from edtk.measure.geometric_model import GeometricModel
+from edtk.system.errors import ArgumentError, UserError
 from edtk.system.time_limit import out_of_time, time_limit
 from edtk.system.typing import Array, Indices
 
@@ -35,6 +37,72 @@ GAIN = 1e-4  # relative improvement for which another round is made
 SAME = 1e-6  # relative difference of costs up to which two plans are one
 WEIGHTY = 0.5  # part of the starts that are drawn by the weights of the relaxation
 SEED = 2  # the stream of random numbers that starts come from
+
+
+def new_visits(size: int | None, kept: Plan | None) -> int | None:
+    """Number of new visits; None where the budget decides.
+
+    Args:
+        size: Number of visits in all; None where the budget decides.
+        kept: Visits that were made already.
+
+    Raises:
+        ArgumentError: There is nothing to plan, or the visits are too many.
+    """
+    if size is None:
+        return None
+    count = 0 if kept is None else kept.experiments
+    if size - count < 1:
+        message = f"{count} experiments are kept; expected more than that"
+        raise ArgumentError(message, argument="size", given=size)
+    if size - count > MOST_VISITS:
+        message = f"plans of more than {MOST_VISITS} new visits are not searched for"
+        raise ArgumentError(message, argument="size", given=size)
+    return size - count
+
+
+def too_few_visits(
+    model: GeometricModel,
+    criterion: Relaxable,
+    new: int | None,
+    kept: Plan | None,
+    budget: float | None,
+    distinct: int | None,
+    least: int | None,
+) -> ArgumentError:
+    """The error of visits that leave open what a criterion needs.
+
+    Args:
+        model: What the visits tell about.
+        criterion: The criterion.
+        new: Number of new visits; None where the budget decides.
+        kept: Visits that were made already.
+        budget: What the new visits may cost; None for any costs.
+        distinct: Number of different new visits at most; None for any number.
+        least: Visits that tell all parameters apart; defaults to those with as many rows.
+    """
+    if new is None and distinct is not None:
+        message = f"so few different visits cannot tell what {criterion.name} needs"
+        return ArgumentError(message, argument="distinct", given=distinct)
+    message = f"so few visits cannot tell what {criterion.name} needs; expected more"
+    if criterion.needs_all:
+        message = _all_parameters(model, least)
+    if new is None:
+        return ArgumentError(message, argument="cost_budget", given=budget)
+    count = 0 if kept is None else kept.experiments
+    return ArgumentError(message, argument="size", given=new + count)
+
+
+def _all_parameters(model: GeometricModel, least: int | None) -> str:
+    """How many visits tell all parameters apart."""
+    count = len(model.markers)
+    least = least or -(-model.p // (model.row_count * count))
+    poses = "full poses of " if model.rows == "pose" else ""
+    plural = "s" if count > 1 else ""
+    return (
+        f"so few visits cannot tell {model.p} parameters apart; expected {least} or more, "
+        f"each of {poses}{count} marker{plural}"
+    )
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,24 +1,58 @@
-"""Other ways of reading the columns of a measurement file."""
+"""Other ways of reading the columns of a measurement file, and how well they fit."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import chain, combinations, permutations, product
 
 import numpy as np
 
 from edtk.calibration.finding import Finding, Kind
-from edtk.calibration.input_errors.reading import Reading
-from edtk.inference.measurements import Measurements
-from edtk.inference.row_numbers import row_numbers
+from edtk.calibration.match_plan import some_rows
+from edtk.calibration.nonlinear_part import known_part, nonlinear_part
+from edtk.fit.correlated_noise import row_numbers
+from edtk.fit.distributions import chi_square_tail
+from edtk.fit.identify import Identification
+from edtk.fit.least_squares import SingularPlanError, Whitened
+from edtk.fit.measurements import Measurements
+from edtk.fit.outliers import find_outliers
+from edtk.measure.equilibrium import NoEquilibriumError
+from edtk.measure.pose_table import (
+    DEFLECTION_COLUMNS,
+    MARKER_COLUMNS,
+    ROTATION_COLUMNS,
+    WRENCH_COLUMNS,
+    pose_columns,
+)
 from edtk.study.study import Study
 from edtk.system.typing import Array, Indices
-from edtk.tables.pose_columns import pose_columns
-from edtk.tables.pose_table import WRENCH_COLUMNS
-from edtk.tables.sheet_columns import DEFLECTION_COLUMNS, MARKER_COLUMNS, ROTATION_COLUMNS
 
 AXES = "xyz"
 MOST_MARKERS = 6  # of which each two may be exchanged
 OFFSETS_DEG = (90, -90, 180)  # by which zeros of joints differ between conventions
+MOST_OUTLIERS = 0.1  # share of the rows that may be outliers of a reading
+ROUNDS = 10  # of finding outliers, which can hide each other
+OUTLIER = 25.0  # chi-square of a row from which it is one, of a thousand rows
+SUSPECT = 3.0  # residuals over sigma beyond which other readings are tried
+BETTER = 3.0  # factor by which another reading must reduce the residuals
+LEAST_P = 1e-3  # probability of its residuals below which a reading does not explain them
+LIKELY = 1e3  # ratio of likelihoods up to which the best reading is not better than another
+LEAST_FREEDOM = 3  # degrees of freedom from which residuals tell a good reading from a bad one
+BY_FAR = -3.0  # standard deviations below zero that no compliance can have
+MOST_CORRECTED = 12  # readings, the best ones, whose equilibrium is computed
+ENOUGH = 1000  # rows on which readings are compared
+
+
+@dataclass(frozen=True, eq=False)
+class Reading:
+    """One way of reading the columns.
+
+    Attributes:
+        finding: The error of the columns that it assumes.
+        data: The measurements, read so.
+    """
+
+    finding: Finding
+    data: Measurements
 
 
 def readings(study: Study, data: Measurements, only_signs: bool = False) -> Iterator[Reading]:
@@ -225,3 +259,187 @@ def _exchanged(x: Array, i: int, j: int) -> Array:
     other = x.copy()
     other[:, [i, j]] = x[:, [j, i]]
     return other
+
+
+@dataclass(frozen=True, eq=False)
+class Refit:
+    """How well a reading fits, with compliances that are not negative.
+
+    Attributes:
+        reading: The columns as they are read.
+        k: Compliances (p,), not negative [rad/(N m)].
+        chi2: Sum of the squared residuals in units of sigma; inf where compliances are open.
+        dof: Degrees of freedom: coordinates less compliances.
+        left_out: Number of rows that were left out as outliers.
+    """
+
+    reading: Reading
+    k: Array
+    chi2: float
+    dof: int
+    left_out: int = 0
+
+    @classmethod
+    def of(cls, study: Study, reading: Reading, less: Array | float = 0.0) -> "Refit":
+        """Fit the linear model by least squares.
+
+        Args:
+            study: The model.
+            reading: The measurements.
+            less: Part of the displacements (m, rows) that the linear model does not know [m, rad].
+        """
+        from scipy.optimize import nnls
+
+        data = reading.data
+        A = data.regressor(study.model)
+        dof = data.deflection.size - A.shape[-1]
+        try:
+            whitened = Whitened.of(A, data.noise, study.model.parameters)
+        except SingularPlanError:
+            return cls(reading, np.zeros(A.shape[-1]), np.inf, dof)
+        linear = data.deflection - known_part(study, data) - less
+        k = nnls(whitened.R, whitened.project(linear))[0] / whitened.scale
+        z = whitened.in_sigma(linear - A @ k)
+        return cls(reading, k, float((z**2).sum()), dof)
+
+    def corrected(self, study: Study) -> "Refit":
+        """The fit without what the load's equilibrium adds to the linear model, if that is better.
+
+        It is a step of the nonlinear fit: the difference between equilibrium and linear model is
+        that of these compliances.
+        """
+        if not np.isfinite(self.chi2):
+            return self
+        try:
+            less = nonlinear_part(study, self.reading.data, self.k)
+        except NoEquilibriumError:
+            return self
+        again = Refit.of(study, self.reading, less)
+        return again if again.chi2 < self.chi2 else self
+
+    def without_outliers(self, study: Study) -> "Refit":
+        """The fit without the rows that do not belong to the others; the same if they are many."""
+        data = self.reading.data
+        refit = self
+        for _ in range(ROUNDS):
+            left = refit.reading.data
+            outliers = refit._outliers(study)
+            if not len(outliers):
+                break
+            rest = np.delete(np.arange(len(left)), outliers)
+            if len(rest) < (1 - MOST_OUTLIERS) * len(data):
+                return self
+            refit = Refit.of(study, replace(self.reading, data=left[rest])).corrected(study)
+        return replace(refit, left_out=len(data) - len(refit.reading.data))
+
+    def _outliers(self, study: Study) -> Indices:
+        """Rows that do not belong to the others."""
+        data = self.reading.data
+        A = data.regressor(study.model)
+        whitened = Whitened.of(A, data.noise, study.model.parameters)
+        residual = data.deflection - known_part(study, data) - A @ self.k
+        z = whitened.in_sigma(residual)
+        total = float((z**2).sum())
+        return find_outliers(*whitened.deletable(z), self.dof, total=total)
+
+    @property
+    def cost(self) -> float:
+        """Minus twice the log likelihood, with so much for each outlier as it must have at least.
+
+        The costs of two readings differ by the logarithm of their likelihood ratio, twice.
+        """
+        return self.chi2 + OUTLIER * self.left_out
+
+    @property
+    def size(self) -> float:
+        """Residuals in units of sigma, root mean square."""
+        return float(np.sqrt(self.chi2 / max(self.dof, 1)))
+
+    @property
+    def p(self) -> float:
+        """Probability of so large residuals by noise alone."""
+        return float(chi_square_tail(self.chi2, self.dof)) if self.dof else 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Explanation:
+    """Measurements that do not fit as they are read, and the readings that do.
+
+    Attributes:
+        given: The fit of the columns as they are headed.
+        refits: The readings that fit much better and about equally well, the likeliest first;
+            empty where no reading does.
+    """
+
+    given: Refit
+    refits: tuple[Refit, ...]
+
+    @property
+    def certain(self) -> bool:
+        """Whether the noise explains what a reading leaves."""
+        return any(refit.p > LEAST_P for refit in self.refits)
+
+    @property
+    def finding(self) -> Finding | None:
+        """The reading as a finding, or several of them; None where no reading fits."""
+        if not self.refits:
+            return None
+        first = self.refits[0].reading.finding
+        numbers = {
+            "before": self.given.size,
+            "after": self.refits[0].size,
+            "explained": 1 - self.refits[0].chi2 / self.given.chi2,
+            "left_out": self.refits[0].left_out,
+        }
+        if len(self.refits) == 1:
+            return Finding(first.kind, columns=first.columns, data={**first.data, **numbers})
+        several = tuple(refit.reading.finding for refit in self.refits)
+        return Finding(Kind.SEVERAL_READINGS, data={"readings": several, **numbers})
+
+
+def explanation(study: Study, data: Measurements, fit: Identification) -> Explanation | None:
+    """Read measurements that do not fit in other ways.
+
+    Args:
+        study: The model.
+        data: The measurements as the columns are headed.
+        fit: Their fit.
+
+    Returns:
+        The readings that explain them; None where they fit as they are, or where there are too few
+        to tell a reading that fits from one that does not.
+    """
+    only_signs = fit.dof < LEAST_FREEDOM
+    if only_signs and not (fit.unbounded < BY_FAR * fit.std).all():
+        return None
+    if len(data) > ENOUGH:
+        data = data[some_rows(len(data), ENOUGH)]
+    given = Refit.of(study, Reading(Finding(Kind.AS_GIVEN), data))
+    if not SUSPECT < given.size < np.inf:
+        return None
+    given = given.corrected(study)
+    if not given.size > SUSPECT:
+        return None
+    tried = [Refit.of(study, reading) for reading in readings(study, data, only_signs)]
+    return Explanation(given, _equally_good(study, tried, given.size / BETTER))
+
+
+def _equally_good(study: Study, tried: list[Refit], most: float) -> tuple[Refit, ...]:
+    """The readings whose residuals are at most so large, and about as small as the best one's."""
+    better = [refit for refit in tried if refit.size <= most]
+    if not better:
+        return ()
+    enough = sorted(refit.chi2 for refit in better)[:MOST_CORRECTED][-1]
+    corrected = [refit.corrected(study) for refit in better if refit.chi2 <= enough]
+    found = [refit if refit.p > LEAST_P else refit.without_outliers(study) for refit in corrected]
+    best = min(refit.cost for refit in found)
+    equal = [refit for refit in found if refit.cost <= best + 2 * np.log(LIKELY)]
+    equal = [refit for refit in equal if refit.size <= SUSPECT]
+    return tuple(refit for refit in equal if not any(_is_simpler(other, refit) for other in equal))
+
+
+def _is_simpler(other: Refit, refit: Refit) -> bool:
+    """Whether another reading changes only some of the columns that a reading changes."""
+    fewer = other.reading.finding
+    more = refit.reading.finding
+    return fewer.kind is more.kind and set(fewer.columns) < set(more.columns)

@@ -7,22 +7,276 @@ from typing import Any
 import numpy as np
 
 from edtk.certificate.recompute.chain import Chain
-from edtk.certificate.recompute.combinations import combinations
 from edtk.certificate.recompute.geometry import Geometry
-from edtk.certificate.recompute.load import Load
-from edtk.certificate.recompute.noise import Noise
-from edtk.certificate.recompute.physics import Physics
-from edtk.certificate.recompute.plain_data import numbers, rows, table, text, whole
-from edtk.certificate.recompute.regressors import regressors
-from edtk.certificate.recompute.tasks import Tasks
-from edtk.certificate.recompute.workspace import Workspace
+from edtk.certificate.recompute.physics import Noise, Physics, regressors
+from edtk.certificate.recompute.plain_data import number, numbers, rows, table, text, whole
+from edtk.certificate.recompute.tasks import Tasks, combinations
 from edtk.system.typing import Array, Mask
 
+LOAD_KEYS = ("F_N", "T_Nm", "F_max_N", "direction", "list_F_N", "wrenches")
+CHOICES = ("F_N", "F_max_N", "list_F_N", "wrenches")
+MOST_LISTED = 1000  # loads to choose from
+TINY = 1e-9  # of a load, beside the largest one, that is rounding
+BOUNDS = ("height_min_mm", "radius_min_mm", "tilt_max_deg")
+OTHERS = ("plan_resolution_deg", "excluded", "excluded_within_deg")
+MOST_EXCLUDED = 1000  # poses to stay away from: each candidate is compared with all of them
+STEP = 1e-6  # of a difference quotient [rad or m]; its error, about 1e-10, is far below a rounding
 BLOCK = 3_000_000  # numbers in an array that lies between poses and rows
-TINY = 1e-9  # violation of a constraint that is rounding [m or rad]
 MEASURED = {"position": 3, "pose": 6}  # rows that an experiment measures
-KEYS = ("robot", "unknown", "rows", "sigma", "load", "workspace", "excluded", "free", "fixed")
+SETTING_KEYS = (
+    *("robot", "unknown", "rows", "sigma", "load"),
+    *("workspace", "excluded", "free", "fixed"),
+)
 OPTIONAL = ("physics", "noise", "interest", "prior", "geometry", "margin")
+
+
+@dataclass(frozen=True, eq=False)
+class Load:
+    """A fixed wrench, one of a list, or any force up to a size, along a direction or anywhere.
+
+    Attributes:
+        listed: Wrenches (l, 6) of which each experiment takes one [N, N m]; a fixed load is a list
+            of one. None for a force up to a size.
+        fixed: Whether the list is a fixed load, which has no design variable.
+        largest: Largest force [N].
+        direction: Unit vector (3,) of the force; None if it may point anywhere.
+    """
+
+    listed: Array | None
+    fixed: bool
+    largest: float
+    direction: Array | None
+
+    @classmethod
+    def from_dict(cls, load: Any) -> "Load":
+        """Read the keys of a study's [load].
+
+        Raises:
+            ValueError: They do not say which loads are allowed.
+        """
+        where = "setting.load"
+        load = table(load, (), where, LOAD_KEYS)
+        given = [key for key in CHOICES if key in load]
+        if len(given) != 1:
+            raise ValueError(f"{where}: expected one of F_N, F_max_N, list_F_N and wrenches")
+        torque = numbers(load.get("T_Nm", [0, 0, 0]), (3,), f"{where}.T_Nm")
+        if given != ["F_N"] and torque.any():
+            raise ValueError(f"{where}: T_Nm goes with F_N only")
+        if given != ["F_max_N"] and "direction" in load:
+            raise ValueError(f"{where}: direction goes with F_max_N only")
+        if given == ["F_N"]:
+            force = numbers(load["F_N"], (3,), f"{where}.F_N")
+            listed = np.concatenate([force, torque])[None]
+            return cls(listed, True, 0.0, None)
+        if given == ["list_F_N"]:
+            rows(load["list_F_N"], MOST_LISTED, f"{where}.list_F_N")
+            forces = numbers(load["list_F_N"], (None, 3), f"{where}.list_F_N")
+            if not len(forces):
+                raise ValueError(f"{where}.list_F_N: expected at least one force")
+            return cls(np.hstack([forces, np.zeros_like(forces)]), False, 0.0, None)
+        if given == ["wrenches"]:
+            rows(load["wrenches"], MOST_LISTED, f"{where}.wrenches")
+            wrenches = numbers(load["wrenches"], (None, 6), f"{where}.wrenches")
+            if not len(wrenches):
+                raise ValueError(f"{where}.wrenches: expected at least one")
+            return cls(wrenches, False, 0.0, None)
+        largest = number(load["F_max_N"], f"{where}.F_max_N")
+        if largest <= 0:
+            raise ValueError(f"{where}.F_max_N: expected a positive force")
+        if "direction" not in load:
+            return cls(None, False, largest, None)
+        direction = numbers(load["direction"], (3,), f"{where}.direction")
+        if not direction.any():
+            raise ValueError(f"{where}.direction: expected a vector that is not zero")
+        return cls(None, False, largest, direction / np.linalg.norm(direction))
+
+    @property
+    def size(self) -> int:
+        """Number d of design variables: none, an index or a size, or a force in polar form."""
+        if self.fixed:
+            return 0
+        return 3 if self.listed is None and self.direction is None else 1
+
+    @property
+    def moves(self) -> bool:
+        """Whether a search may change the variables; an index does not change by steps."""
+        return self.listed is None
+
+    @property
+    def limits(self) -> Array:
+        """Bounds (2, d) of the variables."""
+        if self.size == 3:
+            return np.array([[-1.0, -np.pi, -2 * np.pi], [1.0, np.pi, 2 * np.pi]])
+        last = 1.0 if self.listed is None else len(self.listed) - 1.0
+        return np.array([[0.0] * self.size, [last] * self.size])
+
+    def draw(self, cube: Array) -> Array:
+        """Variables (k, d) of points of the unit cube (k, d)."""
+        if self.fixed or self.direction is not None:
+            return cube
+        if self.listed is not None:
+            last = len(self.listed) - 1
+            return np.minimum(np.floor(len(self.listed) * cube), last)
+        # Uniform in the ball: its volume grows with the cube of the size, its area with the sine.
+        elevation = np.arcsin(np.clip(2 * cube[:, 1] - 1, -1.0, 1.0))
+        azimuth = np.pi * (2 * cube[:, 2] - 1)
+        return np.stack([np.cbrt(cube[:, 0]), elevation, azimuth], axis=1)
+
+    def allows(self, u: Array) -> Mask:
+        """Which variables (k, d) are within their bounds; an index must be whole too."""
+        lower, upper = self.limits
+        inside = ((u >= lower - TINY) & (u <= upper + TINY)).all(axis=1)
+        return np.asarray(inside if self.moves else inside & (u == np.rint(u)).all(axis=1))
+
+    def wrench(self, u: Array) -> Array:
+        """Wrenches (k, 6) [N, N m] of variables (k, d)."""
+        if self.listed is not None:
+            index = np.zeros(len(u), dtype=int) if self.fixed else np.rint(u[:, 0]).astype(int)
+            return self.listed[index]
+        found = np.zeros((len(u), 6))
+        if self.direction is not None:
+            found[:, :3] = u * self.largest * self.direction
+            return found
+        r, elevation, azimuth = u.T
+        flat = np.cos(elevation)
+        force = [flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(elevation)]
+        found[:, :3] = self.largest * (r * np.stack(force)).T
+        return found
+
+    def excess(self, wrench: Array) -> Array:
+        """How far wrenches (k, 6) are from what is allowed, relative to the largest one (k,)."""
+        if self.listed is not None:
+            away = np.full(len(wrench), np.inf)
+            for one in self.listed:
+                away = np.minimum(away, np.abs(wrench - one).max(axis=1))
+            return away / max(float(np.abs(self.listed).max()), np.finfo(float).tiny)
+        force = wrench[:, :3]
+        size = np.linalg.norm(force, axis=1)
+        away = np.maximum(size - self.largest, np.abs(wrench[:, 3:]).max(axis=1))
+        if self.direction is not None:
+            along = force @ self.direction
+            aside = np.linalg.norm(force - along[:, None] * self.direction, axis=1)
+            away = np.maximum(away, np.maximum(-along, aside))
+        return np.asarray(np.maximum(away, 0.0) / self.largest)
+
+
+@dataclass(frozen=True, eq=False)
+class Workspace:
+    """Joint limits, bounds on the tool, and poses to stay away from.
+
+    Attributes:
+        chain: The robot with the calibration tool.
+        height: Least height of the tool point [m]; None without.
+        radius: Least distance of the tool point from the base axis [m]; None without.
+        tilt: Largest angle of the tool's z-axis to the horizontal [rad]; None without.
+        resolution: Step (n,) to which poses of plans that are read are rounded [rad or m].
+        excluded: Poses (e, n) to stay away from [rad or m].
+        distance: Distance to keep from them [rad].
+    """
+
+    chain: Chain
+    height: float | None
+    radius: float | None
+    tilt: float | None
+    resolution: Array
+    excluded: Array
+    distance: float
+
+    @classmethod
+    def from_dict(cls, chain: Chain, keys: Any, excluded: Any) -> "Workspace":
+        """Read the keys of a study's [workspace], and the poses that it excludes.
+
+        Raises:
+            ValueError: A key is unknown, or the excluded poses are not those that it speaks of.
+        """
+        where = "setting.workspace"
+        keys = table(keys, (), where, (*BOUNDS, *OTHERS))
+        height, radius, tilt = (
+            None if name not in keys else number(keys[name], f"{where}.{name}") for name in BOUNDS
+        )
+        resolution = number(keys.get("plan_resolution_deg", 0.0), f"{where}.plan_resolution_deg")
+        within = number(keys.get("excluded_within_deg", 5.0), f"{where}.excluded_within_deg")
+        if resolution < 0 or within <= 0:
+            raise ValueError(f"{where}: expected a resolution and a distance that are not negative")
+        names = rows(keys.get("excluded", []), MOST_EXCLUDED, f"{where}.excluded")
+        poses = _excluded(excluded, chain.n, float(np.deg2rad(within)), len(names))
+        return cls(
+            chain=chain,
+            height=None if height is None else height / 1e3,
+            radius=None if radius is None else radius / 1e3,
+            tilt=None if tilt is None else float(np.deg2rad(tilt)),
+            resolution=np.where(chain.prismatic, 0.0, np.deg2rad(resolution)),
+            excluded=poses,
+            distance=float(np.deg2rad(within)),
+        )
+
+    def violation(self, q: Array) -> Array:
+        """By how much each pose (k,) violates its worst constraint [m or rad]."""
+        worst = self._violations(q).max(axis=1)
+        if len(self.excluded):
+            worst = np.maximum(worst, self.distance - self._nearest(q))
+        return np.asarray(worst)
+
+    def violation_within_rounding(self, q: Array) -> Array:
+        """The same (k,) for poses that were rounded, and may have been measured near excluded ones.
+
+        Each violation is reduced by the most that rounding can have added, to first order.
+        """
+        allowance = np.zeros_like(self._violations(q))
+        for j in np.flatnonzero(self.resolution):
+            step = np.zeros(q.shape[1])
+            step[j] = STEP
+            slope = (self._violations(q + step) - self._violations(q - step)) / (2 * STEP)
+            allowance += np.abs(slope) * self.resolution[j] / 2
+        return np.asarray((self._violations(q) - allowance).max(axis=1))
+
+    def _violations(self, q: Array) -> Array:
+        """Violations (k, c) of the joint limits and the bounds on the tool [m or rad]."""
+        ending = ~self.chain.endless
+        lower, upper = self.chain.limits[:, ending]
+        found = [lower - q[:, ending], q[:, ending] - upper]
+        point, axis = self.chain.tool_point_and_axis(q)
+        if self.height is not None:
+            found.append(self.height - point[:, 2:])
+        if self.radius is not None:
+            found.append(self.radius - np.hypot(point[:, 0], point[:, 1])[:, None])
+        if self.tilt is not None:
+            angle = np.arctan2(axis[:, 2], np.hypot(axis[:, 0], axis[:, 1]))
+            found.append(np.stack([angle - self.tilt, -angle - self.tilt], axis=1))
+        return np.concatenate(found, axis=1)
+
+    def _nearest(self, q: Array) -> Array:
+        """Distance (k,) to the nearest excluded pose, over the revolute joints [rad]."""
+        nearest = np.full(len(q), np.inf)
+        # One pose at a time: all differences at once would fill the memory.
+        for pose in self.excluded:
+            turn = np.abs(q - pose)[:, ~self.chain.prismatic] % (2 * np.pi)
+            short_way = np.minimum(turn, 2 * np.pi - turn)
+            nearest = np.minimum(nearest, np.linalg.norm(short_way, axis=1))
+        return nearest
+
+
+def _excluded(value: Any, n: int, distance: float, least: int) -> Array:
+    """Excluded poses (e, n), of at least as many plans as the study's own keys name.
+
+    Raises:
+        ValueError: A plan is missing, or keeps another distance than the keys say.
+    """
+    where = "setting.excluded"
+    parts = rows(value, MOST_EXCLUDED, where)
+    if len(parts) < least:
+        raise ValueError(f"{where}: expected at least {least} plans, which the workspace names")
+    found = [np.empty((0, n))]
+    for part in parts:
+        table(part, ("poses", "distance"), where)
+        rows(part["poses"], MOST_EXCLUDED, f"{where}.poses")
+        found.append(numbers(part["poses"], (None, n), f"{where}.poses"))
+        if not np.isclose(number(part["distance"], f"{where}.distance"), distance, 1e-12, 0):
+            raise ValueError(f"{where}.distance: expected excluded_within_deg of the workspace")
+    poses = np.concatenate(found)
+    if len(poses) > MOST_EXCLUDED:
+        raise ValueError(f"{where}: expected at most {MOST_EXCLUDED} poses, got {len(poses)}")
+    return poses
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +330,7 @@ class Setting:
         Raises:
             ValueError: A part is missing, or is not what it should be.
         """
-        content = table(content, (*KEYS, "test_pose"), "setting", OPTIONAL)
+        content = table(content, (*SETTING_KEYS, "test_pose"), "setting", OPTIONAL)
         chain = Chain.from_dict(content["robot"])
         n = chain.n
         unknown = _indices(content["unknown"], n, "setting.unknown")

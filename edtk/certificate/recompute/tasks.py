@@ -1,4 +1,4 @@
-"""The tasks of a certificate, and the targets that follow from them."""
+"""The tasks of a certificate, the poses around them, and the targets that follow."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -7,12 +7,13 @@ import numpy as np
 
 from edtk.certificate.recompute.chain import Chain
 from edtk.certificate.recompute.geometry import Geometry
-from edtk.certificate.recompute.neighbourhood import neighbourhood
-from edtk.certificate.recompute.physics import Physics, read_weights
+from edtk.certificate.recompute.physics import Physics, read_weights, regressors
 from edtk.certificate.recompute.plain_data import number, numbers, rows, table
-from edtk.certificate.recompute.regressors import regressors
 from edtk.system.typing import Array
 
+LEVELS = 127  # of each joint; a prime
+STEP = 45  # from one joint's order of the levels to the next joint's
+DEPENDENT = 1e-10  # least singular value of independent combinations of length one
 WHERE = "setting.test_pose"
 MOST_TASKS = 10_000
 MOST_NUMBERS = 3e7  # of all tasks' rows and of what they are computed from
@@ -21,6 +22,74 @@ OVERHEAD = 20  # poses that take as long as what a task takes besides
 LONGEST_LEVER = 1e3  # of rotations that count as displacements [m]
 # What the weights of the tasks are rounded down by, beside their sum: more than rounding.
 ROUNDING = 1e-14
+
+
+def neighbourhood(chain: Chain, q: Array, within: float) -> Array:
+    """Poses (255, n) whose joints are within an angle of the test pose q (n,), itself the first.
+
+    They are the points of a lattice in the box ``[lower, upper]`` and their mirror images in turn.
+    Each joint takes 127 levels once: point i has level i for the first joint, and for each further
+    joint 45 times the level of the joint before, modulo 127.
+
+    Args:
+        chain: The robot, whose limits cut the box.
+        q: The test pose [rad or m].
+        within: Largest turn [rad]; a prismatic joint moves by ``within / 2 pi`` of its range.
+    """
+    ranges = chain.limits[1] - chain.limits[0]
+    most = np.where(chain.prismatic, ranges * within / (2 * np.pi), within)
+    # The test pose belongs to the box even where it is beyond a limit.
+    lower = np.minimum(np.clip(q - most, chain.ends[0], None), q)
+    upper = np.maximum(np.clip(q + most, None, chain.ends[1]), q)
+    poses = [q]
+    for i in range(LEVELS):
+        levels = [i]
+        while len(levels) < len(q):
+            levels.append(levels[-1] * STEP % LEVELS)
+        share = (np.array(levels) + 0.5) / LEVELS
+        poses.append(lower * (1 - share) + upper * share)
+        poses.append(lower * share + upper * (1 - share))
+    return np.array(poses)
+
+
+EPS = float(np.finfo(float).eps)
+
+
+def combinations(value: Any, p: int, where: str) -> Array:
+    """Combinations K (p, s), one a column.
+
+    Raises:
+        ValueError: They are not finite, or depend on each other.
+    """
+    K = numbers(value, (p, None), where)
+    if not 0 < K.shape[1] <= p or not np.abs(K).max(axis=0).all():
+        raise ValueError(f"{where}: expected from one to {p} columns, none of them zero")
+    if np.linalg.svd(K / np.linalg.norm(K, axis=0), compute_uv=False)[-1] < DEPENDENT:
+        raise ValueError(f"{where}: a column follows from the others")
+    return K
+
+
+def deviations(stacked: Array, K: Array) -> Array | None:
+    """L (s, r) with ``L L'`` the covariance of K'k, from whitened rows (N, p); None if K'k is open.
+
+    With columns of unit length, ``stacked / d = U S V'``, ``L = (K/d)' V S^-1`` over the singular
+    values that are more than rounding. K'k is known if K/d has no part in the other directions.
+    """
+    length = np.linalg.norm(stacked, axis=0)
+    d = np.where(length > len(stacked) * EPS * length.max(), length, 1.0)
+    unit = np.where(length > len(stacked) * EPS * length.max(), stacked, 0.0) / d
+    # Rows of zeros make V square; to ask for a square one would make U (N, N), too.
+    unit = np.pad(unit, ((0, max(unit.shape[1] - len(unit), 0)), (0, 0)))
+    _, s, V = np.linalg.svd(unit, full_matrices=False)
+    # Rows have half the digits of their squares to lose; M itself counts as singular at 16 p eps.
+    is_known = s > 4 * np.sqrt(len(d) * EPS)
+    scaled = K / d[:, None]
+    outside = np.abs(V[~is_known] @ scaled).max(axis=0, initial=0.0)
+    least = s[is_known].min(initial=1.0)
+    allowed = 64 * len(d) * EPS / least**2 * np.linalg.norm(scaled, axis=0)
+    if not is_known.any() or (outside > allowed).any():
+        return None
+    return np.asarray(scaled.T @ V[is_known].T / s[is_known])
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from edtk.certificate.recompute.combinations import deviations
+from edtk.certificate.recompute.tasks import deviations
 from edtk.system.typing import Array
 
 DEGREE = {

@@ -7,10 +7,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from criteria import Criterion
-from edtk.design.absorb_prior import absorb_prior
-from edtk.design.exact.candidate_prices import CandidatePrices
-from edtk.design.exact.exchange_costs import exchange_costs
+from edtk.design.exact.exchange_costs import CandidatePrices, exchange_costs
 from edtk.design.problem import Problem
+from edtk.design.problems import absorb_prior
 from edtk.system.errors import UserError
 from edtk.system.time_limit import out_of_time
 from edtk.system.typing import Array, Indices

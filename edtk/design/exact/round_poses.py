@@ -1,17 +1,64 @@
-"""A plan in poses that a controller takes."""
+"""A plan that is rounded to the steps of a controller, and as good as before."""
+
+from itertools import product, takewhile
 
 import numpy as np
 
 from criteria import Criterion
 from edtk.design.design_space import DesignSpace
-from edtk.design.exact.steps_around import number_around, steps_around
-from edtk.design.exact.to_steps import to_steps
+from edtk.measure.pose_table import controller_step, rounded
+from edtk.system.time_limit import out_of_time
 from edtk.system.typing import Array, Indices, Mask
-from edtk.tables.in_file_units import controller_step
 
+LIMIT = 1e-9  # [rad or m]: a pose beyond a limit by less is at the limit, but for rounding
 WIDER = (0, 1, 2)  # steps beyond the neighbouring ones that are tried, in turn
 MOST_TRIED = 20_000  # poses; all those nearby of seven joints
 SAME_LOAD = 1e-6  # of the range of the load: a smaller difference is none
+LOSS = 1e-5  # relative increase of the cost by rounding; at a constraint it is 1e-6 as a rule
+GAIN = 1e-6  # relative improvement for which another pass is made
+PASSES = 10
+WIDEST = 16  # steps
+EQUAL = 0.5  # steps up to which poses are equal for a controller
+
+
+def to_steps(space: DesignSpace, x: Array) -> Array:
+    """Joint variables (k, n) at the controller's nearest steps, or at a limit that lies there.
+
+    Args:
+        space: The feasible set.
+        x: Design variables (k, v).
+    """
+    n = len(space.fixed)
+    q = rounded(space.workspace.robot, x[:, :n])
+    lower, upper = space.workspace.robot.hard_limits
+    # A limit in degrees may have been converted with another last bit.
+    within = np.clip(q, lower, upper)
+    return np.where(np.abs(within - q) <= LIMIT, within, q)
+
+
+def steps_around(space: DesignSpace, x: Array, wider: int) -> Array:
+    """Feasible experiments (n, v) whose designed joints are at the steps around those of one.
+
+    Args:
+        space: Model and feasible set.
+        x: Design variables (v,) of the one.
+        wider: Steps beyond the two neighbouring ones of each joint.
+    """
+    robot = space.workspace.robot
+    step = controller_step(robot)[space.free]
+    shown = robot.shown(x[: robot.n])
+    offsets = np.array(list(product(range(-wider, 2 + wider), repeat=len(step))))
+    near = np.tile(shown, (len(offsets), 1))
+    near[:, space.free] = (np.floor(shown[space.free] / step) + offsets) * step
+    tried = np.tile(x, (len(offsets), 1))
+    tried[:, space.free] = robot.of_shown(near)[:, space.free]
+    tried[:, space.free] = to_steps(space, tried)[:, space.free]
+    return np.asarray(tried[space.at(tried).feasible])
+
+
+def number_around(space: DesignSpace, wider: int) -> int:
+    """Number of these steps."""
+    return int((2 * (1 + wider)) ** len(space.free))
 
 
 def round_poses(
@@ -94,3 +141,67 @@ def _same(space: DesignSpace, x: Array, own: Array, within: float) -> Mask:
     apart = x - own
     apart[..., : robot.n] = robot.shown_change(apart[..., : robot.n])
     return np.asarray((np.abs(apart) <= most).all(axis=-1))
+
+
+def round_plan(
+    space: DesignSpace, criterion: Criterion, x: Array, repeats: Array, merge: bool = True
+) -> tuple[Array, Array]:
+    """Round the poses of a plan to the steps of a controller, at next to no loss.
+
+    A plan is flat around its optimum, so that the nearest steps are as good, see `round_poses`. It
+    is not where poses differ by little and the differences count: two poses on both sides of one in
+    which a joint has no torque keep that joint's compliance apart from the others, and a thousandth
+    of a degree made 15 % of the error. Pose by pose then takes the best of the steps around it.
+
+    Args:
+        space: Model and feasible set.
+        criterion: The criterion that the plan is good for.
+        x: Design variables (k, v) of its experiments, all feasible.
+        repeats: Their repetitions (k,).
+        merge: Whether poses that are then equal are merged.
+
+    Returns:
+        Design variables and repetitions of the same kind, of perhaps fewer experiments.
+    """
+    enough = _cost(space, criterion, x, repeats) * (1 + LOSS)
+    rounded = round_poses(space, criterion, x, repeats, merge)
+    if not _cost(space, criterion, *rounded) > enough:
+        return rounded
+    apart = round_poses(space, criterion, x, repeats, merge=False)[0]
+    found = _improved(space, criterion, apart, repeats)
+    if not merge:
+        return found, repeats
+    merged = round_poses(space, criterion, found, repeats)
+    if not _cost(space, criterion, *merged) > _cost(space, criterion, found, repeats) * (1 + GAIN):
+        return merged
+    return round_poses(space, criterion, found, repeats, within=EQUAL)
+
+
+def _improved(space: DesignSpace, criterion: Criterion, x: Array, repeats: Array) -> Array:
+    """Experiments (k, v) on steps, each in turn at the best of those around it."""
+    x = x.copy()
+    cost = _cost(space, criterion, x, repeats)
+    few = takewhile(lambda wider: number_around(space, wider) <= MOST_TRIED, range(WIDEST + 1))
+    wider = max(few, default=0)
+    for _ in range(PASSES):
+        before = cost
+        for i in np.flatnonzero(repeats > 0).tolist():
+            if out_of_time():
+                return x
+            tried = steps_around(space, x[i], wider)
+            if not len(tried):
+                continue
+            moved = x.copy()
+            moved[i] = best_of_tried(space, criterion, x, repeats, i, tried)
+            # Repeats that share an error have changed what the others tell.
+            reached = _cost(space, criterion, moved, repeats)
+            if reached < cost:
+                x, cost = moved, reached
+        if not cost < before * (1 - GAIN):
+            break
+    return x
+
+
+def _cost(space: DesignSpace, criterion: Criterion, x: Array, repeats: Array) -> float:
+    """The cost of a plan."""
+    return float(criterion.cost(space.at(x[None]).information(repeats[None]))[0])

@@ -7,8 +7,8 @@ import numpy as np
 from criteria import Criterion
 from edtk.design.design_space import DesignSpace
 from edtk.design.exact.apportion import apportion
-from edtk.design.exact.to_steps import to_steps
-from edtk.model.joint_distance import joint_distance
+from edtk.design.exact.round_poses import to_steps
+from edtk.robots.robot import joint_distance
 from edtk.system.typing import Array, Mask
 
 MOST_POSES = 400  # of a plan that is spread; beyond them poses are repeated

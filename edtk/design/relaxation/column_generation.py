@@ -1,28 +1,44 @@
-"""Column generation: one small convex program after another, over a few of the candidates each."""
+"""Column generation: one small convex program after another, over a few candidates each."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from criteria import Relaxable
-from criteria.linalg.estimable import range_whitener
+from criteria.linalg.estimable import open_directions, range_whitener
+from criteria.linalg.inverse import root, whitener
 from edtk.design.problem import Problem
-from edtk.design.relaxation.effort import EXACT, INNER, Effort
-from edtk.design.relaxation.entering_candidates import entering_candidates
-from edtk.design.relaxation.first_active_set import first_active_set
-from edtk.design.relaxation.leverages import leverages
-from edtk.design.relaxation.masters import Masters
-from edtk.design.relaxation.own_weights import has_own_method
-from edtk.design.relaxation.proof import Proof
-from edtk.design.relaxation.restricted_master import RelaxationError, is_clearly_regular
-from edtk.design.relaxation.solver_options import LEAST_BATCH, NEWTON, SolverOptions
-from edtk.design.relaxation.step import Step
-from edtk.design.relaxation.warm_start import WarmStart
+from edtk.design.relaxation.master_equations import leverages
+from edtk.design.relaxation.masters import Masters, has_own_method
+from edtk.design.relaxation.proof import Proof, Step, WarmStart, experiment_blocks
+from edtk.design.relaxation.restricted_master import (
+    EXACT,
+    INNER,
+    LEAST_BATCH,
+    NEWTON,
+    Effort,
+    RelaxationError,
+    SolverOptions,
+    is_clearly_regular,
+)
 from edtk.system.time_limit import out_of_time
-from edtk.system.typing import Array, Indices
+from edtk.system.typing import Array, Indices, Mask
 
+# Candidates per one that enters from which on the choice is spread over parts of the list.
+SPREAD = 20
+# Sensitivities of a long list among which the largest are looked for first, and how many more of
+# them than needed set the threshold for the others.
+ENTERING_SAMPLE = 10_000
+OVERSAMPLED = 8
+# Among so many candidates the choice takes milliseconds; among all of a million it would take
+# longer than the relaxation itself.
+FIRST_SAMPLE = 2000
+# Part of the mean of all candidates from which the greedy choice starts: M is regular from the
+# beginning, whatever the sample, and the mean soon no longer matters.
+REGULARISATION = 1e-6
 # Gap that a program solved to a few digits can still prove; a smaller one needs an exact solution.
 COARSE = 1e-3
 # A candidate leaves if its weight is below this part of the largest, its leverage below this part
@@ -35,6 +51,127 @@ GAPS = 2.0
 HEAVY = 1e-3
 POOL = 2
 GAIN = 0.5
+
+
+def entering_candidates(sensitivities: Array, active: Indices, batch: int) -> Indices:
+    """Choose which candidates enter the restricted master problem.
+
+    The candidates of largest sensitivity are often alike. In a long list, a quarter of those that
+    enter have the largest sensitivities of all; the others have the largest ones of as many equal
+    parts of the list.
+
+    Args:
+        sensitivities: Sensitivities (n,) of all candidates.
+        active: Candidates (k,) that are in the problem already.
+        batch: Number of candidates to choose, at most.
+
+    Returns:
+        Indices of candidates that are not active, the largest sensitivity first.
+    """
+    n = len(sensitivities)
+    size = min(batch + len(active), n)
+    is_active = np.zeros(n, dtype=bool)
+    is_active[active] = True
+    largest = _largest(sensitivities, size)
+    chosen = _inactive_by_sensitivity(sensitivities, is_active, largest)
+    parts = 3 * batch // 4
+    if parts and n >= SPREAD * batch:
+        width = n // parts
+        in_parts = sensitivities[: width * parts].reshape(parts, width)
+        spread = in_parts.argmax(axis=1) + width * np.arange(parts)
+        # No two of the spread ones are the same; those of both kinds are marked to count once.
+        first = chosen[: batch - parts]
+        is_active[first] = True
+        others = np.sort(np.concatenate([first, spread[~is_active[spread]]]))
+        chosen = others[np.argsort(-sensitivities[others], kind="stable")]
+    return chosen[:batch]
+
+
+def _largest(sensitivities: Array, size: int) -> Indices:
+    """Indices of the largest sensitivities, in any order."""
+    n = len(sensitivities)
+    stride = n // ENTERING_SAMPLE
+    if stride > 1 and size * OVERSAMPLED < ENTERING_SAMPLE:
+        # A sample tells which sensitivities are too small to count; few others are left to compare.
+        sample = sensitivities[::stride]
+        rank = len(sample) - 1 - OVERSAMPLED * max(1, size // stride)
+        least = np.partition(sample, rank)[rank]
+        found = np.flatnonzero(sensitivities >= least)
+        if len(found) >= size:
+            return found[np.argpartition(-sensitivities[found], size - 1)[:size]]
+    return np.argpartition(-sensitivities, size - 1)[:size]
+
+
+def _inactive_by_sensitivity(sensitivities: Array, is_active: Mask, chosen: Indices) -> Indices:
+    """Those of chosen candidates that are not active, the largest sensitivity first."""
+    inactive = np.sort(chosen[~is_active[chosen]])
+    return inactive[np.argsort(-sensitivities[inactive], kind="stable")]
+
+
+def first_active_set(problem: Problem, size: int) -> Indices:
+    """Choose candidates that together identify every parameter, for the first restricted master.
+
+    One after another the candidate of the largest sensitivity to ``M^-1`` is taken, which is the
+    one that raises det M most. The choice is among an evenly spaced sample of the candidates, or
+    among all of them if the sample leaves a direction of the parameters open.
+
+    Args:
+        problem: Candidates that identify all parameters.
+        size: Number of candidates to choose; at least as many as there are parameters are taken.
+
+    Returns:
+        Indices (k,), in the order of the choice.
+    """
+    known = _known.setdefault(problem, {})
+    if size not in known:
+        known[size] = _chosen(problem, size)
+    return known[size]
+
+
+# Several criteria of one problem begin with the same candidates; they are forgotten with it.
+_known: WeakKeyDictionary[Problem, dict[int, Indices]] = WeakKeyDictionary()
+
+
+def _chosen(problem: Problem, size: int) -> Indices:
+    """The candidates of `first_active_set`."""
+    sample = np.unique(np.linspace(0, problem.n - 1, FIRST_SAMPLE).astype(int))
+    every = np.arange(problem.n)
+    for among in (sample, every):
+        part = problem[among] if len(among) < problem.n else problem
+        chosen = _most_informative(part, problem.mean, min(max(size, problem.p), part.n))
+        if not open_directions(experiment_blocks(part, chosen).mean(axis=0), problem.parameters):
+            break
+    return among[chosen]
+
+
+def _most_informative(problem: Problem, mean: Array, size: int) -> Indices:
+    """Indices (size,) of candidates, each the one that raises det M most beside those before it.
+
+    After a candidate of information ``U'U`` the inverse C of M is ``C - B B'`` with
+    ``B = C U' F^-1``, ``F'F = I + U C U'``. So the sensitivities fall by those to ``B B'``, a
+    matrix of low rank, and no inverse is computed anew.
+    """
+    T = whitener(mean)
+    C = T @ T.T / REGULARISATION
+    gain = problem.sensitivities(C)
+    chosen: list[int] = []
+    for _ in range(size):
+        gain[chosen] = -np.inf
+        best = int(gain.argmax())
+        chosen.append(best)
+        B = _lost(C, problem, best)
+        C = C - B @ B.T
+        gain = gain - problem.sensitivities_to_root(B)
+    return np.array(chosen)
+
+
+def _lost(C: Array, problem: Problem, chosen: int) -> Array:
+    """B (p, r): an inverse C (p, p) falls by ``B B'`` where a candidate joins."""
+    U = problem.factors(chosen)
+    if problem.prior is not None:
+        U = np.concatenate([U, root(problem.prior)])
+    F = np.linalg.cholesky(np.eye(len(U)) + U @ C @ U.T)
+    return np.asarray(np.linalg.solve(F, U @ C).T)
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,14 +6,17 @@ from functools import cached_property
 
 import numpy as np
 
+from criteria.criterion import Loss
 from criteria.curvature import Curvature
 from criteria.linalg.inverse import whitener
-from criteria.linalg.triangle import triangle
-from criteria.loss import Loss
-from edtk.design.relaxation.active_information import ActiveInformation
-from edtk.design.relaxation.nearest_point import nearest_point
-from edtk.design.relaxation.step_length import step_length
-from edtk.design.relaxation.weight_equations import Solve, weight_equations
+from criteria.linalg.typing import triangle
+from edtk.design.relaxation.master_equations import (
+    ActiveInformation,
+    Solve,
+    nearest_point,
+    step_length,
+    weight_equations,
+)
 from edtk.system.typing import Array
 
 TOWARDS_BOUNDARY = 0.95  # part of the way to the boundary that a step may take

@@ -6,16 +6,18 @@ from functools import cached_property
 import numpy as np
 
 from criteria import Relaxable
-from criteria.derivatives import derivatives
+from criteria.criterion import derivatives
 from criteria.linalg.inverse import whitener
-from criteria.linalg.triangle import triangle
-from edtk.design.relaxation.active_information import ActiveInformation
-from edtk.design.relaxation.rounding_of_inverse import rounding_of_inverse
-from edtk.design.relaxation.step_length import step_length
-from edtk.design.relaxation.weight_equations import Solve, weight_equations
+from criteria.linalg.typing import triangle
+from edtk.design.relaxation.master_equations import (
+    ActiveInformation,
+    Solve,
+    step_length,
+    weight_equations,
+)
+from edtk.design.relaxation.proof import rounding_of_inverse
 from edtk.system.typing import Array
 
-EPS = float(np.finfo(float).eps)
 STEPS = 60
 # Part of the way to the boundary that a step may take; it grows towards one with the accuracy.
 TOWARDS_BOUNDARY = 0.9
@@ -33,6 +35,9 @@ SHORTEST = 1e-6  # a shorter step counts as none
 HOMOGENEOUS = 1e-6
 # Order up to which differences of gradients stand in for a curvature in closed form.
 BY_DIFFERENCES = 40
+
+
+EPS = float(np.finfo(float).eps)
 
 
 class NewtonError(ArithmeticError):

@@ -2,24 +2,146 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from criteria import Criterion, Relaxable
-from criteria.require_homogeneous import require_homogeneous
-from edtk.design.absorb_prior import absorb_prior
-from edtk.design.problem import Problem
-from edtk.design.relaxation.improve import improve
+from criteria.plugins import require_homogeneous
+from edtk.design.problem import Problem, RankDeficientError
+from edtk.design.problems import absorb_prior
+from edtk.design.relaxation.column_generation import ColumnGeneration
 from edtk.design.relaxation.incumbent import Incumbent
-from edtk.design.relaxation.normalised import normalised
-from edtk.design.relaxation.order_one import OrderOne
+from edtk.design.relaxation.proof import normalised
 from edtk.design.relaxation.relaxation import Relaxation
-from edtk.design.relaxation.setting import Setting
-from edtk.design.relaxation.solver_options import SolverOptions
-from edtk.design.relaxation.without_open_directions import proved_on, without_open_directions
-from edtk.system.typing import Array
+from edtk.design.relaxation.restricted_master import NEWTON, RelaxationError, SolverOptions
+from edtk.design.relaxation.setting import OrderOne, Setting, proved_on, without_open_directions
+from edtk.system.time_limit import out_of_time
+from edtk.system.typing import Array, Indices
+
+# The bounds of a family's members only hold together, so that each must be sharper than the whole.
+MEMBER_GAP = 0.25
+# A member has done its part where it has raised the bound on its own cost by all but this part.
+LEFT = 0.1
+# Candidates from which on most programs look at every fiftieth of them only.
+LONG = 200_000
+EVERY = 50
+# Gap over the first of such parts, which are evenly spaced; over the most sensitive ones, in parts
+# of what is asked for.
+FIRST_GAP = 0.05
+PART_GAP = 0.5
+PARTS = 6
+SAMPLE = 10_000  # sensitivities that tell which are among the largest
+MOST = 4  # a part of more than a quarter of the candidates saves nothing
+
 
 Progress = Callable[[int, float], object]
+
+
+def improve(incumbent: Incumbent, gap: float, options: SolverOptions, progress: Progress) -> None:
+    """Improve design and proof until the gap is proved, or stays.
+
+    Args:
+        incumbent: The best so far, which changes.
+        gap: Relative gap at which to stop.
+        options: Limits and solvers.
+        progress: Called with the number of restricted master problems so far and the gap.
+    """
+    is_long = incumbent.problem.n >= LONG and options.solvers[0] == NEWTON
+    if not (is_long and _improve_on_parts(incumbent, gap, options, progress)):
+        _improve(incumbent, gap, options, progress)
+
+
+def _improve_on_parts(
+    incumbent: Incumbent, gap: float, options: SolverOptions, progress: Progress
+) -> bool:
+    """Solve over a part of many candidates, price all of them, and again over the most sensitive.
+
+    Returns:
+        Whether the gap is proved, or the time is over.
+    """
+    problem = incumbent.problem
+    part = np.arange(0, problem.n, EVERY)
+    candidates = _first_part(problem)
+    part_gap = FIRST_GAP
+    for _ in range(PARTS):
+        inner = Incumbent(candidates, incumbent.criterion, incumbent.multipliers)
+        inner.last = incumbent.last.inside(part)
+        try:
+            inner.problem.require_identifiable(incumbent.criterion)
+            _improve(inner, part_gap, options, _ignore_progress)
+        except (RankDeficientError, RelaxationError):
+            return False
+        sensitivities = incumbent.update_from(inner, part, part_gap, part_gap <= gap)
+        progress(incumbent.iterations, incumbent.gap)
+        if incumbent.gap <= gap or out_of_time():
+            return True
+        incumbent.last = inner.last.outside(part)
+        part = _most_sensitive(sensitivities(), incumbent.last.candidates)
+        if MOST * len(part) > problem.n:
+            return False
+        candidates = problem[part]
+        part_gap = PART_GAP * gap
+    return False
+
+
+def _first_part(problem: Problem) -> Problem:
+    """Every fiftieth candidate; criteria of the same candidates share it, and what it knows."""
+    if problem not in _first_parts:
+        _first_parts[problem] = problem[np.arange(0, problem.n, EVERY)]
+    return _first_parts[problem]
+
+
+# They are forgotten with the problem.
+_first_parts: WeakKeyDictionary[Problem, Problem] = WeakKeyDictionary()
+
+
+def _most_sensitive(sensitivities: Array, last: Indices) -> Indices:
+    """About every fiftieth candidate, those of the largest sensitivities (r, n), and some more."""
+    sample = sensitivities[:, :: max(1, sensitivities.shape[1] // SAMPLE)]
+    rank = sample.shape[1] - max(1, sample.shape[1] // EVERY)
+    least = np.partition(sample, rank, axis=1)[:, rank]
+    near = np.asarray((sensitivities >= least[:, None]).any(axis=0))
+    near[last] = True
+    return np.flatnonzero(near)
+
+
+def _improve(incumbent: Incumbent, gap: float, options: SolverOptions, progress: Progress) -> None:
+    """Solve the criterion's subproblems, one or several, over all candidates."""
+    for _ in range(incumbent.criterion.most_subproblems):
+        bound_before = incumbent.lower_bound
+        _improve_by_member(incumbent, gap, options, progress)
+        stuck = 0 < incumbent.lower_bound <= bound_before
+        if incumbent.gap <= gap or stuck or out_of_time():
+            return
+
+
+def _improve_by_member(
+    incumbent: Incumbent, gap: float, options: SolverOptions, progress: Progress
+) -> None:
+    """Solve the criterion itself, or the next member of its family."""
+    criterion = incumbent.criterion
+    Z = incumbent.multipliers
+    t = incumbent.largest
+    subproblem = criterion.subproblem(Z, t, incumbent.M)
+    is_family = criterion.most_subproblems > 1
+    known = subproblem.lower_bound(Z, t, incumbent.M) if is_family and len(t) else 0.0
+    subproblem_gap = MEMBER_GAP * gap if is_family else gap
+    generation = ColumnGeneration(incumbent.problem, subproblem, subproblem_gap, options)
+    if not is_family:
+        # The proof of a convex criterion stands by itself.
+        Z = Z[:0]
+        t = t[:0]
+    for step in generation.steps(incumbent.last):
+        incumbent.update(step, Z, t)
+        progress(incumbent.iterations, incumbent.gap)
+        cost = float(subproblem.cost(step.M))
+        if is_family and cost - step.proof.lower_bound <= LEFT * (cost - known):
+            return
+
+
+def _ignore_progress(iterations: int, gap: float) -> None:
+    """Show nothing."""
 
 
 class RelaxationInterrupted(KeyboardInterrupt):

@@ -1,26 +1,47 @@
-"""The relaxation over poses: candidates in memory, candidates beyond it, and all feasible poses."""
+"""The relaxation over poses: candidates in memory, beyond it, and all feasible poses."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import product
+from time import perf_counter
 
 import numpy as np
 
 from criteria import Criterion, Relaxable
-from edtk.design.candidate_source import CandidateSource, require_some
-from edtk.design.candidates import Candidates
-from edtk.design.relaxation.active_set import ActiveSet
-from edtk.design.relaxation.best_plan import BestPlan
-from edtk.design.relaxation.capacity import KEPT, capacity
-from edtk.design.relaxation.largest_sensitivities import LargestSensitivities
-from edtk.design.relaxation.normalised import normalised
+from criteria.linalg.estimable import range_whitener
+from edtk.design.bound import Bound, BoundKind
+from edtk.design.candidate_source import Candidates, CandidateSource, require_some
+from edtk.design.information import distinct
+from edtk.design.problem import RankDeficientError
+from edtk.design.relaxation.proof import normalised
 from edtk.design.relaxation.relax import RelaxationInterrupted, relax, require_relaxable
-from edtk.design.relaxation.relax_options import RelaxOptions
+from edtk.design.relaxation.relaxation import Relaxation
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
-from edtk.design.relaxation.search_continuum import fresh_poses, search_continuum
+from edtk.design.relaxation.restricted_master import SolverOptions
+from edtk.design.relaxation.search_continuum import (
+    LargestSensitivities,
+    fresh_poses,
+    most_sensitive,
+    search_continuum,
+    sweep_candidates,
+)
 from edtk.design.relaxation.settle import settle
-from edtk.design.relaxation.sweep_candidates import most_sensitive, sweep_candidates
 from edtk.system.time_limit import out_of_time, time_left, time_limit
 from edtk.system.typing import Array
 
+BASE_MB = 350.0  # the interpreter with all libraries that a relaxation loads
+DEFAULT_MB = 1000.0
+# Candidates that a pass over those beyond memory brings back per multiplier, and the least number
+# that is worth holding.
+KEPT = 20_000
+# Doubles per candidate besides information and poses: sensitivities, their order, weights.
+WORK = 8
+# How boldly poses are merged, the boldest first: relative difference of information below which two
+# poses are alike, and part of the largest weight below which a pose is dropped. Poses of an optimum
+# that symmetry maps onto each other differ by the ascents' accuracy, a few per cent where the
+# sensitivity is flat.
+FEW = 200  # poses that one program weighs as quickly as several programs would, a part of them each
+MERGING = ((0.1, 1e-3), (0.03, 1e-3), (0.01, 1e-4), (0.001, 1e-5), (0.0, 1e-5))
 ROUNDS = 40  # passes over the candidates, or searches over all poses, at most
 NEAR_OPTIMAL = 100  # candidates per multiplier that stay beside the support when others are dropped
 SHARE_OF_BOUND = 0.5  # of the time for a plan, at most, that its bound may take
@@ -32,6 +53,232 @@ ACTIVE_GAP = 0.03
 # Accuracy that every ascent has, whatever the gap is: a run may be stopped after any search, and
 # its bound then says that no pose is more sensitive. `edtk verify` finds one that is so by 1e-3.
 LEAST_ACCURACY = 1e-4
+
+
+class MemoryLimitError(ValueError):
+    """The limit on memory leaves no room for candidates.
+
+    Attributes:
+        limit_mb: The limit [MB].
+        least_mb: The least limit that is enough [MB].
+    """
+
+    def __init__(self, limit_mb: float, least_mb: float) -> None:
+        super().__init__(
+            f"a memory limit of {limit_mb:g} MB is too small, expected {least_mb:g} MB or more"
+        )
+        self.limit_mb = limit_mb
+        self.least_mb = least_mb
+
+
+def capacity(doubles: int, variables: int, memory_mb: float) -> int:
+    """Count the candidates that fit below a limit on memory.
+
+    Each has its information, a scaled copy of that, its design variables and its sensitivities.
+
+    Args:
+        doubles: Numbers of a candidate's information, see `DesignSpace.doubles`.
+        variables: Number of design variables of an experiment.
+        memory_mb: Limit on memory [MB], for the whole process.
+
+    Raises:
+        MemoryLimitError: Fewer fit than are worth holding.
+    """
+    bytes_each = 8 * (2 * doubles + variables + WORK)
+    fit = (memory_mb - BASE_MB) * 1e6 / bytes_each
+    if not fit >= KEPT:  # also where the limit is not a number
+        raise MemoryLimitError(memory_mb, np.ceil(BASE_MB + KEPT * bytes_each / 1e6))
+    return int(min(fit, 2**62))
+
+
+def ignore_progress(stage: str, gap: float) -> None:
+    """Show nothing."""
+
+
+def never() -> bool:
+    """Do not stop early."""
+    return False
+
+
+@dataclass(frozen=True)
+class RelaxOptions:
+    """Accuracies, limits and callbacks of `relax_poses`.
+
+    Attributes:
+        gap: Relative gap to prove on the candidates.
+        tolerance: Relative gap at which the search over the continuum ends. Half of it may be spent
+            on merging support points.
+        memory_mb: Limit on memory [MB].
+        progress: Called with the name of the stage and its relative gap.
+        stop: Asked, in the continuum, whether the bound found so far is enough.
+    """
+
+    gap: float = 1e-6
+    tolerance: float = 1e-5
+    memory_mb: float = DEFAULT_MB
+    progress: Callable[[str, float], object] = ignore_progress
+    stop: Callable[[], bool] = never
+
+
+@dataclass(frozen=True, eq=False)
+class ActiveSet:
+    """Poses, the relaxation over them, and what it took.
+
+    Attributes:
+        poses: The poses (n).
+        relaxation: The relaxation over them.
+        iterations: Number of restricted master problems that were solved from the beginning.
+    """
+
+    poses: Candidates
+    relaxation: Relaxation
+    iterations: int
+
+    @property
+    def support(self) -> Candidates:
+        """The poses (k) that carry weight."""
+        return self.poses[self.relaxation.support]
+
+    @property
+    def weights(self) -> Array:
+        """The weights (k,) of the support."""
+        return self.relaxation.weights[self.relaxation.support]
+
+    def over(self, poses: Candidates, gap: float) -> "ActiveSet":
+        """The relaxation over other poses, to a relative gap."""
+        earlier = self.relaxation
+        few = earlier.criterion.smooth and len(poses.x) <= FEW
+        options = SolverOptions(batch=len(poses.x)) if few else SolverOptions()
+        relaxation = relax(
+            poses.problem, earlier.criterion, gap, options, multipliers=earlier.multipliers
+        )
+        return ActiveSet(poses, relaxation, self.iterations + relaxation.iterations)
+
+    def merged(self, loss: float, gap: float, found: Candidates | None = None) -> "ActiveSet":
+        """The relaxation over fewer poses, at hardly any more cost.
+
+        Poses of little weight are dropped, and of poses with like information one stays. Such poses
+        are the same, or a symmetry of robot and load maps them onto each other. The one that joined
+        last stays, or that the search found last: it is closest to the optimum.
+
+        Args:
+            loss: Relative increase of the cost that is allowed.
+            gap: Relative gap of the relaxations.
+            found: Poses that the search found last, to choose from besides the support.
+
+        Returns:
+            The relaxation over fewer poses, or this one where no merging keeps to the loss.
+        """
+        support = self.support
+        weights = self.weights
+        M = support.problem.information(weights)
+        criterion = self.relaxation.criterion
+        # Poses that tell the same of what counts may differ in what else they tell, which may be
+        # needed to know what counts: the second choice.
+        whiteners = [criterion.whitener(M)]
+        if not criterion.needs_all:
+            whiteners.append(range_whitener(M))
+        for (alike, least), T in product(MERGING, whiteners):
+            heavy = np.flatnonzero(weights > least * weights.max())
+            last_first = support[heavy[::-1]]
+            trials = [last_first] if found is None else [last_first, found + last_first]
+            for poses in trials:
+                if out_of_time():
+                    return self
+                kept = distinct(poses.problem.blocks(), T, alike)
+                try:
+                    fewer = self.over(poses[kept], gap)
+                except RankDeficientError:
+                    continue
+                if fewer.relaxation.cost <= self.relaxation.cost * (1 + loss):
+                    has_fewer = len(fewer.relaxation.support) < len(weights)
+                    return fewer if has_fewer else self
+        return self
+
+
+class BestPlan:
+    """The result of a run when it ends or is interrupted.
+
+    Args:
+        source: Where the candidates come from.
+        criterion: What is minimised.
+
+    Attributes:
+        plan: The best certified plan, or None before there is one.
+    """
+
+    def __init__(self, source: CandidateSource, criterion: Relaxable) -> None:
+        self.source = source
+        self.criterion = criterion
+        self.plan: RelaxedPlan | None = None
+        self._seconds = {"candidates": 0.0, "solve": 0.0, "continuous": 0.0}
+        self._since = perf_counter()
+
+    def spend(self, stage: str) -> None:
+        """Add the time since the last call to a stage."""
+        now = perf_counter()
+        spent = self._seconds[stage] + now - self._since
+        self._seconds = self._seconds | {stage: spent}
+        self._since = now
+
+    def certify(
+        self,
+        active: ActiveSet,
+        candidates: int,
+        proved: LargestSensitivities,
+        searched: LargestSensitivities | None = None,
+        design: ActiveSet | None = None,
+    ) -> RelaxedPlan:
+        """Make the plan of an active set, with the bounds that its multipliers prove.
+
+        Args:
+            active: The active set; its design is the plan's unless another one is given.
+            candidates: Number of candidates.
+            proved: The largest sensitivities of these candidates.
+            searched: The largest sensitivities that a search has found.
+            design: A design on fewer poses.
+        """
+        Z = active.relaxation.multipliers
+        design = design or active
+        support = design.support
+        M = support.problem.information(design.weights)
+        # The bound has to hold for this design, too, whose poses may not be candidates.
+        proved = proved.or_larger(LargestSensitivities.over(support, self.criterion, Z))
+        searched = None if searched is None else searched.or_larger(proved)
+        proved_bound, searched_bound = self._bounds(M, Z, proved, searched)
+        self.plan = RelaxedPlan(
+            source=self.source,
+            candidates=candidates,
+            criterion=self.criterion,
+            x=support.x,
+            weights=design.weights,
+            cost=float(self.criterion.cost(M)),
+            proved_bound=proved_bound,
+            searched_bound=searched_bound,
+            multipliers=Z,
+            proved_sensitivities=proved,
+            searched_sensitivities=searched,
+            solver=design.relaxation.solver,
+            iterations=active.iterations,
+            seconds=self._seconds,
+        )
+        return self.plan
+
+    def _bounds(
+        self,
+        M: Array,
+        multipliers: Array,
+        proved: LargestSensitivities,
+        searched: LargestSensitivities | None,
+    ) -> tuple[Bound, Bound | None]:
+        """The bounds that multipliers (r, p, p) prove near a design M (p, p)."""
+
+        def bound(largest: LargestSensitivities, kind: BoundKind) -> Bound:
+            cost = self.criterion.lower_bound(multipliers, largest.values, M)
+            return Bound.of(self.criterion, cost, float(self.criterion.cost(M)), kind)
+
+        on_candidates = bound(proved, BoundKind.PROVED_ON_CANDIDATES)
+        return on_candidates, None if searched is None else bound(searched, BoundKind.SEARCHED)
 
 
 class PlanInterrupted(KeyboardInterrupt):
@@ -47,7 +294,7 @@ def relax_poses(
     n: int,
     criterion: Criterion,
     continuous: bool = False,
-    options: RelaxOptions = RelaxOptions(),  # noqa: B008, frozen
+    options: RelaxOptions = RelaxOptions(),
 ) -> RelaxedPlan:
     """Find the best weights over candidate poses, and on request over all feasible poses.
 

@@ -7,18 +7,15 @@ import numpy as np
 
 from criteria import Criterion, Relaxable
 from edtk.design.bound import BLURRED, Bound, BoundKind
-from edtk.design.candidates import Candidates
+from edtk.design.candidate_source import Candidates
 from edtk.design.problem import RankDeficientError
 from edtk.design.region import Region
-from edtk.design.relaxation.active_set import ActiveSet
-from edtk.design.relaxation.judged_region import JudgedRegion
-from edtk.design.relaxation.largest_sensitivities import LargestSensitivities
-from edtk.design.relaxation.normalised import normalised
-from edtk.design.relaxation.polish import polish
-from edtk.design.relaxation.region_grid import POINTS, RegionGrid
+from edtk.design.relaxation.proof import normalised
 from edtk.design.relaxation.relax import relax
-from edtk.design.relaxation.relaxed_region import RelaxedRegion
-from edtk.design.relaxation.search_region import search_region
+from edtk.design.relaxation.relax_poses import ActiveSet
+from edtk.design.relaxation.relaxed_region import JudgedRegion, RelaxedRegion
+from edtk.design.relaxation.search_continuum import LargestSensitivities
+from edtk.design.relaxation.search_region import POINTS, RegionGrid, polish, search_region
 from edtk.system.typing import Array
 
 GAP = 1e-7

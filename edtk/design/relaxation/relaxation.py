@@ -8,10 +8,9 @@ import numpy as np
 
 from criteria import Relaxable
 from edtk.design.bound import Bound, printed_form
-from edtk.design.frame_problem import FrameProblem
 from edtk.design.problem import Problem
-from edtk.design.relaxation.inner_proof import InnerProof
-from edtk.design.relaxation.normalised import normalised
+from edtk.design.problems import FrameProblem
+from edtk.design.relaxation.proof import InnerProof, normalised
 from edtk.system.presented import Presented
 from edtk.system.typing import Array, Indices
 
@@ -100,7 +99,7 @@ class Relaxation(Presented):
         Raises:
             ValueError: The relaxation does not hold its candidates.
         """
-        from edtk.design.relaxation.store import store  # it makes results of this kind
+        from edtk.design.relaxation.certify import store  # it makes results of this kind
 
         if self.problem is None:
             raise ValueError("this relaxation does not hold its candidates; edtk.relax keeps them")
@@ -117,7 +116,7 @@ class Relaxation(Presented):
         Raises:
             ValueError: The candidates are others, or weights or multipliers do not fit them.
         """
-        from edtk.design.relaxation.store import restore  # it makes results of this kind
+        from edtk.design.relaxation.certify import restore  # it makes results of this kind
 
         return restore(data, problem)
 

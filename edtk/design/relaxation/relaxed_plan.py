@@ -9,17 +9,16 @@ import numpy as np
 
 from criteria import Relaxable
 from edtk.design.bound import Bound, BoundKind, printed_form
-from edtk.design.candidate_source import CandidateSource
-from edtk.design.candidates import Candidates
+from edtk.design.candidate_source import Candidates, CandidateSource
 from edtk.design.design_space import DesignSpace
 from edtk.design.plan import Plan
-from edtk.design.relaxation.largest_sensitivities import LargestSensitivities
-from edtk.design.relaxation.normalised import normalised
-from edtk.system.atomic_file import write_text
+from edtk.design.relaxation.proof import normalised
+from edtk.design.relaxation.search_continuum import LargestSensitivities
+from edtk.measure.cells import csv_text
+from edtk.measure.pose_table import WRENCH_COLUMNS, pose_factors
+from edtk.system.files import write_text
 from edtk.system.presented import Presented
 from edtk.system.typing import Array, Indices
-from edtk.tables.csv_text import csv_text
-from edtk.tables.pose_table import WRENCH_COLUMNS, pose_factors
 
 if TYPE_CHECKING:
     import pandas as pd

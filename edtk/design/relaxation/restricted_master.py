@@ -3,6 +3,7 @@
 import threading
 import warnings
 from collections.abc import Sequence
+from dataclasses import dataclass
 from time import monotonic
 from weakref import WeakKeyDictionary
 
@@ -10,13 +11,42 @@ import numpy as np
 
 from criteria import Relaxable
 from criteria.linalg.inverse import guarded_inverse, whitener
-from criteria.linalg.triangle import triangle
-from edtk.design.relaxation.active_information import ActiveInformation
-from edtk.design.relaxation.leverages import leverages
-from edtk.design.relaxation.rounding_of_inverse import rounding_of_inverse
+from criteria.linalg.typing import triangle
+from edtk.design.relaxation.master_equations import ActiveInformation, leverages
+from edtk.design.relaxation.proof import Step, rounding_of_inverse
 from edtk.system.interruptible import interruptible
 from edtk.system.time_limit import time_left
 from edtk.system.typing import Array
+
+TIME_LIMIT = {"CLARABEL": "time_limit", "SCS": "time_limit_secs"}  # what solvers call it
+LONGEST_S = 300.0  # of one program: nobody waits longer for the last digits of a bound
+SHORTEST_S = 5.0  # which a first program has in any case: without it there is no design at all
+SCS_INTERRUPTED = -5  # SCS takes Ctrl-C for itself
+POLISH = "SLSQP"
+WHITE = 1e3  # factor by which a design's eigenvalues may differ from one and count as white
+PRUNE = 1e-7  # weights below this part of the largest are dropped: the solvers' inaccuracy
+# Relative error of a cost above which a design is too near to a singular one, if a little weight on
+# every candidate leaves this part of the error at most.
+BLURRED = 1e-8
+SHARPER = 0.5
+# Least eigenvalue at unit diagonal that a little weight on every candidate exceeds.
+NEARLY_SINGULAR = 1e-10
+POLISH_OPTIONS = {"maxiter": 300, "ftol": 1e-13}
+LOG_COST_OF_SINGULAR = 1e3  # larger than the log of any cost that a double can hold
+NEWTON = "NEWTON"
+LEAST_BATCH = 40
+# Candidates per parameter that enter per round: the support grows with the number of parameters.
+BATCH_PER_PARAMETER = 4
+# Accuracy of Newton's method in parts of the gap that the candidates outside leave, and where they
+# leave none.
+INNER = 0.05
+EXACT = 1e-10
+# While the gap is above this, cvxpy solves a program to a few digits: its multiplier is good enough
+# to say which candidates should enter, and the solver takes fewer iterations.
+FAR = 0.05
+# Parameters from which on a program of cvxpy takes longer than anyone waits for the last digit.
+TOO_MANY = 40
+
 
 # Tolerances as sharp as the solvers can reach on programs of order one: a bound loses what they
 # leave. Clarabel often stalls a little above 1e-11; an answer to 1e-7 then counts as solved, since
@@ -34,22 +64,7 @@ SOLVERS: dict[str, dict[str, float]] = {
 LOOSE: dict[str, dict[str, float]] = {
     "CLARABEL": {"tol_gap_rel": 1e-4, "tol_gap_abs": 1e-4, "tol_feas": 1e-6}
 }
-TIME_LIMIT = {"CLARABEL": "time_limit", "SCS": "time_limit_secs"}  # what solvers call it
-LONGEST_S = 300.0  # of one program: nobody waits longer for the last digits of a bound
-SHORTEST_S = 5.0  # which a first program has in any case: without it there is no design at all
-SCS_INTERRUPTED = -5  # SCS takes Ctrl-C for itself
-POLISH = "SLSQP"
 CHAIN = (*SOLVERS, POLISH)  # interior points are the most accurate, splitting the most robust
-WHITE = 1e3  # factor by which a design's eigenvalues may differ from one and count as white
-PRUNE = 1e-7  # weights below this part of the largest are dropped: the solvers' inaccuracy
-# Relative error of a cost above which a design is too near to a singular one, if a little weight on
-# every candidate leaves this part of the error at most.
-BLURRED = 1e-8
-SHARPER = 0.5
-# Least eigenvalue at unit diagonal that a little weight on every candidate exceeds.
-NEARLY_SINGULAR = 1e-10
-POLISH_OPTIONS = {"maxiter": 300, "ftol": 1e-13}
-LOG_COST_OF_SINGULAR = 1e3  # larger than the log of any cost that a double can hold
 
 
 class RelaxationError(RuntimeError):
@@ -342,3 +357,75 @@ def restricted_master_for(criterion: Relaxable, around: Array, size: int) -> Res
         program = RestrictedMaster(criterion, around, size)
         _compiled.programs[criterion] = program
     return program
+
+
+# Newton's method knows smooth criteria only; the others' programs are cvxpy's.
+SOLVERS_IN_TURN = (NEWTON, *CHAIN)
+
+
+@dataclass(frozen=True)
+class SolverOptions:
+    """Limits and solvers of column generation; the defaults suit every built-in criterion.
+
+    Attributes:
+        rounds: Limit on the number of restricted master problems per convex program.
+        batch: Candidates that enter the restricted master problem per round, at most; defaults to
+            40, and to more where there are more than ten parameters.
+        solvers: Names from `SOLVERS_IN_TURN`, the first to be tried first.
+
+    Raises:
+        ValueError: A solver is unknown, none is given, or rounds or batch are below one.
+    """
+
+    rounds: int = 60
+    batch: int | None = None
+    solvers: tuple[str, ...] = SOLVERS_IN_TURN
+
+    def __post_init__(self) -> None:
+        unknown = [solver for solver in self.solvers if solver not in SOLVERS_IN_TURN]
+        if unknown:
+            known = ", ".join(SOLVERS_IN_TURN)
+            raise ValueError(f"unknown solver {unknown[0]!r}; available: {known}")
+        if self.rounds < 1 or self.batch_of(1) < 1 or not self.solvers:
+            raise ValueError("rounds and batch must be at least one, and there must be a solver")
+
+    def batch_of(self, p: int) -> int:
+        """The batch for p parameters."""
+        return max(LEAST_BATCH, BATCH_PER_PARAMETER * p) if self.batch is None else self.batch
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How accurately the next program is solved, and by which solvers in turn."""
+
+    solvers: tuple[str, ...]
+    accuracy: float
+
+    @property
+    def loose(self) -> bool:
+        """Whether an answer to a few digits will do."""
+        return self.accuracy > EXACT
+
+    def after(
+        self, step: Step, inaccurate: bool, gap: float, p: int, is_proved: bool = False
+    ) -> "Effort":
+        """The effort for the next program: more where the last answer was too inaccurate.
+
+        Args:
+            step: The last answer.
+            inaccurate: Whether it was too inaccurate to say which candidates should enter.
+            gap: The relative gap that it left.
+            p: Number of parameters.
+            is_proved: Whether this gap is small enough, so that a last program only sharpens it.
+        """
+        solvers = self.solvers
+        if is_proved and step.solver == NEWTON:
+            # Where the method breaks down now, no program of cvxpy's is worth its time and memory.
+            solvers = (NEWTON,)
+        if inaccurate and not self.loose:
+            solvers = solvers[solvers.index(step.solver) + 1 :]
+            if step.solver == NEWTON and p > TOO_MANY:
+                solvers = ()
+        by_newton = step.solver == NEWTON
+        can_be_loose = self.loose and not inaccurate and (by_newton or gap > FAR)
+        return Effort(solvers, max(INNER * gap, EXACT) if can_be_loose else EXACT)

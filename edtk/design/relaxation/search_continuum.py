@@ -1,18 +1,23 @@
 """The search over all poses for the largest sensitivities: where a design should measure next."""
 
+from dataclasses import dataclass
+from typing import Any
+
 import numpy as np
 
 from criteria import Criterion
 from criteria.linalg.estimable import range_whitener
-from edtk.design.candidate_source import CandidateSource
-from edtk.design.candidates import Candidates
-from edtk.design.design_space import DesignSpace
-from edtk.design.distinct import distinct
-from edtk.design.relaxation.ascend import ascend
-from edtk.design.relaxation.largest_sensitivities import LargestSensitivities
-from edtk.design.relaxation.normalised import is_normalised, normalised
+from edtk.design.candidate_source import Candidates, CandidateSource
+from edtk.design.design_space import DesignSpace, Points, Space
+from edtk.design.information import distinct, sensitivity_rows
+from edtk.design.interior_point.descend import descend
+from edtk.design.interior_point.objective import Local, Neighbourhood, Objective
+from edtk.design.relaxation.proof import is_normalised, normalised
 from edtk.system.typing import Array, Indices
 
+ASCENT_STEPS = 200
+BARRIER = 0.1  # larger than for plans: one experiment is worth more than each of many
+FULL = 4  # times the number to keep: a choice among so many costs less than holding them
 SCREEN = 20_000  # fresh feasible poses among which starts are chosen
 STARTS = 96  # ascents in all, shared out among the multipliers
 MOST_STARTS = 16  # ascents from known poses per multiplier: more find nothing new
@@ -36,6 +41,189 @@ LITTLE_DIFFERENT = 0.01
 # others had found already.
 STEPS = 40
 LIKE = 100  # poses that are looked at per start: most of the best ones are alike
+
+
+@dataclass(frozen=True, eq=False)
+class Sensitivity(Objective):
+    """Minus the sensitivity of one experiment, as an objective to be minimised.
+
+    Attributes:
+        Z: The multiplier of each start (n, p, p).
+        per_trace: See `sensitivity_and_slope`.
+    """
+
+    Z: Array
+    per_trace: bool
+
+    def value(self, here: Points, start: Indices) -> Array:
+        """Minus the sensitivities (b,) of experiments (b, 1)."""
+        return -sensitivity_and_slope(here, self.Z[start], self.per_trace)[0][:, 0]
+
+    def local(self, near: Neighbourhood, start: Indices) -> Local:
+        """Minus the sensitivities with slopes and curvature; one experiment has no partners."""
+        value, slope = sensitivity_and_slope(near.experiments, self.Z[start], self.per_trace)
+        slope = -near.first(slope)
+        own = near.second(slope)
+        together = np.zeros_like(own[:, 0])
+        return Local(-value[0, :, 0], slope[0], own, together)
+
+
+def sensitivity_and_slope(here: Points, Z: Array, per_trace: bool = False) -> tuple[Array, Array]:
+    """Sensitivities ``<Z, M(x)>`` of experiments x, and their derivatives.
+
+    With ``M(x) = M0 + A' A`` of whitened rows A the differential is ``d<Z, M> = 2 <A Z, dA>``. Per
+    trace the sensitivity is ``<Z, M>/trace(M)``, with the quotient rule.
+
+    Args:
+        here: Points (..., b, k).
+        Z: Multipliers (b, p, p), one for each row of experiments.
+        per_trace: Whether to divide by ``trace M(x)``: for criteria of degree zero.
+
+    Returns:
+        Sensitivities (..., b, k) and slopes (..., b, k, v) by the design variables.
+    """
+    M = here.packed
+    A = here.regressor
+    prior = here.space.prior
+    value = np.einsum("bt,t...bk->...bk", sensitivity_rows(Z), M)
+    if prior is not None:
+        value = value + np.tensordot(Z, prior, 2)[:, None]
+    slope = here.slope(2 * A @ Z[:, None])
+    if not per_trace:
+        return value, slope
+    trace = np.tensordot(sensitivity_rows(np.eye(Z.shape[-1])), M, 1)
+    if prior is not None:
+        trace = trace + np.trace(prior)
+    trace_slope = here.slope(2 * A)
+    # An experiment that tells nothing has no direction either; its sensitivity counts as zero.
+    trace = np.where(trace > 0, trace, 1.0)
+    value = value / trace
+    return value, (slope - value[..., None] * trace_slope) / trace[..., None]
+
+
+def ascend(
+    space: Space,
+    x: Array,
+    Z: Array,
+    per_trace: bool = False,
+    unit: float = 1.0,
+    accuracy: float = 1e-6,
+    steps: int = ASCENT_STEPS,
+) -> Array:
+    """Move experiments uphill to a local maximum of the sensitivity, each under its own multiplier.
+
+    Args:
+        space: Feasible set and movable variables.
+        x: Feasible starts (b, v).
+        Z: Multipliers (b, p, p).
+        per_trace: Whether sensitivities are per trace, see `sensitivity_and_slope`.
+        unit: The size of a sensitivity.
+        accuracy: Accuracy of the sensitivity at the end, in that unit.
+        steps: Limit on steps.
+
+    Returns:
+        Feasible experiments (b, v), no less sensitive than the starts.
+    """
+    objective = Sensitivity(Z / unit, per_trace)
+    ends = descend(space, x[:, None], objective, steps, accuracy, BARRIER)
+    return ends[:, 0]
+
+
+@dataclass(frozen=True, eq=False)
+class LargestSensitivities:
+    """The numbers from which a bound follows, together with the multipliers.
+
+    Attributes:
+        values: The largest sensitivity (r,) to each multiplier, of the normalised problem.
+        x: Design variables (r, v) of the experiments that have it.
+    """
+
+    values: Array
+    x: Array
+
+    @classmethod
+    def of(cls, sensitivities: Array, x: Array) -> "LargestSensitivities":
+        """The largest of sensitivities (r, n) of experiments (n, v)."""
+        where = sensitivities.argmax(axis=-1)
+        return cls(sensitivities[np.arange(len(where)), where], x[where])
+
+    @classmethod
+    def over(
+        cls, candidates: Candidates, criterion: Criterion, multipliers: Array
+    ) -> "LargestSensitivities":
+        """The largest sensitivities of candidates (n) to multipliers (r, p, p)."""
+        problem = normalised(candidates.problem, criterion)
+        return cls.of(problem.sensitivities(multipliers), candidates.x)
+
+    def or_larger(self, others: "LargestSensitivities") -> "LargestSensitivities":
+        """The larger one of two, for each multiplier."""
+        keeps = self.values >= others.values
+        return LargestSensitivities(
+            np.maximum(self.values, others.values), np.where(keeps[:, None], self.x, others.x)
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain numbers, for JSON."""
+        return {"values": self.values.tolist(), "x": self.x.tolist()}
+
+    @classmethod
+    def from_dict(cls, data: dict[str, Any]) -> "LargestSensitivities":
+        """Restore an object that `to_dict` has written, bit by bit."""
+        return cls(np.array(data["values"]), np.array(data["x"]))
+
+
+def sweep_candidates(
+    source: CandidateSource, n: int, criterion: Criterion, multipliers: Array, keep: int
+) -> tuple[LargestSensitivities, Candidates]:
+    """Generate candidates anew, chunk by chunk, and keep those of largest sensitivity.
+
+    Args:
+        source: Where the candidates come from.
+        n: Number of candidates.
+        criterion: What the multipliers belong to.
+        multipliers: Multipliers (r, p, p).
+        keep: Number of candidates to keep for each multiplier.
+
+    Returns:
+        The largest sensitivities of all n candidates, and the candidates that are kept.
+    """
+    largest: LargestSensitivities | None = None
+    kept: Candidates | None = None
+    # What a candidate must exceed to be among those to keep, by multiplier.
+    least = np.full(len(multipliers), -np.inf)
+    for part in source.chunks(n):
+        sensitivities = normalised(part.problem, criterion).sensitivities(multipliers)
+        of_part = LargestSensitivities.of(sensitivities, part.x)
+        largest = of_part if largest is None else largest.or_larger(of_part)
+        promising = np.flatnonzero((sensitivities > least[:, None]).any(axis=0))
+        if not promising.size:
+            continue
+        kept = part[promising] if kept is None else kept + part[promising]
+        if len(kept.x) > FULL * keep * len(multipliers):
+            sensitivities = normalised(kept.problem, criterion).sensitivities(multipliers)
+            chosen, least = most_sensitive(sensitivities, keep)
+            kept = kept[chosen]
+    assert kept is not None
+    assert largest is not None
+    sensitivities = normalised(kept.problem, criterion).sensitivities(multipliers)
+    return largest, kept[most_sensitive(sensitivities, keep)[0]]
+
+
+def most_sensitive(sensitivities: Array, size: int) -> tuple[Indices, Array]:
+    """Choose the candidates of largest sensitivity to each multiplier.
+
+    Args:
+        sensitivities: Sensitivities (r, n).
+        size: Number of candidates for each multiplier, at most.
+
+    Returns:
+        Indices of all chosen candidates, in ascending order, and the least sensitivity (r,) of
+        those chosen for each multiplier.
+    """
+    size = min(size, sensitivities.shape[1])
+    order = np.argpartition(-sensitivities, size - 1, axis=1)[:, :size]
+    least = np.take_along_axis(sensitivities, order[:, -1:], axis=1).ravel()
+    return np.unique(order), least
 
 
 def fresh_poses(space: DesignSpace, seed: tuple[int, ...]) -> Candidates:

@@ -1,22 +1,155 @@
 """What a relaxation solves instead of the problem as it was given, and the way back."""
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from criteria import Relaxable
+from criteria import Criterion, Relaxable
 from criteria.interest import DEPENDENT
+from criteria.linalg.estimable import open_subspace
+from criteria.linalg.inverse import root
 from edtk.design.bound import BLURRED, Bound, BoundKind
+from edtk.design.information import PackedInformation, Rows
 from edtk.design.problem import Problem
-from edtk.design.relaxation.inner_proof import InnerProof
-from edtk.design.relaxation.relative_accuracy import EPS, errors
-from edtk.design.rows import Rows
-from edtk.design.whitened import Whitened
+from edtk.design.problems import Whitened
+from edtk.design.relaxation.proof import EPS, InnerProof, errors
+from edtk.design.relaxation.relaxation import Relaxation
+from edtk.system.errors import UserError
 from edtk.system.typing import Array
 
-if TYPE_CHECKING:
-    from edtk.design.relaxation.relaxation import Relaxation
+# Sizes of the mean information between which nothing is changed: its fourth power is a double.
+SMALL = 1e-60
+LARGE = 1e60
+
+
+@dataclass(frozen=True, eq=False)
+class OrderOne:
+    """The same candidates in another unit of measurement, with ``2^power`` times the rows.
+
+    All criteria are homogeneous, ``cost(c M) = c^-degree cost(M)``, so that weights and multipliers
+    are those of the candidates as given, and costs differ by a number alone. Methods of relaxations
+    take squares of information, and of covariances, which leave doubles at 1e155 and at 1e-162.
+
+    Attributes:
+        problem: The candidates, with information of order one.
+        power: Power of two of the rows; zero where nothing is changed.
+    """
+
+    problem: Problem
+    power: int
+
+    @classmethod
+    def of(cls, problem: Problem) -> "OrderOne":
+        """Change the unit where the size of the information asks for it."""
+        with np.errstate(over="ignore"):
+            size = float(np.trace(problem.mean))
+        if SMALL < size < LARGE:
+            return cls(problem, 0)
+        largest = _largest_row(problem)
+        # Powers of two change no digit.
+        power = -int(np.frexp(largest)[1]) if largest > 0 else 0
+        return cls(_times(problem, power) if power else problem, power)
+
+    def information(self, M: Array) -> Array:
+        """The information (p, p) here, of one for the candidates as given."""
+        return np.asarray(np.ldexp(M, 2 * self.power)) if self.power else M
+
+    def cost(self, cost: float, criterion: Criterion) -> float:
+        """The cost for the candidates as given, of a cost here.
+
+        Raises:
+            UserError: It is no number that a double holds.
+        """
+        if not self.power or not np.isfinite(cost) or cost == 0:
+            return cost
+        exponent = 2 * self.power * criterion.degree
+        whole = int(np.floor(exponent))
+        with np.errstate(over="ignore", under="ignore"):
+            found = float(np.ldexp(cost * 2.0 ** (exponent - whole), whole))
+        if not np.finfo(float).tiny <= found < np.inf:
+            decades = np.log10(cost) + exponent * np.log10(2.0)
+            raise UserError(
+                f"criterion {criterion.label!r}: a cost of 1e{decades:+.0f} is beyond "
+                "floating-point numbers; expected regressors in other units"
+            )
+        return found
+
+    def outward(self, found: Relaxation) -> Relaxation:
+        """The result for the candidates as given."""
+        if not self.power:
+            return found
+        criterion = found.criterion
+        bound = found.proved_bound
+        return replace(
+            found,
+            cost=self.cost(found.cost, criterion),
+            proved_bound=replace(bound, cost=self.cost(bound.cost, criterion)),
+        )
+
+
+def _largest_row(problem: Problem) -> float:
+    """The largest entry of a row; of information, the root of the largest on a diagonal."""
+    if isinstance(problem.kept, Rows):
+        own = float(np.abs(problem.kept.A).max())
+    else:
+        own = float(np.sqrt(problem.kept.largest().max()))
+    if problem.prior is None:
+        return own
+    return max(own, float(np.sqrt(np.diag(problem.prior).max())))
+
+
+def _times(problem: Problem, power: int) -> Problem:
+    """The candidates with ``2^power`` times the rows."""
+    kept: Rows | PackedInformation
+    if isinstance(problem.kept, Rows):
+        kept = Rows(np.ldexp(problem.kept.A, power))
+    else:
+        kept = PackedInformation(np.ldexp(problem.kept.triangles, 2 * power))
+    prior = None if problem.prior is None else np.ldexp(problem.prior, 2 * power)
+    found = Problem.of_kept(kept, problem.parameters, prior)
+    found.is_exact = problem.is_exact
+    return found
+
+
+def without_open_directions(problem: Problem) -> Problem:
+    """The same problem with information about the directions that all its candidates leave open.
+
+    Let ``M U = 0`` for every design M, let W be such that W'U is regular, and let ``U'K = 0``, so
+    that K'k is estimable. From ``(M + W W') Y = K`` follow ``U'W W'Y = 0``, so ``W'Y = 0`` and
+    ``M Y = K``: C_K is the same with and without W W'. With it, all designs can be regular.
+
+    Args:
+        problem: Candidates that tell all that is of interest.
+
+    Returns:
+        A problem whose prior has W W' besides; the problem itself where no direction is open.
+    """
+    _, W = open_subspace(problem.mean)
+    if not W.size:
+        return problem
+    prior = W @ W.T if problem.prior is None else problem.prior + W @ W.T
+    return problem.with_prior(prior)
+
+
+def proved_on(problem: Problem, found: Relaxation) -> Relaxation:
+    """The relaxation of a closed problem as one of the problem itself.
+
+    With the projection ``P = I - U W'`` the multiplier ``P Z P'`` has the same sensitivities to the
+    candidates and the same ``K'Z K`` as Z, and none to W W'.
+
+    Args:
+        problem: The problem as it was given.
+        found: The relaxation of `without_open_directions`, with costs of the problem as given.
+    """
+    U, W = open_subspace(problem.mean)
+    P = np.eye(problem.p) - U @ W.T
+    # A product of a root with itself is semidefinite, where P Z P' may leave a noise that is not.
+    roots = np.array([root(z) @ P.T for z in found.multipliers])
+    Z = np.swapaxes(roots, 1, 2) @ roots
+    largest = problem.sensitivities(Z).max(axis=-1)
+    cost = found.criterion.lower_bound(Z, largest, problem.information(found.weights))
+    bound = Bound.of(found.criterion, cost, found.cost, BoundKind.PROVED_ON_CANDIDATES)
+    return replace(found, multipliers=Z, proved_bound=bound)
 
 
 @dataclass(frozen=True, eq=False)

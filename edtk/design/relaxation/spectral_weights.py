@@ -6,13 +6,15 @@ from functools import cached_property
 import numpy as np
 
 from criteria.linalg.inverse import whitener
-from criteria.linalg.triangle import triangle
-from criteria.spectral_band import SpectralBand
-from edtk.design.relaxation.active_information import ActiveInformation
-from edtk.design.relaxation.conic_equations import ConicSolve, conic_equations
-from edtk.design.relaxation.definite_duals import definite_duals
-from edtk.design.relaxation.scaling import Scaling
-from edtk.design.relaxation.spectral_direction import SpectralDirection
+from criteria.linalg.typing import triangle
+from criteria.relaxable import SpectralBand
+from edtk.design.relaxation.master_equations import (
+    ActiveInformation,
+    ConicSolve,
+    conic_equations,
+    definite_duals,
+    step_length,
+)
 from edtk.system.typing import Array
 
 STEPS = 40
@@ -25,6 +27,73 @@ SPREAD = 0.5  # part of the first weights that is spread over all candidates
 # and lies on the boundary then.
 INWARD = 1e-10
 LIFT = 1e-9  # part of itself by which a multiplier is lifted if its parts could not be told apart
+
+
+@dataclass(frozen=True, eq=False)
+class Scaling:
+    """Parameters in which each inequality X (c, p, p) and its dual S are the same.
+
+    Attributes:
+        H: ``H X H' = H^-T S H^-1 = diag(l)`` (c, p, p).
+        l: The diagonals (c, p).
+    """
+
+    H: Array
+    l: Array  # noqa: E741, the letter of the formula
+
+    @classmethod
+    def of(cls, X: Array, S: Array) -> "Scaling":
+        """The scaling of Nesterov and Todd, by the singular values of a product of factors."""
+        L = np.linalg.cholesky(X)
+        K = np.linalg.cholesky(S)
+        _, l, rows = np.linalg.svd(np.swapaxes(K, 1, 2) @ L)  # noqa: E741
+        turned = np.swapaxes(rows, 1, 2) * np.sqrt(l)[:, None]
+        return cls(np.swapaxes(np.linalg.solve(np.swapaxes(L, 1, 2), turned), 1, 2), l)
+
+    def change(self, mu: float, lost: Array) -> Array:
+        """C (c, p, p) with ``(diag(l) C + C diag(l))/2 = mu I - diag(l)^2 - lost``."""
+        right = -lost
+        each = np.arange(self.l.shape[1])
+        right[:, each, each] += mu - self.l**2
+        return 2.0 * right / (self.l[:, :, None] + self.l[:, None])
+
+    def lengths(self, X: Array, S: Array, most: float) -> tuple[float, float]:
+        """How far steps along X and S (c, p, p) may go, in these parameters.
+
+        Args:
+            X: Changes of the inequalities.
+            S: Changes of their duals.
+            most: Part of the way to the boundary that a step may go.
+        """
+        root = np.sqrt(self.l)
+        both = np.stack([X, S]) / (root[:, :, None] * root[:, None])
+        eigenvalues = np.linalg.eigvalsh(both).reshape(2, -1)
+        primal, dual = (step_length(np.ones_like(part), part, most) for part in eigenvalues)
+        return primal, dual
+
+
+@dataclass(frozen=True, eq=False)
+class SpectralDirection:
+    """Changes of weights, the upper bound, slacks, and the inequalities and their duals.
+
+    Attributes:
+        w: Changes of the weights (k,).
+        kappa: Change of the upper bound.
+        v: Changes of the slacks (k,).
+        X: Changes of the inequalities (c, p, p), in the scaled parameters.
+        S: Changes of their duals (c, p, p), likewise.
+    """
+
+    w: Array
+    kappa: float
+    v: Array
+    X: Array
+    S: Array
+
+    def lengths(self, w: Array, v: Array, scaling: Scaling, most: float) -> tuple[float, float]:
+        """How far primal and dual may go, from weights w, slacks v and inequalities inside."""
+        primal, dual = scaling.lengths(self.X, self.S, most)
+        return min(step_length(w, self.w, most), primal), min(step_length(v, self.v, most), dual)
 
 
 def spectral_weights(

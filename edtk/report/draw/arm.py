@@ -5,18 +5,20 @@ from typing import Any
 
 import numpy as np
 
-from edtk.model.frames import Frames
-from edtk.model.robot import Robot
-from edtk.report.palette import BLUE, GREEN, GREY, ORANGE
+from edtk.report.figures import BLUE, GREEN, GREY, ORANGE
+from edtk.robots.frames import Frames
+from edtk.robots.robot import Robot
 from edtk.system.typing import Array
 
 DRUM = (0.028, 0.05)  # radius and half length of a joint, over the size of the picture
 SIDES = {"revolute": 24, "prismatic": 4}  # of a drum's outline
-COLOURS = {"revolute": BLUE, "prismatic": GREEN}
 TRIAD = ("#c0392b", "#27ae60", "#2c5fb3")  # x, y and z of the tool
 TRIAD_LENGTH = 0.1  # over the size
 BAR = "#8d96a0"
 BASE = "#4a4f55"
+
+
+COLOURS = {"revolute": BLUE, "prismatic": GREEN}
 LIGHT = np.array([0.35, -0.5, 0.8]) / np.linalg.norm([0.35, -0.5, 0.8])
 
 

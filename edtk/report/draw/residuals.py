@@ -1,4 +1,4 @@
-"""Residuals of a fit, measurement by measurement."""
+"""Residuals of a fit, measurement by measurement, and poses that were left out."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -6,16 +6,23 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from edtk.inference.identification import Identification
-from edtk.report.palette import COLOURS, ORANGE
-from edtk.system.typing import Indices, Mask
-from edtk.tables.coordinate_columns import coordinate_names
+from edtk.fit.geometry.fitted_geometry import MM, GeometricFit
+from edtk.fit.identify import Identification
+from edtk.measure.pose_table import coordinate_names
+from edtk.report.draw.posterior import thinned
+from edtk.report.figures import BLUE, COLOURS, MARKERS, ORANGE
+from edtk.system.typing import Array, Indices, Mask
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-MARKERS = "osD"
+MARKER_SHAPES = "osD"
 MOST = 4000  # measurements that are drawn evenly, and as many of the largest residuals
+TAIL = 1000  # of many points, so many at each end are drawn,
+MIDDLE = 4000  # and so many of those between them, which hide each other
+SHAPES_OF_MARKERS = "osD"
+
+
 UNITS = ((1e3, "mm"), (180 / np.pi, "deg"))
 
 
@@ -99,7 +106,7 @@ def _coordinates(
             part.rows[shown] + 1,
             residual[shown, j],
             linestyle="",
-            marker=MARKERS[j],
+            marker=MARKER_SHAPES[j],
             markersize=4,
             color=COLOURS[j],
             label=name,
@@ -121,3 +128,87 @@ def _circles(rows: np.ndarray, residual: np.ndarray, ax: "Axes") -> None:
         color=ORANGE,
         label="outlier",
     )
+
+
+def quantiles(fit: Identification, ax: "Axes") -> None:
+    """Draw standardised residuals against normal quantiles."""
+    from scipy.special import ndtri
+
+    z = np.sort(fit.standardised[np.isfinite(fit.standardised)])
+    if len(z) > 1:
+        some = _some(len(z))
+        expected = ndtri(_order_medians(some, len(z)))
+        ax.plot(expected, z[some], linestyle="", marker="o", markersize=3, color=BLUE)
+        ends = expected[[0, -1]]
+        ax.plot(ends, ends, color="black", linewidth=1, linestyle="--")
+    ax.set(xlabel="normal quantile", ylabel="standardised residual")
+    ax.grid(alpha=0.3)
+
+
+def _order_medians(index: Indices, count: int) -> Array:
+    """Medians of the order statistics of uniform numbers, by Filliben (1975)."""
+    ends = 0.5 ** (1 / count)
+    medians = (index + 1 - 0.3175) / (count + 0.365)
+    return np.where(index == 0, 1 - ends, np.where(index == count - 1, ends, medians))
+
+
+def _some(count: int) -> Indices:
+    """Numbers of the points that are drawn."""
+    if count <= 2 * TAIL + MIDDLE:
+        return np.arange(count)
+    middle = np.linspace(TAIL, count - 1 - TAIL, MIDDLE).astype(int)
+    return np.concatenate([np.arange(TAIL), middle, np.arange(count - TAIL, count)])
+
+
+def marker_residuals(fit: GeometricFit, marker: int, ax: "Axes") -> None:
+    """Draw the residuals of one marker [mm], over a band of twice their usual size.
+
+    Args:
+        fit: The fit.
+        marker: Its index.
+        ax: Where to draw.
+    """
+    residual = MM * fit.residual[:, marker]
+    seen = np.flatnonzero(np.isfinite(residual).all(axis=1))
+    shown = seen[thinned(np.abs(residual[seen]).max(axis=1))]
+    for axis in range(3):
+        ax.plot(
+            shown + 1,
+            residual[shown, axis],
+            linestyle="",
+            marker=SHAPES_OF_MARKERS[axis],
+            markersize=4,
+            color=COLOURS[axis],
+            label="xyz"[axis],
+        )
+    band = 2 * 1.4826 * float(np.median(np.abs(residual[seen]))) if len(seen) else 0.0
+    ax.axhspan(-band, band, color="grey", alpha=0.15, linewidth=0)
+    ax.set(xlabel="pose", ylabel="residual [mm]")
+    ax.set_title(f"marker {fit.data.markers[marker]}", fontsize=10, loc="left")
+    ax.locator_params(axis="x", integer=True)
+    ax.grid(alpha=0.3)
+    ax.legend(ncols=3, fontsize=9, frameon=False, loc="lower right", bbox_to_anchor=(1.0, 1.0))
+
+
+def left_out_errors(fit: GeometricFit, ax: "Axes") -> None:
+    """Draw the distance of each marker from where the other poses predict it [mm]."""
+    distance = MM * np.linalg.norm(fit.left_out, axis=-1)
+    for i, name in enumerate(fit.data.markers):
+        seen = np.flatnonzero(np.isfinite(distance[:, i]))
+        shown = seen[thinned(distance[seen, i])]
+        ax.plot(
+            shown + 1,
+            distance[shown, i],
+            linestyle="",
+            marker=MARKERS[i % len(MARKERS)],
+            markersize=4,
+            color=COLOURS[i % len(COLOURS)],
+            label=name,
+        )
+    rms = MM * fit.loo_rms
+    ax.axhline(rms, color="grey", linestyle="--", linewidth=1, label="rms")
+    ax.set(xlabel="pose", ylabel="distance [mm]")
+    ax.set_ylim(bottom=0)
+    ax.locator_params(axis="x", integer=True)
+    ax.grid(alpha=0.3)
+    ax.legend(ncols=4, fontsize=9, frameon=False, loc="lower right", bbox_to_anchor=(1.0, 1.0))

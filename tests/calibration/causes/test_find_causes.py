@@ -8,12 +8,11 @@ import pytest
 from readings import STUDY
 
 from edtk.calibration.causes.find_causes import find_causes
-from edtk.calibration.causes.plain_fit import PlainFit
-from edtk.inference.distributions import chi_square_tail
-from edtk.inference.measurements import Measurements
-from edtk.inference.simulate import simulate
-from edtk.model.equilibrium import torque_and_derivative
-from edtk.model.transform import transform
+from edtk.calibration.causes.try_faults import PlainFit
+from edtk.fit.distributions import chi_square_tail
+from edtk.fit.measurements import Measurements, simulate
+from edtk.measure.equilibrium import torque_and_derivative
+from edtk.robots.rotations import transform
 
 pytestmark = pytest.mark.slow
 

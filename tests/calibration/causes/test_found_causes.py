@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from edtk.calibration.causes.cause import Cause
-from edtk.calibration.causes.found_causes import FoundCauses
+from edtk.calibration.causes.family import Cause
+from edtk.calibration.causes.find_causes import FoundCauses
 
 
 def test_rows_are_numbered_among_all():

@@ -6,14 +6,12 @@ import numpy as np
 import pytest
 from readings import PLAN, STUDY
 
-from edtk.calibration.causes.families_with_known import families_with_known
+from edtk.calibration.causes.family import families_with_known
 from edtk.calibration.causes.find_causes import find_causes
 from edtk.calibration.fitted_data import FittedData
-from edtk.inference.measurements import Measurements
-from edtk.inference.prior import LogNormal, Prior
-from edtk.inference.prior_rows import PriorRows
-from edtk.inference.simulate import simulate
-from edtk.model.elastostatic_model import ElastostaticModel
+from edtk.fit.measurements import Measurements, simulate
+from edtk.fit.prior import LogNormal, Prior, PriorRows
+from edtk.measure.elastostatic_model import ElastostaticModel
 
 MODEL = STUDY.model
 K = STUDY.compliances

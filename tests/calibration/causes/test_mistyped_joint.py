@@ -3,10 +3,9 @@
 import numpy as np
 from readings import PLAN, STUDY
 
-from edtk.calibration.causes.mistyped_joint import mistyped_joint
-from edtk.inference.least_squares import Estimate, Whitened
-from edtk.inference.measurements import Measurements
-from edtk.inference.simulate import simulate
+from edtk.calibration.causes.wrong_pose import mistyped_joint
+from edtk.fit.least_squares import Estimate, Whitened
+from edtk.fit.measurements import Measurements, simulate
 
 MODEL = STUDY.model
 TYPED = (1, 2, 3, 4, 5)

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from edtk.calibration.causes.noise_rarity import USUAL_FACTOR, noise_rarity
-from edtk.inference.error_strata import Stratum
+from edtk.calibration.causes.rarity import USUAL_FACTOR, noise_rarity
+from edtk.fit.estimate_noise import Stratum
 
 
 def part(mean_square, dof):

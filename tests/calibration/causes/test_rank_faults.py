@@ -4,8 +4,8 @@ import math
 
 import pytest
 
-from edtk.calibration.causes.cause import NOISE, Cause
-from edtk.calibration.causes.rank_faults import (
+from edtk.calibration.causes.family import NOISE, Cause, Tried
+from edtk.calibration.causes.try_faults import (
     ALWAYS,
     COMMON,
     LEVEL,
@@ -13,7 +13,6 @@ from edtk.calibration.causes.rank_faults import (
     likely_faults,
     rank_faults,
 )
-from edtk.calibration.causes.tried import Tried
 
 
 def tried(cause, p=1e-3, deviance=0.0, tries=1.0, joint=""):

@@ -6,12 +6,10 @@ import numpy as np
 import pytest
 from readings import STUDY
 
-from edtk.calibration.causes.cause import Cause
-from edtk.calibration.causes.families import families
-from edtk.calibration.causes.plain_fit import PlainFit
-from edtk.calibration.causes.times_to_tell import times_to_tell
-from edtk.calibration.causes.tried import Tried
-from edtk.calibration.planned_measurements import planned_measurements
+from edtk.calibration.causes.family import Cause, Tried, families
+from edtk.calibration.causes.find_causes import times_to_tell
+from edtk.calibration.causes.try_faults import PlainFit
+from edtk.calibration.planned import planned_measurements
 from edtk.design.plan import Plan
 
 MODEL = STUDY.model

@@ -2,10 +2,10 @@
 
 import pytest
 
-from edtk.calibration.diagnostics.budget_diagnostics import budget_diagnostics
 from edtk.calibration.diagnostics.diagnostic import Severity
+from edtk.calibration.diagnostics.diagnostics import budget_diagnostics
 from edtk.calibration.finding import Kind
-from edtk.model.error_budget import ErrorBudget
+from edtk.measure.expected_error import ErrorBudget
 
 
 @pytest.mark.parametrize(

@@ -13,10 +13,9 @@ from edtk.calibration.diagnostics.diagnostics import diagnostics
 from edtk.calibration.finding import Kind
 from edtk.calibration.fitted_data import FittedData
 from edtk.design.plan import Plan
-from edtk.inference.least_squares import estimate
-from edtk.inference.measurements import Measurements
-from edtk.inference.simulate import simulate
-from edtk.model.elastostatic_model import ElastostaticModel
+from edtk.fit.least_squares import estimate
+from edtk.fit.measurements import Measurements, simulate
+from edtk.measure.elastostatic_model import ElastostaticModel
 from edtk.study.study import load_study
 
 NOTE, WARNING, ALARM = Severity

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 from readings import STUDY, measured
 
-from edtk.calibration.diagnostics.small_unit import small_unit
+from edtk.calibration.diagnostics.unit_diagnostics import small_unit
 from edtk.calibration.fitted_data import FittedData
 
 

@@ -24,7 +24,7 @@ from small_arm import ROBOT
 
 import edtk
 from edtk.calibration.geometry.study_geometry import StudyGeometry
-from edtk.model.transform import transform
+from edtk.robots.rotations import transform
 
 SPRUNG = STUDY.replace(parameters={"compliance": ["q2", "q3"]}, load={"F_N": [0, 0, -50]})
 Edit = Callable[[Array, Array], None]

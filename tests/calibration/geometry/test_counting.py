@@ -8,7 +8,7 @@ from geometry_sheets import OFFSETS, PLACE, STUDY
 
 from edtk.calibration.geometry.counting import find_counting
 from edtk.calibration.geometry.study_geometry import StudyGeometry
-from edtk.inference.geometry.marker_positions import MarkerPositions
+from edtk.fit.geometry.marker_positions import MarkerPositions
 
 
 @pytest.mark.parametrize("seed", [0, 3])

@@ -12,9 +12,9 @@ import edtk
 from edtk.calibration.diagnostics.diagnostic import Severity
 from edtk.calibration.geometry.fit_doubts import fit_doubts
 from edtk.calibration.geometry.study_geometry import StudyGeometry
-from edtk.inference.geometry.fit_geometry import fit_geometry
-from edtk.inference.geometry.geometric_fit import GeometricFit
-from edtk.inference.geometry.marker_positions import MarkerPositions
+from edtk.fit.geometry.fit_geometry import fit_geometry
+from edtk.fit.geometry.fitted_geometry import GeometricFit
+from edtk.fit.geometry.marker_positions import MarkerPositions
 
 
 def day(seed: int, slack: float) -> tuple[Array, Array]:

@@ -10,10 +10,10 @@ from small_arm import ROBOT
 import criteria
 import edtk
 from edtk.calibration.geometry.geometry_problem import geometry_problem
-from edtk.inference.geometry import fit_geometry as module
-from edtk.inference.geometry.fit_geometry import fit_geometry
-from edtk.inference.geometry.marker_positions import MarkerPositions
-from edtk.inference.geometry.position_noise import PositionNoise
+from edtk.fit.geometry import fit_geometry as module
+from edtk.fit.geometry.fit_geometry import fit_geometry
+from edtk.fit.geometry.marker_positions import MarkerPositions
+from edtk.fit.geometry.position_noise import PositionNoise
 from edtk.study.study import Study
 
 Array = NDArray[np.float64]

@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 
 from edtk.calibration.geometry.counting import Counting
-from edtk.calibration.geometry.geometry_to_dict import geometry_of_dict, geometry_to_dict
+from edtk.calibration.geometry.geometric_calibration import geometry_of_dict, geometry_to_dict
 from edtk.calibration.geometry.study_geometry import StudyGeometry
-from edtk.inference.geometry.fit_variances_of_blocks import BlockVariances
-from edtk.inference.geometry.fitted_geometry import FittedGeometry
-from edtk.inference.geometry.position_noise import PositionNoise
+from edtk.fit.geometry.fitted_geometry import FittedGeometry
+from edtk.fit.geometry.position_noise import BlockVariances, PositionNoise
 from edtk.study.study import Study
 
 JOINT = {"origin_m": [0.3, 0, 0.2], "limits_deg": [-130, 130]}

@@ -9,10 +9,9 @@ import pytest
 from geometry_sheets import STUDY, Array, by_pose, run, truth
 
 import edtk
-from edtk.calibration.geometry.gross_doubts import gross_doubts
-from edtk.calibration.geometry.gross_errors import gross_errors
-from edtk.calibration.geometry.rigid_tool import rigid_tool
-from edtk.inference.geometry.marker_positions import MarkerPositions
+from edtk.calibration.geometry.gross_errors import gross_doubts, gross_errors
+from edtk.calibration.geometry.sound_rows import rigid_tool
+from edtk.fit.geometry.marker_positions import MarkerPositions
 
 Edit = Callable[[Array, Array], None]
 TURN = np.array([[0.8, -0.6, 0], [0.6, 0.8, 0], [0, 0, 1]])

@@ -11,7 +11,7 @@ from small_arm import ROBOT
 
 import edtk
 from edtk.calibration.geometry.study_geometry import StudyGeometry
-from edtk.model.transform import transform
+from edtk.robots.rotations import transform
 from edtk.study.study import Study
 
 BASE = {"P": [900.0, 100.0, 0.0], "Q": [1500.0, 800.0, 10.0], "R": [700.0, -600.0, 30.0]}

@@ -11,11 +11,11 @@ from scipy.spatial.transform import Rotation
 from small_arm import ROBOT
 
 import edtk
+from edtk.calibration.geometry.prediction import tool_from_rows
 from edtk.calibration.geometry.study_geometry import StudyGeometry
-from edtk.calibration.geometry.tool_from_rows import tool_from_rows
-from edtk.inference.geometry.fitted_geometry import FittedGeometry
-from edtk.inference.geometry.marker_positions import MarkerPositions
-from edtk.inference.geometry.position_noise import PositionNoise
+from edtk.fit.geometry.fitted_geometry import FittedGeometry
+from edtk.fit.geometry.marker_positions import MarkerPositions
+from edtk.fit.geometry.position_noise import PositionNoise
 from edtk.study.study import Study
 
 STUDY = Study(

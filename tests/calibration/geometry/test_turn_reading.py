@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from edtk.calibration.geometry.study_geometry import StudyGeometry
 from edtk.calibration.geometry.turn_reading import turn_reading
-from edtk.inference.geometry.read_positions import read_positions
+from edtk.fit.geometry.marker_positions import read_positions
 
 FULL = STUDY.replace(
     measurement={"sigma_mm": 0.02, "rows": "pose", "sigma_deg": 0.005}, marker=[{"name": "A"}]

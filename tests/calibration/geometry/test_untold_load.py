@@ -9,12 +9,11 @@ import pytest
 from geometry_sheets import OFFSETS, PLACE, STUDY, Array, by_pose
 
 import edtk
-from edtk.calibration.geometry.moved_frame import moved_frame
+from edtk.calibration.geometry.moved_frame import moved_frame, untold_load
 from edtk.calibration.geometry.study_geometry import StudyGeometry
-from edtk.calibration.geometry.untold_load import untold_load
-from edtk.inference.geometry.fit_geometry import fit_geometry
-from edtk.inference.geometry.geometric_fit import GeometricFit
-from edtk.inference.geometry.marker_positions import MarkerPositions
+from edtk.fit.geometry.fit_geometry import fit_geometry
+from edtk.fit.geometry.fitted_geometry import GeometricFit
+from edtk.fit.geometry.marker_positions import MarkerPositions
 
 POSES = 36
 GEARS = 3e-4  # [rad] of each of three waves a turn, in every joint

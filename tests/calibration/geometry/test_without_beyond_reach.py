@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from edtk.calibration.geometry.without_beyond_reach import without_beyond_reach
-from edtk.inference.geometry.marker_positions import MarkerPositions
+from edtk.calibration.geometry.sound_rows import without_beyond_reach
+from edtk.fit.geometry.marker_positions import MarkerPositions
 
 REACH = 1.5  # m
 

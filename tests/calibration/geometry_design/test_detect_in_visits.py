@@ -10,12 +10,16 @@ from click.testing import CliRunner
 from loaded_arm import LOAD, STUDY
 
 import edtk
-from edtk.calibration.geometry_design.detect_in_visits import detect_in_visits, sized_visit_faults
+from edtk.calibration.geometry_design.detect_in_visits import (
+    UNITS,
+    Visits,
+    detect_in_visits,
+    sized_visit_faults,
+)
+from edtk.calibration.geometry_design.geometry_plan import visit_order
 from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
-from edtk.calibration.geometry_design.position_sheet import visit_order
-from edtk.calibration.geometry_design.visits import UNITS, Visits
 from edtk.cli import main
-from edtk.inference.distributions import chi_square_quantile
+from edtk.fit.distributions import chi_square_quantile
 from edtk.system.errors import UserError
 
 K = np.array([3e-6, 5e-6])

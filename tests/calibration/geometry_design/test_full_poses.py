@@ -12,20 +12,18 @@ from scipy.spatial.transform import Rotation
 from small_arm import ROBOT
 
 import edtk
-from edtk.calibration.geometry.geometry_to_dict import geometry_of_dict
-from edtk.calibration.geometry.marker_goal import MarkerGoal
+from edtk.calibration.geometry.compensate_geometry import MarkerGoal
+from edtk.calibration.geometry.geometric_calibration import geometry_of_dict
 from edtk.calibration.geometry.study_geometry import StudyGeometry
 from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
-from edtk.calibration.geometry_design.position_rows import PositionRows
-from edtk.inference.geometry.fitted_geometry import FittedGeometry
-from edtk.inference.geometry.geometry_density import GeometryDensity
-from edtk.inference.geometry.least_squares_fit import least_squares_fit
-from edtk.inference.geometry.marker_positions import MarkerPositions
-from edtk.inference.geometry.pose_rows import PoseRows
-from edtk.inference.geometry.read_positions import read_positions
-from edtk.model.geometry.geometric_model import GeometricModel
-from edtk.model.geometry.identifiable import identifiable
-from edtk.model.transform import transform
+from edtk.calibration.geometry_design.geometry_space import PositionRows
+from edtk.fit.geometry.fitted_geometry import FittedGeometry
+from edtk.fit.geometry.geometry_posterior import GeometryDensity
+from edtk.fit.geometry.least_squares_fit import PoseRows, least_squares_fit
+from edtk.fit.geometry.marker_positions import MarkerPositions, read_positions
+from edtk.measure.geometric_model import GeometricModel
+from edtk.measure.parameters import identifiable
+from edtk.robots.rotations import transform
 from edtk.study.study import Study
 
 Array = NDArray[np.float64]

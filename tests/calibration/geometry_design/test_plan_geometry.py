@@ -16,7 +16,7 @@ from edtk.calibration.geometry_design.plan_geometry import plan_geometry
 from edtk.cli import main
 from edtk.design.bound import BoundKind
 from edtk.design.relaxation import search_continuum
-from edtk.study.run_options import RunOptions
+from edtk.study.plan_study import RunOptions
 from edtk.study.study import Study
 from edtk.system.errors import UserError
 

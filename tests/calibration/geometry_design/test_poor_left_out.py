@@ -5,8 +5,8 @@ import pytest
 from geometry_sheets import STUDY
 
 import edtk
+from edtk.calibration.geometry_design.evaluate_geometry import poor_left_out
 from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
-from edtk.calibration.geometry_design.poor_left_out import poor_left_out
 
 
 @pytest.mark.parametrize(

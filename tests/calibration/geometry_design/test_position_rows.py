@@ -5,8 +5,8 @@ import pytest
 from loaded_arm import LOAD, STUDY
 
 from edtk.calibration.geometry.study_geometry import StudyGeometry
-from edtk.calibration.geometry_design.position_rows import PositionRows
-from edtk.inference.geometry.position_noise import PositionNoise
+from edtk.calibration.geometry_design.geometry_space import PositionRows
+from edtk.fit.geometry.position_noise import PositionNoise
 
 RNG = np.random.default_rng(4)
 MARKERS = [{"name": "A", "position_mm": [10, 30, 0]}, {"name": "B", "position_mm": [-40, 0, 60]}]

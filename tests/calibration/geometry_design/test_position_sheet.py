@@ -8,8 +8,8 @@ from loaded_arm import LOAD, STUDY
 
 import edtk
 from edtk.calibration.geometry.study_geometry import StudyGeometry
-from edtk.calibration.geometry_design.position_sheet import position_sheet
-from edtk.inference.geometry.fitted_geometry import resting_torque
+from edtk.calibration.geometry_design.geometry_plan import position_sheet
+from edtk.fit.geometry.fitted_geometry import resting_torque
 from edtk.system.errors import ArgumentError
 
 RNG = np.random.default_rng(2)

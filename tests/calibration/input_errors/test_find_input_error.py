@@ -14,10 +14,9 @@ from edtk.calibration.fitted_data import FittedData
 from edtk.calibration.input_errors.find_input_error import find_input_error
 from edtk.calibration.wording import wording
 from edtk.design.plan import Plan
-from edtk.inference.equilibrium_deflection import equilibrium_deflection
-from edtk.inference.measurements import Measurements
-from edtk.inference.simulate import simulate
-from edtk.model.elastostatic_model import ElastostaticModel
+from edtk.fit.equilibrium import equilibrium_deflection
+from edtk.fit.measurements import Measurements, simulate
+from edtk.measure.elastostatic_model import ElastostaticModel
 from tests.support.visits import TRACKER, visited
 
 pytestmark = pytest.mark.slow

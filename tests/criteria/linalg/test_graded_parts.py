@@ -5,8 +5,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from criteria.linalg.graded_parts import graded_parts
-from criteria.linalg.spectrum import definite_parts
+from criteria.linalg.spectrum import definite_parts, graded_parts
 
 LIFT = 1e-9
 

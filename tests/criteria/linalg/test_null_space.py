@@ -5,7 +5,7 @@ import pytest
 from matrices import EPS, positive, units, with_spectrum
 
 import criteria
-from criteria.linalg.null_space import null_space, open_directions
+from criteria.linalg.estimable import null_space, open_directions
 
 FOUR = ("k1", "k2", "k3", "k4")
 SEEDS = range(40)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from criteria.linalg.orthogonal_columns import have_orthogonal_columns, orthogonal_columns
+from criteria.linalg.spectrum import have_orthogonal_columns, orthogonal_columns
 
 EPS = np.finfo(float).eps
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from criteria.linalg.root import root
+from criteria.linalg.inverse import root
 
 
 @pytest.mark.parametrize("rank", [0, 1, 3, 4])

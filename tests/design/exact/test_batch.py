@@ -10,9 +10,8 @@ from threadpoolctl import threadpool_info, threadpool_limits
 
 from criteria import create
 from edtk.design.candidate_source import CandidateSource
-from edtk.design.exact.batch import ELITE, Batch
-from edtk.design.exact.batches import Batches
-from edtk.design.exact.draw_starts import draw_starts
+from edtk.design.exact.find_plan import ELITE, Batch, Batches
+from edtk.design.exact.refine import draw_starts
 from edtk.design.relaxation.relax_poses import relax_poses
 
 pytestmark = pytest.mark.slow

@@ -4,10 +4,14 @@ import numpy as np
 import pytest
 
 import criteria
-from criteria.linalg.triangle import triangle
+from criteria.linalg.typing import triangle
 from edtk import Problem, exchange
-from edtk.design.exact.candidate_prices import MOST_ENTRIES, CandidatePrices, _eliminated
-from edtk.design.exact.exchange_costs import exchange_costs
+from edtk.design.exact.exchange_costs import (
+    MOST_ENTRIES,
+    CandidatePrices,
+    _eliminated,
+    exchange_costs,
+)
 
 QUICK = ("A", "D", "O1", "rho0")
 P = 5

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from designs import KR270, STUDY
 
-from edtk.design.candidate_source import CandidateSource
-from edtk.design.candidates import Candidates
+from edtk.design.candidate_source import Candidates, CandidateSource
 from edtk.design.exact.apportion import apportion
-from edtk.design.exact.draw_starts import draw_starts
+from edtk.design.exact.refine import draw_starts
 from edtk.design.relaxation.relax_poses import relax_poses
 
 RHO0 = STUDY.criterion("rho0")

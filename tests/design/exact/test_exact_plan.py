@@ -10,13 +10,12 @@ from designs import KR270, LOADED, STUDY
 
 from criteria import create
 from edtk.design.bound import Bound, BoundKind
-from edtk.design.candidate_source import CandidateSource
+from edtk.design.candidate_source import CandidateSource, sample_feasible
 from edtk.design.exact.exact_plan import ExactPlan
 from edtk.design.plan import Plan
-from edtk.design.relaxation.largest_sensitivities import LargestSensitivities
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
-from edtk.design.sample_feasible import sample_feasible
-from edtk.tables.pose_table import WRENCH_COLUMNS
+from edtk.design.relaxation.search_continuum import LargestSensitivities
+from edtk.measure.pose_table import WRENCH_COLUMNS
 
 
 @cache

@@ -7,7 +7,7 @@ import criteria
 from criteria import create
 from edtk.design.exact.apportion import apportion
 from edtk.design.exact.exchange import exchange
-from edtk.design.exact.exchange_in_turn import exchange_in_turn
+from edtk.design.exact.refine import exchange_in_turn
 from edtk.design.problem import Problem
 
 

@@ -10,25 +10,22 @@ from designs import KR270, LOADED, STUDY
 
 from criteria import create
 from criteria.linalg.inverse import whitener
-from edtk.design.candidate_source import CandidateSource
+from edtk.design.candidate_source import CandidateSource, sample_feasible
 from edtk.design.design_space import DesignSpace
-from edtk.design.distinct import distinct
-from edtk.design.exact.draw_starts import draw_starts
+from edtk.design.exact.exact_plan import TooFewExperimentsError, smallest_size
 from edtk.design.exact.find_plan import SearchOptions, find_plan
-from edtk.design.exact.require_enough import TooFewExperimentsError
-from edtk.design.exact.smallest_size import smallest_size
+from edtk.design.exact.refine import draw_starts
+from edtk.design.information import distinct
 from edtk.design.plan import Plan
 from edtk.design.problem import RankDeficientError
-from edtk.design.relaxation.relax_options import RelaxOptions
-from edtk.design.relaxation.relax_poses import relax_poses
-from edtk.design.sample_feasible import sample_feasible
-from edtk.model.elastostatic_model import ElastostaticModel
-from edtk.model.joint import Joint
-from edtk.model.loads.fixed_load import FixedLoad
-from edtk.model.loads.listed_load import ListedLoad
-from edtk.model.robot import Robot
-from edtk.model.transform import transform
-from edtk.model.workspace import Workspace
+from edtk.design.relaxation.relax_poses import RelaxOptions, relax_poses
+from edtk.measure.elastostatic_model import ElastostaticModel
+from edtk.robots.joint import Joint
+from edtk.robots.loads.fixed_load import FixedLoad
+from edtk.robots.loads.listed_load import ListedLoad
+from edtk.robots.robot import Robot
+from edtk.robots.rotations import transform
+from edtk.robots.workspace import Workspace
 from edtk.system.workers import Workers, WorkersLostError
 
 pytestmark = pytest.mark.slow
@@ -151,7 +148,7 @@ def test_seeds_agree_by_chance_alone(monkeypatch):
     def without_the_first(*args):
         return draw_starts(*args)[np.array([*range(1, BATCH), 1])]
 
-    monkeypatch.setattr("edtk.design.exact.batch.draw_starts", without_the_first)
+    monkeypatch.setattr("edtk.design.exact.find_plan.draw_starts", without_the_first)
     plans = [search(relaxed(), 4, seed=seed, starts=2 * BATCH) for seed in (0, 1, 2)]
     costs = [p.cost for p in plans]
     assert max(costs) <= 1.003 * min(costs)

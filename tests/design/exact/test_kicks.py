@@ -8,12 +8,10 @@ from designs import KR270, STUDY
 
 from criteria import create
 from edtk.design.candidate_source import CandidateSource
-from edtk.design.exact import kicks
-from edtk.design.exact.batches import Batches
-from edtk.design.exact.find_plan import SearchOptions, find_plan
-from edtk.design.exact.kicks import Kicks
-from edtk.design.exact.plans import Plans
+from edtk.design.exact import search_record as kicks
+from edtk.design.exact.find_plan import Batches, SearchOptions, find_plan
 from edtk.design.exact.refine import refine
+from edtk.design.exact.search_record import Kicks, Plans
 from edtk.design.relaxation.relax_poses import relax_poses
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("whole_searches")]

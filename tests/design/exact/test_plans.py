@@ -3,8 +3,8 @@
 import numpy as np
 from designs import KR270
 
-from edtk.design.exact.plans import Plans
-from edtk.design.sample_feasible import sample_feasible
+from edtk.design.candidate_source import sample_feasible
+from edtk.design.exact.search_record import Plans
 
 
 def test_some_of_them():

@@ -9,12 +9,12 @@ from designs import KR270 as DESIGN
 from scipy.optimize import minimize, nnls
 
 import criteria
+from edtk.design.candidate_source import sample_feasible
 from edtk.design.exact.refine import refine
-from edtk.design.sample_feasible import sample_feasible
-from edtk.model.constraints.height import Height
-from edtk.model.loads.bounded_load import BoundedLoad
-from edtk.model.loads.free_load import FreeLoad
-from edtk.model.workspace import Workspace
+from edtk.robots.constraints.height import Height
+from edtk.robots.loads.bounded_load import BoundedLoad
+from edtk.robots.loads.free_load import FreeLoad
+from edtk.robots.workspace import Workspace
 
 pytestmark = pytest.mark.slow
 

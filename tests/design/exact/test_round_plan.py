@@ -6,10 +6,9 @@ from designs import KR270
 from gantry import ROBOT, STUDY
 
 from criteria import create
+from edtk.design.candidate_source import sample_feasible
 from edtk.design.exact.refine import refine
-from edtk.design.exact.round_plan import LOSS, round_plan
-from edtk.design.exact.round_poses import round_poses
-from edtk.design.sample_feasible import sample_feasible
+from edtk.design.exact.round_poses import LOSS, round_plan, round_poses
 from edtk.study.study import load_study
 
 # Best plans of three experiments before rounding: the wrist has a small torque of one sign in the

@@ -5,12 +5,11 @@ import pytest
 from designs import KR270, LOADED, STUDY
 
 from criteria import create
+from edtk.design.candidate_source import sample_feasible
 from edtk.design.exact.round_poses import round_poses
 from edtk.design.plan import Plan
-from edtk.design.sample_feasible import sample_feasible
-from edtk.study.random_case import random_case
-from edtk.tables.in_file_units import DIGITS, in_file_units
-from edtk.tables.pose_table import pose_factors
+from edtk.measure.pose_table import DIGITS, in_file_units, pose_factors
+from edtk.study.run_study import random_case
 
 CRITERION = create("A")
 

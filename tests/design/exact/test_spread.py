@@ -8,9 +8,9 @@ from arm import arm
 from noisy import NOISY
 
 import criteria
+from edtk.design.candidate_source import sample_feasible
 from edtk.design.exact.spread import divided, spread
-from edtk.design.sample_feasible import sample_feasible
-from edtk.model.joint_distance import joint_distance
+from edtk.robots.robot import joint_distance
 from edtk.study.plan_study import plan_study
 
 CRITERION = criteria.create("D")

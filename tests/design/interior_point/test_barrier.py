@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from edtk.design.interior_point.barrier import (
+from edtk.design.interior_point.step import (
     CREEPING,
-    LEAST,
+    LEAST_FRACTION,
     LONGEST,
     LOWER,
     TO_BOUNDARY,
@@ -73,7 +73,7 @@ def test_what_can_be_reached():
     ("gain", "promise", "low", "high"),
     [
         (0.5, 1e-3, LOWER * 1e-3, 0.01),  # as it should be: down by the factor at most
-        (0.5, 1.0, LEAST / 3, 0.01),  # but not far below what the step promised
+        (0.5, 1.0, LEAST_FRACTION / 3, 0.01),  # but not far below what the step promised
         (0.5 * CREEPING, 1.0, 0.01, 0.01),  # creeping: up again
         (0.0, 1e-6, LOWER * 1e-3, LOWER * 1e-3),  # in vain: down
     ],

@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 from designs import DESIGNS, LOADED
 
+from edtk.design.candidate_source import sample_feasible
 from edtk.design.interior_point.descend import descend as descended
 from edtk.design.interior_point.objective import Local, Objective
-from edtk.design.sample_feasible import sample_feasible
-from edtk.model.constraints.height import Height
-from edtk.model.loads.free_load import FreeLoad
-from edtk.model.loads.listed_load import ListedLoad
-from edtk.model.workspace import Workspace
+from edtk.robots.constraints.height import Height
+from edtk.robots.loads.free_load import FreeLoad
+from edtk.robots.loads.listed_load import ListedLoad
+from edtk.robots.workspace import Workspace
 
 pytestmark = pytest.mark.slow
 

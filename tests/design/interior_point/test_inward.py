@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from designs import LOADED
 
-from edtk.design.interior_point.inward import MARGIN, inward
-from edtk.design.sample_feasible import sample_feasible
+from edtk.design.candidate_source import sample_feasible
+from edtk.design.interior_point.descend import MARGIN, inward
 
 on_every_load = pytest.mark.parametrize("space", LOADED.values(), ids=LOADED)
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from edtk.design.interior_point.newton_direction import LEAST, newton_direction
+from edtk.design.interior_point.step import LEAST_CURVATURE, newton_direction
 
 B = 6
 K = 3
@@ -62,8 +62,8 @@ def test_a_saddle_is_left_along_its_negative_direction():
     d = newton_direction(
         np.zeros((1, K, D, D)), joint[None], slope.reshape(1, K, D), np.array([True])
     )
-    expected = -V @ (1 / np.r_[2.0, LEAST, LEAST, e[3:]])
-    np.testing.assert_allclose(d.ravel(), expected, atol=1e-6 / LEAST)
+    expected = -V @ (1 / np.r_[2.0, LEAST_CURVATURE, LEAST_CURVATURE, e[3:]])
+    np.testing.assert_allclose(d.ravel(), expected, atol=1e-6 / LEAST_CURVATURE)
 
 
 def test_starts_do_not_see_each_other():

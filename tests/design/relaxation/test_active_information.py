@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from criteria.linalg.triangle import triangle
+from criteria.linalg.typing import triangle
 from edtk.design.problem import Problem
-from edtk.design.relaxation import active_information
-from edtk.design.relaxation.active_information import ActiveInformation
-from edtk.design.relaxation.experiment_blocks import experiment_blocks
+from edtk.design.relaxation import master_equations as active_information
+from edtk.design.relaxation.master_equations import ActiveInformation
+from edtk.design.relaxation.proof import experiment_blocks
 
 
 @pytest.mark.parametrize("small", [0, 12], ids=["rows", "blocks"])

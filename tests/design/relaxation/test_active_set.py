@@ -6,11 +6,10 @@ from designs import KR270, symmetric
 
 from criteria import create
 from criteria.linalg.inverse import whitener
-from edtk.design.candidates import Candidates
+from edtk.design.candidate_source import Candidates, sample_feasible
 from edtk.design.problem import Problem
-from edtk.design.relaxation.active_set import ActiveSet
 from edtk.design.relaxation.relax import relax
-from edtk.design.sample_feasible import sample_feasible
+from edtk.design.relaxation.relax_poses import ActiveSet
 
 pytestmark = pytest.mark.slow
 

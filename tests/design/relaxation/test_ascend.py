@@ -10,10 +10,10 @@ from scipy.optimize import nnls
 from test_sensitivity import both, multiplier, sensitivities
 
 from criteria import create
-from edtk.design.relaxation.ascend import ascend
+from edtk.design.candidate_source import sample_feasible
 from edtk.design.relaxation.relax import relax
-from edtk.design.sample_feasible import sample_feasible
-from edtk.model.loads.free_load import FreeLoad
+from edtk.design.relaxation.search_continuum import ascend
+from edtk.robots.loads.free_load import FreeLoad
 
 pytestmark = pytest.mark.slow
 

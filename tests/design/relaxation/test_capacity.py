@@ -2,7 +2,7 @@
 
 import pytest
 
-from edtk.design.relaxation.capacity import KEPT, MemoryLimitError, capacity
+from edtk.design.relaxation.relax_poses import KEPT, MemoryLimitError, capacity
 
 
 def test_more_memory_holds_more():

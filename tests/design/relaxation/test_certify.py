@@ -9,7 +9,7 @@ from no_dual import NoDual
 import criteria
 from edtk.design.bound import BoundKind
 from edtk.design.problem import Problem
-from edtk.design.relaxation.inner_proof import InnerProof
+from edtk.design.relaxation.proof import InnerProof
 from edtk.design.relaxation.relax import relax
 
 RNG = np.random.default_rng(11)

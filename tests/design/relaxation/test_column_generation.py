@@ -23,10 +23,15 @@ from relaxations import (
 
 import criteria
 from edtk.design.problem import Problem
-from edtk.design.relaxation.entering_candidates import _largest, entering_candidates
+from edtk.design.relaxation.column_generation import _largest, entering_candidates
 from edtk.design.relaxation.relax import relax
-from edtk.design.relaxation.restricted_master import CHAIN, SOLVERS, RelaxationError
-from edtk.design.relaxation.solver_options import NEWTON, SolverOptions
+from edtk.design.relaxation.restricted_master import (
+    CHAIN,
+    NEWTON,
+    SOLVERS,
+    RelaxationError,
+    SolverOptions,
+)
 
 pytestmark = pytest.mark.slow
 

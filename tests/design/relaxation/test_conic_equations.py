@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from edtk.design.relaxation.conic_equations import conic_equations
+from edtk.design.relaxation.master_equations import conic_equations
 
 
 @pytest.mark.parametrize("k", [4, 30])

@@ -5,8 +5,8 @@ import pytest
 from matrices import positive
 
 from criteria.linalg.inverse import whitener
-from criteria.spectral_band import SpectralBand
-from edtk.design.relaxation.definite_duals import definite_duals
+from criteria.relaxable import SpectralBand
+from edtk.design.relaxation.master_equations import definite_duals
 
 
 @pytest.mark.parametrize("a", [0.0, 0.7])

@@ -7,8 +7,12 @@ import pytest
 
 import criteria
 from edtk.design.problem import Problem
-from edtk.design.relaxation.effort import EXACT, Effort
-from edtk.design.relaxation.restricted_master import RelaxationError, RestrictedMaster
+from edtk.design.relaxation.restricted_master import (
+    EXACT,
+    Effort,
+    RelaxationError,
+    RestrictedMaster,
+)
 
 CHAIN = ("NEWTON", "CLARABEL", "SCS")
 

@@ -5,7 +5,7 @@ import pytest
 from relaxations import WELL, blocks_of
 
 from edtk.design.problem import Problem
-from edtk.design.relaxation.first_active_set import first_active_set
+from edtk.design.relaxation.column_generation import first_active_set
 
 
 @pytest.mark.parametrize("case", WELL)

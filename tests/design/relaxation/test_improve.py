@@ -5,9 +5,8 @@ import pytest
 from relaxations import GAP, check, criterion_of, every_base, off_centre
 
 from edtk.design.problem import Problem
-from edtk.design.relaxation import improve
-from edtk.design.relaxation.improve import _most_sensitive
-from edtk.design.relaxation.relax import relax
+from edtk.design.relaxation import relax as improve
+from edtk.design.relaxation.relax import _most_sensitive, relax
 
 
 @pytest.fixture

@@ -6,9 +6,7 @@ from relaxations import WELL, criterion_of, solved
 
 from edtk.design.problem import Problem
 from edtk.design.relaxation.incumbent import Incumbent
-from edtk.design.relaxation.proof import Proof
-from edtk.design.relaxation.step import Step
-from edtk.design.relaxation.warm_start import WarmStart
+from edtk.design.relaxation.proof import Proof, Step, WarmStart
 
 PROBLEM = Problem(WELL["off-centre"])
 

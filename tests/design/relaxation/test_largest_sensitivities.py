@@ -8,8 +8,8 @@ from designs import KR270
 
 from criteria import create
 from edtk.design.candidate_source import CandidateSource
-from edtk.design.relaxation.largest_sensitivities import LargestSensitivities
-from edtk.design.relaxation.normalised import normalised
+from edtk.design.relaxation.proof import normalised
+from edtk.design.relaxation.search_continuum import LargestSensitivities
 
 
 def test_of():

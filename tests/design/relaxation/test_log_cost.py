@@ -7,10 +7,10 @@ import pytest
 from designs import DESIGNS, KR270, LOADED, STUDY, log_cost_slope
 
 import criteria
-from edtk.design.interior_point.neighbourhood import Neighbourhood
-from edtk.design.relaxation.log_cost import LogCost
-from edtk.design.sample_feasible import sample_feasible
-from edtk.model.loads.free_load import FreeLoad
+from edtk.design.candidate_source import sample_feasible
+from edtk.design.interior_point.objective import Neighbourhood
+from edtk.design.relaxation.settle import LogCost
+from edtk.robots.loads.free_load import FreeLoad
 
 pytestmark = pytest.mark.slow
 

@@ -6,11 +6,11 @@ from relaxations import off_centre
 
 import criteria
 from edtk.design.problem import Problem
-from edtk.design.relaxation.active_information import ActiveInformation
+from edtk.design.problems import several_models
 from edtk.design.relaxation.loss_weights import loss_weights
+from edtk.design.relaxation.master_equations import ActiveInformation
 from edtk.design.relaxation.relax import relax
-from edtk.design.relaxation.solver_options import SolverOptions
-from edtk.design.several_models import several_models
+from edtk.design.relaxation.restricted_master import SolverOptions
 
 ACCURACY = 1e-8
 PHI = [{"name": "phi", "q": q} for q in (0.5, 2, 3)]

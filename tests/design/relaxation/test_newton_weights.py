@@ -7,7 +7,7 @@ from relaxations import SMOOTH, blocks_of, criterion_of, off_centre
 import criteria
 from criteria import ConvexCriterion
 from edtk.design.problem import Problem
-from edtk.design.relaxation.active_information import ActiveInformation
+from edtk.design.relaxation.master_equations import ActiveInformation
 from edtk.design.relaxation.newton_weights import NewtonError, newton_weights, suits_newton
 from edtk.design.relaxation.relax import relax
 

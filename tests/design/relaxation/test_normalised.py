@@ -6,8 +6,12 @@ from relaxations import blocks_of
 
 from criteria import create
 from edtk.design.problem import Problem
-from edtk.design.relaxation.experiment_blocks import experiment_blocks
-from edtk.design.relaxation.normalised import is_normalised, normalised, original_weights
+from edtk.design.relaxation.proof import (
+    experiment_blocks,
+    is_normalised,
+    normalised,
+    original_weights,
+)
 
 PROBLEM = Problem(blocks_of(0) * np.linspace(0.1, 10, 60)[:, None, None])
 BESIDE = Problem.of_information(PROBLEM.packed, prior=np.diag([1.0, 2.0, 3.0, 4.0]))

@@ -7,8 +7,8 @@ from matrices import make
 import criteria
 import edtk
 from edtk.design.problem import Problem
-from edtk.design.relaxation.order_one import OrderOne
 from edtk.design.relaxation.relax import relax
+from edtk.design.relaxation.setting import OrderOne
 from edtk.system.errors import UserError
 
 ROWS = np.random.default_rng(0).normal(size=(12, 2, 3))

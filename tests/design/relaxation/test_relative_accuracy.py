@@ -5,7 +5,7 @@ import pytest
 
 import criteria
 from edtk.design.problem import Problem
-from edtk.design.relaxation.relative_accuracy import relative_accuracy
+from edtk.design.relaxation.proof import relative_accuracy
 
 RNG = np.random.default_rng(0)
 PROBLEM = Problem(RNG.normal(size=(20, 2, 3)))

@@ -35,8 +35,7 @@ from criteria import ConvexCriterion, Criterion, Relaxable
 from edtk.design.candidate_source import CandidateSource
 from edtk.design.problem import Problem, RankDeficientError
 from edtk.design.relaxation.relax import RelaxationInterrupted, relax
-from edtk.design.relaxation.restricted_master import CHAIN
-from edtk.design.relaxation.solver_options import SolverOptions
+from edtk.design.relaxation.restricted_master import CHAIN, SolverOptions
 
 pytestmark = pytest.mark.slow
 

@@ -10,21 +10,24 @@ from designs import DESIGNS, KR270, STUDY
 from criteria import Criterion, create
 from criteria.linalg.inverse import whitener
 from edtk.certificate.verify_certificate import EXCESS
-from edtk.design.candidate_source import CandidateSource, EmptyFeasibleSetError
-from edtk.design.distinct import distinct
+from edtk.design.candidate_source import CandidateSource, EmptyFeasibleSetError, sample_feasible
+from edtk.design.information import distinct
 from edtk.design.problem import RankDeficientError
-from edtk.design.relaxation.ascend import ascend
-from edtk.design.relaxation.capacity import MemoryLimitError, capacity
-from edtk.design.relaxation.normalised import is_normalised, normalised
+from edtk.design.relaxation.proof import is_normalised, normalised
 from edtk.design.relaxation.relax import relax
-from edtk.design.relaxation.relax_options import RelaxOptions
-from edtk.design.relaxation.relax_poses import PlanInterrupted, relax_poses
-from edtk.design.sample_feasible import sample_feasible
-from edtk.model.constraints.height import Height
-from edtk.model.elastostatic_model import ElastostaticModel
-from edtk.model.loads.free_load import FreeLoad
-from edtk.model.loads.listed_load import ListedLoad
-from edtk.model.workspace import Workspace
+from edtk.design.relaxation.relax_poses import (
+    MemoryLimitError,
+    PlanInterrupted,
+    RelaxOptions,
+    capacity,
+    relax_poses,
+)
+from edtk.design.relaxation.search_continuum import ascend
+from edtk.measure.elastostatic_model import ElastostaticModel
+from edtk.robots.constraints.height import Height
+from edtk.robots.loads.free_load import FreeLoad
+from edtk.robots.loads.listed_load import ListedLoad
+from edtk.robots.workspace import Workspace
 from edtk.system.time_limit import time_limit
 
 pytestmark = pytest.mark.slow
@@ -281,8 +284,8 @@ def test_a_search_that_is_cut_short_is_sharp(name, seed):
 @pytest.fixture
 def little_memory(monkeypatch):
     """A limit that leaves room for few candidates; lists how many were ever held at once."""
-    monkeypatch.setattr("edtk.design.relaxation.capacity.BASE_MB", 0.0)
-    monkeypatch.setattr("edtk.design.relaxation.capacity.KEPT", 50)
+    monkeypatch.setattr("edtk.design.relaxation.relax_poses.BASE_MB", 0.0)
+    monkeypatch.setattr("edtk.design.relaxation.relax_poses.KEPT", 50)
     monkeypatch.setattr("edtk.design.relaxation.relax_poses.KEPT", 50)
     monkeypatch.setattr("edtk.design.candidate_source.CHUNK", 1024)
     held = []

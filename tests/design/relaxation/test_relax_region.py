@@ -10,10 +10,9 @@ import edtk
 from edtk.design.bound import BoundKind
 from edtk.design.problem import RankDeficientError
 from edtk.design.region import Region
-from edtk.design.relaxation.normalised import normalised
-from edtk.design.relaxation.onto_walls import onto_walls
-from edtk.design.relaxation.polish import polish
+from edtk.design.relaxation.proof import normalised
 from edtk.design.relaxation.relax import relax
+from edtk.design.relaxation.search_region import onto_walls, polish
 from edtk.system.errors import UserError
 
 

@@ -14,7 +14,7 @@ from edtk.design.bound import Bound, BoundKind
 from edtk.design.candidate_source import CandidateSource
 from edtk.design.relaxation.relax_poses import relax_poses
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
-from edtk.tables.pose_table import WRENCH_COLUMNS
+from edtk.measure.pose_table import WRENCH_COLUMNS
 
 pytestmark = pytest.mark.slow
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import criteria
-from edtk.design.relaxation.safe_cost import safe_cost
+from edtk.design.relaxation.proof import safe_cost
 
 # Of a cubic on [-1, 1] the combination k2 + 0.3 k4 is best told by two points, +-0.3^(1/2), with
 # the cost 10/3: there Elfving's vector (0, 1, 0, 0.3) is (0.3)^-1/2 (f(x) - f(-x))/2.

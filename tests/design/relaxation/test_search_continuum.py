@@ -5,11 +5,13 @@ import pytest
 from designs import KR270
 
 from criteria import create
-from edtk.design.candidate_source import CandidateSource
+from edtk.design.candidate_source import CandidateSource, sample_feasible
 from edtk.design.relaxation.relax import relax
-from edtk.design.relaxation.search_continuum import fresh_poses, search_continuum
-from edtk.design.relaxation.sensitivity import sensitivity_and_slope
-from edtk.design.sample_feasible import sample_feasible
+from edtk.design.relaxation.search_continuum import (
+    fresh_poses,
+    search_continuum,
+    sensitivity_and_slope,
+)
 
 pytestmark = pytest.mark.slow
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from designs import DESIGNS, KR270, LOADED
 
-from edtk.design.relaxation.experiment_blocks import experiment_blocks
-from edtk.design.relaxation.sensitivity import sensitivity_and_slope
-from edtk.design.sample_feasible import sample_feasible
-from edtk.model.loads.fixed_load import FixedLoad
+from edtk.design.candidate_source import sample_feasible
+from edtk.design.relaxation.proof import experiment_blocks
+from edtk.design.relaxation.search_continuum import sensitivity_and_slope
+from edtk.robots.loads.fixed_load import FixedLoad
 
 both = pytest.mark.parametrize("per_trace", [False, True], ids=["plain", "per trace"])
 BESIDE = {

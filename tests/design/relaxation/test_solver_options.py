@@ -2,7 +2,7 @@
 
 import pytest
 
-from edtk.design.relaxation.solver_options import SolverOptions
+from edtk.design.relaxation.restricted_master import SolverOptions
 
 
 @pytest.mark.parametrize(

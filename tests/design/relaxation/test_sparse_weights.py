@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from edtk.design.packed import pack
-from edtk.design.relaxation.sparse_weights import sparse_weights
+from edtk.design.information import pack
+from edtk.design.relaxation.incumbent import sparse_weights
 from edtk.system.time_limit import time_limit
 
 

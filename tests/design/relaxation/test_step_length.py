@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from edtk.design.relaxation.step_length import step_length
+from edtk.design.relaxation.master_equations import step_length
 
 
 @pytest.mark.parametrize(

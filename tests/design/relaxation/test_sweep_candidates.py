@@ -6,8 +6,8 @@ from designs import KR270
 
 from criteria import create
 from edtk.design.candidate_source import CandidateSource
-from edtk.design.relaxation.normalised import normalised
-from edtk.design.relaxation.sweep_candidates import most_sensitive, sweep_candidates
+from edtk.design.relaxation.proof import normalised
+from edtk.design.relaxation.search_continuum import most_sensitive, sweep_candidates
 
 
 @pytest.mark.parametrize("name", ["D", "O2"])

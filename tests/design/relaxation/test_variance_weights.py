@@ -7,9 +7,9 @@ from relaxations import blocks_of, off_centre
 
 import criteria
 from edtk.design.problem import Problem
-from edtk.design.relaxation.active_information import ActiveInformation
+from edtk.design.relaxation.master_equations import ActiveInformation
 from edtk.design.relaxation.relax import relax
-from edtk.design.relaxation.solver_options import SolverOptions
+from edtk.design.relaxation.restricted_master import SolverOptions
 from edtk.design.relaxation.spectral_weights import spectral_weights
 from edtk.design.relaxation.variance_weights import variance_weights
 

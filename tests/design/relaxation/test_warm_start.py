@@ -8,9 +8,9 @@ import criteria
 from criteria.spectral_balance import SpectralBalance
 from edtk.design.problem import Problem
 from edtk.design.relaxation import spectral_weights, variance_weights
-from edtk.design.relaxation.active_information import ActiveInformation
-from edtk.design.relaxation.own_weights import own_weights
-from edtk.design.relaxation.warm_start import WarmStart
+from edtk.design.relaxation.master_equations import ActiveInformation
+from edtk.design.relaxation.masters import own_weights
+from edtk.design.relaxation.proof import WarmStart
 
 CRITERIA = {
     "E": criteria.create("E"),

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from edtk.design.relaxation.weight_equations import weight_equations
+from edtk.design.relaxation.master_equations import weight_equations
 
 
 @pytest.mark.parametrize("k", [3, 10, 11, 40])

@@ -3,8 +3,8 @@
 import numpy as np
 from designs import KR270
 
-from edtk.design.relaxation.weighted_space import WeightedSpace
-from edtk.design.sample_feasible import sample_feasible
+from edtk.design.candidate_source import sample_feasible
+from edtk.design.relaxation.settle import WeightedSpace
 
 K = 4
 STEP = 1e-6

@@ -5,9 +5,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from criteria import Criterion
+from edtk.design.exact.counts.counts_bound import Scatter
 from edtk.design.exact.counts.limits import Limits
 from edtk.design.exact.counts.prices import Prices, Pricing
-from edtk.design.exact.counts.scatter import Scatter
 from edtk.design.exact.exchange_costs import exchange_costs
 from edtk.system.typing import Array, Indices, Mask
 

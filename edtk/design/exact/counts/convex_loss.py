@@ -5,9 +5,8 @@ from abc import ABC, abstractmethod
 import numpy as np
 
 from criteria import Criterion
-from criteria.determinant_criterion import DeterminantCriterion
-from edtk.design.exact.constant_slope import constant_slope
-from edtk.design.exact.exchange_costs import ACCURATE, exchange_costs
+from criteria.criterion import DeterminantCriterion
+from edtk.design.exact.exchange_costs import ACCURATE, constant_slope, exchange_costs
 from edtk.system.typing import Array
 
 

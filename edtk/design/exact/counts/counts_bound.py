@@ -1,21 +1,256 @@
 """A bound on every plan within limits, from weights within the same limits."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from criteria import Relaxable
-from criteria.linalg.root import root
-from edtk.design.exact.counts.limits import Limits
-from edtk.design.exact.counts.reachable import Reachable
+from criteria import Criterion, CriterionError, Interest, Relaxable
+from criteria.linalg.inverse import root
+from edtk.design.bound import Bound, BoundKind
+from edtk.design.exact.counts.limits import Limits, Reachable
 from edtk.design.problem import Problem
 from edtk.design.relaxation.relax import relax
 from edtk.design.relaxation.restricted_master import RelaxationError
-from edtk.system.typing import Array
+from edtk.system.typing import Array, Indices
 
+EQUAL = 1e-9  # relative gap at which equal weights are the best
+WITHIN = 1e-6  # experiments by which counts may exceed a limit and count as within
 GAP = 1e-4  # relative gap at which the bound is good enough
 MASTER_GAP = 1e-5  # of the programs over some plans
 ROUNDS = 60
+
+
+@dataclass(frozen=True, eq=False)
+class Scatter:
+    """Information about the parameters beside the effects of blocks, which are nuisance.
+
+    The rows X of a block of n experiments tell ``X'X - a (1'X)'(1'X)`` about the parameters, with a
+    from `Limits.shares`: with a = 1/n the scatter around the mean of the block. An experiment of
+    several rows has an effect of the block for each of them.
+
+    Attributes:
+        rows: Rows (n, r, p) of the candidates; not any rows of the same information, since their
+            signs matter.
+        limits: The blocks, and what every plan has.
+    """
+
+    rows: Array
+    limits: Limits
+
+    def information(self, places: Indices) -> Array:
+        """Information (b, p, p) of plans (b, m), that of every plan included."""
+        U = self.rows[places]
+        M = np.einsum("bmri,bmrj->bij", U, U, optimize=True) + self.limits.base
+        if not self.limits.blocks:
+            return np.asarray(M)
+        sums = self.sums(places)
+        return np.asarray(
+            M - np.einsum("k,bkri,bkrj->bij", self.limits.shares, sums, sums, optimize=True)
+        )
+
+    def sums(self, places: Indices) -> Array:
+        """Sums (b, blocks, r, p) of the rows of each block."""
+        starts = np.cumsum((0, *self.limits.blocks[:-1]))
+        return np.asarray(np.add.reduceat(self.rows[places], starts, axis=1))
+
+    def without(self, M: Array, places: Indices, place: int) -> tuple[Array, Array, float]:
+        """Take the experiment at one place out of plans (b, m) of information M (b, p, p).
+
+        Of a block with sum s of its other rows, and share a, a candidate U then adds
+        ``(1 - a) (U - c s)' (U - c s)`` with ``c = a/(1 - a)``: its distance to the block's mean.
+
+        Returns:
+            Information (b, p, p) of the rest; the center ``c s`` (b, r, p); and ``1 - a``.
+        """
+        U = self.rows[places[:, place]]
+        rest = M - np.swapaxes(U, -1, -2) @ U
+        if not self.limits.blocks:
+            return rest, np.zeros_like(U), 1.0
+        block = self.limits.block_of[place]
+        share = float(self.limits.shares[block])
+        inside = np.flatnonzero(self.limits.block_of == block)
+        whole = self.rows[places[:, inside]].sum(axis=1)
+        others = whole - U
+        factor = share / (1.0 - share) if share < 1.0 else 0.0
+        rest = rest + share * np.swapaxes(whole, -1, -2) @ whole
+        rest = rest - factor * np.swapaxes(others, -1, -2) @ others
+        return rest, factor * others, 1.0 - share
+
+
+Question = tuple[Problem, Relaxable, Limits]
+
+
+def beside_blocks(problem: Problem, criterion: Criterion, limits: Limits) -> Question | None:
+    """Put one effect for all experiments in place of the effects of blocks.
+
+    With ``s_b`` the sum of the rows of block b, and v the variance of its effect, blocks cost
+    ``sum_b s_b' s_b / (n_b + 1/v)`` of the information. By the inequality of Cauchy and Schwarz
+    this is at least ``s's / (m + B/v)`` with ``s = sum_b s_b``, for B blocks: what one effect costs
+    of which the prior information is B/v. So plans in blocks tell no more than plans of the model
+    with such an effect as one more parameter, which is nuisance. Plans reach it where all blocks
+    have the same mean.
+
+    Args:
+        problem: The candidates, without a prior.
+        criterion: What is minimised.
+        limits: What plans must obey.
+
+    Returns:
+        The question to relax; as given where there are no blocks, and None where no relaxation
+        bounds its plans.
+    """
+    if not isinstance(criterion, Relaxable):
+        return None
+    if not limits.blocks:
+        return problem, criterion, limits
+    if not criterion.monotone:
+        return None
+    free = replace(limits, blocks=())
+    n, r, p = problem.factors().shape
+    try:
+        beside = _of_interest(criterion, p, r)
+    except CriterionError:
+        # Without blocks plans tell more: a bound on them is one here, if a weaker one.
+        return problem, criterion, free
+    effects = np.broadcast_to(np.eye(r), (n, r, r))
+    rows = np.concatenate([problem.factors(), effects], axis=2)
+    base = np.zeros((p + r, p + r))
+    base[:p, :p] = limits.base
+    precision = len(limits.blocks) / limits.block_variance
+    base[p:, p:] = precision * np.eye(r)
+    return Problem(rows), beside, replace(free, base=base)
+
+
+def _of_interest(criterion: Relaxable, p: int, r: int) -> Interest:
+    """The criterion of p parameters, beside r of nuisance."""
+    base = criterion
+    K = np.eye(p)
+    names = None
+    if isinstance(criterion, Interest):
+        base = criterion.base
+        K = criterion.K
+        names = criterion.names
+    return Interest(base, np.vstack([K, np.zeros((r, K.shape[1]))]), names)
+
+
+@dataclass(frozen=True, eq=False)
+class RelaxedCounts:
+    """What the relaxation tells about plans of one size.
+
+    Attributes:
+        counts: Counts (n,), not whole, of the best plan without regard to the limits.
+        cost: No plan costs less.
+        gap: Relative gap between bound and the best weights.
+        multipliers: What proves it (r, p, p).
+        basis: What the bound is on, in words.
+        kind: Whether it is proved, or a solver's word.
+    """
+
+    counts: Array
+    cost: float
+    gap: float
+    multipliers: Array
+    basis: str
+    kind: BoundKind = BoundKind.PROVED_ON_CANDIDATES
+
+    def exceeds(self, limits: Limits) -> bool:
+        """Whether these counts break a limit, so that a better bound may be proved."""
+        if limits.most is not None and (self.counts > limits.most + WITHIN).any():
+            return True
+        if limits.costs is None or not limits.sized:
+            return False
+        return bool(self.counts @ limits.costs > limits.funds * (1 + WITHIN))
+
+
+def relaxed_counts(problem: Problem, criterion: Relaxable, limits: Limits) -> RelaxedCounts:
+    """Relax the counts of a plan: `relax` with what every plan has as prior information.
+
+    ``K + sum n_i M_i`` of m experiments is m times ``sum w_i (K/m + M_i)`` with ``w = n/m``. With
+    no size given, what an experiment costs is the unit instead: ``n_i c_i`` sums to the funds f,
+    and ``sum w_i (K/f + M_i/c_i)`` is f times smaller.
+
+    Args:
+        problem: The candidates, without a prior.
+        criterion: What is minimised.
+        limits: What plans must obey; `most` is not regarded here, nor are costs beside a size.
+    """
+    total = float(limits.m)
+    each = np.ones(problem.n)
+    question = problem
+    if not limits.sized:
+        assert limits.costs is not None
+        total = limits.funds
+        each = limits.costs
+        rows = problem.factors() / np.sqrt(each)[:, None, None]
+        question = Problem(rows, parameters=problem.parameters)
+    if limits.base.any():
+        question = question.with_prior(limits.base / total)
+    weights, bound, multipliers = _equal(question, criterion) or _relaxed(question, criterion)
+    basis = "weights, their limits set aside" if limits.restricts and limits.sized else "weights"
+    return RelaxedCounts(
+        counts=weights * total / each,
+        cost=bound.scaled(total).cost,
+        gap=bound.gap,
+        multipliers=multipliers,
+        basis=basis,
+        kind=bound.kind,
+    )
+
+
+def _relaxed(problem: Problem, criterion: Relaxable) -> tuple[Array, Bound, Array]:
+    """The best weights (n,), their bound, and the multipliers that prove it."""
+    found = relax(problem, criterion)
+    return found.weights, found.proved_bound, found.multipliers
+
+
+def _equal(problem: Problem, criterion: Relaxable) -> tuple[Array, Bound, Array] | None:
+    """The same of equal weights, where these are the best: on a cube, or any set of symmetry.
+
+    One look at the candidates tells, and spares a program over hundreds of thousands of them.
+    """
+    if not criterion.smooth or criterion.degree == 0:
+        return None
+    M = problem.mean
+    cost = float(criterion.cost(M))
+    if not np.isfinite(cost):
+        return None
+    Z = -criterion.gradient(M)[None]
+    largest = problem.sensitivities(Z).max(axis=-1)
+    bound = criterion.lower_bound(Z, largest, M)
+    if not bound >= cost * (1 - EQUAL):
+        return None
+    proved = Bound.of(criterion, bound, cost, BoundKind.PROVED_ON_CANDIDATES)
+    return np.full(problem.n, 1.0 / problem.n), proved, Z
+
+
+def within_limits(
+    relaxed: RelaxedCounts, problem: Problem, criterion: Criterion, limits: Limits, start: Array
+) -> RelaxedCounts:
+    """The sharper bound of weights that obey the limits, where they are restricted by them.
+
+    Args:
+        relaxed: The relaxation without regard to the limits.
+        problem: The candidates, without a prior.
+        criterion: What is minimised.
+        limits: What plans must obey.
+        start: Counts (n,) of a plan within the limits, regular.
+    """
+    # A criterion of degree zero is bounded among designs of unit trace, which limits do not know.
+    if not isinstance(criterion, Relaxable) or criterion.degree == 0:
+        return relaxed
+    if not relaxed.exceeds(limits):
+        return relaxed
+    sharper = counts_bound(problem, criterion, limits, start, relaxed.multipliers)
+    if not sharper.cost > relaxed.cost:
+        return relaxed
+    return RelaxedCounts(
+        sharper.counts,
+        sharper.cost,
+        sharper.gap,
+        relaxed.multipliers,
+        "weights within the limits",
+        relaxed.kind,
+    )
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,6 +1,6 @@
 """Many descents from many starts, the best plan of them, and how often it was found."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,15 +8,17 @@ import numpy as np
 from criteria import Criterion
 from criteria.linalg.inverse import guarded_inverse
 from edtk.design.exact.apportion import apportion
-from edtk.design.exact.counts.descend_places import descend_places
-from edtk.design.exact.counts.draw_places import draw_places, kicked
+from edtk.design.exact.counts.counts_bound import Scatter
 from edtk.design.exact.counts.limits import Limits
-from edtk.design.exact.counts.prices import Pricing
-from edtk.design.exact.counts.scatter import Scatter
-from edtk.design.exact.counts.swap_between_blocks import swap_between_blocks
+from edtk.design.exact.counts.prices import GAIN, Pricing
 from edtk.system.time_limit import out_of_time
 from edtk.system.typing import Array, Indices, Mask
 
+KICKED = 0.2  # part of the places that a kick draws anew; two at least
+LEAST_KICKED = 2
+AT_ONCE = 200_000  # chances that are drawn from together; such arrays stay in a core's cache
+SWEEPS = 100  # over all places, at most, in each round: some ten are usual
+SWAP_SWEEPS = 50  # over all places, at most
 # Part of the candidates' mean information that is added to every plan at first, so that a singular
 # start has prices: far below what a plan of so many places tells, far above rounding.
 RIDGE = 1e-6
@@ -30,6 +32,195 @@ SETTLED = 0.1
 UNSEEN = 0.5  # optima that may be expected beyond those
 AROUND = 3  # places of the best plan that are drawn anew where it is a start
 MOST_WAVES = 1024
+
+
+def draw_places(rng: np.random.Generator, limits: Limits, chances: Sequence[Array]) -> Indices:
+    """Draw the places of plans one after the other, each from what the limits leave.
+
+    Args:
+        rng: Random numbers.
+        limits: What the plans must obey.
+        chances: Weights (n,), all positive, with which candidates are drawn, for each plan.
+
+    Returns:
+        Places (b, m).
+    """
+    n = len(chances[0])
+    if not limits.restricts:
+        return np.array([rng.choice(n, size=limits.m, p=own / own.sum()) for own in chances])
+    order = rng.random((len(chances), limits.m)).argsort(axis=1)
+    places = np.tile(_cheapest(limits, n), (len(chances), 1))
+    return _redrawn(rng, limits, places, order, chances)
+
+
+def kicked(
+    rng: np.random.Generator, limits: Limits, places: Indices, n: int, number: int | None = None
+) -> Indices:
+    """Draw a few places of plans (b, m) anew, at random from n candidates.
+
+    Args:
+        rng: Random numbers.
+        limits: What the plans obey.
+        places: The plans.
+        n: Number of candidates.
+        number: Number of places; None for a part of all.
+    """
+    if number is None:
+        number = max(LEAST_KICKED, round(KICKED * limits.m))
+    number = min(limits.m, number)
+    some = rng.random(places.shape).argsort(axis=1)[:, :number]
+    if limits.restricts:
+        return _redrawn(rng, limits, places, some, [np.ones(n)] * len(places))
+    places = places.copy()
+    places[np.arange(len(places))[:, None], some] = rng.integers(n, size=some.shape)
+    return places
+
+
+def _redrawn(
+    rng: np.random.Generator,
+    limits: Limits,
+    places: Indices,
+    some: Indices,
+    chances: Sequence[Array],
+) -> Indices:
+    """Plans (b, m) with some places (b, k) of each drawn anew, in turn, within the limits."""
+    n = len(chances[0])
+    together = max(1, AT_ONCE // n)
+    parts = [slice(first, first + together) for first in range(0, len(places), together)]
+    drawn = [
+        _redrawn_together(rng, limits, places[part], some[part], np.array(chances[part]))
+        for part in parts
+    ]
+    return np.concatenate(drawn)
+
+
+def _redrawn_together(
+    rng: np.random.Generator, limits: Limits, places: Indices, some: Indices, chances: Array
+) -> Indices:
+    """A part of them, with the chances (b, n)."""
+    b, n = chances.shape
+    places = places.copy()
+    each = np.arange(b)
+    for place in some.T:
+        allowed = limits.allowed(places, place, n)
+        assert allowed is not None
+        # Of independent exponential waits each is the shortest with its share of the rates.
+        waits = rng.standard_exponential((b, n)) / chances
+        waits[~allowed[:, :n]] = np.inf
+        new = waits.argmin(axis=1)
+        # Nothing else may fit; the place then keeps what it has.
+        fits = np.isfinite(waits[each, new])
+        places[each[fits], place[fits]] = new[fits]
+    return places
+
+
+def _cheapest(limits: Limits, n: int) -> Indices:
+    """The least expensive plan (m,); empty places where no size is given."""
+    if not limits.sized:
+        return np.full(limits.m, n)
+    costs = np.zeros(n) if limits.costs is None else limits.costs
+    order = np.argsort(costs, kind="stable")
+    most = np.full(n, limits.m) if limits.most is None else np.minimum(limits.most, limits.m)
+    return np.repeat(order, most[order])[: limits.m]
+
+
+def descend_places(pricing: Pricing, limits: Limits, places: Indices, ridge: float) -> Indices:
+    """Improve plans by exchanging one place at a time for the best of all candidates.
+
+    This is the modified Fedorov algorithm (Cook and Nachtsheim 1980), for many plans in step with
+    each other: each operation on arrays serves all of them. A plan leaves when no place of it has
+    a better candidate.
+
+    Args:
+        pricing: Prices of the criterion.
+        limits: What plans must obey; the given ones do.
+        places: Candidates (b, m) at the places of b plans.
+        ridge: See `Pricing.prices`.
+
+    Returns:
+        Places (b, m) of plans that are no worse.
+    """
+    found = places.copy()
+    for first in range(0, len(places), pricing.batch):
+        part = slice(first, first + pricing.batch)
+        for size in pricing.rounds:
+            found[part] = _descend(pricing, limits, found[part], ridge, size)
+            if out_of_time():
+                break
+    return found
+
+
+def _descend(pricing: Pricing, limits: Limits, places: Indices, ridge: float, size: int) -> Indices:
+    """A round of sweeps over plans that fit into a cache together."""
+    places = places.copy()
+    left = np.arange(len(places))
+    for _ in range(SWEEPS):
+        # Prices are computed anew for each sweep, so that rounding does not accumulate.
+        own = places[left]
+        prices = pricing.prices(own, ridge, size)
+        moved = np.zeros(len(left), dtype=bool)
+        for place in range(own.shape[1]):
+            allowed = limits.allowed(own, place, pricing.candidates)
+            new, gain = prices.best(place, allowed)
+            better = np.flatnonzero(gain > GAIN)
+            if len(better):
+                prices.replace(better, place, new[better])
+                own[better, place] = new[better]
+                moved[better] = True
+        places[left] = own
+        left = left[moved]
+        # Without time one sweep is enough: it tells all that a plan of so many places can.
+        if not len(left) or out_of_time():
+            break
+    return places
+
+
+def swap_between_blocks(criterion: Criterion, scatter: Scatter, places: Indices) -> Indices:
+    """Swap experiments of different blocks in each plan, as long as that improves it.
+
+    Where every candidate may be taken once only, and all are, nothing else can improve a plan.
+
+    Args:
+        criterion: The criterion to minimise.
+        scatter: Rows of the candidates, and the blocks.
+        places: Candidates (b, m) at the places of b plans.
+
+    Returns:
+        Places (b, m) of plans that are no worse.
+    """
+    places = places.copy()
+    costs = _costs(criterion, scatter, places)
+    for _ in range(SWAP_SWEEPS):
+        before = costs.copy()
+        for place in range(places.shape[1]):
+            _swap(criterion, scatter, places, costs, place)
+        if not (costs < before * (1 - GAIN)).any():
+            break
+    return places
+
+
+def _swap(
+    criterion: Criterion, scatter: Scatter, places: Indices, costs: Array, place: int
+) -> None:
+    """Swap the experiment at one place with the best one of another block, in all plans."""
+    block_of = scatter.limits.block_of
+    others = np.flatnonzero(block_of != block_of[place])
+    trials = np.repeat(places[:, None], len(others), axis=1)
+    each = np.arange(len(others))
+    trials[:, each, others] = places[:, place, None]
+    trials[:, each, place] = places[:, others]
+    flat = trials.reshape(-1, places.shape[1])
+    reached = _costs(criterion, scatter, flat).reshape(len(places), -1)
+    best = reached.argmin(axis=1)
+    least = reached[np.arange(len(places)), best]
+    better = least < costs * (1 - GAIN)
+    places[better] = trials[better, best[better]]
+    costs[better] = least[better]
+
+
+def _costs(criterion: Criterion, scatter: Scatter, places: Indices) -> Array:
+    """Costs (b,) of plans (b, m)."""
+    return np.asarray(criterion.cost(scatter.information(places))).reshape(-1)
 
 
 @dataclass(frozen=True, eq=False)

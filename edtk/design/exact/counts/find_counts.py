@@ -8,16 +8,21 @@ import numpy as np
 
 from criteria import Criterion, Relaxable
 from edtk.design.bound import Bound, BoundKind
-from edtk.design.exact.counts.beside_blocks import Question, beside_blocks
+from edtk.design.exact.counts.counts_bound import (
+    Question,
+    RelaxedCounts,
+    Scatter,
+    beside_blocks,
+    relaxed_counts,
+    within_limits,
+)
 from edtk.design.exact.counts.counts_search import CountsSearch
 from edtk.design.exact.counts.limits import Limits
 from edtk.design.exact.counts.pricing_for import pricing_for, working_parameters
 from edtk.design.exact.counts.problem_plan import ProblemPlan
-from edtk.design.exact.counts.relaxed_counts import RelaxedCounts, relaxed_counts, within_limits
-from edtk.design.exact.counts.scatter import Scatter
 from edtk.design.problem import Problem, RankDeficientError
-from edtk.design.relaxation.order_one import OrderOne
 from edtk.design.relaxation.restricted_master import RelaxationError
+from edtk.design.relaxation.setting import OrderOne
 from edtk.system.errors import UserError
 from edtk.system.typing import Indices
 

@@ -1,4 +1,4 @@
-"""Prices for criteria that are the largest of several variances, of candidates with one row."""
+"""Prices for criteria that are the largest of several variances, of one row each."""
 
 import numpy as np
 

@@ -5,20 +5,20 @@ from dataclasses import replace
 import numpy as np
 
 from criteria import Criterion, Relaxable
-from criteria.determinant_criterion import DeterminantCriterion
-from criteria.linalg.root import root
-from edtk.design.exact.constant_slope import constant_slope
+from criteria.criterion import DeterminantCriterion
+from criteria.linalg.inverse import root
 from edtk.design.exact.counts.any_prices import AnyPricing
 from edtk.design.exact.counts.convex_loss import convex_loss
+from edtk.design.exact.counts.counts_bound import Scatter
 from edtk.design.exact.counts.determinant_prices import DeterminantPricing
 from edtk.design.exact.counts.largest_variance_prices import LargestVariancePricing
 from edtk.design.exact.counts.least_eigenvalue_prices import LeastEigenvaluePricing
 from edtk.design.exact.counts.limits import Limits
 from edtk.design.exact.counts.linear_prices import LinearPricing
 from edtk.design.exact.counts.prices import Pricing
-from edtk.design.exact.counts.scatter import Scatter
 from edtk.design.exact.counts.several_rows_pricing import SeveralRowsPricing
 from edtk.design.exact.counts.two_level_prices import TwoLevelPricing, two_levels
+from edtk.design.exact.exchange_costs import constant_slope
 from edtk.system.typing import Array
 
 MOST_VARIANCES = 2_000_000  # of a look at all candidates; beyond it short lists are quicker

@@ -7,9 +7,9 @@ import numpy as np
 
 from criteria import Criterion
 from edtk.design.bound import Bound, BoundKind
-from edtk.design.exact.bounded_plan import BoundedPlan
-from edtk.design.frame_problem import FrameProblem
+from edtk.design.exact.exact_plan import BoundedPlan
 from edtk.design.problem import Problem
+from edtk.design.problems import FrameProblem
 from edtk.system.typing import Indices
 
 if TYPE_CHECKING:

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from edtk.design.exact.counts.counts_search import _Record
-from edtk.design.exact.counts.draw_places import draw_places, kicked
+from edtk.design.exact.counts.counts_search import _Record, draw_places, kicked
 from edtk.design.exact.counts.limits import Limits
 
 N = 12

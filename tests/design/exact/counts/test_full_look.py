@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from edtk.design.exact.counts import full_look as module
-from edtk.design.exact.counts.full_look import FullLook
+from edtk.design.exact.counts import several_rows_pricing as module
+from edtk.design.exact.counts.several_rows_pricing import FullLook
 
 RNG = np.random.default_rng(8)
 N = 150

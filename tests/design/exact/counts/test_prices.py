@@ -4,16 +4,16 @@ import numpy as np
 import pytest
 
 import criteria
-from edtk.design.exact.constant_slope import constant_slope
 from edtk.design.exact.counts.any_prices import AnyPricing
+from edtk.design.exact.counts.counts_bound import Scatter
 from edtk.design.exact.counts.determinant_prices import DeterminantPricing
 from edtk.design.exact.counts.largest_variance_prices import LargestVariancePricing
 from edtk.design.exact.counts.least_eigenvalue_prices import LeastEigenvaluePricing
 from edtk.design.exact.counts.limits import Limits
 from edtk.design.exact.counts.linear_prices import LinearPricing
 from edtk.design.exact.counts.pricing_for import pricing_for
-from edtk.design.exact.counts.scatter import Scatter
 from edtk.design.exact.counts.two_level_prices import TwoLevelPricing, two_levels
+from edtk.design.exact.exchange_costs import constant_slope
 
 RNG = np.random.default_rng(3)
 P = 4

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from edtk.design.exact.counts.limits import Limits
-from edtk.design.exact.counts.reachable import Reachable
+from edtk.design.exact.counts.limits import Limits, Reachable
 
 RNG = np.random.default_rng(8)
 N = 9

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 import criteria
-from edtk.design.exact.counts.beside_blocks import beside_blocks
+from edtk.design.exact.counts.counts_bound import Scatter, beside_blocks
 from edtk.design.exact.counts.limits import Limits
-from edtk.design.exact.counts.scatter import Scatter
 from edtk.design.problem import Problem
 
 RNG = np.random.default_rng(5)

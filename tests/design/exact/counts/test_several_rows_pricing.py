@@ -8,11 +8,14 @@ import edtk
 from edtk.design.exact.counts import pricing_for as module
 from edtk.design.exact.counts import several_rows_pricing
 from edtk.design.exact.counts.convex_loss import ConvexLoss
+from edtk.design.exact.counts.counts_bound import Scatter
 from edtk.design.exact.counts.limits import Limits
 from edtk.design.exact.counts.pricing_for import pricing_for
-from edtk.design.exact.counts.scatter import Scatter
-from edtk.design.exact.counts.several_rows_pricing import SeveralRowsPricing
-from edtk.design.exact.counts.shortlist import Shortlist, place_tangent
+from edtk.design.exact.counts.several_rows_pricing import (
+    SeveralRowsPricing,
+    Shortlist,
+    place_tangent,
+)
 
 RNG = np.random.default_rng(11)
 N = 90

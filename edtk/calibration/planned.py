@@ -1,0 +1,380 @@
+"""What a plan promises before anything is measured: its errors, their budget, and its bias."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from edtk.calibration.moving_joints import stated_noise
+from edtk.calibration.posterior_check import PosteriorCheck, check_posterior, first_estimate
+from edtk.calibration.propagation import Propagation, uncertainty_of
+from edtk.calibration.template import measured_names
+from edtk.design.plan import Plan
+from edtk.fit.correlated_noise import CorrelatedNoise, NoiseBlocks, RowNoise
+from edtk.fit.equilibrium import Bias, linearisation_bias
+from edtk.fit.least_squares import SingularPlanError, covariance
+from edtk.fit.measurements import Measurements, simulate
+from edtk.fit.noise import MOST_COORDINATES, Noise
+from edtk.fit.posterior import SamplingOptions
+from edtk.fit.sheet import sheet_turns
+from edtk.measure.equilibrium import NoEquilibriumError
+from edtk.measure.expected_error import ErrorBudget, TaskAccuracy, compensation_accuracy
+from edtk.measure.noise import VisitNoise, shared_visits
+from edtk.study.evaluate import accuracy_of_tasks, plan_covariance
+from edtk.study.study import Study
+from edtk.study.study_model import payload_beside_load, study_sigma
+from edtk.system.errors import UserError
+from edtk.system.presented import Presented
+from edtk.system.typing import Array, Indices
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+def plan_noise(study: Study, plan: Plan) -> RowNoise:
+    """The noise of the mean of each experiment's repeats (m, rows) [m, rad].
+
+    Repeats average out what is not shared: ``sigma^2 / r``, or ``V/r + diag(d^2)`` with the
+    covariance V of a visit and the discrepancy d.
+
+    Args:
+        study: The noise, and the rows that are measured.
+        plan: The experiments.
+    """
+    if study.noise is None:
+        return np.asarray(study.sigma / np.sqrt(plan.repeats)[:, None])
+    scatter, shared = _parts(study, study.noise, plan)
+    return CorrelatedNoise.by_row(scatter / plan.repeats[:, None, None] + shared)
+
+
+def visits_noise(study: Study, plan: Plan) -> RowNoise:
+    """The noise of every single visit (sum of repeats, rows), those of a pose one after another.
+
+    Raises:
+        UserError: Too many repeats of a pose share a discrepancy.
+    """
+    visits = int(plan.repeats.sum())
+    if study.noise is None:
+        return np.broadcast_to(study.sigma, (visits, len(study.sigma)))
+    scatter, shared = _parts(study, study.noise, plan)
+    rows = scatter.shape[1]
+    if not study.noise.shares:
+        return CorrelatedNoise.by_row(np.repeat(scatter, plan.repeats, axis=0))
+    most = MOST_COORDINATES // rows
+    if plan.repeats.max() > most:
+        raise study.error(
+            "noise.discrepancy_mm",
+            f"{plan.repeats.max()} repeats of a pose share it; expected {most} at most here",
+        )
+    first = np.cumsum(plan.repeats) - plan.repeats
+    blocks = []
+    for r in np.unique(plan.repeats):
+        of_size = np.flatnonzero(plan.repeats == r)
+        own = np.einsum("ij,gab->giajb", np.eye(r), scatter[of_size])
+        whole = own + shared[of_size][:, None, :, None]
+        members = first[of_size][:, None] + np.arange(r)
+        blocks.append(NoiseBlocks(members, whole.reshape(len(of_size), r * rows, r * rows)))
+    return CorrelatedNoise.of(blocks, (visits, rows))
+
+
+def _parts(study: Study, noise: VisitNoise, plan: Plan) -> tuple[Array, Array]:
+    """What repeats average out, and what they share (m, rows, rows) [m^2, rad^2]."""
+    frames = study.model.frames(plan.q)
+    scatter = np.moveaxis(noise.scatter_of(study.model, frames), -1, 0)
+    prismatic = np.array([joint.kind == "prismatic" for joint in study.robot.joints])
+    near = shared_visits(plan.q, plan.repeats, prismatic, noise.within) / plan.repeats
+    return scatter, near[:, None, None] * np.diag(noise.discrepancy**2)
+
+
+def planned_measurements(study: Study, plan: Plan) -> Measurements:
+    """Poses, loads and noise of a plan: a row for each pose, and instrument if there are several.
+
+    Repetitions count as one measurement of less noise, ``sigma / sqrt(repeats)``, so that very many
+    are not expanded; of a discrepancy that they share they do not lessen.
+
+    Args:
+        study: Says which rows are measured, and their noise. Its instruments measure as many rows
+            each.
+        plan: The experiments.
+    """
+    if study.noise is not None:
+        visits = _of_sensors(study, plan, np.ones_like(plan.repeats))
+        return stated_noise(study, visits, _of_instruments(study, plan.repeats))
+    if study.model.sensors:
+        return _of_sensors(study, plan, plan.repeats)
+    poses = len(plan.q)
+    sigma = study.sigma / np.sqrt(plan.repeats[:, None].astype(float))
+    nothing = np.zeros((poses, len(study.sigma)))
+    return Measurements(
+        plan.q, plan.wrench, nothing, sigma, np.zeros((poses, 3)), absolute=study.is_absolute
+    )
+
+
+def _of_instruments(study: Study, values: Indices) -> Indices:
+    """Values (poses,) for each instrument in each pose."""
+    return np.repeat(values, len(study.model.instruments))
+
+
+def _of_sensors(study: Study, plan: Plan, repeats: Indices) -> Measurements:
+    """The same where markers or distances are measured: all of them in each pose."""
+    sensors = study.model.instruments
+    poses = len(plan.q)
+    each = np.split(study_sigma(study), len(sensors))
+    sigma = np.tile(each, (poses, 1)) / np.sqrt(_of_instruments(study, repeats))[:, None]
+    offsets = [sensor.point.offset for sensor in sensors]
+    index = np.tile(np.arange(len(sensors)), poses)
+    return Measurements(
+        np.repeat(plan.q, len(sensors), axis=0),
+        np.repeat(plan.wrench, len(sensors), axis=0),
+        np.zeros_like(sigma),
+        sigma,
+        np.tile(offsets, (poses, 1)),
+        sensor=index,
+        turn=sheet_turns(sensors, index),
+        absolute=study.is_absolute,
+    )
+
+
+def plan_propagation(study: Study, plan: Plan) -> Propagation | None:
+    """Propagate the circumstances of a calibration by a plan to its estimates.
+
+    Args:
+        study: The study; its [simulation] says how compliant the joints are.
+        plan: All experiments.
+
+    Returns:
+        The shifts of the estimates; None without a [simulation], or if the plan leaves a compliance
+        open.
+    """
+    if study.specification.simulation is None:
+        return None
+    try:
+        cov = np.asarray(covariance(study.information(plan), study.model.parameters))
+    except SingularPlanError:
+        return None
+    k = study.compliances
+    return Propagation.of(
+        study.model,
+        planned_measurements(study, plan),
+        k,
+        cov,
+        uncertainty_of(study),
+        np.repeat(plan.repeats, len(study.model.instruments)),
+        payload=payload_beside_load(study),
+    )
+
+
+def plan_budget(study: Study, plan: Plan) -> ErrorBudget | None:
+    """Propagate what is uncertain in a calibration by a plan to the study's task.
+
+    The nonlinear model will be fitted where it matters, so that the part of the linear one is zero.
+
+    Args:
+        study: The study; its [simulation] says how compliant the joints are.
+        plan: All experiments.
+
+    Returns:
+        The budget; None without a test pose or a [simulation], or if the plan leaves a compliance
+        open.
+    """
+    propagation = plan_propagation(study, plan) if study.tasks else None
+    return None if propagation is None else propagation.budget(study.tasks)
+
+
+def plan_tasks(study: Study, plan: Plan) -> TaskAccuracy | None:
+    """Find the errors to expect in each test pose, with the total where compliances are assumed.
+
+    Args:
+        study: The study.
+        plan: All experiments.
+
+    Returns:
+        The errors; None for a single test pose, without one, and if the plan leaves a compliance
+        open.
+    """
+    if len(study.tasks) < 2:
+        return None
+    try:
+        found = accuracy_of_tasks(study, plan_covariance(study, study.information(plan)))
+    except SingularPlanError:
+        return None
+    propagation = None if found is None else plan_propagation(study, plan)
+    if found is None or propagation is None:
+        return found
+    return replace(found, total=propagation.totals(study.tasks, np.zeros(len(study.tasks))))
+
+
+@dataclass(frozen=True, eq=False)
+class PlanBias(Presented):
+    """A plan's bias, and its effect in the test pose.
+
+    Attributes:
+        bias: Bias and covariance of the compliances.
+        joints: Names (p,) of their joints.
+        parameters: Names (p,) of the parameters.
+        experiments: Number of measurements.
+        unit: Of the parameters.
+        rho0: Error by the noise in the test pose, Eq. (20) [m]; None without a test pose.
+        rho0_bias: Length of the mean error by the bias in the test pose [m]; None without one.
+        poses: Number of test poses, over which both are roots of the mean of squares.
+    """
+
+    bias: Bias
+    joints: tuple[str, ...]
+    parameters: tuple[str, ...]
+    experiments: int
+    unit: str
+    rho0: float | None
+    rho0_bias: float | None
+    poses: int = 1
+
+    def headline(self) -> str:
+        """The largest bias in standard deviations."""
+        worst = int(np.abs(self.bias.in_std).argmax())
+        return (
+            f"linear model, {self.experiments} experiments: {self.parameters[worst]} is off by "
+            f"{self.bias.in_std[worst]:+.3g} standard deviations at most"
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain numbers in SI units; a per cent value that is infinite is null."""
+        percent = [p if np.isfinite(p) else None for p in self.bias.percent.tolist()]
+        return {
+            "experiments": self.experiments,
+            "true": self._by_joint(self.bias.true),
+            "expected": self._by_joint(self.bias.expected),
+            "bias": self._by_joint(self.bias.bias),
+            "std": self._by_joint(self.bias.std),
+            "bias_in_std": self._by_joint(self.bias.in_std),
+            "bias_percent": dict(zip(self.joints, percent, strict=True)),
+            "rho0": self.rho0,
+            "rho0_bias": self.rho0_bias,
+        }
+
+    def to_frame(self) -> "pd.DataFrame":
+        """A row for each compliance, SI units.
+
+        Columns: `joint`, `parameter`, `true`, `expected`, `bias`, `std`, `bias_in_std` and
+        `bias_percent`.
+        """
+        import pandas as pd
+
+        return pd.DataFrame(
+            {
+                "joint": self.joints,
+                "parameter": self.parameters,
+                "true": self.bias.true,
+                "expected": self.bias.expected,
+                "bias": self.bias.bias,
+                "std": self.bias.std,
+                "bias_in_std": self.bias.in_std,
+                "bias_percent": self.bias.percent,
+            }
+        )
+
+    def _by_joint(self, values: Array) -> dict[str, float]:
+        """Values (p,) by the names of the joints."""
+        return dict(zip(self.joints, values.tolist(), strict=True))
+
+
+def plan_bias(study: Study, plan: Plan, path: Path | str) -> PlanBias:
+    """Carry out a plan on the robot of the study's [simulation] and identify with the linear model.
+
+    Compliances that [simulation] gives for joints that are not unknown bend the robot too.
+
+    Args:
+        study: Model, noise, test pose and assumed true compliances.
+        plan: The plan.
+        path: Where the plan comes from, for the message.
+
+    Raises:
+        UserError: The study has no [simulation], or it lacks a joint or names an unknown one; or a
+            pose of the plan has no equilibrium.
+        SingularPlanError: The plan cannot identify all parameters; names them.
+    """
+    k = _assumed_compliances(study)
+    # The mean of repetitions has all their information: counts need no rows.
+    sigma = plan_noise(study, plan)
+    try:
+        found = linearisation_bias(study.model, plan.q, plan.wrench, sigma, k, study.known)
+    except NoEquilibriumError as error:
+        row = f"row {error.pose + 1}"
+        message = "no stable equilibrium under its load"
+        raise UserError(message, where=path, key=row) from error
+    A0 = study.target
+    return PlanBias(
+        bias=found,
+        joints=study.specification.joints.unknown,
+        parameters=study.model.parameters,
+        experiments=plan.experiments,
+        unit=study.model.unit,
+        rho0=None if A0 is None else float(compensation_accuracy(A0, found.covariance)),
+        rho0_bias=None if A0 is None else found.in_pose(A0),
+        poses=len(study.tasks),
+    )
+
+
+def _assumed_compliances(study: Study) -> Array:
+    """Compliances (n,) of all joints [rad/(N m)].
+
+    They are from [simulation]; where it does not name a joint, known ones from [joints], else zero.
+
+    Raises:
+        UserError: The study has no [simulation], or it lacks a joint or names an unknown one.
+    """
+    simulation = study.specification.simulation
+    if simulation is None:
+        message = "expected a table with the assumed true compliances; the study has none"
+        raise study.error("simulation", message)
+    names = study.robot.joint_names
+    for name in simulation.compliance_rad_per_Nm:
+        if name not in names:
+            message = f"no joint {name!r}; this robot has {', '.join(names)}"
+            raise study.error("simulation.compliance_rad_per_Nm", message)
+    k = np.array([simulation.compliance_rad_per_Nm.get(name, 0.0) for name in names])
+    for j, compliance in study.known.items():
+        k[j] = simulation.compliance_rad_per_Nm.get(names[j], compliance)
+    k[study.model.joints] = study.compliances
+    return k
+
+
+def check_plan_posterior(
+    study: Study,
+    plan: Plan,
+    rng: np.random.Generator,
+    *,
+    noise: Noise | None = None,
+    options: SamplingOptions = SamplingOptions(),  # noqa: B008  (frozen)
+) -> PosteriorCheck:
+    """Simulate one calibration with normal errors, sample its posterior, and compare it.
+
+    Args:
+        study: Model, noise, priors and assumed true compliances.
+        plan: The plan that is carried out.
+        rng: Source of randomness, of the errors and of the sampler.
+        noise: Assumptions about the noise; default to those of the study.
+        options: How accurately, and where the chain is kept.
+
+    Returns:
+        Posterior standard deviations beside those of Eq. (13), and the samples; the reference is
+        the assumed truth.
+
+    Raises:
+        SingularPlanError: The plan cannot identify all parameters, and the prior does not tell
+            the others.
+        UserError: The study assumes no true compliances, or its prior is not one.
+        UnconvergedError: The chain does not converge.
+        ImproperPosteriorError: Too few measurements for the unknowns.
+        ChainFileError: The file is no chain, or of another problem.
+    """
+    A = np.repeat(study.model.regressor(plan.q, plan.wrench), plan.repeats, axis=0)
+    sigma = visits_noise(study, plan)
+    measured = simulate(A, study.compliances, sigma, rng)[0]
+    fit, untold = first_estimate(study, A, measured, sigma)
+    found = check_posterior(study, A, measured, sigma, fit, rng, noise=noise, options=options)
+    table = found.table.assign(reference=study.compliances)
+    if not untold:  # else Eq. (13) has no inverse
+        table = table.rename(columns={"std_fit": "std_eq13"})
+    names = measured_names(study.model)
+    return replace(found, table=table, reference="assumed truth", coordinates=names)

@@ -1,0 +1,274 @@
+"""Task poses from a file, tools and loads that the robot has in them, and rows without answer."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from edtk.design.plan import Plan
+from edtk.measure.compliances import Compliances
+from edtk.measure.pose_table import Table
+from edtk.robots.robot import Robot
+from edtk.robots.weights import DeadWeights
+from edtk.study.study import Study
+from edtk.system.errors import UserError
+from edtk.system.typing import Array, Indices
+
+MOST_NAMED = 3  # rows that a sentence names one by one
+FACTOR = 10.0  # up to which a ratio is that of units which are a thousand apart
+A_THOUSAND = 1e3
+# Displacement over the arm's reach beyond which no arm is used: it would give way by decimetres.
+FAR = 0.05
+
+
+@dataclass(frozen=True)
+class RefusedRow:
+    """A row that is left out, and why.
+
+    Attributes:
+        row: The row, counted from 0.
+        reason: What is wrong with it.
+        column: The column at fault; empty if none is.
+    """
+
+    row: int
+    reason: str
+    column: str = ""
+
+    @property
+    def place(self) -> str:
+        """Row, counted from 1, and column."""
+        return f"row {self.row + 1}" + (f", column {self.column}" if self.column else "")
+
+    @property
+    def text(self) -> str:
+        """One line."""
+        return f"{self.place}: {self.reason}"
+
+    def to_dict(self) -> dict[str, Any]:
+        """For JSON; rows are counted from 1 there."""
+        return {"row": self.row + 1, "column": self.column or None, "reason": self.reason}
+
+
+class RefusedRowsError(Exception):
+    """Some rows of a batch have no answer.
+
+    Args:
+        rows: Those rows, in their order.
+    """
+
+    def __init__(self, rows: Sequence[RefusedRow]) -> None:
+        super().__init__(rows[0].text)
+        self.rows = tuple(rows)
+
+
+def require_one(answered: int, refused: Sequence[RefusedRow], where: Path | str) -> None:
+    """Check that a row at least has an answer.
+
+    Raises:
+        UserError: None has; says why of the first one.
+    """
+    if answered or not refused:
+        return
+    first = min(refused, key=lambda row: row.row)
+    raise UserError(first.reason, where=where, key=first.place)
+
+
+def refused_in_words(refused: Sequence[RefusedRow]) -> str:
+    """How many rows are left out, and why the first of them are; empty for none."""
+    if not refused:
+        return ""
+    named = "; ".join(row.text for row in refused[:MOST_NAMED])
+    more = len(refused) - MOST_NAMED
+    also = f"; and {more} more" if more > 0 else ""
+    return f"{len(refused)} row{'s' * (len(refused) > 1)} left out: {named}{also}"
+
+
+def load_task(study: Study, path: Table | None = None) -> Plan:
+    """Read task poses, columns as in a plan; without wrench columns, the test pose's load acts.
+
+    A file without them goes with test poses of one and the same load.
+
+    Joints that the study fixes may be left out, as in a plan. A column `repeats` means nothing.
+
+    Args:
+        study: Robot and test pose.
+        path: The CSV file, or a data frame that holds what it would; None for the poses
+            of the study itself.
+
+    Raises:
+        UserError: The study has no test pose, or some with different tools, or the file cannot be
+            read; names the row and the column.
+    """
+    require_task(study)
+    if path is None:
+        poses = np.array([task.q for task in study.tasks])
+        wrenches = np.array([task.wrench for task in study.tasks])
+        return Plan(poses, wrenches, np.ones(len(poses), dtype=int))
+    wrench = study.tasks[0].wrench
+    robot_of_task(study)
+    same = all(np.array_equal(task.wrench, wrench) for task in study.tasks)
+    return Plan.from_csv(path, study.robot, study.fixed, wrench if same else None)
+
+
+def require_task(study: Study) -> None:
+    """Check that a study has a task.
+
+    Raises:
+        UserError: It has none.
+    """
+    if not study.tasks:
+        message = "expected a table with the tool and the load of the task; the study has none"
+        raise study.error("test_pose", message)
+
+
+def robot_of_task(study: Study) -> Robot:
+    """Find the robot with the tool that all tasks of a study share.
+
+    Args:
+        study: Robot and tasks.
+
+    Raises:
+        UserError: The study has no task, or tasks with several tools.
+    """
+    require_task(study)
+    robot = study.tasks[0].model.robot
+    if any(not np.array_equal(task.model.robot.tool, robot.tool) for task in study.tasks):
+        message = "the test poses have different tools; expected one, or no file of other poses"
+        raise study.error("test_pose", message)
+    return robot
+
+
+def weights_of_task(study: Study) -> DeadWeights | None:
+    """Find what loads the robot in all tasks of a study besides their wrenches; None for nothing.
+
+    Args:
+        study: The study, which has a task.
+
+    Raises:
+        UserError: The robot carries different payloads in the tasks.
+    """
+    if len({pose.payload for pose in study.specification.test_poses}) > 1:
+        message = "the test poses have different payloads; expected one, or no file of other poses"
+        raise study.error("test_pose", message)
+    return study.tasks[0].dead_weights
+
+
+@dataclass(frozen=True, eq=False)
+class ToolInUse:
+    """A tool with a payload, and the poses in which the robot has them.
+
+    Attributes:
+        rows: Indices of the poses.
+        robot: The chain with the tool.
+        weights: What loads the robot besides wrenches; None for nothing.
+    """
+
+    rows: Indices
+    robot: Robot
+    weights: DeadWeights | None
+
+
+def tools_of_task(study: Study, poses: int, own: bool) -> tuple[ToolInUse, ...]:
+    """Find the tools in which task poses are meant.
+
+    Args:
+        study: Robot and test poses.
+        poses: Number of poses.
+        own: Whether these are the test poses of the study, of which each says its own tool.
+
+    Raises:
+        UserError: The study has no task, or other poses go with test poses of several tools.
+    """
+    given = study.specification.test_poses
+    if not own or not given:
+        robot = robot_of_task(study)
+        return (ToolInUse(np.arange(poses), robot, weights_of_task(study)),)
+    pairs = zip(study.tasks, given, strict=True)
+    keys = [(task.model.robot.tool.tobytes(), one.payload) for task, one in pairs]
+    found = []
+    for key in dict.fromkeys(keys):
+        rows = np.array([i for i, other in enumerate(keys) if other == key])
+        task = study.tasks[int(rows[0])]
+        found.append(ToolInUse(rows, task.model.robot, task.dead_weights))
+    return tuple(found)
+
+
+def task_doubts(study: Study, found: Compliances, task: Plan) -> tuple[str, ...]:
+    """Compare poses, loads and compliances with the sizes that they have in their units.
+
+    Args:
+        study: Robot, test poses, and assumed compliances.
+        found: Compliances by joint [rad/(N m)].
+        task: Desired poses and wrenches.
+
+    Returns:
+        A sentence for each that looks like another unit; none where all is plausible.
+    """
+    return (*_angles(study, task.q), *_forces(study, task.wrench), *_sizes(study, found, task))
+
+
+def _angles(study: Study, q: Array) -> Iterator[str]:
+    """Poses that differ, all within 2 pi degrees of zero."""
+    turning = [
+        j
+        for j, joint in enumerate(study.robot.joints)
+        if joint.kind == "revolute" and j not in study.fixed
+    ]
+    degrees = np.rad2deg(study.robot.shown(q)[:, turning])
+    if turning and np.abs(degrees).max() <= 2 * np.pi and np.ptp(degrees, axis=0).any():
+        yield (
+            "all joint angles of the task are within 6.3 degrees of zero: are they in radians? "
+            "expected degrees"
+        )
+
+
+def _forces(study: Study, wrench: Array) -> Iterator[str]:
+    """Forces a thousand times smaller, or larger, than those of the study's test poses."""
+    known = np.concatenate([np.atleast_2d(one.wrench)[:, :3] for one in study.tasks])
+    expected = float(np.linalg.norm(known, axis=1).max())
+    applied = float(np.linalg.norm(wrench[:, :3], axis=1).max())
+    for factor, unit in ((1 / A_THOUSAND, "kilonewtons"), (A_THOUSAND, "millinewtons")):
+        if _is_near(applied, factor * expected):
+            ratio = applied / expected
+            yield (
+                f"the forces of the task are {ratio:.2g} times those of the study's test pose: are "
+                f"they in {unit}? expected newtons"
+            )
+
+
+def _sizes(study: Study, found: Compliances, task: Plan) -> Iterator[str]:
+    """Compliances a thousand times those assumed, or by which the load moves the arm far."""
+    simulation = study.specification.simulation
+    given = {} if simulation is None else simulation.compliance_rad_per_Nm
+    of_joints = zip(found.joints, found.k, strict=True)
+    ratios = np.array([k / given[name] for name, k in of_joints if k > 0 and name in given])
+    if len(ratios) and _is_near(float(np.median(ratios)), A_THOUSAND):
+        yield (
+            f"the compliances are {np.median(ratios):.2g} times those of the study's [simulation]: "
+            "are they in rad/(kN m)? expected rad/(N m)"
+        )
+        return
+    moved = _displacement(study, found, task)
+    if moved > FAR * study.robot.reach:
+        yield (
+            f"by these compliances the load moves the tool by {1e3 * moved:.2g} mm, which no arm "
+            "is used with; expected compliances in rad/(N m), and loads in newtons"
+        )
+
+
+def _displacement(study: Study, found: Compliances, task: Plan) -> float:
+    """What the load moves the tool point by, to the first order and at most [m]."""
+    robot = study.robot
+    joints = [robot.joint_names.index(name) for name in found.joints]
+    J = robot.jacobian(task.q)[:, :, joints]
+    torque = np.einsum("trj,tr->tj", J, task.wrench)
+    moved = np.einsum("trj,tj->tr", J[:, :3], torque * found.k)
+    return float(np.linalg.norm(moved, axis=1).max())
+
+
+def _is_near(size: float, other: float) -> bool:
+    """Whether two sizes are within a factor of ten."""
+    return 0 < other / FACTOR < size < other * FACTOR

@@ -1,0 +1,432 @@
+"""Candidates as rows or as packed information, for passes over a million of them.
+
+A million 5 x 5 information matrices are then one array (15, 10^6), and the sensitivities of all of
+them are one matrix product.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property, partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from criteria.linalg.typing import triangle
+from edtk.design.conditioning import Conditioning
+from edtk.system.typing import Array, Indices
+
+# Relative size of a pivot below which a candidate's factorization ends: information is a sum of
+# products, and what rounding leaves of a zero pivot stays below this.
+NEGLIGIBLE_PIVOT = 1e-13
+PACKED_AT_ONCE = 2**14  # matrices that are transformed at once
+# Doubles in a product of many rows and a matrix: it stays in a core's cache, so that squaring it
+# costs little beside the product itself.
+ROWS_AT_ONCE = 2**17
+# Products in a change of parameters that may be summed in long doubles, which takes a second.
+AT_LENGTH = 2e8
+
+
+def nearly_equal(values: Array, others: Array, tolerance: float) -> bool:
+    """Whether arrays are equal up to a part of their largest entry."""
+    size = max(float(np.abs(others).max(initial=0.0)), float(np.abs(values).max(initial=0.0)))
+    return bool(np.abs(values - others).max(initial=0.0) <= tolerance * size)
+
+
+def distinct(blocks: Array, T: Array, tolerance: float, most: int | None = None) -> Indices:
+    """Choose experiments no two of which tell the same.
+
+    Poses that a symmetry of robot and load maps onto each other have the same information. The
+    comparison of information finds them without knowing the symmetry.
+
+    Args:
+        blocks: Information matrices (n, p, p), the preferred ones first.
+        T: Matrix (p, r) that whitens the parameters, as far as they are known.
+        tolerance: Relative difference up to which two experiments count as the same.
+        most: Number of experiments after which to stop; by default all are compared.
+
+    Returns:
+        Indices of the experiments that differ from every preferred one that was chosen.
+    """
+    whitened = (T.T @ blocks @ T).reshape(len(blocks), -1)
+    chosen: list[int] = []
+    for i, own in enumerate(whitened):
+        if len(chosen) == most:
+            break
+        least = tolerance * np.linalg.norm(own)
+        if not chosen or np.linalg.norm(whitened[chosen] - own, axis=1).min() > least:
+            chosen.append(i)
+    return np.array(chosen, dtype=int)
+
+
+def order(length: int) -> int:
+    """Find the order p of the matrix whose upper triangle has ``p (p + 1)/2`` entries.
+
+    Raises:
+        ValueError: No upper triangle of a square matrix has this length.
+    """
+    p = int((np.sqrt(8 * length + 1) - 1) / 2)
+    if p < 1 or p * (p + 1) // 2 != length:
+        raise ValueError(f"{length} entries are not the upper triangle of a square matrix")
+    return p
+
+
+def pack_gram(A: Array) -> Array:
+    """Compute the information ``A' A`` of many regressors at once.
+
+    Args:
+        A: Regressors (p, rows, ...), component first.
+
+    Returns:
+        Packed matrices (p(p+1)/2, ...).
+    """
+    p = len(A)
+    packed = np.empty((p * (p + 1) // 2, *A.shape[2:]))
+    for entry, (i, j) in enumerate(zip(*triangle(p), strict=True)):
+        # The products are added in place: a temporary for all rows would be as large as A itself.
+        out = packed[entry, ...]
+        np.multiply(A[i, 0], A[j, 0], out=out)
+        for row in range(1, A.shape[1]):
+            out += A[i, row] * A[j, row]
+    return packed
+
+
+def pack(M: Array) -> Array:
+    """Pack symmetric matrices (..., p, p) as columns (p(p+1)/2, ...)."""
+    rows, columns = triangle(M.shape[-1])
+    return np.moveaxis(M[..., rows, columns], -1, 0)
+
+
+def unpack(packed: Array) -> Array:
+    """Restore symmetric matrices (..., p, p) from packed columns (p(p+1)/2, ...)."""
+    p = order(len(packed))
+    rows, columns = triangle(p)
+    entries = packed.transpose(*range(1, packed.ndim), 0)
+    M = np.empty((*packed.shape[1:], p, p))
+    M[..., rows, columns] = entries
+    M[..., columns, rows] = entries
+    return M
+
+
+def sensitivity_rows(Z: ArrayLike) -> Array:
+    """Prepare multipliers so that one matrix product gives ``<Z, M>`` of all packed matrices.
+
+    Args:
+        Z: Symmetric multipliers (..., p, p).
+
+    Returns:
+        Rows (..., p(p+1)/2), in which off-diagonal entries count twice.
+    """
+    Z = np.asarray(Z, dtype=float)
+    rows, columns = triangle(Z.shape[-1])
+    return Z[..., rows, columns] * np.where(rows == columns, 1.0, 2.0)
+
+
+EPS = float(np.finfo(float).eps)
+
+
+@dataclass(frozen=True, eq=False)
+class PackedInformation:
+    """Information of candidates as upper triangles.
+
+    Attributes:
+        triangles: Columns (p(p+1)/2, n), see `edtk.design.information`.
+    """
+
+    triangles: Array
+
+    @property
+    def n(self) -> int:
+        """Number of candidates."""
+        return int(self.triangles.shape[1])
+
+    @cached_property
+    def p(self) -> int:
+        """Number of parameters."""
+        return order(len(self.triangles))
+
+    def __getitem__(self, chosen: Indices) -> "PackedInformation":
+        """Some of the candidates."""
+        return PackedInformation(self.triangles[:, chosen])
+
+    def __add__(self, others: "PackedInformation") -> "PackedInformation":
+        """These candidates, then others."""
+        return PackedInformation(np.concatenate([self.triangles, others.triangles], axis=1))
+
+    def blocks(self, chosen: ArrayLike) -> Array:
+        """Information (k, p, p) of some candidates."""
+        return unpack(self.triangles[:, chosen])  # type: ignore[index]
+
+    def packed(self) -> Array:
+        """The triangles themselves."""
+        return self.triangles
+
+    def factors(self, chosen: ArrayLike) -> Array:
+        """Factors (k, r, p) of some candidates, with as many rows as the largest rank of all."""
+        return self._factors[chosen]  # type: ignore[index]
+
+    def weighted(self, weights: Array) -> Array:
+        """``sum_i w_i M_i`` (p, p) of weights (n,)."""
+        return unpack(self.triangles @ weights)
+
+    def mean(self) -> Array:
+        """Mean information (p, p)."""
+        return unpack(self.triangles.mean(axis=1))
+
+    def weighted_plans(self, chosen: Indices, repeats: Array) -> Array:
+        """``sum_j r_bj M_bj`` (b, p, p) of chosen candidates (b, k) and repeats (b, k)."""
+        return np.einsum("bk,bkij->bij", repeats, self.blocks(chosen))
+
+    def sensitivities(self, Z: Array) -> Array:
+        """``<Z, M_i>`` (..., n) of symmetric Z (..., p, p)."""
+        return np.asarray(sensitivity_rows(Z) @ self.triangles)
+
+    def largest_sensitivities(self, Z: Array) -> Array:
+        """The largest ``<Z, M_i>`` (r,) to each of symmetric Z (r, p, p)."""
+        rows = sensitivity_rows(Z)
+        found = np.full(len(rows), -np.inf)
+        # All sensitivities at once would be written to memory, and read again.
+        for start in range(0, self.n, PACKED_AT_ONCE):
+            part = rows @ self.triangles[:, start : start + PACKED_AT_ONCE]
+            np.maximum(found, part.max(axis=1), out=found)
+        return found
+
+    def sensitivities_to_root(self, B: Array) -> Array:
+        """``<B B', M_i>`` (n,) of B (p, q)."""
+        return self.sensitivities(B @ B.T)
+
+    def diagonals(self) -> Array:
+        """The diagonal entries (n, p) of all candidates."""
+        rows, columns = triangle(self.p)
+        return np.asarray(self.triangles[rows == columns].T)
+
+    def largest(self) -> Array:
+        """The largest diagonal entries (p,) over all candidates."""
+        rows, columns = triangle(self.p)
+        return np.asarray([self.triangles[k].max() for k in np.flatnonzero(rows == columns)])
+
+    def scaled(self, factor: Array) -> "PackedInformation":
+        """The same candidates with so many times the information (n,)."""
+        return PackedInformation(self.triangles * factor)
+
+    def times(self, T: Array) -> "PackedInformation":
+        """The information ``T' M_i T`` about parameters k' where ``k = T k'``."""
+        found = np.empty_like(self.triangles)
+        # All blocks at once would take twice the memory of the triangles.
+        for start in range(0, self.n, PACKED_AT_ONCE):
+            part = slice(start, start + PACKED_AT_ONCE)
+            M = T.T @ unpack(self.triangles[:, part]) @ T
+            found[:, part] = pack(0.5 * (M + np.swapaxes(M, 1, 2)))
+        return PackedInformation(found)
+
+    def rounding_of_times(self, T: Array) -> Array:
+        """Bounds (n,) on the rounding of `times`: ``2 p eps | |T|' |M_i| |T| |``.
+
+        An entry of M_i is at most ``(M_jj M_kk)^(1/2)``, so that the norm is a square.
+        """
+        rows, columns = triangle(self.p)
+        roots = np.sqrt(np.maximum(self.triangles[rows == columns], 0.0))
+        return 2 * self.p * EPS * np.square(np.abs(T).T @ roots).sum(axis=0)
+
+    def plus(self, M: Array) -> "PackedInformation":
+        """The same candidates with M (p, p) besides."""
+        return PackedInformation(self.triangles + pack(M)[:, None])
+
+    @cached_property
+    def _factors(self) -> Array:
+        """Factors of all candidates (n, r, p), computed when first asked for.
+
+        This is a Cholesky factorization with pivots, of all candidates at once: each step removes
+        the part that belongs to the largest remaining diagonal entry, until only rounding remains.
+        """
+        # At a diagonal of order one the size of a pivot tells the rank, whatever the units.
+        own = unpack(self.triangles.mean(axis=1))
+        scale = np.sqrt(np.maximum(np.diag(own), np.finfo(float).tiny))
+        remaining = unpack(self.triangles) / np.outer(scale, scale)
+        diagonal = np.diagonal(remaining, axis1=1, axis2=2)
+        each = np.arange(self.n)
+        least = NEGLIGIBLE_PIVOT * diagonal.max(axis=1)
+        rows: list[Array] = []
+        while len(rows) < self.p:
+            top = diagonal.max(axis=1)
+            if not (top > least).any():
+                break
+            # An infinite pivot gives candidates of lower rank a row of zeros.
+            pivot = np.sqrt(np.where(top > least, top, np.inf))
+            row = remaining[each, diagonal.argmax(axis=1)] / pivot[:, None]
+            remaining -= row[:, :, None] * row[:, None]
+            rows.append(row)
+        return np.stack(rows or [np.zeros((self.n, self.p))], axis=1) * scale
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """Whitened regressors ``A_i / sigma`` of candidates, whose information is ``A_i' A_i``.
+
+    Attributes:
+        A: The rows (n, r, p).
+    """
+
+    A: Array
+
+    @classmethod
+    def of(cls, A: Array) -> "Rows":
+        """Keep regressors (n, rows, p), of which more than p rows are turned into p (QR).
+
+        That rounds each column. Columns that are nearly dependent would lose all that tells them
+        apart, so that they keep their rows until they are whitened.
+        """
+        given = cls(A)
+        _, rows, p = A.shape
+        if rows <= p:
+            return given
+        with np.errstate(over="ignore"):
+            mean = given.mean()
+        if not np.isfinite(mean).all() or not Conditioning.of_information(mean).keeps_digits:
+            return given
+        return cls(np.asarray(np.linalg.qr(A, mode="r")))
+
+    @property
+    def n(self) -> int:
+        """Number of candidates."""
+        return len(self.A)
+
+    @property
+    def p(self) -> int:
+        """Number of parameters."""
+        return int(self.A.shape[-1])
+
+    def __getitem__(self, chosen: Indices) -> "Rows":
+        """Some of the candidates."""
+        return Rows(self.A[chosen])
+
+    def __add__(self, others: "Rows") -> "Rows":
+        """These candidates, then others; rows of zeros make their numbers of rows equal."""
+        r = max(self.A.shape[1], others.A.shape[1])
+        return Rows(np.concatenate([_with_rows(self.A, r), _with_rows(others.A, r)]))
+
+    def factors(self, chosen: ArrayLike) -> Array:
+        """The rows (k, r, p) of some candidates."""
+        return self.A[chosen]  # type: ignore[index]
+
+    def blocks(self, chosen: ArrayLike) -> Array:
+        """Information (k, p, p) of some candidates."""
+        A = self.A[chosen]  # type: ignore[index]
+        return np.asarray(np.swapaxes(A, -1, -2) @ A)
+
+    def packed(self) -> Array:
+        """Information of all candidates, packed (p(p+1)/2, n)."""
+        found = np.empty((self.p * (self.p + 1) // 2, self.n))
+        # All matrices at once would take twice the memory of their triangles.
+        step = max(ROWS_AT_ONCE // self.p**2, 1)
+        for start in range(0, self.n, step):
+            A = self.A[start : start + step]
+            found[:, start : start + step] = pack(np.swapaxes(A, 1, 2) @ A)
+        return found
+
+    def weighted(self, weights: Array) -> Array:
+        """``sum_i w_i A_i' A_i`` (p, p) of weights (n,)."""
+        A = self.flat
+        M = A.T @ (np.repeat(weights, self.A.shape[1])[:, None] * A)
+        # The two triangles of such a product differ by rounding.
+        return np.asarray(0.5 * (M + M.T))
+
+    def mean(self) -> Array:
+        """Mean information (p, p)."""
+        # A product with itself takes half the time of one with weighted rows, and no copy of them.
+        return np.asarray(self.flat.T @ self.flat / self.n)
+
+    def weighted_plans(self, chosen: Indices, repeats: Array) -> Array:
+        """``sum_j r_bj A_bj' A_bj`` (b, p, p) of chosen candidates (b, k) and repeats (b, k)."""
+        A = self.A[chosen].reshape(len(chosen), -1, self.p)
+        weights = np.repeat(repeats, self.A.shape[1], axis=1)
+        M = np.swapaxes(A, 1, 2) @ (weights[..., None] * A)
+        return np.asarray(0.5 * (M + np.swapaxes(M, 1, 2)))
+
+    def sensitivities(self, Z: Array) -> Array:
+        """``<Z, A_i' A_i> = <A_i Z, A_i>`` (..., n) of symmetric Z (..., p, p).
+
+        Rounding is below ``2 p eps |A_i| |Z| |A_i|'``, whatever the units of the parameters.
+        """
+        flat = Z.reshape(-1, self.p, self.p)
+        found = np.empty((len(flat), self.n))
+        for one, z in zip(found, flat, strict=True):
+            one[:] = self._sums(partial(_inner, z))
+        return found.reshape(*Z.shape[:-2], self.n)
+
+    def largest_sensitivities(self, Z: Array) -> Array:
+        """The largest ``<A_i Z, A_i>`` (r,) to each of symmetric Z (r, p, p)."""
+        return np.array([self._sums(partial(_inner, z)).max() for z in Z])
+
+    def sensitivities_to_root(self, B: Array) -> Array:
+        """``<B B', A_i' A_i> = |A_i B|^2`` (n,) of B (p, q): squares, which cannot cancel."""
+        return self._sums(lambda A: np.square(A @ B).sum(axis=1))
+
+    def diagonals(self) -> Array:
+        """The diagonal entries (n, p) of ``A_i' A_i``."""
+        return np.asarray(np.einsum("irp,irp->ip", self.A, self.A))
+
+    def largest(self) -> Array:
+        """The largest diagonal entries (p,) of ``A_i' A_i`` over all candidates."""
+        return np.asarray(self.diagonals().max(axis=0))
+
+    def scaled(self, factor: Array) -> "Rows":
+        """The same candidates with so many times the information (n,)."""
+        return Rows(self.A * np.sqrt(factor)[:, None, None])
+
+    def times(self, T: Array) -> "Rows":
+        """The rows ``A_i T`` of parameters k' where ``k = T k'``.
+
+        Where T whitens nearly dependent rows, their terms cancel. So they are summed in the longest
+        numbers that the machine has, unless there are too many.
+        """
+        long = self._long
+        wide = T.astype(long)
+        step = max(ROWS_AT_ONCE // self.p, 1)
+        flat = self.flat
+        found = np.empty(flat.shape)
+        for start in range(0, len(flat), step):
+            found[start : start + step] = flat[start : start + step].astype(long, copy=False) @ wide
+        return Rows(found.reshape(self.A.shape))
+
+    def rounding_of_times(self, T: Array) -> Array:
+        """Bounds (n,) on the rounding ``|E_i|`` of `times`: ``p eps | |A_i| |T| |`` (Frobenius).
+
+        It is Higham's bound of a product (Accuracy and Stability of Numerical Algorithms, 3.5) with
+        eps of the numbers in which it is summed; it is rounded to doubles once more.
+        """
+        size = np.abs(T)
+        squares = self._sums(lambda A: np.square(np.abs(A) @ size).sum(axis=1))
+        rounded = self._sums(lambda A: np.square(A @ T).sum(axis=1))
+        eps = float(np.finfo(self._long).eps)
+        return self.p * eps * np.sqrt(squares) + EPS * np.sqrt(rounded)
+
+    @property
+    def _long(self) -> type[np.floating[Any]]:
+        """The numbers in which `times` sums."""
+        return np.longdouble if self.A.size * self.p <= AT_LENGTH else np.float64
+
+    @property
+    def flat(self) -> Array:
+        """All rows (n r, p), one below the other."""
+        return self.A.reshape(-1, self.p)
+
+    def _sums(self, of_rows: Callable[[Array], Array]) -> Array:
+        """Sums (n,) over the rows of each candidate of a number of each row."""
+        flat = self.flat
+        found = np.empty(len(flat))
+        step = max(ROWS_AT_ONCE // self.p, 1)
+        for start in range(0, len(flat), step):
+            found[start : start + step] = of_rows(flat[start : start + step])
+        return np.asarray(found.reshape(self.n, -1).sum(axis=1))
+
+
+def _inner(Z: Array, A: Array) -> Array:
+    """``<a Z, a>`` (k,) of rows a (k, p)."""
+    return np.asarray(np.einsum("ia,ia->i", A @ Z, A))
+
+
+def _with_rows(A: Array, r: int) -> Array:
+    """Regressors (n, r, p) with rows of zeros below those of A."""
+    n, rows, p = A.shape
+    return np.concatenate([A, np.zeros((n, r - rows, p))], axis=1) if rows < r else A

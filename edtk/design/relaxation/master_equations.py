@@ -1,0 +1,374 @@
+"""What methods for restricted masters share: equations, information, lengths and ends of steps."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol, Self, TypeVar
+
+import numpy as np
+
+from criteria.linalg.inverse import guarded_inverse
+from criteria.linalg.typing import triangle
+from criteria.relaxable import SpectralBand
+from edtk.design.problem import Problem
+from edtk.design.relaxation.proof import experiment_blocks
+from edtk.system.typing import Array, Indices
+
+STEPS = 60
+# Order up to which whole matrices are as quick as rows, which of packed candidates would have to
+# be factorized first.
+SMALL = 12
+CHUNK = 2**21  # entries of whole matrices that are formed at a time
+# How many more candidates than entries of a triangle make the equations of the entries cheaper.
+MANY = 1.2
+# Largest entry of their equations: rounding of it is then a thousandth of what is asked for.
+LARGEST = 1e12
+MOST_FEW = 1000  # candidates whose own equations are affordable where it is larger
+# Size of the other term at which six digits of the identity are left.
+LOST = 1e10
+
+
+def step_length(x: Array, dx: Array, most: float) -> float:
+    """The length, at most one, of a step along dx (k,) from x (k,) above zero.
+
+    Args:
+        x: Positive numbers.
+        dx: Their changes.
+        most: Part of the way to the first zero that the step may go.
+    """
+    fastest = -(dx / x).min(initial=0.0)
+    return float(min(1.0, most / fastest)) if fastest > 0 else 1.0
+
+
+class Point(Protocol):
+    """A point of such a path."""
+
+    @property
+    def error(self) -> float:
+        """How far the conditions are from holding."""
+        ...
+
+    def step(self) -> Self | None:
+        """The next point; None where no step leads nearer."""
+        ...
+
+
+P = TypeVar("P", bound=Point)
+
+
+def nearest_point(first: P, accuracy: float) -> P:
+    """The point of the least error among those of the path, which ends below an accuracy."""
+    point = first
+    best = first
+    for _ in range(STEPS):
+        if best.error <= accuracy:
+            break
+        try:
+            step = point.step()
+        except np.linalg.LinAlgError:
+            # Where matrices are singular to rounding, the answer is as good as it can be.
+            break
+        if step is None:
+            break
+        point = step
+        best = point if point.error < best.error else best
+    return best
+
+
+def definite_duals(band: SpectralBand, near: Array) -> Array:
+    """Duals Y and Z (c, p, p) of the inequalities of a band, of a multiplier ``Y - R Z R'``.
+
+    At an optimum ``R^-1 Y R^-T`` and Z have no direction in common where the floor is the identity
+    too, so that they are the positive and the negative part of ``R^-1 near R^-T``. Z gets the trace
+    a that its equation asks for; the length of Y is open.
+
+    Args:
+        band: The program.
+        near: The multiplier (p, p).
+
+    Returns:
+        Y, and Z where there is an upper bound.
+    """
+    S = np.linalg.inv(band.cap)
+    z, V = np.linalg.eigh(S @ near @ S.T)
+    F = band.cap @ V
+    above = (F * np.maximum(z, 0.0)) @ F.T
+    if not band.a:
+        return above[None]
+    below = (V * np.maximum(-z, 0.0)) @ V.T
+    length = float(np.trace(below))
+    # A multiplier without negative part says nothing about the upper bound: all directions alike.
+    if length <= 0:
+        below = np.eye(len(V))
+        length = float(len(V))
+    return np.stack([above, below * (band.a / length)])
+
+
+class Priced(Protocol):
+    """Candidates that tell their sensitivities, such as a `Problem` or an `ActiveInformation`."""
+
+    def sensitivities(self, Z: Array) -> Array:
+        """``<Z, M_i>`` (k,) of a symmetric Z (p, p)."""
+        ...
+
+
+def leverages(candidates: Priced, weights: Array, M: Array) -> Array:
+    """Leverages ``l_i = w_i <M^-1, M_i>`` (k,) of the candidates of a design M; their sum is p.
+
+    Without candidates of leverages that add up to l there remains ``(1 - l) M`` at least, in the
+    order of matrices, since ``w_i M_i <= l_i M``. So the sensitivities to the gradient change by a
+    part of the order of l. That does not follow from light weights: near a singular optimum all
+    that is told about some direction comes from candidates of vanishing weight, and the gradient,
+    whose limit is the multiplier of the singular optimum, depends on the ratios of these weights.
+
+    Args:
+        candidates: The candidates (k).
+        weights: Their weights (k,).
+        M: ``sum_i w_i M_i`` (p, p).
+
+    Returns:
+        The leverages; zeros where M is singular to working precision.
+    """
+    _, cov, is_regular = guarded_inverse(M)
+    if not is_regular:
+        return np.zeros(len(weights))
+    return weights * candidates.sensitivities(cov)
+
+
+class ActiveInformation(ABC):
+    """Information M_i (p, p) of one experiment in each of a few candidates, the prior included."""
+
+    @staticmethod
+    def of(problem: Problem, active: Indices) -> "ActiveInformation":
+        """The information of some candidates (k,) of a problem."""
+        if problem.p <= SMALL:
+            return ActiveInformation.of_blocks(experiment_blocks(problem, active))
+        return _Rows(problem[active].factors(), problem.prior)
+
+    @staticmethod
+    def of_blocks(blocks: Array) -> "ActiveInformation":
+        """Information that is given as matrices (k, p, p)."""
+        return _Blocks(blocks.reshape(len(blocks), -1))
+
+    @abstractmethod
+    def information(self, weights: Array) -> Array:
+        """``sum_i w_i M_i`` (p, p) of weights (k,)."""
+
+    @abstractmethod
+    def sensitivities(self, Z: Array) -> Array:
+        """``<Z, M_i>`` (k,) of a symmetric Z (p, p)."""
+
+    @abstractmethod
+    def triangles(self, T: Array, scale: Array) -> Array:
+        """Scaled upper triangles (q, k) of ``T' M_i T``, q = p (p + 1)/2.
+
+        Args:
+            T: Matrix (p, p).
+            scale: Factor (q,) of each entry.
+        """
+
+
+@dataclass(frozen=True, eq=False)
+class _Blocks(ActiveInformation):
+    """Whole matrices, flat (k, p p)."""
+
+    flat: Array
+
+    def information(self, weights: Array) -> Array:
+        p = round(self.flat.shape[1] ** 0.5)
+        return (weights @ self.flat).reshape(p, p)
+
+    def sensitivities(self, Z: Array) -> Array:
+        return np.asarray(self.flat @ Z.ravel())
+
+    def triangles(self, T: Array, scale: Array) -> Array:
+        rows, columns = triangle(len(T))
+        # vec(T' M T) is linear in vec(M): one product for all candidates.
+        change = T[:, None, rows] * T[None, :, columns] * scale
+        return np.asarray(change.reshape(-1, len(rows)).T @ self.flat.T)
+
+
+@dataclass(frozen=True, eq=False)
+class _Rows(ActiveInformation):
+    """Rows U (k, r, p) of ``M_i = M0 + U_i' U_i``, and the prior M0 (p, p) or None."""
+
+    factors: Array
+    prior: Array | None
+
+    def information(self, weights: Array) -> Array:
+        p = self.factors.shape[-1]
+        rows = (self.factors * np.sqrt(weights)[:, None, None]).reshape(-1, p)
+        M = rows.T @ rows
+        return M if self.prior is None else M + weights.sum() * self.prior
+
+    def sensitivities(self, Z: Array) -> Array:
+        found = np.einsum("kri,kri->k", self.factors @ Z, self.factors)
+        return found if self.prior is None else found + np.vdot(Z, self.prior)
+
+    def triangles(self, T: Array, scale: Array) -> Array:
+        rows, columns = triangle(len(T))
+        U = self.factors @ T
+        P = np.empty((len(rows), len(U)))
+        step = max(1, CHUNK // T.size)
+        for start in range(0, len(U), step):
+            part = U[start : start + step]
+            whole = np.swapaxes(part, 1, 2) @ part
+            P[:, start : start + step] = whole[:, rows, columns].T
+        if self.prior is not None:
+            P += (T.T @ self.prior @ T)[rows, columns, None]
+        P *= scale[:, None]
+        return P
+
+
+Solve = Callable[[Array], Array]
+
+
+def weight_equations(P: Array, D: Array, lost: Array | None = None, most: float = MANY) -> Solve:
+    """Prepare ``(P'P + diag(D) - l l') x = b`` for several right-hand sides.
+
+    For k candidates and q rows of P, either the (k, k) matrix is factorized, or the (q, q) matrix
+    ``I + P D^-1 P'`` of Woodbury's identity, whichever is smaller.
+
+    Args:
+        P: Matrix (q, k).
+        D: Numbers (k,), at least zero.
+        lost: Vector l (k,) of a square that is taken away, after which the matrix must still be
+            positive definite; None for none.
+        most: Candidates per row of P from which on Woodbury's identity is used, which is less
+            accurate.
+
+    Returns:
+        A function from b (k,) to x (k,).
+
+    Raises:
+        LinAlgError: The matrix is not positive definite to working precision.
+    """
+    solve = _solver(P, D, most)
+    if lost is None:
+        return solve
+    y = solve(lost)
+    rest = 1.0 - lost @ y
+    # Rounding may leave nothing of a rest that is positive in truth; then the square is not taken
+    # away, which makes the step shorter.
+    if rest <= np.finfo(float).eps:
+        return solve
+
+    def corrected(b: Array) -> Array:
+        return np.asarray(solve(b) + y * (y @ b / rest))
+
+    return corrected
+
+
+def _solver(P: Array, D: Array, most: float) -> Solve:
+    """The solution without the square that is taken away."""
+    k = P.shape[1]
+    if k <= most * len(P):
+        return _few(P, D)
+    # Near the optimum D vanishes on the support, and Woodbury's identity is a difference of large
+    # numbers.
+    lost = k <= MOST_FEW and (P * P / D).sum(axis=1).max() > LARGEST
+    return _few(P, D) if lost else _many(P, D)
+
+
+def _few(P: Array, D: Array) -> Solve:
+    """By the matrix of the candidates (k, k)."""
+    from scipy.linalg import cho_factor, cho_solve
+
+    H = P.T @ P
+    diagonal = np.diag_indices_from(H)
+    # Candidates that tell the same make H singular where D vanishes; rounding must not make it
+    # indefinite.
+    H[diagonal] += D + len(D) * np.finfo(float).eps * H[diagonal]
+    factor = cho_factor(H, lower=True, overwrite_a=True, check_finite=False)
+
+    def solve(b: Array) -> Array:
+        x = cho_solve(factor, b, check_finite=False)
+        # Near the optimum H is ill-conditioned; one refinement saves the last digits of a step.
+        return np.asarray(x + cho_solve(factor, b - P.T @ (P @ x) - D * x, check_finite=False))
+
+    return solve
+
+
+def _many(P: Array, D: Array) -> Solve:
+    """By the matrix of the entries (q, q)."""
+    from scipy.linalg import cho_factor, cho_solve
+
+    scaled = P / np.sqrt(D)
+    K = scaled @ scaled.T
+    K[np.diag_indices_from(K)] += 1.0
+    factor = cho_factor(K, lower=True, overwrite_a=True, check_finite=False)
+
+    def solve(b: Array) -> Array:
+        x = b / D
+        return np.asarray(x - (P.T @ cho_solve(factor, P @ x, check_finite=False)) / D)
+
+    return solve
+
+
+ConicSolve = Callable[[Array, Array, float], tuple[Array, float, Array]]
+
+
+def conic_equations(P: Array, D: Array, last: Array | None) -> ConicSolve:
+    """Prepare the equations of weights x, a free number z and packed duals y:
+
+        y + P x + l z = c,    D x - P' y = d,    l' y = u.
+
+    Without duals they are those of `weight_equations`. Where there are more weights than rows, the
+    weights are eliminated instead, ``(I + P D^-1 P') y + l z = c - P D^-1 d``, as long as the
+    identity is not lost in rounding beside the other term.
+
+    Args:
+        P: Matrix (q, k).
+        D: Positive numbers (k,).
+        last: The vector l (q,); None where there is no z.
+
+    Returns:
+        A function from c (q,), d (k,) and u to x (k,), z and y (q,).
+
+    Raises:
+        LinAlgError: A matrix is not positive definite to working precision.
+    """
+    if P.shape[1] > len(P):
+        scaled = P / np.sqrt(D)
+        if np.einsum("qk,qk->", scaled, scaled) < LOST:
+            return _by_duals(P, scaled, D, last)
+    return _by_weights(P, D, last)
+
+
+def _by_weights(P: Array, D: Array, last: Array | None) -> ConicSolve:
+    """By the equations of the weights, of which z is one more that may have any sign."""
+    whole = P
+    if last is not None:
+        whole = np.column_stack([P, last])
+        D = np.append(D, 0.0)
+    few = weight_equations(whole, D, most=np.inf)
+
+    def solve(c: Array, d: Array, u: float) -> tuple[Array, float, Array]:
+        right = whole.T @ c
+        k = P.shape[1]
+        right[:k] += d
+        right[k:] -= u
+        found = few(right)
+        return found[:k], float(found[k:].sum()), c - whole @ found
+
+    return solve
+
+
+def _by_duals(P: Array, scaled: Array, D: Array, last: Array | None) -> ConicSolve:
+    """By the equations of the duals."""
+    from scipy.linalg import cho_factor, cho_solve
+
+    S = scaled @ scaled.T
+    S[np.diag_indices_from(S)] += 1.0
+    factor = cho_factor(S, lower=True, overwrite_a=True, check_finite=False)
+    along = None if last is None else cho_solve(factor, last, check_finite=False)
+
+    def solve(c: Array, d: Array, u: float) -> tuple[Array, float, Array]:
+        y = cho_solve(factor, c - P @ (d / D), check_finite=False)
+        z = 0.0
+        if last is not None and along is not None:
+            z = float((last @ y - u) / (last @ along))
+            y = y - z * along
+        return (d + P.T @ y) / D, z, y
+
+    return solve

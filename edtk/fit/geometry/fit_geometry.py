@@ -1,0 +1,239 @@
+"""Identify geometry and springs from absolute positions."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from edtk.fit.geometry.fitted_geometry import (
+    MM,
+    GeometricFit,
+    Loads,
+    resting_torque,
+    root_mean_square,
+)
+from edtk.fit.geometry.judge_fit import judge_fit
+from edtk.fit.geometry.least_squares_fit import PoseRows, least_squares_fit, working
+from edtk.fit.geometry.marker_positions import MarkerPositions
+from edtk.fit.geometry.place_robot import place_robot
+from edtk.fit.geometry.position_noise import PositionNoise, fit_model_error, noise_of_repeats
+from edtk.measure.geometric_model import GeometricModel
+from edtk.measure.parameters import TURNS, Identifiable, identifiable
+from edtk.system.typing import Array, Mask
+
+POSES = 60  # random poses that show what any poses could tell
+ROUNDS = 8  # of fit and noise, in turn
+SETTLED = 1e-3  # relative change of the noise between rounds
+# Errors of coordinates, at least, of which a part is what models leave out [mm]. A parameter whose
+# column moves all coordinates by less, if it is as far from the drawing as it may be, is not told.
+ERRORS = 0.1
+NU = 5.0  # degrees of freedom of a robust loss
+
+
+class TooFewPosesError(ValueError):
+    """A sheet has fewer coordinates than there are parameters.
+
+    Attributes:
+        missing: How many poses more are needed at least.
+    """
+
+    def __init__(self, coordinates: int, rank: int, missing: int) -> None:
+        poses = f"{missing} more pose{'s' if missing > 1 else ''}"
+        super().__init__(
+            f"{coordinates} measured coordinates for {rank} parameters that poses can tell apart; "
+            f"expected at least {poses}"
+        )
+        self.missing = missing
+
+
+def fit_geometry(
+    model: GeometricModel,
+    data: MarkerPositions,
+    stated: PositionNoise,
+    loads: Loads | None = None,
+    robust: bool = False,
+) -> GeometricFit:
+    """Fit all that the poses tell, by generalised least squares with fitted variances.
+
+    First base and tools are placed with the geometry of the drawing. Then a minimal set of
+    parameters is chosen (`identifiable`), and fitted in turns with the sizes of the errors: those
+    of a reading by repeated visits, and what the model leaves out by the residuals.
+
+    Args:
+        model: All parameters that are asked for; its base is where the search begins.
+        data: The positions.
+        stated: The noise of a reading.
+        loads: What loads the joints under a wrench.
+        robust: Whether poses that fit badly count less, as with multivariate t errors.
+
+    Raises:
+        TooFewPosesError: There are fewer coordinates than parameters.
+    """
+    means = data.means
+    placed, start = place_robot(model, means)
+    torque = resting_torque(np.zeros(model.robot.n), means.q, means.wrench, loads)
+    alone = means.measured - placed.see(start, means.q, derivatives=False).points
+    possible = _possible(placed, start, means, loads)
+    minimal = placed.with_parameters(tuple(placed.parameters[i] for i in possible.kept))
+    _require_enough(means, minimal.p)
+    begin = start[possible.kept]
+    spread = np.array([one.spread for one in minimal.parameters])
+    least = max(ERRORS, stated.reading) / spread
+    told = identifiable(
+        _scaled(minimal, begin, means, torque), minimal.parameters, stages(minimal), least
+    )
+    kept = minimal.with_parameters(tuple(minimal.parameters[i] for i in told.kept))
+    theta = least_squares_fit(kept, begin[told.kept], means, torque).theta
+    theta, noise, weights = _in_turns(kept, theta, data, stated, loads, robust)
+    common, shown = _as_shown(kept, theta, noise, weights, data, loads)
+    opened = tuple(minimal.parameters[i] for i in told.left)
+    tools = placed_tools(placed, start)
+    turned = placed_turns(placed, start)
+    fit = judge_fit(
+        kept, theta, shown, (common, weights), data, loads, (opened, told.shares, tools, turned)
+    )
+    return replace(
+        fit,
+        structural=minimal.p,
+        redundant=possible.words,
+        open=told.words,
+        placed=root_mean_square(alone),
+    )
+
+
+def placed_tools(model: GeometricModel, theta: Array) -> Array:
+    """Markers (k, 3) in the tool frame, with the shifts among parameters theta (p,) [m]."""
+    places = np.array(model.offsets, dtype=float)
+    for one, value in zip(model.parameters, theta, strict=True):
+        if one.place == "tool" and not one.turns:
+            places[model.markers.index(one.of), "xyz".index(one.component)] += value
+    return places
+
+
+def placed_turns(model: GeometricModel, theta: Array) -> Array | None:
+    """Orientations (k, 3) of the markers there, as rotation vectors [rad]; None without any."""
+    if model.rows == "position":
+        return None
+    turns = np.zeros((len(model.markers), 3))
+    for one, value in zip(model.parameters, theta, strict=True):
+        if one.place == "tool" and one.turns:
+            turns[model.markers.index(one.of), TURNS.index(one.component)] = value
+    return turns
+
+
+def stages(model: GeometricModel) -> list[list[int]]:
+    """What is kept first: base and tools, then the zeros of the joints, springs, and the rest."""
+    order = {"base": 0, "tool": 0, "compliance": 2}
+    ranks = [1 if one.along else order.get(one.place, 3) for one in model.parameters]
+    return [[i for i, rank in enumerate(ranks) if rank == stage] for stage in range(4)]
+
+
+def _scaled(
+    model: GeometricModel, theta: Array, means: MarkerPositions, torque: Array | None
+) -> Array:
+    """The regressor (rows, p) of what was seen, in millimetres for a unit of each parameter."""
+    J = model.see(theta, means.q, torque).jacobian
+    assert J is not None
+    return MM * (J * model.scales)[means.seen].reshape(-1, model.p)
+
+
+def _possible(
+    model: GeometricModel, theta: Array, means: MarkerPositions, loads: Loads | None
+) -> Identifiable:
+    """What any poses could tell, under the loads of the sheet: random ones besides its own."""
+    rng = np.random.default_rng(0)
+    lower, upper = np.clip(model.robot.limits, -np.pi, np.pi)
+    q = rng.uniform(lower, upper, (POSES, model.robot.n))
+    wrench = means.wrench[rng.integers(0, len(means), POSES)]
+    wide = MarkerPositions(
+        np.concatenate([means.q, q]),
+        np.concatenate([means.wrench, wrench]),
+        np.zeros((len(means) + POSES, *means.measured.shape[1:])),
+        np.zeros((len(means) + POSES, len(means.markers)), dtype=int),
+        means.markers,
+    )
+    torque = resting_torque(np.zeros(model.robot.n), wide.q, wide.wrench, loads)
+    scaled = _scaled(model, theta, wide, torque)
+    return identifiable(scaled, model.parameters, stages(model))
+
+
+def _require_enough(means: MarkerPositions, rank: int) -> None:
+    """Check that there are as many coordinates as parameters.
+
+    Raises:
+        TooFewPosesError: There are not.
+    """
+    coordinates = means.rows * means.count
+    if coordinates < rank:
+        missing = -(-(rank - coordinates) // (means.rows * len(means.markers)))
+        raise TooFewPosesError(coordinates, rank, missing)
+
+
+def _in_turns(
+    model: GeometricModel,
+    theta: Array,
+    data: MarkerPositions,
+    stated: PositionNoise,
+    loads: Loads | None,
+    robust: bool,
+) -> tuple[Array, PositionNoise, Array]:
+    """Fit parameters and noise in turns; parameters (p,), noise and weights (m,) of the poses."""
+    means = data.means
+    noise = stated
+    weights = np.ones(len(means))
+    last = np.zeros(2)
+    slides = _slides(model)
+    for turn in range(ROUNDS):
+        torque = resting_torque(model.compliances(theta), means.q, means.wrench, loads)
+        rows = PoseRows.of(model, theta, means, torque)
+        if not turn:
+            noise = noise_of_repeats(data, rows.motion, stated)[0]
+        trusted = rows.weighted(weights)
+        noise = fit_model_error(
+            noise, rows.motion, data.counts, trusted.residual, trusted.design, slides
+        )
+        V = noise.of_pose(rows.motion, data.counts)
+        if robust:
+            weights = _trusted(rows.residual, V, means)
+        whitening = np.linalg.inv(np.linalg.cholesky(working(V, means.rows)))
+        whitening = whitening * np.sqrt(weights)[:, None, None]
+        theta = least_squares_fit(model, theta, means, torque, whitening).theta
+        now = np.array([noise.model_white, np.max(noise.model_joints, initial=0.0)])
+        if turn and np.abs(now - last).max() <= SETTLED * max(now.max(), noise.reading):
+            break
+        last = now
+    return theta, noise, weights
+
+
+def _as_shown(
+    model: GeometricModel,
+    theta: Array,
+    noise: PositionNoise,
+    weights: Array,
+    data: MarkerPositions,
+    loads: Loads | None,
+) -> tuple[Array, PositionNoise]:
+    """Covariances (m, r, r) that the fit was weighted by, and the noise that is stated with it.
+
+    Weights have one size of the model's error for all joints, which predicts best; the stated noise
+    has one a joint where the residuals say so, without which bands are too narrow where a load that
+    nobody told bends the robot.
+    """
+    means = data.means
+    torque = resting_torque(model.compliances(theta), means.q, means.wrench, loads)
+    rows = PoseRows.of(model, theta, means, torque).weighted(weights)
+    shown = fit_model_error(
+        noise, rows.motion, data.counts, rows.residual, rows.design, _slides(model), True
+    )
+    return noise.of_pose(rows.motion, data.counts), shown
+
+
+def _slides(model: GeometricModel) -> Mask:
+    """Which joints (n,) are prismatic."""
+    return np.array([joint.kind == "prismatic" for joint in model.robot.joints])
+
+
+def _trusted(residual: Array, V: Array, means: MarkerPositions) -> Array:
+    """Weights (m,) of poses with multivariate t errors, one at most (Lange et al. 1989)."""
+    z2 = np.einsum("mr,mr->m", residual, np.linalg.solve(V, residual[..., None])[..., 0])
+    weights = (NU + means.rows * means.seen.sum(axis=1)) / (NU + z2)
+    return np.minimum(weights, 1.0)

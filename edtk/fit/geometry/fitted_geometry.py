@@ -1,0 +1,364 @@
+"""Geometry and springs that were identified, what they predict, and their residuals."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+
+from edtk.fit.geometry.marker_positions import MarkerPositions
+from edtk.fit.geometry.position_noise import PositionNoise, fitted_kinds
+from edtk.measure.geometric_model import GeometricModel, Seen
+from edtk.measure.parameters import GeometricParameter
+from edtk.system.typing import Array, Mask
+
+MM = 1e3
+LEAST_DOF = 3.0  # of a band: below it a quantile of Student's t says nothing
+
+
+class Loads(Protocol):
+    """What loads the joints."""
+
+    def __call__(self, q: Array, wrench: Array) -> Array:
+        """Loads (m, n) of the free joints [N m or N] in poses q (m, n) under wrenches (m, 6)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Predicted:
+    """Positions that a fitted model predicts, in the frame of the instrument.
+
+    Attributes:
+        points: Positions (m, k, 3) [m].
+        std: Standard deviation (m, k, 3) of a measured coordinate about them [m].
+        half: Half the width (m, k, 3) of the 95 % band [m].
+        open: How far (m, k) what the calibration left open may move each marker, at one standard
+            deviation [m].
+        turns: Orientations (m, k, 3, 3).
+        turn_std: Standard deviation (m, k, 3) of a measured orientation about them, as a turn in
+            the axes of the instrument [rad]; None where none is measured.
+        turn_half: Half the width (m, k, 3) of its 95 % band [rad]; None likewise.
+    """
+
+    points: Array
+    std: Array
+    half: Array
+    open: Array
+    turns: Array
+    turn_std: Array | None = None
+    turn_half: Array | None = None
+
+    def inside(self, measured: Array) -> Mask:
+        """Which measured coordinates (m, k, 3) are within the bands; NaN are not."""
+        return np.abs(measured - self.points) <= self.half
+
+
+@dataclass(frozen=True, eq=False)
+class ErrorParts:
+    """What the coordinates of some poses err by.
+
+    Attributes:
+        columns: How they move with the identified parameters (m, r, p) [mm or mrad a unit].
+        open: How they move with those that are open, which the others do not follow (m, r, o).
+        own: Variances (m, r) of a reading and of what the model leaves out [mm^2 or mrad^2].
+        slopes: Derivatives (m, r, c) of these by the fitted variances; None where none is fitted.
+    """
+
+    columns: Array
+    open: Array
+    own: Array
+    slopes: Array | None
+
+
+@dataclass(frozen=True, eq=False)
+class FittedGeometry:
+    """What a prediction needs: a model, its parameters, and how well they are known.
+
+    Attributes:
+        model: With the parameters that were identified.
+        theta: Their values (p,) in SI units.
+        covariance: Of the parameters in their own units (p, p).
+        open_parameters: Parameters that the drawing has besides, and that the poses left open.
+        shares: How the open ones hang on the identified ones (p, open), in units.
+        noise: The errors of a pose.
+        placed: Markers (k, 3) in the tool frame, where the geometry of the drawing has them [m]:
+            that of the model's start and these is the robot that commands are made for.
+        placed_turns: Their orientations (k, 3) there, as rotation vectors [rad]; None where
+            positions alone are measured.
+    """
+
+    model: GeometricModel
+    theta: Array
+    covariance: Array
+    open_parameters: tuple[GeometricParameter, ...]
+    shares: Array
+    noise: PositionNoise
+    placed: Array
+    placed_turns: Array | None = None
+
+    @cached_property
+    def std(self) -> Array:
+        """Standard deviations (p,) in the parameters' units."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @cached_property
+    def values(self) -> Array:
+        """Values (p,) in the parameters' units."""
+        return self.theta / self.model.scales
+
+    @cached_property
+    def compliances(self) -> Array:
+        """Compliances (n,) of all free joints [rad/(N m)]; zero where they are not parameters."""
+        return self.model.compliances(self.theta)
+
+    def torque(self, q: Array, wrench: Array, loads: Loads | None) -> Array | None:
+        """Loads (m, n) of the joints where the springs bring them to rest, to second order."""
+        return resting_torque(self.compliances, q, wrench, loads)
+
+    def columns(self, q: Array, wrench: Array, loads: Loads | None = None) -> Array:
+        """How the positions move with the parameters (m, 3k, p) [mm per unit].
+
+        Args:
+            q: Joint variables (m, n) [rad or m].
+            wrench: Forces and torques (m, 6).
+            loads: What they load the joints with.
+        """
+        seen = self.model.see(self.theta, q, self.torque(q, wrench, loads))
+        assert seen.jacobian is not None
+        return np.asarray(
+            MM * (seen.jacobian * self.model.scales).reshape(len(q), -1, self.model.p)
+        )
+
+    def predict(
+        self, q: Array, wrench: Array | None = None, loads: Loads | None = None
+    ) -> Predicted:
+        """Positions of all markers in some poses, with 95 % bands.
+
+        The covariance of a pose's coordinates is ``J C J' + R + D``, of the parameters, of a
+        reading and of what the model leaves out; and that of open parameters where they move the
+        markers.
+
+        Args:
+            q: Joint variables (m, n) [rad or m].
+            wrench: Forces and torques (m, 6); None for none.
+            loads: What they load the joints with.
+        """
+        seen, motion, columns, apart = self.moves(q, wrench, loads)
+        own = np.einsum("mrr->mr", self.noise.of_reading(motion) + self.noise.of_model(motion))
+        return self.banded(seen, ErrorParts(columns, apart, own, self.slopes(motion)))
+
+    def moves(
+        self, q: Array, wrench: Array | None = None, loads: Loads | None = None
+    ) -> tuple[Seen, Array, Array, Array]:
+        """What moves the coordinates of some poses.
+
+        Args:
+            q: Joint variables (m, n) [rad or m].
+            wrench: Forces and torques (m, 6); None for none.
+            loads: What they load the joints with.
+
+        Returns:
+            What is seen there, the motions (m, r, n) of the coordinates by the joints, their
+            columns (m, r, p), and those of open parameters (m, r, o), see `ErrorParts`.
+        """
+        wrench = np.zeros((len(q), 6)) if wrench is None else wrench
+        torque = self.torque(q, wrench, loads)
+        seen = self.model.see(self.theta, q, torque)
+        assert seen.jacobian is not None
+        assert seen.by_joints is not None
+        m, k = seen.points.shape[:2]
+        J = MM * (seen.jacobian * self.model.scales).reshape(m, self.model.row_count * k, -1)
+        return seen, seen.by_joints.reshape(*J.shape[:2], -1), J, self._left(q, torque, J)
+
+    def banded(self, seen: Seen, parts: ErrorParts) -> Predicted:
+        """Positions with the bands of some errors."""
+        m, k = seen.points.shape[:2]
+        J = parts.columns
+        known = np.einsum("mrp,pq,mrq->mr", J, self.covariance, J)
+        spread = np.array([one.spread for one in self.open_parameters])
+        left = parts.open**2 @ spread**2
+        # Rounding may leave less than nothing of a variance that is none.
+        var = np.maximum(known + parts.own + left, 0.0)
+        rows = self.model.row_count
+        shape = (m, k, rows)
+        half = (np.sqrt(var) * student_quantile(self._dof(parts.slopes, parts.own))).reshape(shape)
+        half = half / MM
+        std = np.sqrt(var).reshape(shape) / MM
+        return Predicted(
+            points=seen.points,
+            std=std[..., :3],
+            half=half[..., :3],
+            open=np.sqrt(left.reshape(shape)[..., :3].sum(axis=-1)) / MM,
+            turns=seen.turns,
+            turn_std=std[..., 3:] if rows > 3 else None,
+            turn_half=half[..., 3:] if rows > 3 else None,
+        )
+
+    def _left(self, q: Array, torque: Array | None, J: Array) -> Array:
+        """Columns (m, r, o) of the open parameters, less what the others take of them [mm]."""
+        if not self.open_parameters:
+            return np.zeros((*J.shape[:2], 0))
+        every = self.model.with_parameters((*self.model.parameters, *self.open_parameters))
+        theta = np.concatenate([self.theta, np.zeros(len(self.open_parameters))])
+        columns = every.see(theta, q, torque).jacobian
+        assert columns is not None
+        wide = MM * (columns * every.scales).reshape(*J.shape[:2], -1)
+        return np.asarray(wide[..., self.model.p :] - J @ self.shares)
+
+    def dof(self, motion: Array) -> Array:
+        """Degrees of freedom (m, r) of the bands: those of the fitted variances.
+
+        Args:
+            motion: Motions (m, r, n) of the coordinates by the joints [mm/mrad].
+        """
+        own = np.einsum("mrr->mr", self.noise.of_reading(motion) + self.noise.of_model(motion))
+        return self._dof(self.slopes(motion), own)
+
+    def slopes(self, motion: Array) -> Array | None:
+        """Derivatives (m, r, c) of the coordinates' variances by the fitted ones; None without."""
+        if self.noise.model_fit is None:
+            return None
+        shape = motion.shape[:2]
+        whites = self.noise.white_kinds(shape[1])
+        parts = [
+            *(np.broadcast_to(white, shape) for white in whites),
+            *((motion[..., mask] ** 2).sum(axis=-1) for mask in self.joint_masks(shape[1])),
+        ]
+        return np.stack(parts, axis=-1)
+
+    def joint_masks(self, width: int) -> list[Mask]:
+        """Joints (n,) that share each of the fitted sizes; none where none was fitted."""
+        fit = self.noise.model_fit
+        if fit is None:
+            return []
+        joints = self.model.chain.robot.joints
+        slides = np.array([joint.kind == "prismatic" for joint in joints])
+        return fitted_kinds(slides, len(fit.variances), len(self.noise.white_kinds(width)))
+
+    def _dof(self, slopes: Array | None, own: Array) -> Array:
+        """Degrees of freedom (m, r) of bands with some variances."""
+        fit = self.noise.model_fit
+        if fit is None or slopes is None:
+            return np.full(own.shape, np.inf)
+        dof = fit.relative_dof(slopes)
+        # Only the part that was fitted is uncertain.
+        share = np.divide(slopes @ fit.variances, own, out=np.ones_like(own), where=own > 0)
+        return np.maximum(dof / np.maximum(share, 1e-6) ** 2, LEAST_DOF)
+
+
+def resting_torque(
+    compliances: Array, q: Array, wrench: Array, loads: Loads | None
+) -> Array | None:
+    """Loads (m, n) of the joints at rest: ``tau(q + k tau)``, by three substitutions."""
+    if loads is None:
+        return None
+    torque = loads(q, wrench)
+    for _ in range(3 if compliances.any() else 0):
+        torque = loads(q + compliances * torque, wrench)
+    return torque
+
+
+def student_quantile(dof: Array) -> Array:
+    """The 97.5 % quantiles of Student's t."""
+    from scipy.stats import t
+
+    return np.asarray(t.ppf(0.975, dof))
+
+
+@dataclass(frozen=True, eq=False)
+class TurnResiduals:
+    """Residuals of orientations, as turns in the axes of the instrument [rad].
+
+    Attributes:
+        residual: Of the fit (m, k, 3); NaN where a marker was not seen.
+        left_out: Of each pose predicted without it (m, k, 3).
+        left_out_half: Half the widths of the 95 % bands of those (m, k, 3).
+    """
+
+    residual: Array
+    left_out: Array
+    left_out_half: Array
+
+
+@dataclass(frozen=True, eq=False)
+class GeometricFit:
+    """A fit of one sheet, with what tells how good it is.
+
+    Attributes:
+        fitted: Parameters and noise.
+        data: The positions.
+        structural: Rank that enough poses would have.
+        redundant: Sentences on parameters that no pose could tell from others.
+        open: Sentences on those that these poses do not.
+        placed: Root mean square distance [m] with base and tools fitted alone.
+        residual: Measured less fitted positions of the poses' means (m, k, 3) [m]; NaN where a
+            marker was not seen.
+        left_out: The same for each pose predicted without it (m, k, 3).
+        left_out_half: Half the widths of the 95 % bands of those (m, k, 3) [m].
+        surprise: Squared size (m,) of each pose's error left out, over its covariance: chi-square
+            with as many degrees of freedom as coordinates.
+        independent: As many independent coordinates tell as much by how many are inside their
+            bands, see `independent_coordinates`.
+        weights: Weights (m,) of the poses: one, or less where a robust loss trusts them less.
+        turns: The residuals of orientations; None where these were not measured.
+    """
+
+    fitted: FittedGeometry
+    data: MarkerPositions
+    structural: int
+    redundant: tuple[str, ...]
+    open: tuple[str, ...]
+    placed: float
+    residual: Array
+    left_out: Array
+    left_out_half: Array
+    surprise: Array
+    independent: float
+    weights: Array
+    turns: TurnResiduals | None = None
+
+    @property
+    def rank(self) -> int:
+        """Number of parameters that were identified."""
+        return self.fitted.model.p
+
+    @property
+    def rms(self) -> float:
+        """Root mean square distance of the fit [m]."""
+        return root_mean_square(self.residual)
+
+    @property
+    def loo_rms(self) -> float:
+        """Root mean square distance of poses that were left out one by one [m]."""
+        return root_mean_square(self.left_out)
+
+    @property
+    def worse_than_placed(self) -> bool:
+        """Whether a pose left out is predicted worse than with base and tool alone.
+
+        Where nothing else is fitted, there is nothing to compare.
+        """
+        fitted = self.fitted.model.parameters
+        more = any(one.place in ("joint", "compliance") for one in fitted)
+        return more and self.loo_rms > self.placed
+
+    @cached_property
+    def share_inside(self) -> float:
+        """Share of coordinates that, left out, are within their 95 % bands."""
+        pairs = [(self.left_out, self.left_out_half)]
+        if self.turns is not None:
+            pairs.append((self.turns.left_out, self.turns.left_out_half))
+        errors, halves = (np.concatenate(part, axis=-1) for part in zip(*pairs, strict=True))
+        seen = np.isfinite(errors)
+        return float((np.abs(errors) <= halves)[seen].mean())
+
+
+def root_mean_square(distances: Array) -> float:
+    """Root mean square length of vectors (m, k, 3) [m], of which some are NaN."""
+    squares = (distances**2).sum(axis=-1)
+    known = np.isfinite(squares)
+    return float(np.sqrt(squares[known].mean())) if known.any() else float("nan")
+
+
+def root_mean_squares(distances: Array) -> Array:
+    """The same of each visit (m,)."""
+    return np.array([root_mean_square(one[None]) for one in distances])

@@ -1,0 +1,318 @@
+"""The posterior of geometry and springs, sampled or by Laplace's approximation with a check."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from edtk.fit.geometry.fit_geometry import NU
+from edtk.fit.geometry.fitted_geometry import MM, GeometricFit, Loads, resting_torque
+from edtk.fit.geometry.least_squares_fit import PoseRows, least_squares_fit, measured_less_seen
+from edtk.fit.geometry.marker_positions import MarkerPositions
+from edtk.fit.posterior import SamplingOptions
+from edtk.fit.run_chain import run_chain
+from edtk.measure.geometric_model import GeometricModel, Seen
+from edtk.robots.rotations import rotation
+from edtk.system.presented import Presented
+from edtk.system.typing import Array
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+BLOCK = 3_000_000  # coordinates that are computed at once
+MOST_SAMPLED = 12  # parameters, up to which a chain converges in minutes
+DRAWS = 2000  # of the normal approximation, that are checked
+TRUSTED = 0.5  # share of these draws that have to be effective
+LAPLACE = "Laplace"
+EMCEE = "emcee"
+
+
+def many_seen(model: GeometricModel, theta: Array, q: Array, torque: Array | None = None) -> Seen:
+    """What `GeometricModel.see` predicts, for each of many sets of parameters.
+
+    Args:
+        model: The model.
+        theta: Parameters (w, p) in SI units.
+        q: Joint variables (m, n) [rad or m].
+        torque: Loads (m, n) of the free joints [N m or N]; None for none.
+
+    Returns:
+        Positions (w, m, k, 3) in the frame of the instrument [m], and orientations
+        (w, m, k, 3, 3), none (0,) where positions alone are measured. No derivatives.
+    """
+    base, errors, tools, softness = model.motions_of_many(theta)
+    robot = model.robot
+    w = len(theta)
+    bent = np.broadcast_to(q, (w, *q.shape))
+    if torque is not None:
+        bent = q + softness[:, None] * torque
+    variables = model.chain.variables(bent.reshape(-1, q.shape[1])).reshape(w, len(q), -1)
+    R = np.broadcast_to(robot.base[:3, :3], (w, len(q), 3, 3))
+    p = np.broadcast_to(robot.base[:3, 3], (w, len(q), 3))
+    for j, joint in enumerate(robot.chain):
+        p = p + R @ joint.origin[:3, 3]
+        R = R @ joint.origin[:3, :3]
+        p = p + (R @ errors[:, None, j, :3, None])[..., 0]
+        R = R @ rotation(errors[:, j, 3:])[:, None]
+        if model.chain.slides[j]:
+            p = p + variables[..., j, None] * (R @ joint.axis)
+        else:
+            R = R @ rotation(variables[..., j, None] * joint.axis)
+    p = p + R @ robot.tool[:3, 3]
+    R = R @ robot.tool[:3, :3]
+    local = model.offsets + tools[..., :3]
+    points = p[:, :, None] + np.einsum("wmij,wkj->wmki", R, local)
+    B = model.start[:3, :3] @ rotation(base[:, 3:])
+    origin = model.start[:3, 3] + base[:, :3] @ model.start[:3, :3].T
+    turns = np.zeros(0)
+    if model.rows == "pose":
+        turns = (B[:, None] @ R)[:, :, None] @ rotation(tools[..., 3:])[:, None]
+    return Seen(origin[:, None, None] + np.einsum("wij,wmkj->wmki", B, points), turns)
+
+
+@dataclass(frozen=True, eq=False)
+class GeometryDensity:
+    """Flat on all parameters, times the likelihood of the sheet by the nonlinear model.
+
+    Errors of a pose have the covariance that was fitted, with normal errors or, where the fit was
+    robust, with multivariate t ones. Coordinates are those of the normal approximation about the
+    largest density: ``theta = mode + root x``, so that x is near a standard normal.
+
+    Attributes:
+        model: The identified parameters.
+        mode: Where the density is largest (p,), in the parameters' units.
+        root: Factor (p, p) of the covariance of the normal approximation, in these units.
+        means: The measured poses.
+        torque: Loads of the joints (m, n).
+        whitening: Matrices (m, k r, k r) that make errors of a pose independent, of size one
+            [1/mm, 1/mrad], with the r = 3 coordinates of a marker, or 6 with its orientation.
+        nu: Degrees of freedom of t errors; None for normal ones.
+    """
+
+    model: GeometricModel
+    mode: Array
+    root: Array
+    means: MarkerPositions
+    torque: Array | None
+    whitening: Array
+    nu: float | None
+
+    @classmethod
+    def of(cls, fit: GeometricFit, loads: Loads | None, robust: bool) -> "GeometryDensity":
+        """The density of a fit's positions, about its own largest value.
+
+        The fit itself has weights between those of the noise and equal ones; the density has those
+        of the noise.
+        """
+        fitted = fit.fitted
+        model = fitted.model
+        means = fit.data.means
+        torque = resting_torque(fitted.compliances, means.q, means.wrench, loads)
+        V = fitted.noise.of_pose(
+            PoseRows.of(model, fitted.theta, means, torque).motion, fit.data.counts
+        )
+        there = np.repeat(means.seen, means.rows, axis=1)[:, :, None]
+        whitening = np.linalg.inv(np.linalg.cholesky(V)) * there
+        weights = np.sqrt(fit.weights)[:, None, None]
+        theta = least_squares_fit(model, fitted.theta, means, torque, whitening * weights).theta
+        rows = PoseRows.of(model, theta, means, torque)
+        X = (whitening * weights @ rows.design).reshape(-1, model.p)
+        R = np.linalg.qr(X, mode="r")
+        root = np.linalg.inv(R)
+        nu = NU if robust else None
+        return cls(model, theta / model.scales, root, means, torque, whitening, nu)
+
+    def parameters(self, x: Array) -> Array:
+        """Parameters (..., p) in their units."""
+        return np.asarray(self.mode + x @ self.root.T)
+
+    def log_density(self, x: Array) -> Array:
+        """Logarithm (n,) of the density of coordinates (n, p), up to a constant."""
+        m, k = self.means.seen.shape
+        step = max(1, BLOCK // (self.means.rows * m * k))
+        parts = [self._squares(x[first : first + step]) for first in range(0, len(x), step)]
+        squares = np.concatenate(parts)
+        if self.nu is None:
+            return np.asarray(-0.5 * squares.sum(axis=1))
+        d = self.means.rows * self.means.seen.sum(axis=1)
+        return np.asarray(-0.5 * ((self.nu + d) * np.log1p(squares / self.nu)).sum(axis=1))
+
+    def _squares(self, x: Array) -> Array:
+        """Squared sizes (n, m) of the errors of the poses."""
+        theta = self.parameters(x) * self.model.scales
+        seen = many_seen(self.model, theta, self.means.q, self.torque)
+        apart = MM * measured_less_seen(self.means, seen)
+        z = np.einsum("mrs,nms->nmr", self.whitening, apart.reshape(len(x), len(self.means), -1))
+        return np.asarray((z**2).sum(axis=-1))
+
+
+@dataclass(frozen=True, eq=False)
+class GeometryPosterior(Presented):
+    """What is known of the parameters, with the sizes of the errors as they were fitted.
+
+    Attributes:
+        method: "emcee", or "Laplace" where there are too many parameters for a chain.
+        parameters: Names (p,).
+        units: Their units (p,).
+        identified: Estimates (p,) of the fit.
+        std_fit: Their standard deviations.
+        samples: Draws (s, p), in the units.
+        weights: Weights (s,) of the draws, of sum one: those of a chain are equal. Those of
+            Laplace's approximation are the nonlinear density over the normal one, so that what is
+            said below is of the nonlinear density.
+        effective: Effective number of draws, of all parameters or of the worst.
+        std_laplace: Standard deviations (p,) of the normal approximation.
+        steps: Length of the chain, or number of draws.
+        walkers: Of the chain; one without.
+    """
+
+    method: str
+    parameters: tuple[str, ...]
+    units: tuple[str, ...]
+    identified: Array
+    std_fit: Array
+    samples: Array
+    weights: Array
+    effective: float
+    std_laplace: Array
+    steps: int
+    walkers: int
+
+    def headline(self) -> str:
+        """How it was computed, and how far it can be trusted."""
+        return f"{len(self.parameters)} parameters, {self.quality}"
+
+    @property
+    def trusted(self) -> bool:
+        """Whether the draws tell of the nonlinear density."""
+        return self.method == EMCEE or self.effective >= TRUSTED * len(self.samples)
+
+    @property
+    def quality(self) -> str:
+        """How it was computed, and the check, in words."""
+        if self.method == EMCEE:
+            return (
+                f"sampled by emcee: {self.walkers} walkers, {self.steps} steps, at least "
+                f"{self.effective:.0f} effective samples"
+            )
+        share = 100 * self.effective / len(self.samples)
+        text = (
+            f"Laplace's approximation, checked by {self.steps} draws weighted with the nonlinear "
+            f"density: {share:.0f} % are effective"
+        )
+        return text if self.trusted else f"{text}, too few to trust it"
+
+    @property
+    def mean(self) -> Array:
+        """Posterior means (p,)."""
+        return np.asarray(self.weights @ self.samples)
+
+    @property
+    def std(self) -> Array:
+        """Posterior standard deviations (p,)."""
+        return np.asarray(np.sqrt(self.weights @ (self.samples - self.mean) ** 2))
+
+    def interval(self, level: float = 0.95) -> Array:
+        """Ends (2, p) of the central intervals that hold the parameters with that probability."""
+        ends = np.array([(1 - level) / 2, (1 + level) / 2])
+        found = np.empty((2, len(self.parameters)))
+        for i, values in enumerate(self.samples.T):
+            order = np.argsort(values)
+            below = np.cumsum(self.weights[order]) - 0.5 * self.weights[order]
+            found[:, i] = np.interp(ends, below, values[order])
+        return found
+
+    def to_frame(self) -> "pd.DataFrame":
+        """One row a parameter, in its unit.
+
+        Columns: `parameter`, `unit`, `reference` (the estimate of the fit), `mean`, `low_95`,
+        `high_95`, `std_posterior`, `std_fit`, `ratio`, `effective_samples`.
+        """
+        import pandas as pd
+
+        low, high = self.interval()
+        return pd.DataFrame(
+            {
+                "parameter": self.parameters,
+                "unit": self.units,
+                "reference": self.identified,
+                "mean": self.mean,
+                "low_95": low,
+                "high_95": high,
+                "std_posterior": self.std,
+                "std_fit": self.std_fit,
+                "ratio": self.std / self.std_fit,
+                "effective_samples": self.effective,
+            }
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data, in the units of the parameters."""
+        return {
+            "method": self.method,
+            "parameters": self.to_frame().to_dict(orient="records"),
+            "steps": self.steps,
+            "walkers": self.walkers,
+            "effective_share": self.effective / len(self.samples),
+            "trusted": self.trusted,
+        }
+
+
+def geometry_posterior(
+    density: GeometryDensity,
+    fitted: tuple[Array, Array],
+    rng: np.random.Generator,
+    options: SamplingOptions,
+) -> GeometryPosterior:
+    """Sample the density by emcee, or where it has many parameters by Laplace's approximation.
+
+    Draws of the normal approximation have the weights ``density / normal``. Were it wrong, few of
+    them would have most of the weight: their effective number ``1 / sum w^2`` (Kong 1992) is the
+    check.
+
+    Args:
+        density: What is known.
+        fitted: Estimates and standard deviations (p,) of the fit.
+        rng: Source of randomness.
+        options: How accurately a chain is sampled.
+
+    Raises:
+        UnconvergedError: The chain does not converge.
+    """
+    parameters = density.model.parameters
+    p = len(parameters)
+    seed = int(rng.integers(2**31))
+    common = {
+        "parameters": tuple(one.name for one in parameters),
+        "units": tuple(one.unit for one in parameters),
+        "identified": fitted[0],
+        "std_fit": fitted[1],
+        "std_laplace": np.linalg.norm(density.root, axis=1),
+    }
+    if p <= MOST_SAMPLED:
+        walkers = max(options.walkers, 4 * p)
+        start = rng.standard_normal((walkers, p))
+        chain = run_chain(density, start, seed, options.demand, progress=options.progress)
+        samples = chain.samples.reshape(-1, p)
+        return GeometryPosterior(
+            method=EMCEE,
+            samples=samples,
+            weights=np.full(len(samples), 1 / len(samples)),
+            effective=float(len(samples) / chain.tau.max()),
+            steps=chain.steps,
+            walkers=walkers,
+            **common,
+        )
+    x = rng.standard_normal((DRAWS, p))
+    log_weights = density.log_density(x) + 0.5 * (x**2).sum(axis=1)
+    weights = np.exp(log_weights - log_weights.max())
+    weights = weights / weights.sum()
+    return GeometryPosterior(
+        method=LAPLACE,
+        samples=density.parameters(x),
+        weights=weights,
+        effective=float(1 / (weights**2).sum()),
+        steps=DRAWS,
+        walkers=1,
+        **common,
+    )

@@ -1,0 +1,159 @@
+"""Nonlinear least squares on positions of markers, and the weights of their coordinates."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from edtk.fit.geometry.marker_positions import MarkerPositions
+from edtk.fit.geometry.position_noise import white_kinds
+from edtk.measure.geometric_model import GeometricModel, Seen
+from edtk.robots.rotations import rotation_vectors
+from edtk.system.typing import Array
+
+MM = 1e3
+WHITE_SHARE = 0.5  # of the size of a pose's errors that weights count as white
+TOLERANCE = 1e-12
+MOST = 200  # evaluations; ten are the rule, and positions that no robot has end nowhere
+
+
+class PoseRows:
+    """Residuals, columns and motions of the poses, in millimetres and milliradians.
+
+    They are zero where nothing was seen.
+    """
+
+    def __init__(self, residual: Array, design: Array, motion: Array) -> None:
+        self.residual = residual
+        self.design = design
+        self.motion = motion
+
+    @classmethod
+    def of(
+        cls, model: GeometricModel, theta: Array, means: MarkerPositions, torque: Array | None
+    ) -> "PoseRows":
+        """At parameters theta (p,)."""
+        seen = model.see(theta, means.q, torque)
+        assert seen.jacobian is not None
+        assert seen.by_joints is not None
+        m, k = means.seen.shape
+        width = means.rows * k
+        there = means.seen[..., None, None]
+        design = np.where(there, seen.jacobian * model.scales, 0.0)
+        return cls(
+            MM * measured_less_seen(means, seen).reshape(m, width),
+            MM * design.reshape(m, width, -1),
+            seen.by_joints.reshape(m, width, -1),
+        )
+
+    def weighted(self, weights: Array) -> "PoseRows":
+        """With residuals and columns scaled by the roots of the poses' weights (m,)."""
+        root = np.sqrt(weights)[:, None]
+        return PoseRows(self.residual * root, self.design * root[..., None], self.motion)
+
+
+def measured_less_seen(means: MarkerPositions, seen: Seen) -> Array:
+    """Residuals (m, k, rows) [m, rad], zero where nothing was seen.
+
+    That of an orientation is the vector of the turn from the predicted to the measured one, in the
+    axes of the instrument.
+    """
+    apart = np.where(means.seen[..., None], means.measured - seen.points, 0.0)
+    if means.turns is None:
+        return apart
+    turned = means.turns @ np.swapaxes(seen.turns, -1, -2)
+    turned = np.where(means.seen[..., None, None], turned, np.eye(3))
+    return np.concatenate([apart, rotation_vectors(turned)], axis=-1)
+
+
+def working(V: Array, rows: int = 3) -> Array:
+    """The covariances (m, r, r) that weight the coordinates of a pose: V and half its size, white.
+
+    Weights by V alone would trust what markers of a pose have in common as little as V says, and
+    their shape as much. That is best where V is true. Real robots err in other ways too: of poses
+    of two of them that were held out, weights by V alone predict up to a tenth worse from many
+    poses, and equal weights up to a twentieth worse from few. Covariances of parameters are those
+    of the estimate with these weights under V, so that they are right for any weights.
+
+    Args:
+        V: Covariances of the poses.
+        rows: Coordinates of a marker: three, or six with its orientation, whose size is its own.
+    """
+    own = np.einsum("mrr->mr", V)
+    white = np.zeros_like(own)
+    for kind in white_kinds(rows, V.shape[1]):
+        white += kind * (own @ kind / kind.sum())[:, None]
+    return V + WHITE_SHARE * white[:, None] * np.eye(V.shape[1])
+
+
+@dataclass(frozen=True, eq=False)
+class LeastSquaresFit:
+    """A minimum of the sum of squares.
+
+    Attributes:
+        theta: Parameters (p,) in SI units.
+        cost: Half the sum of squares there.
+        converged: Whether the search settled.
+    """
+
+    theta: Array
+    cost: float
+    converged: bool
+
+
+def least_squares_fit(
+    model: GeometricModel,
+    theta: Array,
+    means: MarkerPositions,
+    torque: Array | None = None,
+    whitening: Array | None = None,
+    most: int = MOST,
+) -> LeastSquaresFit:
+    """Fit a model to measured positions by Levenberg-Marquardt, with the analytic Jacobian.
+
+    Parameters are in units in which they are of order one, and residuals in millimetres or in units
+    of the noise.
+
+    Args:
+        model: What is fitted.
+        theta: Where to begin (p,), in SI units.
+        means: The positions, a visit a pose.
+        torque: Loads (m, n) of the joints [N m].
+        whitening: Matrices (m, 3k, 3k) that make the errors of a pose independent and of size one
+            [1/mm]; rows of markers that were not seen are zero. None for equal weights.
+        most: Evaluations at most.
+    """
+    if not model.p:
+        return LeastSquaresFit(theta, 0.0, True)
+    from scipy.optimize import least_squares
+
+    scales = model.scales
+
+    def weighted(rows: Array) -> Array:
+        """Rows (m, k, rows, ...) in units of the noise, one beneath the other."""
+        m, k = means.seen.shape
+        rows = rows * means.seen.reshape(m, k, *(1,) * (rows.ndim - 2))
+        flat = MM * rows.reshape(m, means.rows * k, -1)
+        flat = flat if whitening is None else whitening @ flat
+        return flat.reshape(m * means.rows * k, *rows.shape[3:])
+
+    def residual(u: Array) -> Array:
+        there = model.see(u * scales, means.q, torque, derivatives=False)
+        return weighted(-measured_less_seen(means, there))
+
+    def jacobian(u: Array) -> Array:
+        J = model.see(u * scales, means.q, torque).jacobian
+        assert J is not None
+        return weighted(J * scales)
+
+    enough = means.seen.size * means.rows >= model.p
+    found = least_squares(
+        residual,
+        theta / scales,
+        jacobian,
+        method="lm" if enough else "trf",
+        xtol=TOLERANCE,
+        ftol=TOLERANCE,
+        gtol=TOLERANCE,
+        max_nfev=most,
+    )
+    return LeastSquaresFit(found.x * scales, float(found.cost), bool(found.status > 0))

@@ -1,0 +1,498 @@
+"""Measured positions of markers, a visit of a pose at a time, and their files."""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from difflib import get_close_matches
+from functools import cached_property
+
+import numpy as np
+
+from edtk.measure.pose_table import (
+    LOADED_COLUMNS,
+    MARKER_NAME_COLUMN,
+    SHEET_COLUMNS,
+    VISIT_COLUMN,
+    WRENCH_COLUMNS,
+    PoseTable,
+    Table,
+    pose_columns,
+    with_own_headers,
+)
+from edtk.robots.robot import Robot
+from edtk.system.errors import note
+from edtk.system.presented import Presented
+from edtk.system.typing import Array, Indices, Mask
+
+LOST = 1e-9  # [m] a position as near to the instrument's origin is a lost beam
+ALIKE = 0.8  # of the letters of a header, from which it is taken for a misspelt one
+MOST_NAMED = 6  # columns in a note
+VECTOR = ("rx_deg", "ry_deg", "rz_deg")
+QUATERNION = ("qw", "qx", "qy", "qz")
+UNIT = 0.01  # by how much the length of a quaternion may differ from one
+POSE_COLUMN = "pose"  # a number for people
+
+
+@dataclass(frozen=True, eq=False)
+class MarkerPositions(Presented):
+    """Positions of k markers in v visits; a marker that was not seen is NaN.
+
+    Attributes:
+        q: Joint variables (v, n) [rad or m].
+        wrench: Forces and torques (v, 6) at the load point [N, N m]; zero where nothing loads.
+        measured: Positions (v, k, 3) in the frame of the instrument [m].
+        row: Row of the file (v, k) that holds each, counted from 0; -1 where there is none.
+        markers: Names (k,).
+        turns: Orientations (v, k, 3, 3) there, where they were measured with the positions; NaN
+            where nothing was seen.
+    """
+
+    q: Array
+    wrench: Array
+    measured: Array
+    row: Indices
+    markers: tuple[str, ...]
+    turns: Array | None = None
+
+    def __len__(self) -> int:
+        return len(self.q)
+
+    def __getitem__(self, chosen: Indices | slice | Mask) -> "MarkerPositions":
+        """Some of the visits."""
+        names = ["q", "wrench", "measured", "row", *(["turns"] if self.turns is not None else [])]
+        return replace(self, **{name: getattr(self, name)[chosen] for name in names})
+
+    def of_markers(self, chosen: Indices | list[int] | slice) -> "MarkerPositions":
+        """Some of the markers, in their order."""
+        order = np.arange(len(self.markers))[chosen]
+        return replace(
+            self,
+            measured=self.measured[:, order],
+            row=self.row[:, order],
+            markers=tuple(self.markers[i] for i in order),
+            turns=None if self.turns is None else self.turns[:, order],
+        )
+
+    @property
+    def rows(self) -> int:
+        """Measured coordinates of a marker: three, or six with its orientation."""
+        return 3 if self.turns is None else 6
+
+    def headline(self) -> str:
+        """How many positions in how many poses."""
+        return (
+            f"{self.count} positions of {len(self.markers)} markers in {self.poses} poses, "
+            f"{len(self)} visits"
+        )
+
+    @cached_property
+    def seen(self) -> Mask:
+        """Which markers (v, k) were seen."""
+        return np.asarray(np.isfinite(self.measured).all(axis=-1))
+
+    @cached_property
+    def lost(self) -> Mask:
+        """Which markers (v, k) are at the instrument's origin, where no beam has reached them."""
+        size = np.abs(np.where(self.seen[..., None], self.measured, np.inf)).max(axis=-1)
+        return np.asarray(size < LOST)
+
+    def without_lost(self) -> "MarkerPositions":
+        """The positions without those of lost beams."""
+        return replace(self, measured=np.where(self.lost[..., None], np.nan, self.measured))
+
+    @property
+    def count(self) -> int:
+        """Number of positions."""
+        return int(self.seen.sum())
+
+    @cached_property
+    def pose(self) -> Indices:
+        """Number (v,) of each visit's pose and load, counted from 0 in order of appearance."""
+        keys = np.hstack([self.q, self.wrench]) + 0.0
+        _, first, inverse = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+        rank = np.empty(len(first), dtype=int)
+        rank[np.argsort(first)] = np.arange(len(first))
+        return rank[inverse.reshape(-1)]
+
+    @cached_property
+    def poses(self) -> int:
+        """Number of poses, each under its load."""
+        return int(self.pose.max(initial=-1)) + 1
+
+    @cached_property
+    def counts(self) -> Indices:
+        """How often each marker was seen in each pose (poses, k)."""
+        found = np.zeros((self.poses, len(self.markers)), dtype=int)
+        np.add.at(found, self.pose, self.seen)
+        return found
+
+    @cached_property
+    def means(self) -> "MarkerPositions":
+        """The mean of the visits of each pose, a visit a pose."""
+        total = np.zeros((self.poses, len(self.markers), 3))
+        np.add.at(total, self.pose, np.where(self.seen[..., None], self.measured, 0.0))
+        with np.errstate(invalid="ignore"):
+            mean = total / self.counts[..., None]
+        _, first = np.unique(self.pose, return_index=True)
+        return MarkerPositions(
+            self.q[first],
+            self.wrench[first],
+            mean,
+            self.row[first],
+            self.markers,
+            None if self.turns is None else self._mean_turns(self.turns),
+        )
+
+    def _mean_turns(self, turns: Array) -> Array:
+        """The rotations (poses, k, 3, 3) nearest to the sums of those of the visits."""
+        total = np.zeros((self.poses, len(self.markers), 3, 3))
+        np.add.at(total, self.pose, np.where(self.seen[..., None, None], turns, 0.0))
+        unseen = (self.counts == 0)[..., None, None]
+        U, _, Vt = np.linalg.svd(np.where(unseen, np.eye(3), total))
+        sign = np.ones((*unseen.shape[:2], 3))
+        sign[..., 2] = np.linalg.det(U @ Vt)
+        return np.where(unseen, np.nan, (U * sign[..., None, :]) @ Vt)
+
+    def rows_of_pose(self, pose: int) -> list[int]:
+        """Rows of the file that a pose is in, counted from 0."""
+        rows = self.row[self.pose == pose]
+        return sorted(set(rows[rows >= 0].tolist()))
+
+
+COORDINATE = re.compile(r"(\S*?[^\s_])_?[xyz]_mm")
+LOAD = re.compile(r"[FTM][xyz](\W|_|$)", re.IGNORECASE)
+
+
+def without_strange(table: PoseTable, robot: Robot, known: Sequence[str]) -> PoseTable:
+    """The table without columns that no part of a calibration reads, which a note names.
+
+    Files of instruments have times, temperatures and points of their own. What may be a load, or a
+    column that is missing under another name, stays and is refused where the table is read: without
+    it numbers would be wrong in silence.
+
+    Args:
+        table: As it was read.
+        robot: Names the joints.
+        known: Columns that are read, besides those of joints and loads.
+    """
+    columns = (*pose_columns(robot), *WRENCH_COLUMNS, *known)
+    written = [str(column) for column in table.cells]
+    header = dict(zip(written, with_own_headers(written, robot, tuple(known)), strict=True))
+    optional = set(SHEET_COLUMNS) - set(LOADED_COLUMNS)
+    missing = [column for column in columns if column not in (*header.values(), *optional)]
+    strange = [
+        one
+        for one, own in header.items()
+        if own not in (*columns, *SHEET_COLUMNS)
+        and not LOAD.match(one)
+        and (COORDINATE.fullmatch(one) or not get_close_matches(one, missing, 1, ALIKE))
+    ]
+    if not strange:
+        return table
+    note(_words(strange), table.path)
+    return table.without(strange)
+
+
+def _words(strange: list[str]) -> str:
+    """What is passed over, and how markers are named in a study."""
+    of_markers = {column: match[1] for column in strange if (match := COORDINATE.fullmatch(column))}
+    names = list(dict.fromkeys(of_markers.values()))
+    others = [column for column in strange if column not in of_markers]
+    parts = []
+    if names:
+        parts.append(unknown_markers(names))
+    if others:
+        more = len(others) - MOST_NAMED
+        listed = ", ".join(others[:MOST_NAMED]) + (f" and {more} more" if more > 0 else "")
+        parts.append(f"column{'s' * (len(others) > 1)} {listed} not used")
+    return "; ".join(parts)
+
+
+def unknown_markers(names: Sequence[str]) -> str:
+    """That positions of some markers do not count, and what would make them count."""
+    more = len(names) - MOST_NAMED
+    listed = ", ".join(names[:MOST_NAMED]) + (f" and {more} more" if more > 0 else "")
+    return (
+        f"positions of {listed} not used, as the study has no such marker; a [[marker]] with name "
+        f'= "{names[0]}" (and joint = "base" if it stands on the base) would count'
+    )
+
+
+def turn_columns(
+    table: PoseTable, names: Sequence[str], joints: Sequence[str], measured: bool = True
+) -> dict[str, tuple[str, ...]]:
+    """The columns of the orientation of each marker, in the frame of the instrument.
+
+    These are a rotation vector, the axis times the angle in degrees, `rx_deg ry_deg rz_deg`; or a
+    quaternion `qw qx qy qz`. In a sheet with a pose a row the marker's name stands before them, as
+    before its position; in one with a marker a row nothing does.
+
+    Args:
+        table: The sheet.
+        names: Markers whose orientations are measured.
+        joints: Columns of the joints, which are no orientations: one may be called rx.
+        measured: Whether there have to be any.
+
+    Raises:
+        PoseFileError: A marker has no such columns.
+    """
+    found = {}
+    for name in names:
+        forms = [
+            tuple(f"{before}{column}" for column in columns)
+            for before in (name, f"{name}_", "")
+            for columns in (VECTOR, QUATERNION)
+        ]
+        there = [
+            form
+            for form in forms
+            if all(column in table and column not in joints for column in form)
+        ]
+        if there:
+            found[name] = there[0]
+        elif measured:
+            raise table.error(
+                f"no orientation of {name}; expected {', '.join(forms[0])} (axis times angle), or "
+                f"{', '.join(forms[1])}, as measurement.rows is 'pose'"
+            )
+    return found
+
+
+def with_turns(
+    table: PoseTable, data: MarkerPositions, columns: Mapping[str, tuple[str, ...]]
+) -> MarkerPositions:
+    """The positions with the orientations that the sheet has beside them.
+
+    Raises:
+        PoseFileError: A cell is no number, or empty beside a position; or a quaternion is none.
+    """
+    turns = np.full((*data.seen.shape, 3, 3), np.nan)
+    for name, own in columns.items():
+        marker = data.markers.index(name)
+        seen = data.seen[:, marker]
+        rows = data.row[seen, marker]
+        filled: Mask = np.zeros(len(table), dtype=bool)
+        filled[rows] = True
+        if set(own) <= set(VECTOR) | set(QUATERNION):
+            filled = table.filled(own)  # rows of other markers have theirs in the same columns
+            blank = rows[~filled[rows]]
+            if len(blank):
+                raise table.error("a position without an orientation", f"row {blank[0] + 1}")
+        values = table.of_rows(filled).vectors(own)[rows]
+        turns[seen, marker] = _matrices(table, values, rows)
+    return replace(data, turns=turns)
+
+
+def _matrices(table: PoseTable, values: Array, rows: Array) -> Array:
+    """Rotations (m, 3, 3) of vectors [deg] or quaternions, scalar first."""
+    from scipy.spatial.transform import Rotation
+
+    if values.shape[1] == len(VECTOR):
+        return np.asarray(Rotation.from_rotvec(np.deg2rad(values)).as_matrix())
+    length = np.linalg.norm(values, axis=1)
+    wrong = np.flatnonzero(np.abs(length - 1) > UNIT)
+    if len(wrong):
+        raise table.error(
+            f"a quaternion of length {length[wrong[0]]:.4g}; expected one of length 1",
+            f"row {rows[wrong[0]] + 1}",
+        )
+    return np.asarray(Rotation.from_quat(np.roll(values, -1, axis=1)).as_matrix())
+
+
+X_COORDINATE = re.compile(r"(\S*?[^\s_])_?x_mm")
+NO_LOAD = np.zeros(6)
+
+
+def read_positions(
+    path: Table,
+    robot: Robot,
+    fixed: dict[int, float],
+    markers: Sequence[str],
+    measured: bool = True,
+    others: Sequence[str] = (),
+    turned: Sequence[str] = (),
+) -> MarkerPositions:
+    """Read a sheet of positions.
+
+    A row is a marker, `x_mm y_mm z_mm` with its name in the column `marker` (which one marker alone
+    does not need); or a row is a pose, with columns `NAMEx_mm NAMEy_mm NAMEz_mm` (or `NAME_x_mm`)
+    for each marker. A marker whose three cells are empty was not seen. Loads are forces and torques
+    as in a plan, zero by default. Readings of one visit have the same number in the column `visit`;
+    without it each repetition of a marker is a visit of its own. Columns and markers that nothing
+    is known of are passed over, with a note. For orientations see `turn_columns`.
+
+    Args:
+        path: The CSV file, or a data frame that holds what it would.
+        robot: Names the joints.
+        fixed: Values [rad or m] of joints, by index, that the file may leave out.
+        markers: Names of the markers (k,); where there are none, those of the sheet count.
+        measured: Whether there have to be positions; without them all markers are in every row.
+        others: Names of markers that the sheet may have besides, and that are passed over.
+        turned: Names of the markers whose orientations are measured, too.
+
+    Raises:
+        PoseFileError: The file cannot be read; names the row or column.
+    """
+    table = PoseTable.read(path, "sheet")
+    found = _names_in(table, robot)
+    markers = markers or found
+    wide = {name: _wide(table, name) for name in markers}
+    own = tuple(column for columns in wide.values() for column in columns)
+    if measured and not own and found and MARKER_NAME_COLUMN not in table:
+        _require_same(table, found, markers)
+    plain = (*LOADED_COLUMNS, MARKER_NAME_COLUMN)
+    of_turns = turn_columns(table, turned, pose_columns(robot), measured)
+    turns = tuple(column for columns in of_turns.values() for column in columns)
+    known = (*own, *plain, VISIT_COLUMN, POSE_COLUMN, *turns)
+    beside = tuple(column for name in others for column in _wide(table, name))
+    table = table.without([column for column in beside if column not in known])
+    table = without_strange(table, robot, known).with_known(robot, known)
+    q = table.poses(robot, fixed)
+    wrench = table.wrenches(NO_LOAD)
+    if own:
+        positions = _by_pose(table, q, wrench, wide)
+        return with_turns(table, positions, of_turns) if turned else positions
+    if not measured and not any(column in table for column in plain):
+        nothing = np.full((len(q), len(markers), 3), np.nan)
+        row = np.repeat(np.arange(len(q))[:, None], len(markers), axis=1)
+        return MarkerPositions(q, wrench, nothing, row, tuple(markers))
+    positions = _by_marker(table, q, wrench, (tuple(markers), tuple(others)), measured)
+    return with_turns(table, positions, of_turns) if turned else positions
+
+
+def _names_in(table: PoseTable, robot: Robot) -> tuple[str, ...]:
+    """The markers that a sheet names, in their order; one without a name where it names none."""
+    if MARKER_NAME_COLUMN in table:
+        return tuple(dict.fromkeys(table.texts(MARKER_NAME_COLUMN)))
+    joints = pose_columns(robot)
+    others = (str(column) for column in table.cells if column not in joints)
+    found = (X_COORDINATE.fullmatch(column) for column in others)
+    names = (match[1] for match in found if match)
+    return tuple(dict.fromkeys(names)) or (MARKER_NAME_COLUMN,)
+
+
+def _wide(table: PoseTable, name: str) -> tuple[str, ...]:
+    """The columns of one marker in a sheet with a pose a row; none where it has no such columns."""
+    for form in ("{name}{axis}_mm", "{name}_{axis}_mm"):
+        columns = tuple(form.format(name=name, axis=axis) for axis in "xyz")
+        if any(column in table for column in columns):
+            return columns
+    return ()
+
+
+def _by_pose(
+    table: PoseTable, q: Array, wrench: Array, wide: dict[str, tuple[str, ...]]
+) -> MarkerPositions:
+    """A sheet with a pose a row."""
+    found = np.full((len(q), len(wide), 3), np.nan)
+    row = np.full((len(q), len(wide)), -1)
+    for i, columns in enumerate(wide.values()):
+        if columns:
+            found[:, i] = _points(table, columns)
+            row[:, i] = np.arange(len(q))
+    return MarkerPositions(q, wrench, found, row, tuple(wide))
+
+
+def _by_marker(
+    table: PoseTable,
+    q: Array,
+    wrench: Array,
+    names: tuple[tuple[str, ...], tuple[str, ...]],
+    measured: bool,
+) -> MarkerPositions:
+    """A sheet with a marker a row; rows of others than the first names are passed over."""
+    markers, others = names
+    index = _markers(table, markers, others)
+    x = np.full((len(q), 3), np.nan)
+    if measured or any(column in table for column in LOADED_COLUMNS):
+        x = _points(table, LOADED_COLUMNS)
+    rows = np.flatnonzero(index >= 0)
+    q, wrench, x, index = q[rows], wrench[rows], x[rows], index[rows]
+    visit = _visits(table, np.hstack([q, wrench]), index, rows)
+    count = int(visit.max(initial=-1)) + 1
+    found = np.full((count, len(markers), 3), np.nan)
+    row = np.full((count, len(markers)), -1)
+    first = np.array([int(np.argmax(visit == one)) for one in range(count)], dtype=int)
+    found[visit, index] = x
+    row[visit, index] = rows
+    return MarkerPositions(q[first], wrench[first], found, row, markers)
+
+
+def _points(table: PoseTable, columns: tuple[str, ...]) -> Array:
+    """Points (m, 3) [m]; NaN in rows where all three cells are empty, as of a lost beam.
+
+    Raises:
+        PoseFileError: A cell is no number, or one of three is empty.
+    """
+    filled = table.filled(columns)
+    points = table.of_rows(filled).vectors(columns) / 1e3
+    return np.where(filled[:, None], points, np.nan)
+
+
+def _require_same(table: PoseTable, found: Sequence[str], markers: Sequence[str]) -> None:
+    """Check that a sheet with a row a pose names a marker of the study.
+
+    Raises:
+        PoseFileError: It names others.
+    """
+    named = [name for name in found if name != MARKER_NAME_COLUMN]
+    if named and not set(named) & set(markers):
+        raise table.error(
+            f"positions of {', '.join(named)}, and the study's markers are {', '.join(markers)}; "
+            "expected the same names"
+        )
+
+
+def _markers(table: PoseTable, markers: tuple[str, ...], others: tuple[str, ...]) -> Indices:
+    """Index (m,) of each row's marker, -1 for those that the study lacks.
+
+    Raises:
+        PoseFileError: The column is missing, or names no marker of the study.
+    """
+    if MARKER_NAME_COLUMN not in table:
+        if len(markers) == 1:
+            return np.zeros(len(table), dtype=int)
+        raise table.error(
+            f"column {MARKER_NAME_COLUMN!r} is missing; expected which of {', '.join(markers)} "
+            f"each row is of, or a row a pose with {markers[0]}x_mm and so on"
+        )
+    given = table.texts(MARKER_NAME_COLUMN)
+    strange = list(dict.fromkeys(name for name in given if name not in markers))
+    if len(strange) == len(set(given)):
+        raise table.error(
+            f"no marker {strange[0]!r} in the study; expected one of {', '.join(markers)}",
+            f"row 1, column {MARKER_NAME_COLUMN}",
+        )
+    strange = [name for name in strange if name not in others]
+    if strange:
+        note(unknown_markers(strange), table.path)
+    return np.array([markers.index(name) if name in markers else -1 for name in given], dtype=int)
+
+
+def _visits(table: PoseTable, places: Array, index: Indices, rows: Indices) -> Indices:
+    """Number (m,) of each row's visit, counted from 0 in order of appearance.
+
+    Args:
+        table: The sheet.
+        places: Pose and load (m, n + 6) of each row.
+        index: Its marker (m,).
+        rows: Its row (m,) in the file.
+
+    Raises:
+        PoseFileError: A marker is twice in a visit.
+    """
+    numbers = table.numbers(VISIT_COLUMN)[rows] if VISIT_COLUMN in table else None
+    visits: dict[tuple[float, ...], int] = {}
+    times: dict[tuple[float, ...], int] = {}
+    found = np.zeros(len(places), dtype=int)
+    for i, place in enumerate((places + 0.0).tolist()):
+        own = (*place, float(index[i]))
+        occurrence = float(times.get(own, 0))
+        if numbers is not None:
+            own = (*own, float(numbers[i]))
+            occurrence = float(numbers[i])
+            if own in times:
+                raise table.error("the marker is twice in this visit", f"row {rows[i] + 1}")
+        times[own] = times.get(own, 0) + 1
+        found[i] = visits.setdefault((*place, occurrence), len(visits))
+    return found

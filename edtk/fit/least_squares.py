@@ -1,0 +1,235 @@
+"""The linear least-squares fit that everything here starts from, and its covariance."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from criteria.linalg.inverse import guarded_inverse
+from edtk.fit.correlated_noise import AnyNoise, CorrelatedNoise, whiten_columns
+from edtk.system.presented import Presented
+from edtk.system.typing import Array, Indices
+
+
+class SingularPlanError(ValueError):
+    """A plan cannot identify all parameters.
+
+    Attributes:
+        parameters: Names of the parameters that the plan cannot tell apart or does not excite.
+        directions: Combinations of several parameters, like "k2 - 0.5 k3", about which the plan
+            says nothing; single parameters are not repeated here.
+    """
+
+    def __init__(self, parameters: tuple[str, ...], directions: tuple[str, ...] = ()) -> None:
+        super().__init__(parameters, directions)
+        self.parameters = parameters
+        self.directions = directions
+
+    def __str__(self) -> str:
+        text = (
+            f"the plan cannot identify all parameters: {', '.join(self.parameters)} "
+            "cannot be told from its measurements"
+        )
+        if self.directions:
+            combined = " and ".join(f"({direction})" for direction in self.directions)
+            text += f"; nothing is known along {combined}"
+        return text
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate(Presented):
+    """Estimated compliances.
+
+    Attributes:
+        k: Estimates (..., p) [rad/(N m)].
+        covariance: Their covariance (p, p), Eq. (13).
+        parameters: Names (p,); empty where nobody gave names.
+    """
+
+    k: Array
+    covariance: Array
+    parameters: tuple[str, ...] = ()
+
+    def headline(self) -> str:
+        """How many compliances of how many fits."""
+        fits = "" if self.k.ndim == 1 else f" of {self.k[..., 0].size} fits"
+        return f"{self.k.shape[-1]} compliances{fits}"
+
+    @property
+    def std(self) -> Array:
+        """Standard deviations (p,) [rad/(N m)]."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def correlation(self) -> Array:
+        """Correlations (p, p)."""
+        return np.asarray(self.covariance / np.outer(self.std, self.std))
+
+
+def unidentified(M: Array, parameters: tuple[str, ...]) -> tuple[str, ...]:
+    """Names of the parameters that take part in a direction which M (p, p) does not excite."""
+    # SciPy's linear algebra takes long to import; only an error needs it.
+    from criteria.linalg.estimable import null_space
+
+    involved = np.any(null_space(M)[0] != 0, axis=1).tolist()
+    return tuple(name for name, yes in zip(parameters, involved, strict=True) if yes)
+
+
+def covariance(M: Array, parameters: tuple[str, ...]) -> Array:
+    """Covariance of the estimates, Eq. (13): ``cov(k) = (sum A_i' A_i / sigma^2)^-1`` (p, p).
+
+    Args:
+        M: Information matrix (p, p).
+        parameters: Names (p,), for the error.
+
+    Raises:
+        SingularPlanError: M is singular.
+    """
+    _, inverse, regular = guarded_inverse(M)
+    if not regular:
+        raise _singular(M, parameters)
+    return inverse
+
+
+def _singular(M: Array, parameters: tuple[str, ...]) -> SingularPlanError:
+    """The error that names what a singular M (p, p) leaves open."""
+    from criteria.linalg.estimable import open_directions
+
+    # An M that is singular by a hair may have a null space that is empty to rounding: name all.
+    named = unidentified(M, parameters) or parameters
+    directions = open_directions(M, parameters)
+    return SingularPlanError(named, tuple(d for d in directions if d not in parameters))
+
+
+def estimate(A: Array, measured: Array, sigma: AnyNoise, parameters: tuple[str, ...]) -> Estimate:
+    """Fit compliances to deflections by weighted least squares, solved by QR.
+
+    Eq. (6) and (9): ``k = (sum A_i'A_i)^-1 sum A_i' dp_i``, rows weighted by 1/sigma^2.
+
+    Args:
+        A: Regressors (m, rows, p) [m/(rad/(N m))].
+        measured: Deflections dp (..., m, rows) [m, rad].
+        sigma: Noise, one number, one a row (rows,) or one a measurement and row (m, rows) [m, rad];
+            or correlated noise.
+        parameters: Names (p,).
+
+    Raises:
+        SingularPlanError: The regressors do not identify all parameters.
+    """
+    whitened = Whitened.of(A, sigma, parameters)
+    return Estimate(whitened.solve(measured), whitened.covariance, parameters)
+
+
+@dataclass(frozen=True, eq=False)
+class Whitened:
+    """Regressors in units of the noise, factored once for any number of fits.
+
+    ``W A = Q R diag(scale)`` with ``Q'Q = I``; W divides by sigma, or makes correlated errors
+    independent.
+
+    Attributes:
+        Q: Orthonormal columns (m, rows, p).
+        R: Upper triangle (p, p) of columns of unit length.
+        scale: Length (p,) of each column of W A.
+        weight: 1/sigma (m, rows).
+        covariance: Eq. (13) (p, p).
+        correlated: The noise where its errors are correlated; None where W is `weight`.
+    """
+
+    Q: Array
+    R: Array
+    scale: Array
+    weight: Array
+    covariance: Array
+    correlated: CorrelatedNoise | None = None
+
+    @classmethod
+    def of(cls, A: Array, sigma: AnyNoise, parameters: tuple[str, ...]) -> "Whitened":
+        """Factor regressors (m, rows, p) and the noise, of sizes that broadcast to (m, rows).
+
+        Raises:
+            SingularPlanError: The regressors do not identify all parameters.
+        """
+        correlated = sigma if isinstance(sigma, CorrelatedNoise) else None
+        std = sigma.std if isinstance(sigma, CorrelatedNoise) else np.asarray(sigma, dtype=float)
+        weight = 1.0 / np.broadcast_to(std, A.shape[:2])
+        whole = A * weight[..., None] if correlated is None else whiten_columns(A, correlated)
+        stacked = whole.reshape(-1, A.shape[-1])
+        # Called for its error alone: the inverse below comes from the rows, by QR, which does not
+        # square the condition number as stacked' stacked does.
+        covariance(stacked.T @ stacked, parameters)
+        # Columns differ by powers of ten where joints differ in their lever arms.
+        scale = np.linalg.norm(stacked, axis=0)
+        Q, R = np.linalg.qr(stacked / scale)
+        inverse = np.linalg.inv(R) / scale[:, None]
+        cov = inverse @ inverse.T
+        return cls(Q.reshape(A.shape), R, scale, weight, cov, correlated)
+
+    def in_sigma(self, lengths: Array) -> Array:
+        """Deflections or residuals (..., m, rows) in units of the noise, as independent numbers."""
+        if self.correlated is None:
+            return lengths * self.weight
+        return self.correlated.whiten(lengths)
+
+    def project(self, measured: Array) -> Array:
+        """``Q' W dp`` (..., p): all that deflections (..., m, rows) say of parameters."""
+        y = self.in_sigma(measured).reshape(*measured.shape[:-2], -1)
+        return y @ self.Q.reshape(-1, len(self.scale))
+
+    def solve(self, measured: Array) -> Array:
+        """Least-squares estimates (..., p) from deflections (..., m, rows)."""
+        return np.linalg.solve(self.R, self.project(measured)[..., None])[..., 0] / self.scale
+
+    def residual(self, measured: Array) -> Array:
+        """``(I - Q Q') W dp`` (m, rows): what no parameters explain, in units of the noise.
+
+        Args:
+            measured: Deflections dp (m, rows).
+        """
+        z = self.in_sigma(measured)
+        return np.asarray(z - self.Q @ np.einsum("mrp,mr->p", self.Q, z))
+
+    def shift(self, rows: Indices, units: Array | None = None) -> tuple[Indices, Array]:
+        """A common shift of some measurements, whitened.
+
+        Args:
+            rows: The measurements.
+            units: What each unit of the shift adds to all measurements (m, rows, c); defaults to a
+                unit of each coordinate.
+
+        Returns:
+            The measurements (t,) that it shows in, which are more where errors are correlated, and
+            its columns (t, rows, c) in them.
+        """
+        unit = np.eye(self.weight.shape[1]) if units is None else units
+        if self.correlated is None:
+            own = unit if units is None else unit[rows]
+            return rows, self.weight[rows][:, :, None] * own
+        company = self.correlated.company(rows)
+        own = unit if units is None else unit[company]
+        moved = np.isin(company, rows)[:, None, None] * own
+        return company, whiten_columns(moved, self.correlated[company])
+
+    def by_reading(self) -> Array:
+        """``W' Q`` (m, rows, p): what a unit of each coordinate adds to ``Q' W dp``."""
+        if self.correlated is None:
+            return self.Q * self.weight[:, :, None]
+        return np.moveaxis(self.correlated.adjoint(np.moveaxis(self.Q, -1, 0)), 0, -1)
+
+    def deletable(self, z: Array) -> tuple[Array, Array]:
+        """Regressors and residuals from which single measurements can be left out.
+
+        With ``B_i = W_i' Q`` of a measurement's columns W_i, and ``N_i = W_i' W_i``, leaving it out
+        lowers the sum of squares by ``d_i' (N_i - B_i B_i')^-1 d_i`` for ``d_i = W_i' z``. That is
+        the form which independent measurements have, of ``N_i^-1/2 B_i`` and ``N_i^-1/2 d_i``.
+
+        Args:
+            z: Whitened residuals (m, rows).
+
+        Returns:
+            These two, (m, rows, p) and (m, rows).
+        """
+        if self.correlated is None:
+            return self.Q, z
+        values, vectors = np.linalg.eigh(self.correlated.precision())
+        root = (vectors / np.sqrt(values)[:, None]) @ np.swapaxes(vectors, 1, 2)
+        return root @ self.by_reading(), (root @ self.correlated.adjoint(z)[..., None])[..., 0]

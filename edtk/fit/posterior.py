@@ -1,0 +1,425 @@
+"""The posterior distribution of the compliances: its density, its samples, what they say."""
+
+import hashlib
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from enum import Enum
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from edtk.fit.chain_file import ChainFile
+from edtk.fit.correlated_noise import RowNoise, numbers_of, whiten, whiten_columns
+from edtk.fit.least_squares import Estimate
+from edtk.fit.noise import Noise
+from edtk.fit.prior import Prior, draw_positive
+from edtk.fit.run_chain import Chain, Demand, no_progress, run_chain, std_error
+from edtk.system.presented import Presented
+from edtk.system.typing import Array
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+# emcee's differential evolution moves along differences of two other walkers, which must span the
+# space; twice the dimension is the least that it accepts.
+WALKERS_PER_PARAMETER = 4
+# A fit is exact where the squares of its residuals are this share of those of the measurements:
+# rounding to 1e-11.
+EXACT = 1e-22
+# Degrees of freedom up to which Student's t has no variance.
+NO_VARIANCE = 2
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredRows:
+    """Measurements in units of the noise, a row each.
+
+    Attributes:
+        X: Regressors (N, p) over sigma.
+        y: Measured (N,) over sigma.
+        squares: Sum of the squared residuals of the least-squares fit.
+    """
+
+    X: Array
+    y: Array
+    squares: float
+
+    @classmethod
+    def of(cls, A: Array, measured: Array, sigma: RowNoise, k: Array) -> "MeasuredRows":
+        """Rows of regressors (m, rows, p), with residuals of the fit k (p,)."""
+        X = whiten_columns(A, sigma).reshape(-1, A.shape[-1])
+        y = whiten(measured, sigma).ravel()
+        return cls(X, y, float(((y - X @ k) ** 2).sum()))
+
+    @property
+    def freedom(self) -> int:
+        """How many more rows than compliances there are."""
+        return self.X.shape[0] - self.X.shape[1]
+
+    @property
+    def telling(self) -> int:
+        """The least number of rows that tell of any direction of the compliances.
+
+        Of N rows in general position ``N - p + 1`` tell of every direction, and of a parameter
+        those whose entry is not zero.
+        """
+        return min(self.freedom + 1, int((self.X != 0).sum(axis=0).min()))
+
+    @property
+    def exact(self) -> bool:
+        """Whether the model fits the measurements up to rounding."""
+        return self.squares <= EXACT * float(self.y @ self.y)
+
+
+@dataclass(frozen=True, eq=False)
+class _Coordinates:
+    """Coordinates in which the posterior is about standard normal: ``k = centre + L x``.
+
+    They are those of the Gaussian that is the product of the least-squares fit and of the Gaussian
+    part of the prior.
+
+    Attributes:
+        centre: Its mean (p,) [rad/(N m)].
+        L: A root (p, p) of its covariance.
+        scale: Standard deviations (p,) of the least-squares fit [rad/(N m)].
+        precision: Precision (p, p) of ``k / scale``.
+    """
+
+    centre: Array
+    L: Array
+    scale: Array
+    precision: Array
+
+    @classmethod
+    def of(cls, fit: Estimate, prior: Prior, spread: float) -> "_Coordinates":
+        """Coordinates for a fit whose errors have `spread` times the variance that it states."""
+        scale = np.sqrt(np.diag(fit.covariance))
+        # Parameters differ by powers of ten: matrices are inverted after scaling to a unit
+        # diagonal.
+        inverse = np.linalg.inv(fit.covariance / np.outer(scale, scale)) / spread
+        P, h = prior.gaussian()
+        precision = inverse + P * np.outer(scale, scale)
+        centre = scale * np.linalg.solve(precision, inverse @ (fit.k / scale) + h * scale)
+        L = scale[:, None] * np.linalg.inv(np.linalg.cholesky(precision)).T
+        return cls(centre, L, scale, precision)
+
+    def compliances(self, x: Array) -> Array:
+        """Compliances (..., p) [rad/(N m)] at coordinates (..., p)."""
+        return self.centre + x @ self.L.T
+
+
+@dataclass(frozen=True, eq=False)
+class PosteriorDensity:
+    """The density that is sampled: coordinates (p,), then what is unknown of the noise (e,).
+
+    Residuals in units of the noise are ``residual - B x``, and `hidden` more that do not depend on
+    x, with the sum of squares `rest`.
+    """
+
+    coordinates: _Coordinates
+    prior: Prior
+    noise: Noise
+    B: Array
+    residual: Array
+    hidden: int = 0
+    rest: float = 0.0
+
+    @classmethod
+    def of(
+        cls, data: MeasuredRows, fit: Estimate, prior: Prior, noise: Noise
+    ) -> "PosteriorDensity":
+        """The density given measurements and their least-squares fit."""
+        spread = noise.spread(data.squares, data.freedom)
+        coordinates = _Coordinates.of(fit, prior, spread)
+        B = data.X @ coordinates.L
+        residual = data.y - data.X @ coordinates.centre
+        if not noise.normal or data.freedom <= 0:
+            return cls(coordinates, prior, noise, B, residual)
+        # N normal rows say no more than p rotated ones, and the sum of squares that they leave:
+        # so the cost of a step does not grow with the number of measurements.
+        Q, R = np.linalg.qr(B)
+        total = residual @ residual
+        rotated = residual @ Q
+        rest = max(float(total - rotated @ rotated), 0.0)
+        return cls(coordinates, prior, noise, R, rotated, data.freedom, rest)
+
+    def log_density(self, x: Array) -> Array:
+        """Logarithm (n,) up to a constant, at coordinates (n, p + e)."""
+        p = len(self.coordinates.centre)
+        extra = x[:, p:]
+        residuals = self.residual - x[:, :p] @ self.B.T
+        likelihood = self.noise.log_likelihood(residuals, extra, self.hidden, self.rest)
+        compliances = self.coordinates.compliances(x[:, :p])
+        total = likelihood + self.noise.log_prior(extra) + self.prior.log_density(compliances)
+        # Walkers that are thrown far out overflow; emcee wants a number to reject.
+        return np.where(np.isnan(total), -np.inf, total)
+
+    def parameters(self, x: Array) -> Array:
+        """Compliances, then logarithms of what is unknown of the noise, (..., p + e)."""
+        p = len(self.coordinates.centre)
+        return np.concatenate([self.coordinates.compliances(x[..., :p]), x[..., p:]], axis=-1)
+
+    def start(self, data: MeasuredRows, rng: np.random.Generator, walkers: int) -> Array:
+        """Where the walkers start (walkers, p + e): independent draws, which need little burn-in.
+
+        The compliances are drawn from the Gaussian of the coordinates, confined to positive numbers
+        if the prior asks for it.
+        """
+        at = self.coordinates
+        p = len(at.centre)
+        walkers = max(walkers, WALKERS_PER_PARAMETER * (p + len(self.noise.names)))
+        k = at.compliances(rng.standard_normal((walkers, p)))
+        if self.prior.log_density(k).min() == -np.inf:
+            # Rejection would never end where the estimate is far below zero.
+            k = at.scale * draw_positive(at.centre / at.scale, at.precision, walkers, rng)
+        x = np.linalg.solve(at.L, (k - at.centre).T).T
+        extra = self.noise.start(data.squares, data.freedom, rng, walkers)
+        return np.concatenate([x, extra], axis=1)
+
+    def file(self, path: Path | None, content: list[Array]) -> ChainFile | None:
+        """The file at a path that is of this problem alone; None without a path.
+
+        Args:
+            path: Where it lies.
+            content: Every number that the chain depends on, but for this density's own.
+        """
+        if path is None:
+            return None
+        numbers = self.parameters(np.eye(len(self.coordinates.centre) + len(self.noise.names)))
+        parts = [np.ascontiguousarray(part).tobytes() for part in (*content, numbers)]
+        digest = hashlib.sha256(b"".join(parts))
+        digest.update(repr((self.prior, self.noise)).encode())
+        return ChainFile(path, digest.hexdigest())
+
+
+@dataclass(frozen=True, eq=False)
+class Posterior(Presented):
+    """The sampled posterior of the compliances.
+
+    Attributes:
+        samples: Kept samples (steps, walkers, p), burn-in removed [rad/(N m)].
+        tau: Integrated autocorrelation times (p,), in steps.
+        steps: Length of the whole chain.
+        r_hat: Split-chain potential scale reductions (p,).
+        noise_tau: Integrated autocorrelation times (e,) of the logarithms of what is unknown of the
+            noise, in steps.
+        noise: Samples of what is unknown of the noise (steps, walkers, e), by `noise_names`.
+        noise_names: "sigma_ratio", "nu", both or neither.
+        parameters: Names (p,) of the compliances; empty where nobody gave names.
+    """
+
+    samples: Array
+    tau: Array
+    steps: int
+    r_hat: Array
+    noise_tau: Array
+    noise: Array
+    noise_names: tuple[str, ...] = ()
+    parameters: tuple[str, ...] = ()
+
+    def headline(self) -> str:
+        """How many compliances, and how long and how good the chain is."""
+        steps, walkers, p = self.samples.shape
+        return (
+            f"{p} compliances, {steps} steps of {walkers} walkers, at least "
+            f"{self.effective.min():.0f} effective samples, R-hat up to {self.r_hat.max():.4f}"
+        )
+
+    @property
+    def mean(self) -> Array:
+        """Posterior means (p,) [rad/(N m)]."""
+        return self.samples.mean(axis=(0, 1))
+
+    @property
+    def std(self) -> Array:
+        """Posterior standard deviations (p,) [rad/(N m)]."""
+        return self.samples.std(axis=(0, 1))
+
+    @property
+    def covariance(self) -> Array:
+        """Posterior covariance (p, p)."""
+        return np.atleast_2d(np.cov(self.samples.reshape(-1, self.samples.shape[-1]).T, ddof=0))
+
+    @property
+    def effective(self) -> Array:
+        """Effective number of independent samples (p,)."""
+        return np.prod(self.samples.shape[:2]) / self.tau
+
+    @property
+    def std_error(self) -> Array:
+        """Monte-Carlo standard error (p,) of `std` [rad/(N m)]."""
+        return self.std * std_error(self.samples)
+
+    def interval(self, level: float = 0.95) -> Array:
+        """Ends (2, p) of the central intervals that hold the compliances with that probability."""
+        return np.quantile(self.samples, [(1 - level) / 2, (1 + level) / 2], axis=(0, 1))
+
+    def to_frame(self) -> "pd.DataFrame":
+        """One row a compliance, SI units.
+
+        Columns: `parameter`, `mean`, `std`, `low_95`, `high_95`, `std_error`, `tau_steps`, `r_hat`
+        and `effective_samples`.
+        """
+        import pandas as pd
+
+        low, high = self.interval()
+        numbered = tuple(str(i + 1) for i in range(self.samples.shape[-1]))
+        return pd.DataFrame(
+            {
+                "parameter": self.parameters or numbered,
+                "mean": self.mean,
+                "std": self.std,
+                "low_95": low,
+                "high_95": high,
+                "std_error": self.std_error,
+                "tau_steps": self.tau,
+                "r_hat": self.r_hat,
+                "effective_samples": self.effective,
+            }
+        )
+
+
+class ImproperPosterior(Enum):
+    """Why a posterior has no standard deviations, or cannot be sampled."""
+
+    SIGMA_FROM_FEW_ROWS = (
+        "with sigma unknown the measured rows must outnumber the compliances by {needed}, "
+        "and do by {rows}; measure more, or say how well sigma is known"
+    )
+    SIGMA_FROM_EXACT_FIT = (
+        "the model fits the measurements exactly, which leaves nothing to tell sigma from"
+    )
+    HEAVY_TAILS_FROM_FEW_ROWS = (
+        "with Student-t errors {rows} measured rows that tell of a compliance, or of several "
+        "together, are too few; measure more, or give every compliance a prior"
+    )
+    NO_DENSITY = (
+        "the prior and the measurements are so far apart that no compliance has a density which a "
+        "number can hold; correct the prior"
+    )
+
+
+class ImproperPosteriorError(ValueError):
+    """The posterior has no standard deviations: too little was measured for what is unknown.
+
+    Attributes:
+        reason: Why.
+        rows: Number of rows that there are, as the reason counts them.
+        needed: Number of rows that there must be; 0 where no number would do.
+    """
+
+    def __init__(self, reason: ImproperPosterior, rows: int = 0, needed: int = 0) -> None:
+        super().__init__(reason, rows, needed)
+        self.reason = reason
+        self.rows = rows
+        self.needed = needed
+
+    def __str__(self) -> str:
+        return self.reason.value.format(rows=self.rows, needed=self.needed)
+
+
+@dataclass(frozen=True)
+class SamplingOptions:
+    """How a posterior is sampled; the defaults suit a calibration.
+
+    Attributes:
+        demand: When the chain is long enough.
+        chain: File in which the chain is kept, and from which it is resumed; or None.
+        progress: Called with the number of steps so far.
+        walkers: Size of emcee's ensemble, even; four a parameter where that is more.
+    """
+
+    demand: Demand = field(default_factory=Demand)
+    chain: Path | None = None
+    progress: Callable[[int], object] = no_progress
+    walkers: int = 32
+
+
+NORMAL = Noise()
+DEFAULT_OPTIONS = SamplingOptions()
+
+
+def sample_posterior(
+    A: Array,
+    measured: Array,
+    sigma: RowNoise,
+    fit: Estimate,
+    rng: np.random.Generator,
+    *,
+    prior: Prior | None = None,
+    noise: Noise = NORMAL,
+    options: SamplingOptions = DEFAULT_OPTIONS,
+) -> Posterior:
+    """Sample ``prior(k) prod_i p((dp_i - A_i k) / sigma)``, with what is unknown of the noise.
+
+    Args:
+        A: Regressors (m, rows, p) [m/(rad/(N m))].
+        measured: Deflections (m, rows) [m, rad].
+        sigma: Noise, one a row (rows,) or one a measurement and row (m, rows) [m, rad]; or
+            correlated noise, whose whitened rows are then the ones with normal or Student-t errors.
+        fit: The least-squares estimate, for scale, start and names.
+        rng: Source of randomness.
+        prior: Of the compliances; None for flat on positive compliances.
+        noise: What is known of the noise.
+        options: How accurately, and where the chain is kept.
+
+    Raises:
+        UnconvergedError: The limit on the number of steps was reached first.
+        ImproperPosteriorError: Too few rows were measured for what is unknown of the noise.
+        ChainFileError: The file is no chain, or of another problem.
+        OSError: The file cannot be written.
+    """
+    prior = Prior.flat(A.shape[-1]) if prior is None else prior
+    data = MeasuredRows.of(A, measured, sigma, fit.k)
+    _require_variances(prior, noise, data)
+    density = PosteriorDensity.of(data, fit, prior, noise)
+    start = density.start(data, rng, options.walkers)
+    if not np.isfinite(density.log_density(start)).all():
+        raise ImproperPosteriorError(ImproperPosterior.NO_DENSITY)
+    seed = int(rng.integers(2**31))
+    content = [A, measured, *numbers_of(sigma), start, np.array([seed])]
+    file = density.file(options.chain, content)
+    chain = run_chain(density, start, seed, options.demand, file=file, progress=options.progress)
+    return _posterior(chain, fit.parameters, noise)
+
+
+def _posterior(chain: Chain, parameters: tuple[str, ...], noise: Noise) -> Posterior:
+    """Samples of the compliances, and of what is unknown of the noise without its logarithm."""
+    p = chain.samples.shape[-1] - len(noise.names)
+    return Posterior(
+        samples=chain.samples[..., :p],
+        tau=chain.tau[:p],
+        steps=chain.steps,
+        r_hat=chain.r_hat[:p],
+        noise_tau=chain.tau[p:],
+        noise=np.exp(chain.samples[..., p:]),
+        noise_names=noise.names,
+        parameters=parameters,
+    )
+
+
+def _require_variances(prior: Prior, noise: Noise, data: MeasuredRows) -> None:
+    """Refuse posteriors without variances, which would be sampled for ever.
+
+    Under Jeffreys' prior of sigma the compliances are Student-t with ``N - p`` degrees of freedom.
+    Under Student-t errors the density falls like ``|k|^(-r (nu + 1))`` along a direction of which r
+    rows tell: ``r (nu + 1) - 1`` degrees of freedom. With two of them or fewer variances are
+    infinite.
+
+    Raises:
+        ImproperPosteriorError: The posterior has no variances.
+    """
+    sigma_unknown = noise.sigma_factor == np.inf
+    needed = 1 if prior.proper else NO_VARIANCE + 1
+    if sigma_unknown and data.freedom < needed:
+        reason = ImproperPosterior.SIGMA_FROM_FEW_ROWS
+        raise ImproperPosteriorError(reason, data.freedom, needed)
+    if sigma_unknown and data.exact:
+        raise ImproperPosteriorError(ImproperPosterior.SIGMA_FROM_EXACT_FIT)
+    if noise.normal or prior.proper:
+        return
+    least_nu = 0.0 if noise.nu is None else noise.nu
+    if data.telling * (least_nu + 1) - 1 <= NO_VARIANCE:
+        reason = ImproperPosterior.HEAVY_TAILS_FROM_FEW_ROWS
+        raise ImproperPosteriorError(reason, data.telling)

@@ -1,0 +1,382 @@
+"""Prior knowledge of the compliances, and estimates from measurements and prior together."""
+
+from dataclasses import dataclass, field
+from math import log
+
+import numpy as np
+
+from edtk.fit.correlated_noise import CorrelatedNoise, NoiseBlocks, RowNoise, whiten, whiten_columns
+from edtk.fit.least_squares import Estimate, Whitened
+from edtk.system.typing import Array
+
+# Of two coordinates, a sweep multiplies the memory of the start by their squared correlation: at
+# 0.98 less than 2 % of it remain.
+SWEEPS = 100
+# Draws from an earlier calibration that are not positive are thrown away and drawn again. After so
+# many rounds nearly all of its mass is where no compliance can be, which is worth an error.
+MOST_ROUNDS = 1000
+NEAR = 4.0  # standard deviations of a logarithm, within which it is linearised about an estimate
+
+
+def draw_positive(mean: Array, precision: Array, n: int, rng: np.random.Generator) -> Array:
+    """Draw from where no tail is too far to be hit, by Gibbs sampling of one coordinate at a time.
+
+    Given the others, coordinate i is normal about ``m_i - sum_j P_ij (x_j - m_j) / P_ii``, j other
+    than i, with variance 1/P_ii, and confined to positive numbers.
+
+    Args:
+        mean: m (p,), any sign.
+        precision: P (p, p); coordinates should be of like scale.
+        n: Number of independent draws.
+        rng: Source of randomness.
+
+    Returns:
+        Draws (n, p), all positive.
+    """
+    from scipy.stats import truncnorm
+
+    x = np.tile(np.abs(mean), (n, 1))
+    spread = 1 / np.sqrt(np.diag(precision))
+    for _ in range(SWEEPS):
+        for i in range(len(mean)):
+            pull = (x - mean) @ precision[:, i] - (x[:, i] - mean[i]) * precision[i, i]
+            centre = mean[i] - pull * spread[i] ** 2
+            lower = -centre / spread[i]
+            x[:, i] = truncnorm.rvs(lower, np.inf, centre, spread[i], random_state=rng)
+    return x
+
+
+@dataclass(frozen=True)
+class Flat:
+    """Nothing is known of a compliance: density 1."""
+
+    def log_density(self, k: Array) -> Array:
+        """Logarithm (...) of the density for k (...): zero."""
+        return np.zeros_like(k)
+
+    def gaussian(self) -> tuple[float, float]:
+        """Mean and precision of a Gaussian near it: no precision at all."""
+        return 0.0, 0.0
+
+    def draw(self, rng: np.random.Generator, n: int) -> Array:
+        """Nothing can be drawn.
+
+        Raises:
+            ValueError: Always: the density has no finite mass.
+        """
+        raise ValueError("nothing can be drawn from a flat prior")
+
+
+@dataclass(frozen=True)
+class HalfNormal:
+    """A compliance is hardly larger than a scale: density ``exp(-k^2 / 2 scale^2)`` for k > 0.
+
+    Attributes:
+        scale: Standard deviation of the normal distribution that is cut in half [rad/(N m)].
+    """
+
+    scale: float
+
+    def log_density(self, k: Array) -> Array:
+        """Logarithm (...) of the density up to a constant, for k (...)."""
+        return -0.5 * (k / self.scale) ** 2
+
+    def gaussian(self) -> tuple[float, float]:
+        """Mean and precision of a Gaussian near it."""
+        return 0.0, self.scale**-2
+
+    def draw(self, rng: np.random.Generator, n: int) -> Array:
+        """Draws (n,) [rad/(N m)]."""
+        return self.of_normal(rng.standard_normal(n))
+
+    def of_normal(self, z: Array) -> Array:
+        """Values of this density from those of a standard normal variable [rad/(N m)]."""
+        return np.abs(self.scale * z)
+
+
+@dataclass(frozen=True)
+class LogNormal:
+    """A compliance is known to a factor: log k is normal.
+
+    Attributes:
+        median: Its logarithm is the mean of log k [rad/(N m)].
+        factor: Its logarithm is the standard deviation of log k.
+    """
+
+    median: float
+    factor: float
+
+    def log_density(self, k: Array) -> Array:
+        """Logarithm (...) of the density up to a constant, for k > 0 (...)."""
+        return -0.5 * (np.log(k / self.median) / np.log(self.factor)) ** 2 - np.log(k)
+
+    def gaussian(self) -> tuple[float, float]:
+        """Mean and precision of a Gaussian near it."""
+        return self.median, (self.median * np.log(self.factor)) ** -2
+
+    def draw(self, rng: np.random.Generator, n: int) -> Array:
+        """Draws (n,) [rad/(N m)]."""
+        return self.of_normal(rng.standard_normal(n))
+
+    def of_normal(self, z: Array) -> Array:
+        """Values of this density from those of a standard normal variable [rad/(N m)]."""
+        return np.asarray(self.median * self.factor**z)
+
+
+Marginal = Flat | HalfNormal | LogNormal
+
+
+@dataclass(frozen=True, eq=False)
+class Normal:
+    """The result of an earlier calibration: a normal distribution of all compliances.
+
+    Attributes:
+        mean: Estimates (p,) [rad/(N m)].
+        covariance: Their covariance (p, p).
+    """
+
+    mean: Array
+    covariance: Array
+    _factor: Array = field(init=False, repr=False)
+    _whitener: Array = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        # Factored once: a chain evaluates the density hundreds of thousands of times.
+        factor = np.linalg.cholesky(self.covariance)
+        # The class is frozen; these two follow from its fields.
+        object.__setattr__(self, "_factor", factor)
+        object.__setattr__(self, "_whitener", np.linalg.inv(factor).T)
+
+    def log_density(self, k: Array) -> Array:
+        """Logarithm (...) of the density up to a constant, for k (..., p)."""
+        return -0.5 * (((k - self.mean) @ self._whitener) ** 2).sum(axis=-1)
+
+    def draw(self, rng: np.random.Generator, n: int) -> Array:
+        """Draws (n, p) [rad/(N m)], of any sign."""
+        return self.mean + rng.standard_normal((n, len(self.mean))) @ self._factor.T
+
+
+@dataclass(frozen=True, eq=False)
+class Prior:
+    """A marginal for each compliance, or an earlier calibration, or both; compliances are positive.
+
+    Attributes:
+        marginals: One for each of the p compliances.
+        earlier: Result of an earlier calibration, a further factor of the density; or None.
+        positive: Whether the density is zero where a compliance is not positive.
+    """
+
+    marginals: tuple[Marginal, ...]
+    earlier: Normal | None = None
+    positive: bool = True
+
+    @classmethod
+    def flat(cls, p: int, positive: bool = True) -> "Prior":
+        """Nothing is known of p compliances, but that they are positive."""
+        return cls((Flat(),) * p, positive=positive)
+
+    def log_density(self, k: Array) -> Array:
+        """Logarithm (...) of the density up to a constant, for k (..., p); -inf outside."""
+        inside = np.ones(k.shape[:-1], dtype=bool)
+        if self._bounded:
+            inside = np.asarray((k > 0).all(axis=-1))
+        # Logarithms want positive numbers, also where their result is thrown away.
+        safe = np.where(inside[..., None], k, 1.0)
+        total = np.zeros(k.shape[:-1])
+        for i, marginal in enumerate(self.marginals):
+            if not isinstance(marginal, Flat):
+                total = total + marginal.log_density(safe[..., i])
+        if self.earlier is not None:
+            total = total + self.earlier.log_density(safe)
+        return np.where(inside, total, -np.inf)
+
+    def gaussian(self) -> tuple[Array, Array]:
+        """A Gaussian near the prior, from which a chain may start.
+
+        Returns:
+            Its precision (p, p), and that times its mean (p,).
+        """
+        pairs = np.array([marginal.gaussian() for marginal in self.marginals])
+        precision = np.diag(pairs[:, 1])
+        weighted_mean = pairs[:, 0] * pairs[:, 1]
+        if self.earlier is not None:
+            inverse = np.linalg.inv(self.earlier.covariance)
+            precision = precision + inverse
+            weighted_mean = weighted_mean + inverse @ self.earlier.mean
+        return precision, weighted_mean
+
+    def draw(self, rng: np.random.Generator, n: int) -> Array:
+        """Draws (n, p) [rad/(N m)].
+
+        Raises:
+            ValueError: A marginal is flat and there is no earlier calibration, or both kinds are
+                given; or the earlier calibration is hardly ever positive.
+        """
+        if self.earlier is None:
+            return np.stack([marginal.draw(rng, n) for marginal in self.marginals], axis=-1)
+        if any(not isinstance(marginal, Flat) for marginal in self.marginals):
+            raise ValueError(
+                "an earlier calibration together with other priors cannot be drawn from"
+            )
+        found = np.empty((0, len(self.marginals)))
+        for _ in range(MOST_ROUNDS):
+            k = self.earlier.draw(rng, n)
+            allowed = k[(k > 0).all(axis=-1)] if self.positive else k
+            found = np.concatenate([found, allowed])
+            if len(found) >= n:
+                return found[:n]
+        raise ValueError(
+            "of the earlier calibration's normal distribution hardly anything is positive"
+        )
+
+    @property
+    def is_flat(self) -> bool:
+        """Whether nothing is known, but that compliances are positive."""
+        return self.earlier is None and all(isinstance(m, Flat) for m in self.marginals)
+
+    @property
+    def proper(self) -> bool:
+        """Whether every compliance has a prior of finite mass and moments."""
+        return self.earlier is not None or not any(isinstance(m, Flat) for m in self.marginals)
+
+    @property
+    def _bounded(self) -> bool:
+        return self.positive or any(not isinstance(m, Flat) for m in self.marginals)
+
+
+@dataclass(frozen=True, eq=False)
+class PriorRows:
+    """Knowledge of compliances beside measurements: ``rows k = values``, with noise of size one.
+
+    They are appended to the rows of measurements, in measurements of their own, whose other
+    coordinates say nothing.
+
+    Attributes:
+        rows: Regressors (r, p) [1/(rad/(N m))].
+        values: Their right-hand sides (r,).
+    """
+
+    rows: Array
+    values: Array
+
+    @classmethod
+    def near(cls, prior: Prior, k: Array) -> "PriorRows":
+        """Linearise a prior about compliances.
+
+        Of a compliance that is known to a factor the logarithm is normal: ``log k`` is
+        ``log k0 + (k - k0) / k0`` near k0.
+
+        Args:
+            prior: Knowledge of the compliances; flat and half-normal densities are left out, as
+                these say nothing of a compliance's size but that it is not large.
+            k: The compliances (p,) about which it is linearised [rad/(N m)].
+        """
+        p = len(k)
+        rows = []
+        values = []
+        for i, marginal in enumerate(prior.marginals):
+            if isinstance(marginal, LogNormal):
+                std = log(marginal.factor)
+                near = k[i] > 0 and abs(log(k[i] / marginal.median)) < NEAR * std
+                about = k[i] if near else marginal.median
+                rows.append(np.eye(p)[i] / (about * std))
+                values.append((log(marginal.median / about) + 1) / std)
+        if prior.earlier is not None:
+            whitener = np.linalg.inv(np.linalg.cholesky(prior.earlier.covariance))
+            rows += list(whitener)
+            values += list(whitener @ prior.earlier.mean)
+        return cls(np.array(rows).reshape(-1, p), np.array(values))
+
+    def with_weak(self, prior: Prior) -> "PriorRows":
+        """The same with the half-normal densities, where measurements alone do not tell all."""
+        weak = [
+            (i, one.scale) for i, one in enumerate(prior.marginals) if isinstance(one, HalfNormal)
+        ]
+        rows = [np.eye(len(prior.marginals))[i] / scale for i, scale in weak]
+        return PriorRows(
+            np.concatenate([self.rows, np.array(rows).reshape(-1, self.rows.shape[1])]),
+            np.append(self.values, np.zeros(len(rows))),
+        )
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+    def below(self, A: Array) -> Array:
+        """Regressors (m, rows, p) of measurements, with those of the prior below them."""
+        coordinates = A.shape[1]
+        own = np.zeros((self._count(coordinates) * coordinates, A.shape[-1]))
+        own[: len(self)] = self.rows
+        return np.concatenate([A, own.reshape(-1, coordinates, A.shape[-1])])
+
+    def measured_below(self, measured: Array) -> Array:
+        """Deflections (m, rows), with the values of the prior below them."""
+        coordinates = measured.shape[1]
+        own = np.zeros(self._count(coordinates) * coordinates)
+        own[: len(self)] = self.values
+        return np.concatenate([measured, own.reshape(-1, coordinates)])
+
+    def zeros_below(self, change: Array) -> Array:
+        """Changes (..., m, rows) of measurements, which leave the prior as it is."""
+        extra = self._count(change.shape[-1])
+        return np.concatenate([change, np.zeros((*change.shape[:-2], extra, change.shape[-1]))], -2)
+
+    def noise_below(self, noise: RowNoise, coordinates: int) -> RowNoise:
+        """The noise of measurements, with that of size one below it."""
+        extra = self._count(coordinates)
+        if not isinstance(noise, CorrelatedNoise):
+            return np.concatenate([noise, np.ones((extra, coordinates))])
+        m = noise.shape[0]
+        own = NoiseBlocks(
+            m + np.arange(extra)[:, None], np.tile(np.eye(coordinates), (extra, 1, 1))
+        )
+        return CorrelatedNoise.of([*noise.blocks, own], (m + extra, coordinates))
+
+    def _count(self, coordinates: int) -> int:
+        """Measurements of so many coordinates that hold all rows."""
+        return -(-len(self) // coordinates)
+
+
+def fit_with_prior(
+    A: Array, measured: Array, sigma: RowNoise, parameters: tuple[str, ...], prior: Prior
+) -> Estimate:
+    """Fit compliances to measurements, with a Gaussian near the prior as further rows.
+
+    With ``P = V w V'`` the precision of that Gaussian and h that times its mean, the rows
+    ``sqrt(w) V' k = V' h / sqrt(w)`` have noise of size one. So the covariance is
+    ``(A' A / sigma^2 + P)^-1``, found from rows, by QR.
+
+    Args:
+        A: Regressors (m, rows, p) [m/(rad/(N m))].
+        measured: Deflections (m, rows) [m, rad].
+        sigma: Noise that broadcasts to (m, rows) [m, rad], or correlated noise.
+        parameters: Names (p,).
+        prior: Knowledge of the compliances; a flat one says nothing.
+
+    Returns:
+        The estimate, which may be negative, and its covariance.
+
+    Raises:
+        SingularPlanError: Prior and measurements together say nothing of a parameter.
+    """
+    P, h = prior.gaussian()
+    known = np.diag(P) > 0
+    unit = np.where(known, 1 / np.sqrt(np.where(known, np.diag(P), 1.0)), 1.0)
+    w, V = np.linalg.eigh(P * np.outer(unit, unit))
+    # A flat prior's eigenvalue is zero exactly, as P then has a row of zeros.
+    root = np.sqrt(np.where(w > 0, w, 0.0))
+    rows = root[:, None] * V.T / unit
+    values = np.divide(V.T @ (unit * h), root, out=np.zeros_like(root), where=root > 0)
+    p = A.shape[-1]
+    seen = _in_sigma(A, measured, sigma)
+    X = np.concatenate([seen[0].reshape(-1, p), rows])
+    y = np.concatenate([seen[1].ravel(), values])
+    whitened = Whitened.of(X[:, None], 1.0, parameters)
+    return Estimate(whitened.solve(y[:, None]), whitened.covariance, parameters)
+
+
+def _in_sigma(A: Array, measured: Array, sigma: RowNoise) -> tuple[Array, Array]:
+    """Regressors (m, rows, p) and deflections (m, rows) in units of the noise."""
+    if isinstance(sigma, CorrelatedNoise):
+        return whiten_columns(A, sigma), whiten(measured, sigma)
+    weight = 1 / np.broadcast_to(np.asarray(sigma, dtype=float), measured.shape)
+    return A * weight[..., None], measured * weight

@@ -1,0 +1,327 @@
+"""The loaded equilibrium, of which the linear model is the first order."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from edtk.measure.elastostatic_model import ElastostaticModel
+from edtk.robots.frames import cross
+from edtk.robots.robot import Robot
+from edtk.robots.rotations import rotation_vector
+from edtk.robots.weights import Loading
+from edtk.system.typing import Array, Mask
+
+# Joint deflection [rad or m] beyond which the load is raised in steps: Newton's method could then
+# have jumped to another branch of equilibria.
+FAR = 0.1
+STEPS = 32  # load steps where one is not enough
+ITERATIONS = 30  # Newton steps per load step; a handful is the rule
+LONGEST = 0.5  # Newton step [rad or m]; beyond, the derivative says nothing about the arm
+CONVERGED = 1e-12  # Newton step, relative to the deflection, that is rounding
+TINY = 1e-300  # a denominator that divides nothing by zero
+
+
+@dataclass(frozen=True, eq=False)
+class Rest:
+    """Joints between which a displacement is measured.
+
+    Attributes:
+        start: Joint variables (..., n) where a displacement begins: the commanded ones, or those
+            of a robot that bends under its own weights [rad or m].
+        end: Joint variables (..., n) under the load, at rest [rad or m].
+    """
+
+    start: Array
+    end: Array
+
+    @classmethod
+    def of(
+        cls,
+        model: ElastostaticModel,
+        q: ArrayLike,
+        wrench: ArrayLike,
+        k: ArrayLike,
+        signed: bool = False,
+    ) -> "Rest":
+        """Bring a robot to rest.
+
+        Args:
+            model: The robot, its load point and weights.
+            q: Commanded joint variables (..., n) [rad or m].
+            wrench: Forces and torques (..., 6) or (6,) at the load point [N, N m].
+            k: Compliances (..., n) or (n,) of all joints [rad/(N m)].
+            signed: Allow negative compliances, see `equilibrium`.
+
+        Raises:
+            NoEquilibriumError: A pose buckles.
+        """
+        q = np.asarray(q, dtype=float)
+        end = q + equilibrium(model.robot, q, wrench, k, signed, model.loading).theta
+        if model.own_weights is None:
+            return cls(np.broadcast_to(q, end.shape), end)
+        own = Loading(weights=model.own_weights)
+        before = equilibrium(model.robot, q, np.zeros(6), k, signed, own).theta
+        return cls(np.broadcast_to(q + before, end.shape), end)
+
+
+AT_TOOL_POINT = Loading()
+
+
+class NoEquilibriumError(ValueError):
+    """A pose has no stable equilibrium under its load.
+
+    It buckles, or the compliances are far too large.
+
+    Args:
+        poses: Indices of all such poses, counted over the whole batch in row-major order.
+
+    Attributes:
+        poses: As given.
+    """
+
+    def __init__(self, poses: Sequence[int]) -> None:
+        super().__init__(
+            f"pose {poses[0] + 1} has no stable equilibrium under its load: expected a load that "
+            "the compliant joints can carry without buckling"
+        )
+        self.poses = tuple(poses)
+
+    @property
+    def pose(self) -> int:
+        """The first of them."""
+        return self.poses[0]
+
+    def __reduce__(self) -> tuple[type["NoEquilibriumError"], tuple[tuple[int, ...]]]:
+        """Pickle by the poses, so that the error can come back from another process."""
+        return type(self), (self.poses,)
+
+
+@dataclass(frozen=True, eq=False)
+class Equilibrium:
+    """Where compliant joints come to rest.
+
+    Attributes:
+        theta: Deflections (..., n) of the joints [rad or m].
+        displacement: Motion (..., 6) of the tool from the unloaded to the loaded pose, in world
+            axes: of the tool point [m], and the rotation vector of the tool [rad].
+    """
+
+    theta: Array
+    displacement: Array
+
+
+def equilibrium(
+    robot: Robot,
+    q: ArrayLike,
+    wrench: ArrayLike,
+    k: ArrayLike,
+    signed: bool = False,
+    loading: Loading = AT_TOOL_POINT,
+) -> Equilibrium:
+    """Solve ``theta = k * tau(q + theta)`` with ``tau = J(q + theta)' W``.
+
+    The motors hold q, each joint is a spring, and W keeps its direction in the world while its
+    point moves with the tool (a dead load). Newton's method with the analytic derivative
+    ``I - diag(k) H``, ``H_jl = dtau_j/dq_l``, starts from the unloaded pose. A rest of the arm
+    counts only if it is stable: all eigenvalues of that derivative have a positive real part. For a
+    pure force H is the Hessian of ``F . p``, and the potential energy then has a minimum. Where the
+    deflection is large, or one step fails, the load is raised in equal steps and every step must be
+    stable, so that the branch that begins at the unloaded pose is followed, and ends where it
+    buckles.
+
+    Replacing ``tau(q + theta)`` by ``tau(q)`` and the motion of the tool by its first order gives
+    Eq. (2).
+
+    Args:
+        robot: The chain; its tool frame is where the wrench acts, unless `loading` says otherwise.
+        q: Commanded joint variables (..., n) [rad or m].
+        wrench: Forces and torques (..., 6) or (6,) at the tool point in the world frame [N, N m].
+        k: Compliances (..., n) or (n,) of all joints, zero for rigid ones [rad/(N m)], or [m/N] if
+            prismatic.
+        signed: Allow negative compliances. No joint has one, but an estimate of a small compliance
+            may, and the equation has a solution there too.
+        loading: Where the wrench acts, and weights that load the joints besides it.
+
+    Raises:
+        NoEquilibriumError: Names the first pose that has none.
+        ValueError: Shapes do not fit, or a compliance is negative or not finite.
+    """
+    batch, flat = _checked(robot, q, wrench, k, signed)
+    theta, found = _follow(robot, loading, 1, *flat)
+    hard = np.flatnonzero(~found | (np.abs(theta) > FAR).any(axis=-1))
+    if len(hard):
+        theta[hard], found[hard] = _follow(robot, loading, STEPS, *(x[hard] for x in flat))
+    if not found.all():
+        raise NoEquilibriumError(np.flatnonzero(~found).tolist())
+    displacement = _displacement(robot, flat[0], theta)
+    return Equilibrium(theta.reshape(*batch, robot.n), displacement.reshape(*batch, 6))
+
+
+def torque_and_derivative(
+    robot: Robot, q: Array, wrench: Array, loading: Loading = AT_TOOL_POINT, part: float = 1.0
+) -> tuple[Array, Array]:
+    """Joint loads and their derivatives under a constant wrench.
+
+    As in `ElastostaticModel.regressor_slope`: ``dJ_j/dq_l = (w_l x v_j, w_l x w_j)`` for l <= j and
+    ``(w_j x v_l, 0)`` for l > j, with the linear and angular columns v and w of the Jacobian.
+
+    Args:
+        robot: The chain; its tool frame is where the wrench acts, unless `loading` says otherwise.
+        q: Joint variables (N, n) [rad or m].
+        wrench: Forces and torques (N, 6) [N, N m].
+        loading: Where the wrench acts, and weights that load the joints besides it.
+        part: Share of the weights that acts.
+
+    Returns:
+        ``tau = J'W`` (N, n) [N m, or N if prismatic], and ``H_jl = dtau_j/dq_l`` (N, n, n).
+    """
+    frames = robot.frames(q, loading.bodies)
+    v = loading.point.linear(frames)
+    w = loading.point.angular(frames)
+    F = wrench[:, :3].T
+    T = wrench[:, 3:].T
+    tau = np.einsum("jcN,cN->Nj", v, F) + np.einsum("jcN,cN->Nj", w, T)
+    # (w_l x v_j).F = w_l.(v_j x F): n cross products, and a dot product for each pair.
+    forced = np.einsum("lcN,jcN->Njl", w, cross(v, F[None]), optimize=True)
+    twisted = np.einsum("lcN,jcN->Njl", w, cross(w, T[None]), optimize=True)
+    H = np.tril(forced + twisted)
+    H += np.swapaxes(np.tril(forced, -1), -1, -2)
+    if loading.weights is not None:
+        tau = tau + part * loading.weights.torque(frames).T
+        H = H + part * np.moveaxis(loading.weights.torque_derivative(frames), -1, 0)
+    if frames.ties is None:
+        return tau, H
+    P = frames.ties.matrix
+    return tau @ P, P.T @ H @ P
+
+
+def _checked(
+    robot: Robot, q: ArrayLike, wrench: ArrayLike, k: ArrayLike, signed: bool
+) -> tuple[tuple[int, ...], list[Array]]:
+    """The shape of the batch, and q (N, n), wrench (N, 6) and k (N, n) of all its N poses."""
+    q = np.asarray(q, dtype=float)
+    W = np.asarray(wrench, dtype=float)
+    k = np.asarray(k, dtype=float)
+    if q.shape[-1:] != (robot.n,) or k.shape[-1:] != (robot.n,) or W.shape[-1:] != (6,):
+        raise ValueError(f"expected q (..., {robot.n}), wrench (..., 6) and k (..., {robot.n})")
+    if not np.all(((k >= 0) | signed) & np.isfinite(k)):
+        raise ValueError("compliances must be finite and not negative")
+    batch = np.broadcast_shapes(q.shape[:-1], W.shape[:-1], k.shape[:-1])
+    flat = [np.broadcast_to(x, (*batch, x.shape[-1])).reshape(-1, x.shape[-1]) for x in (q, W, k)]
+    return batch, flat
+
+
+def _displacement(robot: Robot, q: Array, theta: Array) -> Array:
+    """Motion (N, 6) of the tool between the joints q and q + theta (N, n) [m, rad]."""
+    before = robot.forward(q)
+    after = robot.forward(q + theta)
+    turn = after[:, :3, :3] @ np.swapaxes(before[:, :3, :3], -1, -2)
+    rotation = rotation_vector(np.moveaxis(turn, 0, -1)).T
+    return np.concatenate([after[:, :3, 3] - before[:, :3, 3], rotation], axis=-1)
+
+
+def _follow(
+    robot: Robot, loading: Loading, steps: int, q: Array, W: Array, k: Array
+) -> tuple[Array, Mask]:
+    """Raise the load in equal steps.
+
+    Returns:
+        Deflections (N, n) under the whole load, and whether each pose got there stably (N,).
+    """
+    theta = np.zeros_like(q)
+    good = np.ones(len(q), dtype=bool)
+    for part in np.linspace(0, 1, steps + 1)[1:]:
+        at = np.flatnonzero(good)
+        theta[at], good[at] = _newton(robot, loading, part, q[at], W[at], k[at], theta[at])
+    return theta, good
+
+
+def _newton(
+    robot: Robot, loading: Loading, part: float, q: Array, W: Array, k: Array, theta: Array
+) -> tuple[Array, Mask]:
+    """Solve for a part of the load from a start theta (N, n), each pose until it has converged.
+
+    Returns:
+        Deflections (N, n), and whether each is a converged, stable equilibrium (N,).
+    """
+    theta = theta.copy()
+    eye = np.eye(robot.n)
+    good = np.zeros(len(q), dtype=bool)
+    moving = np.arange(len(q))
+    for _ in range(ITERATIONS):
+        if not len(moving):
+            break
+        loaded = q[moving] + theta[moving]
+        tau, H = torque_and_derivative(robot, loaded, part * W[moving], loading, part)
+        slope = eye - k[moving, :, None] * H
+        # At a buckling point the derivative is singular: such a pose is given up.
+        regular = np.abs(np.linalg.det(slope)) > np.finfo(float).eps
+        moving = moving[regular]
+        tau = tau[regular]
+        slope = slope[regular]
+        residual = k[moving] * tau - theta[moving]
+        step = np.linalg.solve(slope, residual[..., None])[..., 0]
+        longest = np.abs(step).max(axis=-1, initial=0.0)
+        step *= np.minimum(1.0, LONGEST / np.maximum(longest, TINY))[:, None]
+        theta[moving] += step
+        size = np.abs(theta[moving]).max(axis=-1, initial=0.0, keepdims=True)
+        done = (np.abs(step) <= CONVERGED * size).all(axis=-1)
+        good[moving[done]] = _stable(slope[done])
+        moving = moving[~done]
+    return theta, good
+
+
+def _stable(slope: Array) -> Mask:
+    """Whether all eigenvalues of each matrix (N, n, n) have a positive real part (N,)."""
+    off = np.abs(slope - np.eye(slope.shape[-1])).sum(axis=-1).max(axis=-1, initial=0.0)
+    # By Gershgorin's theorem a matrix within a row sum of one of the identity has; eigenvalues of
+    # many matrices take longer than all the rest.
+    good = off < 1
+    hard = np.flatnonzero(~good)
+    good[hard] = np.linalg.eigvals(slope[hard]).real.min(axis=-1, initial=np.inf) > 0
+    return good
+
+
+def compensated_joints(
+    model: ElastostaticModel, q0: ArrayLike, wrench: ArrayLike, k: ArrayLike
+) -> Array:
+    """Find the command whose loaded tool pose is that of q0: ``q = q0 - k * tau(q0)``.
+
+    ``tau(q0) = J(q0)' W`` are the joint torques. The command is exact, and no linearisation. A
+    commanded q comes to rest at ``q + theta`` with ``theta = k * tau(q + theta)``
+    (above). Asking that the loaded joints be q0, ``q + theta = q0``, turns this
+    equation into ``theta = k * tau(q0)``, which has its unknown on one side only. As only joints
+    deform, loaded joints q0 carry the tool to ``g(q0)``, position and orientation. A robot with six
+    joints in a regular pose has no other command nearby that does so; with more joints, or in a
+    singular pose, this command keeps the desired joints too.
+
+    Eq. (15), ``q = q0 - J0^-1 K_C^-1 W``, is the same command under the assumption of Eq. (1), that
+    all compliance is in the joints: ``K_C^-1 = J0 k J0'`` cancels the inverse. Its linear solution
+    of Eq. (14) is thus exact for springs that are loaded in the *desired* pose. Eq. (14) solved to
+    the end, and Eq. (15) for the position alone with a pseudo-inverse, are off by the second order
+    of the load. Eq. (15) also needs K_C and J0 in q0, not in the command.
+
+    Args:
+        model: The robot with its task tool.
+        q0: Desired joint variables (..., n) [rad or m].
+        wrench: Task wrench (..., 6) or (6,) in the desired pose [N, N m].
+        k: Compliances (..., p) or (p,) of the model's unknown joints [rad/(N m)]; the others are
+            rigid.
+
+    Returns:
+        Joint variables (..., n) to command [rad or m].
+    """
+    q0 = np.asarray(q0, dtype=float)
+    W = np.asarray(wrench, dtype=float)
+    k = np.asarray(k, dtype=float)
+    if model.is_plain:
+        J = model.robot.jacobian(q0)[..., model.joints]
+        turn = k * (np.swapaxes(J, -1, -2) @ W[..., None])[..., 0]
+    else:
+        torque = model.torque_of(model.frames(q0), W)[model.joints]
+        turn = k * np.moveaxis(torque, 0, -1)
+    q = np.array(np.broadcast_to(q0, (*turn.shape[:-1], model.robot.n)))
+    q[..., model.joints] -= turn
+    return q

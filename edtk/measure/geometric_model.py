@@ -1,0 +1,356 @@
+"""Positions of markers on a robot whose geometry and springs are not those of the drawing."""
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+
+from edtk.measure.parameters import COMPONENTS, GeometricParameter
+from edtk.robots.robot import Robot
+from edtk.robots.rotations import left_jacobian, rotation, vector_product
+from edtk.system.typing import Array, Indices, Mask
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedChain:
+    """Where the frames of an erring chain are in some poses, in the world of the model.
+
+    Attributes:
+        frames: Rotations (N, m, 3, 3) of the frame before each joint, in whose axes its error is.
+        origins: Points (N, m, 3) about which that error turns [m].
+        turned: The same frames after the error's turn (N, m, 3, 3): those of the joint itself.
+        tips: Rotations (m, 3, 3) of the tool frame.
+        points: Tool points (m, 3) [m].
+    """
+
+    frames: Array
+    origins: Array
+    turned: Array
+    tips: Array
+    points: Array
+
+
+@dataclass(frozen=True, eq=False)
+class ErringChain:
+    """A robot with a small rigid motion `e_j` before each joint.
+
+    The pose of the tool is ``base prod_j (O_j exp(e_j) exp(xi_j q_j)) tool`` with the origins O_j
+    of the drawing. A motion ``e = (v, w)`` is a shift v, then a turn by the vector w, both along
+    the axes of the frame O_j: to first order this is the exponential of the twist (v, w), and it
+    describes the same set of motions.
+
+    Args:
+        robot: The drawing.
+    """
+
+    robot: Robot
+
+    @cached_property
+    def slides(self) -> Array:
+        """Mask (N,) of the prismatic joints."""
+        return np.array([joint.kind == "prismatic" for joint in self.robot.chain])
+
+    @cached_property
+    def _axes(self) -> Array:
+        """Axes (N, 3) about which the joints turn; zeros where they slide."""
+        axes = np.array([joint.axis for joint in self.robot.chain])
+        return np.where(self.slides[:, None], 0.0, axes)
+
+    @property
+    def n(self) -> int:
+        """Number N of joints of the chain, those that follow others included."""
+        return len(self.robot.chain)
+
+    def variables(self, q: Array) -> Array:
+        """Variables (m, N) of all joints, for those (m, n) of the free ones [rad or m]."""
+        ties = self.robot.ties
+        return q if ties is None else ties.variables(q.T).T
+
+    def place(self, variables: Array, errors: Array) -> PlacedChain:
+        """Place the chain.
+
+        Args:
+            variables: Joint variables (m, N) [rad or m].
+            errors: Motions (N, 6) before the joints, shifts first [m, rad].
+        """
+        m = len(variables)
+        R = np.broadcast_to(self.robot.base[:3, :3], (m, 3, 3))
+        p = np.broadcast_to(self.robot.base[:3, 3], (m, 3))
+        frames = np.empty((self.n, m, 3, 3))
+        turned = np.empty((self.n, m, 3, 3))
+        origins = np.empty((self.n, m, 3))
+        bends = rotation(errors[:, 3:])
+        turns = rotation(np.ascontiguousarray(variables.T)[..., None] * self._axes[:, None])
+        for j, joint in enumerate(self.robot.chain):
+            p = p + R @ joint.origin[:3, 3]
+            R = R @ joint.origin[:3, :3]
+            frames[j] = R
+            p = p + R @ errors[j, :3]
+            R = R @ bends[j]
+            origins[j] = p
+            turned[j] = R
+            if self.slides[j]:
+                p = p + variables[:, j, None] * (R @ joint.axis)
+            else:
+                R = R @ turns[j]
+        tips = R @ self.robot.tool[:3, :3]
+        return PlacedChain(frames, origins, turned, tips, p + R @ self.robot.tool[:3, 3])
+
+    def by_errors(self, placed: PlacedChain, errors: Array, points: Array) -> Array:
+        """Derivatives (m, k, 3, N, 6) of points on the tool by the errors.
+
+        A shift moves all that follows along the axes of its frame, and a turn about its origin:
+        columns ``R_j [I, -[r_j]x J_l]``, with the lever r_j from there to the point.
+
+        Args:
+            placed: The chain with these errors.
+            errors: Motions (N, 6).
+            points: Points (m, k, 3) of the tool in the world of the model [m].
+        """
+        m, k = points.shape[:2]
+        D = np.empty((m, k, 3, self.n, 6))
+        bends = placed.frames @ left_jacobian(errors[:, 3:])[:, None]
+        # All joints and axes at once: of a few poses the time goes by the number of calls.
+        levers = points - placed.origins[:, :, None]
+        swings = vector_product(np.swapaxes(bends, 2, 3)[:, :, None], levers[:, :, :, None])
+        D[..., :3] = placed.frames.transpose(1, 2, 0, 3)[:, None]
+        D[..., 3:] = swings.transpose(1, 2, 4, 0, 3)
+        return D
+
+    def turns_by_errors(self, placed: PlacedChain, errors: Array) -> Array:
+        """Derivatives (m, 3, N, 6) of the tool's orientation, as turns in the world's axes."""
+        m = placed.points.shape[0]
+        D = np.zeros((m, 3, self.n, 6))
+        bends = placed.frames @ left_jacobian(errors[:, 3:])[:, None]
+        D[..., 3:] = np.moveaxis(bends, 0, 2)
+        return D
+
+    def by_joints(self, placed: PlacedChain, points: Array) -> Array:
+        """Derivatives (m, k, 3, n) of points on the tool by the free joints [m/rad, or 1]."""
+        m, k = points.shape[:2]
+        D = np.empty((self.n, m, k, 3))
+        for j, joint in enumerate(self.robot.chain):
+            axis = placed.turned[j] @ joint.axis
+            if self.slides[j]:
+                D[j] = axis[:, None]
+            else:
+                D[j] = vector_product(axis[:, None], points - placed.origins[j][:, None])
+        ties = self.robot.ties
+        return np.moveaxis(D if ties is None else ties.fold(D), 0, -1)
+
+    def turns_by_joints(self, placed: PlacedChain) -> Array:
+        """Derivatives (m, 3, n) of the tool's orientation by the free joints."""
+        D = np.zeros((self.n, len(placed.points), 3))
+        for j, joint in enumerate(self.robot.chain):
+            if not self.slides[j]:
+                D[j] = placed.turned[j] @ joint.axis
+        ties = self.robot.ties
+        return np.moveaxis(D if ties is None else ties.fold(D), 0, -1)
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """What a model says is measured in some poses, and how the parameters move that.
+
+    Attributes:
+        points: Markers (m, k, 3) in the frame of the instrument [m].
+        turns: Their orientations (m, k, 3, 3) there, in the axes of the instrument.
+        jacobian: Derivatives (m, k, rows, P) by the model's parameters, in SI units; rotations as
+            turns in the axes of the instrument. None where they were not asked for.
+        by_joints: Derivatives (m, k, rows, n) by the free joints; None likewise.
+    """
+
+    points: Array
+    turns: Array
+    jacobian: Array | None = None
+    by_joints: Array | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class GeometricModel:
+    """Markers seen by an instrument: ``x = B prod_j (O_j exp(e_j) exp(xi_j q_j)) tool_i``.
+
+    Joint j is turned by its spring besides: ``q_j + k_j tau_j``, under the loads tau of the poses.
+    The base's error is after its start B, as those of the joints: B is where the world of the
+    drawing is in the frame of the instrument.
+
+    Args:
+        robot: The drawing, with its tool frame.
+        offsets: Markers (k, 3) from the tool point, in the tool frame [m].
+        markers: Their names (k,).
+        parameters: What is unknown, in this order.
+        start: The transform B (4, 4) [m].
+        rows: "position" for three measured rows a marker, "pose" for all six.
+
+    Raises:
+        ValueError: Names and offsets do not fit each other.
+    """
+
+    robot: Robot
+    offsets: Array
+    markers: tuple[str, ...]
+    parameters: tuple[GeometricParameter, ...]
+    start: Array = field(default_factory=lambda: np.eye(4))
+    rows: Literal["position", "pose"] = "position"
+
+    def __post_init__(self) -> None:
+        if np.shape(self.offsets) != (len(self.markers), 3):
+            raise ValueError(f"{len(self.markers)} markers, and offsets {np.shape(self.offsets)}")
+
+    @cached_property
+    def chain(self) -> ErringChain:
+        """The chain of the drawing."""
+        return ErringChain(self.robot)
+
+    @property
+    def p(self) -> int:
+        """Number of parameters."""
+        return len(self.parameters)
+
+    @property
+    def row_count(self) -> int:
+        """Measured rows of one marker."""
+        return 3 if self.rows == "position" else 6
+
+    @property
+    def placed_rows(self) -> Mask:
+        """Which of the rows of a pose (k rows,) are positions."""
+        return np.tile(np.arange(self.row_count) < 3, len(self.markers))
+
+    @cached_property
+    def scales(self) -> Array:
+        """Units (p,) in which the parameters are of order one, in SI."""
+        return np.array([parameter.scale for parameter in self.parameters])
+
+    @cached_property
+    def compliant(self) -> Indices:
+        """Indices of the free joints whose compliances are parameters, in their order."""
+        names = [one.of for one in self.parameters if one.place == "compliance"]
+        return np.array([self.robot.joint_names.index(name) for name in names], dtype=int)
+
+    def with_parameters(self, parameters: tuple[GeometricParameter, ...]) -> "GeometricModel":
+        """The same model with other unknowns."""
+        return replace(self, parameters=parameters)
+
+    def compliances(self, theta: Array) -> Array:
+        """Compliances (n,) of all free joints at parameters theta (p,) [rad/(N m)]."""
+        k = np.zeros(self.robot.n)
+        k[self.compliant] = theta[[p.place == "compliance" for p in self.parameters]]
+        return k
+
+    def see(
+        self,
+        theta: Array,
+        q: Array,
+        torque: Array | None = None,
+        derivatives: bool = True,
+    ) -> Seen:
+        """What is measured in some poses.
+
+        Args:
+            theta: Parameters (p,) in SI units.
+            q: Joint variables (m, n) [rad or m].
+            torque: Loads (m, n) of the free joints [N m or N]; None for none.
+            derivatives: Whether those are computed too.
+        """
+        base, errors, tools = self._motions(theta)
+        bent = q if torque is None else q + self.compliances(theta) * torque
+        placed = self.chain.place(self.chain.variables(bent), errors)
+        points = placed.points[:, None] + np.einsum(
+            "mij,kj->mki", placed.tips, self.offsets + tools[:, :3]
+        )
+        B = self.start[:3, :3] @ rotation(base[3:])
+        origin = self.start[:3, 3] + self.start[:3, :3] @ base[:3]
+        levers = points @ B.T
+        turns = B @ placed.tips[:, None] @ rotation(tools[:, 3:])
+        seen = Seen(origin + levers, turns)
+        if not derivatives:
+            return seen
+        world = self._in_world(placed, errors, tools, points)
+        moved = {name: _turned(B, D) for name, D in world.items()}
+        moved["base"] = self._by_base(base, levers)
+        columns = self._chosen(moved, torque)
+        return replace(seen, jacobian=columns, by_joints=moved["springs"])
+
+    def motions_of_many(self, theta: Array) -> tuple[Array, Array, Array, Array]:
+        """Motions and springs at many sets of parameters (w, p).
+
+        Returns:
+            Motions of the base (w, 6), before the joints (w, N, 6) and of the tools (w, k, 6), and
+            compliances (w, n) of the free joints.
+        """
+        parts = [(*self._motions(one), self.compliances(one)) for one in theta]
+        base, errors, tools, softness = (np.array(part) for part in zip(*parts, strict=True))
+        return base, errors, tools, softness
+
+    def _motions(self, theta: Array) -> tuple[Array, Array, Array]:
+        """Motions of the base (6,), before the joints (N, 6) and of the tools (k, 6)."""
+        sizes = {"base": 1, "joint": self.chain.n, "tool": len(self.markers)}
+        motions = {place: np.zeros(6 * size) for place, size in sizes.items()}
+        for one, value in zip(self.parameters, theta, strict=True):
+            if one.place != "compliance":
+                motions[one.place][self._place_of(one)] = value
+        return motions["base"], motions["joint"].reshape(-1, 6), motions["tool"].reshape(-1, 6)
+
+    def _in_world(
+        self, placed: PlacedChain, errors: Array, tools: Array, points: Array
+    ) -> dict[str, Array]:
+        """Derivatives (m, k, rows, ...) in the world of the drawing, by what moves the markers."""
+        m, k = points.shape[:2]
+        by_errors = self.chain.by_errors(placed, errors, points).reshape(m, k, 3, -1)
+        by_joints = self.chain.by_joints(placed, points)
+        by_tools = np.zeros((m, k, self.row_count, k, 6))
+        each = np.arange(k)
+        by_tools[:, each, :3, each, :3] = placed.tips
+        if self.rows == "pose":
+            turned = self.chain.turns_by_errors(placed, errors).reshape(m, 1, 3, -1)
+            by_errors = _stacked(by_errors, turned)
+            by_joints = _stacked(by_joints, self.chain.turns_by_joints(placed)[:, None])
+            bends = placed.tips[:, None] @ left_jacobian(tools[:, 3:])
+            by_tools[:, each, 3:, each, 3:] = np.moveaxis(bends, 1, 0)
+        each_tool = by_tools.reshape(m, k, self.row_count, -1)
+        return {"joint": by_errors, "springs": by_joints, "tool": each_tool}
+
+    def _by_base(self, base: Array, levers: Array) -> Array:
+        """Derivatives (m, k, rows, 6) by the base's error, in the frame of the instrument."""
+        R = self.start[:3, :3]
+        bends = R @ left_jacobian(base[3:])
+        D = np.zeros((*levers.shape[:2], self.row_count, 6))
+        D[..., :3, :3] = R
+        for c in range(3):
+            D[..., :3, 3 + c] = vector_product(bends[:, c], levers)
+        if self.rows == "pose":
+            D[..., 3:, 3:] = bends
+        return D
+
+    def _chosen(self, moved: dict[str, Array], torque: Array | None) -> Array:
+        """The columns (m, k, rows, p) of the parameters, in their order."""
+        joint_names = self.robot.joint_names
+        columns = np.zeros((*moved["joint"].shape[:3], self.p))
+        for i, one in enumerate(self.parameters):
+            if one.place != "compliance":
+                columns[..., i] = moved[one.place][..., self._place_of(one)]
+            elif torque is not None:
+                j = joint_names.index(one.of)
+                columns[..., i] = moved["springs"][..., j] * torque[:, None, None, j]
+        return columns
+
+    def _place_of(self, parameter: GeometricParameter) -> int:
+        """Where a component of a motion is among those of all bases, joints or tools."""
+        c = COMPONENTS.index(parameter.component)
+        if parameter.place == "base":
+            return c
+        names = self.markers if parameter.place == "tool" else self.robot.body_names
+        return 6 * names.index(parameter.of) + c
+
+
+def _turned(B: Array, derivatives: Array) -> Array:
+    """Derivatives (m, k, 3 or 6, p) with their three or twice three rows turned by B (3, 3)."""
+    m, k, rows, p = derivatives.shape
+    return (B @ derivatives.reshape(m, k, rows // 3, 3, p)).reshape(derivatives.shape)
+
+
+def _stacked(points: Array, turns: Array) -> Array:
+    """Rows of points (m, k, 3, p), then those of turns (m, 1, 3, p) of the body they are on."""
+    return np.concatenate([points, np.broadcast_to(turns, points.shape)], axis=-2)

@@ -1,0 +1,311 @@
+"""Noise of a visit: tracker, repeatability of the robot, and what the model leaves out."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from edtk.robots.frames import Frames
+from edtk.robots.robot import joint_distance
+from edtk.system.typing import Array, Mask
+
+SAME = 1e-9  # [rad]: poses nearer than this are one pose, whatever the distance that is asked for
+
+
+@dataclass(frozen=True, eq=False)
+class Tracker:
+    """Standard deviations ``a + b r`` of one reading, along and across the beam of length r.
+
+    With the beam's direction u from the tracker to a point, a reading of the point has the
+    covariance
+
+        T = c^2 I + (e^2 - c^2) u u',   e = along[0] + along[1] r,   c = across[0] + across[1] r.
+
+    Attributes:
+        position: Where the tracker stands (3,), in the world frame [m].
+        along: Coefficients a [m] and b [m/m] of the standard deviation along the beam.
+        across: Coefficients of the one across the beam, in each of both directions.
+    """
+
+    position: Array
+    along: tuple[float, float]
+    across: tuple[float, float]
+
+    def covariance(self, points: Array) -> Array:
+        """Covariances T (markers, 3, 3, ...) [m^2] of readings of points (markers, 3, ...) [m]."""
+        r, u = self._beam(points)
+        c = _error(self.across, r)
+        e = _error(self.along, r)
+        # The product of both directions comes first: rounding then keeps the matrix symmetric.
+        T = (e**2 - c**2)[:, None, None] * (u[:, :, None] * u[:, None])
+        for axis in range(3):
+            T[:, axis, axis] += c**2
+        return T
+
+    def slope(self, points: Array, S: Array) -> Array:
+        """Derivatives of ``<S, T>`` by the points, S held fixed.
+
+        With ``s = u' S u``, ``f = c^2`` and ``g = e^2 - c^2``, whose derivatives by r are f' and
+        g', and with ``dr = u.dp`` and ``du = (I - u u') dp / r``,
+
+            d<S, T>/dp = (f' trace S + g' s) u + 2 g (S u - s u) / r.
+
+        Args:
+            points: Points (markers, 3, ...) [m].
+            S: Symmetric weights (markers, 3, 3, ...).
+
+        Returns:
+            Array (markers, 3, ...).
+        """
+        r, u = self._beam(points)
+        c = _error(self.across, r)
+        e = _error(self.along, r)
+        f_slope = 2 * c * self.across[1]
+        g = e**2 - c**2
+        g_slope = 2 * e * self.along[1] - f_slope
+        Su = np.einsum("mij...,mj...->mi...", S, u)
+        s = np.einsum("mi...,mi...->m...", u, Su)
+        radial = f_slope * np.einsum("mii...->m...", S) + g_slope * s
+        return np.asarray(radial[:, None] * u + (2 * g / r)[:, None] * (Su - s[:, None] * u))
+
+    def _beam(self, points: Array) -> tuple[Array, Array]:
+        """Ranges r (markers, ...) [m] and directions u (markers, 3, ...) from the tracker."""
+        lift = (slice(None),) + (None,) * (points.ndim - 2)
+        beam = points - self.position[lift]
+        r = np.sqrt(np.einsum("mi...,mi...->m...", beam, beam))
+        return r, beam / r[:, None]
+
+
+def _error(coefficients: tuple[float, float], r: Array) -> Array:
+    """``a + b r`` [m]."""
+    a, b = coefficients
+    return a + b * r
+
+
+def shared_visits(q: Array, repeats: ArrayLike, prismatic: Mask, within: float) -> Array:
+    """Count the visits of poses that are nearer than a distance, the pose's own included.
+
+    Errors of the model in v poses near each other have some correlation C (v, v) that nobody knows.
+    Whatever it is, ``C <= v I``; and if only poses nearer than `within` are correlated at all, then
+    ``C <= diag(v_i)`` with v_i the number of visits within that distance of visit i, since
+    ``diag(v_i) - C`` is diagonally dominant. To count the variance of each pose v_i times is thus
+    safe, and exact for repeats of one pose: a plan is worth at least what it is said to be.
+
+    Args:
+        q: Poses (k, n) [rad or m].
+        repeats: Visits (k,) of each.
+        prismatic: Which joints (n,) are prismatic; they do not count.
+        within: The distance, Euclidean over the revolute joints, each difference taken the short
+            way round [rad].
+
+    Returns:
+        Numbers of visits (k,).
+    """
+    limit = max(within * (1 - SAME), SAME)
+    visits = np.asarray(repeats, dtype=float)
+    near = (joint_distance(q, own, prismatic) < limit for own in q)
+    return np.array([visits[some].sum() for some in near])
+
+
+@dataclass(frozen=True, eq=False)
+class Whitener:
+    """The lower triangle L of ``Sigma = L L'`` (Cholesky), component first.
+
+    Attributes:
+        L: Lower triangles (rows, rows, ...); entries above the diagonal are not used.
+    """
+
+    L: Array
+
+    @classmethod
+    def of(cls, Sigma: Array) -> "Whitener":
+        """Factorise covariances.
+
+        Args:
+            Sigma: Symmetric matrices (rows, rows, ...); only their lower triangles are read.
+
+        Returns:
+            The whitener. Where a covariance is not positive definite its rows are NaN: the caller
+            decides what such a pose means.
+        """
+        rows = len(Sigma)
+        L = np.zeros(Sigma.shape)
+        # Loops over rows, array operations over poses: a call of LAPACK for each small matrix
+        # takes three times as long.
+        for j in range(rows):
+            column = Sigma[j:, j].copy()
+            for k in range(j):
+                column -= L[j:, k] * L[j, k]
+            L[j, j] = np.sqrt(np.where(column[0] > 0, column[0], np.nan))
+            L[j + 1 :, j] = column[1:] / L[j, j]
+        return cls(L)
+
+    def rows(self, A: Array) -> Array:
+        """Whitened rows ``L^-1 A`` of columns A (p, rows, ...), in the same layout."""
+        shape = np.broadcast_shapes(A.shape[2:], self.L.shape[2:])
+        white = np.empty((*A.shape[:2], *shape))
+        for i in range(len(self.L)):
+            rest = white[:, i]
+            rest[...] = A[:, i]
+            for k in range(i):
+                rest -= self.L[i, k] * white[:, k]
+            rest /= self.L[i, i]
+        return white
+
+    def transposed(self, B: Array) -> Array:
+        """The adjoint, ``L^-T B`` of columns B (p, rows, ...), in the same layout."""
+        shape = np.broadcast_shapes(B.shape[2:], self.L.shape[2:])
+        found = np.empty((*B.shape[:2], *shape))
+        last = len(self.L) - 1
+        for i in range(last, -1, -1):
+            rest = found[:, i]
+            rest[...] = B[:, i]
+            for k in range(last, i, -1):
+                rest -= self.L[k, i] * found[:, k]
+            rest /= self.L[i, i]
+        return found
+
+
+class Measured(Protocol):
+    """What the noise needs to know of a model: where it measures, and how joints move that."""
+
+    def points_of(self, frames: Frames) -> Array:
+        """Positions (markers, 3, ...) of the markers in the world frame [m]."""
+
+    def motion_of(self, frames: Frames) -> Array:
+        """Derivatives dy/dq (n, rows, ...) of all measured rows by all joints."""
+
+    def motion_slope_of(self, frames: Frames, B: Array) -> Array:
+        """Derivatives (n, ...) of ``<B, dy/dq>`` by all joints, B (n, rows, ...) held fixed."""
+
+
+@dataclass(frozen=True, eq=False)
+class VisitNoise:
+    """Errors of the rows that a visit of a pose measures, and of several visits of it.
+
+    A visit is `readings` readings of all markers (two for loaded minus unloaded), to each of which
+    the robot comes anew. With the covariance T(p) of the tracker at each marker, the motion
+    ``J = dy/dq`` of the rows, and variances ``s^2`` of the joints, w^2 of white noise and d^2 of
+    the discrepancy,
+
+        V(q) = readings (T + J diag(s^2) J') + diag(w^2),
+        Sigma(q) = V(q) + diag(d^2).
+
+    The joints move all markers of a visit together, so that V is full. Visits of one pose have
+    errors of their own, but share the discrepancy: the mean of v visits has the covariance
+    ``V/v + diag(d^2)``, and all of them together have the information
+
+        A' (V/v + diag(d^2))^-1 A = v A' (V + v diag(d^2))^-1 A,
+
+    which is concave in v and at most v times that of one visit. `covariance_of` therefore gives
+    ``V + v diag(d^2)``: the covariance that one of v visits counts with.
+
+    Arrays are component first, as in `Frames`.
+
+    Attributes:
+        tracker: The tracker; None where its errors are part of the white noise.
+        tracked: For each marker that the tracker sees, its index among the model's points and the
+            first of its three rows.
+        repeatability: Standard deviations s (n,) of the joints in one reading [rad or m].
+        white: Standard deviations w (rows,) of a visit's rows [m, rad].
+        discrepancy: Standard deviations d (rows,) of the model's errors [m, rad].
+        within: Poses nearer than this, Euclidean over the revolute joints, share the discrepancy
+            [rad].
+        readings: Readings whose difference or value a row is: two, or one for absolute positions.
+    """
+
+    tracker: Tracker | None
+    tracked: tuple[tuple[int, int], ...]
+    repeatability: Array
+    white: Array
+    discrepancy: Array
+    within: float = 0.0
+    readings: int = 2
+
+    @cached_property
+    def shares(self) -> bool:
+        """Whether visits of one pose share an error, so that repeats do not average it out."""
+        return bool(self.discrepancy.any())
+
+    @cached_property
+    def alone(self) -> "VisitNoise":
+        """The noise of visits that share nothing: each has a discrepancy of its own."""
+        if not self.shares:
+            return self
+        white = np.hypot(self.white, self.discrepancy)
+        return replace(self, white=white, discrepancy=np.zeros_like(white))
+
+    def scatter_of(self, model: Measured, frames: Frames) -> Array:
+        """The part V (rows, rows, ...) of the covariance that repeats average out [m^2, rad^2]."""
+        return self._scatter(model.points_of(frames), model.motion_of(frames))
+
+    def covariance_of(self, model: Measured, frames: Frames, visits: ArrayLike = 1.0) -> Array:
+        """Covariance ``V + v diag(d^2)`` with which one of v visits of a pose counts.
+
+        Args:
+            model: The model that is measured.
+            frames: The poses.
+            visits: Number v of visits, which broadcasts to the poses (...).
+
+        Returns:
+            Covariances (rows, rows, ...) [m^2, rad^2].
+        """
+        Sigma = self.scatter_of(model, frames)
+        v = np.asarray(visits, dtype=float)
+        for row in np.flatnonzero(self.discrepancy):
+            Sigma[row, row] += v * self.discrepancy[row] ** 2
+        return Sigma
+
+    def slope_of(self, model: Measured, frames: Frames, S: Array) -> Array:
+        """Derivatives of ``<S, Sigma>`` by all joints, S held fixed; visits do not matter.
+
+        ``d<S, J diag(s^2) J'> = 2 sum_j s_j^2 <S J_j, dJ_j>``, and the tracker's part follows the
+        markers, see `Tracker.slope`.
+
+        Args:
+            model: The model that is measured.
+            frames: The poses.
+            S: Symmetric weights (rows, rows, ...).
+
+        Returns:
+            Derivatives (n, ...).
+        """
+        motion = model.motion_of(frames)
+        slope = np.zeros((len(motion), *S.shape[2:]))
+        if self.repeatability.any():
+            weights = np.einsum("rs...,js...->jr...", S, motion)
+            weights *= self._lifted(2 * self.readings * self.repeatability**2, weights)
+            slope += model.motion_slope_of(frames, weights)
+        if self.tracker is not None:
+            points = model.points_of(frames)[[point for point, _ in self.tracked]]
+            own = np.stack([S[row : row + 3, row : row + 3] for _, row in self.tracked])
+            by_point = self.readings * self.tracker.slope(points, own)
+            for (_, row), g in zip(self.tracked, by_point, strict=True):
+                slope += np.einsum("ji...,i...->j...", motion[:, row : row + 3], g)
+        return slope
+
+    def _scatter(self, points: Array, motion: Array) -> Array:
+        """V (rows, rows, ...) of points (markers, 3, ...) and motion (n, rows, ...)."""
+        rows = motion.shape[1]
+        V = np.zeros((rows, rows, *motion.shape[2:]))
+        moving = np.flatnonzero(self.repeatability)
+        if len(moving):
+            J = motion[moving]
+            J = J * self._lifted(np.sqrt(self.readings) * self.repeatability[moving], J)
+            for row in range(rows):
+                V[row, : row + 1] = np.einsum("j...,jk...->k...", J[:, row], J[:, : row + 1])
+        for row in range(rows):
+            V[row, row] += self.white[row] ** 2
+            V[:row, row] = V[row, :row]
+        if self.tracker is not None:
+            T = self.tracker.covariance(points[[point for point, _ in self.tracked]])
+            for (_, row), own in zip(self.tracked, T, strict=True):
+                V[row : row + 3, row : row + 3] += self.readings * own
+        return V
+
+    @staticmethod
+    def _lifted(numbers: Array, like: Array) -> Array:
+        """Numbers (n,) that multiply arrays (n, rows, ...)."""
+        return numbers.reshape(-1, *[1] * (like.ndim - 1))

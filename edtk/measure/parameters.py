@@ -1,0 +1,331 @@
+"""Parameters of geometry and springs: words, units, scales, and which are told apart."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from edtk.robots.robot import Robot
+from edtk.system.typing import Array, Indices
+
+AXES = "xyz"
+SHIFTS = AXES
+TURNS = ("rx", "ry", "rz")
+COMPONENTS = (*SHIFTS, *TURNS)
+# One unit in which a parameter is of order one: a millimetre, a milliradian, a soft joint.
+MILLIMETRE = 1e-3
+MILLIRADIAN = 1e-3
+SOFTNESS = 1e-6  # [rad/(N m)]
+SLIDING_SOFTNESS = 1e-6  # [m/N]
+SPREAD = 10.0  # of what is not told, in these units, or in likely sizes of a compliance
+ALONG = 1 - 1e-9  # cosine beyond which a component is the one along the joint's axis
+KINDS = ("zeros", "lengths", "tilts")
+# A column, of which the others leave less than this share, moves no marker in a way of its own.
+# Rounding leaves 1e-14, and the weakest ways of real sheets 1e-5 and more.
+NEGLIGIBLE = 1e-8
+# Shares of other parameters below this are left out of the words, not of the arithmetic.
+SMALL_SHARE = 0.02
+MOST_NAMED = 3  # other parameters that a sentence names
+
+
+def parameter_names(joints: Sequence[str]) -> tuple[str, ...]:
+    """Names of the compliances of joints: k2 for joint q2, and k_NAME for a joint of another name.
+
+    Args:
+        joints: Names of the joints.
+    """
+    numbered = [name[:1] == "q" and name[1:].isdigit() for name in joints]
+    return tuple(
+        f"k{name[1:]}" if number else f"k_{name}"
+        for name, number in zip(joints, numbered, strict=True)
+    )
+
+
+Place = Literal["base", "joint", "tool", "compliance"]
+
+
+@dataclass(frozen=True)
+class GeometricParameter:
+    """One parameter.
+
+    Attributes:
+        place: What it moves: the base, the frame before a joint, a tool, or a spring.
+        of: Name of the joint or of the marker; empty for the base.
+        component: x y z for a shift, rx ry rz for a turn; empty for a compliance.
+        slides: Whether a compliance is that of a prismatic joint.
+        along: Whether the component is the one along the joint's own axis: a turn of a revolute
+            joint is the offset of its zero.
+        likely: Size that a compliance is likely to have, in SI units; None where nobody knows.
+    """
+
+    place: Place
+    of: str = ""
+    component: str = ""
+    slides: bool = False
+    along: bool = False
+    likely: float | None = field(default=None, compare=False)
+
+    @property
+    def name(self) -> str:
+        """Name in files: `base.x`, `q2.rz`, `tool.A.x`, `k_q2`."""
+        if self.place == "compliance":
+            return f"k_{self.of}"
+        if self.place == "base":
+            return f"base.{self.component}"
+        if self.place == "tool":
+            return f"tool.{self.of}.{self.component}" if self.of else f"tool.{self.component}"
+        return f"{self.of}.{self.component}"
+
+    @property
+    def kind(self) -> str:
+        """Of which kind an error before a joint is: zeros, lengths or tilts; else its place."""
+        if self.place != "joint":
+            return self.place
+        if self.along:
+            return "zeros"
+        return "tilts" if self.turns else "lengths"
+
+    @property
+    def groups(self) -> tuple[str, ...]:
+        """Names by which lists of a study may mean it, the shortest list last."""
+        own = (self.name,)
+        if self.place == "joint":
+            return (*own, self.of, self.kind, "geometry")
+        return (*own, self.place)
+
+    @property
+    def turns(self) -> bool:
+        """Whether it is an angle."""
+        return self.component in TURNS
+
+    @property
+    def scale(self) -> float:
+        """Size of one unit in which people read it, in SI units."""
+        if self.place == "compliance":
+            return SLIDING_SOFTNESS if self.slides else SOFTNESS
+        return MILLIRADIAN if self.turns else MILLIMETRE
+
+    @property
+    def spread(self) -> float:
+        """How far it may be from the drawing where nothing tells it, in its units: one std.
+
+        A length of the drawing may be 10 mm off and an angle 10 mrad. A compliance may be ten times
+        the likely one, whichever that is: those of a small arm's wrist are 1e-4 rad/(N m), and of a
+        heavy arm's shoulder 1e-7.
+        """
+        return SPREAD if self.likely is None else SPREAD * self.likely / self.scale
+
+    @property
+    def unit(self) -> str:
+        """That unit in words."""
+        if self.place == "compliance":
+            return "1e-6 m/N" if self.slides else "1e-6 rad/(N m)"
+        return "mrad" if self.turns else "mm"
+
+    @property
+    def words(self) -> str:
+        """What it is, for people."""
+        axis = self.component[-1:]
+        joint = self.of if self.of.startswith("joint") else f"joint {self.of}"
+        if self.place == "compliance":
+            return f"the compliance of {joint}"
+        if self.place == "base":
+            return f"the base's turn about {axis}" if self.turns else f"the base's {axis}"
+        if self.place == "tool":
+            named = self.of if self.of.startswith("marker") else f"marker {self.of}"
+            tool = f"{named} on the tool" if self.of else "the tool"
+            return f"the turn of {tool} about {axis}" if self.turns else f"{tool} along {axis}"
+        if self.along:
+            return f"the zero of {joint}"
+        if self.turns:
+            return f"the tilt about {axis} before {joint}"
+        return f"the length along {axis} before {joint}"
+
+
+def all_parameters(
+    robot: Robot,
+    markers: Sequence[str],
+    geometry: Literal["all"] | Sequence[str] = "all",
+    compliance: Sequence[str] = (),
+    base: bool = True,
+    tool: bool = True,
+    pose: bool = False,
+    likely: Mapping[str, float] | None = None,
+) -> tuple[GeometricParameter, ...]:
+    """List the parameters that a calibration asks for, whether they can be told apart or not.
+
+    Args:
+        robot: The drawing.
+        markers: Names of the markers, each of which has a place of its own.
+        geometry: "all", or a list of joints ("q2": all six before it), of kinds ("zeros" of the
+            joints, "lengths" and "tilts") and of single parameters ("q2.rx").
+        compliance: Names of free joints with unknown springs.
+        base: Whether the place of the robot is unknown.
+        tool: Whether the places of the markers on the tool are.
+        pose: Whether rotations are measured, so that the tool has three angles too.
+        likely: Compliances that joints are likely to have, by name [rad/(N m)]; none by default.
+
+    Returns:
+        Base, tools, joints from base to tip, springs.
+
+    Raises:
+        ValueError: The chain has no such joint, kind or parameter.
+    """
+    slides = {joint.name: joint.kind == "prismatic" for joint in robot.joints}
+    of_joints = _chosen(_of_joints(robot), geometry)
+    components = COMPONENTS if pose else SHIFTS
+    of_base = [GeometricParameter("base", "", c) for c in COMPONENTS if base]
+    of_tools = [GeometricParameter("tool", n, c) for n in markers for c in components if tool]
+    springs = [
+        GeometricParameter("compliance", n, slides=slides[n], likely=(likely or {}).get(n))
+        for n in compliance
+    ]
+    return (*of_base, *of_tools, *of_joints, *springs)
+
+
+def _of_joints(robot: Robot) -> list[GeometricParameter]:
+    """Six before each joint of the chain, that along its axis marked."""
+    found = []
+    for joint in robot.chain:
+        turns = joint.kind == "revolute"
+        for i, component in enumerate(COMPONENTS):
+            own = abs(joint.axis[i % 3]) > ALONG and (i >= len(SHIFTS)) == turns
+            found.append(GeometricParameter("joint", joint.name, component, along=bool(own)))
+    return found
+
+
+def _chosen(
+    every: list[GeometricParameter], geometry: Literal["all"] | Sequence[str]
+) -> list[GeometricParameter]:
+    """Those of the list.
+
+    Raises:
+        ValueError: An entry names none.
+    """
+    if isinstance(geometry, str):
+        if geometry != "all":
+            raise ValueError(f"geometry {geometry!r}; expected 'all' or a list")
+        return every
+    chosen: set[str] = set()
+    for entry in geometry:
+        named = {one.name for one in every if entry in (one.name, one.of, one.kind)}
+        if not named:
+            joints = ", ".join(dict.fromkeys(one.of for one in every))
+            raise ValueError(
+                f"no parameter {entry!r}; expected 'all', or some of {', '.join(KINDS)}, of the "
+                f"joints {joints}, or of their components such as {every[-1].name}"
+            )
+        chosen |= named
+    return [one for one in every if one.name in chosen]
+
+
+@dataclass(frozen=True, eq=False)
+class Identifiable:
+    """A minimal set of parameters, and how the others hang on them.
+
+    Attributes:
+        kept: Indices (rank,) of the parameters that are kept, in their order.
+        left: Indices of the others, in their order.
+        shares: How much of each kept parameter moves the markers as one unit of each other does
+            (rank, others), both in units of the parameters.
+        words: One sentence for each of the others.
+    """
+
+    kept: Indices
+    left: Indices
+    shares: Array
+    words: tuple[str, ...]
+
+    @property
+    def rank(self) -> int:
+        """Number of parameters that can be told apart."""
+        return len(self.kept)
+
+
+def identifiable(
+    scaled: Array,
+    parameters: Sequence[GeometricParameter],
+    stages: Sequence[Sequence[int]] = (),
+    least: float | Array = 0.0,
+) -> Identifiable:
+    """Choose a minimal set of parameters by QR with column pivots.
+
+    Columns are scaled to the parameters' units and then to unit length, so that neither a metre nor
+    the number of rows decides. They are taken by stages: a column of a later stage is kept only if
+    no combination of earlier ones does what it does. Within a stage that with the largest part
+    orthogonal to those already kept comes first (Businger and Golub 1965).
+
+    Args:
+        scaled: Regressor (rows, p) in units of the parameters.
+        parameters: What the columns are (p,).
+        stages: Indices by stage; the rest are the last stage.
+        least: A column is kept only if what earlier ones leave of it is longer than this (or than
+            its own, (p,)), in the units of the rows: shorter ones are known worse than noise /
+            least units.
+    """
+    order = _ordered(len(parameters), stages)
+    length = np.linalg.norm(scaled, axis=0)
+    largest = length.max(initial=0.0)
+    unit = np.divide(scaled, length, out=np.zeros_like(scaled), where=length > NEGLIGIBLE * largest)
+    # The rows are compressed first: what follows is of p rows, however long the sheet is.
+    remaining: Array = np.array(np.linalg.qr(unit, mode="r"))
+    floor = np.maximum(NEGLIGIBLE, least / np.where(length > 0, length, 1.0))
+    kept: list[int] = []
+    for stage in order:
+        waiting = list(stage)
+        while waiting:
+            sizes = np.linalg.norm(remaining[:, waiting], axis=0)
+            sizes = np.where(sizes > floor[waiting], sizes, 0.0)
+            best = int(np.argmax(sizes))
+            if not sizes[best]:
+                break
+            pivot = waiting.pop(best)
+            kept.append(pivot)
+            direction = remaining[:, pivot] / sizes[best]
+            # Twice is enough: one pass leaves rounding of the size of what it removes.
+            for _ in range(2):
+                remaining = remaining - np.outer(direction, direction @ remaining)
+            remaining[:, pivot] = 0.0
+    chosen = np.array(sorted(kept), dtype=int)
+    left = np.array([i for i in range(len(parameters)) if i not in set(kept)], dtype=int)
+    shares = _shares(unit, length, chosen, left)
+    words = tuple(
+        _words(parameters, chosen, int(one), shares[:, i], length[one] > NEGLIGIBLE * largest)
+        for i, one in enumerate(left)
+    )
+    return Identifiable(chosen, left, shares, words)
+
+
+def _ordered(p: int, stages: Sequence[Sequence[int]]) -> list[list[int]]:
+    """The stages, and what is in none of them."""
+    named = {i for stage in stages for i in stage}
+    return [*(list(stage) for stage in stages), [i for i in range(p) if i not in named]]
+
+
+def _shares(unit: Array, length: Array, kept: Indices, left: Indices) -> Array:
+    """How the left columns combine the kept ones, in units of the parameters."""
+    if not len(left) or not len(kept):
+        return np.zeros((len(kept), len(left)))
+    found = np.linalg.lstsq(unit[:, kept], unit[:, left], rcond=None)[0]
+    return found * length[left] / length[kept, None]
+
+
+def _words(
+    parameters: Sequence[GeometricParameter],
+    kept: Indices,
+    left: int,
+    shares: Array,
+    moves: bool,
+) -> str:
+    """One sentence on a parameter that is not kept."""
+    own = parameters[left].words
+    if not moves:
+        return f"{own} moves no marker in these poses"
+    large = np.flatnonzero(np.abs(shares) > SMALL_SHARE * np.abs(shares).max())
+    ordered = large[np.argsort(-np.abs(shares[large]), kind="stable")]
+    names = [parameters[kept[i]].words for i in ordered[:MOST_NAMED]]
+    more = len(ordered) - len(names)
+    listed = ", ".join(names[:-1]) + " and " + names[-1] if len(names) > 1 else names[0]
+    rest = f" (with {more} more)" if more else ""
+    return f"{own} cannot be told from {listed}{rest}"

@@ -1,0 +1,262 @@
+"""The tasks of a robot: the poses, tools and loads in which it shall be accurate."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from edtk.measure.elastostatic_model import ElastostaticModel
+from edtk.robots.robot import Robot
+from edtk.robots.weights import DeadWeights
+from edtk.robots.workspace import neighbourhood
+from edtk.system.typing import Array
+
+# The order of an industrial robot's joint compliances: the example by which the effect is judged.
+EXAMPLE = 1e-7  # [rad/(N m)]
+LEAST = 1e-6  # displacement by the example from which a joint is reported [m]
+
+
+@dataclass(frozen=True)
+class RigidJoint:
+    """A joint that counts as rigid.
+
+    Attributes:
+        name: The joint.
+        displacement: By how much 1e-7 rad/(N m) of compliance in it would move the tool point under
+            the load, in the pose where that is most [m].
+    """
+
+    name: str
+    displacement: float
+
+
+def rigid_joints(
+    model: ElastostaticModel, q: Array, wrench: Array, known: tuple[str, ...]
+) -> tuple[RigidJoint, ...]:
+    """Find the joints whose unknown compliance would matter in a task.
+
+    Args:
+        model: The robot with the task's tool, and weights that load it.
+        q: Task poses (t, n) [rad or m].
+        wrench: Their wrenches (t, 6) [N, N m].
+        known: Names of the joints whose compliances are known.
+
+    Returns:
+        The revolute joints without a known compliance that the load turns, from base to tip.
+    """
+    robot = model.robot
+    J = robot.jacobian(q)
+    torque = np.einsum("tij,ti->tj", J, wrench)
+    if model.weights is not None:
+        torque = torque + model.torque_of(model.frames(q), np.zeros(6)).T
+    moved = EXAMPLE * np.linalg.norm(J[:, :3] * torque[:, None], axis=1).max(axis=0)
+    return tuple(
+        RigidJoint(joint.name, float(displacement))
+        for joint, displacement in zip(robot.joints, moved, strict=True)
+        if joint.name not in known and joint.kind == "revolute" and displacement > LEAST
+    )
+
+
+def rigid_joints_in_words(joints: tuple[RigidJoint, ...]) -> str:
+    """One sentence that names the joints, or an empty text for none."""
+    if not joints:
+        return ""
+    parts = ", ".join(f"{joint.name} ({1e3 * joint.displacement:.2g} mm)" for joint in joints)
+    return (
+        f"without a known compliance, and so taken as rigid: {parts}; under the task's load the "
+        f"tool would move so far for each {EXAMPLE:g} rad/(N m) that the joint really has"
+    )
+
+
+def all_compliances(
+    model: ElastostaticModel, k: ArrayLike, known: Mapping[int, float] | None = None
+) -> Array:
+    """Compliances (..., n) of all joints; those that are neither unknown nor known are rigid.
+
+    Args:
+        model: Says which joints the compliances belong to.
+        k: Compliances (..., p) of the unknown joints [rad/(N m)].
+        known: Compliances of other joints, by their indices [rad/(N m)]; none by default.
+    """
+    k = np.asarray(k, dtype=float)
+    complete = np.zeros((*k.shape[:-1], model.robot.n))
+    complete[..., model.joints] = k
+    for j, compliance in (known or {}).items():
+        complete[..., j] = compliance
+    return complete
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Task:
+    """One pose in which the robot works, or several, with the task's own tool and load.
+
+    It is here that errors of compliances do harm: an error dk moves the tool point by ``A0 dk``,
+    with the regressor A0 of the pose (Eq. 17, 20).
+
+    Args:
+        q: Joint variables (..., n) under load [rad or m].
+        tool: Transform (4, 4) of the task's tool after the last joint [m].
+        wrench: Task load (..., 6) or (6,) at the tool point in the world frame [N, N m].
+        robot: The chain, with any tool.
+        unknown: Indices (p,) of the joints whose compliances are to be found, or are known.
+        known: Indices of further joints whose compliances are known from elsewhere.
+        within: The robot shall be accurate in all poses whose joints are within this of q, see
+            `neighbourhood`; zero for q alone [rad].
+        lever: A rotation of the tool counts as the displacement at this distance from the tool
+            point; zero if rotations do no harm [m].
+        weight: How much the task counts beside others; zero for a task that is only looked at.
+        dead_weights: Weights that load the joints besides the wrench; None for none.
+    """
+
+    q: Array
+    tool: Array
+    wrench: Array
+    robot: Robot
+    unknown: tuple[int, ...]
+    known: tuple[int, ...] = ()
+    within: float = 0.0
+    lever: float = 0.0
+    weight: float = 1.0
+    dead_weights: DeadWeights | None = None
+
+    @cached_property
+    def model(self) -> ElastostaticModel:
+        """The elastostatic model with the task's tool, for the position of the tool point."""
+        robot = self.robot.with_tool(self.tool)
+        return ElastostaticModel(robot, self.unknown, weights=self.dead_weights)
+
+    @cached_property
+    def regressor(self) -> Array:
+        """A0 (..., 3, p): the regressor, Eq. (4), with the task's tool and load [m/(rad/(N m))]."""
+        return self.model.regressor(self.q, self.wrench)
+
+    @property
+    def point(self) -> Array:
+        """The tool point (..., 3) of the task [m]."""
+        return self.robot.with_tool(self.tool).forward(self.q)[..., :3, 3]
+
+    @property
+    def place(self) -> str:
+        """Where rho0 is the error, in words."""
+        around = f"within {np.rad2deg(self.within):.3g} deg of the test pose"
+        return around if self.within else "in the test pose"
+
+    @cached_property
+    def target(self) -> Array:
+        """The target (r, p) of rho0: ``|target dk|^2`` is the harm of dk [m/(rad/(N m))].
+
+        For a pose alone it is its regressor A0. Over a neighbourhood of N poses it is a triangle R
+        of at most p rows with ``R'R = sum_i A_i' A_i / N``, so that the harm is the mean square of
+        the errors there.
+        """
+        if not self.within:
+            return self.harm(self.q)
+        A = self.harm(neighbourhood(self.robot, self.q, self.within))
+        # From the stacked rows: their squares would lose half of the digits.
+        return np.asarray(np.linalg.qr(A.reshape(-1, A.shape[-1]) / np.sqrt(len(A)), mode="r"))
+
+    def harm(self, q: Array) -> Array:
+        """Rows (..., 3 or 6, p) whose squares, times dk, add up to the squared error in poses q.
+
+        Rotation rows count with the lever: a small rotation phi moves a point at that distance from
+        the tool point by up to ``lever |phi|``.
+
+        Args:
+            q: Joint variables (..., n) [rad or m].
+        """
+        if not self.lever:
+            return self.model.regressor(q, self.wrench)
+        A = replace(self.model, rows="pose").regressor(q, self.wrench)
+        A[..., 3:, :] *= self.lever
+        return A
+
+    @cached_property
+    def rigid_joints(self) -> tuple[RigidJoint, ...]:
+        """Joints that count as rigid here although the load turns them."""
+        q = self.q.reshape(-1, self.robot.n)
+        wrench = np.broadcast_to(self.wrench, (*self.q.shape[:-1], 6)).reshape(-1, 6)
+        known = tuple(self.robot.joint_names[j] for j in (*self.unknown, *self.known))
+        return rigid_joints(self.model, q, wrench, known)
+
+
+class Tasks(tuple[Task, ...]):
+    """Tasks in their order, of which each counts by its weight.
+
+    Where a number stands for all of them it is the root of the weighted mean of squares; one task
+    alone gives its own numbers, to the last bit. A task of weight zero is looked at, but nothing is
+    designed for it.
+    """
+
+    @cached_property
+    def shares(self) -> Array:
+        """The weights (t,), divided by their sum."""
+        weights = np.array([task.weight for task in self])
+        return np.asarray(weights / weights.sum())
+
+    @cached_property
+    def target(self) -> Array:
+        """The target (r, p) of rho0: ``|target dk|^2`` is the mean harm of dk [m/(rad/(N m))].
+
+        The target of a single task is its own, and otherwise a triangle R of at most p rows with
+        ``R'R = sum_i w_i A_i' A_i / sum_i w_i`` for the targets A_i.
+        """
+        if len(self) == 1:
+            return self[0].target
+        # From the stacked rows: their squares would lose half of the digits.
+        return np.asarray(np.linalg.qr(self._weighted([task.target for task in self]), mode="r"))
+
+    @cached_property
+    def targets(self) -> Array:
+        """The target of each task (t, r, p), padded with rows of zeros to one shape.
+
+        That of a task without weight is zero: it is no part of the worst.
+        """
+        each = [task.target for task in self]
+        padded = np.zeros((len(self), max(map(len, each)), each[0].shape[-1]))
+        for place, target, task in zip(padded, each, self, strict=True):
+            if task.weight:
+                place[: len(target)] = target
+        return padded
+
+    @cached_property
+    def regressor(self) -> Array:
+        """Rows (r, p) whose squares, times dk, are the mean squared displacement of the tool point.
+
+        Those of a single task are A0 (3, p), Eq. (4) [m/(rad/(N m))].
+        """
+        if len(self) == 1:
+            return self[0].regressor
+        return self._weighted([task.regressor for task in self])
+
+    @property
+    def place(self) -> str:
+        """Where rho0 is the error, in words."""
+        if len(self) == 1:
+            return self[0].place
+        sizes = {task.within for task in self}
+        if len(sizes) > 1:
+            return f"in {len(self)} test poses and around them"
+        around = f"within {np.rad2deg(max(sizes)):.3g} deg of {len(self)} test poses"
+        return around if max(sizes) else f"in {len(self)} test poses"
+
+    @cached_property
+    def rigid_joints(self) -> tuple[RigidJoint, ...]:
+        """Joints that count as rigid although a load turns them, where that does most."""
+        most: dict[str, RigidJoint] = {}
+        for joint in (joint for task in self for joint in task.rigid_joints):
+            if joint.name not in most or joint.displacement > most[joint.name].displacement:
+                most[joint.name] = joint
+        names = self[0].robot.joint_names
+        return tuple(sorted(most.values(), key=lambda joint: names.index(joint.name)))
+
+    def with_unknown(self, unknown: tuple[int, ...]) -> "Tasks":
+        """The same tasks of a robot of which other compliances are unknown."""
+        return Tasks(replace(task, unknown=unknown) for task in self)
+
+    def _weighted(self, each: Sequence[Array]) -> Array:
+        """Rows (..., p) of each task, times the root of its share, below each other."""
+        return np.concatenate(
+            [np.sqrt(share) * rows for share, rows in zip(self.shares, each, strict=True) if share]
+        )

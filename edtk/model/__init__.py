@@ -1,1 +1,0 @@
-"""The paper's Section 2: from joint angles and a wrench to the regressor of the compliances."""

@@ -1,1 +1,0 @@
-"""Geometric errors of a chain: lengths, offsets and axes that differ from the drawing."""

@@ -1,1 +1,0 @@
-"""Noise of measurements: tracker, repeatability of the robot, and what the model leaves out."""

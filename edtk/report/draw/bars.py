@@ -1,0 +1,142 @@
+"""Matrices, intervals, weights and budgets as bars and colours."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from edtk.fit.identify import Identification
+from edtk.measure.expected_error import ErrorBudget
+from edtk.report.draw.names import name_ticks
+from edtk.report.figures import BLUE, GREY, ORANGE
+from edtk.report.shown import plain
+from edtk.system.typing import Array
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+DARK = 0.6  # correlation beyond which a cell is so dark that its number is white
+# Black takes the colour of a page's text, which is white in the dark; a bright cell stays bright.
+INK = "#111111"
+BRIGHT = 60  # per cent beyond which a cell is so bright that its number is black
+NAMED = 40  # bars up to which each one has a name
+DECADES = 4.0  # below the largest error that are shown
+ROOM = 0.3  # for the numbers at the right, as a share of the axis up to the largest error
+
+
+def correlation(matrix: np.ndarray, parameters: tuple[str, ...], ax: "Axes") -> None:
+    """Draw correlations (p, p) in colour, each with its number."""
+    p = len(matrix)
+    image = ax.imshow(matrix, cmap="RdBu_r", vmin=-1, vmax=1, aspect="auto")
+    for i in range(p):
+        for j in range(p):
+            colour = "white" if abs(matrix[i, j]) > DARK else INK
+            number = f"{matrix[i, j]:.2f}"
+            ax.text(j, i, number, ha="center", va="center", fontsize=9, color=colour)
+    name_ticks(ax, parameters, parameters)
+    ax.figure.colorbar(image, ax=ax, label="correlation")
+
+
+def heat_map(percent: Array, plans: list[str], names: list[str], ax: "Axes") -> None:
+    """Draw efficiencies [%] of plans (rows) under criteria (columns), each with its number."""
+    image = ax.imshow(percent, cmap="viridis", vmin=0, vmax=100, aspect="auto")
+    for i, row in enumerate(percent):
+        for j, value in enumerate(row):
+            colour = "black" if value > BRIGHT else "white"
+            ax.text(j, i, _cell(value), ha="center", va="center", fontsize=8, color=colour)
+    name_ticks(ax, names, top=True)
+    ax.set_yticks(range(len(plans)), [plain(name) for name in plans])
+    ax.figure.colorbar(image, ax=ax, label="% of the bound over all poses")
+
+
+def _cell(value: float) -> str:
+    """A number of per cent, short enough for a cell."""
+    if np.isnan(value):
+        return "-"
+    return f"{value:.0f}" if value >= 1 else f"{value:.1g}"
+
+
+def intervals(
+    fit: Identification, parameters: tuple[str, ...], units: tuple[str, ...], ax: "Axes"
+) -> None:
+    """Draw the 95 % intervals of `Identification.interval`, relative to the estimates [%].
+
+    An interval that reaches to zero is as wide as its estimate, and would leave no room for the
+    others: it is written out, in the parameter's unit.
+
+    Args:
+        fit: The fit.
+        parameters: Names (p,).
+        units: Units (p,) of the parameters.
+        ax: Where to draw.
+    """
+    low, high = fit.interval
+    at = np.arange(len(fit.k))
+    known = (low > 0) & (fit.k > 0)
+    scale = 100 / fit.k[known]
+    middle = scale * (high - low)[known] / 2
+    centre = scale * (high + low)[known] / 2 - 100
+    ax.errorbar(centre, at[known], xerr=middle, fmt="none", color=BLUE, capsize=4)
+    ax.plot(np.zeros(known.sum()), at[known], linestyle="", marker="o", color=BLUE)
+    across = ax.get_yaxis_transform()
+    for i in at[~known]:
+        text = f"0 to {high[i]:.2g} {units[i]}"
+        ax.axhspan(i - 0.4, i + 0.4, color="grey", alpha=0.15, linewidth=0)
+        ax.text(0.5, i, text, transform=across, ha="center", va="center", fontsize=9)
+    if not known.any():
+        ax.set_xlim(-100, 100)
+    name_ticks(ax, y=parameters)
+    ax.set_ylim(len(at) - 0.5, -0.5)
+    ax.set_xlabel("deviation from the estimate [%]")
+    ax.grid(axis="x", alpha=0.3)
+
+
+def weight_bars(weights: Array, names: Sequence[str], label: str, ax: "Axes") -> None:
+    """Draw weights, the heaviest first.
+
+    Args:
+        weights: Shares (k,) of the experiments, in any order.
+        names: Names (k,) of their poses.
+        label: The meaning of the names.
+        ax: Where to draw.
+    """
+    order = np.argsort(-weights, kind="stable")
+    at = np.arange(len(order))
+    ax.bar(at, weights[order], color=BLUE)
+    if len(order) <= NAMED:
+        ax.set_xticks(at, [names[i] for i in order])
+    ax.set_xlabel(f"{label}, the heaviest first")
+    ax.set_ylabel("weight [share of the experiments]")
+    ax.grid(axis="y", alpha=0.3)
+    ax.set_axisbelow(True)
+
+
+def error_budget(found: ErrorBudget, ax: "Axes") -> None:
+    """Draw each part [mm] as a bar, and lines at the total and at the error without compensation.
+
+    The axis is logarithmic, as parts differ by powers of ten; a part far below the largest error
+    has no bar, but its number at the right. The largest part comes first.
+    """
+    order = sorted(found.parts, key=lambda name: -found.parts[name])
+    size = {name.replace("_", " "): 1e3 * found.parts[name] for name in order}
+    total = 1e3 * found.total
+    without = 1e3 * found.uncompensated
+    # An error of nothing at all would leave the axis without a scale.
+    largest = max(total, without) or 1.0
+    shown = [part for part in (*size.values(), total) if part > largest / 10**DECADES]
+    left = min(shown, default=largest / 10) / 2
+    right = ax.get_yaxis_transform()
+    for row, part in enumerate(size.values()):
+        ax.barh(row, max(part - left, 0.0), left=left, height=0.6, color=BLUE)
+        text = f"{part:.2g}"
+        ax.text(0.99, row, text, transform=right, ha="right", va="center", fontsize=9)
+    ax.axvline(total, color=ORANGE, label=f"total {total:.2g} mm")
+    label = f"without compensation {without:.2g} mm"
+    ax.axvline(without, color=GREY, linestyle="--", label=label)
+    ax.set_xscale("log")
+    ax.set_xlim(left, largest * (largest / left) ** ROOM)
+    ax.set_yticks(range(len(size)), list(size))
+    ax.set_ylim(len(size) - 0.5, -0.5)
+    ax.set_xlabel("root mean square error in the task [mm]")
+    ax.grid(axis="x", alpha=0.3)
+    ax.legend(fontsize=9, frameon=False, loc="lower center", bbox_to_anchor=(0.5, 1.0))

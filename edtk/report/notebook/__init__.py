@@ -1,1 +1,0 @@
-"""Tables for notebooks: a file for each result, its function named after it."""

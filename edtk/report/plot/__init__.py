@@ -1,1 +1,0 @@
-"""Pictures of results: a file for each result, its function named after it."""

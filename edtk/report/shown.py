@@ -1,0 +1,130 @@
+"""Numbers as a person reads them, texts in pictures, and the plans that a picture compares."""
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+import criteria
+from edtk.calibration.geometry_design.evaluate_geometry import GeometryDesigns
+from edtk.study.study_run import StudyRun
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+UNKNOWN = 3  # where nothing is said of the uncertainty
+MOST = 6
+LEAST_PLACES = 2  # behind the point: three digits
+MOST_PLACES = 15  # a double has no more
+LEAST = 1e-300  # below it a double has no digits left
+OWN = "own units"  # of the parameters: mm, mrad, 1e-6 rad/(N m)
+
+
+def plain(text: str) -> str:
+    """A name or title in which matplotlib finds no formula: between two dollars it looks for one.
+
+    Every text that a study, a file's name or a plug-in may hold goes through here on its way into
+    a picture.
+    """
+    return text.replace("$", r"\$")
+
+
+def places_of(std: float) -> int:
+    """Digits behind the point, down to the second digit of a standard deviation."""
+    if not (std > 0 and math.isfinite(std)):
+        return UNKNOWN
+    return min(max(1 - math.floor(math.log10(std)), 0), MOST)
+
+
+def digits(value: float, std: float, like: float | None = None) -> str:
+    """Write a value down to the second digit of its standard deviation: 4.0005e-07.
+
+    It has three digits at least.
+
+    Args:
+        value: The value.
+        std: Its standard deviation.
+        like: A value that it is compared with; it then has the digits of that one, if both are of
+            the same decade.
+    """
+    other = value if like is None or _decade(like) != _decade(value) else like
+    ratio = abs(other) / std if std > 0 else 1.0
+    places = LEAST_PLACES
+    if math.isfinite(ratio) and ratio > 0:
+        places = max(LEAST_PLACES, math.floor(math.log10(ratio)) + 2)
+    return f"{value:.{min(places, MOST_PLACES)}e}"
+
+
+def _decade(value: float) -> int | None:
+    """The power of ten with which a value is written."""
+    return math.floor(math.log10(abs(value))) if value and math.isfinite(value) else None
+
+
+def shown_probability(p: float, digits: int = 2) -> str:
+    """Write "= 0.015", or "< 1e-300" where a double would show a zero."""
+    return f"= {p:.{digits}g}" if p > LEAST else f"< {LEAST:g}"
+
+
+def shown_unit(name: str) -> tuple[float, str]:
+    """Factor and unit for a criterion's values; "SI" where the criterion names none."""
+    factor, unit = criteria.get(name).shown
+    if unit == "mm":
+        return 1e3 * factor, "um"
+    return (factor, unit) if unit else (factor, "SI")
+
+
+def shown_value(name: str, value: float, digits: int = 4) -> str:
+    """A value in the criterion's unit: "0.006588 mm".
+
+    Args:
+        name: Name of the criterion.
+        value: Its value, SI.
+        digits: Number of digits.
+    """
+    factor, unit = criteria.get(name).shown
+    return f"{factor * value:.{digits}g} {unit}".rstrip()
+
+
+def run_unit(run: StudyRun, name: str) -> tuple[float, str]:
+    """Factor and unit for a criterion's values; where it names none, those of the parameters."""
+    factor, unit = shown_unit(name)
+    is_own = unit == "SI" and isinstance(run.designs, GeometryDesigns)
+    return factor, OWN if is_own else unit
+
+
+def plans_of(
+    table: "pd.DataFrame", kind: str, optimised_for: str = "", size: int | None = None
+) -> "pd.DataFrame":
+    """Choose plans.
+
+    Args:
+        table: The table of a study's run.
+        kind: "optimised", "distinct", "published" or "random".
+        optimised_for: Name of a criterion; "" for plans that were not optimised.
+        size: Number of experiments; None for any.
+    """
+    chosen = (table["kind"] == kind) & (table["optimised_for"] == optimised_for)
+    return table[chosen if size is None else chosen & (table["experiments"] == size)]
+
+
+def other_plans(table: "pd.DataFrame") -> dict[str, "pd.DataFrame"]:
+    """Published and random plans, in groups of one plan a size, by the group's name in a report.
+
+    Several published plans of one size are groups of their own, named after their files.
+
+    Args:
+        table: The table of a study's run.
+    """
+    published = plans_of(table, "published")
+    labels = [_label(row["plan"], row["experiments"]) for _, row in published.iterrows()]
+    groups = {
+        label: published[np.array([other == label for other in labels], dtype=bool)]
+        for label in dict.fromkeys(labels or ["published"])
+    }
+    return groups | {"random": plans_of(table, "random")}
+
+
+def _label(plan: str, size: int) -> str:
+    """The name of a published plan's group, from its name in the table, see `Case.name`."""
+    file = plan.partition(f"_m{size}_")[2]
+    return f"published ({file})" if file else "published"

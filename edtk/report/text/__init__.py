@@ -1,1 +1,0 @@
-"""Text for terminals: a file for each result, its function named after it."""

@@ -1,0 +1,1 @@
+"""How each result shows itself: as text, in a notebook, as a picture."""

@@ -1,0 +1,234 @@
+"""Calibrations of compliances."""
+
+from typing import Any
+
+import numpy as np
+
+from edtk.calibration.calibration import VERDICTS, Calibration
+from edtk.calibration.diagnostics.diagnostic import Severity
+from edtk.calibration.match_plan import row_names
+from edtk.calibration.posterior_check import PoseError
+from edtk.fit.estimate_noise import NoiseEstimate
+from edtk.fit.identify import Identification
+from edtk.measure.expected_error import ErrorBudget, JointPart
+from edtk.measure.pose_table import TURN_COLUMN, coordinate_columns
+from edtk.report.draw.bars import intervals
+from edtk.report.draw.residuals import ResidualPanel, residuals
+from edtk.report.figures import panels
+from edtk.report.shown import digits, shown_probability
+from edtk.report.tables import name_width, notebook_table
+
+SHARE = 0.01  # of the total, from which a joint that is not identified is named
+# What the parts leave out where displacements are counted from the rigid robot.
+NOT_IN_IT = "errors of the robot's geometry, and of its place in the measuring frame"
+# What makes each part smaller.
+ADVICE = {
+    "noise": "measure more experiments, or with less noise",
+    "model": "fit the loaded equilibrium",
+    "load": "weigh the load, and measure its direction",
+    "tool": "measure where the tool point and the marker are",
+    "rigid_joints": "identify the joints that count as rigid too, or bound their compliances",
+    "known_joints": "identify the joints that count as known too, or state a smaller std",
+    "drift": "measure unloaded and loaded readings shortly after each other",
+    "repeatability": "repeat the measurements",
+}
+
+
+def error_budget(found: ErrorBudget) -> str:
+    """The expected error in the task, with its parts."""
+    parts = ", ".join(
+        f"{name.replace('_', ' ')} {1e3 * part:.2g}" for name, part in found.parts.items()
+    )
+    without = f"  not in it: {NOT_IN_IT}\n" if found.absolute else ""
+    joints = "".join(f"  {line}\n" for line in assumed_joints(found))
+    return (
+        f"total expected error {1e3 * found.total:.2g} mm (root mean square), "
+        f"{1e3 * found.uncompensated:.2g} mm without compensation\n"
+        f"  of it [mm]: {parts}\n{joints}{without}"
+        f"  to improve first: {ADVICE[found.largest]}"
+    )
+
+
+def assumed_joints(found: ErrorBudget) -> list[str]:
+    """A sentence for each joint that is not identified, with its part of the total."""
+    return [assumed_joint(part) for part in found.joints if part.error > SHARE * found.total]
+
+
+def assumed_joint(part: JointPart) -> str:
+    """What is assumed of a joint, and what that makes of the error."""
+    joint = part.joint
+    error = f"{1e3 * part.error:.2g} mm"
+    told = ""
+    if part.told < joint.std:
+        told = f"; the measurements tell it to {part.told:.1g}: list it in joints.unknown"
+    if joint.rigid:
+        size = f"{joint.std:.2g} rad/(N m)"
+        rigid = f"which counts as rigid: {size} assumed, {joint.source}"
+        return f"{error} by {joint.name}, {rigid}{told}"
+    known = f"{joint.compliance:.2g} +- {joint.std:.1g} rad/(N m)"
+    return f"{error} by {joint.name}, which counts as known: {known}{told}"
+
+
+def calibration_text(found: Calibration) -> str:
+    """Compliances, how well they fit, the accuracy to expect, and the verdict."""
+    lines = [*_compliances(found), *_fit(found), *_accuracy(found), *_rows(found)]
+    if found.check is not None:
+        lines += ["posterior", found.check.summary()]
+    for diagnostic in found.diagnostics:
+        if diagnostic.severity is Severity.NOTE:
+            lines.append(f"note: {diagnostic.text}")
+    return "\n".join([*lines, f"verdict: {found.verdict}"])
+
+
+def _compliances(found: Calibration) -> list[str]:
+    """Estimates with standard deviations, and their correlation."""
+    fit = found.fit
+    names = found.parameters
+    m, rows = fit.residual.shape
+    poses = found.data.pose.max() + 1
+    width = name_width(names, 6)
+    loss = ", Huber's loss" if fit.robust and not found.fitted.untold else ""
+    loss += ", loaded equilibrium" if found.fitted.nonlinear else ", linear model"
+    lines = [f"{m} measurements of {poses} poses, {m * rows} coordinates{loss}"]
+    for name, k, std, unit in zip(names, fit.k, fit.std, found.study.model.units, strict=True):
+        lines.append(f"  {name:{width}}{digits(k, std):>12} +- {std:.1e} {unit}")
+    if found.part is not None:
+        rigid = ", ".join(found.part.rigid)
+        lines.append(f"  not told by the measurements, and taken as rigid: {rigid}")
+    if found.assumed:
+        lines.append(f"  {found.assumed}")
+    if found.interest:
+        lines.append("of interest")
+        unit = found.asked.model.unit
+        wide = name_width(tuple(found.interest), 6)
+        for name, (value, std) in found.interest.items():
+            lines.append(f"  {name:{wide}}{digits(value, std):>12} +- {std:.1e} {unit}")
+    lines.append("correlation")
+    for name, row in zip(names, fit.correlation, strict=True):
+        lines.append(f"  {name:{width}}" + "".join(f"{c:8.3f}" for c in row))
+    return lines
+
+
+def _fit(found: Calibration) -> list[str]:
+    """Chi-square and the noise."""
+    fit = found.fit
+    p = (
+        ""
+        if fit.p_value is None
+        else f", probability of more {shown_probability(fit.p_value, 3).removeprefix('= ')}"
+    )
+    lines = [f"chi-square {fit.chi2:.5g} with {fit.dof} degrees of freedom{p}"]
+    if np.isfinite(fit.scale):
+        lines.append(f"sigma from the residuals {1e3 * found.sigma_hat:.4g} mm")
+    if found.noise is not None:
+        lines.append(_parts_of_noise(found.noise))
+    return lines
+
+
+def _parts_of_noise(noise: NoiseEstimate) -> str:
+    """What visits and markers tell of tracker, joints and model."""
+    parts = [
+        f"tracker {noise.tracker:.3g} times the stated",
+        f"joints return within {noise.joints:.2g} deg",
+        f"the model is off by {1e3 * noise.discrepancy:.2g} mm",
+    ]
+    told = [part for part, known in zip(parts, noise.told, strict=True) if known]
+    return f"noise by visits and markers: {', '.join(told)}"
+
+
+def _accuracy(found: Calibration) -> list[str]:
+    """The error to expect in the test pose; nothing without one."""
+    lines = []
+    if found.verdict == VERDICTS[Severity.ALARM]:
+        lines.append("if nothing else were wrong:")
+    if found.study.target is not None:
+        value, (low, high) = found.fit.accuracy(found.study.target)
+        interval = f", with 95 % between {1e3 * low:.5g} and {1e3 * high:.5g} mm"
+        lines.append(f"rho0 {1e3 * value:.5g} mm{'' if low == high else interval}")
+    if found.budget is not None:
+        lines.append(error_budget(found.budget))
+    if found.study.target is not None:
+        lines.append(str(found.expected))
+    if found.rho0_bias and not found.fitted.nonlinear:
+        bias = f"{1e3 * found.rho0_bias:.3g} mm"
+        lines.append(f"beside it the linear model leaves an error of {bias}")
+    return lines
+
+
+def _rows(found: Calibration) -> list[str]:
+    """The pose that fits least, the row that counts most, and the outliers."""
+    fit = found.fit
+    pose = found.data.pose
+    lengths = found.data.lengths
+    squares = np.bincount(pose, np.where(lengths, fit.residual**2, 0.0).sum(axis=1))
+    of_pose = squares / np.maximum(np.bincount(pose, lengths.sum(axis=1)), 1)
+    worst = int(of_pose.argmax())
+    size = f"{1e3 * np.sqrt(of_pose[worst]):.4g} mm"
+    i, j = np.unravel_index(fit.leverage.argmax(), fit.leverage.shape)
+    turn = found.data.turn
+    column = coordinate_columns(fit.residual.shape[1])[j]
+    column = column if turn is None or not turn[i] else TURN_COLUMN
+    lines = [
+        f"largest residuals in pose {worst + 1}: {size} root mean square",
+        f"largest leverage {fit.leverage[i, j]:.3f}: row {i + 1}, {column}",
+    ]
+    if len(fit.outliers):
+        rows = row_names(fit.outliers.tolist())
+        lines.append(f"outliers ({len(fit.outliers)}): {rows}")
+    return lines
+
+
+def calibration_notebook(found: Calibration) -> str:
+    """A row for each compliance, and the diagnostics."""
+    rows = []
+    for row in found.to_frame().to_dict(orient="records"):
+        std = row["std"]
+        interval = f"{digits(row['low_95'], std)} .. {digits(row['high_95'], std)}"
+        cells = [row["joint"], row["parameter"], digits(row["k"], std), f"{std:.1e}"]
+        rows.append([*cells, interval, row["unit"]])
+    header = ["joint", "parameter", "compliance", "std", "95 % interval", "unit"]
+    notes = [f"{seen.severity.name.lower()}: {seen.text}" for seen in found.diagnostics]
+    return notebook_table(found.headline(), header, rows, notes)
+
+
+def calibration_plot(found: Calibration, ax: Any = None) -> Any:
+    """Draw 95 % intervals of the compliances, and the residuals below them.
+
+    Returns:
+        The axes: intervals, residuals of positions [mm] and, where measured, of rotations [deg].
+    """
+    fit = found.fit
+    parts = ResidualPanel.of(fit, found.data.turn)
+    axes = panels(ax, 1 + len(parts), 1, (6.4, 2.6 + 2.8 * len(parts)))[:, 0]
+    intervals(fit, found.parameters, found.study.model.units, axes[0])
+    residuals(fit, axes[1:], parts)
+    axes[0].set_title(_title(found), fontsize=10)
+    return axes
+
+
+def _title(found: Calibration) -> str:
+    """The accuracy to expect, and the verdict."""
+    if found.study.target is None:
+        return f"verdict: {found.verdict}"
+    rho0 = 1e3 * found.fit.accuracy(found.study.target)[0]
+    return f"rho0 = {rho0:.4g} mm, verdict: {found.verdict}"
+
+
+def identification_text(fit: Identification) -> str:
+    """The headline, and a row a compliance with its 95 % interval [rad/(N m)]."""
+    table = fit.to_frame().to_string(index=False, float_format="{:.4g}".format)
+    return f"{fit.headline()}\n{table}"
+
+
+def pose_error_text(error: PoseError) -> str:
+    """Error after compensation, and displacement under the task's load [mm]."""
+    low, high = 1e3 * error.displacement_95
+    axes = ", ".join(f"{n} {a:.4f} to {b:.4f}" for n, a, b in zip("xyz", low, high, strict=True))
+    place = error.place.removeprefix("in the ").removeprefix("in ")
+    which = "" if error.displaced is None else f" in pose {error.displaced}"
+    return (
+        f"{place}: rho0 {1e3 * error.rho0:.6f} +- {1e3 * error.rho0_error:.6f} mm, "
+        f"by the fit, Eq. (20), {1e3 * error.rho0_fit:.6f} mm\n"
+        f"error after compensation below {1e3 * error.error_95:.6f} mm with probability 95 %\n"
+        f"displacement under the task's load{which}, 95 % intervals [mm]: {axes}"
+    )

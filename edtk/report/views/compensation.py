@@ -1,0 +1,145 @@
+"""Compensations: commands, and what they leave."""
+
+from typing import Any
+
+import numpy as np
+
+from edtk.calibration.compensate import Compensation
+from edtk.calibration.geometry.compensate_geometry import GeometricCompensation
+from edtk.calibration.tasks_in_use import refused_in_words
+from edtk.measure.expected_error import JointPart
+from edtk.measure.pose_table import ROW_COLUMN, pose_columns, pose_factors
+from edtk.report.figures import BLUE, ORANGE, panels
+from edtk.report.shown import plain
+from edtk.report.tables import notebook_table, number_columns
+from edtk.report.views.calibration import SHARE, assumed_joint
+from edtk.system.typing import Array
+
+MOST_BARS = 20  # poses up to which each has bars of its own
+SHIFT = 0.2  # of the two bars of a pose, which are twice as wide
+MM = 1e3
+MOST_LINES = 60
+
+
+def compensation_text(found: Compensation) -> str:
+    """A line for each task pose: the command, and the errors before and after."""
+    shown = found.robot.shown(found.command) / pose_factors(found.robot)
+    numbers = [[f"{x:.5f}" for x in row] for row in shown]
+    columns, *commands = number_columns(pose_columns(found.robot), numbers, 12)
+    band = "" if found.remaining is None else "   remaining rms (95 % band) [mm]"
+    if found.rotation is not None:
+        band += "   rotation rms [deg]"
+    lines = [f"{'pose':>4}  {columns}   error [mm]{band}"]
+    for i, command in enumerate(commands):
+        line = f"{found.rows[i] + 1:4}  {command}{1e3 * found.uncompensated[i]:13.4f}"
+        if found.remaining is not None and found.band is not None:
+            low, high = 1e3 * found.band[i]
+            line += f"   {1e3 * found.remaining[i]:.4g} ({low:.4g} .. {high:.4g})"
+        if found.rotation is not None:
+            line += f"   {np.rad2deg(found.rotation[i]):.4g}"
+        lines.append(line)
+    if found.remaining is None:
+        lines.append(
+            "the compliances come without a covariance: what errors of theirs leave is not known"
+        )
+    elif found.linear is not None:
+        if found.linear.any():
+            most = f"{1e3 * found.linear.max():.2g} mm"
+            lines.append(f"of that, identifying with the linear model left {most} at most")
+    elif found.rho0_bias is not None:
+        bias = f"{1e3 * found.rho0_bias:.2g} mm"
+        lines.append(f"beside that, identifying with the linear model left {bias} in the test pose")
+    lines += [found.rigid] if found.by_noise is None and found.rigid else _parts(found)
+    refused = refused_in_words(found.refused)
+    return "\n".join([*lines, refused] if refused else lines)
+
+
+def _parts(found: Compensation) -> list[str]:
+    """What the remaining error is made of; nothing where it is not known."""
+    if found.by_noise is None or found.remaining is None:
+        return []
+    noise = f"{1e3 * found.by_noise.max():.2g} mm"
+    first = f"what remains is the total of all that is uncertain; of it at most {noise} by noise"
+    parts = [JointPart(joint, float(error.max())) for joint, error in found.by_joints]
+    least = SHARE * found.remaining.max()
+    return [first, *(assumed_joint(one) for one in parts if one.error > least)]
+
+
+def compensation_notebook(found: Compensation) -> str:
+    """A row for each task pose."""
+    table = found.to_frame().drop(columns=ROW_COLUMN, errors="ignore")
+    values = zip(found.rows, table.to_numpy(), strict=True)
+    rows = [[row + 1, *(f"{value:.6g}" for value in one)] for row, one in values]
+    notes = [*filter(None, (found.rigid, refused_in_words(found.refused)))]
+    return notebook_table(found.headline(), ["pose", *table.columns], rows, notes)
+
+
+def compensation_plot(found: Compensation, ax: Any = None) -> Any:
+    """Draw the error before and after compensation by pose, the latter with its 95 % band.
+
+    Returns:
+        The axes.
+    """
+    ax = panels(ax, 1, 1, (6.8, 3.8))[0, 0]
+    pose: Array = found.rows.astype(float) + 1
+    if len(pose) <= MOST_BARS:
+        _bars(found, pose, ax)
+    else:
+        _lines(found, pose, ax)
+    ax.set_yscale("log")
+    ax.set_xlabel("task pose")
+    ax.set_ylabel("error of the tool point [mm]")
+    ax.set_title(plain(found.headline()), fontsize=10)
+    ax.grid(axis="y", alpha=0.3)
+    ax.set_axisbelow(True)
+    ax.legend(fontsize=8, frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5))
+    return ax
+
+
+def _bars(found: Compensation, pose: Array, ax: Any) -> None:
+    """Two bars for each of a few poses."""
+    before = 1e3 * found.uncompensated
+    ax.bar(pose - SHIFT, before, 2 * SHIFT, color=ORANGE, label="before")
+    if found.remaining is not None and found.band is not None:
+        after = 1e3 * found.remaining
+        ends = 1e3 * found.band.T
+        ax.bar(pose + SHIFT, after, 2 * SHIFT, color=BLUE, label="after, root mean square")
+        # The root mean square may lie outside a narrow band by rounding.
+        reach = np.maximum(np.abs(ends - after), 0.0)
+        middle = pose + SHIFT
+        ax.errorbar(middle, after, reach, fmt="none", color="black", capsize=4, label="95 % band")
+    ax.set_xticks(pose)
+
+
+def _lines(found: Compensation, pose: Array, ax: Any) -> None:
+    """Lines over many poses, which are those of a path."""
+    ax.plot(pose, 1e3 * found.uncompensated, color=ORANGE, label="before")
+    if found.remaining is not None and found.band is not None:
+        low, high = 1e3 * found.band.T
+        ax.fill_between(pose, low, high, color=BLUE, alpha=0.18, linewidth=0, label="95 % band")
+        ax.plot(pose, 1e3 * found.remaining, color=BLUE, label="after, root mean square")
+    ax.set_xlim(pose[0], pose[-1])
+
+
+def geometric_compensation_text(found: GeometricCompensation) -> str:
+    """A line for each command, with the errors before and after."""
+    shown = found.robot.shown(found.command) / pose_factors(found.robot)
+    lines = [f"commands {', '.join(found.robot.joint_names)} [deg, mm], and errors of the markers"]
+    for row, values in enumerate(shown[:MOST_LINES]):
+        joints = " ".join(f"{value:9.4f}" for value in values)
+        before = MM * found.uncompensated[row]
+        after = MM * found.remaining[row]
+        line = (
+            f"{found.rows[row] + 1:4d} {joints}   {before:.3g} mm, with this command {after:.3g} mm"
+        )
+        if found.turns is not None:
+            turned = np.rad2deg(found.turns.uncompensated[row])
+            then = np.rad2deg(found.turns.remaining[row])
+            line += f"; {turned:.3g} deg, then {then:.3g} deg"
+        lines.append(line)
+    more = len(shown) - MOST_LINES
+    if more > 0:
+        lines.append(f"... and {more} more, in --json or --out")
+    if found.refused:
+        lines.append(refused_in_words(found.refused))
+    return "\n".join(lines)

@@ -1,0 +1,149 @@
+"""Calibrations of geometry: what was found, its posterior, and predictions."""
+
+import numpy as np
+
+from edtk.calibration.diagnostics.diagnostic import Severity
+from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
+from edtk.calibration.geometry.prediction import Prediction
+from edtk.fit.geometry.fitted_geometry import root_mean_square
+from edtk.fit.geometry.geometry_posterior import GeometryPosterior
+from edtk.report.geometry_report import robot_stands
+from edtk.report.shown import places_of
+from edtk.report.tables import name_width
+
+MM = 1e3
+MOST_LINES = 60
+
+
+def geometric_calibration_text(found: GeometricCalibration) -> str:
+    """Parameters, how well poses are predicted that were left out, and the verdict."""
+    fit = found.fit
+    lines = [
+        f"{fit.data.count} positions of {len(fit.data.markers)} markers in {fit.data.poses} poses"
+        + (f", {len(found.left_out)} visits left out" if found.left_out else ""),
+        f"{fit.rank} parameters can be told apart"
+        + (f" of {fit.structural} that better poses would tell" if fit.open else "")
+        + "; each is added to what the drawing, the study's markers",
+        "or the place of the robot say",
+        f"robot in the instrument's frame: {robot_stands(found.base)}",
+        *_parameters(found),
+        *_redundant(found),
+        *_quality(found),
+    ]
+    for doubt in found.doubts:
+        if doubt.severity is Severity.NOTE:
+            lines.append(f"note: {doubt.text}")
+    lines += [f"assumed: {line}" for line in found.assumed]
+    if found.posterior is not None:
+        lines += ["posterior", found.posterior.summary()]
+    return "\n".join([*lines, f"verdict: {found.verdict}"])
+
+
+def _parameters(found: GeometricCalibration) -> list[str]:
+    """A line for each parameter."""
+    parameters = found.fit.fitted.model.parameters
+    width = name_width([one.name for one in parameters], 6)
+    lines = []
+    for one in parameters:
+        own = found.parameters[one.name]
+        places = places_of(own["std"])
+        value = f"{own['value']:10.{places}f} +- {own['std']:.{places}f} {one.unit}"
+        lines.append(f"  {one.name:{width}}{value}  {one.words}")
+    return lines
+
+
+def _redundant(found: GeometricCalibration) -> list[str]:
+    """How many parameters are not fitted, since others do what they do."""
+    count = len(found.fit.redundant)
+    if not count:
+        return []
+    others = "1 other cannot" if count == 1 else f"{count} others cannot"
+    return [f"{others} be told apart from these, and count as drawn; the report says which"]
+
+
+def _turns(found: GeometricCalibration) -> list[str]:
+    """How well orientations fit, where they were measured."""
+    turns = found.fit.turns
+    if turns is None:
+        return []
+    fit, left_out = (
+        float(np.rad2deg(root_mean_square(part))) for part in (turns.residual, turns.left_out)
+    )
+    return [f"orientations: {fit:.3g} deg rms off in the fit, {left_out:.3g} deg left out"]
+
+
+def _quality(found: GeometricCalibration) -> list[str]:
+    """How well positions fit, and are predicted."""
+    fit = found.fit
+    noise = fit.fitted.noise
+    joints = max(noise.model_joints.tolist(), default=0.0)
+    sizes = {
+        "each joint were off by {:.3g} mrad": joints,
+        "each coordinate by {:.3g} mm": noise.model_white,
+        "each orientation by {:.3g} deg": np.rad2deg(1e-3 * (noise.model_turn or 0.0)),
+    }
+    parts = " and ".join(text.format(size) for text, size in sizes.items() if size)
+    left_out = f"errors that the model does not explain: as if {parts}, anew in each pose"
+    if not parts:
+        left_out = "the residuals show no errors that the model does not explain"
+    repeats = f"; repeats of readings scatter by {noise.reading:.3g} mm" if noise.repeats else ""
+    if noise.repeats and noise.turn is not None:
+        repeats += f" and {np.rad2deg(1e-3 * noise.turn):.3g} deg"
+    return [
+        f"distance of positions: {MM * fit.placed:.4g} mm rms with base and tools fitted alone, "
+        f"{MM * fit.rms:.4g} with all",
+        f"each pose predicted without it: {found.loo_rms_mm:.4g} mm rms, "
+        f"{100 * fit.share_inside:.1f} % of the coordinates inside their 95 % bands",
+        *_turns(found),
+        *(
+            [f"rho0 {found.rho0_mm:.4g} mm: error of the markers to expect in the test poses"]
+            if found.rho0_mm is not None
+            else []
+        ),
+        left_out + repeats,
+    ]
+
+
+def geometry_posterior_text(found: GeometryPosterior) -> str:
+    """How it was computed, and standard deviations beside those of the fit."""
+    width = name_width(found.parameters, 8)
+    lines = [
+        found.quality,
+        f"{'param':{width}}{'std posterior':>14}{'std of the fit':>17}{'ratio':>9}"
+        f"{'95 % interval':>32}",
+    ]
+    table = found.to_frame()
+    for row, std in zip(table.itertuples(), found.std.tolist(), strict=True):
+        places = places_of(std)
+        interval = f"{row.low_95:.{places}f} to {row.high_95:.{places}f} {row.unit}"
+        lines.append(
+            f"{row.parameter:{width}}{row.std_posterior:14.4g}{row.std_fit:17.4g}{row.ratio:9.3f}"
+            f"{interval:>32}"
+        )
+    return "\n".join(lines)
+
+
+def prediction_text(found: Prediction) -> str:
+    """A line for each position, and the comparison."""
+    positions = found.to_dict()["positions"]
+    width = max([len(one["marker"]) for one in positions] + [6])
+    lines = [f"  row  {'marker':{width}}  x, y, z and half the 95 % band [mm]"]
+    for one in positions[:MOST_LINES]:
+        values = "".join(
+            f"{one[f'{axis}_mm']:12.3f} +-{one[f'band_{axis}_mm']:.3f}" for axis in "xyz"
+        )
+        error = f"  error {one['error_mm']:.3f}" if "error_mm" in one else ""
+        note = "" if one.get("test", True) else " (places the tool)"
+        lines.append(f"{one['row']:5d}  {one['marker']:{width}}{values}{error}{note}")
+    more = len(positions) - MOST_LINES
+    if more > 0:
+        lines.append(f"  ... and {more} more, in --json or --out")
+    if found.tests.any():
+        lines.append(
+            f"{int(found.tests.sum())} measured positions: errors {found.mean_mm:.4g} mm mean, "
+            f"{found.rms_mm:.4g} mm rms, {found.max_mm:.4g} mm largest; "
+            f"{100 * found.share_inside:.1f} % of the coordinates inside their 95 % bands"
+        )
+    if found.turn_rms_deg is not None:
+        lines.append(f"orientations: {found.turn_rms_deg:.3g} deg rms off")
+    return "\n".join(lines)

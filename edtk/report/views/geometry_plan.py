@@ -1,0 +1,170 @@
+"""Plans of visits for studies of geometry, and their worth."""
+
+import numpy as np
+
+import criteria
+from edtk.calibration.geometry_design.day_costs import PosesByLoad
+from edtk.calibration.geometry_design.evaluate_geometry import GeometryEvaluation
+from edtk.calibration.geometry_design.geometry_plan import GeometryPlan
+from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
+from edtk.measure.pose_table import in_file_units, pose_columns
+from edtk.report.tables import name_width, number_columns
+from edtk.report.views.plan import among, on_limits, reach, search_summary, shown_faults
+from edtk.system.typing import Array
+
+
+def geometry_plan_text(found: GeometryPlan) -> str:
+    """Value, bound, what is identified, what the day costs, and the poses with their visits."""
+    criterion = found.relaxed.criterion
+    factor = criterion.shown[0]
+    unit = f" {criterion.shown[1]}".rstrip()
+    poses = found.poses
+    kept = "" if found.kept is None else f", {found.kept.experiments} of them there already"
+    lines = [
+        f"{criterion.name}, {criterion.title}; {found.whole.experiments} visits "
+        f"of {len(poses.q)} poses{kept}",
+        f"  value       {factor * found.value:.6g}{unit}",
+        f"  bound       {factor * found.bound:.6g}{unit}  ({reach(found)})",
+        f"  efficiency  {100 * found.efficiency:.2f} %{among(found)}",
+        *_identified(found),
+        *_rho0(found),
+        *visits_by_load(poses),
+        *_costs(found),
+        *shown_faults(found.robot, found.detections, found.separations, "the parameters"),
+        search_summary(found.starts, found.seconds, found.found, found.optima),
+    ]
+    return "\n".join([*lines, *_table(found, poses), *on_limits(found)])
+
+
+def _identified(found: GeometryPlan) -> list[str]:
+    """How many parameters a plan tells, and what no plan of this study does."""
+    question = found.question
+    lines = [f"{question.model.p} parameters can be told apart"]
+    if question.model.p < question.structural.p:
+        lines[0] += f" of {question.structural.p} that any poses would tell"
+    lines += [f"not told by feasible poses: {words}" for words in question.untold]
+    return [*lines, *about(question)]
+
+
+def about(question: GeometryQuestion) -> list[str]:
+    """What the criteria are about, where that is not all that is unknown."""
+    table = question.study.specification.interest
+    if table is None:
+        return []
+    names = " and ".join(table.parameters)
+    return [f"criteria but rho0 and rho_max are about {names}; the rest is unknown too"]
+
+
+def _rho0(found: GeometryPlan) -> list[str]:
+    """The error in the test poses, where it is not the value itself."""
+    if found.rho0 is None:
+        return []
+    return [f"rho0 {1e3 * found.rho0:.4g} mm: error of the markers to expect in the test poses"]
+
+
+def visits_by_load(poses: PosesByLoad) -> list[str]:
+    """What loads the visits of each column; nothing where none is loaded."""
+    if len(poses.wrenches) == 1:
+        return []
+    lines = []
+    for i, (W, visits) in enumerate(zip(poses.wrenches, poses.visits.T, strict=True)):
+        what = "without a load" if not W.any() else f"under {_name(poses, i)}, {_wrench(W)}"
+        count = visits.sum()
+        lines.append(f"{count} visit{'' if count == 1 else 's'} {what}")
+    both = int(((poses.visits > 0).sum(axis=1) > 1).sum())
+    if both:
+        lines.append(f"{both} of the poses are visited under more than one of them")
+    return lines
+
+
+def _name(poses: PosesByLoad, load: int) -> str:
+    """What a load is called in the table."""
+    return "load" if len(poses.wrenches) == 2 else f"load {load}"
+
+
+def _wrench(W: Array) -> str:
+    """A wrench (6,) in words."""
+    parts = [
+        f"{letter} = ({', '.join(f'{x:g}' for x in part)}) {unit}"
+        for letter, part, unit in (("F", W[:3], "N"), ("T", W[3:], "N m"))
+        if part.any()
+    ]
+    return ", ".join(parts)
+
+
+def _costs(found: GeometryPlan) -> list[str]:
+    """What the day costs, and what other loads would have brought."""
+    costs = found.costs
+    if costs is None or found.spent is None:
+        return []
+    unit = f" {costs.unit}".rstrip()
+    new = PosesByLoad.of(found.plan, found.question.wrenches, found.robot)
+    visits = new.visits.sum(axis=0)
+    changes = costs.changes_of(int(np.count_nonzero(visits)))
+    plural = "" if changes == 1 else "s"
+    limit = "" if costs.budget is None else f" of {costs.budget:g}{unit}"
+    lines = [
+        f"costs {found.spent:g}{unit}{limit}: {visits.sum()} visits and {changes} load "
+        f"change{plural} of {costs.change:g}{unit}"
+    ]
+    for loads, cost in found.tried.items():
+        names = " and ".join("no load" if not i else _name(new, i) for i in loads)
+        efficiency = 100 * found.lower_bound.efficiency(cost) if np.isfinite(cost) else None
+        told = "cannot be better" if efficiency is None else f"efficiency {efficiency:.2f} %"
+        lines.append(f"  with {names} alone: {told}")
+    return lines
+
+
+def _table(found: GeometryPlan, poses: PosesByLoad) -> list[str]:
+    """A header, and a line for each pose: its visits without and under each load, its joints."""
+    names = list(pose_columns(found.robot))
+    numbers = [[f"{x:.3f}" for x in row] for row in in_file_units(found.robot, poses.q)]
+    header, *rows = number_columns(names, numbers, 10)
+    if len(poses.wrenches) == 1:
+        heads = ["visits"]
+    elif len(poses.wrenches) == 2:
+        heads = ["unloaded", "loaded"]
+    else:
+        heads = ["no load", *(_name(poses, i) for i in range(1, len(poses.wrenches)))]
+    lines = [f"{' '.join(f'{head:>8}' for head in heads)} {header}"]
+    kept = found.poses_kept
+    for own, row, times in zip(poses.visits, rows, kept, strict=True):
+        counts = " ".join(f"{number or '-':>8}" for number in own)
+        there = f"  {times} of them kept" if times else ""
+        lines.append(f"{counts} {row}{there}")
+    return lines
+
+
+def geometry_evaluation_text(found: GeometryEvaluation) -> str:
+    """What is told, a line for each criterion, and one for each standard deviation."""
+    question = found.question
+    lines = [
+        f"{found.experiments} visits of {len(found.poses.q)} poses",
+        *visits_by_load(found.poses),
+        f"{found.rank} parameters can be told apart"
+        + (f" of {question.model.p} that better poses would tell" if found.open else ""),
+        *(f"open: {words}" for words in found.open),
+        *(f"not told by feasible poses: {words}" for words in question.untold),
+        *_rho0_of_evaluation(found),
+        *about(question),
+    ]
+    width = name_width([*found.criteria, ""], 6)
+    for name, value in found.criteria.items():
+        criterion = criteria.get(name)
+        factor, unit = criterion.shown
+        shown = f"{factor * value:.6g} {unit}"
+        lines.append(f"  {name:{width}}{criterion.sense:5}{shown:18}{criterion.formula}")
+    lines.append("standard deviations")
+    width = name_width([*(one.name for one in found.parameters), ""], 6)
+    for one, std in zip(found.parameters, found.std, strict=True):
+        lines.append(f"  {one.name:{width}}{std:.4g} {one.unit}  {one.words}")
+    return "\n".join(lines)
+
+
+def _rho0_of_evaluation(found: GeometryEvaluation) -> list[str]:
+    """The error in the test poses, or why there is none."""
+    if found.rho0 is not None:
+        return [f"rho0 {1e3 * found.rho0:.4g} mm: error of the markers to expect in the test poses"]
+    if found.question.target is None:
+        return []
+    return ["no rho0: what is open moves the markers in the test poses"]

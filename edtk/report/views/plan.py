@@ -1,0 +1,242 @@
+"""Plans of a study: what they are, what they promise, and how they were found."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from edtk.design.bound import BoundKind
+from edtk.design.detection import ENOUGH, Detection, Separation
+from edtk.design.exact.exact_plan import ExactPlan
+from edtk.design.plan import Plan
+from edtk.measure.pose_table import WRENCH_COLUMNS, in_file_units, pose_columns
+from edtk.report.draw.plans import joint_variables
+from edtk.report.figures import panels
+from edtk.report.shown import plain
+from edtk.report.tables import notebook_table, number_columns, text_table
+from edtk.report.views.calibration import error_budget
+from edtk.robots.robot import Robot
+from edtk.robots.workspace import on_limits_in_words
+
+NO_BUDGET = "no error budget: it needs [simulation], and a plan that tells all compliances"
+CUT_OFF = 1e-3  # relative gap of a bound beyond which a person is told
+
+
+def search_summary(starts: int, seconds: float, found: int, optima: int) -> str:
+    """Such as "128 starts in 25.2 s ended in 4 different plans, 3 times in this one".
+
+    Args:
+        starts: Number of starts.
+        seconds: How long the search took [s].
+        found: How many of the plans that were refined to the end came out as the best one.
+        optima: How many different plans they came out as.
+    """
+    times = {1: "once", 2: "twice"}.get(found, f"{found} times")
+    begun = f"{starts} start{'' if starts == 1 else 's'} in {seconds:.1f} s"
+    plans = f"{optima} different plans, {times} in" if optima > 1 else f"one plan, {times}:"
+    return f"{begun} ended in {plans} this one"
+
+
+def shown_faults(
+    robot: Robot,
+    detections: Sequence[Detection],
+    separations: Sequence[Separation],
+    unknown: str = "compliances",
+) -> list[str]:
+    """A line for each fault, and for each two of them, with what would help.
+
+    Args:
+        robot: The robot, which says the units of the joints.
+        detections: The chances that faults are noticed.
+        separations: The chances that they are told apart.
+        unknown: What may take up a fault.
+    """
+    return [
+        *(_detection(robot, detection, unknown) for detection in detections),
+        *(_separation(robot, separation) for separation in separations),
+    ]
+
+
+def _detection(robot: Robot, found: Detection, unknown: str) -> str:
+    """The chance that a fault is noticed, with the experiment that would help."""
+    what = _fault(found)
+    if found.never:
+        return f"{what}: never noticed, {unknown} take it up"
+    chance = f"{what}: noticed with {100 * found.power:.0f} %"
+    if found.better is None or round(100 * found.power_with) == round(100 * found.power):
+        return chance
+    pose = ", ".join(f"{x:.2f}" for x in in_file_units(robot, found.better[None])[0])
+    return f"{chance}, with one more experiment {100 * found.power_with:.0f} %, at {pose}"
+
+
+def _fault(found: Detection) -> str:
+    """A fault with its joint and size."""
+    where = f" of {found.joint}" if found.joint else ""
+    return f"{found.fault}{where} {found.size:g} {found.unit}"
+
+
+def _separation(robot: Robot, found: Separation) -> str:
+    """The chance that of two faults the right one is named, and what would help."""
+    what = " or ".join(_fault(fault) for fault in found.faults)
+    chance = f"{what}: told apart with {100 * found.right:.0f} %"
+    if found.right >= ENOUGH:
+        return chance
+    if found.times is not None:
+        chance += f"; {100 * ENOUGH:.0f} % if each experiment is measured {found.times} times"
+    if found.better is None:
+        return chance
+    pose = ", ".join(f"{x:.2f}" for x in in_file_units(robot, found.better[None])[0])
+    return f"{chance}; {100 * found.right_with:.0f} % with one more experiment, at {pose}"
+
+
+def plan_text(result: Plan) -> str:
+    """A line for each pose."""
+    return f"{result.headline()}\n{text_table(*plan_rows(result))}"
+
+
+def plan_rows(result: Plan) -> tuple[list[str], list[list[str]]]:
+    """Header and rows: pose, repetitions, joint variables [rad or m], loads that are not zero."""
+    loaded = np.flatnonzero(result.wrench.any(axis=0))
+    joints = [f"q{j + 1} [rad or m]" for j in range(result.q.shape[1])]
+    header = ["pose", "repeats", *joints, *(WRENCH_COLUMNS[i] for i in loaded)]
+    rows = []
+    for i, (q, wrench) in enumerate(zip(result.q, result.wrench, strict=True)):
+        variables = [f"{value:.4f}" for value in q]
+        loads = [f"{value:g}" for value in wrench[loaded]]
+        rows.append([str(i + 1), str(result.repeats[i]), *variables, *loads])
+    return header, rows
+
+
+def plan_notebook(result: Plan) -> str:
+    """The rows of the text."""
+    return notebook_table(result.headline(), *plan_rows(result))
+
+
+def plan_plot(result: Plan, ax: Any = None, robot: Robot | None = None) -> Any:
+    """Draw the joint variables by pose.
+
+    Args:
+        result: The plan.
+        ax: Where to draw; a new figure where it is not given.
+        robot: Gives joints their names and units; without it they are numbered, in rad or m.
+
+    Returns:
+        The axes.
+    """
+    ax = panels(ax, 1, 1, (8.0, 4.2))[0, 0]
+    joint_variables(result, robot, ax)
+    ax.set_title(plain(result.headline()), fontsize=10)
+    return ax
+
+
+def exact_plan_text(found: ExactPlan) -> str:
+    """Value, bound, how the search went, and the poses."""
+    criterion = found.relaxed.criterion
+    whole = found.whole
+    factor = criterion.shown[0]
+    unit = f" {criterion.shown[1]}".rstrip()
+    kept = "" if found.kept is None else f", {found.kept.experiments} of them there already"
+    if found.with_prior:
+        kept += ", beside what the prior tells"
+    lines = [
+        f"{criterion.name}, {criterion.title}; {whole.experiments} experiments "
+        f"in {len(whole.q)} poses{kept}",
+        f"  value       {factor * found.value:.6g}{unit}",
+        f"  bound       {factor * found.bound:.6g}{unit}  ({reach(found)})",
+        f"  efficiency  {100 * found.efficiency:.2f} %{among(found)}",
+        *_budget(found),
+        *([] if found.expected is None else [str(found.expected)]),
+        *shown_faults(found.robot, found.detections, found.separations),
+        search_summary(found.starts, found.seconds, found.found, found.optima),
+    ]
+    return "\n".join([*lines, *_experiments(found), *on_limits(found)])
+
+
+def on_limits(found: ExactPlan) -> list[str]:
+    """Which joints stand on their limits, where one does."""
+    words = on_limits_in_words(found.on_limits)
+    return [words] if words else []
+
+
+def _budget(found: ExactPlan) -> list[str]:
+    """The error budget, or why there is none where a task asks for it."""
+    if found.error_budget is not None:
+        return [error_budget(found.error_budget)]
+    return [] if found.expected is None else [NO_BUDGET]
+
+
+def among(found: ExactPlan) -> str:
+    """What the efficiency is among, where that is not all poses."""
+    if found.lower_bound.kind is BoundKind.SEARCHED:
+        return ""
+    return " of the best on these poses; other poses may be better"
+
+
+def reach(found: ExactPlan) -> str:
+    """Which plans the bound speaks of."""
+    searched = found.lower_bound.kind is BoundKind.SEARCHED
+    reach = (
+        "searched over all poses, not proved"
+        if searched
+        else "over the candidates and these poses alone, for want of time to search all poses"
+    )
+    if found.bound_gap <= CUT_OFF:
+        return reach
+    too_good = "too optimistic by an unknown amount"
+    if np.isfinite(found.bound_gap):
+        too_good = f"up to {100 * found.bound_gap:.2g} % too optimistic"
+    return f"{reach}; its search was stopped early: it may be {too_good}"
+
+
+def _experiments(found: ExactPlan) -> list[str]:
+    """A header, and a line for each pose."""
+    # Not by `to_frame`: pandas would take a tenth of the time that a person waits for a plan.
+    whole = found.whole
+    names = list(pose_columns(found.robot))
+    columns = in_file_units(found.robot, whole.q)
+    if found.shows_loads:
+        names += WRENCH_COLUMNS
+        columns = np.hstack([columns, whole.wrench])
+    kept_poses = 0 if found.kept is None else len(found.kept.q)
+    numbers = [[f"{x:.3f}" for x in row] for row in columns]
+    header, *rows = number_columns(names, numbers, 10)
+    lines = [f"repeats {header}"]
+    for i, (times, row) in enumerate(zip(whole.repeats, rows, strict=True)):
+        kept = "  kept" if i < kept_poses else ""
+        lines.append(f"{times:7} {row}{kept}")
+    return lines
+
+
+def exact_plan_notebook(found: ExactPlan) -> str:
+    """A row for each pose, and the bound."""
+    whole = found.whole
+    table = whole.to_frame(found.relaxed.space.workspace.robot)
+    kept = 0 if found.kept is None else len(found.kept.q)
+    rows = [
+        [i + 1, "kept" if i < kept else "new", *(f"{value:.6g}" for value in row)]
+        for i, row in enumerate(table.to_numpy())
+    ]
+    kind = found.lower_bound.kind.value
+    factor, unit = found.relaxed.criterion.shown
+    value, bound = (
+        f"{factor * number:.6g} {unit}".strip() for number in (found.value, found.bound)
+    )
+    notes = [f"value {value}, and no plan of as many is better than {bound} ({kind})"]
+    if found.expected is not None:
+        notes.append(str(found.expected))
+    return notebook_table(found.headline(), ["pose", "", *table.columns], rows, notes)
+
+
+def exact_plan_plot(found: ExactPlan, ax: Any = None) -> Any:
+    """Draw the joint variables by pose, kept experiments first.
+
+    Returns:
+        The axes.
+    """
+    ax = panels(ax, 1, 1, (8.0, 4.2))[0, 0]
+    joint_variables(found.whole, found.relaxed.space.workspace.robot, ax)
+    if found.kept is not None:
+        ax.axvspan(0.5, len(found.kept.q) + 0.5, color="grey", alpha=0.15, linewidth=0)
+        ax.set_xlabel(f"{ax.get_xlabel()}; grey: kept")
+    ax.set_title(plain(found.headline()), fontsize=10)
+    return ax

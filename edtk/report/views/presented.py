@@ -1,0 +1,25 @@
+"""Results that have no view of their own."""
+
+from html import escape
+from typing import Any, NoReturn
+
+from edtk.system.presented import Presented
+
+
+def presented_text(result: Presented) -> str:
+    """The headline alone."""
+    return result.headline()
+
+
+def presented_notebook(result: Presented) -> str:
+    """The headline, and the text for terminals in a fixed-width font."""
+    return f"<p><b>{escape(result.headline())}</b></p>\n<pre>{escape(result.summary())}</pre>"
+
+
+def presented_plot(result: Presented, ax: Any = None, **options: Any) -> NoReturn:
+    """Refuse: such a result has no picture.
+
+    Raises:
+        TypeError: Always.
+    """
+    raise TypeError(f"a {type(result).__name__} has no picture")

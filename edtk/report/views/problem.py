@@ -1,0 +1,153 @@
+"""Problems of arrays, exact plans of them, and their checked certificates."""
+
+from typing import Any
+
+import numpy as np
+
+from edtk.certificate.verify_certificate import Claim
+from edtk.certificate.verify_problem import ProblemVerification
+from edtk.design.bound import BoundKind
+from edtk.design.exact.counts.problem_plan import ProblemPlan
+from edtk.design.problem import Problem
+from edtk.design.problems import FrameProblem
+from edtk.report.figures import panels
+from edtk.report.shown import plain
+from edtk.report.tables import notebook_table, text_table
+from edtk.system.typing import Indices
+
+MOST_COLUMNS = 6  # of a data frame: of wider ones the first
+ENDED = {
+    "starts": "as many as were asked for",
+    "stagnation": "more of them brought nothing better",
+    "proved": "no plan can be better",
+    "interrupted": "interrupted",
+}
+DIGITS = 10
+# Remove it once the recomputation imports nothing of the search.
+SHARED = "recomputed by the routine that the search uses, not by a second implementation"
+MEANING = {
+    "candidates": "the certificate is about these candidates",
+    "weights": "the weights are shares of one",
+    "value": "of these weights",
+    "bound": "proved on {candidates} candidates: no weights of them are better",
+    "gap": "relative distance from the bound to the value",
+}
+
+
+def candidate_columns(problem: Problem | None, chosen: Indices) -> dict[str, list[str]]:
+    """Columns by name: `candidate`, counted from 0 as in the problem, and those of its frame.
+
+    Args:
+        problem: The candidates; None if they are not known.
+        chosen: Those (k,) that are shown.
+    """
+    columns = {"candidate": [str(i) for i in chosen]}
+    if not isinstance(problem, FrameProblem):
+        return columns
+    rows = problem.frame.iloc[chosen]
+    for name in rows.columns[:MOST_COLUMNS]:
+        cells = [f"{x:.6g}" if isinstance(x, float) else str(x) for x in rows[name]]
+        columns.setdefault(str(name), cells)
+    return columns
+
+
+def problem_text(result: Problem) -> str:
+    """A line for each parameter."""
+    return f"{result.headline()}\n{text_table(*problem_rows(result))}"
+
+
+def problem_rows(result: Problem) -> tuple[list[str], list[list[str]]]:
+    """Header and rows: parameter, and its mean and largest information in a single candidate."""
+    names = result.parameters
+    p = len(names)
+    diagonal = [result.sensitivities(np.outer(e, e)) for e in np.eye(p)]
+    rows = [
+        [name, f"{values.mean():.4g}", f"{values.max():.4g}"]
+        for name, values in zip(names, diagonal, strict=True)
+    ]
+    return ["parameter", "mean information", "largest information"], rows
+
+
+def problem_notebook(result: Problem) -> str:
+    """The rows of the text."""
+    return notebook_table(result.headline(), *problem_rows(result))
+
+
+def problem_plan_text(found: ProblemPlan) -> str:
+    """Value, bound, search, and a line for each candidate that is measured."""
+    believed = found.lower_bound.kind is BoundKind.SOLVED
+    proved = "by a solver's word" if believed else "proved"
+    bound = (
+        f"bound {found.bound:.7g} ({proved}, of {found.basis})"
+        if found.lower_bound.cost
+        else found.basis
+    )
+    experiments = f"{found.size} experiment{'' if found.size == 1 else 's'}"
+    spent = "" if found.spent is None else f"The new experiments cost {found.spent:g}.\n"
+    return (
+        f"{found.criterion.label} ({found.criterion.formula}): {found.value:.7g}, {bound}\n"
+        f"{experiments}; {found.found} of {found.starts} starts led to a plan as good "
+        f"({ENDED[found.ended]})\n{spent}"
+        f"{text_table(*problem_plan_rows(found))}"
+    )
+
+
+def problem_plan_rows(found: ProblemPlan) -> tuple[list[str], list[list[str]]]:
+    """Header and rows: candidate, counted from 0 as in the problem, what it is, and its counts."""
+    chosen = found.support
+    columns = candidate_columns(found.problem, chosen)
+    named = [*columns, "count", *found.parts]
+    counts = [found.counts, *found.parts.values()]
+    cells = [*columns.values(), *([str(number) for number in own[chosen]] for own in counts)]
+    return named, [list(row) for row in zip(*cells, strict=True)]
+
+
+def problem_plan_notebook(result: ProblemPlan) -> str:
+    """The rows of the text."""
+    return notebook_table(result.headline(), *problem_plan_rows(result))
+
+
+def problem_plan_plot(found: ProblemPlan, ax: Any = None) -> Any:
+    """Draw how often each candidate is measured, with the value in the title.
+
+    Returns:
+        The axes.
+    """
+    ax = panels(ax, 1, 1, (7.0, 3.6))[0, 0]
+    chosen = found.support
+    places = range(len(chosen))
+    ax.bar(places, found.counts[chosen], width=0.6)
+    ax.set_xticks(places, [str(i) for i in chosen], rotation=90 if len(chosen) > 20 else 0)
+    ax.set_xlabel("candidate")
+    ax.set_ylabel("experiments")
+    ax.yaxis.get_major_locator().set_params(integer=True)
+    ax.set_title(plain(found.headline()), fontsize=10)
+    return ax
+
+
+def problem_verification_text(found: ProblemVerification) -> str:
+    """What the certificate is about, a line for each claim, then the verdict."""
+    verdict = f"valid, {found.proved}" if found.valid else "NOT valid"
+    lines = [f"{found.label}, weights on {found.poses} of {found.candidates} candidates: {verdict}"]
+    lines += [_line(claim) for claim in found.claims]
+    count = len(found.claims)
+    if found.valid:
+        return "\n".join([*lines, f"valid: all {count} claims hold; {SHARED}"])
+    names = ", ".join(found.failed)
+    failed = f"NOT valid: {len(found.failed)} of {count} claims fail: {names}; {SHARED}"
+    return "\n".join([*lines, failed])
+
+
+def _line(claim: Claim) -> str:
+    """Whether a claim holds, its number, and what it says or why it fails."""
+    if claim.holds:
+        shown = claim.claim in ("value", "bound", "gap")
+        number = f"{claim.recomputed:.{DIGITS}g}" if shown else ""
+        meaning = MEANING[claim.claim].format(candidates=claim.candidates)
+        return f"  holds  {claim.claim:10}  {number:18}  {meaning}"
+    words = [
+        f"{word} {number:.{DIGITS}g}"
+        for word, number in (("stated", claim.stated), ("recomputed", claim.recomputed))
+        if number is not None
+    ]
+    return f"  FAILS  {claim.claim:10}  {', '.join([claim.reason, *words])}"

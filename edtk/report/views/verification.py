@@ -1,0 +1,93 @@
+"""Checked certificates."""
+
+import math
+
+import criteria
+from criteria.registry import BUILTINS
+from edtk.certificate.verify_certificate import Claim, Verification
+
+IN_UNITS = ("value", "bound", "bound_searched")  # claims whose numbers are the criterion's
+DIGITS = 10
+# What each claim says, for a person.
+MEANING = {
+    "study": "robot, load, noise and limits are those of the study",
+    "question": "candidates, budget and kept experiments are those of the study",
+    "feasible": "every pose is within the joint limits and the workspace",
+    "loads": "every load is among those that may be applied",
+    "costs": "visits and load changes together, within the budget",
+    "kept": "the kept poses are within the joint limits and the workspace",
+    "weights": "the weights are shares of one",
+    "repeats": "every pose is measured a whole number of times",
+    "value": "of these experiments together",
+    "bound": "proved on {candidates}: no design on these poses is better",
+    "bound_searched": "searched, not proved: no design over all poses is better",
+    "search": "a second search finds no pose whose sensitivity is 0.1 % larger",
+    "gap": "relative distance from the bound to the value",
+    "efficiency": "share of the best possible cost, as the bound has it",
+}
+# By how much a check fails.
+EXCESS = {
+    "feasible": "by {:.3g} (m or rad)",
+    "kept": "by {:.3g} (m or rad)",
+    "loads": "by {:.3g} of the largest load",
+    "weights": "got a sum of {:.10g}",
+    "repeats": "got {:.10g} in all",
+    "search": "by {:.3g} of the largest one",
+}
+WITHOUT_NUMBER = ("study", "question", "feasible", "loads", "kept", "weights", "repeats", "search")
+
+
+def verification_text(found: Verification) -> str:
+    """What the certificate is about, a line for each claim, then the verdict."""
+    some = f"{found.kept} kept experiment{'' if found.kept == 1 else 's'}"
+    kept = f", beside {some}, taken as carried out" if found.kept else ""
+    kept += ", with a prior that is taken as given" if found.prior else ""
+    plural = "" if found.poses == 1 else "s"
+    verdict = "valid" if found.valid else "NOT valid"
+    subject = f"{found.label}, {found.kind} of {found.poses} pose{plural}{kept}"
+    lines = [f"{subject}: {verdict} {found.proved}" if found.valid else f"{subject}: {verdict}"]
+    if not found.of_study:
+        robot = _printable(found.robot)
+        lines.append(f"{robot}; robot, load, noise and limits as the certificate has them")
+    lines += [_line(found, claim) for claim in found.claims]
+    count = len(found.claims)
+    if found.valid:
+        return "\n".join([*lines, f"valid: all {count} claims hold"])
+    names = ", ".join(found.failed)
+    return "\n".join([*lines, f"NOT valid: {len(found.failed)} of {count} claims fail: {names}"])
+
+
+def _line(found: Verification, claim: Claim) -> str:
+    """Whether a claim holds, its number, and what it says or why it fails."""
+    if claim.holds:
+        number = "" if claim.claim in WITHOUT_NUMBER else _shown(found, claim, claim.recomputed)
+        plural = "" if claim.candidates == 1 else "s"
+        candidates = f"{claim.candidates} candidate{plural}"
+        meaning = MEANING[claim.claim].format(candidates=candidates)
+        return f"  holds  {claim.claim:14}  {number:18}  {meaning}"
+    if claim.claim in WITHOUT_NUMBER:
+        by = "" if not claim.recomputed else f", {_shown(found, claim, claim.recomputed)}"
+        return f"  FAILS  {claim.claim:14}  {claim.reason}{by}"
+    numbers = [
+        f"{word} {_shown(found, claim, number)}"
+        for word, number in (("stated", claim.stated), ("recomputed", claim.recomputed))
+        if number is not None and math.isfinite(number)
+    ]
+    return f"  FAILS  {claim.claim:14}  {', '.join([claim.reason, *numbers])}"
+
+
+def _shown(found: Verification, claim: Claim, number: float | None) -> str:
+    """A number in the unit in which people read it."""
+    if number is None:
+        return "-"
+    if claim.claim in IN_UNITS and found.criterion in BUILTINS:
+        factor, unit = criteria.get(found.criterion).shown
+        return f"{factor * number:.{DIGITS}g} {unit}".rstrip()
+    if claim.claim in EXCESS:
+        return EXCESS[claim.claim].format(number)
+    return f"{number:.3g}" if claim.claim == "gap" else f"{number:.{DIGITS}g}"
+
+
+def _printable(name: str) -> str:
+    """A name from a file, without what could pass for other lines of this text."""
+    return "".join(letter if letter.isprintable() else "?" for letter in name)[:40]

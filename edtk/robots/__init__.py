@@ -1,0 +1,1 @@
+"""Robots: chains, frames, joints, controllers, files that describe them, constraints and loads."""

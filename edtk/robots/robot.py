@@ -1,0 +1,354 @@
+"""Serial chains of revolute and prismatic joints: forward kinematics and Jacobian, batch first."""
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from edtk.robots.controller import Controller
+from edtk.robots.frames import Frames, Terms, combine, combine_terms, terms_of
+from edtk.robots.joint import Joint, Link, TiedJoint, Ties
+from edtk.robots.rotations import transform
+from edtk.system.presented import Presented
+from edtk.system.typing import Array, Mask
+
+
+@dataclass(frozen=True, eq=False)
+class Robot(Presented):
+    """A serial chain with a fixed base and tool transform. Immutable; `with_tool` makes another.
+
+    Args:
+        name: Name for people.
+        joints: The joints that are free, from base to tip: they have variables, limits and springs.
+        base: Transform (4, 4) of the chain's root in the world [m].
+        tool: Transform (4, 4) of the tool frame after the last joint [m].
+        source: Where the numbers come from.
+        links: The bodies that the joints of `chain` move, one a joint; empty where unknown.
+        flange: Transform (4, 4) of the frame in which tools are given, after the last joint [m]:
+            the tip link of a URDF. `tool` is after the last joint nevertheless.
+        controller: How the robot's controller counts the joints; None if as in the model.
+        tied: Joints that follow others, in the order of the chain.
+
+    Raises:
+        ValueError: The chain has no joints, or two of one name, or links for some joints only, or a
+            joint follows one that is not free.
+    """
+
+    name: str
+    joints: tuple[Joint, ...]
+    base: Array = field(default_factory=transform)
+    tool: Array = field(default_factory=transform)
+    source: str = ""
+    links: tuple[Link, ...] = ()
+    flange: Array = field(default_factory=transform)
+    controller: Controller | None = None
+    tied: tuple[TiedJoint, ...] = ()
+
+    def __post_init__(self) -> None:
+        for tied in self.tied:
+            if tied.master not in self.joint_names:
+                has = ", ".join(self.joint_names)
+                raise ValueError(
+                    f"joint {tied.name}: follows {tied.master!r}; the free joints are {has}"
+                )
+        names = self.body_names
+        if not self.joints or len(set(names)) < len(names):
+            raise ValueError(
+                f"robot {self.name}: needs at least one joint, each with a name of its own"
+            )
+        if len(self.links) not in (0, len(names)):
+            raise ValueError(
+                f"robot {self.name}: has {len(self.links)} links; expected one for each of its "
+                f"{len(names)} joints, or none"
+            )
+
+    def headline(self) -> str:
+        """Name, and the joints by name."""
+        return f"{self.name}, joints {', '.join(self.joint_names)}"
+
+    @property
+    def n(self) -> int:
+        """Number of free joints."""
+        return len(self.joints)
+
+    @cached_property
+    def chain(self) -> tuple[Joint, ...]:
+        """All N joints from base to tip, those that follow others too."""
+        masters = {joint.name: joint for joint in self.joints}
+        chain = list(self.joints)
+        for tied in self.tied:
+            chain.insert(tied.place, tied.joint(masters[tied.master]))
+        return tuple(chain)
+
+    @property
+    def body_names(self) -> tuple[str, ...]:
+        """Names of all joints of `chain`, each of which moves a body."""
+        return tuple(joint.name for joint in self.chain)
+
+    @cached_property
+    def ties(self) -> Ties | None:
+        """How all joints follow the free ones; None where all are free."""
+        if not self.tied:
+            return None
+        free = [self.body_names.index(name) for name in self.joint_names]
+        matrix = np.zeros((len(self.chain), self.n))
+        matrix[free, range(self.n)] = 1.0
+        offset = np.zeros(len(self.chain))
+        for tied in self.tied:
+            row = self.body_names.index(tied.name)
+            matrix[row, self.joint_names.index(tied.master)] = tied.factor
+            offset[row] = tied.offset
+        return Ties(matrix, offset, free)
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the free joints from base to tip."""
+        return tuple(joint.name for joint in self.joints)
+
+    @property
+    def limits(self) -> Array:
+        """Joint limits (2, n): lower and upper [rad or m]."""
+        return np.array([joint.limits for joint in self.joints]).T
+
+    @cached_property
+    def units(self) -> Array:
+        """SI units (n,) in the unit in which people read a joint: degree or millimetre."""
+        slides = np.array([joint.kind == "prismatic" for joint in self.joints])
+        return np.where(slides, 1e-3, np.pi / 180)
+
+    def shown(self, q: Array) -> Array:
+        """What the controller shows (..., n) for joint variables q (..., n) [rad or m]."""
+        return q if self.controller is None else self.controller.shown_of(q)
+
+    def shown_change(self, change: Array) -> Array:
+        """By how much that changes (..., n) with a change (..., n) of q [rad or m]."""
+        return change if self.controller is None else self.controller.shown_change(change)
+
+    def of_shown(self, shown: Array) -> Array:
+        """Joint variables q (..., n) for what the controller shows (..., n) [rad or m]."""
+        return shown if self.controller is None else self.controller.model_of(shown)
+
+    @cached_property
+    def continuous(self) -> Mask:
+        """Mask (n,) of the joints that turn without end."""
+        return np.array([joint.continuous for joint in self.joints])
+
+    @property
+    def hard_limits(self) -> Array:
+        """Limits (2, n) at which joints end: infinite for those that turn without end."""
+        return np.where(self.continuous, [[-np.inf], [np.inf]], self.limits)
+
+    def within_one_turn(self, q: Array) -> Array:
+        """The same poses q (..., n), joints that turn without end between -180 and 180 deg."""
+        if not self.continuous.any():
+            return q
+        return np.where(self.continuous, q - 2 * np.pi * np.round(q / (2 * np.pi)), q)
+
+    @cached_property
+    def reach(self) -> float:
+        """An upper bound on the distance of any point of the chain from the world's origin [m]."""
+        links = [self.base, self.tool, *(joint.origin for joint in self.chain)]
+        sliding = [joint for joint in self.chain if joint.kind == "prismatic"]
+        slides = [max(map(abs, joint.limits)) for joint in sliding]
+        return float(sum(np.linalg.norm(T[:3, 3]) for T in links) + sum(slides))
+
+    @property
+    def tool_is_from(self) -> str:
+        """From where tools are given, in words."""
+        return "last joint" if np.array_equal(self.flange, np.eye(4)) else "flange"
+
+    def with_tool(self, tool: Array) -> "Robot":
+        """The same chain with another tool transform (4, 4) in the frame of the flange [m]."""
+        tool = np.array(tool, dtype=float)
+        # A product with the identity would turn negative zeros into positive ones.
+        plain = np.array_equal(self.flange, np.eye(4))
+        return replace(self, tool=tool if plain else self.flange @ tool)
+
+    def with_limits(self, limits: Mapping[str, tuple[float, float]]) -> "Robot":
+        """The same chain with other limits of some joints, by name [rad or m].
+
+        A continuous joint that is limited is no longer continuous.
+
+        Raises:
+            ValueError: The chain has no such joint, or limits are not in order.
+        """
+        for name in limits:
+            if name not in self.joint_names:
+                has = ", ".join(self.joint_names)
+                raise ValueError(f"robot {self.name}: no joint {name!r}; it has {has}")
+        joints = tuple(
+            replace(joint, limits=limits[joint.name], continuous=False)
+            if joint.name in limits
+            else joint
+            for joint in self.joints
+        )
+        return replace(self, joints=joints) if limits else self
+
+    @cached_property
+    def _links(self) -> list[tuple[list[Terms], Terms]]:
+        """Constant rotation and translation before each joint, and before the tool.
+
+        A rotation (3, 3) is given by the terms of its columns.
+
+        They are those between frames whose z-axis is the joint axis, so that each joint turns its
+        frame about z. A rotation about a coordinate axis is then a signed permutation, whose zeros
+        and ones `combine` skips.
+        """
+        links = []
+        before = np.eye(3)
+        for joint in self.chain:
+            F = joint.aligned
+            links.append((before @ joint.origin[:3, :3] @ F, before @ joint.origin[:3, 3]))
+            before = F.T
+        links.append((before @ self.tool[:3, :3], before @ self.tool[:3, 3]))
+        return [([terms_of(C[:, k]) for k in range(3)], terms_of(t)) for C, t in links]
+
+    @cached_property
+    def _prismatic(self) -> Mask:
+        """Mask (N,) of the prismatic joints of the chain."""
+        return np.array([joint.kind == "prismatic" for joint in self.chain])
+
+    def frames(self, q: ArrayLike, bodies: Collection[int] = ()) -> Frames:
+        """Joint axes and tool frame in the poses q.
+
+        Args:
+            q: Joint variables (..., n) [rad or m].
+            bodies: Indices of joints of `chain`; the frames of the bodies that they move are kept
+                too.
+
+        Raises:
+            ValueError: The last axis of q is not n long.
+        """
+        q = np.asarray(q, dtype=float)
+        if q.ndim < 1 or q.shape[-1] != self.n:
+            raise ValueError(
+                f"q has shape {q.shape}, expected (..., {self.n}) for robot {self.name}"
+            )
+        q = np.ascontiguousarray(np.moveaxis(q, -1, 0))
+        x = q if self.ties is None else self.ties.variables(q)
+        batch = q.shape[1:]
+        # One block of memory for both: of many poses, two blocks are returned to the system and
+        # asked for again by each call, which costs a third more.
+        axes, origins = np.empty((2, len(self.chain), 3, *batch))
+        lift = (slice(None),) + (None,) * len(batch)
+        kept = {}
+        R = [self.base[:3, k][lift] for k in range(3)]
+        p = self.base[:3, 3][lift] + 0.0
+        for j, (joint, (C, t)) in enumerate(zip(self.chain, self._links[:-1], strict=True)):
+            p = p + combine_terms(R, t) if t else p
+            R = [combine_terms(R, column) for column in C]
+            # Nothing is added to what is kept, but the sign of zeros.
+            np.add(R[2], 0.0, out=axes[j])
+            origins[j] = p
+            if joint.kind == "prismatic":
+                p = p + x[j] * R[2]
+            else:
+                c = np.cos(x[j])
+                s = np.sin(x[j])
+                R = [c * R[0] + s * R[1], c * R[1] - s * R[0], R[2]]
+            if j in bodies:
+                kept[j] = (_turned_back(R, joint, batch), np.broadcast_to(p, (3, *batch)))
+        C, t = self._links[-1]
+        position = np.empty((3, *batch))
+        rotation = np.empty((3, 3, *batch))
+        position[...] = p + combine_terms(R, t) if t else p
+        for k in range(3):
+            np.add(combine_terms(R, C[k]), 0.0, out=rotation[k])
+        return Frames(q, axes, origins, rotation, position, self._prismatic, kept, self.ties)
+
+    def forward(self, q: ArrayLike) -> Array:
+        """Pose of the tool frame in the world.
+
+        Args:
+            q: Joint variables (..., n) [rad or m].
+
+        Returns:
+            Homogeneous transforms (..., 4, 4) [m].
+        """
+        frames = self.frames(q)
+        T = np.zeros((*frames.position.shape[1:], 4, 4))
+        T[..., :3, :3] = np.moveaxis(frames.rotation, (0, 1), (-1, -2))
+        T[..., :3, 3] = np.moveaxis(frames.position, 0, -1)
+        T[..., 3, 3] = 1.0
+        return T
+
+    def jacobian(self, q: ArrayLike) -> Array:
+        """Geometric Jacobian at the tool point, in world axes.
+
+        Args:
+            q: Joint variables (..., n) [rad or m].
+
+        Returns:
+            Jacobians (..., 6, n): three linear rows [m/rad], then three angular rows.
+        """
+        frames = self.frames(q)
+        J = np.concatenate([frames.linear, frames.angular], axis=1)
+        return np.moveaxis(J, (0, 1), (-1, -2))
+
+
+def _turned_back(columns: list[Array], joint: Joint, batch: tuple[int, ...]) -> Array:
+    """The joint's own frame (3, 3, ...) from that whose z-axis is the joint axis."""
+    rotation = np.empty((3, 3, *batch))
+    for k in range(3):
+        rotation[k] = combine(columns, joint.aligned[k])
+    return rotation
+
+
+def joint_distance(q: Array, other: Array, prismatic: Mask) -> Array:
+    """Distances (...) of poses [rad]: Euclidean over the revolute joints, the short way round.
+
+    Args:
+        q: Poses (..., n) [rad or m].
+        other: Poses (..., n) to which the distances are.
+        prismatic: Which joints (n,) are prismatic; they do not count.
+    """
+    turn = np.mod((q - other)[..., ~prismatic] + np.pi, 2 * np.pi) - np.pi
+    return np.asarray(np.sqrt(np.square(turn).sum(axis=-1)))
+
+
+@dataclass(frozen=True)
+class ShownLimit:
+    """A joint's range as a person reads it at the controller.
+
+    The limits are those of the model's joint. A joint that follows another one has them for a sum:
+    ``q_3 = s (c_3 - z_3 + f (c_2 - z_2))`` between l and u bounds ``c_3 + f c_2``.
+
+    Attributes:
+        label: What is bounded: "q3", or "q3 + q2" for a joint that follows.
+        sign: 1, or -1 if the controller counts the other way round.
+        offset: Value at the model's zero [rad or m].
+    """
+
+    label: str
+    sign: float
+    offset: float
+
+    def of(self, value: float) -> float:
+        """The controller's value for one of the model's joint variable [rad or m]."""
+        return self.offset + self.sign * value
+
+    def range(self, limits: tuple[float, float]) -> tuple[float, float]:
+        """Lower and upper limit at the controller for those of the model [rad or m]."""
+        first, second = map(self.of, limits)
+        return (first, second) if self.sign > 0 else (second, first)
+
+
+def shown_limits(robot: Robot) -> tuple[ShownLimit, ...]:
+    """How the limits of each joint are to be read at the controller."""
+    controller = robot.controller
+    if controller is None:
+        return tuple(ShownLimit(name, 1.0, 0.0) for name in robot.joint_names)
+    zero = np.asarray(controller.zero * controller.units)
+    found = []
+    for j, name in enumerate(robot.joint_names):
+        label = name
+        offset = float(zero[j])
+        for one in controller.follows:
+            if one.joint == j:
+                size = "" if abs(one.factor) == 1 else f"{abs(one.factor):g} "
+                label += f" {'+' if one.factor > 0 else '-'} {size}{robot.joint_names[one.leader]}"
+                offset += float(one.factor * zero[one.leader])
+        found.append(ShownLimit(label, float(controller.sign[j]), offset))
+    return tuple(found)

@@ -1,0 +1,418 @@
+"""Robots as data: the keys of a robot file, the chain that they describe, and the way back."""
+
+import warnings
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic_core import PydanticCustomError
+
+from edtk.robots.controller import ControllerTable, controller_to_dict
+from edtk.robots.joint import ONE_TURN, Joint, Link, TiedJoint
+from edtk.robots.robot import Robot
+from edtk.robots.rotations import transform
+from edtk.system.errors import UserError
+from edtk.system.fields import ZERO, Finite, Line, Vector3, first_error
+from edtk.system.typing import Array
+
+ROUNDED = 1e-3  # deviation of a rotation whose entries were typed to three decimals
+# Decimals of an angle [deg] in a file that a person wrote: what is beyond them is rounding.
+DECIMALS = 12
+
+
+def _is_rotation(R: Array) -> bool:
+    """Whether a matrix (3, 3) is a rotation, to the digits that a person writes."""
+    return bool(np.abs(R @ R.T - np.eye(3)).max() < ROUNDED and np.linalg.det(R) > 0)
+
+
+class PlacedTable(BaseModel):
+    """A frame, turned by `rpy_deg`, or by the matrix `rotation` where angles are not exact."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    rpy_deg: Vector3 = Field(
+        ZERO,
+        description="Roll, pitch and yaw about the fixed axes x, y and z of the frame before, in "
+        "this order [deg]",
+    )
+    rotation: tuple[Vector3, Vector3, Vector3] | None = Field(
+        None, description="The same as a rotation matrix, by rows; instead of rpy_deg [-]"
+    )
+
+    @model_validator(mode="after")
+    def _one_rotation(self) -> "PlacedTable":
+        if self.rotation is not None and "rpy_deg" in self.model_fields_set:
+            raise PydanticCustomError("rotation", "expected one of rpy_deg and rotation")
+        if self.rotation is not None and not _is_rotation(np.array(self.rotation)):
+            raise PydanticCustomError(
+                "rotation", "rotation: expected orthonormal rows of a right-handed frame"
+            )
+        return self
+
+    def place(self, position: Vector3) -> Array:
+        """Transform (4, 4) [m]."""
+        if self.rotation is None:
+            return transform(position, np.deg2rad(self.rpy_deg))
+        T = transform(position)
+        T[:3, :3] = self.rotation
+        return T
+
+
+class MimicTable(BaseModel):
+    """A joint whose variable is `factor` times that of another joint, plus an offset."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    joint: str = Field(description="Name of the joint that is followed, which follows none")
+    factor: Finite = Field(
+        1.0, description="Motion for one unit of the other joint's, not zero [-]"
+    )
+    offset_deg: Finite | None = Field(
+        None, description="Angle of a revolute joint where the other joint is at zero [deg]"
+    )
+    offset_rad: Finite | None = Field(
+        None, description="The same in radians, instead of offset_deg [rad]"
+    )
+    offset_m: Finite | None = Field(
+        None, description="Position of a prismatic joint where the other joint is at zero [m]"
+    )
+
+    def fits(self, kind: str) -> bool:
+        """Whether there is one offset at most, in the unit of this kind of joint."""
+        given = {
+            key
+            for key in ("offset_deg", "offset_rad", "offset_m")
+            if getattr(self, key) is not None
+        }
+        own = {"offset_m"} if kind == "prismatic" else {"offset_deg", "offset_rad"}
+        return len(given) <= 1 and given <= own
+
+    @property
+    def offset(self) -> float:
+        """The offset [rad or m]."""
+        if self.offset_deg is not None:
+            return float(np.deg2rad(self.offset_deg))
+        return self.offset_rad or self.offset_m or 0.0
+
+
+class JointTable(PlacedTable):
+    """One joint: where it is in the frame of the joint before, and how it moves."""
+
+    name: str = Field(description="Name of the joint, as in studies and in headers of tables")
+    kind: Literal["revolute", "prismatic"] = Field(
+        "revolute", description="Whether the joint turns (revolute) or slides (prismatic)"
+    )
+    origin_m: Vector3 = Field(
+        description="Origin of the joint's frame in the frame of the joint before, at zero [m]"
+    )
+    axis: Vector3 = Field(
+        description="Direction of positive motion in the joint's own frame, of length 1 or near [-]"
+    )
+    limits_deg: tuple[Finite, Finite] | None = Field(
+        None, description="Lower and upper limit of a revolute joint [deg]"
+    )
+    limits_rad: tuple[Finite, Finite] | None = Field(
+        None, description="The same in radians, instead of limits_deg [rad]"
+    )
+    limits_m: tuple[Finite, Finite] | None = Field(
+        None, description="Lower and upper limit of a prismatic joint [m]"
+    )
+    continuous: bool = Field(
+        False, description="Whether a revolute joint turns without end; it has no limits then"
+    )
+    mimic: MimicTable | None = Field(
+        None, description="The joint that this one follows, in place of limits of its own"
+    )
+    mass_kg: Annotated[Finite, Field(ge=0)] | None = Field(
+        None,
+        description="Mass of the body that the joint moves, up to the next joint; given for all "
+        "joints or for none [kg]",
+    )
+    center_m: Vector3 | None = Field(
+        None, description="Centre of that mass in the joint's own frame; goes with mass_kg [m]"
+    )
+
+    @model_validator(mode="after")
+    def _limits_fit_the_kind(self) -> "JointTable":
+        allowed = ("limits_deg", "limits_rad") if self.kind == "revolute" else ("limits_m",)
+        every = ("limits_deg", "limits_rad", "limits_m")
+        given = [key for key in every if getattr(self, key) is not None]
+        if self.mimic is not None:
+            if given or self.continuous or not self.mimic.fits(self.kind):
+                raise PydanticCustomError(
+                    "mimic",
+                    "a joint that follows another one has no limits, and an offset in its own unit",
+                )
+            return self
+        if self.continuous:
+            if given or self.kind != "revolute":
+                raise PydanticCustomError(
+                    "limits", "a continuous joint is revolute, and takes no limits"
+                )
+            return self
+        if len(given) != 1 or given[0] not in allowed:
+            raise PydanticCustomError(
+                "limits", f"a {self.kind} joint takes {allowed[0]}, and no other limits"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _mass_with_its_center(self) -> "JointTable":
+        if (self.mass_kg is None) != (self.center_m is None):
+            raise PydanticCustomError("mass", "expected mass_kg and center_m together, or neither")
+        return self
+
+    @property
+    def link(self) -> Link | None:
+        """The body that the joint moves; None where it is unknown."""
+        if self.mass_kg is None or self.center_m is None:
+            return None
+        return Link(self.mass_kg, np.array(self.center_m))
+
+    def tied(self, place: int) -> TiedJoint:
+        """The joint, at its place in the chain, that follows another one."""
+        assert self.mimic is not None
+        return TiedJoint(
+            self.name,
+            self.place(self.origin_m),
+            np.array(self.axis),
+            self.kind,
+            place,
+            self.mimic.joint,
+            self.mimic.factor,
+            self.mimic.offset,
+        )
+
+    def build(self) -> Joint:
+        """The joint, which is free."""
+        return Joint(
+            self.name,
+            self.place(self.origin_m),
+            np.array(self.axis),
+            self._limits(),
+            self.kind,
+            self.continuous,
+        )
+
+    def _limits(self) -> tuple[float, float]:
+        if self.continuous:
+            return ONE_TURN
+        limits = self.limits_m or self.limits_rad or tuple(np.deg2rad(self.limits_deg or (0, 0)))
+        lower, upper = limits
+        return float(lower), float(upper)
+
+
+class RobotFileError(UserError):
+    """A robot that does not exist, or whose description is not as it should be."""
+
+
+class _Frame(PlacedTable):
+    """A frame, placed in another one: shifted by `position_m`, and turned."""
+
+    position_m: Vector3 = Field(description="Origin of the frame in the frame before [m]")
+
+    def build(self) -> Array:
+        return self.place(self.position_m)
+
+
+class RobotFile(BaseModel):
+    """All keys of a robot file; the end of a key's name is its unit."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    name: Line = Field(description="Name of the robot, for people")
+    source: str = Field(description="Where the numbers come from")
+    joints: Annotated[tuple[JointTable, ...], Field(min_length=1)] = Field(
+        description="The joints from base to tip, a table each"
+    )
+    base: _Frame = Field(
+        _Frame(position_m=ZERO), description="Frame of the chain's root in the world"
+    )
+    tool: _Frame = Field(
+        _Frame(position_m=ZERO), description="Frame of the tool in the last joint's frame"
+    )
+    flange: _Frame = Field(
+        _Frame(position_m=ZERO),
+        description="Frame in the last joint's frame, relative to which a study gives its tools",
+    )
+
+    controller: ControllerTable | None = Field(
+        None, description="How the robot's controller counts the joints, where not as the model"
+    )
+
+    def build(self, where: str | None) -> Robot:
+        """The robot; messages about a joint begin with `where`."""
+        names = [joint.name for joint in self.joints]
+        for i, name in enumerate(names):
+            if name in names[:i]:
+                message = f"a joint before has the name {name!r} too; expected one of its own"
+                raise RobotFileError(message, where=where, key=f"joints.{i}.name")
+        robot = Robot(
+            self.name,
+            tuple(
+                _joint(joint, i, where) for i, joint in enumerate(self.joints) if not joint.mimic
+            ),
+            base=self.base.build(),
+            tool=self.tool.build(),
+            source=self.source.strip(),
+            links=self._links(where),
+            flange=self.flange.build(),
+            tied=self._tied(where),
+        )
+        if self.controller is None:
+            return robot
+        try:
+            return replace(robot, controller=self.controller.build(robot))
+        except UserError as error:
+            raise RobotFileError(error.message, where=where, key=error.key) from error
+
+    def _tied(self, where: str | None) -> tuple[TiedJoint, ...]:
+        """The joints that follow others, which have to be free."""
+        free = [joint.name for joint in self.joints if not joint.mimic]
+        found = []
+        for i, joint in enumerate(self.joints):
+            if joint.mimic is None:
+                continue
+            key = f"joints.{i}.mimic"
+            if joint.mimic.joint not in free:
+                has = ", ".join(free) or "none"
+                message = f"no free joint {joint.mimic.joint!r}; this robot has {has}"
+                raise RobotFileError(message, where=where, key=f"{key}.joint")
+            try:
+                found.append(joint.tied(i))
+            except ValueError as error:
+                raise RobotFileError(str(error), where=where, key=key) from error
+        return tuple(found)
+
+    def _links(self, where: str | None) -> tuple[Link, ...]:
+        """The bodies that the joints move; none where no mass is given."""
+        links = [joint.link for joint in self.joints]
+        known = tuple(link for link in links if link is not None)
+        if known and len(known) < len(links):
+            missing = links.index(None)
+            message = (
+                "other joints have masses; expected mass_kg for this one too, 0 if it has none"
+            )
+            raise RobotFileError(message, where=where, key=f"joints.{missing}")
+        return known
+
+
+def _joint(joint: JointTable, index: int, where: str | None) -> Joint:
+    """A joint; what is wrong with it is told with its key."""
+    try:
+        return joint.build()
+    except ValueError as error:
+        raise RobotFileError(str(error), where=where, key=f"joints.{index}") from error
+
+
+def robot_from_dict(content: Mapping[str, Any], where: str | None = None) -> Robot:
+    """Build a robot from the content of a robot file, or from the same keys given in Python.
+
+    Keys: `name`, `source`, and `joints`, a list with `name`, `origin_m`, `axis`, limits
+    (`limits_deg` or `limits_rad`, or `limits_m` for a joint of `kind` "prismatic"), and optionally
+    `rpy_deg`, and `mass_kg` and `center_m` of the body that it moves. A `base`, a `flange` and a
+    `tool` may be given by `position_m` and `rpy_deg`. Instead of `rpy_deg`, `rotation` gives the
+    matrix by rows.
+
+    Args:
+        content: The keys and their values.
+        where: Beginning of a message, like "robot arm.toml"; without it a message begins with the
+            key.
+
+    Raises:
+        RobotFileError: One line that says which key, and what was expected.
+    """
+    try:
+        return RobotFile.model_validate(content).build(where)
+    except ValidationError as error:
+        key, message = first_error(error, RobotFile)
+        raise RobotFileError(message, where=where, key=key or None) from None
+    except RobotFileError:
+        raise
+    except ValueError as error:
+        raise RobotFileError(str(error), where=where) from error
+
+
+def robot_to_dict(robot: Robot) -> dict[str, Any]:
+    """Describe a robot by plain numbers, lists and texts, as `robot_from_dict` reads them.
+
+    The robot that is read from it has the same numbers, to the last bit. Angles are written in
+    degrees where degrees give back the same radians or rotation, else as `limits_rad` and
+    `rotation`. A base, flange or tool that is the identity is left out.
+    """
+    content: dict[str, Any] = {"name": robot.name, "source": robot.source}
+    for key, T in (("base", robot.base), ("flange", robot.flange), ("tool", robot.tool)):
+        if not _identical(T, np.eye(4)):
+            content[key] = {"position_m": T[:3, 3].tolist()} | _rotation(T[:3, :3])
+    links = robot.links or (None,) * len(robot.chain)
+    tied = {joint.name: joint for joint in robot.tied}
+    content["joints"] = [
+        _joint_to_dict(joint, tied.get(joint.name)) | _link(link)
+        for joint, link in zip(robot.chain, links, strict=True)
+    ]
+    if robot.controller is not None:
+        content["controller"] = controller_to_dict(robot)
+    return content
+
+
+def _joint_to_dict(joint: Joint, tied: TiedJoint | None) -> dict[str, Any]:
+    return {
+        "name": joint.name,
+        "kind": joint.kind,
+        "origin_m": joint.origin[:3, 3].tolist(),
+        **_rotation(joint.origin[:3, :3]),
+        "axis": joint.axis.tolist(),
+        **(_limits(joint) if tied is None else _mimic(tied)),
+    }
+
+
+def _mimic(tied: TiedJoint) -> dict[str, Any]:
+    """The tie to another joint."""
+    key = "offset_m" if tied.kind == "prismatic" else "offset_rad"
+    return {"mimic": {"joint": tied.master, "factor": tied.factor, key: tied.offset}}
+
+
+def _link(link: Link | None) -> dict[str, Any]:
+    """Mass and centre of the body that a joint moves, nothing where they are unknown."""
+    return {} if link is None else {"mass_kg": link.mass, "center_m": link.center.tolist()}
+
+
+def _limits(joint: Joint) -> dict[str, Any]:
+    """The limits, revolute ones in degrees if these give back the same radians."""
+    if joint.continuous:
+        return {"continuous": True}
+    limits = [float(limit) for limit in joint.limits]
+    if joint.kind == "prismatic":
+        return {"limits_m": limits}
+    degrees = [_same(np.rad2deg(limit), limit, np.deg2rad) for limit in limits]
+    if any(angle is None for angle in degrees):
+        return {"limits_rad": limits}
+    return {"limits_deg": degrees}
+
+
+def _same(degrees: float, wanted: float, convert: Callable[[float], float]) -> float | None:
+    """An angle near `degrees`, as round as possible, that converts to exactly the wanted number."""
+    near = (round(degrees, DECIMALS), degrees, *np.nextafter(degrees, [-np.inf, np.inf]))
+    return next((float(angle) for angle in near if convert(angle) == wanted), None)
+
+
+def _rotation(R: Array) -> dict[str, Any]:
+    """A rotation (3, 3) as angles if these give back the same matrix, nothing for the identity."""
+    if _identical(R, np.eye(3)):
+        return {}
+    from scipy.spatial.transform import Rotation
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # at a pitch of 90 deg two of the angles are not unique
+        degrees = Rotation.from_matrix(R).as_euler("xyz", degrees=True)
+    for angles in (np.round(degrees, DECIMALS), degrees):
+        if _identical(transform(rpy=np.deg2rad(angles))[:3, :3], R):
+            return {"rpy_deg": angles.tolist()}
+    return {"rotation": R.tolist()}
+
+
+def _identical(a: Array, b: Array) -> bool:
+    """Whether all bits agree, the signs of zeros included."""
+    return bool(np.array_equal(a, b) and np.array_equal(np.signbit(a), np.signbit(b)))

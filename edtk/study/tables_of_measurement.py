@@ -1,0 +1,392 @@
+"""Tables of a study about what is measured: instruments, noise, costs, and what is known."""
+
+import math
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import numpy as np
+from pydantic import Field, field_validator, model_validator
+from pydantic_core import PydanticCustomError
+
+from edtk.measure.noise import Tracker
+from edtk.study.table import Compliance, Count, NotNegative, Positive, Sigma, Table
+from edtk.system.fields import LARGEST, ZERO, Finite, Line, Vector3
+from edtk.system.typing import Array
+
+if TYPE_CHECKING:
+    from edtk.fit.noise import Noise
+    from edtk.fit.prior import Marginal as MarginalDensity
+
+LEAST_REPEATABLE = 10  # [deg or mm]: no robot that is calibrated comes back worse
+TOGETHER = ("tracker_position_mm", "along", "across")
+LEAST_NU = 0.1  # below it nearly all errors would be outliers
+
+
+class MeasurementTable(Table):
+    """Measured quantities and their noise, which is that of a difference of two readings."""
+
+    rows: Literal["position", "pose"] = Field(
+        "position", description="Measured rows: the marker's position, or its rotation too"
+    )
+    sigma_mm: Sigma | None = Field(
+        None,
+        description="Standard deviation of a displacement, per coordinate; needed unless [noise] "
+        "has a tracker, whose errors it adds to [mm]",
+    )
+    sigma_deg: Sigma | None = Field(
+        None, description="Standard deviation of a rotation, per axis; for rows = 'pose' [deg]"
+    )
+    reference: Literal["unloaded", "nominal"] = Field(
+        "unloaded",
+        description="What a displacement is measured from: the unloaded robot, which bends under "
+        "the weight of its links too, or where the rigid robot of the model would be",
+    )
+
+
+class MarkerTable(Table):
+    """A marker; without any, the tool point is measured."""
+
+    name: Line = Field(
+        "", description="Name of the marker, as in sheets; defaults to `marker 1` and so on"
+    )
+    position_mm: Vector3 = Field(
+        description="Offset from the tool point in the tool frame, or with `joint` in the frame of "
+        "that joint [mm]"
+    )
+    joint: str | None = Field(
+        None, description="The marker sits on the body that this joint moves; defaults to the tool"
+    )
+    rows: Literal["position", "pose"] | None = Field(
+        None, description="What is measured of this marker; defaults to `measurement.rows`"
+    )
+
+
+class DistanceTable(Table):
+    """A distance that is measured from a fixed point: by a draw wire, a ballbar, an interferometer.
+
+    The other end is the point of a marker, or has a place of its own.
+    """
+
+    name: Line = Field("", description="Name, as in sheets; defaults to `distance 1` and so on")
+    anchor_mm: Vector3 = Field(description="The fixed point, in the world frame [mm]")
+    marker: str | None = Field(
+        None, description="Name of the marker at whose point the distance ends"
+    )
+    position_mm: Vector3 = Field(
+        ZERO, description="The point where the distance ends, given as that of a marker [mm]"
+    )
+    joint: str | None = Field(
+        None, description="The point sits on the body that this joint moves; defaults to the tool"
+    )
+    sigma_mm: Sigma | None = Field(
+        None,
+        description="Standard deviation of a change of this distance; defaults to "
+        "`measurement.sigma_mm` [mm]",
+    )
+
+    @model_validator(mode="after")
+    def _one_place(self) -> "DistanceTable":
+        if self.marker is not None and {"position_mm", "joint"} & self.model_fields_set:
+            raise PydanticCustomError("place", "expected marker, or a position_mm of its own")
+        return self
+
+
+# Within limits +-MPE, of which nothing else is known, errors are uniform: JCGM 100:2008, 4.3.7.
+MPE_OVER_SIGMA = math.sqrt(3)
+
+# Trackers with more than a millimetre, or a millimetre a metre, are not sold.
+Coefficient = Annotated[Finite, Field(ge=0, le=1e3)]
+Coefficients = tuple[Coefficient, Coefficient]
+
+
+class NoiseTable(Table):
+    """Errors that are not white: of a tracker, of joints that repeat, and of the model itself.
+
+    A displacement is the difference of two readings, in each of which tracker and joints err anew.
+    """
+
+    tracker_position_mm: Vector3 | None = Field(
+        None, description="Where the tracker stands, in the world frame [mm]"
+    )
+    along: Coefficients | None = Field(
+        None,
+        description="Error a + b r of one reading along a beam of length r, as [a, b] [um, um/m]",
+    )
+    across: Coefficients | None = Field(
+        None, description="The same for each direction across the beam [um, um/m]"
+    )
+    given_as: Literal["mpe", "sigma"] = Field(
+        "mpe",
+        description="What along and across are: largest permissible errors of a data sheet, whose "
+        "standard deviation is MPE/sqrt(3), or standard deviations",
+    )
+    repeatability_deg: tuple[float, ...] = Field(
+        (0.0,),
+        description="Standard deviation with which a joint comes back, one for all or one per "
+        "joint [deg; mm for a prismatic joint]",
+    )
+    discrepancy_mm: NotNegative = Field(
+        0.0,
+        description="Standard deviation of what the model leaves out of a displacement, per "
+        "marker and coordinate; repeats do not average it out [mm]",
+    )
+    discrepancy_within_deg: Positive = Field(
+        5.0,
+        description="Poses nearer than this share their discrepancy, Euclidean over the revolute "
+        "joints [deg]",
+    )
+
+    @field_validator("repeatability_deg", mode="before")
+    @classmethod
+    def _each_joint(cls, given: object) -> tuple[float, ...]:
+        """One number or a list: a union of types would have errors that nobody reads."""
+        numbers = given if isinstance(given, list | tuple) else (given,)
+        sound = all(
+            isinstance(x, int | float) and not isinstance(x, bool) and 0 <= x <= LEAST_REPEATABLE
+            for x in numbers
+        )
+        if not sound or not numbers:
+            raise PydanticCustomError(
+                "repeatability",
+                "expected a number from 0 to {most}, or a list of them, one per joint",
+                {"most": LEAST_REPEATABLE},
+            )
+        return tuple(numbers)
+
+    @model_validator(mode="after")
+    def _whole_tracker(self) -> "NoiseTable":
+        given = [key for key in TOGETHER if getattr(self, key) is not None]
+        if given and len(given) < len(TOGETHER):
+            missing = " and ".join(key for key in TOGETHER if key not in given)
+            raise PydanticCustomError(
+                "tracker", "expected {missing} too, as a tracker is given", {"missing": missing}
+            )
+        return self
+
+    @property
+    def has_tracker(self) -> bool:
+        """Whether a tracker is given."""
+        return self.tracker_position_mm is not None
+
+    @property
+    def is_white(self) -> bool:
+        """Whether the table adds nothing to white noise."""
+        return not (self.has_tracker or np.any(self.repeatability_deg) or self.discrepancy_mm)
+
+    def tracker(self) -> Tracker | None:
+        """The tracker [m]; None without one."""
+        if self.tracker_position_mm is None or self.along is None or self.across is None:
+            return None
+        divisor = MPE_OVER_SIGMA if self.given_as == "mpe" else 1.0
+        along, across = (
+            (1e-6 * a / divisor, 1e-6 * b / divisor) for a, b in (self.along, self.across)
+        )
+        return Tracker(np.array(self.tracker_position_mm) / 1e3, along, across)
+
+    def repeatability(self, factors: Array) -> Array:
+        """Standard deviations (n,) of the joints [rad or m].
+
+        Args:
+            factors: Units (n,) of the numbers in a file [rad/deg or m/mm].
+        """
+        return np.array(self.repeatability_deg) * factors
+
+    def describe(self) -> str:
+        """The errors in words, for reports; empty if there are none."""
+        parts = []
+        if self.along is not None and self.across is not None:
+            kind = "MPE" if self.given_as == "mpe" else "sigma"
+            place = ", ".join(f"{x:g}" for x in self.tracker_position_mm or ())
+            parts.append(
+                f"tracker at ({place}) mm with {kind} {_sum(self.along)} along and "
+                f"{_sum(self.across)} across its beam"
+            )
+        joints = np.unique(self.repeatability_deg)
+        if joints.any():
+            span = f"{joints[0]:g}" + (f" to {joints[-1]:g}" if len(joints) > 1 else "")
+            parts.append(f"joints repeat within {span} deg")
+        if self.discrepancy_mm:
+            parts.append(
+                f"discrepancy {self.discrepancy_mm:g} mm, shared by poses within "
+                f"{self.discrepancy_within_deg:g} deg"
+            )
+        return ", ".join(parts)
+
+
+def _sum(coefficients: Coefficients) -> str:
+    """``a + b r`` in words."""
+    a, b = coefficients
+    return f"{a:g} um + {b:g} um/m"
+
+
+class UncertaintyTable(Table):
+    """Standard deviations of what a calibration takes as given, besides the noise."""
+
+    load_percent: NotNegative = Field(1.0, description="Size of the calibration load [%]")
+    load_direction_deg: Annotated[Finite, Field(ge=0, le=90)] = Field(
+        1.0, description="Direction of the calibration load, about each axis across it [deg]"
+    )
+    tool_mm: NotNegative = Field(
+        1.0, description="Calibration tool point and marker, along each axis [mm]"
+    )
+    drift_mm: NotNegative = Field(
+        0.0, description="Shift between unloaded and loaded readings that all share, per axis [mm]"
+    )
+    repeatability_mm: NotNegative = Field(
+        0.0, description="Motion of the robot between the two readings of one visit, per axis [mm]"
+    )
+    rigid_rad_per_Nm: dict[str, Compliance] = Field(
+        {},
+        description="Compliance that a joint may have which counts as rigid, by joint; defaults to "
+        "the median of the other joints' [rad/(N m)]",
+    )
+
+
+class CostsTable(Table):
+    """Costs of visits and of load changes, in any unit, such as minutes.
+
+    A plan costs ``visits * visit + load changes * load_change``. One that visits poses under one
+    load alone, or under none, needs no change; one with several loads visits all poses of a load,
+    then those of the next one.
+    """
+
+    visit: Positive = Field(1.0, description="Cost of a visit of a pose without a load [any unit]")
+    loaded_visit: Positive | None = Field(
+        None, description="Cost of a visit of a pose under a load; defaults to `visit` [any unit]"
+    )
+    load_change: Annotated[Finite, Field(ge=0)] = Field(
+        0.0, description="Cost of mounting or changing a load in the course of the day [any unit]"
+    )
+    load_changes: Count | None = Field(
+        None,
+        description="Load changes of a plan with several loads, where drift asks for more than the "
+        "least number; defaults to one fewer than the loads it visits",
+    )
+    budget: Positive | None = Field(
+        None, description="What a plan may cost; decides its size where none is given [any unit]"
+    )
+    unit: Line = Field("", description='What the costs are counted in, for reports, such as "min"')
+
+
+# Numbers that each kind of marginal takes.
+NUMBERS_OF_KIND = {
+    "flat": frozenset[str](),
+    "half-normal": frozenset({"scale_rad_per_Nm"}),
+    "log-normal": frozenset({"median_rad_per_Nm", "factor"}),
+}
+
+
+class Marginal(Table):
+    """Knowledge of one compliance before the measurements."""
+
+    kind: Literal["flat", "half-normal", "log-normal"] = Field(
+        description="Density: flat on all positive compliances, half-normal or log-normal"
+    )
+    scale_rad_per_Nm: Compliance | None = Field(
+        None, description="Scale of a half-normal density [rad/(N m)]"
+    )
+    median_rad_per_Nm: Compliance | None = Field(
+        None, description="Median of a log-normal density [rad/(N m)]"
+    )
+    factor: Annotated[Finite, Field(gt=1)] | None = Field(
+        None, description="Factor to either side of the median that is one standard deviation [-]"
+    )
+
+    @model_validator(mode="after")
+    def _its_numbers(self) -> "Marginal":
+        numbers = ("scale_rad_per_Nm", "median_rad_per_Nm", "factor")
+        given = {key for key in numbers if getattr(self, key) is not None}
+        wanted = NUMBERS_OF_KIND[self.kind]
+        if given != wanted:
+            words = " and ".join(sorted(wanted, reverse=True)) or "no numbers"
+            raise PydanticCustomError("prior", f"a {self.kind} prior has {words}")
+        return self
+
+    def build(self) -> "MarginalDensity":
+        """The density [rad/(N m)]."""
+        from edtk.fit import prior
+
+        if self.scale_rad_per_Nm is not None:
+            return prior.HalfNormal(self.scale_rad_per_Nm)
+        if self.median_rad_per_Nm is not None and self.factor is not None:
+            return prior.LogNormal(self.median_rad_per_Nm, self.factor)
+        return prior.Flat()
+
+
+class Earlier(Table):
+    """Result of an earlier calibration."""
+
+    mean_rad_per_Nm: dict[str, Finite] = Field(
+        description="Estimated compliance of each unknown joint, by name [rad/(N m)]"
+    )
+    covariance: tuple[tuple[Finite, ...], ...] = Field(
+        description="Their covariance, rows in the order of `joints.unknown` [(rad/(N m))^2]"
+    )
+
+
+class PriorTable(Table):
+    """Knowledge of the compliances and of the noise before the measurements."""
+
+    all: Marginal = Field(
+        Marginal(kind="flat"), description="Density of every compliance that `joints` leaves out"
+    )
+    joints: dict[str, Marginal] = Field({}, description="Densities of single compliances, by joint")
+    earlier: Earlier | None = Field(
+        None, description="Result of an earlier calibration, multiplied with the densities"
+    )
+    earlier_file: str | None = Field(
+        None, description="The same as a JSON file of `edtk identify`; instead of `earlier`"
+    )
+    in_design: bool = Field(
+        False,
+        description="Whether plans are designed, bounded and evaluated with this knowledge of the "
+        "compliances beside the measurements",
+    )
+    sigma_factor: float = Field(
+        1.0,
+        description="Factor within which sigma is known: 1 exactly, inf not at all, else one "
+        "standard deviation of its logarithm [-]",
+    )
+    nu: float | str = Field(
+        "normal",
+        description="Degrees of freedom of Student's t for the errors: 'normal' for infinitely "
+        "many, 'sampled' to infer them, or a number from 0.1 to 1e6 [-]",
+    )
+
+    @field_validator("sigma_factor")
+    @classmethod
+    def _known_factor(cls, factor: float) -> float:
+        if not (1 <= factor <= LARGEST or factor == math.inf):
+            raise PydanticCustomError("factor", "expected a number from 1 to 1e6, or inf")
+        return factor
+
+    @model_validator(mode="after")
+    def _one_calibration(self) -> "PriorTable":
+        if self.earlier is not None and self.earlier_file is not None:
+            raise PydanticCustomError("earlier", "expected one of earlier and earlier_file")
+        return self
+
+    @field_validator("nu", mode="plain")
+    @classmethod
+    def _known_nu(cls, nu: object) -> float | str:
+        from edtk.fit.noise import NU_IN_WORDS
+
+        if isinstance(nu, str) and nu in NU_IN_WORDS:
+            return str(nu)
+        if isinstance(nu, int | float) and not isinstance(nu, bool) and LEAST_NU <= nu <= LARGEST:
+            return float(nu)
+        raise PydanticCustomError("nu", "expected a number from 0.1 to 1e6, 'normal' or 'sampled'")
+
+    def noise(self) -> "Noise":
+        """The noise: sigma known to a factor, errors normal or of Student's t distribution."""
+        from edtk.fit.noise import NU_IN_WORDS, Noise
+
+        nu = NU_IN_WORDS[self.nu] if isinstance(self.nu, str) else self.nu
+        return Noise(self.sigma_factor, nu)
+
+
+class SimulationTable(Table):
+    """The truth that simulated measurements assume."""
+
+    compliance_rad_per_Nm: dict[str, Compliance] = Field(
+        description="Compliance of each unknown joint, by name [rad/(N m)]"
+    )

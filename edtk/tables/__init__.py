@@ -1,1 +1,0 @@
-"""Tables that people edit: poses, measurement sheets and compliances."""

@@ -1,0 +1,92 @@
+"""The posterior of geometry: its density is the model's, and the check finds what is wrong."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from geometry_sheets import STUDY, by_pose, run, truth
+
+import edtk
+from edtk.fit.geometry.geometry_posterior import (
+    EMCEE,
+    LAPLACE,
+    GeometryDensity,
+    geometry_posterior,
+    many_seen,
+)
+from edtk.fit.posterior import SamplingOptions
+from edtk.fit.run_chain import Demand
+
+OPTIONS = SamplingOptions(Demand(0.1, length=10.0))
+
+
+@pytest.fixture(scope="module")
+def density(tmp_path_factory: pytest.TempPathFactory) -> GeometryDensity:
+    """Of all parameters that twelve poses tell."""
+    sheet = by_pose(tmp_path_factory.mktemp("day") / "day.csv", *truth(12))
+    return GeometryDensity.of(edtk.identify(STUDY, sheet).fit, None, robust=False)
+
+
+def test_many_sets_of_parameters_are_seen_at_once(density: GeometryDensity) -> None:
+    """Positions are those of the model, one set of parameters after the other."""
+    model = density.model
+    rng = np.random.default_rng(0)
+    theta = rng.normal(0, 5, (3, model.p)) * model.scales
+    q = density.means.q[:4]
+    expected = [model.see(one, q, derivatives=False).points for one in theta]
+    np.testing.assert_allclose(many_seen(model, theta, q).points, expected, atol=1e-12)
+
+
+def test_the_density_is_largest_at_its_mode_with_unit_curvature(density: GeometryDensity) -> None:
+    """Steps of one and of two standard deviations lower its logarithm by a half and by two."""
+    x = np.eye(density.model.p)[:6]
+    at = density.log_density(np.zeros((1, density.model.p)))
+    np.testing.assert_allclose(at - density.log_density(x), 0.5, rtol=1e-2)
+    np.testing.assert_allclose(at - density.log_density(-2 * x), 2.0, rtol=1e-2)
+
+
+def test_the_check_tells_a_good_approximation_from_a_bad_one(density: GeometryDensity) -> None:
+    """Nearly all draws are effective, but few where the normal density is a third as wide."""
+    fitted = (density.mode, np.ones(density.model.p))
+    good = geometry_posterior(density, fitted, np.random.default_rng(1), OPTIONS)
+    assert (good.method, good.trusted) == (LAPLACE, True)
+    assert good.effective > 0.95 * len(good.samples)
+    np.testing.assert_allclose(good.std, good.std_laplace, rtol=0.1)
+    np.testing.assert_allclose(good.interval()[1] - good.mean, 1.96 * good.std, rtol=0.15)
+    narrow = replace(density, root=density.root / 3)
+    bad = geometry_posterior(narrow, fitted, np.random.default_rng(1), OPTIONS)
+    assert not bad.trusted
+    assert "too few to trust it" in bad.quality
+
+
+def test_few_parameters_are_sampled(tmp_path: Path) -> None:
+    """A chain of base and zeros has the deviations of the normal approximation."""
+    study = STUDY.replace(parameters={"geometry": ["q2.ry", "q3.ry"], "tool": False})
+    q, x = truth(8)
+    fit = edtk.identify(study, by_pose(tmp_path / "day.csv", q, x), as_is=True).fit
+    density = GeometryDensity.of(fit, None, robust=False)
+    found = geometry_posterior(
+        density,
+        (fit.fitted.values, fit.fitted.std),
+        np.random.default_rng(2),
+        SamplingOptions(Demand(0.3, length=10.0)),
+    )
+    assert found.method == EMCEE
+    assert len(found.parameters) == 8
+    np.testing.assert_allclose(found.std, found.std_laplace, rtol=0.3)
+
+
+def test_the_command_adds_the_posterior(tmp_path: Path) -> None:
+    """JSON has the keys of other studies, the text says how it was made; chains are not kept."""
+    study = tmp_path / "study.toml"
+    STUDY.to_toml(study)
+    sheet = by_pose(tmp_path / "day.csv", *truth(12))
+    found = edtk.identify(study, sheet, bayes=True)
+    told = found.to_dict()["posterior"]
+    assert told["method"] == LAPLACE
+    assert {"mean", "low_95", "high_95", "std_posterior", "ratio"} <= set(told["parameters"][0])
+    assert "Laplace's approximation, checked by 2000 draws" in found.summary()
+    code, out, err = run("identify", study, sheet, "--bayes", "--chain", tmp_path / "chain.h5")
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert "the posterior of geometry is not kept" in err
