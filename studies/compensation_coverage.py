@@ -6,7 +6,7 @@ import numpy as np
 
 from edtk import Plan, Study
 from edtk.calibration.compensate import compensate
-from edtk.calibration.nonlinear_part import linear_model_bias
+from edtk.findings.nonlinear_part import linear_model_bias
 from edtk.fit.equilibrium import equilibrium_deflection
 from edtk.fit.identify import identify
 from edtk.fit.measurements import Measurements

@@ -8,9 +8,9 @@ from scene import Scene
 
 import edtk
 from edtk import Study
-from edtk.calibration.cause_wording import cause_of
-from edtk.calibration.causes.family import Cause
-from edtk.calibration.input_errors.find_input_error import InputError
+from edtk.calibration.calibrate import InputError
+from edtk.findings.cause_wording import cause_of
+from edtk.findings.causes.family import Cause
 
 UNLIKELY = 0.01  # p-value of residuals that counts as seen
 REFUSED = "refused"  # an input error that is none of the causes

@@ -13,9 +13,9 @@ import numpy as np
 from faults import KR270
 
 from edtk import Study
-from edtk.calibration.causes.family import families
 from edtk.calibration.planned import planned_measurements
 from edtk.design.plan import Plan
+from edtk.findings.causes.family import families
 from edtk.fit.least_squares import Whitened
 from edtk.fit.measurements import Measurements
 from edtk.system.typing import Array

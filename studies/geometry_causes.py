@@ -17,14 +17,14 @@ from measured_robots import IRB_120, robot
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from edtk.calibration.geometry.moved_frame import moved_frame, untold_load
-from edtk.calibration.geometry.study_geometry import StudyGeometry
 from edtk.calibration.template import visiting_order
+from edtk.findings.geometry.moved_frame import moved_frame, untold_load
 from edtk.fit.geometry.fit_geometry import fit_geometry
 from edtk.fit.geometry.marker_positions import MarkerPositions
 from edtk.report.tables import markdown_table
 from edtk.robots.rotations import transform
 from edtk.study.study import Study
+from edtk.study.study_geometry import StudyGeometry
 from edtk.system.files import write_text
 
 HERE = Path(__file__).parent

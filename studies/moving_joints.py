@@ -18,11 +18,11 @@ from fault_robots import robots
 from threadpoolctl import threadpool_limits
 
 from edtk import Study
-from edtk.calibration.diagnostics.noise_diagnostics import cause_diagnostics
-from edtk.calibration.finding import Kind
-from edtk.calibration.fitted_data import FittedData
-from edtk.calibration.moving_joints import joint_unit
 from edtk.design.candidate_source import sample_feasible
+from edtk.findings.finding import Kind
+from edtk.findings.fitted_data import FittedData
+from edtk.findings.moving_joints import joint_unit
+from edtk.findings.noise import cause_diagnostics
 from edtk.fit.equilibrium import equilibrium_deflection
 from edtk.fit.identify import Identification, identify
 from edtk.fit.measurements import Measurements, joint_motion

@@ -14,8 +14,8 @@ from fault_robots import robots
 from threadpoolctl import threadpool_limits
 
 from edtk import Study
-from edtk.calibration.fitted_data import FittedData
 from edtk.design.candidate_source import sample_feasible
+from edtk.findings.fitted_data import FittedData
 from edtk.fit.equilibrium import equilibrium_deflection
 from edtk.fit.measurements import Measurements
 from edtk.measure.task import all_compliances

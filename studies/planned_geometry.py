@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 import edtk
-from edtk.calibration.geometry.study_geometry import StudyGeometry
 from edtk.fit.geometry.fitted_geometry import resting_torque
 from edtk.measure.geometric_model import GeometricModel
 from edtk.report.tables import markdown_table
+from edtk.study.study_geometry import StudyGeometry
 from edtk.system.files import write_text
 
 HERE = Path(__file__).parent

@@ -15,8 +15,8 @@ from pydantic import BaseModel
 
 import criteria
 from edtk.calibration.calibration import Calibration
-from edtk.calibration.fitted_data import FittedData
 from edtk.cli import main
+from edtk.findings.fitted_data import FittedData
 from edtk.fit.measurements import Measurements
 from edtk.robots.robot_file import RobotFile, robot_from_dict
 from edtk.study.schema import Specification

@@ -21,6 +21,7 @@ FLOORS = (
     ("edtk.design.relaxation",),
     ("edtk.design.exact",),
     ("edtk.study",),
+    ("edtk.findings",),
     ("edtk.certificate",),
     ("edtk.calibration",),
     ("edtk.report",),

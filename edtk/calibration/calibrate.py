@@ -1,20 +1,23 @@
 """From a filled-in sheet to compliances, with everything that a person wants to know."""
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from edtk.calibration.calibration import Calibration, Origin
-from edtk.calibration.cause_wording import cause_of
-from edtk.calibration.diagnostics.diagnostics import diagnostics
-from edtk.calibration.fitted_data import FittedData
-from edtk.calibration.input_errors.find_input_error import InputError, find_input_error
-from edtk.calibration.moving_joints import stated_noise
-from edtk.calibration.nonlinear_part import linear_model_bias
 from edtk.calibration.propagation import calibration_budget
 from edtk.calibration.told_part import ToldPart, told_part
 from edtk.design.plan import Plan
+from edtk.findings.cause_wording import cause_of
+from edtk.findings.finding import Finding
+from edtk.findings.fitted_data import FittedData
+from edtk.findings.input_errors import find_input_error
+from edtk.findings.moving_joints import stated_noise
+from edtk.findings.nonlinear_part import linear_model_bias
+from edtk.findings.springs import diagnostics
+from edtk.findings.wording import wording
 from edtk.fit.correlated_noise import NotPositiveDefiniteError
 from edtk.fit.fit_huber import SigmaTooSmallError
 from edtk.fit.identify import NothingLeftError
@@ -32,6 +35,21 @@ from edtk.system.typing import Array
 # Numbers by joint, and other ones, that rest on the estimate: with wrong columns they mean nothing.
 BY_JOINT = ("k", "std", "k_unbounded")
 OTHERS = ("correlation", "covariance_dof", "rho0", "rho0_bias", "budget_mm", "expected_error")
+
+
+class InputError(UserError):
+    """Measurements are certainly wrong.
+
+    Attributes:
+        finding: The first error, with rows and columns.
+        calibration: The calibration of the sheet as it is, which is not to be used, with the causes
+            of the error.
+    """
+
+    def __init__(self, path: Path, finding: Finding, calibration: Calibration) -> None:
+        super().__init__(wording(finding), where=path)
+        self.finding = finding
+        self.calibration = calibration
 
 
 def misread_sheet(found: Calibration) -> dict[str, Any] | None:

@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from edtk.calibration.cause_wording import cause_of
-from edtk.calibration.causes.family import Cause
-from edtk.calibration.diagnostics.diagnostic import Diagnostic, Severity
-from edtk.calibration.diagnostics.diagnostics import diagnostics
-from edtk.calibration.diagnostics.prior_diagnostics import posterior_diagnostics
-from edtk.calibration.finding import Kind
-from edtk.calibration.fitted_data import FittedData, residual_table
 from edtk.calibration.posterior_check import PosteriorCheck, check_posterior
 from edtk.calibration.propagation import Propagation, calibration_budget, propagation_of
 from edtk.calibration.told_part import ToldPart, interest_estimates
+from edtk.findings.cause_wording import cause_of
+from edtk.findings.causes.family import Cause
+from edtk.findings.diagnostic import Diagnostic, Severity
+from edtk.findings.finding import Kind
+from edtk.findings.fitted_data import FittedData, residual_table
+from edtk.findings.prior import posterior_diagnostics
+from edtk.findings.springs import diagnostics
 from edtk.fit.estimate_noise import NoiseEstimate
 from edtk.fit.identify import Identification
 from edtk.fit.least_squares import Estimate

@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from edtk.calibration.causes.family import Family, families_with_known
-from edtk.calibration.causes.rarity import FACTORS, WEIGHTS
 from edtk.calibration.planned import planned_measurements
 from edtk.design.candidate_source import sample_feasible
 from edtk.design.detection import ENOUGH, LEVEL, Detection, Separation
 from edtk.design.plan import Plan
+from edtk.findings.causes.family import Family, families_with_known
+from edtk.findings.causes.rarity import FACTORS, WEIGHTS
 from edtk.fit.correlated_noise import RowNoise
 from edtk.fit.distributions import chi_square_quantile, log_normal_below, noncentral_chi_square_tail
 from edtk.fit.least_squares import Whitened

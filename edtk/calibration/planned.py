@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from edtk.calibration.moving_joints import stated_noise
 from edtk.calibration.posterior_check import PosteriorCheck, check_posterior, first_estimate
 from edtk.calibration.propagation import Propagation, uncertainty_of
 from edtk.calibration.template import measured_names
 from edtk.design.plan import Plan
+from edtk.findings.moving_joints import stated_noise
 from edtk.fit.correlated_noise import CorrelatedNoise, NoiseBlocks, RowNoise
 from edtk.fit.equilibrium import Bias, linearisation_bias
 from edtk.fit.least_squares import SingularPlanError, covariance

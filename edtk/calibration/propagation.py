@@ -5,10 +5,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from edtk.calibration.causes.family import families_with_known
-from edtk.calibration.fitted_data import FittedData
-from edtk.calibration.match_plan import some_rows
 from edtk.calibration.told_part import LeastSquaresInverse
+from edtk.findings.causes.family import families_with_known
+from edtk.findings.fitted_data import FittedData
+from edtk.findings.match_plan import some_rows
 from edtk.fit.measurements import Measurements, translations
 from edtk.fit.prior import PriorRows
 from edtk.measure.elastostatic_model import ElastostaticModel

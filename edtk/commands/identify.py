@@ -23,8 +23,8 @@ from edtk.system.parsing import json_text
 
 if TYPE_CHECKING:
     from edtk.calibration.calibration import Calibration
-    from edtk.calibration.finding import Finding
     from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
+    from edtk.findings.finding import Finding
 
 # Characters of a message and its hint, which leaves some of a line for the name of the file.
 MOST_WITH_HINT = 220
@@ -87,8 +87,7 @@ def command(
     Student-t if --robust, sigma unknown if --sigma-unknown. A killed run with --chain goes on where
     it was when it is started again.
     """
-    from edtk.calibration.calibrate import misread_sheet
-    from edtk.calibration.input_errors.find_input_error import InputError
+    from edtk.calibration.calibrate import InputError, misread_sheet
     from edtk.verbs.identify import identify
 
     if sampling.given() and not bayes:
@@ -125,8 +124,8 @@ def command(
 
 def _doubts(found: "Calibration | GeometricCalibration", robust: bool) -> Iterator[str]:
     """What is worse than a note, each with the options that help."""
-    from edtk.calibration.diagnostics.diagnostic import Severity
     from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
+    from edtk.findings.diagnostic import Severity
 
     if isinstance(found, GeometricCalibration):
         yield from (doubt.text for doubt in found.doubts if doubt.severity > Severity.NOTE)
@@ -158,7 +157,7 @@ def _prior_hint(bayes: bool) -> Iterator[None]:
 
 def _hint(finding: "Finding", robust: bool) -> str:
     """The options that help against a diagnostic, where there are any."""
-    from edtk.calibration.finding import Kind
+    from edtk.findings.finding import Kind
 
     if finding.kind is Kind.OUTLIERS:
         return "" if robust else " (--robust)"

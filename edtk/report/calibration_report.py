@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from edtk.calibration.calibration import Calibration
-from edtk.calibration.finding import Kind
+from edtk.findings.finding import Kind
 from edtk.fit.identify import Identification
 from edtk.measure.cells import csv_text
 from edtk.measure.expected_error import ErrorBudget

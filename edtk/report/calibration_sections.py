@@ -3,9 +3,9 @@
 import numpy as np
 
 from edtk.calibration.calibration import Calibration
-from edtk.calibration.causes.family import NOISE, Cause
-from edtk.calibration.diagnostics.noise_diagnostics import UNLIKELY_NOISE
-from edtk.calibration.match_plan import row_names
+from edtk.findings.causes.family import NOISE, Cause
+from edtk.findings.match_plan import row_names
+from edtk.findings.noise import UNLIKELY_NOISE
 from edtk.fit.estimate_noise import NoiseEstimate
 from edtk.fit.measurements import Measurements
 from edtk.fit.outliers import LackOfFit

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
-from edtk.calibration.geometry.geometric_doubt import rows_in_words
+from edtk.findings.geometry.geometric_doubt import rows_in_words
 from edtk.fit.geometry.fitted_geometry import MM, root_mean_square
 from edtk.measure.cells import csv_text
 from edtk.measure.parameters import GeometricParameter

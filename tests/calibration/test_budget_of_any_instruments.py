@@ -7,9 +7,9 @@ import pytest
 from kr270 import REQUIRED, TEST_POSE
 from scipy.spatial.transform import Rotation
 
-from edtk.calibration.fitted_data import FittedData
 from edtk.calibration.planned import plan_budget, planned_measurements
 from edtk.design.plan import Plan
+from edtk.findings.fitted_data import FittedData
 from edtk.fit.least_squares import Whitened
 from edtk.report.views.calibration import error_budget as text
 from edtk.robots.load_robot import load_robot

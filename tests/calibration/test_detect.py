@@ -7,10 +7,10 @@ import pytest
 from readings import PLAN, STUDY
 from scipy.special import chndtr
 
-from edtk.calibration.causes.family import families
 from edtk.calibration.detect import detect, sized_faults
 from edtk.calibration.planned import planned_measurements
 from edtk.design.plan import Plan
+from edtk.findings.causes.family import families
 from edtk.fit.distributions import chi_square_quantile
 from edtk.fit.least_squares import Whitened
 from edtk.fit.measurements import translations

@@ -8,8 +8,8 @@ from readings import PLAN, STUDY
 from scipy.spatial.transform import Rotation
 
 from edtk.calibration import propagation as module
-from edtk.calibration.fitted_data import FittedData
 from edtk.calibration.propagation import Propagation, Uncertainty
+from edtk.findings.fitted_data import FittedData
 from edtk.fit.least_squares import Whitened
 from edtk.fit.measurements import Measurements
 from edtk.fit.prior import PriorRows

@@ -3,7 +3,7 @@
 import numpy as np
 from readings import STUDY
 
-from edtk.calibration.nonlinear_part import linear_model_bias
+from edtk.findings.nonlinear_part import linear_model_bias
 from edtk.fit.equilibrium import equilibrium_deflection
 from edtk.fit.least_squares import estimate
 from edtk.fit.measurements import Measurements

@@ -9,10 +9,10 @@ from readings import STUDY, measured
 
 from edtk.calibration.calibrate import calibrate
 from edtk.calibration.calibration import Calibration
-from edtk.calibration.diagnostics.prior_diagnostics import posterior_diagnostics
-from edtk.calibration.fitted_data import FittedData
 from edtk.calibration.planned import check_plan_posterior
 from edtk.design.plan import Plan
+from edtk.findings.fitted_data import FittedData
+from edtk.findings.prior import posterior_diagnostics
 from edtk.fit.least_squares import SingularPlanError
 from edtk.fit.posterior import Posterior, SamplingOptions
 from edtk.fit.prior import Flat, LogNormal, Normal, Prior, fit_with_prior

@@ -5,9 +5,9 @@ import pytest
 from readings import PLAN, STUDY
 from scipy.stats import norm
 
-from edtk.calibration.causes.family import Family
 from edtk.calibration.detect import SizedFamily, detect, right_share, separations, sized_faults
 from edtk.design.detection import ENOUGH, Detection
+from edtk.findings.causes.family import Family
 
 
 def fault(only_positive=False):

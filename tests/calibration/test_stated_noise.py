@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from edtk.calibration.calibrate import calibrate
-from edtk.calibration.diagnostics.diagnostic import Severity
-from edtk.calibration.finding import Kind
-from edtk.calibration.moving_joints import stated_noise
 from edtk.calibration.planned import plan_budget, plan_noise, planned_measurements, visits_noise
 from edtk.calibration.template import is_filled, template
+from edtk.findings.diagnostic import Severity
+from edtk.findings.finding import Kind
+from edtk.findings.moving_joints import stated_noise
 from edtk.fit.correlated_noise import std_of
 from edtk.fit.least_squares import estimate
 from edtk.fit.measurements import simulate

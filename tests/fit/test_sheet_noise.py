@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from edtk.calibration.calibrate import calibrate
-from edtk.calibration.diagnostics.diagnostic import Severity
 from edtk.calibration.template import template
+from edtk.findings.diagnostic import Severity
 from edtk.fit.sheet import sheet_noise
 from edtk.measure.pose_table import (
     AXIS_SIGMA_COLUMNS,

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 import edtk
-from edtk.calibration.geometry.study_geometry import StudyGeometry
+from edtk.study.study_geometry import StudyGeometry
 from tests.fuzz.arm_worlds import ROBOT
 
 STUDY = """

@@ -13,9 +13,9 @@ from matplotlib.figure import Figure
 from scipy.stats import probplot
 
 from edtk.calibration.calibration import Calibration, Origin
-from edtk.calibration.diagnostics.diagnostics import diagnostics
-from edtk.calibration.fitted_data import FittedData
 from edtk.calibration.propagation import calibration_budget
+from edtk.findings.fitted_data import FittedData
+from edtk.findings.springs import diagnostics
 from edtk.fit.measurements import Measurements, simulate
 from edtk.fit.posterior import SamplingOptions
 from edtk.fit.run_chain import Demand

@@ -10,8 +10,8 @@ from browser import CHROMIUM, WIDTHS, in_browser
 from geometry_sheets import STUDY, by_pose, run, truth
 
 import edtk
-from edtk.calibration.geometry.fit_doubts import fit_doubts
 from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
+from edtk.findings.geometry.geometric_fit import fit_doubts
 from edtk.report.geometry_report import geometry_report
 
 pytestmark = pytest.mark.slow

@@ -15,11 +15,11 @@ import criteria
 import edtk
 from edtk.calibration.calibration import Calibration
 from edtk.calibration.compensate import compensate
-from edtk.calibration.fitted_data import FittedData
 from edtk.calibration.planned import check_plan_posterior, plan_bias
 from edtk.design.plan import Plan
 from edtk.design.problem import Problem
 from edtk.design.relaxation.relax import relax
+from edtk.findings.fitted_data import FittedData
 from edtk.fit.measurements import Measurements, simulate
 from edtk.fit.posterior import SamplingOptions
 from edtk.fit.run_chain import Demand

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from edtk.calibration.causes.family import Cause
+from edtk.findings.causes.family import Cause
 from edtk.fit.equilibrium import equilibrium_deflection
 from edtk.robots.rotations import transform
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from edtk.calibration.geometry.study_geometry import StudyGeometry
 from edtk.measure.expected_error import levers
 from edtk.study.study import load_study
+from edtk.study.study_geometry import StudyGeometry
 from edtk.study.study_model import assumed_joints, likely_compliances
 from edtk.system.errors import UserError
 

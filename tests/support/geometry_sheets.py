@@ -9,10 +9,10 @@ from click.testing import CliRunner
 from numpy.typing import NDArray
 from small_arm import ROBOT
 
-from edtk.calibration.geometry.study_geometry import StudyGeometry
 from edtk.cli import main
 from edtk.robots.rotations import transform
 from edtk.study.study import Study
+from edtk.study.study_geometry import StudyGeometry
 
 Array = NDArray[np.float64]
 

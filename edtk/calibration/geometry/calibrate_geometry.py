@@ -6,8 +6,9 @@ from pathlib import Path
 import numpy as np
 
 from edtk.calibration.calibration import Origin
-from edtk.calibration.diagnostics.diagnostic import Severity
-from edtk.calibration.geometry.counting import (
+from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
+from edtk.findings.diagnostic import Severity
+from edtk.findings.geometry.counting import (
     Counting,
     as_said,
     far_off,
@@ -17,24 +18,24 @@ from edtk.calibration.geometry.counting import (
     one_in_radians,
     placed_by_most,
 )
-from edtk.calibration.geometry.fit_doubts import fit_doubts
-from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
-from edtk.calibration.geometry.geometric_doubt import GeometricDoubt, rows_in_words
-from edtk.calibration.geometry.gross_errors import SCALES, GrossErrors, gross_doubts, gross_errors
-from edtk.calibration.geometry.sound_rows import (
+from edtk.findings.geometry.geometric_doubt import GeometricDoubt, rows_in_words
+from edtk.findings.geometry.geometric_fit import fit_doubts
+from edtk.findings.geometry.gross_errors import SCALES, GrossErrors, gross_doubts, gross_errors
+from edtk.findings.geometry.sound_rows import (
+    reference_points,
     refuse_copied_visits,
     with_standing,
     without_beyond_reach,
     without_copied_markers,
 )
-from edtk.calibration.geometry.study_geometry import StudyGeometry, reference_points
-from edtk.calibration.geometry.turn_reading import EXPECTED, turn_reading
+from edtk.findings.geometry.turn_reading import EXPECTED, turn_reading
 from edtk.fit.geometry.fit_geometry import TooFewPosesError, fit_geometry
 from edtk.fit.geometry.fitted_geometry import MM, GeometricFit, root_mean_squares
 from edtk.fit.geometry.marker_positions import MarkerPositions, read_positions
 from edtk.measure.pose_table import Table, path_of
 from edtk.robots.robot import Robot
 from edtk.study.study import Study
+from edtk.study.study_geometry import StudyGeometry
 from edtk.system.errors import UserError
 from edtk.system.typing import Array, Mask
 

@@ -11,10 +11,9 @@ import numpy as np
 
 from criteria.linalg.spectrum import is_semidefinite
 from edtk.calibration.calibration import VERDICTS, Origin
-from edtk.calibration.diagnostics.diagnostic import Severity
-from edtk.calibration.geometry.counting import Counting
-from edtk.calibration.geometry.geometric_doubt import GeometricDoubt
-from edtk.calibration.geometry.study_geometry import StudyGeometry, study_marks
+from edtk.findings.diagnostic import Severity
+from edtk.findings.geometry.counting import Counting
+from edtk.findings.geometry.geometric_doubt import GeometricDoubt
 from edtk.fit.geometry.fitted_geometry import FittedGeometry, GeometricFit, root_mean_square
 from edtk.fit.geometry.geometry_posterior import (
     GeometryDensity,
@@ -28,6 +27,7 @@ from edtk.measure.pose_table import of_file_units
 from edtk.robots.robot import Robot
 from edtk.robots.rotations import rotation
 from edtk.study.study import Study
+from edtk.study.study_geometry import StudyGeometry, study_marks
 from edtk.system.errors import UserError
 from edtk.system.files import read_text
 from edtk.system.parsing import parse_json

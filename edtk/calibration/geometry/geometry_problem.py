@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 import criteria
-from edtk.calibration.geometry.study_geometry import StudyGeometry, StudyLoads
 from edtk.calibration.geometry_design.geometry_space import PositionRows
 from edtk.design.problem import Problem, rows_of_blocks
 from edtk.fit.geometry.fit_geometry import stages
@@ -14,6 +13,7 @@ from edtk.fit.geometry.position_noise import PositionNoise
 from edtk.measure.geometric_model import GeometricModel
 from edtk.measure.parameters import identifiable
 from edtk.study.study import Study
+from edtk.study.study_geometry import StudyGeometry, StudyLoads
 from edtk.system.errors import ArgumentError
 from edtk.system.presented import Presented
 from edtk.system.typing import Array

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from edtk.calibration.geometry.geometric_calibration import read_geometry
-from edtk.calibration.geometry.geometric_doubt import rows_in_words
-from edtk.calibration.geometry.turn_reading import EXPECTED, turn_reading
+from edtk.findings.geometry.geometric_doubt import rows_in_words
+from edtk.findings.geometry.turn_reading import EXPECTED, turn_reading
 from edtk.fit.geometry.fitted_geometry import ErrorParts, FittedGeometry, Loads, Predicted
 from edtk.fit.geometry.marker_positions import MarkerPositions, read_positions
 from edtk.measure.parameters import COMPONENTS

@@ -6,15 +6,6 @@ from itertools import combinations
 
 import numpy as np
 
-from edtk.calibration.causes.family import (
-    USUAL_DRIFT,
-    USUAL_PLAY,
-    USUAL_SHARE,
-    USUAL_TILT,
-    USUAL_TOOL,
-    USUAL_TURN,
-    Family,
-)
 from edtk.calibration.detect import (
     FAULTS,
     HELPS,
@@ -31,6 +22,15 @@ from edtk.calibration.geometry_design.geometry_space import PositionRows
 from edtk.design.candidate_source import sample_feasible
 from edtk.design.detection import LEVEL, Detection, Separation
 from edtk.design.plan import Plan
+from edtk.findings.causes.family import (
+    USUAL_DRIFT,
+    USUAL_PLAY,
+    USUAL_SHARE,
+    USUAL_TILT,
+    USUAL_TOOL,
+    USUAL_TURN,
+    Family,
+)
 from edtk.fit.distributions import chi_square_quantile, noncentral_chi_square_tail
 from edtk.fit.geometry.position_noise import PositionNoise
 from edtk.measure.parameters import SHIFTS, SOFTNESS, all_parameters

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from edtk.calibration.geometry.study_geometry import StudyGeometry
 from edtk.calibration.geometry_design.day_costs import DayCosts, PosesByLoad
 from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
 from edtk.calibration.geometry_design.geometry_space import PositionRows
@@ -26,6 +25,7 @@ from edtk.measure.pose_table import (
     rounded,
 )
 from edtk.study.study import Study
+from edtk.study.study_geometry import StudyGeometry
 from edtk.system.typing import Array, Indices
 
 if TYPE_CHECKING:

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 import criteria
-from edtk.calibration.geometry.study_geometry import StudyGeometry
 from edtk.calibration.geometry_design.geometry_space import MM, GeometrySpace, PositionRows
 from edtk.certificate.setting_to_dict import feasible_to_dict, place_to_dict, weights_to_list
 from edtk.design.candidate_source import CandidateSource
@@ -22,6 +21,7 @@ from edtk.robots.loads.fixed_load import FixedLoad
 from edtk.robots.loads.listed_load import ListedLoad
 from edtk.robots.weights import DeadWeights
 from edtk.study.study import Study
+from edtk.study.study_geometry import StudyGeometry
 from edtk.study.study_objects import given_parameters
 from edtk.study.study_parts import pose_space
 from edtk.system.errors import UserError

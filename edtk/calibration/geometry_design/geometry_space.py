@@ -6,7 +6,6 @@ from functools import cached_property
 
 import numpy as np
 
-from edtk.calibration.geometry.study_geometry import StudyLoads
 from edtk.design.design_space import DesignSpace, Experiments
 from edtk.design.plan import Plan
 from edtk.design.problem import Problem, rows_of_blocks
@@ -15,6 +14,7 @@ from edtk.measure.geometric_model import GeometricModel
 from edtk.measure.nominal_columns import NominalColumns, PlacedColumns
 from edtk.robots.loads.fixed_load import FixedLoad
 from edtk.robots.loads.listed_load import ListedLoad
+from edtk.study.study_geometry import StudyLoads
 from edtk.system.typing import Array, Indices
 
 MM = 1e3

@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 
 from edtk.calibration.calibration import VERDICTS, Calibration
-from edtk.calibration.diagnostics.diagnostic import Severity
-from edtk.calibration.match_plan import row_names
 from edtk.calibration.posterior_check import PoseError
+from edtk.findings.diagnostic import Severity
+from edtk.findings.match_plan import row_names
 from edtk.fit.estimate_noise import NoiseEstimate
 from edtk.fit.identify import Identification
 from edtk.measure.expected_error import ErrorBudget, JointPart

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from edtk.calibration.diagnostics.diagnostic import Severity
 from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
 from edtk.calibration.geometry.prediction import Prediction
+from edtk.findings.diagnostic import Severity
 from edtk.fit.geometry.fitted_geometry import root_mean_square
 from edtk.fit.geometry.geometry_posterior import GeometryPosterior
 from edtk.report.geometry_report import robot_stands

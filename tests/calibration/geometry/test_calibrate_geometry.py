@@ -23,8 +23,8 @@ from geometry_sheets import (
 from small_arm import ROBOT
 
 import edtk
-from edtk.calibration.geometry.study_geometry import StudyGeometry
 from edtk.robots.rotations import transform
+from edtk.study.study_geometry import StudyGeometry
 
 SPRUNG = STUDY.replace(parameters={"compliance": ["q2", "q3"]}, load={"F_N": [0, 0, -50]})
 Edit = Callable[[Array, Array], None]

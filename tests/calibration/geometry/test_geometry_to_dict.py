@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from edtk.calibration.geometry.counting import Counting
 from edtk.calibration.geometry.geometric_calibration import geometry_of_dict, geometry_to_dict
-from edtk.calibration.geometry.study_geometry import StudyGeometry
+from edtk.findings.geometry.counting import Counting
 from edtk.fit.geometry.fitted_geometry import FittedGeometry
 from edtk.fit.geometry.position_noise import BlockVariances, PositionNoise
 from edtk.study.study import Study
+from edtk.study.study_geometry import StudyGeometry
 
 JOINT = {"origin_m": [0.3, 0, 0.2], "limits_deg": [-130, 130]}
 ROBOT = {

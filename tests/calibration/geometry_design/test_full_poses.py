@@ -14,7 +14,6 @@ from small_arm import ROBOT
 import edtk
 from edtk.calibration.geometry.compensate_geometry import MarkerGoal
 from edtk.calibration.geometry.geometric_calibration import geometry_of_dict
-from edtk.calibration.geometry.study_geometry import StudyGeometry
 from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
 from edtk.calibration.geometry_design.geometry_space import PositionRows
 from edtk.fit.geometry.fitted_geometry import FittedGeometry
@@ -25,6 +24,7 @@ from edtk.measure.geometric_model import GeometricModel
 from edtk.measure.parameters import identifiable
 from edtk.robots.rotations import transform
 from edtk.study.study import Study
+from edtk.study.study_geometry import StudyGeometry
 
 Array = NDArray[np.float64]
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from loaded_arm import LOAD, STUDY
 
-from edtk.calibration.geometry.study_geometry import StudyGeometry
 from edtk.calibration.geometry_design.geometry_space import PositionRows
 from edtk.fit.geometry.position_noise import PositionNoise
+from edtk.study.study_geometry import StudyGeometry
 
 RNG = np.random.default_rng(4)
 MARKERS = [{"name": "A", "position_mm": [10, 30, 0]}, {"name": "B", "position_mm": [-40, 0, 60]}]

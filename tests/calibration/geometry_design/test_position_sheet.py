@@ -7,9 +7,9 @@ import pytest
 from loaded_arm import LOAD, STUDY
 
 import edtk
-from edtk.calibration.geometry.study_geometry import StudyGeometry
 from edtk.calibration.geometry_design.geometry_plan import position_sheet
 from edtk.fit.geometry.fitted_geometry import resting_torque
+from edtk.study.study_geometry import StudyGeometry
 from edtk.system.errors import ArgumentError
 
 RNG = np.random.default_rng(2)

@@ -9,7 +9,7 @@ from geometry_sheets import NAMES, OFFSETS, PLACE, STUDY, Array, run
 from scipy.spatial.transform import Rotation
 
 import edtk
-from edtk.calibration.geometry.study_geometry import StudyGeometry
+from edtk.study.study_geometry import StudyGeometry
 
 FULL = STUDY.replace(
     measurement={"sigma_mm": 0.02, "rows": "pose", "sigma_deg": 0.005}, marker=[{"name": "A"}]

@@ -1,1 +1,0 @@
-"""Measurements that are certainly wrong: copied rows, other poses, swapped columns."""

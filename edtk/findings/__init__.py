@@ -1,0 +1,1 @@
+"""What is said of a sheet, a plan or a study, and who finds it."""

@@ -1,0 +1,279 @@
+"""The sentences of causes, and of columns that look misread."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+from edtk.findings.causes.family import Cause
+from edtk.findings.finding import Finding, Kind
+from edtk.findings.match_plan import row_names
+
+# One of each unit, in the unit that a sheet is to have.
+UNITS = {
+    "metres": (1000.0, "mm/m"),
+    "centimetres": (10.0, "mm/cm"),
+    "inches": (25.4, "mm/inch"),
+    "micrometres": (0.001, "mm/um"),
+    "kilonewtons": (1000.0, "N/kN"),
+    "millinewtons": (0.001, "N/mN"),
+    "kilograms": (9.81, "N/kg"),
+    "pounds": (4.448, "N/lbf"),
+}
+RADIANS = (57.29577951308232, "deg/rad")
+NAMED = 150  # characters of the readings that are named; of more, the number is said
+
+
+FRAMES = (Kind.OTHER_AXES, Kind.WRONG_SIGN)
+COLUMNS = (Kind.SWAPPED_COLUMNS, Kind.OPPOSITE_SIGN, Kind.JOINT_OFFSET, Kind.SWAPPED_MARKERS)
+
+
+def cause_of(finding: Finding) -> Cause | None:
+    """Express a finding about units or columns as a cause.
+
+    Returns:
+        `unit` with its factor, `frame_axes` or `columns` with the number of columns that are to be
+        read otherwise; None for findings about other things.
+    """
+    kind = finding.kind
+    if kind is Kind.SEVERAL_READINGS:
+        return cause_of(finding.data["readings"][0])
+    p = float(finding.data.get("p", 0.0))
+    explained = float(finding.data.get("explained", 1.0))
+    if kind in (Kind.ROTATION_UNIT, Kind.ANGLE_UNIT):
+        return Cause("unit", *RADIANS, None, p, explained)
+    if kind is Kind.MARKER_UNIT:
+        return Cause("unit", *UNITS["metres"], None, p, explained)
+    if kind in (Kind.FORCE_UNIT, Kind.LENGTH_UNIT) and finding.data["unit"]:
+        return Cause("unit", *UNITS[finding.data["unit"]], None, p, explained)
+    if kind in FRAMES:
+        return Cause("frame_axes", float(len(finding.columns) or 3), "axes", None, p, explained)
+    if kind in COLUMNS:
+        return Cause("columns", float(len(finding.columns)), "columns", None, p, explained)
+    return None
+
+
+def cause_wording(cause: Cause) -> str:
+    """A clause that says which fault the measurements show, and how large it is."""
+    return _CAUSE_CLAUSES[cause.cause](cause)
+
+
+def _size(cause: Cause) -> str:
+    """A fault's size with its standard deviation and unit."""
+    if cause.std is None:
+        return f"{cause.size:.3g} {cause.unit}"
+    return f"{cause.size:.3g} +- {cause.std:.1g} {cause.unit}"
+
+
+def _signed(cause: Cause, more: str, less: str) -> tuple[str, str]:
+    """A fault's size without its sign, and the word for the sign."""
+    return _size(replace(cause, size=abs(cause.size))), more if cause.size > 0 else less
+
+
+def _load_size(cause: Cause) -> str:
+    """A load that is heavier or lighter."""
+    size, which = _signed(cause, "larger", "smaller")
+    return f"the load looks {size} {which} than stated"
+
+
+def _tool(cause: Cause) -> str:
+    """A tool point that is elsewhere."""
+    size, along = _signed(cause, "along", "against")
+    return f"the tool point looks {size} further {along} the tool's {cause.cause[-1]} axis"
+
+
+def _joint(cause: Cause) -> str:
+    """The joint in which a fault is; every one where it is in none."""
+    return f"joint {cause.joint}" if cause.joint else "every joint"
+
+
+def _wrong_pose(cause: Cause) -> str:
+    """A pose that is not the one written down."""
+    rows = row_names(cause.rows)
+    if not cause.joint:
+        are_off = "are off together" if len(cause.rows) > 1 else "is off"
+        return f"{rows} {are_off} by {_size(cause)}: is the pose the one written down?"
+    return f"{rows}: joint {cause.joint} looks {_size(cause)} away from the written value"
+
+
+def _frame_rotation(cause: Cause) -> str:
+    """A measuring frame that is turned; or a joint whose zero is off, which does the same."""
+    turned = f"the measuring frame looks turned by {_size(cause)}"
+    if not cause.joint:
+        return turned
+    zero = "the zero of that joint is off by as much: both look the same"
+    return f"{turned} about the axis of joint {cause.joint}, or {zero}"
+
+
+def _joint_zero(cause: Cause) -> str:
+    """A joint that is counted from a zero that is off."""
+    size, which = _signed(cause, "further than", "short of")
+    return f"the zero of joint {cause.joint} looks off: it is {size} {which} what is written"
+
+
+def _link_length(cause: Cause) -> str:
+    """Links that are longer or shorter than in the model."""
+    size, which = _signed(cause, "longer", "shorter")
+    links = f"the link before joint {cause.joint} looks" if cause.joint else "every link looks"
+    return f"{links} {size} {which} than in the robot's model: is it another robot?"
+
+
+def _drift(cause: Cause) -> str:
+    """Something that moves between unloaded and loaded readings: at once, or slowly."""
+    if cause.grows:
+        return f"the readings look as if something drifts, by {_size(cause)} from first to last row"
+    return f"loaded readings look shifted by {_size(cause)} against unloaded ones"
+
+
+def _friction(cause: Cause) -> str:
+    """A joint, or every one, that friction holds."""
+    what = "of its load" if cause.unit.startswith("N") else "of its motion"
+    return f"friction in {_joint(cause)} looks to take {_size(cause)} {what}"
+
+
+def _misread(cause: Cause) -> str:
+    """Columns that are to be read otherwise."""
+    return f"the columns look misread ({cause.cause.replace('_', ' ')})"
+
+
+_CAUSE_CLAUSES: dict[str, Callable[[Cause], str]] = {
+    "load_size": _load_size,
+    "load_direction": lambda cause: f"the load looks tilted by {_size(cause)}",
+    **{f"tool_{axis}": _tool for axis in "xyz"},
+    "frame_rotation": _frame_rotation,
+    "joint_zero": _joint_zero,
+    "link_length": _link_length,
+    "friction": _friction,
+    "frame_axes": _misread,
+    "columns": _misread,
+    "unit": lambda cause: f"the displacements look {_size(cause)} too large: another unit?",
+    "drift": _drift,
+    "sigma": lambda cause: f"the noise is {_size(cause)}",
+    "pose": _wrong_pose,
+    "torque_sign": lambda cause: (
+        f"the compliance of {_joint(cause)} depends on the sign of its torque, by +-{_size(cause)}"
+    ),
+    "backlash": lambda cause: f"{_joint(cause)} looks loose by +-{_size(cause)}",
+}
+
+
+def causes_wording(found: Finding) -> str:
+    """A fault that explains the residuals, or two of which it is one."""
+    cause = found.data["cause"]
+    others = found.data["others"]
+    share = f"{100 * cause.explained:.3g} % of the misfit (p = {cause.p:.1g})"
+    if not others:
+        return f"{cause_wording(cause)}: that explains {share}"
+    either = ", or ".join(cause_wording(one) for one in (cause, *others))
+    times = others[0].times
+    which = "these measurements cannot tell which"
+    if times is not None and times > 1:
+        which += f", measuring each experiment {times} times could"
+    return f"{either}: {which}; the first explains {share}"
+
+
+def no_cause_wording(found: Finding) -> str:
+    """A misfit that no fault explains, and what would tell more."""
+    tells = []
+    if not found.data["repeated"]:
+        tells.append("each pose measured twice, which tells noise from model")
+    if not found.data["loads"]:
+        tells.append("a pose under half the load and along another axis, which tells what bends")
+    tells.append(
+        "positions without load in many poses, which tell the geometry (docs/howto/geometry.md)"
+    )
+    return (
+        "no cause in the list explains this: the model. Something bends, slips or is placed "
+        f"otherwise than in the study; more would tell {'; '.join(tells)}"
+    )
+
+
+def reading_wording(found: Finding) -> str:
+    """The sentence of a reading: how much of the misfit it explains, where that is known."""
+    clause = _READING_CLAUSES[found.kind](found)
+    if "explained" not in found.data:
+        return clause
+    which = "each explains" if found.kind is Kind.SEVERAL_READINGS else "this explains"
+    # Of many measurements a reading explains all but noise: 100 % would say too much.
+    share = f"{min(100 * found.data['explained'], 99.99):.4g}"
+    after = f"{found.data['after']:.3g}"
+    before = f"{found.data['before']:.3g}"
+    rows = found.data["left_out"]
+    without = f", without {rows} outlier{'s' * (rows > 1)}" if rows else ""
+    return (
+        f"{clause}; {which} {share} % of the misfit "
+        f"(leaves {after} sigma instead of {before}{without})"
+    )
+
+
+def _as_given(found: Finding) -> str:
+    """Columns that are not read otherwise."""
+    return "the columns are as they are headed"
+
+
+def _wrong_sign(found: Finding) -> str:
+    """Displacements of the wrong sign."""
+    return "loaded and unloaded positions look swapped, or the load has the wrong sign"
+
+
+def _swapped_columns(found: Finding) -> str:
+    """Two columns that were exchanged."""
+    axes = found.data["positions"]
+    or_else = f" (or the positions in {axes[0]} and {axes[1]})" if axes else ""
+    return f"columns {' and '.join(found.columns)}{or_else} look swapped"
+
+
+def _opposite_sign(found: Finding) -> str:
+    """Joints, loads or rotations that were counted the other way round."""
+    if len(found.columns) == 1:
+        return f"column {found.columns[0]} looks measured with the opposite sign"
+    return f"columns {', '.join(found.columns)} look measured with the opposite sign"
+
+
+def _joint_offset(found: Finding) -> str:
+    """A joint that was counted from another zero."""
+    degrees = found.data["degrees"]
+    size = "small" if degrees > 0 else "large"
+    return f"column {found.columns[0]} looks {abs(degrees)} degrees too {size}"
+
+
+def _marker_unit(found: Finding) -> str:
+    """Marker offsets in metres."""
+    columns = ", ".join(found.columns)
+    return f"columns {columns} look as if they were in metres; expected millimetres"
+
+
+def _swapped_markers(found: Finding) -> str:
+    """Two markers that were exchanged in all rows."""
+    return f"the markers {' and '.join(found.columns)} look swapped in all rows"
+
+
+def _other_axes(found: Finding) -> str:
+    """Displacements along other axes."""
+    expected = ", ".join(found.data["expected"])
+    return f"the measuring frame looks {found.data['turn']}: expected ({expected})"
+
+
+def _several_readings(found: Finding) -> str:
+    """Readings that explain the measurements equally well."""
+    clauses = [_READING_CLAUSES[reading.kind](reading) for reading in found.data["readings"]]
+    short = [clause.replace(" measured with the opposite sign", " reversed") for clause in clauses]
+    named = short[:1]
+    for clause in short[1:]:
+        if len("; or ".join([*named, clause])) <= NAMED:
+            named.append(clause)
+    left = len(short) - len(named)
+    more = f"; or {left} other reading{'s' * (left > 1)}" if left else ""
+    return "; or ".join(named) + more
+
+
+_READING_CLAUSES: dict[Kind, Callable[[Finding], str]] = {
+    Kind.AS_GIVEN: _as_given,
+    Kind.WRONG_SIGN: _wrong_sign,
+    Kind.SWAPPED_COLUMNS: _swapped_columns,
+    Kind.OPPOSITE_SIGN: _opposite_sign,
+    Kind.JOINT_OFFSET: _joint_offset,
+    Kind.MARKER_UNIT: _marker_unit,
+    Kind.SWAPPED_MARKERS: _swapped_markers,
+    Kind.OTHER_AXES: _other_axes,
+    Kind.SEVERAL_READINGS: _several_readings,
+}
+READINGS = tuple(_READING_CLAUSES)

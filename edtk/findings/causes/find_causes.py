@@ -1,0 +1,336 @@
+"""Which fault explains the residuals best, if any does."""
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from edtk.findings.causes.family import NOISE, OUTLIER, POSE, PRIOR, Cause, Tried
+from edtk.findings.causes.try_faults import (
+    COMMON,
+    LEVEL,
+    PlainFit,
+    likely_faults,
+    rank_faults,
+    try_faults,
+)
+from edtk.findings.causes.wrong_pose import wrong_pose
+from edtk.findings.match_plan import some_rows
+from edtk.fit.distributions import chi_square_tail
+from edtk.fit.least_squares import SingularPlanError
+from edtk.fit.measurements import Measurements
+from edtk.fit.prior import PriorRows
+from edtk.measure.elastostatic_model import ElastostaticModel
+from edtk.system.typing import Array, Indices
+
+if TYPE_CHECKING:
+    from edtk.findings.fitted_data import FittedData
+
+MOST_OFF = 6  # one of so many rows may be an outlier, and one in any case
+MOST_LOOKS = 20  # outliers that anybody would look at one by one
+LIKELY = 1.2816  # a standard normal variable is below it with 90 %
+MOST_TIMES = 100  # times that anybody would measure
+MOST = 2  # causes that are named
+NEAR = 6.0  # score within which a second cause is as likely as the best, to a person
+CLEARLY_OFF = 6.0  # size of an outlier, in sigma, that larger noise does not make
+WITHIN_REACH = 20.0  # score that a pose gains at most where a joint value explains it
+UNEXPLAINED = 1e-6  # probability of what the best fault leaves, below which it is none of the list
+LIKELIER = 1e-6  # score by which rows have to be set aside for more than rounding
+MOST_ROWS = 1000  # measurements in which causes are looked for
+
+
+@dataclass(frozen=True)
+class FoundCauses:
+    """Faults that explain the residuals, and outliers beside which they do.
+
+    Attributes:
+        named: The best cause, and a second one that is about as likely; none if noise explains all.
+        outliers: Rows that are off by themselves, counted from 0: the others were looked at without
+            them.
+        unexplained: Whether the best fault leaves what noise does not make; it is not named.
+    """
+
+    named: tuple[Cause, ...] = ()
+    outliers: tuple[int, ...] = ()
+    unexplained: bool = False
+
+    def in_rows(self, rows: Indices) -> "FoundCauses":
+        """The same of measurements of which these were some: their row i is `rows[i]` there."""
+        named = tuple(replace(one, rows=_numbers(one.rows, rows)) for one in self.named)
+        return replace(self, named=named, outliers=_numbers(self.outliers, rows))
+
+
+def most_outliers(rows: int) -> int:
+    """How many of so many rows may be off by themselves; of more, none is the odd one."""
+    return min(max(1, rows // MOST_OFF), MOST_LOOKS)
+
+
+def _numbers(found: tuple[int, ...], rows: Indices) -> tuple[int, ...]:
+    """Numbers among all rows of some that were found among a part of them."""
+    return tuple(int(rows[i]) for i in found)
+
+
+def times_to_tell(first: Tried, second: Tried, plain: PlainFit) -> int | None:
+    """Repetitions after which the first fault, if it is the true one, is told from the second.
+
+    Of what the first fault makes, ``D_1 c``, the second leaves a part of squared length d^2 in
+    units of the noise, once compliances and its own size are fitted. Between two predictions that
+    are d apart the likelier one is right with the probability Phi(d/2) (Fisher's linear
+    discriminant); each repetition of all experiments adds as much to d^2.
+
+    Args:
+        first: The fault that is taken for the true one.
+        second: The other one.
+        plain: The measurements without any fault.
+
+    Returns:
+        How often each experiment is measured until that is 90 %, at least once; None for the same
+        fault or one of single rows, and where `MOST` times do not.
+    """
+    size = first.size
+    if first is second or size is None or second.family is None:
+        return None
+    made = _shown(first, plain) @ size
+    other = _shown(second, plain)
+    imitated, *_ = np.linalg.lstsq(other, made, rcond=None)
+    apart = float(((made - other @ imitated) ** 2).sum())
+    if apart * MOST_TIMES < (2 * LIKELY) ** 2:
+        return None
+    return math.ceil((2 * LIKELY) ** 2 / apart)
+
+
+def _shown(one: Tried, plain: PlainFit) -> Array:
+    """What residuals (n, dims) show of a unit of each of a fault's parameters."""
+    assert one.family is not None
+    columns = np.moveaxis(one.family.derivative_at_zero(plain.k), -1, 0)
+    return np.stack([plain.whitened.residual(column).ravel() for column in columns], axis=-1)
+
+
+NO_FAULTS = (COMMON, OUTLIER, PRIOR)  # of the day; they keep others from being blamed
+SINGLE = (OUTLIER, POSE)  # faults of single rows, which may be set aside one after another
+
+
+@dataclass(frozen=True, eq=False)
+class Look:
+    """What may explain some of the measurements, where the other rows are set aside.
+
+    Attributes:
+        plain: These measurements without any fault.
+        rows: Their rows, counted from 0.
+        ranked: Faults with their scores, the likeliest first.
+        aside: The outliers that were set aside, each with the chi-square that it took.
+        cost: What these add to the score.
+    """
+
+    plain: PlainFit
+    rows: Indices
+    ranked: tuple[tuple[float, Tried], ...]
+    aside: tuple[tuple[Tried, float], ...] = ()
+    cost: float = 0.0
+
+    @property
+    def best(self) -> Tried | None:
+        """The likeliest fault; None where none is likely. Outliers are for the next look."""
+        return next((one for _, one in self.ranked if one.cause.cause != OUTLIER), None)
+
+    @property
+    def score(self) -> float:
+        """The less, the likelier are the best fault and the outliers together."""
+        best = self.best
+        found = [score for score, one in self.ranked if one is best]
+        return self.cost + (found[0] if found else self.plain.chi2)
+
+    @property
+    def left(self) -> float:
+        """Probability that noise makes what the best fault leaves, beside the outliers."""
+        best = self.best
+        if best is None:
+            return self.plain.probability(self.plain.chi2, self.plain.dof)
+        if best.cause.cause in (NOISE, COMMON):
+            return 1.0
+        dof = self.plain.alone_dof if best.cause.cause == PRIOR else self.plain.dof - best.dims
+        return self.plain.probability(best.deviance, dof)
+
+    @property
+    def off(self) -> Tried | None:
+        """The likeliest fault of single rows that is off by far; None where a likelier one fits."""
+        best = self.best
+        for _, one in self.ranked:
+            if one is best and best.cause.cause != NOISE and self.left > LEVEL:
+                return None
+            if one.cause.cause in SINGLE and self.drop(one) > CLEARLY_OFF**2:
+                return one
+        return None
+
+    def drop(self, one: Tried) -> float:
+        """By how much a fault reduces the sum of squares."""
+        return self.plain.chi2 - one.deviance
+
+    @property
+    def is_clear(self) -> bool:
+        """Whether outliers are off by more than the others scatter, if that is more than stated.
+
+        A reading that is little off may as well be one of noise that is larger than stated.
+        """
+        best = self.best
+        dims = 0 if best is None else best.dims
+        left = self.plain.chi2
+        if best is not None and best.cause.cause not in (NOISE, COMMON):
+            left = best.deviance
+        dof = max(self.plain.dof - dims, 1)
+        scatter = 1.0 if _fits(left, dof) else max(1.0, left / dof)
+        return all(drop > CLEARLY_OFF**2 * scatter for _, drop in self.aside)
+
+
+def find_causes(
+    model: ElastostaticModel,
+    data: Measurements,
+    measured: Array,
+    typed: tuple[int, ...] = (),
+    known: Mapping[int, float] | None = None,
+    prior: PriorRows | None = None,
+) -> FoundCauses:
+    """Refit the measurements with each fault that is known, and name those that explain them.
+
+    A fault of any size c adds parameters to the model; the sum of squares falls by a chi-square
+    with as many degrees of freedom where the data are good. Where so large a fall has a probability
+    below 1 %, after looking at all faults, the one of the largest marginal likelihood is named. A
+    noise that is larger than stated is one of the alternatives.
+
+    Readings that are off by themselves are another one. They are set aside one after another, the
+    likeliest first, and the others are looked at as if these had not been measured. Of all these
+    looks the one of the largest marginal likelihood counts: two outliers hide each other from a
+    look at one, and make a noise that is larger than stated.
+
+    Where the best fault leaves what noise does not make, it is not the fault: none is named.
+
+    Args:
+        model: The robot with its calibration tool, and the measured rows.
+        data: The measurements.
+        measured: Deflections (m, rows) as the linear model about the fitted compliances sees them,
+            less those that joints of known compliance make [m, rad].
+        typed: Revolute joints whose values were written by hand, in which a pose may be wrong.
+        known: Compliances of further joints, by their index [rad/(N m)].
+        prior: What is known of the compliances besides, linearised about the fitted ones.
+    """
+    told = prior if prior is not None and len(prior) else None
+
+    def plain_fit(rows: Indices) -> PlainFit | None:
+        """Some rows without a fault; None where they do not tell all parameters."""
+        try:
+            plain = PlainFit.of(model, data[rows], measured[rows], known or {}, told)
+        except SingularPlanError:
+            return None
+        return plain if plain.dof >= 1 else None
+
+    looks = list(_looks(len(data), plain_fit, typed))
+    if not looks:
+        return FoundCauses()
+    best = looks[0]
+    for look in looks[1:]:
+        if look.is_clear and look.score < best.score - LIKELIER:
+            best = look
+    return _found(best, len(data))
+
+
+def _looks(
+    m: int, plain_fit: Callable[[Indices], PlainFit | None], typed: tuple[int, ...]
+) -> Iterator[Look]:
+    """Look at all rows, and at those that are left where outliers are set aside one by one."""
+    rows = np.arange(m)
+    aside: tuple[tuple[Tried, float], ...] = ()
+    cost = 0.0
+    while m - len(rows) <= most_outliers(m):
+        plain = plain_fit(rows)
+        if plain is None:
+            return
+        look = Look(plain, rows, _ranked(plain, typed), aside, cost)
+        yield look
+        off = look.off
+        if off is None:
+            return
+        aside = (*aside, (off, look.drop(off)))
+        # Outliers may be found in any order.
+        cost += plain.score(off) - off.deviance - 2 * math.log(len(aside))
+        rows = np.delete(rows, off.cause.rows)
+
+
+def _ranked(plain: PlainFit, typed: tuple[int, ...]) -> tuple[tuple[float, Tried], ...]:
+    """The faults that may explain some measurements, the likeliest first."""
+    likely = likely_faults(try_faults(plain))
+    likely.sort(key=plain.score)
+    return tuple(rank_faults(_with_joints(plain, likely, typed), plain.coordinates))
+
+
+def _found(look: Look, m: int) -> FoundCauses:
+    """What the best look shows."""
+    if look.left < UNEXPLAINED:
+        return FoundCauses(unexplained=True)
+    outliers = tuple(np.setdiff1d(np.arange(m), look.rows).tolist())
+    best = look.best
+    # The test of lack of fit tells of noise that repetitions share.
+    silent = best is None or best.cause.cause == COMMON
+    if best is not None and best.cause.cause == PRIOR:
+        silent = _fits(best.deviance, look.plain.alone_dof)
+    if silent:
+        return FoundCauses(outliers=outliers)
+    named = FoundCauses(_named(look.ranked, look.plain)).in_rows(look.rows)
+    return replace(named, outliers=outliers)
+
+
+def _named(ranked: Sequence[tuple[float, Tried]], plain: PlainFit) -> tuple[Cause, ...]:
+    """The best cause, and a second one that is about as likely."""
+    faults = [(score, one) for score, one in ranked if one.cause.cause not in NO_FAULTS]
+    best = [one for score, one in faults if score <= faults[0][0] + NEAR][:MOST]
+    return tuple(
+        replace(
+            one.cause, explained=_explained(one, plain), times=times_to_tell(best[0], one, plain)
+        )
+        for one in best
+    )
+
+
+def _with_joints(plain: PlainFit, likely: list[Tried], typed: tuple[int, ...]) -> list[Tried]:
+    """The same faults; wrong poses near the likeliest fault with the joint that explains them.
+
+    A joint value has fewer parameters than a shift, so that such a pose comes further ahead.
+    """
+    found = list(likely)
+    poses = [one for one in likely if one.cause.cause == POSE]
+    near = [one for one in poses if plain.score(one) < plain.score(likely[0]) + WITHIN_REACH]
+    for one in near[:MOST]:
+        measured = plain.measured_rows(plain.measured)
+        found[found.index(one)] = wrong_pose(
+            plain.model, plain.data, measured, one, typed, plain.by_prior
+        )
+    return found
+
+
+def _fits(deviance: float, dof: int) -> bool:
+    """Whether the stated noise explains what is left."""
+    return float(chi_square_tail(deviance, max(dof, 1))) > LEVEL
+
+
+def _explained(one: Tried, plain: PlainFit) -> float:
+    """Share of the misfit that a fault explains."""
+    return min(1.0, max(0.0, plain.chi2 - one.deviance) / max(plain.chi2 - plain.dof, 1e-9))
+
+
+def look_for_causes(fitted: "FittedData") -> FoundCauses:
+    """Look for faults and outliers in the residuals of a fit, or of some of very many rows."""
+    if fitted.fit.robust:
+        return FoundCauses()  # a robust fit sets aside what a fault makes
+    study = fitted.study
+    rows = some_rows(len(fitted.data), MOST_ROWS)
+    typed = tuple(
+        j
+        for j, joint in enumerate(study.robot.joints)
+        if joint.kind == "revolute" and j not in study.fixed
+    )
+    measured = fitted.as_linear[rows]
+    found = find_causes(
+        study.model, fitted.data[rows], measured, typed, study.known, fitted.told_before
+    )
+    return found.in_rows(rows)

@@ -1,0 +1,1 @@
+"""What looks wrong in sheets of positions, and in fits to them."""

@@ -1,0 +1,383 @@
+"""Whether the frame moved, or a weight hangs that nobody told, by the residuals of a fit."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from edtk.findings.geometry.fit_rows import FitRows, explained_by, frame_columns, log_chance
+from edtk.fit.geometry.fitted_geometry import MM, GeometricFit
+from edtk.fit.geometry.position_noise import PositionNoise
+from edtk.measure.parameters import GeometricParameter
+from edtk.system.typing import Array, Indices, Mask
+
+FEWEST_IN_FRAME = 2  # poses before, after and between
+UNLIKELY_FRAME = 1e-6
+# Of the squares, at least: a drift of the floor explains less. Equal weights make more of errors
+# that the coordinates of a pose have in common, which are then as if fewer poses told something.
+FRAME_EXPLAINS = {False: 0.2, True: 0.5}
+FRAME_COORDINATES = {False: 3.0, True: 6.0}  # of a pose that err together
+# Probability of a motion that the noise was fitted beside: of 200 sound days none had less.
+RARE = 1e-2
+SIDE = 4  # poses before and after such a motion: of fewer it may be that one is a wrong one
+BREAKS = 30  # poses at which a motion that is taken back is tried first
+UNLIKELY_LOAD = 1e-4
+LOAD_EXPLAINS = 0.5  # of the squares, at least: gears that are not round explain less
+LOAD_COORDINATES = 3.0  # of a pose that err together
+SURE = 2.0  # standard deviations by which a joint gives way
+FEWEST_LOADED = 4  # poses with the weight, and without it
+STARTS = 6  # random ones of the search for poses with a weight
+ROUNDS = 12  # of telling the weight and the poses, in turn
+SAME = 1e-6  # [m] a load that changes less from pose to pose tells nothing
+
+
+@dataclass(frozen=True, eq=False)
+class MovedFrame:
+    """A motion of the frame that explains a good part of the residuals.
+
+    Attributes:
+        first: The first pose (of the means, in order of the file) after it.
+        end: The pose at which it was taken back; the number of poses where it was not.
+        shift: How far positions are off after it, root mean square [m].
+        explained: Share of the squared residuals that it explains.
+    """
+
+    first: int
+    end: int
+    shift: float
+    explained: float
+
+    def columns(self, fit: GeometricFit) -> Array:
+        """Its columns (m, 3k, 6) [mm a mm, mm a mrad]."""
+        moved = frame_columns(fit)
+        pose = np.arange(len(moved))
+        return moved * ((pose >= self.first) & (pose < self.end))[:, None, None]
+
+
+def moved_frame(fit: GeometricFit, others: Sequence[GeometricParameter] = ()) -> MovedFrame | None:
+    """Try a rigid motion of the frame between any two poses, and test the best.
+
+    The motion has six parameters, whose columns B count from pose s to pose t. With residuals z of
+    the fit and its columns X, both weighted, the squares fall by
+    ``g' (B'B - B'X (X'X)^-1 X'B)^-1 g`` with ``g = B'z``; running sums give this for all s and t.
+    The ratio to what is left has Fisher's distribution for one pair; the smallest probability
+    counts as often as pairs are. The frame does not move back as a rule: motions to the end of the
+    day are tried all, and others between some poses, and then near the best of these.
+
+    Residuals are weighted by the noise that was fitted, and equally: a motion is part of what was
+    fitted as noise, which may hide it. So the noise is fitted anew beside the motion that lowers
+    the squares most, too, and then tells smaller ones.
+
+    Args:
+        fit: Of a sheet whose poses are in the order in which they were measured.
+        others: Errors of the drawing that were not asked for. What they explain is no motion: they
+            are fitted beside it.
+    """
+    day = _Day.of(fit, others)
+    found = [*(_best(day, white) for white in (False, True)), _beside_noise(day)]
+    told = [one for one in found if one is not None]
+    return max(told, key=lambda one: one.explained, default=None)
+
+
+def _best(day: "_Day", white: bool) -> MovedFrame | None:
+    """The motion that lowers the squares most, where chance does not explain it."""
+    m = len(day)
+    dof = day.dof
+    if m < 2 * FEWEST_IN_FRAME or dof < 4:
+        return None
+    sums = day.sums(None if white else day.rows.noise)
+    total = float((sums.z**2).sum())
+    ends = [(s, m) for s in range(FEWEST_IN_FRAME, m - FEWEST_IN_FRAME + 1)]
+    best = max((sums.fall(s, t), s, t) for s, t in ends)
+    between = max(((sums.fall(s, t), s, t) for s, t in _pairs(m)), default=best)
+    between = max((sums.fall(s, t), s, t) for s, t in _near(between[1], between[2], m))
+    independent = max(dof / FRAME_COORDINATES[white], 1.0)
+    judged = [
+        (_probability(fall, total, independent) * count, fall, s, t)
+        for (fall, s, t), count in ((best, m), (between, m * m))
+    ]
+    probability, fall, s, t = min(judged)
+    if probability > UNLIKELY_FRAME or fall < FRAME_EXPLAINS[white] * total:
+        return None
+    return MovedFrame(s, t, day.size(sums.motion(s, t), s, t), fall / total)
+
+
+def _beside_noise(day: "_Day") -> MovedFrame | None:
+    """The motion to the end of the day, where it is large beside the noise that it leaves.
+
+    A motion of half a millimetre amid errors of a robot of a third is fitted as noise, which then
+    looks large enough to explain it. Fitted beside its columns, the noise is as without it.
+    """
+    m = len(day)
+    if m < 2 * SIDE or day.dof < 4:
+        return None
+    ends = range(SIDE, m - SIDE + 1)
+    before = day.sums(day.rows.noise)
+    s = max(ends, key=lambda s: before.fall(s, m))
+    after = day.sums(day.noise_beside(s))
+    total = float((after.z**2).sum())
+    fall = after.fall(s, m)
+    independent = max(day.dof / FRAME_COORDINATES[False], 1.0)
+    if _probability(fall, total, independent) * m > RARE or fall < FRAME_EXPLAINS[False] * total:
+        return None
+    return MovedFrame(s, m, day.size(after.motion(s, m), s, m), fall / total)
+
+
+def _pairs(m: int) -> Iterator[tuple[int, int]]:
+    """Some poses between which a motion is tried, the day's ends left out."""
+    breaks = np.unique(np.linspace(FEWEST_IN_FRAME, m - 1, BREAKS).astype(int)).tolist()
+    return ((s, t) for s in breaks for t in breaks if t - s >= FEWEST_IN_FRAME)
+
+
+def _near(s: int, t: int, m: int) -> list[tuple[int, int]]:
+    """Pairs near a pair, as near as the next that was tried, and itself."""
+    step = max(m // BREAKS, 1) + 1
+    pairs = {(s, t)}
+    for a in range(max(s - step, FEWEST_IN_FRAME), min(s + step, m - FEWEST_IN_FRAME) + 1):
+        for b in range(max(t - step, a + FEWEST_IN_FRAME), min(t + step, m) + 1):
+            pairs.add((a, b))
+    return sorted(pairs)
+
+
+def _probability(fall: float, total: float, dof: float) -> float:
+    """How likely chance lowers the squares as much between two given poses."""
+    from scipy.stats import f
+
+    share = fall / max(total, 1e-300)
+    return float(f.sf(share / max(1 - share, 1e-12) * dof / 6, 6, dof))
+
+
+@dataclass(frozen=True, eq=False)
+class _Sums:
+    """Running sums over the poses, each before its pose.
+
+    Attributes:
+        z: Residuals (m, r) without what the columns explain.
+        gradient: Sums of B'z (m + 1, 6).
+        square: Sums of B'B (m + 1, 6, 6).
+        cross: Sums of X'B (m + 1, p, 6).
+        inverse: (X'X)^-1 (p, p).
+    """
+
+    z: Array
+    gradient: Array
+    square: Array
+    cross: Array
+    inverse: Array
+
+    @classmethod
+    def of(cls, z: Array, X: Array, B: Array) -> "_Sums":
+        """Of weighted residuals, columns and motions."""
+        H = np.linalg.pinv(np.einsum("mrp,mrq->pq", X, X), hermitian=True)
+        # The fit has other weights, so that something is left along its own columns.
+        z = z - X @ (H @ np.einsum("mrp,mr->p", X, z))
+        return cls(
+            z,
+            _before(np.einsum("mri,mr->mi", B, z)),
+            _before(np.einsum("mri,mrj->mij", B, B)),
+            _before(np.einsum("mrp,mri->mpi", X, B)),
+            H,
+        )
+
+    def motion(self, s: int, t: int) -> Array:
+        """The motion (6,) from pose s to pose t that lowers the squares most."""
+        cross = self.cross[t] - self.cross[s]
+        inner = self.square[t] - self.square[s] - cross.T @ self.inverse @ cross
+        gradient = self.gradient[t] - self.gradient[s]
+        return np.asarray(np.linalg.pinv(inner, rcond=1e-8, hermitian=True) @ gradient)
+
+    def fall(self, s: int, t: int) -> float:
+        """How much that lowers them."""
+        return float((self.gradient[t] - self.gradient[s]) @ self.motion(s, t))
+
+
+@dataclass(frozen=True, eq=False)
+class _Day:
+    """The poses of a day, in their order.
+
+    Attributes:
+        rows: Their residuals and columns.
+        moved: Columns (m, 3k, 6) of motions of the frame [mm].
+    """
+
+    rows: FitRows
+    moved: Array
+
+    @classmethod
+    def of(cls, fit: GeometricFit, others: Sequence[GeometricParameter] = ()) -> "_Day":
+        """Of a fit, beside parameters that are none of it."""
+        return cls(FitRows.of(fit).beside(others), frame_columns(fit))
+
+    def __len__(self) -> int:
+        return len(self.moved)
+
+    @property
+    def dof(self) -> int:
+        """Coordinates that neither the fit nor a motion takes."""
+        return self.rows.dof(6)
+
+    def noise_beside(self, s: int) -> PositionNoise:
+        """The noise, fitted beside a motion from pose s on."""
+        return self.rows.noise_beside(self.moved * (np.arange(len(self)) >= s)[:, None, None])
+
+    def sums(self, noise: PositionNoise | None) -> _Sums:
+        """Running sums of all, weighted by a noise, or equally where there is none."""
+        z, X, B = self.rows.whitened(
+            noise, self.rows.residual[..., None], self.rows.design, self.moved
+        )
+        return _Sums.of(z[..., 0], X, B)
+
+    def size(self, motion: Array, s: int, t: int) -> float:
+        """How far a motion (6,) carries the markers of some poses, root mean square [m]."""
+        seen = self.rows.fit.data.means.seen[s:t].reshape(-1)
+        off = (self.moved[s:t] @ motion).reshape(-1, 3)[seen]
+        return float(np.sqrt((off**2).sum(axis=-1).mean())) / MM
+
+
+def _before(terms: Array) -> Array:
+    """Sums (m + 1, ...) of all terms before each one, and of all."""
+    return np.concatenate([np.zeros((1, *terms.shape[1:])), np.cumsum(terms, axis=0)])
+
+
+@dataclass(frozen=True, eq=False)
+class UntoldLoad:
+    """A weight that explains a good part of the residuals.
+
+    Attributes:
+        joints: Names of the joints that give way.
+        explained: Share of the squared residuals that this explains.
+        loaded: Mask (m,) of the poses that are under it.
+        columns: Its columns (m, 3k, c).
+        log_chance: Logarithm of the probability that chance explains as much.
+    """
+
+    joints: tuple[str, ...]
+    explained: float
+    loaded: Mask
+    columns: Array
+    log_chance: float
+
+
+def untold_load(fit: GeometricFit) -> UntoldLoad | None:
+    """Try springs of all joints under a weight at the tool, and test those that give way.
+
+    A weight W turns joint j by ``k_j W t_j(q)``, with t_j the torque of a unit force down at the
+    tool: the columns are the motions by the joints times t_j, and ``k_j W`` is not negative. The
+    noise is fitted anew beside them (see `moved_frame`), and the fall of the squares has to be
+    improbable, and half of them with equal weights. The weight of the links bends joints much the
+    same way, so that both are meant.
+
+    The weight may hang there in all poses, from one on or up to it, in every other one, or in any
+    that the residuals tell. The probability counts as often as there are ways to choose them.
+
+    Args:
+        fit: Of positions without springs among its parameters.
+    """
+    rows = FitRows.of(fit)
+    robot = fit.fitted.model.robot
+    frames = robot.frames(fit.data.means.q, ())
+    torque = -frames.folded(frames.linear_of_each)[:, 2].T
+    turned = np.flatnonzero(np.ptp(torque, axis=0) > SAME)
+    if not len(turned) or rows.dof(len(turned)) < len(turned):
+        return None
+    bent = rows.motion * torque[:, None]
+    every = np.ones(len(bent), dtype=bool)
+    found = _judged(rows, bent, turned, every, 0.0)
+    parts = [_judged(rows, bent, turned, *one) for one in _parts_of_day(rows, bent[..., turned])]
+    told = [one for one in (found, *parts) if one is not None]
+    return min(told, key=lambda one: one.log_chance, default=None)
+
+
+def _judged(
+    rows: FitRows, bent: Array, turned: Indices, loaded: Mask, log_tries: float
+) -> UntoldLoad | None:
+    """A weight in some poses, where chance does not explain what it does."""
+    bent = bent * loaded[:, None, None]
+    noise = rows.noise_beside(bent[..., turned])
+    parts = (rows.residual[..., None], rows.design)
+    every = explained_by(*rows.whitened(noise, *parts, bent[..., turned]))
+    giving = turned[every.values > SURE * every.std]
+    if not len(giving):
+        return None
+    columns = bent[..., giving]
+    found = explained_by(*rows.whitened(noise, *parts, columns)).share
+    explained = explained_by(*rows.whitened(None, *parts, columns)).share
+    independent = max(rows.dof(len(giving)) / LOAD_COORDINATES, 1.0)
+    chance = log_chance(found, len(giving), independent) + log_tries
+    if explained < LOAD_EXPLAINS or chance > np.log(UNLIKELY_LOAD):
+        return None
+    names = tuple(rows.fit.fitted.model.robot.joint_names[j] for j in giving)
+    return UntoldLoad(names, explained, loaded, columns, chance)
+
+
+def _parts_of_day(rows: FitRows, bent: Array) -> list[tuple[Mask, float]]:
+    """Masks (m,) of poses that a weight may load, and logarithms of how many such there are."""
+    m = len(bent)
+    if m < 2 * FEWEST_LOADED:
+        return []
+    each = np.arange(m)
+    turns = [each % 2 == 0, each % 2 == 1]
+    breaks = range(FEWEST_LOADED, m - FEWEST_LOADED + 1)
+    halves = [mask for s in breaks for mask in (each >= s, each < s)]
+    z, X, C = rows.whitened(None, rows.residual[..., None], rows.design, bent)
+    day = _LoadedPoses.of(z, X, C)
+    half = min(halves, key=day.left)
+    turn = min(turns, key=day.left)
+    rng = np.random.default_rng(0)
+    starts = [half, turn, *(rng.random((STARTS, m)) < 0.5)]
+    free = min((day.settled(start) for start in starts), key=day.left)
+    found = [(half, float(np.log(len(halves)))), (turn, float(np.log(len(turns))))]
+    if FEWEST_LOADED <= free.sum() <= m - FEWEST_LOADED:
+        found.append((free, m * float(np.log(2.0))))
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class _LoadedPoses:
+    """Residuals, and what a weight in some poses leaves of them.
+
+    Attributes:
+        z: Residuals (m, r).
+        X: Columns (m, r, p) of the fit.
+        C: Columns (m, r, c) of a weight.
+        Q: An orthonormal basis (m r, p) of the columns of the fit.
+    """
+
+    z: Array
+    X: Array
+    C: Array
+    Q: Array
+
+    @classmethod
+    def of(cls, z: Array, X: Array, C: Array) -> "_LoadedPoses":
+        """Of rows that all count alike."""
+        Q = np.linalg.qr(X.reshape(-1, X.shape[-1]))[0]
+        return cls(z[..., 0], X, C, Q)
+
+    def _apart(self, loaded: Mask) -> tuple[Array, Array]:
+        """Residuals (m, r) with a weight in some poses, and its size (c,), none below zero."""
+        from scipy.optimize import nnls
+
+        C = (self.C * loaded[:, None, None]).reshape(-1, self.C.shape[-1])
+        z = self.z.reshape(-1)
+        C, z = C - self.Q @ (self.Q.T @ C), z - self.Q @ (self.Q.T @ z)
+        # Of as many rows as columns: the squares fall by as much.
+        q, r = np.linalg.qr(C)
+        size = nnls(r, q.T @ z)[0]
+        return (z - C @ size).reshape(self.z.shape), size
+
+    def left(self, loaded: Mask) -> float:
+        """Sum of squares."""
+        return float((self._apart(loaded)[0] ** 2).sum())
+
+    def settled(self, loaded: Mask) -> Mask:
+        """The poses (m,) that fit better under the weight, told in turn with its size."""
+        for _ in range(ROUNDS):
+            apart, size = self._apart(loaded)
+            bend = self.C @ size
+            without = apart + bend * loaded[:, None]
+            after = ((without - bend) ** 2).sum(axis=1) < (without**2).sum(axis=1)
+            if (after == loaded).all():
+                break
+            loaded = after
+        return loaded

@@ -1,0 +1,288 @@
+"""The fit where joints move between visits, or repetitions share a part of their noise."""
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from edtk.fit.correlated_noise import CorrelatedNoise, NotPositiveDefiniteError, RowNoise, whiten
+from edtk.fit.equilibrium import LinearisedData, fit_common_noise
+from edtk.fit.estimate_noise import NoiseEstimate
+from edtk.fit.identify import Identification, identify
+from edtk.fit.least_squares import SingularPlanError, Whitened
+from edtk.fit.measurements import Measurements, joint_motion
+from edtk.fit.noise import TooManyVisitsError, own_covariance, tracker_noise, visit_covariance
+from edtk.fit.outliers import LackOfFit, lack_of_fit
+from edtk.measure.noise import VisitNoise, shared_visits
+from edtk.measure.pose_table import pose_factors
+from edtk.study.study import Study
+from edtk.system.typing import Array, Indices
+
+if TYPE_CHECKING:
+    from edtk.findings.fitted_data import FittedData
+
+ROUNDS = 4  # of finding outliers; two are the rule
+
+
+def stated_noise(study: Study, data: Measurements, repeats: Indices | None = None) -> Measurements:
+    """Give measurements the covariance of their visits; the same where noise is white.
+
+    A sheet that states the noise of its displacements speaks for tracker and white noise; motions
+    of the joints and the discrepancy are added to what it says.
+
+    Args:
+        study: Its [noise].
+        data: Poses, markers, visits, and the white noise or that of the sheet.
+        repeats: Visits (m,) of which each row is the mean; one by default.
+
+    Raises:
+        NotPositiveDefiniteError: A measurement has no noise in some direction.
+        TooManyVisitsError: A pose is visited more often than a computer likes.
+    """
+    noise = study.noise
+    if noise is None:
+        return data
+    times = np.ones(len(data), dtype=int) if repeats is None else repeats
+    own = CorrelatedNoise.of_any(data.noise, data.sigma.shape)
+    if noise.tracker is not None and not data.stated:
+        own = tracker_noise(study.model, data, noise.tracker, noise.readings)
+    tracker = own.over(times)
+    joints = np.sqrt(noise.readings) * noise.repeatability
+    motion = joint_motion(study.model, data) * joints / np.sqrt(times)[:, None, None]
+    covariance = visit_covariance(data, tracker, motion, _discrepancy(study, noise, data, times))
+    visit = data.visits.astype(float)
+    return replace(data, covariance=covariance, sigma=covariance.std, tracker=tracker, visit=visit)
+
+
+def _discrepancy(study: Study, noise: VisitNoise, data: Measurements, times: Indices) -> Array:
+    """Standard deviations (m, rows) of the model's errors, which visits of a pose share.
+
+    Poses near each other share an unknown part of it. As in a design, the variance of a pose is
+    counted as often as there are visits near it, over its own visits: that is never too little.
+    """
+    size = float(noise.discrepancy.max())
+    if not size:
+        return np.zeros(data.sigma.shape)
+    first = np.unique(data.pose, return_index=True)[1]
+    of_visit = np.unique(data.visits, return_index=True)[1]
+    visits = np.bincount(data.pose[of_visit], times[of_visit])
+    prismatic = np.array([joint.kind == "prismatic" for joint in study.robot.joints])
+    near = shared_visits(data.q[first], visits, prismatic, noise.within)
+    return np.sqrt(near / visits)[data.pose, None] * np.where(data.lengths, size, 0.0)
+
+
+def repetitions_agree(fitted: "FittedData") -> LackOfFit | None:
+    """Test repetitions, or visits where joints move all markers of one.
+
+    A reading that is off by itself disagrees with the model and not with what is not repeated, or
+    with its repetitions: either way it says nothing of noise, and counts as not measured.
+
+    Returns:
+        The test; None where nothing is repeated, or not all parameters are told.
+    """
+    if fitted.untold:
+        return None
+    data = fitted.data
+    found = fitted.noise_estimate
+    if found is not None and data.tracker is None:
+        others, seen = fitted.others
+        return visits_lack_of_fit(fitted.study, others, seen, found)
+    p = len(fitted.fit.k)
+    test = lack_of_fit(whiten(fitted.fit.residual, data.noise), data.places, p)
+    if test is None or not (test.seen or len(fitted.fit.outliers)):
+        return test  # nothing was found that an outlier could have made
+    if not fitted.found_causes.outliers:
+        return test
+    rows = np.delete(np.arange(len(data)), fitted.found_causes.outliers)
+    rest = data[rows]
+    try:
+        whitened = Whitened.of(fitted.linear_regressor[rows], rest.noise, fitted.fit.parameters)
+    except SingularPlanError:
+        return test
+    return lack_of_fit(whitened.residual(fitted.as_linear[rows]), rest.places, p)
+
+
+def moving_joints(
+    study: Study,
+    data: Measurements,
+    seen: LinearisedData,
+    found: NoiseEstimate,
+    fit: Identification,
+) -> tuple[CorrelatedNoise, Identification] | None:
+    """Fit again with the estimated errors of tracker, joints and model.
+
+    Args:
+        study: The robot and the names of the parameters.
+        data: The measurements.
+        seen: Their linear model.
+        found: The estimate.
+        fit: The fit with the stated noise, whose chi-square stays.
+
+    Returns:
+        The noise, and the fit: intervals have the degrees of freedom of what tells the largest
+        errors. None where a pose is visited more often than a computer likes, or the tracker errs
+        next to nothing beside the joints.
+    """
+    try:
+        noise = _noise(study, data, found, found.discrepancy)
+    except (TooManyVisitsError, NotPositiveDefiniteError):
+        return None
+    return noise, _refit(seen, noise, fit, found.common_dof)
+
+
+def shared_by_repetitions(
+    data: Measurements, seen: LinearisedData, test: LackOfFit, fit: Identification
+) -> tuple[CorrelatedNoise, Identification] | None:
+    """Fit again with the estimated noise that repetitions share, where rows have covariances.
+
+    Args:
+        data: The measurements.
+        seen: Their linear model.
+        test: How much repetitions scatter, and share.
+        fit: The fit with the stated noise, whose chi-square stays.
+
+    Returns:
+        The noise, and the fit; None where a pose is repeated more often than a computer likes.
+    """
+    own = test.pure_error**2 * own_covariance(data.own_noise, data.sigma.shape)
+    still = np.zeros((*data.sigma.shape, 1))
+    try:
+        noise = visit_covariance(
+            data, CorrelatedNoise.by_row(own), still, test.common * data.own_sigma
+        )
+    except (TooManyVisitsError, NotPositiveDefiniteError):
+        return None
+    return noise, _refit(seen, noise, fit, float(test.dof[0]))
+
+
+def _refit(
+    seen: LinearisedData, noise: CorrelatedNoise, fit: Identification, dof: float
+) -> Identification:
+    """The fit with an estimated noise; chi-square and scale stay those of the stated one."""
+    again = identify(seen.A, seen.measured, noise, fit.parameters)
+    return replace(
+        again,
+        chi2=fit.chi2,
+        p_value=fit.p_value,
+        scale=fit.scale,
+        covariance_dof=float(dof),
+        known=fit.known,
+        too_few_for_robust=fit.too_few_for_robust,
+    )
+
+
+def visits_lack_of_fit(
+    study: Study, data: Measurements, seen: LinearisedData, found: NoiseEstimate
+) -> LackOfFit | None:
+    """Test whether visits of a pose agree better with each other than with the model.
+
+    Motions of the joints hang together in a visit: rows are whitened by the estimate of them. Where
+    no pose is visited twice it is markers that are compared, with motions of the joints.
+
+    Args:
+        study: The robot and the names of the parameters.
+        data: The measurements.
+        seen: Their linear model.
+        found: The estimate.
+    """
+    if not found.revisited:
+        return found.lack_of_fit
+    try:
+        noise = _noise(study, data, found, 0.0)
+        whitened = Whitened.of(seen.A, noise, study.model.parameters)
+    except (TooManyVisitsError, NotPositiveDefiniteError, SingularPlanError):
+        return found.lack_of_fit
+    z = found.tracker * whitened.residual(seen.measured)
+    return lack_of_fit(z, data.places, study.model.p)
+
+
+def _noise(
+    study: Study, data: Measurements, found: NoiseEstimate, discrepancy: float
+) -> CorrelatedNoise:
+    """The estimated noise of tracker and joints, and of a discrepancy [m].
+
+    Raises:
+        TooManyVisitsError: A pose is visited more often than a computer likes.
+        NotPositiveDefiniteError: The tracker errs next to nothing beside the joints.
+    """
+    own = found.tracker**2 * own_covariance(data.own_noise, data.sigma.shape)
+    motion = joint_motion(study.model, data) * (joint_unit(study) * found.joints)
+    of_model = np.where(data.lengths, discrepancy, 0.0)
+    return visit_covariance(data, CorrelatedNoise.by_row(own), motion, of_model)
+
+
+def joint_unit(study: Study) -> Array:
+    """Standard deviations (n,) of what joints add to a row, for a variance of one [rad or m].
+
+    Joints err by as many degrees each, or millimetres where they slide, as nothing tells them apart
+    beforehand; where the study states several sizes, these keep their proportions. A displacement
+    is the difference of two readings, to each of which the robot comes anew.
+    """
+    readings = 2 if study.specification.measurement.reference == "unloaded" else 1
+    unit = pose_factors(study.robot)
+    stated = stated_repeatability(study)
+    if study.noise is not None and stated is not None:
+        unit = study.noise.repeatability / stated
+    return np.asarray(np.sqrt(readings) * unit)
+
+
+def own_of_visits(study: Study, data: Measurements) -> RowNoise:
+    """The noise of each measurement by itself, against which motions of the joints are seen.
+
+    Where no pose is visited twice, nothing tells the discrepancy from errors of the tracker: a
+    stated one is then taken as such.
+    """
+    own = data.own_noise
+    if data.alone or study.noise is None or not study.noise.shares:
+        return own
+    if data.visits.max() > data.pose.max():
+        return own
+    size = np.where(data.lengths, float(study.noise.discrepancy.max()), 0.0)
+    return CorrelatedNoise.of_any(own, data.sigma.shape).with_more(size)
+
+
+def stated_repeatability(study: Study) -> float | None:
+    """Root mean square of the stated repeatabilities [deg, mm]; None where none is stated."""
+    if study.noise is None or not study.noise.repeatability.any():
+        return None
+    sizes = study.noise.repeatability / pose_factors(study.robot)
+    return float(np.sqrt(np.mean(sizes**2)))
+
+
+def with_common_noise(fitted: "FittedData") -> "FittedData":
+    """The same with the noise that repetitions or visits share, where no fault explains it.
+
+    Outliers are told by the noise, and the noise by rows that are none: each is found anew with the
+    other one until they agree.
+    """
+    if fitted.data.tracker is not None or fitted.fit.robust:
+        return fitted  # the study says what visits share
+    known = fitted
+    for _ in range(ROUNDS):
+        found = _with_noise_of(known)
+        if np.array_equal(found.fit.outliers, known.fit.outliers):
+            return found
+        known = replace(fitted, fit=replace(fitted.fit, outliers=found.fit.outliers))
+    return found
+
+
+def _with_noise_of(fitted: "FittedData") -> "FittedData":
+    """The same with shared noise as rows have it that are no outliers so far."""
+    data = fitted.data
+    found = fitted.noise_estimate
+    test = fitted.lack_of_fit
+    shared = (test is not None and test.seen) or (found is not None and found.moves)
+    if not shared or fitted.structural_causes:
+        return fitted
+    seen = LinearisedData(fitted.A, fitted.measured)
+    again = None
+    if found is not None:
+        again = moving_joints(fitted.study, data, seen, found, fitted.fit)
+    elif test is not None and data.covariance is not None:
+        again = shared_by_repetitions(data, seen, test, fitted.fit)
+    elif test is not None:
+        seen, fit = fit_common_noise(seen, data.sigma, data.places, test, fitted.fit)
+        return replace(fitted, A=seen.A, measured=seen.measured, fit=fit, common_noise=True)
+    if again is None:
+        return fitted
+    return replace(fitted, fit=again[1], common_noise=True, estimated=again[0])

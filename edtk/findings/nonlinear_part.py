@@ -1,0 +1,148 @@
+"""What the loaded equilibrium, known joints and whole rows add to the linear model."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from edtk.findings.match_plan import some_poses
+from edtk.fit.equilibrium import linearise, marker_motion
+from edtk.fit.identify import Identification
+from edtk.fit.least_squares import SingularPlanError, Whitened, estimate
+from edtk.fit.measurements import Measurements
+from edtk.measure.elastostatic_model import ElastostaticModel
+from edtk.measure.equilibrium import NoEquilibriumError, Rest, equilibrium
+from edtk.measure.instruments.one_row import OneRow
+from edtk.measure.task import all_compliances
+from edtk.study.study import Study
+from edtk.system.typing import Array, Indices
+
+BIAS = 0.1  # of the linear model, in standard deviations, from which the equilibrium is fitted
+
+
+def known_part(study: Study, data: Measurements) -> Array | float:
+    """Compute the displacements that the known compliances make, by the linear model, Eq. (4).
+
+    Args:
+        study: Says which compliances are known.
+        data: Poses, loads and markers.
+
+    Returns:
+        Displacements (m, rows) [m, rad]; zero where no compliance is known.
+    """
+    if not study.known:
+        return 0.0
+    model = replace(study.model, unknown=tuple(study.known))
+    return data.regressor(model) @ np.array(list(study.known.values()))
+
+
+def whole_rows(
+    model: ElastostaticModel, data: Measurements, A: Array
+) -> tuple[Array, Indices | None]:
+    """Regressors of the vectors that rows are coordinates of.
+
+    Args:
+        model: Says what is measured.
+        data: The measurements.
+        A: Their regressors (m, rows, p).
+
+    Returns:
+        Regressors (m, v, 3, p) of v vectors of each row: its displacement, and its rotation where
+        both are measured. And the coordinate (m,) that a row of a single one is of its vector, -1
+        for a distance; None where rows are whole.
+    """
+    m, rows, p = A.shape
+    if rows > 1:
+        return A.reshape(m, rows // 3, 3, p), None
+    whole = np.zeros((m, 1, 3, p))
+    own = np.full(m, -1)
+    frames = model.frames(data.q)
+    torque = model.torque_of(frames, data.wrench)[model.joints]
+    for members, sensor in data.instruments(model):
+        if isinstance(sensor, OneRow):
+            first = sensor.row // 3 * 3
+            part = frames[members]
+            motion = part.folded(sensor.whole.motion(part))[model.joints, first : first + 3]
+            whole[members, 0] = np.moveaxis(motion * torque[:, None, members], (0, 1), (-1, -2))
+            own[members] = sensor.row % 3
+    return whole, own
+
+
+def nonlinear_part(study: Study, data: Measurements, k: Array, A: Array | None = None) -> Array:
+    """Compute the displacement at rest less that of the linear model, Eq. (2).
+
+    Joints of known compliance bend in both.
+
+    Args:
+        study: The model.
+        data: Poses, loads and markers.
+        k: Compliances (p,), not negative [rad/(N m)].
+        A: Regressors (m, rows, p) of the measurements, if they are at hand.
+
+    Returns:
+        Differences (m, rows) [m, rad].
+
+    Raises:
+        NoEquilibriumError: A robot of such compliances does not come to rest.
+    """
+    if A is None:
+        A = data.regressor(study.model)
+    one = data[np.unique(data.pose, return_index=True)[1]]
+    # Rows of one pose, such as those of several markers, share its equilibrium.
+    every_k = all_compliances(study.model, k, study.known)
+    model = study.model
+    if data.sensor is not None or not model.is_plain or model.own_weights is not None:
+        moved = data.changes(model, Rest.of(model, one.q, one.wrench, every_k))
+        return moved - A @ k - known_part(study, data)
+    at_rest = equilibrium(study.robot, one.q, one.wrench, every_k)
+    moved = marker_motion(model, data.q, at_rest.displacement[data.pose], data.marker)
+    return moved - A @ k - known_part(study, data)
+
+
+def bends_much(study: Study, data: Measurements, A: Array, fit: Identification) -> bool:
+    """Tell whether the linear fit is biased by more than a tenth of a standard deviation.
+
+    The bias is the first step of the fit of the equilibrium, over some of very many poses.
+
+    Args:
+        study: The model.
+        data: The measurements.
+        A: Their regressors (m, rows, p).
+        fit: The linear fit.
+    """
+    rows = some_poses(data.pose)
+    some = data[rows]
+    k = all_compliances(study.model, fit.unbounded, study.known)
+    try:
+        linear = linearise(study.model, some, k)
+        whitened = Whitened.of(linear.A, some.noise, study.model.parameters)
+    except (NoEquilibriumError, SingularPlanError):
+        return False
+    linear_part = A[rows] @ fit.unbounded + known_part(study, some)
+    curved = linear.constant + linear.A @ fit.unbounded - linear_part
+    bias = np.abs(whitened.solve(curved)) / fit.std
+    return bool(bias.max() > BIAS)
+
+
+def linear_model_bias(study: Study, data: Measurements, A: Array, k: Array) -> Array | None:
+    """Measure by how far the linear model is off, if the robot has the identified compliances.
+
+    The fit is linear in the measurements: what the equilibrium adds to them, fitted, is the bias.
+
+    Args:
+        study: The model.
+        data: The measurements from which the compliances were identified.
+        A: Their regressors (m, rows, p).
+        k: The compliances (p,), not negative [rad/(N m)].
+
+    Returns:
+        The bias ``E(k_hat) - k`` (p,) [rad/(N m)]; None if such a robot would not come to rest.
+    """
+    rows = some_poses(data.pose)
+    some = data[rows]
+    # Poses stay contiguous, as the model makes them: another layout sums in another order.
+    some_A = A.T.take(rows, axis=-1).T
+    try:
+        added = nonlinear_part(study, some, k, some_A)
+        return estimate(some_A, added, some.noise, study.model.parameters).k
+    except (NoEquilibriumError, SingularPlanError):
+        return None

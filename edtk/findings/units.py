@@ -1,0 +1,183 @@
+"""Numbers that look like those of another unit."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from edtk.findings.diagnostic import Diagnostic, Severity
+from edtk.findings.finding import Finding, Kind
+from edtk.findings.fitted_data import FittedData
+from edtk.findings.match_plan import OTHER_LOAD
+from edtk.fit.equilibrium import NoFitError, fit_equilibrium
+from edtk.measure.equilibrium import NoEquilibriumError
+from edtk.measure.pose_table import WRENCH_COLUMNS
+from edtk.measure.task import all_compliances
+from edtk.robots.loads.fixed_load import FixedLoad
+from edtk.system.typing import Array, Mask
+
+UNITS = ((1 / 10, "centimetres"), (1 / 25.4, "inches"))
+ENOUGH = 5  # degrees of freedom from which residuals tell their size
+SUSPECT = 0.3  # residuals over sigma below which other units are tried
+# Factor up to which residuals are as large as sigma says: the two units are 2.5 apart.
+AS_LARGE = 1.5
+USUAL_FORCES = 1.5  # factor up to which the median force is taken as the expected one
+UNIT_FACTOR = 1.2  # factor up to which a ratio of forces is that of two units
+FORCE_UNITS = (
+    (1e-3, "kilonewtons"),
+    (1e3, "millinewtons"),
+    (1 / 9.81, "kilograms"),
+    (1 / 4.448, "pounds"),
+)
+LENGTH_UNITS = ((1e-3, "metres"), (1e3, "micrometres"))
+LENGTH_FACTOR = 10.0  # factor up to which a ratio of lengths is that of two units
+ROTATION_FACTOR = 3.0  # the same of rotations
+
+
+def small_unit(fitted: FittedData, ratio: float | None) -> str | None:
+    """Find the unit in which displacements and residuals have the sizes that they should.
+
+    A factor on all displacements is one on all compliances and on the residuals. The residuals in
+    millimetres are smaller than sigma by the factor, and the displacements smaller than predicted.
+
+    Args:
+        fitted: The measurements and their fit.
+        ratio: Size of the displacements over that of the predicted ones; None without assumed
+            compliances, where a sigma that is as many times too large looks the same.
+
+    Returns:
+        The unit's name, in the plural; None where millimetres are as likely.
+    """
+    fit = fitted.fit
+    if fit.dof < ENOUGH or not fit.scale < SUSPECT:
+        return None
+    found = []
+    for factor, name in UNITS:
+        near = ratio is None or ratio < np.sqrt(factor)
+        off = abs(np.log(_noise(fitted, factor))) if near else np.inf
+        if off < np.log(AS_LARGE):
+            found.append((off, name))
+    return min(found, key=lambda entry: entry[0])[1] if found else None
+
+
+def _noise(fitted: FittedData, factor: float) -> float:
+    """Residuals over sigma, where displacements are in a unit; inf where that does not fit."""
+    study = fitted.study
+    data = fitted.data
+    data = replace(data, deflection=data.deflection / factor)
+    start = all_compliances(study.model, fitted.fit.unbounded / factor)
+    try:
+        return fit_equilibrium(study.model, data, start)[1].scale
+    except (NoEquilibriumError, NoFitError):
+        return np.inf
+
+
+def unit_diagnostics(fitted: FittedData) -> Iterator[Diagnostic]:
+    """Compare forces, displacements, rotations and joint angles with their expected sizes."""
+    forces = list(_forces(fitted))
+    yield from forces
+    # Displacements follow from the forces: another unit of these is not blamed on those.
+    if all(diagnostic.severity < Severity.ALARM for diagnostic in forces):
+        yield from _lengths(fitted)
+    yield from _rotations(fitted)
+    yield from _angles(fitted)
+
+
+def _expected_load(fitted: FittedData) -> Array | None:
+    """Wrenches (m, 6) of the plan, or else of a study whose load is fixed."""
+    load = fitted.study.space.load
+    if fitted.plan is not None and fitted.match is not None:
+        return fitted.plan.wrench[fitted.match.experiment]
+    if isinstance(load, FixedLoad):
+        return np.broadcast_to(load.always, fitted.data.wrench.shape)
+    return None
+
+
+def _forces(fitted: FittedData) -> Iterator[Diagnostic]:
+    """Forces of another size than expected, or a load that is not the planned one."""
+    expected = _expected_load(fitted)
+    if expected is None:
+        return
+    wrench = fitted.data.wrench
+    planned = fitted.plan is not None
+    size = np.linalg.norm(expected[:, :3], axis=1)
+    applied = np.linalg.norm(wrench[:, :3], axis=1)
+    both = (size > 0) & (applied > 0)
+    ratio = float(np.median(applied[both] / size[both])) if both.any() else 1.0
+    if not 1 / USUAL_FORCES < ratio < USUAL_FORCES:
+        units = [
+            unit for factor, unit in FORCE_UNITS if 1 / UNIT_FACTOR < ratio / factor < UNIT_FACTOR
+        ]
+        unit = units[0] if units else ""
+        data = {"ratio": ratio, "planned": planned, "unit": unit}
+        severity = Severity.ALARM if unit else Severity.WARNING
+        yield Diagnostic(severity, Finding(Kind.FORCE_UNIT, columns=WRENCH_COLUMNS[:3], data=data))
+    elif planned:
+        largest = np.abs(expected).max(axis=1)
+        off = np.abs(wrench - expected).max(axis=1) > OTHER_LOAD * largest
+        if off.any():
+            rows = tuple(np.flatnonzero(off).tolist())
+            tolerance = {"tolerance": OTHER_LOAD}
+            yield Diagnostic(Severity.WARNING, Finding(Kind.OTHER_LOAD, rows, data=tolerance))
+
+
+def _ratio(fitted: FittedData, chosen: Mask) -> float | None:
+    """Size of measured coordinates (m, rows) over the predicted one.
+
+    None without assumed compliances.
+    """
+    specification = fitted.study.specification
+    if specification.simulation is None:
+        return None
+    given = specification.simulation.compliance_rad_per_Nm
+    if any(name not in given for name in specification.joints.unknown):
+        return None
+    predicted = np.linalg.norm((fitted.linear_regressor @ fitted.study.compliances)[chosen])
+    measured = np.linalg.norm(fitted.unexplained[chosen])
+    return float(measured / predicted) if predicted > 0 else None
+
+
+def _lengths(fitted: FittedData) -> Iterator[Diagnostic]:
+    """Displacements a thousand times too small or too large, within a factor of ten; or less.
+
+    They are compared with the prediction; without one, the residuals are compared with sigma.
+    """
+    ratio = _ratio(fitted, fitted.data.lengths)
+    predicted = ratio is not None
+    if not predicted and fitted.fit.dof >= ENOUGH:
+        ratio = fitted.fit.scale
+    if ratio is None:
+        return
+    for factor, unit in LENGTH_UNITS:
+        if factor / LENGTH_FACTOR < ratio < factor * LENGTH_FACTOR:
+            data = {"ratio": ratio, "predicted": predicted, "unit": unit}
+            yield Diagnostic(Severity.ALARM, Finding(Kind.LENGTH_UNIT, data=data))
+            return
+    small = small_unit(fitted, ratio if predicted else None)
+    if small is not None:
+        data = {"ratio": ratio, "predicted": predicted, "unit": small}
+        # Residuals alone may be as small because sigma is too large.
+        severity = Severity.ALARM if predicted else Severity.WARNING
+        yield Diagnostic(severity, Finding(Kind.LENGTH_UNIT, data=data))
+
+
+def _rotations(fitted: FittedData) -> Iterator[Diagnostic]:
+    """Rotations 57 times too small, within a factor of three."""
+    turns = ~fitted.data.lengths
+    if not turns.any():
+        return
+    ratio = _ratio(fitted, turns)
+    if ratio is not None and 1 / ROTATION_FACTOR < ratio * 180 / np.pi < ROTATION_FACTOR:
+        yield Diagnostic(Severity.ALARM, Finding(Kind.ROTATION_UNIT, data={"ratio": ratio}))
+
+
+def _angles(fitted: FittedData) -> Iterator[Diagnostic]:
+    """Several poses, all of them within 2 pi degrees of zero."""
+    turning = [
+        j
+        for j, joint in enumerate(fitted.study.robot.joints)
+        if joint.kind == "revolute" and j not in fitted.study.fixed
+    ]
+    degrees = np.rad2deg(fitted.study.robot.shown(fitted.data.q)[:, turning])
+    if turning and np.abs(degrees).max() <= 2 * np.pi and np.ptp(degrees, axis=0).any():
+        yield Diagnostic(Severity.ALARM, Finding(Kind.ANGLE_UNIT))

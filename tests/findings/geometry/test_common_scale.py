@@ -1,0 +1,44 @@
+"""A scale of the instrument, by which all lengths come out longer together, and what is assumed."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from geometry_sheets import OFFSETS, PLACE, STUDY, by_pose
+
+import edtk
+from edtk.study.study_geometry import StudyGeometry
+
+
+def identified(path: Path, seed: int, scale: float) -> edtk.GeometricCalibration:
+    """A day of an arm that is built to tenths of a millimetre, by an instrument of some scale."""
+    rng = np.random.default_rng(seed)
+    model = replace(StudyGeometry.of(STUDY).model, offsets=OFFSETS, start=PLACE)
+    theta = rng.normal(0, 0.05, model.p) * model.scales
+    q = rng.uniform(-1.7, 1.7, (40, 6))
+    x = model.see(theta, q, derivatives=False).points + rng.normal(0, 2e-5, (40, 3, 3))
+    return edtk.identify(STUDY, by_pose(path / "day.csv", np.rad2deg(q), 1e3 * scale * x))
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("size", [2e-3, -2e-3])
+def test_a_scale_is_named_with_its_size(seed: int, size: float, tmp_path: Path) -> None:
+    """All lengths share it, and errors of a drawing share nothing."""
+    found = identified(tmp_path, seed, 1 + size)
+    (said,) = [doubt.text for doubt in found.doubts if doubt.kind == "scale"]
+    assert ("longer" if size > 0 else "shorter") in said
+    told, std = said.split("together, by ")[1].split(" um/m")[0].split(" +- ")
+    assert abs(float(told) - 1e6 * abs(size)) < 3 * float(std)
+    assert found.verdict == "usable"
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_none_is_named_where_lengths_err_alone(seed: int, tmp_path: Path) -> None:
+    """Then the scale is said to be assumed, with what it would cost."""
+    found = identified(tmp_path, seed, 1.0)
+    assert not [doubt for doubt in found.doubts if doubt.kind == "scale"]
+    (said,) = found.assumed
+    assert "for each 100 um/m" in said
+    assert f"assumed: {said}" in found.summary()
+    assert found.to_dict()["assumed"] == [said]
