@@ -22,7 +22,12 @@ from edtk.measure.cells import csv_text
 from edtk.measure.compliances import Compliances
 from edtk.measure.elastostatic_model import ElastostaticModel
 from edtk.measure.equilibrium import NoEquilibriumError, compensated_joints, equilibrium
-from edtk.measure.expected_error import AssumedJoint, compensation_accuracy, remaining_error
+from edtk.measure.expected_error import (
+    AssumedJoint,
+    compensation_accuracy,
+    remaining_error,
+    with_rigid,
+)
 from edtk.measure.pose_table import (
     BAND_COLUMNS,
     PART_COLUMNS,
@@ -61,7 +66,7 @@ class Compensation(Presented):
         wrench: Task wrenches (t, 6) [N, N m].
         command: Joint variables (t, n) to command [rad or m].
         uncompensated: Distance (t,) of the loaded tool point from the desired one, were `desired`
-            commanded [m].
+            commanded, with what joints that count as rigid are assumed to bend [m].
         remaining: Root mean square (t,) of the error that is left in all: by wrong compliances, Eq.
             (17), whatever made them wrong, by joints that are not identified, and by the linear
             model where that is known [m]; None if it is not known.
@@ -322,17 +327,19 @@ def _commands(
     _require_within_limits(robot, q, "commanded")
     k = all_compliances(model, found.k)
     with _buckling_rows():
-        uncompensated = _uncompensated(model, task, k)
+        moved = _uncompensated(model, task, k)
         _require_settled(model, task, q, k)
         offset = _offset(model, task, found)
+    A = model.regressor(task.q, task.wrench)
     known = tuple(robot.joint_names[j] for j in joints if k[j])
+    assumed = [one.joint for one in found.assumed]
     after = _errors_after(model, task, taken, offset)
     return Compensation(
         robot=robot,
         desired=task.q,
         wrench=task.wrench,
         command=q,
-        uncompensated=uncompensated,
+        uncompensated=with_rigid(moved, A[..., len(joints) - len(found.assumed) :], assumed),
         remaining=None if after is None else after.total,
         band=None if after is None else after.band,
         linear=None if offset is None else np.linalg.norm(offset, axis=-1),

@@ -12,7 +12,13 @@ from edtk.findings.match_plan import some_rows
 from edtk.fit.measurements import Measurements, translations
 from edtk.fit.prior import PriorRows
 from edtk.measure.elastostatic_model import ElastostaticModel
-from edtk.measure.expected_error import AssumedError, AssumedJoint, ErrorBudget, JointPart
+from edtk.measure.expected_error import (
+    AssumedError,
+    AssumedJoint,
+    ErrorBudget,
+    JointPart,
+    with_rigid,
+)
 from edtk.measure.task import Tasks
 from edtk.robots.weights import DeadWeights
 from edtk.study.study import Study
@@ -169,12 +175,11 @@ class Propagation:
         parts = {name: float(np.linalg.norm(A0 @ E)) for name, E in self.roots.items()}
         of_joints = np.linalg.norm(A0 @ self._of_joints, axis=0)
         p = len(self.unknown)
-        std = np.array([one.std if one.rigid else 0.0 for one in self.assumed])
-        bends = np.append(np.linalg.norm(A0 @ self.k), np.linalg.norm(A0[:, p:], axis=0) * std)
+        before = with_rigid(np.linalg.norm(A0 @ self.k), A0[:, p:], self.assumed)
         return ErrorBudget(
             **parts,
             model=model_error,
-            uncompensated=float(np.linalg.norm(bends)),
+            uncompensated=float(before),
             absolute=self.absolute,
             joints=tuple(map(JointPart, self.assumed, of_joints.tolist(), self.told)),
         )

@@ -1,6 +1,6 @@
 """The error to expect in tasks after a compensation, whole and in parts that have names."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
@@ -106,6 +106,21 @@ class AssumedError:
 
     joint: AssumedJoint
     shifts: Array
+
+
+def with_rigid(moved: ArrayLike, A: Array, joints: Sequence[AssumedJoint]) -> Array:
+    """Root mean square displacement (...) without compensation, of which a part is assumed [m].
+
+    How far a joint bends that counts as rigid is assumed, so that squares add up:
+    ``sqrt(moved^2 + sum_j |A_j std_j|^2)``.
+
+    Args:
+        moved: Displacements (...) by the compliances that are identified or known [m].
+        A: Columns (..., rows, a) of the target for the joints that are not identified.
+        joints: These joints (a,).
+    """
+    std = np.array([one.std if one.rigid else 0.0 for one in joints])
+    return np.asarray(np.sqrt(np.square(moved) + np.square(A * std).sum(axis=(-2, -1))))
 
 
 @dataclass(frozen=True)

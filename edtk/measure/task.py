@@ -101,7 +101,6 @@ class Task:
         wrench: Task load (..., 6) or (6,) at the tool point in the world frame [N, N m].
         robot: The chain, with any tool.
         unknown: Indices (p,) of the joints whose compliances are to be found, or are known.
-        known: Indices of further joints whose compliances are known from elsewhere.
         within: The robot shall be accurate in all poses whose joints are within this of q, see
             `neighbourhood`; zero for q alone [rad].
         lever: A rotation of the tool counts as the displacement at this distance from the tool
@@ -115,7 +114,6 @@ class Task:
     wrench: Array
     robot: Robot
     unknown: tuple[int, ...]
-    known: tuple[int, ...] = ()
     within: float = 0.0
     lever: float = 0.0
     weight: float = 1.0
@@ -171,14 +169,6 @@ class Task:
         A = replace(self.model, rows="pose").regressor(q, self.wrench)
         A[..., 3:, :] *= self.lever
         return A
-
-    @cached_property
-    def rigid_joints(self) -> tuple[RigidJoint, ...]:
-        """Joints that count as rigid here although the load turns them."""
-        q = self.q.reshape(-1, self.robot.n)
-        wrench = np.broadcast_to(self.wrench, (*self.q.shape[:-1], 6)).reshape(-1, 6)
-        known = tuple(self.robot.joint_names[j] for j in (*self.unknown, *self.known))
-        return rigid_joints(self.model, q, wrench, known)
 
 
 class Tasks(tuple[Task, ...]):
@@ -240,16 +230,6 @@ class Tasks(tuple[Task, ...]):
             return f"in {len(self)} test poses and around them"
         around = f"within {np.rad2deg(max(sizes)):.3g} deg of {len(self)} test poses"
         return around if max(sizes) else f"in {len(self)} test poses"
-
-    @cached_property
-    def rigid_joints(self) -> tuple[RigidJoint, ...]:
-        """Joints that count as rigid although a load turns them, where that does most."""
-        most: dict[str, RigidJoint] = {}
-        for joint in (joint for task in self for joint in task.rigid_joints):
-            if joint.name not in most or joint.displacement > most[joint.name].displacement:
-                most[joint.name] = joint
-        names = self[0].robot.joint_names
-        return tuple(sorted(most.values(), key=lambda joint: names.index(joint.name)))
 
     def with_unknown(self, unknown: tuple[int, ...]) -> "Tasks":
         """The same tasks of a robot of which other compliances are unknown."""

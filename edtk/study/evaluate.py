@@ -12,9 +12,10 @@ from criteria.linalg.estimable import estimable_inverse, open_columns
 from edtk.design.plan import Plan
 from edtk.fit.distributions import task_accuracy
 from edtk.fit.least_squares import SingularPlanError, covariance
-from edtk.measure.expected_error import ExpectedError, TaskAccuracy, expected_error
+from edtk.measure.expected_error import ExpectedError, TaskAccuracy, expected_error, with_rigid
 from edtk.study.plausibility import plan_plausibility
 from edtk.study.study import Study
+from edtk.study.study_model import assumed_joints
 from edtk.system.errors import UserError
 from edtk.system.presented import Presented
 from edtk.system.typing import Array
@@ -164,11 +165,13 @@ def accuracy_of_tasks(
 
 
 def _displacements(study: Study, k: Array) -> Array:
-    """Displacement (t,) of the tool point by the load of each task, with the known joints [m]."""
-    known = study.known
-    tasks = study.tasks.with_unknown((*study.unknown, *known))
-    every = np.concatenate([k, list(known.values())])
-    return np.array([np.linalg.norm(task.regressor @ every) for task in tasks])
+    """Displacement (t,) of the tool point by the load of each task, with all other joints [m]."""
+    others = assumed_joints(study, k)
+    tasks = study.tasks.with_unknown((*study.unknown, *(one.index for one in others)))
+    every = np.append(k, [one.compliance for one in others])
+    rows = [task.regressor for task in tasks]
+    moved = [np.linalg.norm(A @ every) for A in rows]
+    return with_rigid(moved, np.stack(rows)[..., len(k) :], others)
 
 
 @dataclass(frozen=True, eq=False)

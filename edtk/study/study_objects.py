@@ -12,7 +12,7 @@ from criteria.linalg.estimable import combination
 from edtk.measure.elastostatic_model import ElastostaticModel
 from edtk.measure.noise import VisitNoise
 from edtk.measure.pose_table import of_file_units
-from edtk.measure.task import Task, Tasks, rigid_joints_in_words
+from edtk.measure.task import Task, Tasks
 from edtk.robots.robot import Robot
 from edtk.study.schema import Specification
 from edtk.study.study_model import study_model, study_noise, study_sigma
@@ -155,16 +155,6 @@ class StudyObjects:
         if self.specification.parameters is not None:
             return None
         return self.tasks.target if self.tasks else None
-
-    @property
-    def rigid(self) -> str:
-        """Joints that count as rigid in the task although its load turns them, in words.
-
-        Empty if there are no such joints, or no test pose.
-        """
-        if self.specification.parameters is not None or not self.tasks:
-            return ""
-        return rigid_joints_in_words(self.tasks.rigid_joints)
 
     @cached_property
     def interest(self) -> Array | None:

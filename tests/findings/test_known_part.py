@@ -75,8 +75,7 @@ def test_compensation_counts_them():
     expected = compensate(RIGID, two, task, "task")
     for name in ("command", "uncompensated", "remaining", "band"):
         np.testing.assert_allclose(getattr(found, name), getattr(expected, name), rtol=1e-12)
-    assert found.rigid == "" == KNOWN.rigid
-    assert "q1" in RIGID.rigid
+    assert found.rigid == ""
     assert "q1" in compensate(RIGID, one, task, "task").rigid
 
 

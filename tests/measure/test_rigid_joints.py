@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from chains import mixed_chain
 
 from edtk.measure.elastostatic_model import ElastostaticModel
 from edtk.measure.task import rigid_joints, rigid_joints_in_words
@@ -22,6 +23,17 @@ def test_displacements_are_those_of_the_linear_model():
         j = ROBOT.joint_names.index(joint.name)
         each = [1e-7 * np.linalg.norm(Ji[:3, j]) * abs(Ji[:, j] @ WRENCH[0]) for Ji in J]
         assert joint.displacement == pytest.approx(max(each), rel=1e-12)
+
+
+def test_a_prismatic_joint_is_not_reported():
+    """Joints count as rigid if they turn and no compliance of theirs is known."""
+    robot = mixed_chain(5)
+    q = np.random.default_rng(2).uniform(-1, 1, size=(1, robot.n))
+    wrench = np.array([[300.0, -200.0, 500.0, 10.0, -20.0, 30.0]])
+    kinds = {joint.name: joint.kind for joint in robot.joints}
+    assert kinds["q2"] == "prismatic"
+    found = rigid_joints(ElastostaticModel(robot), q, wrench, ("q1", "q3"))
+    assert [joint.name for joint in found] == ["q4"]
 
 
 def test_words():

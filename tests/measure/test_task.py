@@ -1,4 +1,4 @@
-"""Tasks: the target A0, and joints that count as rigid."""
+"""Tasks: the target A0."""
 
 from dataclasses import replace
 
@@ -36,7 +36,6 @@ def test_one_load_for_all_poses_or_one_each():
     q = np.random.default_rng(1).uniform(-1, 1, size=(3, ROBOT.n))
     each = task(q, np.tile(WRENCH, (3, 1)))
     np.testing.assert_array_equal(task(q).target, each.target)
-    assert task(q).rigid_joints == each.rigid_joints
 
 
 @pytest.mark.parametrize("lever", [0.0, 0.4])
@@ -61,10 +60,3 @@ def test_a_rotation_counts_as_the_displacement_at_the_lever():
     moved = ElastostaticModel(ROBOT.with_tool(TOOL), (0, 2), "pose").regressor(q, WRENCH) @ dk
     expected = np.hypot(np.linalg.norm(moved[:3]), 0.7 * np.linalg.norm(moved[3:]))
     assert np.linalg.norm(replace(task(q), lever=0.7).target @ dk) == pytest.approx(expected)
-
-
-def test_rigid_joints_are_revolute_and_not_known():
-    """Joints count as rigid if no compliance is known; a prismatic one is not reported."""
-    q = np.random.default_rng(2).uniform(-1, 1, size=ROBOT.n)
-    assert [joint.name for joint in task(q).rigid_joints] == ["q4"]
-    assert task(q, unknown=(0, 2, 3)).rigid_joints == ()
