@@ -5,11 +5,11 @@ from house import house
 
 # What may be at most. When a count has become better, its limit follows.
 LIMITS = {
-    "files": 375,
+    "files": 368,
     "statements": 33_500,
     "one_function": 4.0,
-    "circles": 14,
-    "questions": 33,
+    "circles": 5,
+    "questions": 14,
     "constants": 14.5,
 }
 

@@ -175,10 +175,10 @@ def plan_budget(study: Study, plan: Plan) -> ErrorBudget | None:
         plan: All experiments.
 
     Returns:
-        The budget; None without a test pose or a [simulation], or if the plan leaves a compliance
-        open.
+        The budget; None without a test pose or a [simulation], with unknown geometry, or if the
+        plan leaves a compliance open.
     """
-    propagation = plan_propagation(study, plan) if study.tasks else None
+    propagation = None if study.target is None else plan_propagation(study, plan)
     return None if propagation is None else propagation.budget(study.tasks)
 
 

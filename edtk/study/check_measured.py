@@ -1,17 +1,14 @@
 """The checks of what a study measures and of its noise, that need its robot."""
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from edtk.measure.instruments.sensor import Sensor
 from edtk.robots.frames import Frames
-from edtk.study.study_model import distance_names, is_reference, marker_kinds, marker_names
+from edtk.study.study_model import distance_names, marker_kinds, marker_names
+from edtk.study.study_objects import StudyObjects
 from edtk.system.typing import Array
-
-if TYPE_CHECKING:
-    from edtk.study.study_objects import StudyObjects
 
 # No tracker measures nearer to its own head, which the arm must not touch either.
 NEAREST = 0.5  # [m]
@@ -24,7 +21,7 @@ FEW = 64  # poses in which covariances are looked at
 LEAST_EIGENVALUE = 1e-10  # of a correlation matrix: below it Cholesky loses ten of 16 digits
 
 
-def check_markers(study: "StudyObjects") -> None:
+def check_markers(study: StudyObjects) -> None:
     """Check names and bodies of markers and distances, and the noise and weights that they need.
 
     Raises:
@@ -47,7 +44,7 @@ def check_markers(study: "StudyObjects") -> None:
         )
 
 
-def _check_names(study: "StudyObjects") -> None:
+def _check_names(study: StudyObjects) -> None:
     """Each name once, and distances that end at markers that there are."""
     markers = marker_names(study)
     distances = distance_names(study)
@@ -63,13 +60,10 @@ def _check_names(study: "StudyObjects") -> None:
             )
 
 
-def _check_bodies(study: "StudyObjects") -> None:
+def _check_bodies(study: StudyObjects) -> None:
     """Markers and distances sit on bodies of this robot."""
-    known = study.robot.body_names
-    markers = study.specification.marker
-    bodies = [
-        (f"marker.{i}", one.joint) for i, one in enumerate(markers) if not is_reference(study, one)
-    ]
+    known = study.kind.bodies(study.robot)
+    bodies = [(f"marker.{i}", one.joint) for i, one in enumerate(study.specification.marker)]
     bodies += [(f"distance.{i}", one.joint) for i, one in enumerate(study.specification.distance)]
     for key, joint in bodies:
         if joint is not None and joint not in known:
@@ -78,7 +72,7 @@ def _check_bodies(study: "StudyObjects") -> None:
             )
 
 
-def _check_rows(study: "StudyObjects") -> None:
+def _check_rows(study: StudyObjects) -> None:
     """The rows of a sheet can be told apart: "a x" is a coordinate of a marker "a"."""
     names = [sensor.name for sensor in study.model.sensors]
     for i, name in enumerate(names):
@@ -87,7 +81,7 @@ def _check_rows(study: "StudyObjects") -> None:
             raise study.error(key, f"{name!r} is the name of a row in sheets; expected another one")
 
 
-def check_noise(study: "StudyObjects") -> None:
+def check_noise(study: StudyObjects) -> None:
     """Check that the noise is whole, and that its tracker can stand where it does.
 
     Raises:
@@ -109,7 +103,7 @@ def check_noise(study: "StudyObjects") -> None:
     _check_regular(study, q[:FEW])
 
 
-def _check_white(study: "StudyObjects") -> None:
+def _check_white(study: StudyObjects) -> None:
     """White noise is given wherever no tracker stands in for it."""
     measurement = study.specification.measurement
     table = study.specification.noise
@@ -131,7 +125,7 @@ def _check_white(study: "StudyObjects") -> None:
             )
 
 
-def _poses(study: "StudyObjects", count: int) -> Array:
+def _poses(study: StudyObjects, count: int) -> Array:
     """Poses (count, n) within the joint limits, fixed joints where they stay."""
     lower, upper = study.robot.limits
     q = lower + (upper - lower) * np.random.default_rng(0).random((count, study.robot.n))
@@ -140,7 +134,7 @@ def _poses(study: "StudyObjects", count: int) -> Array:
     return q
 
 
-def _check_place(study: "StudyObjects", q: Array) -> None:
+def _check_place(study: StudyObjects, q: Array) -> None:
     """Neither the arm nor a marker comes near the tracker, as far as a search can tell."""
     tracker = np.array(study.specification.noise.tracker_position_mm) / 1e3  # type: ignore[union-attr]
     frames = study.model.frames(q)
@@ -170,7 +164,7 @@ def _distance_of_arm(frames: Frames, base: Array, tracker: Array) -> float:
 
 
 def _distance_of_marker(
-    study: "StudyObjects", sensor: Sensor, q: Array, frames: Frames, tracker: Array
+    study: StudyObjects, sensor: Sensor, q: Array, frames: Frames, tracker: Array
 ) -> float:
     """Least distance [m] of a marker from the tracker: of sampled poses, and downhill of the best.
 
@@ -193,7 +187,7 @@ def _distance_of_marker(
     return least
 
 
-def _check_regular(study: "StudyObjects", q: Array) -> None:
+def _check_regular(study: StudyObjects, q: Array) -> None:
     """No combination of measured rows is free of errors, joints and discrepancy left aside.
 
     In some poses a joint moves no marker along some direction; errors of the tracker, or white

@@ -126,7 +126,7 @@ def checkpoint_of(
         digest.update(repr(constraint.labels(study.robot)).encode())
     for poses in (getattr(c, "poses", None) for c in constraints):
         digest.update(b"" if poses is None else _bytes(poses))
-    if study.tasks and study.specification.parameters is None:
+    if study.target is not None:
         digest.update(_bytes(study.tasks.targets))  # those of a path are in a file of their own
     if study.prior_information is not None:
         digest.update(_bytes(study.prior_information))

@@ -54,8 +54,7 @@ def study_errors(study: "Study") -> Iterator[None]:
     except EmptyFeasibleSetError as error:
         raise study.error("workspace", str(error)) from error
     except RankDeficientError as error:
-        unknown = "joints.unknown" if study.specification.parameters is None else "parameters"
-        key = "interest" if error.of_interest else unknown
+        key = "interest" if error.of_interest else study.kind.key
         raise study.error(key, str(error)) from error
     except MemoryLimitError as error:
         raise ArgumentError(str(error), argument="memory_mb") from error

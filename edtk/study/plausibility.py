@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Sequence
 from itertools import chain, islice
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,12 +12,8 @@ from edtk.fit.least_squares import SingularPlanError, covariance
 from edtk.measure.expected_error import WITHIN, ExpectedError, compensation_accuracy
 from edtk.robots.weights import GRAVITY
 from edtk.robots.workspace import neighbourhood
-from edtk.study.check_study import key_of
-from edtk.study.study_model import least_error
+from edtk.study.study_objects import StudyObjects
 from edtk.system.typing import Array, Indices
-
-if TYPE_CHECKING:
-    from edtk.study.study import Study
 
 # The longest serial arms reach 5 m, painting and erection robots 15 m; in millimetres already a
 # desk-top arm would have links of 200.
@@ -51,7 +46,7 @@ CANDIDATES = 300  # among which the best experiment for each parameter is looked
 ONE_TURN = 2 * np.pi
 
 
-def plausibility(study: "Study") -> tuple[str, ...]:
+def plausibility(study: StudyObjects) -> tuple[str, ...]:
     """Find what a study says that is physically hard to believe.
 
     Args:
@@ -67,23 +62,21 @@ def plausibility(study: "Study") -> tuple[str, ...]:
             f"robot: its links add up to {length:.4g} m; lengths in a robot's file are in "
             "metres, are these in millimetres?",
         )
-    checks = [_tools, _pose_unit, _upwards]
-    if study.specification.parameters is None:
-        checks += [_noise, _axes]  # they judge a load, which absolute positions do not need
+    checks = (_tools, _pose_unit, _upwards, *study.kind.doubts)
     return tuple(line for check in checks for line in check(study))
 
 
-def length_of_links(study: "Study") -> float:
+def length_of_links(study: StudyObjects) -> float:
     """Total length of the links between the joints [m]."""
     origins = (joint.origin[:3, 3] for joint in study.robot.joints)
     return float(sum(np.linalg.norm(origin) for origin in origins))
 
 
-def _tools(study: "Study") -> Iterator[str]:
+def _tools(study: StudyObjects) -> Iterator[str]:
     """Tools in metres, and tools that are longer than the robot."""
     tools = {"tool": study.specification.tool.build()}
     for i, pose in enumerate(study.specification.test_poses):
-        tools[f"{key_of(study, i)}.tool"] = pose.tool.build()
+        tools[f"{study.key_of(i)}.tool"] = pose.tool.build()
     if study.specification.task is not None:
         tools["task.tool"] = study.specification.task.tool.build()
     links = length_of_links(study)
@@ -102,14 +95,14 @@ def _tools(study: "Study") -> Iterator[str]:
             yield f"{where}, and all links together are {1e3 * links:.3g} mm long"
 
 
-def _pose_unit(study: "Study") -> Iterator[str]:
+def _pose_unit(study: StudyObjects) -> Iterator[str]:
     """The first test pose whose angles look like radians."""
     poses = enumerate(study.specification.test_poses)
-    odd = (_unit_of_pose(study, np.array(p.q_deg), f"{key_of(study, i)}.q_deg") for i, p in poses)
+    odd = (_unit_of_pose(study, np.array(p.q_deg), f"{study.key_of(i)}.q_deg") for i, p in poses)
     yield from islice(chain.from_iterable(odd), 1)
 
 
-def _unit_of_pose(study: "Study", q_deg: Array, key: str) -> Iterator[str]:
+def _unit_of_pose(study: StudyObjects, q_deg: Array, key: str) -> Iterator[str]:
     """A pose (n,) whose angles look like radians."""
     turns = [joint.kind == "revolute" for joint in study.robot.joints]
     angles = q_deg[turns]
@@ -124,7 +117,7 @@ def _unit_of_pose(study: "Study", q_deg: Array, key: str) -> Iterator[str]:
         )
 
 
-def _upwards(study: "Study") -> Iterator[str]:
+def _upwards(study: StudyObjects) -> Iterator[str]:
     """A load that pulls upwards, where weights pull down."""
     load = study.specification.load
     force = getattr(load, "F_N", None)
@@ -138,9 +131,9 @@ def _upwards(study: "Study") -> Iterator[str]:
         )
 
 
-def _noise(study: "Study") -> Iterator[str]:
+def doubtful_noise(study: StudyObjects) -> Iterator[str]:
     """Noise beside the deflection under load, which is what is measured."""
-    sigma = least_error(study, anywhere(study)[:, : study.robot.n])
+    sigma = study.least_error(anywhere(study)[:, : study.robot.n])
     name = "measurement.sigma_mm" if study.noise is None else "noise"
     key = f"{name}: {1e3 * sigma:.3g} mm"
     if sigma < INTERFEROMETER:
@@ -161,7 +154,7 @@ def _noise(study: "Study") -> Iterator[str]:
         )
 
 
-def _axes(study: "Study") -> Iterator[str]:
+def idle_axes(study: StudyObjects) -> Iterator[str]:
     """Joints whose axis runs through the tool point, or that no load turns."""
     if any(_tools(study)):
         return  # the cause is named already
@@ -176,7 +169,7 @@ def _axes(study: "Study") -> Iterator[str]:
         )
 
 
-def _sampled(study: "Study") -> tuple[Array, float]:
+def _sampled(study: StudyObjects) -> tuple[Array, float]:
     """Regressors of experiments anywhere within limits, and the largest load [N].
 
     Of the tool point they have the position rows alone (s, 3, p).
@@ -192,13 +185,13 @@ def _sampled(study: "Study") -> tuple[Array, float]:
     return A[:, :3] if study.model.is_plain else A, load or 1.0
 
 
-def anywhere(study: "Study") -> Array:
+def anywhere(study: StudyObjects) -> Array:
     """Experiments (s, v) anywhere within the limits, feasible or not."""
     space = study.space
     return space.draw(np.random.default_rng(0).random((SAMPLE, len(space.drawn))))
 
 
-def own_scale(study: "Study") -> Array:
+def own_scale(study: StudyObjects) -> Array:
     """Compliances (p,) as far as a study knows them: simulated, or from before; else NaN."""
     given = study.specification
     simulated = given.simulation.compliance_rad_per_Nm if given.simulation is not None else {}
@@ -234,7 +227,7 @@ def poor_around(expected: ExpectedError) -> tuple[str, ...]:
 
 
 def plan_plausibility(
-    study: "Study", plan: Plan, expected: ExpectedError | None = None
+    study: StudyObjects, plan: Plan, expected: ExpectedError | None = None
 ) -> tuple[str, ...]:
     """Find what is hard to believe, or a pity, in what a plan promises.
 
@@ -256,7 +249,7 @@ def plan_plausibility(
     return (*_useless(study, cov), *_hardly_excited(study, cov, plan.experiments), *around)
 
 
-def _untold(study: "Study", parameters: Sequence[str]) -> Iterator[str]:
+def _untold(study: StudyObjects, parameters: Sequence[str]) -> Iterator[str]:
     """Parameters that a plan leaves open, as the criterion does not ask for them."""
     bad = np.array([study.model.parameters.index(name) for name in parameters])
     yield (
@@ -265,7 +258,7 @@ def _untold(study: "Study", parameters: Sequence[str]) -> Iterator[str]:
     )
 
 
-def _useless(study: "Study", cov: Array) -> Iterator[str]:
+def _useless(study: StudyObjects, cov: Array) -> Iterator[str]:
     """An error after compensation that is larger than the one before."""
     if not study.tasks:
         return
@@ -284,7 +277,7 @@ def _useless(study: "Study", cov: Array) -> Iterator[str]:
         )
 
 
-def _hardly_excited(study: "Study", cov: Array, experiments: int) -> Iterator[str]:
+def _hardly_excited(study: StudyObjects, cov: Array, experiments: int) -> Iterator[str]:
     """Parameters about which a plan says much less than it could."""
     std = np.sqrt(np.diag(cov))
     share = std / own_scale(study)
@@ -310,7 +303,7 @@ def _hardly_excited(study: "Study", cov: Array, experiments: int) -> Iterator[st
     )
 
 
-def _cure(study: "Study", bad: Indices) -> str:
+def _cure(study: StudyObjects, bad: Indices) -> str:
     """What helps against parameters (indices) that are hardly excited."""
     tasks = study.tasks
     if tasks and criteria.get(study.main_criterion).needs_target:
@@ -329,7 +322,7 @@ def _round(number: float) -> str:
     return f"{float(f'{number:.2g}'):,.0f}" if number < 1e6 else f"{number:.1e}"
 
 
-def _candidates(study: "Study") -> Array:
+def _candidates(study: StudyObjects) -> Array:
     """Feasible experiments (k, v); none where none turn up."""
     given = study.specification
     source = CandidateSource(study.space, (given.seed, 0), given.sampling)
@@ -339,7 +332,7 @@ def _candidates(study: "Study") -> Array:
         return np.empty((0, study.space.size))
 
 
-def _best_alone(study: "Study", x: Array, experiments: int) -> Array:
+def _best_alone(study: StudyObjects, x: Array, experiments: int) -> Array:
     """Standard deviations (p,) that no plan of the experiments x can beat, each for itself.
 
     ``(M^-1)_jj >= 1 / M_jj``, and M_jj is at most m times the largest that an experiment has. Inf

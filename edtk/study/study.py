@@ -7,19 +7,19 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Unpack
 
-from edtk.design.design_space import DesignSpace
 from edtk.design.plan import Plan
 from edtk.measure.pose_table import Table
 from edtk.robots.robot import Robot
 from edtk.robots.robot_file import robot_to_dict
 from edtk.study.check_study import check_study
+from edtk.study.kinds import kind_of
+from edtk.study.plans import load_plan
 from edtk.study.plausibility import plausibility
 from edtk.study.schema import Specification, read_specification
 from edtk.study.study_objects import StudyObjects
-from edtk.study.study_parts import load_plan, prior_information, study_robot, study_space
+from edtk.study.study_parts import study_robot
 from edtk.study.study_toml import StudyKeys, keys_signature, plain_keys, read_toml, study_toml
 from edtk.system.presented import Presented
-from edtk.system.typing import Array
 
 DIGITS = 12  # of the SHA-256 that names a study in results
 
@@ -51,6 +51,7 @@ class Study(StudyObjects, Presented):
         robot: The robot, with the calibration tool.
         folder: Folder to which file names in the specification are relative.
         path: The study's file; None for a study that was built in Python.
+        kind: What a study of these unknowns says otherwise than others.
         digest: First twelve hex digits of the SHA-256 of the file, or without a file of `to_toml`.
         excluded: Poses that plans keep away from, besides those of the specification: a plan, its
             file, or None.
@@ -81,7 +82,7 @@ class Study(StudyObjects, Presented):
         if not specification.title:
             title = f"Calibration of {self.robot.name}"
             specification = specification.model_copy(update={"title": title})
-        self._set(specification=specification)
+        self._set(specification=specification, kind=kind_of(specification))
         check_study(self)
         # The name of a file need not be UTF-8.
         self._set(digest=_digest(self.to_toml().encode("utf-8", "surrogateescape")))
@@ -121,14 +122,10 @@ class Study(StudyObjects, Presented):
                 were given to `excluding` before.
         """
         other = Study.__new__(Study)
-        names = ("specification", "robot", "folder", "path", "digest", "_given")
+        names = ("specification", "robot", "folder", "path", "digest", "kind", "_given")
         other._set(**{name: getattr(self, name) for name in names})
         other._set(excluded=Path(poses) if isinstance(poses, str) else poses)
         return other
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain keys from which `Study` builds the same study again; defaults are left out."""
-        return self.specification.model_dump(mode="json", exclude_none=True, exclude_defaults=True)
 
     def to_toml(self, path: Path | str | None = None) -> str:
         """Write the study as TOML, so that `load_study` gives the same study again.
@@ -148,28 +145,10 @@ class Study(StudyObjects, Presented):
 
     def headline(self) -> str:
         """Title, robot, number of unknown compliances and main criterion."""
-        count = len(self.specification.joints.unknown)
-        unknown = f"{count} unknown compliance{'s' if count > 1 else ''}"
-        if self.specification.parameters is not None:
-            unknown = f"geometry and {unknown}" if count else "geometry"
         return (
-            f"{self.specification.title}; {self.robot.name}, {unknown}, about {self.main_criterion}"
+            f"{self.specification.title}; {self.robot.name}, {self.kind.unknowns(self)}, about "
+            f"{self.main_criterion}"
         )
-
-    @cached_property
-    def space(self) -> DesignSpace:
-        """Model, feasible set and free joints, for designing plans."""
-        return study_space(self)
-
-    @cached_property
-    def prior_information(self) -> Array | None:
-        """Information (p, p) that counts beside every plan; None unless `[prior] in_design`."""
-        return prior_information(self)
-
-    def information(self, plan: Plan) -> Array:
-        """Information matrix (p, p) of a plan, and of the prior if that counts in designs."""
-        M = self.space.information(plan)
-        return M if self.prior_information is None else M + self.prior_information
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:

@@ -71,8 +71,7 @@ class StudyGeometry:
     def model(self) -> GeometricModel:
         """The model with all parameters that the study asks for."""
         study = self.study
-        asked = study.specification.parameters
-        assert asked is not None
+        asked = study.kind.parameters(study)
         offsets = {name: np.array(one.position_mm) / 1e3 for one, name in on_robot(study)}
         parameters = all_parameters(
             study.robot,

@@ -1,7 +1,6 @@
 """What a study measures and what loads its robot, as the model needs it, and in words."""
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -24,36 +23,19 @@ from edtk.measure.noise import VisitNoise
 from edtk.measure.pose_table import pose_factors
 from edtk.robots.frames import BodyPoint
 from edtk.robots.weights import DeadWeights
+from edtk.study.asked import Asked
 from edtk.study.tables_of_measurement import MarkerTable
 from edtk.study.tables_of_task import PayloadTable
 from edtk.system.fields import Vector3
 from edtk.system.typing import Array
 
-if TYPE_CHECKING:
-    from edtk.study.study import Study
-    from edtk.study.study_objects import StudyObjects
-
-COORDINATES = 3  # of the first marker; or a distance, in any number of rows
 KNOWN = "known_rad_per_Nm"
 ROWS = ("x", "y", "z", "rx", "ry", "rz")
 BASE = "base"  # the body of a marker that the robot does not move
 READINGS = {"unloaded": 2, "nominal": 1}  # by what a displacement is measured from
 
 
-def least_error(study: "StudyObjects", q: Array) -> float:
-    """The least standard deviation of a coordinate of the first marker in any of some poses [m].
-
-    Args:
-        study: The study.
-        q: Poses (s, n) [rad or m]; they do not matter where noise is white.
-    """
-    if study.noise is None:
-        return float(study.sigma[0])
-    Sigma = study.noise.covariance_of(study.model, study.model.frames(q))
-    return float(np.sqrt(np.einsum("rrk->rk", Sigma)[:COORDINATES].min()))
-
-
-def assumed_joints(study: "Study", k: Array | None = None) -> tuple[AssumedJoint, ...]:
+def assumed_joints(study: Asked, k: Array | None = None) -> tuple[AssumedJoint, ...]:
     """List the joints that are not identified, from base to tip.
 
     A known joint may be off by its standard deviation. A revolute joint without a known compliance
@@ -81,7 +63,7 @@ def assumed_joints(study: "Study", k: Array | None = None) -> tuple[AssumedJoint
     return tuple(found)
 
 
-def likely_compliances(study: "Study", k: Array | None = None) -> dict[str, Likely]:
+def likely_compliances(study: Asked, k: Array | None = None) -> dict[str, Likely]:
     """The compliance that each revolute joint is likely to have, by name.
 
     Args:
@@ -105,9 +87,7 @@ def likely_compliances(study: "Study", k: Array | None = None) -> dict[str, Like
     return found
 
 
-def _neighbours(
-    study: "Study", simulated: Mapping[str, float], k: Array | None
-) -> dict[int, float]:
+def _neighbours(study: Asked, simulated: Mapping[str, float], k: Array | None) -> dict[int, float]:
     """Compliances of the revolute joints of which something is known, by index [rad/(N m)]."""
     joints = study.robot.joints
     unknown = study.specification.joints.unknown
@@ -116,7 +96,7 @@ def _neighbours(
     return {j: size for j, size in near.items() if size > 0 and joints[j].kind == "revolute"}
 
 
-def _force(study: "Study") -> float:
+def _force(study: Asked) -> float:
     """Size of the largest load of the study at the tool point, torques by the reach [N]."""
     given = study.specification
     if given.load is None and given.payload is None:
@@ -129,7 +109,7 @@ def _force(study: "Study") -> float:
     return float((size + turn / max(study.robot.reach, SHORTEST)).max())
 
 
-def study_model(study: "StudyObjects", unknown: tuple[int, ...]) -> ElastostaticModel:
+def study_model(study: Asked, unknown: tuple[int, ...]) -> ElastostaticModel:
     """The elastostatic model of a study: its robot, instruments, load point and weights.
 
     Args:
@@ -148,7 +128,7 @@ def study_model(study: "StudyObjects", unknown: tuple[int, ...]) -> Elastostatic
     )
 
 
-def study_sigma(study: "StudyObjects") -> Array:
+def study_sigma(study: Asked) -> Array:
     """Standard deviation of each measured row (rows,) [m, rad], one instrument after another.
 
     Zero for lengths whose noise is that of a tracker alone.
@@ -167,7 +147,7 @@ def study_sigma(study: "StudyObjects") -> Array:
     return np.array(rows)
 
 
-def marker_kinds(study: "StudyObjects") -> tuple[Rows, ...]:
+def marker_kinds(study: Asked) -> tuple[Rows, ...]:
     """What is measured of each marker: of points on the base positions alone."""
     given = study.specification
     return tuple(
@@ -176,31 +156,33 @@ def marker_kinds(study: "StudyObjects") -> tuple[Rows, ...]:
     )
 
 
-def marker_names(study: "StudyObjects") -> tuple[str, ...]:
+def marker_names(study: Asked) -> tuple[str, ...]:
     """Names of the markers, in their order; those without one are numbered."""
     markers = study.specification.marker
     return tuple(marker.name or f"marker {i + 1}" for i, marker in enumerate(markers))
 
 
-def on_robot(study: "StudyObjects") -> list[tuple[MarkerTable, str]]:
+def on_robot(study: Asked) -> list[tuple[MarkerTable, str]]:
     """The markers that the robot moves, with their names."""
     every = zip(study.specification.marker, marker_names(study), strict=True)
     return [(marker, name) for marker, name in every if not is_reference(study, marker)]
 
 
-def is_reference(study: "StudyObjects", marker: MarkerTable) -> bool:
-    """Whether a marker of a study of geometry stands on the base, and shows whether that moves."""
-    geometry = study.specification.parameters is not None
-    return geometry and marker.joint == BASE and BASE not in study.robot.body_names
+def is_reference(study: Asked, marker: MarkerTable) -> bool:
+    """Whether a marker stands on the base, and shows whether that moves.
+
+    Only absolute positions see it: see `Kind.bodies`.
+    """
+    return marker.joint == BASE and BASE not in study.robot.body_names
 
 
-def distance_names(study: "StudyObjects") -> tuple[str, ...]:
+def distance_names(study: Asked) -> tuple[str, ...]:
     """Names of the distances, in their order; those without one are numbered."""
     distances = study.specification.distance
     return tuple(one.name or f"distance {i + 1}" for i, one in enumerate(distances))
 
 
-def _sensors(study: "StudyObjects") -> tuple[Sensor, ...]:
+def _sensors(study: Asked) -> tuple[Sensor, ...]:
     """Markers, then distances; empty where nothing but the tool point is measured."""
     given = study.specification
     markers = on_robot(study)
@@ -232,13 +214,13 @@ def _in_rows(sensors: list[Sensor]) -> tuple[Sensor, ...]:
     return tuple(found)
 
 
-def _point(study: "StudyObjects", position_mm: Vector3, joint: str | None) -> BodyPoint:
+def _point(study: Asked, position_mm: Vector3, joint: str | None) -> BodyPoint:
     """A point of the tool, or of the body of a joint."""
     index = None if joint is None else study.robot.body_names.index(joint)
     return BodyPoint(np.array(position_mm) / 1e3, index)
 
 
-def _load_point(study: "StudyObjects") -> BodyPoint:
+def _load_point(study: Asked) -> BodyPoint:
     """Where the wrench acts: as [load] says, or where the payload's weight does."""
     given = study.specification
     if given.load is not None:
@@ -246,7 +228,7 @@ def _load_point(study: "StudyObjects") -> BodyPoint:
     return _payload_point(study)
 
 
-def _payload_point(study: "StudyObjects", payload: PayloadTable | None = None) -> BodyPoint:
+def _payload_point(study: Asked, payload: PayloadTable | None = None) -> BodyPoint:
     """A payload's centre of mass, on the body of the last joint: a longer tool does not move it.
 
     Tools and payloads are given in the frame of the flange.
@@ -258,7 +240,7 @@ def _payload_point(study: "StudyObjects", payload: PayloadTable | None = None) -
     return BodyPoint(flange[:3, :3] @ payload.center + flange[:3, 3], len(study.robot.chain) - 1)
 
 
-def task_weights(study: "StudyObjects", payload: PayloadTable | None) -> DeadWeights | None:
+def task_weights(study: Asked, payload: PayloadTable | None) -> DeadWeights | None:
     """All that loads the joints in a task besides its wrench.
 
     Args:
@@ -268,7 +250,7 @@ def task_weights(study: "StudyObjects", payload: PayloadTable | None) -> DeadWei
     return _held(study, payload, link_weights(study))
 
 
-def link_weights(study: "StudyObjects") -> DeadWeights | None:
+def link_weights(study: Asked) -> DeadWeights | None:
     """The weights of the links, where displacements are measured from the nominal robot.
 
     Differences of a loaded and an unloaded reading do not see them, as they bend the robot in both.
@@ -276,7 +258,7 @@ def link_weights(study: "StudyObjects") -> DeadWeights | None:
     return _links(study) if study.is_absolute else None
 
 
-def _links(study: "StudyObjects") -> DeadWeights | None:
+def _links(study: Asked) -> DeadWeights | None:
     """The weights of the links; None where they are not known."""
     links = {joint: link for joint, link in enumerate(study.robot.links) if link.mass}
     if not links:
@@ -285,28 +267,28 @@ def _links(study: "StudyObjects") -> DeadWeights | None:
     return DeadWeights(tuple(link.mass for link in links.values()), centers, len(study.robot.chain))
 
 
-def own_weights(study: "StudyObjects") -> tuple[DeadWeights | None, DeadWeights | None]:
+def own_weights(study: Asked) -> tuple[DeadWeights | None, DeadWeights | None]:
     """The weights of the links, and of a payload beside a load, for absolute positions."""
     payload = None if study.specification.load is None else study.specification.payload
     return _links(study), _held(study, payload, None)
 
 
-def _weights(study: "StudyObjects") -> DeadWeights | None:
+def _weights(study: Asked) -> DeadWeights | None:
     """All that loads the joints besides the wrench: a payload beside a load, and the links."""
     return _held(study, _beside_load(study), link_weights(study))
 
 
-def payload_beside_load(study: "StudyObjects") -> DeadWeights | None:
+def payload_beside_load(study: Asked) -> DeadWeights | None:
     """The weight of a payload that a study has besides [load]; without one it is the load."""
     return _held(study, _beside_load(study), None)
 
 
-def _beside_load(study: "StudyObjects") -> PayloadTable | None:
+def _beside_load(study: Asked) -> PayloadTable | None:
     return None if study.specification.load is None else study.specification.payload
 
 
 def _held(
-    study: "StudyObjects", payload: PayloadTable | None, links: DeadWeights | None
+    study: Asked, payload: PayloadTable | None, links: DeadWeights | None
 ) -> DeadWeights | None:
     """The weights of a payload and of links, either of which there may not be."""
     if payload is None:
@@ -316,14 +298,15 @@ def _held(
     return held if links is None else held.with_more(links)
 
 
-def study_noise(study: "StudyObjects") -> VisitNoise | None:
+def study_noise(study: Asked, model: ElastostaticModel) -> VisitNoise | None:
     """Build the noise of the rows that the model of a study has; None where it is white.
 
     Tracker and discrepancy concern lengths. Rotations have the noise of `measurement.sigma_deg`,
     and distances that of their own instrument, besides what the joints do to both.
 
     Args:
-        study: Its keys, its robot and its model, checked.
+        study: Its keys and its robot, checked.
+        model: Its model.
     """
     table = study.specification.noise
     if table is None or table.is_white:
@@ -331,7 +314,7 @@ def study_noise(study: "StudyObjects") -> VisitNoise | None:
     tracker = table.tracker()
     lengths: list[bool] = []
     tracked: list[tuple[int, int]] = []
-    for point, sensor in enumerate(study.model.whole_instruments):
+    for point, sensor in enumerate(model.whole_instruments):
         if tracker is not None and not isinstance(sensor, Distance):
             tracked.append((point, len(lengths)))
         lengths += sensor.lengths.tolist()
@@ -346,17 +329,16 @@ def study_noise(study: "StudyObjects") -> VisitNoise | None:
     )
 
 
-def describe_measured(study: "StudyObjects") -> str:
+def describe_measured(study: Asked) -> str:
     """How many markers, poses and distances, and what they are measured from.
 
     Args:
         study: Its keys, checked.
     """
-    model = study.model
     since = ", from the nominal robot" if study.is_absolute else ""
-    if not model.sensors:
-        return f"{model.rows}{since}"
     given = study.specification
+    if not on_robot(study) and not given.distance:
+        return f"{given.measurement.rows}{since}"
     kinds = marker_kinds(study)
     poses = kinds.count("pose")
     positions = kinds.count("position")

@@ -1,27 +1,32 @@
 """The objects that the keys of a study describe: its model, noise, task and criteria."""
 
-from collections.abc import Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property
-from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
 import criteria
 from criteria.linalg.estimable import combination
+from edtk.design.design_space import DesignSpace
+from edtk.design.plan import Plan
 from edtk.measure.elastostatic_model import ElastostaticModel
 from edtk.measure.noise import VisitNoise
-from edtk.measure.pose_table import of_file_units
+from edtk.measure.pose_table import PoseTable, Table
 from edtk.measure.task import Task, Tasks
+from edtk.robots.loads.load import Load
 from edtk.robots.robot import Robot
-from edtk.study.schema import Specification
+from edtk.robots.workspace import Workspace
+from edtk.study.asked import Asked
 from edtk.study.study_model import study_model, study_noise, study_sigma
-from edtk.study.study_parts import study_tasks
-from edtk.study.tables_of_task import CriterionTable
+from edtk.study.study_parts import prior_information, study_tasks, study_workspace
+from edtk.study.tables_of_robot import ParametersTable
+from edtk.study.tables_of_task import CriterionTable, InterestTable
 from edtk.system.errors import UserError
 from edtk.system.typing import Array
 
-IN_PYTHON = "Study"  # takes the place of the file's name in messages about a study without a file
+COORDINATES = 3  # of the first marker; or a distance, in any number of rows
 
 
 def given_parameters(
@@ -51,34 +56,102 @@ def given_parameters(
     return {}
 
 
-class StudyObjects:
+class Kind(ABC):
+    """What a study says otherwise where its unknowns are of another kind, see `kinds`.
+
+    Attributes:
+        key: The key of a study that says what is unknown.
+        doubts: Checks of what is hard to believe, besides those of any study, see `plausibility`.
+    """
+
+    key: ClassVar[str]
+    doubts: ClassVar[tuple[Callable[["StudyObjects"], Iterator[str]], ...]] = ()
+
+    @abstractmethod
+    def unknowns(self, study: Asked) -> str:
+        """What is unknown, in a few words."""
+
+    @abstractmethod
+    def bodies(self, robot: Robot) -> tuple[str, ...]:
+        """Names of the bodies that markers may sit on."""
+
+    @abstractmethod
+    def check(self, study: Asked) -> None:
+        """Check the keys that only one kind of study knows.
+
+        Raises:
+            UserError: One line that names the study, the key and what was expected.
+        """
+
+    @abstractmethod
+    def check_interest(self, study: "StudyObjects", table: InterestTable) -> None:
+        """Check that what is of interest makes sense, and that the criteria can be about it.
+
+        Raises:
+            UserError: One line that names the study, the key and what was expected.
+        """
+
+    @abstractmethod
+    def check_criterion(self, study: "StudyObjects", key: str, name: str) -> None:
+        """Check that a criterion has the parameters that it needs, and that they fit the unknowns.
+
+        Raises:
+            UserError: One line that names the study, the key and what was expected.
+        """
+
+    @abstractmethod
+    def require_compliances_alone(self, study: Asked) -> None:
+        """Check that nothing but compliances is unknown, for what knows no geometry.
+
+        Raises:
+            UserError: The study has a table [parameters].
+        """
+
+    @abstractmethod
+    def parameters(self, study: Asked) -> ParametersTable:
+        """The parameters of geometry that the study asks for.
+
+        Raises:
+            UserError: The study has no table [parameters].
+        """
+
+    @abstractmethod
+    def wrench_of_pose(self, study: Asked) -> Array | None:
+        """The wrench (6,) of a pose whose row says none; None where a row has to say one."""
+
+    @abstractmethod
+    def visits(
+        self, study: Asked, path: Table, table: PoseTable, made: bool
+    ) -> tuple[Array, Array]:
+        """Poses (v, n) and wrenches (v, 6) of the visits of a sheet.
+
+        Args:
+            study: The study.
+            path: The sheet.
+            table: The same, as it was read.
+            made: Whether only rows that are filled in count.
+
+        Raises:
+            UserError: Names the file and the row or column; or no row is filled in.
+        """
+
+    @abstractmethod
+    def target(self, tasks: Tasks) -> Array | None:
+        """Target (r, p) of rho0 by compliances alone; None where rho0 is another one."""
+
+    @abstractmethod
+    def interest(self, table: InterestTable, unknown: Sequence[str]) -> Array | None:
+        """Combinations K (p, s) of the compliances that are of interest; None where names say."""
+
+
+class StudyObjects(Asked):
     """What a study asks about, built from its checked keys; the base of `Study`.
 
     Attributes:
-        specification: All keys, checked, with their defaults.
-        robot: The robot, with the calibration tool.
-        folder: Folder to which file names in the specification are relative.
-        path: The study's file; None for a study that was built in Python.
+        kind: What a study of these unknowns says otherwise than others.
     """
 
-    specification: Specification
-    robot: Robot
-    folder: Path
-    path: Path | None
-
-    @property
-    def where(self) -> str:
-        """The file of the study, as messages name it."""
-        return IN_PYTHON if self.path is None else str(self.path)
-
-    def error(self, key: str, message: str) -> UserError:
-        """An error at one key of this study."""
-        return UserError(message, where=self.where, key=key)
-
-    @property
-    def main_criterion(self) -> str:
-        """Name of the criterion that the study is about: rho0 if optimised, else the first."""
-        return self.specification.main_criterion
+    kind: Kind
 
     @cached_property
     def model(self) -> ElastostaticModel:
@@ -87,32 +160,6 @@ class StudyObjects:
         A study of geometry without springs has one of all joints: it tells motions and loads.
         """
         return study_model(self, self.unknown or tuple(range(self.robot.n)))
-
-    @property
-    def unknown(self) -> tuple[int, ...]:
-        """Indices of the joints whose compliances are unknown."""
-        return tuple(map(self.robot.joint_names.index, self.specification.joints.unknown))
-
-    @property
-    def known(self) -> dict[int, float]:
-        """Compliances [rad/(N m)] that are known, by the index of the joint, from base to tip."""
-        given = self.specification.joints.known
-        names = self.robot.joint_names
-        return {j: given[name].value for j, name in enumerate(names) if name in given}
-
-    @property
-    def fixed(self) -> dict[int, float]:
-        """Values [rad or m] of the fixed joints by index."""
-        given = self.specification.joints.fixed_deg | self.specification.joints.fixed_mm
-        names = self.robot.joint_names
-        shown = np.array([given.get(name, 0.0) for name in names])
-        values = of_file_units(self.robot, shown)
-        return {names.index(name): float(values[names.index(name)]) for name in given}
-
-    @property
-    def is_absolute(self) -> bool:
-        """Whether displacements are counted from the nominal robot, not from the unloaded one."""
-        return self.specification.measurement.reference == "nominal"
 
     @property
     def sigma(self) -> Array:
@@ -137,7 +184,7 @@ class StudyObjects:
     @cached_property
     def noise(self) -> VisitNoise | None:
         """Covariance of a visit's rows, where noise is not white; None where `sigma` says all."""
-        return study_noise(self)
+        return study_noise(self, self.model)
 
     @property
     def task(self) -> Task | None:
@@ -152,9 +199,7 @@ class StudyObjects:
         `edtk.geometry_problem`. It is A0 (3, p) of the test pose, Eq. (4), unless a neighbourhood,
         rotations or several test poses count.
         """
-        if self.specification.parameters is not None:
-            return None
-        return self.tasks.target if self.tasks else None
+        return self.kind.target(self.tasks) if self.tasks else None
 
     @cached_property
     def interest(self) -> Array | None:
@@ -163,9 +208,9 @@ class StudyObjects:
         None, too, where the geometry is unknown, whose interest is told by names of parameters.
         """
         table = self.specification.interest
-        if table is None or self.specification.parameters is not None:
+        if table is None:
             return None
-        return table.build(self.specification.joints.unknown)
+        return self.kind.interest(table, self.specification.joints.unknown)
 
     @property
     def interest_names(self) -> tuple[str, ...]:
@@ -174,10 +219,49 @@ class StudyObjects:
             return ()
         return tuple(combination(column, self.model.parameters) for column in self.interest.T)
 
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Criteria that are optimised or compared, those that are optimised first."""
-        return tuple(dict.fromkeys((*self.specification.optimise, *self.specification.criteria)))
+    @cached_property
+    def workspace(self) -> Workspace:
+        """The feasible set: limits, constraints, and poses that plans keep away from."""
+        return study_workspace(self)
+
+    @cached_property
+    def space(self) -> DesignSpace:
+        """Model, feasible set and free joints, for designing plans.
+
+        Raises:
+            UserError: A file of excluded poses cannot be read, or the study is about geometry too.
+        """
+        self.require_compliances_alone()
+        return self.space_under(self.specification.build_load())
+
+    def space_under(self, load: Load) -> DesignSpace:
+        """The same with loads of the caller's choice, whatever is unknown."""
+        fixed = self.fixed
+        values = np.array([fixed.get(j, 0.0) for j in range(self.robot.n)])
+        free = [j for j in range(self.robot.n) if j not in fixed]
+        sigma = study_sigma(self)
+        return DesignSpace(self.model, self.workspace, sigma, load, free, values, noise=self.noise)
+
+    def least_error(self, q: Array) -> float:
+        """The least standard deviation of a coordinate of the first marker in some poses [m].
+
+        Args:
+            q: Poses (s, n) [rad or m]; they do not matter where noise is white.
+        """
+        if self.noise is None:
+            return float(self.sigma[0])
+        Sigma = self.noise.covariance_of(self.model, self.model.frames(q))
+        return float(np.sqrt(np.einsum("rrk->rk", Sigma)[:COORDINATES].min()))
+
+    @cached_property
+    def prior_information(self) -> Array | None:
+        """Information (p, p) that counts beside every plan; None unless `[prior] in_design`."""
+        return prior_information(self)
+
+    def information(self, plan: Plan) -> Array:
+        """Information matrix (p, p) of a plan, and of the prior if that counts in designs."""
+        M = self.space.information(plan)
+        return M if self.prior_information is None else M + self.prior_information
 
     def require_compliances_alone(self) -> None:
         """Check that nothing but compliances is unknown, for what knows no geometry.
@@ -185,11 +269,7 @@ class StudyObjects:
         Raises:
             UserError: The study has a table [parameters].
         """
-        if self.specification.parameters is not None:
-            raise self.error(
-                "parameters",
-                "this knows compliances alone; expected a study without [parameters]",
-            )
+        self.kind.require_compliances_alone(self)
 
     def criterion(self, name: str | None = None) -> criteria.Criterion:
         """A criterion with this study's target, or about what is of interest.

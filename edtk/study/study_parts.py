@@ -1,171 +1,40 @@
-"""Plans, tasks, prior, design space and robot that a study names."""
+"""Tasks, prior, feasible set and robot that a study names."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from edtk.design.design_space import DesignSpace
-from edtk.design.plan import REPEATS, Plan
-from edtk.fit.correlated_noise import row_numbers
-from edtk.fit.geometry.marker_positions import read_positions
+from edtk.design.plan import Plan
 from edtk.fit.prior import Normal, Prior
 from edtk.measure.compliances import load_compliances
 from edtk.measure.pose_table import (
-    SHEET_COLUMNS,
-    VISIT_COLUMN,
-    WRENCH_COLUMNS,
-    PoseTable,
-    Table,
-    finished_rows,
     of_file_units,
-    path_of,
-    pose_columns,
-    with_own_headers,
+    pose_factors,
 )
 from edtk.measure.task import Task, Tasks
 from edtk.robots.constraints.excluded import Excluded
 from edtk.robots.load_robot import load_robot
-from edtk.robots.loads.fixed_load import FixedLoad
-from edtk.robots.loads.load import Load
-from edtk.robots.robot import Robot
+from edtk.robots.robot import Robot, shown_limits
 from edtk.robots.robot_file import RobotFileError, robot_from_dict
 from edtk.robots.workspace import Workspace, within_margin
-from edtk.study.check_study import check_limits
+from edtk.study.asked import Asked
 from edtk.study.schema import Specification
-from edtk.study.study_model import marker_names, study_sigma, task_weights
+from edtk.study.study_model import task_weights
 from edtk.study.tables_of_task import TestPose
 from edtk.system.errors import UserError, note
-from edtk.system.typing import Array, Indices
+from edtk.system.typing import Array
 
-if TYPE_CHECKING:
-    from edtk.study.study import Study
-    from edtk.study.study_objects import StudyObjects
-
-FEASIBLE = -1e-9  # least slack [m or rad] of a pose that counts as feasible, against rounding
 MOST_POSES = 1000  # of a path that count; more would cost minutes, and tell no more
 ASYMMETRY = 1e-6  # relative: printed digits of a covariance may differ by that
 LEAST_STD = 1e-20  # [rad/(N m)]: a compliance that is known so well is no prior
 TOO_CERTAIN = f"expected standard deviations of at least {LEAST_STD:g} rad/(N m)"
 NO_VARIANCE = 2  # degrees of freedom up to which Student's t has no variance
+ROUNDING = 1e-9  # by how much a joint may be beyond its limits [rad or m]
 KEY_OF_KIND = {"revolute": "limits_deg", "prismatic": "limits_mm"}
 LINKS = ("base_link", "tip_link")
 
 
-def load_plan(study: "Study", path: Table, made: bool = False) -> Plan:
-    """Read a plan, or the experiments of a sheet; check each pose against limits and workspace.
-
-    A pose counts as feasible if one within the study's `plan_resolution_deg` of it is, since
-    published poses are rounded. Excluded poses are feasible too: they may have been measured, and
-    are only not to be planned.
-
-    Args:
-        study: The study.
-        path: The plan's file (CSV), or a data frame that holds what it would.
-        made: Whether of a sheet only the rows that are filled in count, and one has to be.
-
-    Raises:
-        UserError: Names the file and the row.
-    """
-    plan = _of_sheet(study, path, made) or read_plan(study, path, _default_wrench(study))
-    revolute = np.array([joint.kind == "revolute" for joint in study.robot.joints])
-    resolution = np.deg2rad(study.specification.workspace.plan_resolution_deg) * revolute
-    workspace = Workspace(study.robot, study.specification.workspace.build())
-    slack = workspace.slack_within(plan.q, resolution)
-    outside = (slack < FEASIBLE).any(axis=1)
-    if outside.any():
-        row = int(outside.argmax())
-        broken = "; ".join(map(str, workspace.violations(slack[row])))
-        raise UserError(f"the pose violates {broken}", where=path_of(path), key=f"row {row + 1}")
-    return plan
-
-
-def _default_wrench(study: "Study") -> Array | None:
-    """The wrench (6,) of a pose whose row says none: the study's only load; none of geometry."""
-    if study.specification.parameters is not None:
-        return np.zeros(6)
-    load = study.space.load
-    return load.always if isinstance(load, FixedLoad) else None
-
-
-def _of_sheet(study: "Study", path: Table, made: bool) -> Plan | None:
-    """The experiments of a measurement sheet; None for a plan.
-
-    Rows of one visit are one experiment.
-
-    Args:
-        study: The study.
-        path: The sheet, or a plan.
-        made: Whether only rows that are filled in count.
-
-    Raises:
-        UserError: Names the file and the row or column; or no row is filled in.
-    """
-    table = PoseTable.read(path, "plan")
-    own = {*pose_columns(study.robot), *WRENCH_COLUMNS, REPEATS}
-    header = with_own_headers([str(name) for name in table.cells], study.robot, SHEET_COLUMNS)
-    if REPEATS in table or set(header) <= own:
-        return None
-    if study.specification.parameters is not None:
-        q, wrench = _visits_of_positions(study, path, made)
-    else:
-        table = table.with_known(study.robot, SHEET_COLUMNS)
-        table = finished_rows(table) if made else table
-        q = table.poses(study.robot, study.fixed)
-        wrench = table.wrenches(_default_wrench(study))
-        if VISIT_COLUMN in table:
-            visit = row_numbers(q, wrench, table.numbers(VISIT_COLUMN)[:, None])
-            q, wrench = _firsts(visit, q, wrench)
-    return _counted(q, wrench)
-
-
-def _visits_of_positions(study: "Study", path: Table, made: bool) -> tuple[Array, Array]:
-    """Poses (v, n) and loads (v, 6) of the visits of a sheet of positions.
-
-    Raises:
-        UserError: The sheet cannot be read, or no visit is made.
-    """
-    names = marker_names(study)
-    turned = names if study.specification.measurement.rows == "pose" else ()
-    data = read_positions(path, study.robot, study.fixed, names, measured=False, turned=turned)
-    if not made:
-        return data.q, data.wrench
-    seen = data.seen.any(axis=1)
-    if not seen.any():
-        raise UserError("no position of a marker is filled in", where=path_of(path))
-    if not seen.all():
-        note(f"{int(seen.sum())} of {len(data)} visits are filled in", path_of(path))
-    return data.q[seen], data.wrench[seen]
-
-
-def _firsts(number: Indices, *columns: Array) -> tuple[Array, ...]:
-    """The first rows of each number (m,) of columns (m, c)."""
-    first = np.unique(number, return_index=True)[1]
-    return tuple(column[first] for column in columns)
-
-
-def _counted(q: Array, wrench: Array) -> Plan:
-    """A plan in which each pose and load is there once, with its repetitions."""
-    number = row_numbers(q, wrench)
-    poses, loads = _firsts(number, q, wrench)
-    return Plan(poses, loads, np.bincount(number))
-
-
-def read_plan(study: "Study", path: Table, wrench: Array | None) -> Plan:
-    """Read a plan whose poses are not checked.
-
-    Args:
-        study: The study, which names the columns and gives the values of fixed joints.
-        path: The plan's file (CSV), or a data frame that holds what it would.
-        wrench: Default wrench (6,) [N, N m]; None if the file must say which forces are applied.
-
-    Raises:
-        UserError: Names the file and the row or column.
-    """
-    return Plan.from_csv(path, study.robot, study.fixed, wrench)
-
-
-def study_tasks(study: "StudyObjects") -> Tasks:
+def study_tasks(study: Asked) -> Tasks:
     """The poses in which the robot shall be accurate, in their order; there may be none.
 
     Raises:
@@ -177,7 +46,7 @@ def study_tasks(study: "StudyObjects") -> Tasks:
     return Tasks(_of_table(study, pose) for pose in study.specification.test_poses)
 
 
-def _of_table(study: "StudyObjects", pose: TestPose) -> Task:
+def _of_table(study: Asked, pose: TestPose) -> Task:
     """The task of one test pose."""
     return Task(
         q=of_file_units(study.robot, np.array(pose.q_deg)),
@@ -192,7 +61,7 @@ def _of_table(study: "StudyObjects", pose: TestPose) -> Task:
     )
 
 
-def _of_file(study: "StudyObjects") -> Tasks:
+def _of_file(study: Asked) -> Tasks:
     """The tasks of a path, all with its tool, a row each; a long path is thinned, with a note."""
     given = study.specification.task
     assert given is not None
@@ -225,7 +94,39 @@ def _of_file(study: "StudyObjects") -> Tasks:
     )
 
 
-def study_prior(study: "Study") -> Prior:
+def check_limits(study: Asked, q: Array) -> None:
+    """Check that the robot can take all poses (t, n): the test poses, or the rows of a path.
+
+    Raises:
+        UserError: It cannot take one of them; names it.
+    """
+    lower, upper = study.robot.hard_limits
+    outside = (q < lower - ROUNDING) | (q > upper + ROUNDING)
+    if outside.any():
+        i = int(outside.any(axis=1).argmax())
+        joints = np.flatnonzero(outside[i])
+        raise _beyond(study, i, q[i], joints[0], len(joints) - 1)
+
+
+def _beyond(study: Asked, index: int, q: Array, j: int, more: int) -> UserError:
+    """The error of a pose that is beyond a joint's limits, as the controller shows them."""
+    lower, upper = study.robot.limits
+    shown = shown_limits(study.robot)[j]
+    limits = shown.range((lower[j], upper[j]))
+    factor = pose_factors(study.robot)[j]
+    low, value, high = np.array([limits[0], shown.of(q[j]), limits[1]]) / factor
+    others = f", and {more} more" if more else ""
+    message = (
+        f"the robot cannot take this pose: joint {shown.label} is at {value:.6g}, beyond its "
+        f"limits {low:.6g} .. {high:.6g}{others}"
+    )
+    given = study.specification.task
+    if given is None:
+        return study.error(f"{study.key_of(index)}.q_deg", message)
+    return UserError(message, where=Path(study.folder / given.file), key=f"row {index + 1}")
+
+
+def study_prior(study: Asked) -> Prior:
     """Build the prior of a study's unknown compliances, which are positive, from its [prior] table.
 
     Raises:
@@ -246,7 +147,7 @@ def study_prior(study: "Study") -> Prior:
     return Prior(marginals)
 
 
-def _from_table(study: "Study") -> Normal:
+def _from_table(study: Asked) -> Normal:
     """The normal prior that the study's file states itself."""
     unknown = study.specification.joints.unknown
     earlier = study.specification.prior.earlier
@@ -274,7 +175,7 @@ def _from_table(study: "Study") -> Normal:
         raise not_positive from None
 
 
-def _from_file(study: "Study", name: str) -> Normal:
+def _from_file(study: Asked, name: str) -> Normal:
     """The result of an earlier calibration, as `edtk identify` has written it.
 
     Where sigma was estimated the covariance is widened to that of Student's t.
@@ -308,36 +209,17 @@ def _from_file(study: "Study", name: str) -> Normal:
 NO_WRENCH = np.zeros(6)  # of poses to stay away from, whatever their load
 
 
-def study_space(study: "Study") -> DesignSpace:
-    """Build the design space of a study: model, feasible set, noise, loads and free joints.
+def study_workspace(study: Asked) -> Workspace:
+    """Build the feasible set of a study: limits, constraints, and poses to keep away from.
 
     Raises:
-        UserError: A file of excluded poses cannot be read, or the study is about geometry too.
+        UserError: A file of excluded poses cannot be read, or a joint has no range left.
     """
-    study.require_compliances_alone()
-    return pose_space(study, study.specification.build_load())
-
-
-def pose_space(study: "Study", load: Load) -> DesignSpace:
-    """The same with loads of the caller's choice, whatever is unknown.
-
-    Args:
-        study: The study.
-        load: The wrenches that may be applied.
-
-    Raises:
-        UserError: A file of excluded poses cannot be read.
-    """
-    fixed = study.fixed
-    values = np.array([fixed.get(j, 0.0) for j in range(study.robot.n)])
-    free = [j for j in range(study.robot.n) if j not in fixed]
     constraints = (*study.specification.workspace.build(), *_exclusions(study))
-    workspace = Workspace(_within_margin(study), constraints)
-    sigma = study_sigma(study)
-    return DesignSpace(study.model, workspace, sigma, load, free, values, noise=study.noise)
+    return Workspace(_within_margin(study), constraints)
 
 
-def _within_margin(study: "Study") -> Robot:
+def _within_margin(study: Asked) -> Robot:
     """The robot, whose joints keep their margin from the limits.
 
     Raises:
@@ -350,16 +232,25 @@ def _within_margin(study: "Study") -> Robot:
         raise study.error("joints.margin_deg", str(error)) from error
 
 
-def _exclusions(study: "Study") -> list[Excluded]:
+def _exclusions(study: Asked) -> list[Excluded]:
     """Distances from the poses that plans keep away from, a constraint for each file or plan."""
     workspace = study.specification.workspace
-    plans = [read_plan(study, study.folder / name, NO_WRENCH) for name in workspace.excluded]
+    plans = [_unchecked(study, study.folder / name) for name in workspace.excluded]
     if isinstance(study.excluded, Plan):
         plans.append(study.excluded)
     elif study.excluded is not None:
-        plans.append(read_plan(study, study.excluded, NO_WRENCH))
+        plans.append(_unchecked(study, study.excluded))
     within = float(np.deg2rad(workspace.excluded_within_deg))
     return [Excluded(_distinct(plan.q), within) for plan in plans]
+
+
+def _unchecked(study: Asked, path: Path) -> Plan:
+    """A plan whose poses need not be feasible, and whose loads do not matter.
+
+    Raises:
+        UserError: Names the file and the row or column.
+    """
+    return Plan.from_csv(path, study.robot, study.fixed, NO_WRENCH)
 
 
 def _distinct(q: Array) -> Array:
@@ -418,7 +309,7 @@ def _limits_key(keys: Specification) -> str:
     return "joints.limits_mm" if keys.joints.limits_mm else "joints.limits_deg"
 
 
-def prior_information(study: "Study") -> Array | None:
+def prior_information(study: Asked) -> Array | None:
     """The precision of the Gaussian near the study's prior, which is added to that of a plan.
 
     An earlier calibration has the inverse of its covariance; a half-normal density of scale s has

@@ -6,19 +6,17 @@ import os
 import re
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypedDict
+from typing import Any, TypedDict
 
 import numpy as np
 
 from edtk.design.plan import Plan
 from edtk.robots.robot import Robot
+from edtk.study.asked import Asked
 from edtk.study.schema import Specification
 from edtk.study.table import Table
 from edtk.system.files import decode, read_bytes, write_text
 from edtk.system.parsing import MOST_MB, parse_toml
-
-if TYPE_CHECKING:
-    from edtk.study.study import Study
 
 MOST_INLINE = 100  # characters of a line, beyond which a list is written an entry a line
 SHORT_ESCAPES = {
@@ -174,7 +172,7 @@ def _character(character: str) -> str:
     return f"\\u{ord(character):04x}" if is_control else character
 
 
-def study_toml(study: "Study", path: Path | str | None = None) -> str:
+def study_toml(study: Asked, path: Path | str | None = None) -> str:
     """Write a study as TOML, so that `load_study` gives the same study again.
 
     Args:
@@ -210,7 +208,7 @@ def study_toml(study: "Study", path: Path | str | None = None) -> str:
     return text
 
 
-def _excluded_name(study: "Study") -> str:
+def _excluded_name(study: Asked) -> str:
     """The file of poses that were given to `Study.excluding`, relative to the study's folder."""
     if isinstance(study.excluded, Plan):
         raise study.error("workspace.excluded", "is a plan in memory; expected its file's name")

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 import edtk
-from edtk.study.study_parts import load_plan
+from edtk.study.plans import load_plan
 
 STUDY = """
 title = "Mix"

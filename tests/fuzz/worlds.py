@@ -12,7 +12,7 @@ import numpy as np
 
 import edtk
 from edtk.cli import main
-from edtk.study.study_parts import load_plan
+from edtk.study.plans import load_plan
 from tests.fuzz import arm_worlds as arms
 from tests.fuzz import cell_world, geometry_world, mix_world, poses_world
 

@@ -3,7 +3,6 @@
 from pathlib import Path
 
 from edtk.study.study import load_study
-from edtk.study.study_parts import study_space
 
 STUDIES = Path(__file__).parents[2] / "studies"
 POSES = "q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n-90,80,10,20,30\n-60,50,10,20,30\n"
@@ -20,6 +19,6 @@ def test_excluded_poses_count_once(tmp_path: Path) -> None:
     for copies in (1, 500):
         header, first, second, _ = POSES.split("\n")
         poses.write_text("\n".join([header, *[first, second] * copies, ""]), encoding="utf-8")
-        space = study_space(load_study(study, poses))
+        space = load_study(study, poses).space
         counts.append(sum("excluded pose" in label for label in space.workspace.labels))
     assert counts == [2, 2]

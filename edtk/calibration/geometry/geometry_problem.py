@@ -14,7 +14,6 @@ from edtk.measure.geometric_model import GeometricModel
 from edtk.measure.parameters import identifiable
 from edtk.study.study import Study
 from edtk.study.study_geometry import StudyGeometry, StudyLoads
-from edtk.system.errors import ArgumentError
 from edtk.system.presented import Presented
 from edtk.system.typing import Array
 
@@ -102,13 +101,10 @@ def geometry_problem(
             leaves out counts too.
 
     Raises:
-        ArgumentError: The study has no [parameters].
+        UserError: The study has no [parameters].
         ValueError: Arrays do not fit the robot.
     """
-    if study.specification.parameters is None:
-        raise ArgumentError(
-            "expected a study of geometry, with a table [parameters]", argument="study"
-        )
+    study.kind.parameters(study)
     setting = StudyGeometry.of(study)
     poses = np.asarray(q, dtype=float)
     if poses.ndim != 2 or poses.shape[1] != study.robot.n or not len(poses):

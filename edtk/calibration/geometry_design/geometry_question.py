@@ -23,7 +23,6 @@ from edtk.robots.weights import DeadWeights
 from edtk.study.study import Study
 from edtk.study.study_geometry import StudyGeometry
 from edtk.study.study_objects import given_parameters
-from edtk.study.study_parts import pose_space
 from edtk.system.errors import UserError
 from edtk.system.typing import Array
 
@@ -97,7 +96,7 @@ class GeometryQuestion:
         told = _told(setting, setting.model, *anywhere)
         structural = _with(setting.model, told)
         load = FixedLoad(wrenches[0]) if len(wrenches) == 1 else ListedLoad(wrenches)
-        space = _space(pose_space(study, load), structural, setting)
+        space = _space(study.space_under(load), structural, setting)
         shares = _told(setting, structural, *_feasible(space, study, wrenches))
         return cls(
             study,

@@ -1,6 +1,5 @@
 """Studies and their runs."""
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -14,7 +13,6 @@ from edtk.report.shown import plain, shown_value
 from edtk.report.tables import notebook_table, percent, text_table
 from edtk.report.views.calibration import error_budget
 from edtk.report.views.robot import fit_axes, robot_plot
-from edtk.robots.constraints.constraint import Constraint
 from edtk.study.schema import describe_noise
 from edtk.study.study import Study
 from edtk.study.study_model import describe_measured
@@ -44,7 +42,7 @@ def study_rows(asked: Study) -> list[tuple[str, str]]:
     ]
     fixed = [f"{name} = {value:g} deg" for name, value in joints.fixed_deg.items()]
     fixed += [f"{name} = {value:g} mm" for name, value in joints.fixed_mm.items()]
-    labels = [label for c in _constraints(asked) for label in c.labels(asked.robot)]
+    labels = [label for c in asked.workspace.constraints for label in c.labels(asked.robot)]
     rows = [
         ("robot", f"{asked.robot.name}, {asked.robot.n} joints"),
         ("controller", _controller(asked)),
@@ -63,13 +61,6 @@ def study_rows(asked: Study) -> list[tuple[str, str]]:
         ("seed", str(specification.seed)),
     ]
     return [(name, value) for name, value in rows if value]
-
-
-def _constraints(asked: Study) -> Sequence[Constraint]:
-    """Constraints on the poses; plans to keep away from, too, where there are plans."""
-    if asked.specification.parameters is not None:
-        return asked.specification.workspace.build()
-    return asked.space.workspace.constraints
 
 
 def _controller(asked: Study) -> str:
@@ -172,9 +163,7 @@ def expected_of_run(run: StudyRun) -> list[str]:
 
 def budget_of_run(run: StudyRun) -> ErrorBudget | None:
     """The error budget of that plan; None where it is not known, see `plan_budget`."""
-    if run.best is None or run.study.specification.parameters is not None:
-        return None
-    return plan_budget(run.study, run.best)
+    return None if run.best is None else plan_budget(run.study, run.best)
 
 
 def study_run_rows(run: StudyRun) -> tuple[list[str], list[list[str]]]:

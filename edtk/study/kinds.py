@@ -1,0 +1,349 @@
+"""The kinds of studies: of compliances alone, and of geometry with springs or without.
+
+What differs between them is here; `kind_of` alone asks which one a study is of.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+import criteria
+from edtk.fit.correlated_noise import row_numbers
+from edtk.fit.geometry.marker_positions import read_positions
+from edtk.measure.parameters import all_parameters
+from edtk.measure.pose_table import (
+    SHEET_COLUMNS,
+    VISIT_COLUMN,
+    PoseTable,
+    Table,
+    finished_rows,
+    path_of,
+)
+from edtk.measure.task import Tasks
+from edtk.robots.loads.fixed_load import FixedLoad
+from edtk.robots.robot import Robot
+from edtk.study.asked import Asked
+from edtk.study.plans import firsts
+from edtk.study.plausibility import doubtful_noise, idle_axes
+from edtk.study.schema import Specification
+from edtk.study.study_model import BASE, is_reference, marker_names, on_robot
+from edtk.study.study_objects import Kind, StudyObjects
+from edtk.study.tables_of_robot import ParametersTable
+from edtk.study.tables_of_task import InterestTable
+from edtk.system.errors import UserError, note
+from edtk.system.typing import Array
+
+
+def kind_of(specification: Specification) -> Kind:
+    """The kind of a study, by its keys."""
+    return Compliances() if specification.parameters is None else Geometry()
+
+
+class Compliances(Kind):
+    """Compliances alone are unknown, and displacements under loads are measured."""
+
+    key = "joints.unknown"
+    doubts = (doubtful_noise, idle_axes)
+
+    def unknowns(self, study: Asked) -> str:
+        """How many compliances."""
+        return _counted(study)
+
+    def bodies(self, robot: Robot) -> tuple[str, ...]:
+        """Those of the robot: a displacement does not see the base."""
+        return robot.body_names
+
+    def check(self, study: Asked) -> None:
+        """Check costs, which plans do not heed, and the loads of test poses."""
+        if study.specification.costs is not None:
+            raise study.error(
+                "costs", "plans of compliances alone do not heed it; expected [parameters] too"
+            )
+        # rho0 has no meaning where errors of compliances do no harm.
+        for i, pose in enumerate(study.specification.test_poses):
+            if pose.payload is None and not any((*pose.load.F_N, *pose.load.T_Nm)):
+                raise study.error(
+                    f"{study.key_of(i)}.load",
+                    "a test pose without load has nothing to compensate; expected a load",
+                )
+
+    def check_interest(self, study: StudyObjects, table: InterestTable) -> None:
+        """Check joints and combinations, and that some criterion can be about them."""
+        if table.parameters:
+            message = "is for studies with [parameters]; expected joints or combinations"
+            raise study.error("interest.parameters", message)
+        _check_joints(study, "interest.joints", table.joints)
+        for i, factors in enumerate(table.combinations):
+            _check_joints(study, f"interest.combinations[{i + 1}]", tuple(factors))
+            _check_units(study, f"interest.combinations[{i + 1}]", factors)
+        assert study.interest is not None
+        depends = False
+        for key in ("optimise", "criteria"):
+            for name in getattr(study.specification, key):
+                if criteria.get(name).needs_target or not criteria.get(name).takes_interest:
+                    continue
+                depends = True
+                try:
+                    study.criterion(name)
+                except UserError as error:
+                    whose = "interest" if error.message.startswith("interest") else key
+                    raise study.error(whose, error.message.removeprefix("interest: ")) from error
+        if not depends:
+            message = (
+                "no criterion of the study depends on it, as the test pose says what these are "
+                'about; expected another criterion too, such as optimise = ["D"]'
+            )
+            raise study.error("interest", message)
+
+    def check_criterion(self, study: StudyObjects, key: str, name: str) -> None:
+        """Check that a criterion has the parameters that it needs, and that they fit."""
+        table = study.specification.criterion
+        is_given = table is not None and table.name == name
+        if not is_given and not criteria.get(name).needs_parameters:
+            return
+        try:
+            # Numbers whose squares overflow are found by what comes of them.
+            with np.errstate(all="ignore"):
+                criterion = study.criterion(name)
+                identity = np.eye(len(study.unknown))
+                if not criterion.needs_target and not np.isfinite(criterion.cost(identity)):
+                    raise ValueError("no finite cost")
+        except UserError as error:
+            raise study.error("criterion" if is_given else key, error.message) from error
+        except (criteria.CriterionError, ValueError, TypeError, ArithmeticError) as error:
+            message = (
+                f"criterion {name!r}: its parameters do not fit {len(study.unknown)} compliances"
+            )
+            raise study.error("criterion", message) from error
+
+    def require_compliances_alone(self, study: Asked) -> None:
+        """Nothing else is unknown."""
+
+    def parameters(self, study: Asked) -> ParametersTable:
+        """There are none."""
+        raise study.error("parameters", "expected a study of geometry, with a table [parameters]")
+
+    def wrench_of_pose(self, study: Asked) -> Array | None:
+        """The study's only load; None where it has several."""
+        load = study.specification.build_load()
+        return load.always if isinstance(load, FixedLoad) else None
+
+    def visits(
+        self, study: Asked, path: Table, table: PoseTable, made: bool
+    ) -> tuple[Array, Array]:
+        """The first rows of each visit."""
+        table = table.with_known(study.robot, SHEET_COLUMNS)
+        table = finished_rows(table) if made else table
+        q = table.poses(study.robot, study.fixed)
+        wrench = table.wrenches(self.wrench_of_pose(study))
+        if VISIT_COLUMN in table:
+            visit = row_numbers(q, wrench, table.numbers(VISIT_COLUMN)[:, None])
+            q, wrench = firsts(visit, q, wrench)
+        return q, wrench
+
+    def target(self, tasks: Tasks) -> Array | None:
+        """That of the tasks."""
+        return tasks.target
+
+    def interest(self, table: InterestTable, unknown: Sequence[str]) -> Array | None:
+        """Joints and combinations."""
+        return table.build(unknown)
+
+
+class Geometry(Kind):
+    """Geometry, base and tools are unknown, springs too if asked for; positions are measured."""
+
+    key = "parameters"
+
+    def unknowns(self, study: Asked) -> str:
+        """Geometry, and how many compliances."""
+        return f"geometry and {_counted(study)}" if study.unknown else "geometry"
+
+    def bodies(self, robot: Robot) -> tuple[str, ...]:
+        """Those of the robot, and the base, which shows whether the instrument moved."""
+        return (*robot.body_names, BASE)
+
+    def check(self, study: Asked) -> None:
+        """Check that the unknowns are of this robot, and that positions of the tool are measured.
+
+        Raises:
+            UserError: One line that names the study, the key and what was expected.
+        """
+        given = study.specification
+        asked = self.parameters(study)
+        unknown = given.joints.unknown
+        compliance = asked.compliance
+        if compliance is not None and tuple(compliance) != unknown:
+            raise study.error(
+                "joints.unknown",
+                "differs from parameters.compliance; expected the same joints, or one of both keys",
+            )
+        for name in unknown:
+            if name not in study.robot.joint_names:
+                names = ", ".join(study.robot.joint_names)
+                raise study.error(
+                    "parameters.compliance", f"no joint {name!r}; this robot has {names}"
+                )
+        try:
+            chosen = all_parameters(study.robot, (), asked.geometry, (), asked.base, False)
+        except ValueError as error:
+            raise study.error("parameters.geometry", str(error)) from error
+        if not chosen and not asked.tool and not unknown:
+            raise study.error(
+                "parameters", "leaves nothing unknown; expected geometry, base or tool"
+            )
+        _check_measured(study)
+        _check_unused(study)
+
+    def check_interest(self, study: StudyObjects, table: InterestTable) -> None:
+        """Check names of parameters, of which geometry has more than compliances."""
+        if table.joints or table.combinations:
+            key = "interest.joints" if table.joints else "interest.combinations"
+            raise study.error(
+                key, "a study with [parameters] names what is of interest in `parameters`"
+            )
+        asked = self.parameters(study)
+        every = all_parameters(
+            study.robot,
+            tuple(name for _, name in on_robot(study)) or ("marker",),
+            asked.geometry,
+            study.specification.joints.unknown,
+            asked.base,
+            asked.tool,
+        )
+        for name in table.parameters:
+            if not any(name in one.groups for one in every):
+                known = ", ".join(dict.fromkeys(one.groups[-1] for one in every))
+                raise study.error(
+                    "interest.parameters",
+                    f"no parameter {name!r} is asked for; expected some of {known}, of kinds, "
+                    f"joints, or single ones such as {every[-1].name}",
+                )
+
+    def check_criterion(self, study: StudyObjects, key: str, name: str) -> None:
+        """The parameters of a plan are known only when it is asked for."""
+
+    def require_compliances_alone(self, study: Asked) -> None:
+        """More is unknown."""
+        raise study.error(
+            "parameters", "this knows compliances alone; expected a study without [parameters]"
+        )
+
+    def parameters(self, study: Asked) -> ParametersTable:
+        """Those of the table."""
+        table = study.specification.parameters
+        assert table is not None
+        return table
+
+    def wrench_of_pose(self, study: Asked) -> Array | None:
+        """None at all."""
+        return np.zeros(6)
+
+    def visits(
+        self, study: Asked, path: Table, table: PoseTable, made: bool
+    ) -> tuple[Array, Array]:
+        """Visits in which any marker was, or is to be, measured."""
+        names = marker_names(study)
+        turned = names if study.specification.measurement.rows == "pose" else ()
+        data = read_positions(path, study.robot, study.fixed, names, measured=False, turned=turned)
+        if not made:
+            return data.q, data.wrench
+        seen = data.seen.any(axis=1)
+        if not seen.any():
+            raise UserError("no position of a marker is filled in", where=path_of(path))
+        if not seen.all():
+            note(f"{int(seen.sum())} of {len(data)} visits are filled in", path_of(path))
+        return data.q[seen], data.wrench[seen]
+
+    def target(self, tasks: Tasks) -> Array | None:
+        """That of its own parameters, see `edtk.geometry_problem`."""
+        return None
+
+    def interest(self, table: InterestTable, unknown: Sequence[str]) -> Array | None:
+        """Names of parameters say it."""
+        return None
+
+
+def _counted(study: Asked) -> str:
+    """How many compliances are unknown."""
+    count = len(study.unknown)
+    return f"{count} unknown compliance{'s' if count > 1 else ''}"
+
+
+def _check_joints(study: Asked, key: str, names: tuple[str, ...]) -> None:
+    unknown = study.specification.joints.unknown
+    for name in names:
+        if name not in unknown:
+            message = f"{name!r} is no unknown joint; expected {', '.join(unknown)}"
+            raise study.error(key, message)
+
+
+def _check_units(study: Asked, key: str, factors: dict[str, float]) -> None:
+    """Compliances of joints that turn and of joints that slide are no numbers of one kind."""
+    robot = study.robot
+    kinds = {robot.joints[robot.joint_names.index(name)].kind for name, f in factors.items() if f}
+    if len(kinds) > 1:
+        raise study.error(
+            key, "adds compliances of a revolute and of a prismatic joint; expected one unit"
+        )
+
+
+def _check_measured(study: Asked) -> None:
+    """Positions of markers on the tool, and reference points on the base, and nothing else."""
+    given = study.specification
+    if given.distance:
+        raise study.error("distance", "a study of geometry knows no distances; expected markers")
+    full = given.measurement.rows == "pose"
+    if full and not given.marker:
+        raise study.error("marker", "expected one with a name, whose poses are measured")
+    if given.measurement.reference != "unloaded":
+        raise study.error(
+            "measurement.reference",
+            "positions of a study of geometry are absolute anyway; leave the key out",
+        )
+    if given.measurement.sigma_mm is None:
+        raise study.error(
+            "measurement.sigma_mm", "expected, the standard deviation of a coordinate [mm]"
+        )
+    for i, marker in enumerate(given.marker):
+        if is_reference(study, marker):
+            if marker.rows == "pose":
+                message = "points on the base have positions alone; expected 'position'"
+                raise study.error(f"marker.{i}.rows", message)
+        elif marker.rows not in (None, given.measurement.rows):
+            message = "expected that of measurement.rows for all markers on the tool"
+            raise study.error(f"marker.{i}.rows", message)
+        if marker.joint is not None and not is_reference(study, marker):
+            raise study.error(
+                f"marker.{i}.joint",
+                "markers of a study of geometry sit on the tool, or on the 'base' as references",
+            )
+    if given.marker and all(is_reference(study, marker) for marker in given.marker):
+        raise study.error("marker", "expected one on the tool besides those on the base")
+
+
+def _check_unused(study: Asked) -> None:
+    """Keys that a calibration of geometry would not heed are refused, not passed over."""
+    given = study.specification
+    noise = given.noise
+    unused = {
+        "joints.known_rad_per_Nm": bool(given.joints.known_rad_per_Nm),
+        "noise.tracker_position_mm": noise is not None and noise.has_tracker,
+        "task": given.task is not None,
+        "prior": given.prior != type(given.prior)(),
+    }
+    for i, pose in enumerate(given.test_poses):
+        key = study.key_of(i)
+        unused[f"{key}.robust_deg"] = bool(pose.robust_deg)
+        unused[f"{key}.lever_mm"] = bool(pose.lever_mm)
+        unused[f"{key}.payload"] = pose.payload is not None
+    instead = {
+        "joints.known_rad_per_Nm": "list the joint in parameters.compliance",
+        "noise.tracker_position_mm": "give measurement.sigma_mm",
+        "task": "give test poses",
+        "prior": "its estimate rests on the positions alone",
+    }
+    for key, is_given in unused.items():
+        if is_given:
+            why = instead.get(key, "give more test poses, with a load each")
+            raise study.error(key, f"a study of geometry does not heed this key; {why}")
