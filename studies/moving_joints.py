@@ -19,10 +19,9 @@ from threadpoolctl import threadpool_limits
 
 from edtk import Study
 from edtk.design.candidate_source import sample_feasible
-from edtk.findings.finding import Kind
 from edtk.findings.fitted_data import FittedData
 from edtk.findings.moving_joints import joint_unit
-from edtk.findings.noise import cause_diagnostics
+from edtk.findings.noise import cause_findings
 from edtk.fit.equilibrium import equilibrium_deflection
 from edtk.fit.identify import Identification, identify
 from edtk.fit.measurements import Measurements, joint_motion
@@ -102,7 +101,7 @@ def run_case(name: str, visits: int, moving: bool, runs: int) -> Shares:
             white = replace(stated, covariance=None, tracker=None, sigma=stated.tracker)
             told = FittedData.of(study, white)
             plain = identify(told.A, told.measured, white.sigma, right.parameters)
-            kinds = [one.finding.kind for one in cause_diagnostics(told)]
+            kinds = [one.kind for one in cause_findings(told)]
             noise = told.noise_estimate
             rows.append(
                 [
@@ -110,8 +109,8 @@ def run_case(name: str, visits: int, moving: bool, runs: int) -> Shares:
                     right.p_value < UNLIKELY,
                     _covered(plain, truth).mean(),
                     _covered(told.fit, truth).mean(),
-                    Kind.MOVING_JOINTS in kinds,
-                    Kind.CAUSE in kinds,
+                    "moving_joints" in kinds,
+                    "cause" in kinds,
                     np.deg2rad(noise.joints) / joints,
                     noise.tracker,
                 ]

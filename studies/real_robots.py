@@ -207,7 +207,7 @@ def _chi_squares(z: Array, J: Array, pose: Array, joints: bool) -> list[float]:
 
 def section_of_faults(found: GeometricCalibration) -> str:
     """What the tool itself says of the tracker's day."""
-    lines = [f"- {doubt.text}" for doubt in found.doubts]
+    lines = [f"- {doubt.words}" for doubt in found.findings]
     return "\n## ABB IRB 120 by tracker: what was named\n\n" + "\n".join(lines) + "\n"
 
 

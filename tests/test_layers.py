@@ -11,6 +11,7 @@ ROOT = Path(__file__).parents[1]
 FLOORS = (
     ("edtk.version",),
     ("edtk.system",),
+    ("edtk.findings.finding",),
     ("edtk.certificate.recompute",),
     ("criteria.linalg",),
     ("criteria",),

@@ -16,8 +16,7 @@ from edtk.findings.fitted_data import FittedData
 from edtk.findings.input_errors import find_input_error
 from edtk.findings.moving_joints import stated_noise
 from edtk.findings.nonlinear_part import linear_model_bias
-from edtk.findings.springs import diagnostics
-from edtk.findings.wording import wording
+from edtk.findings.springs import spring_findings
 from edtk.fit.correlated_noise import NotPositiveDefiniteError
 from edtk.fit.fit_huber import SigmaTooSmallError
 from edtk.fit.identify import NothingLeftError
@@ -47,7 +46,7 @@ class InputError(UserError):
     """
 
     def __init__(self, path: Path, finding: Finding, calibration: Calibration) -> None:
-        super().__init__(wording(finding), where=path)
+        super().__init__(finding.words, where=path)
         self.finding = finding
         self.calibration = calibration
 
@@ -65,7 +64,7 @@ def misread_sheet(found: Calibration) -> dict[str, Any] | None:
         The keys of `Calibration.to_dict`, where all that rests on the estimate is null; None where
         no columns are misread.
     """
-    if not any(cause_of(diagnostic.finding) for diagnostic in found.diagnostics):
+    if not any(cause_of(one) for one in found.findings):
         return None
     said = found.to_dict()
     joints = found.study.specification.joints.unknown
@@ -92,8 +91,8 @@ def calibrate(
         robust: Huber's loss instead of squares.
         known: Whether the given sigma is believed, or estimated from the residuals.
         plan: The plan that was to be carried out. Poses that are not in it are an input error;
-            planned experiments that were not made are among the diagnostics.
-        as_is: Whether an input error is only a diagnostic, an alarm, beside the result.
+            planned experiments that were not made are among the findings.
+        as_is: Whether an input error is only a finding, an alarm, beside the result.
         linear: Whether the linear model is fitted where that of the loaded equilibrium would be,
             as it differs by more than a tenth of a standard deviation.
         bayes: Whether the posterior is to be sampled. Then the [prior] of the study may tell
@@ -101,7 +100,7 @@ def calibrate(
             not of interest, where the study says what is.
 
     Returns:
-        Compliances by joint, the fit, and the diagnostics.
+        Compliances by joint, the fit, and the findings.
 
     Raises:
         InputError: The measurements are certainly wrong; names rows and columns.
@@ -118,8 +117,8 @@ def calibrate(
     fitted = fitted.naming_outliers()
     found = Calibration(fitted, (), path, _bias(fitted), origin=origin, part=part)
     budget = calibration_budget(fitted, found.rho0_bias)
-    named = diagnostics(fitted, found.rho0_bias, budget)
-    found = replace(found, diagnostics=named, budget=budget)
+    named = spring_findings(fitted, found.rho0_bias, budget)
+    found = replace(found, findings=named, budget=budget)
     wrong = None if as_is else find_input_error(fitted)
     if wrong is not None:
         raise InputError(path, wrong, found)

@@ -14,11 +14,10 @@ from edtk.calibration.propagation import Propagation, calibration_budget, propag
 from edtk.calibration.told_part import ToldPart, interest_estimates
 from edtk.findings.cause_wording import cause_of
 from edtk.findings.causes.family import Cause
-from edtk.findings.diagnostic import Diagnostic, Severity
-from edtk.findings.finding import Kind
+from edtk.findings.finding import Finding, verdict
 from edtk.findings.fitted_data import FittedData, residual_table
-from edtk.findings.prior import posterior_diagnostics
-from edtk.findings.springs import diagnostics
+from edtk.findings.prior import posterior_findings
+from edtk.findings.springs import spring_findings
 from edtk.fit.estimate_noise import NoiseEstimate
 from edtk.fit.identify import Identification
 from edtk.fit.least_squares import Estimate
@@ -100,9 +99,9 @@ def calibration_to_dict(found: "Calibration") -> dict[str, Any]:
         "expected_error": None if found.expected is None else found.expected.to_dict(),
         **({} if found.tasks is None else {"tasks": found.tasks.to_dict()}),
         "verdict": found.verdict,
-        "doubts": [diagnostic.text for diagnostic in found.diagnostics],
-        "study_warnings": list(study.warnings),
-        "diagnostics": [diagnostic.to_dict() for diagnostic in found.diagnostics],
+        "doubts": [one.words for one in found.findings],
+        "study_warnings": [one.words for one in study.warnings],
+        "diagnostics": [one.to_dict() for one in found.findings],
         "negative": [joints.unknown[i] for i in np.flatnonzero(fit.negative)],
         "known": {name: one.value for name, one in joints.known.items()},
         "k_unbounded": _known(found.by_joint(fit.unbounded)),
@@ -176,20 +175,20 @@ def with_posterior(
     prior = study_prior(found.study)
     estimated = prior.is_flat and noise.normal and not fit.known and not fit.robust
     budget = found.budget
-    named = found.diagnostics
+    named = found.findings
     if fitted.untold:
         names = found.study.model.parameters
         posterior = Estimate(check.posterior.mean, check.posterior.covariance, names)
         fitted = fitted.described_by(posterior)
         budget = calibration_budget(fitted, None)
-        named = diagnostics(fitted, None, budget)
-    added = posterior_diagnostics(fitted, prior, check.posterior)
-    rest = (one for one in named if one.kind is not Kind.PRIOR_CONTRADICTED)
+        named = spring_findings(fitted, None, budget)
+    added = posterior_findings(fitted, prior, check.posterior)
+    rest = (one for one in named if one.kind != "prior_contradicted")
     return replace(
         found,
         fitted=fitted,
         budget=budget,
-        diagnostics=tuple(sorted([*added, *rest], key=lambda one: -one.severity)),
+        findings=tuple(sorted([*added, *rest], key=lambda one: -one.severity)),
         check=replace(check, sigma_estimated=estimated),
     )
 
@@ -204,16 +203,13 @@ def _noise(found: "Calibration") -> Noise:
     return noise
 
 
-VERDICTS = {Severity.NOTE: "good", Severity.WARNING: "usable", Severity.ALARM: "bad"}
-
-
 @dataclass(frozen=True, eq=False)
 class Calibration(Presented):
     """Identified compliances, and whether to trust them.
 
     Attributes:
         fitted: The study, its measurements, and the fit.
-        diagnostics: Everything that looks wrong, the worst first.
+        findings: Everything that looks wrong, the worst first.
         path: Where the measurements are.
         bias: By how far the linear model makes the compliances (p,) too large, to the first order
             [rad/(N m)]; zero where the loaded equilibrium was fitted, None if it is unknown.
@@ -225,7 +221,7 @@ class Calibration(Presented):
     """
 
     fitted: FittedData
-    diagnostics: tuple[Diagnostic, ...]
+    findings: tuple[Finding, ...]
     path: Path
     bias: Array | None = None
     budget: ErrorBudget | None = None
@@ -273,7 +269,7 @@ class Calibration(Presented):
 
         Units and columns come first: with wrong ones, no refit of other faults means anything.
         """
-        misread = (cause_of(diagnostic.finding) for diagnostic in self.diagnostics)
+        misread = (cause_of(one) for one in self.findings)
         return tuple(filter(None, misread))[:1] or self.fitted.causes
 
     @property
@@ -317,12 +313,10 @@ class Calibration(Presented):
     def verdict(self) -> str:
         """Whether to use the result: "good", "usable" or "bad".
 
-        It is never better than the worst diagnostic, and not good where the study says what is hard
+        It is never better than the worst finding, and not good where the study says what is hard
         to believe.
         """
-        least = Severity.WARNING if self.study.warnings else Severity.NOTE
-        worst = (diagnostic.severity for diagnostic in self.diagnostics)
-        return VERDICTS[max([least, *worst])]
+        return verdict([*self.study.warnings, *self.findings])
 
     @property
     def expected(self) -> ExpectedError | None:

@@ -13,10 +13,11 @@ from edtk.calibration.tasks_in_use import (
     RefusedRowsError,
     ToolInUse,
     require_one,
-    task_doubts,
+    task_findings,
     tools_of_task,
 )
 from edtk.design.plan import Plan
+from edtk.findings.finding import Finding
 from edtk.fit.distributions import error_quantiles, offset_error_quantiles
 from edtk.measure.cells import csv_text
 from edtk.measure.compliances import Compliances
@@ -83,7 +84,7 @@ class Compensation(Presented):
         refused: Rows of the task that have no answer.
         by_noise: What the noise of the measurements alone makes of it (t,) [m]; None likewise.
         by_joints: The joints that are not identified, and what each makes of it (t,) [m].
-        doubts: What looks like another unit in the task or the compliances, a sentence each.
+        findings: What looks like another unit in the task or the compliances.
     """
 
     robot: Robot
@@ -102,7 +103,7 @@ class Compensation(Presented):
     refused: tuple[RefusedRow, ...] = ()
     by_noise: Array | None = None
     by_joints: tuple[tuple[AssumedJoint, Array], ...] = ()
-    doubts: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
 
     @classmethod
     def joined(
@@ -261,16 +262,16 @@ def compensate(
     parts: list[Compensation] = []
     refused: list[RefusedRow] = []
     tools = tools_of_task(study, len(task.q), own)
-    doubts = task_doubts(study, found, task)
+    findings = task_findings(study, found, task)
     for tool in tools:
         part, left_out = _with_tool(tool, taken, task, turned)
         refused += left_out
         parts += [] if part is None else [part]
-    if doubts and not parts:
-        refused = [replace(row, reason=f"{row.reason}; {doubts[0]}") for row in refused]
+    if findings and not parts:
+        refused = [replace(row, reason=f"{row.reason}; {findings[0]}") for row in refused]
     require_one(len(parts), refused, path)
     joined = Compensation.joined(parts, sorted(refused, key=lambda row: row.row))
-    return replace(joined, doubts=doubts)
+    return replace(joined, findings=findings)
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from edtk.design.plan import Plan
+from edtk.findings.finding import Finding, Severity, Wording
 from edtk.measure.compliances import Compliances
 from edtk.measure.pose_table import Table
 from edtk.robots.robot import Robot
@@ -196,7 +197,7 @@ def tools_of_task(study: Study, poses: int, own: bool) -> tuple[ToolInUse, ...]:
     return tuple(found)
 
 
-def task_doubts(study: Study, found: Compliances, task: Plan) -> tuple[str, ...]:
+def task_findings(study: Study, found: Compliances, task: Plan) -> tuple[Finding, ...]:
     """Compare poses, loads and compliances with the sizes that they have in their units.
 
     Args:
@@ -205,12 +206,12 @@ def task_doubts(study: Study, found: Compliances, task: Plan) -> tuple[str, ...]
         task: Desired poses and wrenches.
 
     Returns:
-        A sentence for each that looks like another unit; none where all is plausible.
+        What looks like another unit; nothing where all is plausible.
     """
     return (*_angles(study, task.q), *_forces(study, task.wrench), *_sizes(study, found, task))
 
 
-def _angles(study: Study, q: Array) -> Iterator[str]:
+def _angles(study: Study, q: Array) -> Iterator[Finding]:
     """Poses that differ, all within 2 pi degrees of zero."""
     turning = [
         j
@@ -219,44 +220,34 @@ def _angles(study: Study, q: Array) -> Iterator[str]:
     ]
     degrees = np.rad2deg(study.robot.shown(q)[:, turning])
     if turning and np.abs(degrees).max() <= 2 * np.pi and np.ptp(degrees, axis=0).any():
-        yield (
-            "all joint angles of the task are within 6.3 degrees of zero: are they in radians? "
-            "expected degrees"
-        )
+        yield Finding.of(Severity.WARNING, WORDING, "angle_unit")
 
 
-def _forces(study: Study, wrench: Array) -> Iterator[str]:
+def _forces(study: Study, wrench: Array) -> Iterator[Finding]:
     """Forces a thousand times smaller, or larger, than those of the study's test poses."""
     known = np.concatenate([np.atleast_2d(one.wrench)[:, :3] for one in study.tasks])
     expected = float(np.linalg.norm(known, axis=1).max())
     applied = float(np.linalg.norm(wrench[:, :3], axis=1).max())
     for factor, unit in ((1 / A_THOUSAND, "kilonewtons"), (A_THOUSAND, "millinewtons")):
         if _is_near(applied, factor * expected):
-            ratio = applied / expected
-            yield (
-                f"the forces of the task are {ratio:.2g} times those of the study's test pose: are "
-                f"they in {unit}? expected newtons"
+            yield Finding.of(
+                Severity.WARNING, WORDING, "force_unit", ratio=applied / expected, unit=unit
             )
 
 
-def _sizes(study: Study, found: Compliances, task: Plan) -> Iterator[str]:
+def _sizes(study: Study, found: Compliances, task: Plan) -> Iterator[Finding]:
     """Compliances a thousand times those assumed, or by which the load moves the arm far."""
     simulation = study.specification.simulation
     given = {} if simulation is None else simulation.compliance_rad_per_Nm
     of_joints = zip(found.joints, found.k, strict=True)
     ratios = np.array([k / given[name] for name, k in of_joints if k > 0 and name in given])
-    if len(ratios) and _is_near(float(np.median(ratios)), A_THOUSAND):
-        yield (
-            f"the compliances are {np.median(ratios):.2g} times those of the study's [simulation]: "
-            "are they in rad/(kN m)? expected rad/(N m)"
-        )
+    ratio = float(np.median(ratios)) if len(ratios) else 1.0
+    if _is_near(ratio, A_THOUSAND):
+        yield Finding.of(Severity.WARNING, WORDING, "compliance_unit", ratio=ratio)
         return
     moved = _displacement(study, found, task)
     if moved > FAR * study.robot.reach:
-        yield (
-            f"by these compliances the load moves the tool by {1e3 * moved:.2g} mm, which no arm "
-            "is used with; expected compliances in rad/(N m), and loads in newtons"
-        )
+        yield Finding.of(Severity.WARNING, WORDING, "soft_arm", moved=moved)
 
 
 def _displacement(study: Study, found: Compliances, task: Plan) -> float:
@@ -272,3 +263,23 @@ def _displacement(study: Study, found: Compliances, task: Plan) -> float:
 def _is_near(size: float, other: float) -> bool:
     """Whether two sizes are within a factor of ten."""
     return 0 < other / FACTOR < size < other * FACTOR
+
+
+WORDING: Wording = {
+    "angle_unit": lambda _: (
+        "all joint angles of the task are within 6.3 degrees of zero: are they in radians? "
+        "expected degrees"
+    ),
+    "force_unit": lambda data: (
+        f"the forces of the task are {data['ratio']:.2g} times those of the study's test pose: are "
+        f"they in {data['unit']}? expected newtons"
+    ),
+    "compliance_unit": lambda data: (
+        f"the compliances are {data['ratio']:.2g} times those of the study's [simulation]: are "
+        "they in rad/(kN m)? expected rad/(N m)"
+    ),
+    "soft_arm": lambda data: (
+        f"by these compliances the load moves the tool by {1e3 * data['moved']:.2g} mm, which no "
+        "arm is used with; expected compliances in rad/(N m), and loads in newtons"
+    ),
+}

@@ -37,7 +37,7 @@ def command(study: Path, k: Path, task: Path | None, as_json: bool, out: Path | 
             "its error band is not to be trusted"
         )
     if isinstance(found, Compensation):
-        warn_about(task or study, found.doubts)
+        warn_about(task or study, found.findings)
     show(found, as_json, out)
     if found.refused:
         warn(f"{task or study}: {refused_in_words(found.refused)}")

@@ -118,21 +118,19 @@ def command(
         return
     show(found, as_json, sampling.export)
     warn_about(study, found.study.warnings)
-    for text in _doubts(found, robust):
+    for text in _harmful(found, robust):
         warn(f"{measurements}: {text}")
 
 
-def _doubts(found: "Calibration | GeometricCalibration", robust: bool) -> Iterator[str]:
+def _harmful(found: "Calibration | GeometricCalibration", robust: bool) -> Iterator[str]:
     """What is worse than a note, each with the options that help."""
-    from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
-    from edtk.findings.diagnostic import Severity
+    from edtk.calibration.calibration import Calibration
+    from edtk.findings.finding import Severity
 
-    if isinstance(found, GeometricCalibration):
-        yield from (doubt.text for doubt in found.doubts if doubt.severity > Severity.NOTE)
-        return
-    for diagnostic in found.diagnostics:
-        if diagnostic.severity > Severity.NOTE:
-            yield f"{diagnostic.text}{_hint(diagnostic.finding, robust)}"
+    is_of_springs = isinstance(found, Calibration)
+    for one in found.findings:
+        if one.severity > Severity.NOTE:
+            yield f"{one.words}{_hint(one, robust) if is_of_springs else ''}"
 
 
 @contextmanager
@@ -156,12 +154,10 @@ def _prior_hint(bayes: bool) -> Iterator[None]:
 
 
 def _hint(finding: "Finding", robust: bool) -> str:
-    """The options that help against a diagnostic, where there are any."""
-    from edtk.findings.finding import Kind
-
-    if finding.kind is Kind.OUTLIERS:
+    """The options that help against a finding, where there are any."""
+    if finding.kind == "outliers":
         return "" if robust else " (--robust)"
-    if finding.kind is not Kind.NOISE_ABOVE_SIGMA:
+    if finding.kind != "noise_above_sigma":
         return ""
     if finding.data["caused"]:
         return ""  # options would hide the fault that is named

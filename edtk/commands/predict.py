@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-from edtk.commands.shared import FilePath, json_option, show, warn, warn_about
+from edtk.commands.shared import FilePath, json_option, show, warn_about
 
 
 @click.command("predict", short_help="Predict positions of markers in other poses.")
@@ -35,5 +35,4 @@ def command(
     found = predict(question, result, poses, tool_rows=tool_rows, out=out)
     show(found, as_json, out)
     warn_about(study, question.warnings)
-    for doubt in found.doubts:
-        warn(f"{poses}: {doubt}")
+    warn_about(poses, found.findings)

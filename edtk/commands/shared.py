@@ -5,7 +5,7 @@ import signal
 import sys
 import threading
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import wraps
@@ -22,6 +22,7 @@ from edtk.system.interruptible import leave
 from edtk.system.parsing import json_text
 
 if TYPE_CHECKING:
+    from edtk.findings.finding import Finding
     from edtk.verbs.bayes import Sampling
 
 USER_ERROR = 2  # exit code
@@ -247,10 +248,10 @@ def warn(message: str) -> None:
     click.echo(shortened(f"edtk: {message}"), err=True)
 
 
-def warn_about(where: Path, warnings: tuple[str, ...]) -> None:
+def warn_about(where: Path, findings: Iterable["Finding"]) -> None:
     """Print one line on standard error for each finding about a file."""
-    for line in warnings:
-        warn(f"{where}: {line}")
+    for one in findings:
+        warn(f"{where}: {one}")
 
 
 def end_interrupted() -> NoReturn:

@@ -4,8 +4,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from edtk.findings.causes.family import Cause
-from edtk.findings.finding import Finding, Kind
-from edtk.findings.match_plan import row_names
+from edtk.findings.finding import Data, Finding, row_names
 
 # One of each unit, in the unit that a sheet is to have.
 UNITS = {
@@ -19,11 +18,10 @@ UNITS = {
     "pounds": (4.448, "N/lbf"),
 }
 RADIANS = (57.29577951308232, "deg/rad")
-NAMED = 150  # characters of the readings that are named; of more, the number is said
 
 
-FRAMES = (Kind.OTHER_AXES, Kind.WRONG_SIGN)
-COLUMNS = (Kind.SWAPPED_COLUMNS, Kind.OPPOSITE_SIGN, Kind.JOINT_OFFSET, Kind.SWAPPED_MARKERS)
+FRAMES = ("other_axes", "wrong_sign")
+COLUMNS = ("swapped_columns", "opposite_sign", "joint_offset", "swapped_markers")
 
 
 def cause_of(finding: Finding) -> Cause | None:
@@ -34,15 +32,15 @@ def cause_of(finding: Finding) -> Cause | None:
         read otherwise; None for findings about other things.
     """
     kind = finding.kind
-    if kind is Kind.SEVERAL_READINGS:
+    if kind == "several_readings":
         return cause_of(finding.data["readings"][0])
     p = float(finding.data.get("p", 0.0))
     explained = float(finding.data.get("explained", 1.0))
-    if kind in (Kind.ROTATION_UNIT, Kind.ANGLE_UNIT):
+    if kind in ("rotation_unit", "angle_unit"):
         return Cause("unit", *RADIANS, None, p, explained)
-    if kind is Kind.MARKER_UNIT:
+    if kind == "marker_unit":
         return Cause("unit", *UNITS["metres"], None, p, explained)
-    if kind in (Kind.FORCE_UNIT, Kind.LENGTH_UNIT) and finding.data["unit"]:
+    if kind in ("force_unit", "length_unit") and finding.data["unit"]:
         return Cause("unit", *UNITS[finding.data["unit"]], None, p, explained)
     if kind in FRAMES:
         return Cause("frame_axes", float(len(finding.columns) or 3), "axes", None, p, explained)
@@ -155,10 +153,10 @@ _CAUSE_CLAUSES: dict[str, Callable[[Cause], str]] = {
 }
 
 
-def causes_wording(found: Finding) -> str:
+def causes_words(data: Data) -> str:
     """A fault that explains the residuals, or two of which it is one."""
-    cause = found.data["cause"]
-    others = found.data["others"]
+    cause = data["cause"]
+    others = data["others"]
     share = f"{100 * cause.explained:.3g} % of the misfit (p = {cause.p:.1g})"
     if not others:
         return f"{cause_wording(cause)}: that explains {share}"
@@ -170,12 +168,12 @@ def causes_wording(found: Finding) -> str:
     return f"{either}: {which}; the first explains {share}"
 
 
-def no_cause_wording(found: Finding) -> str:
+def no_cause_words(data: Data) -> str:
     """A misfit that no fault explains, and what would tell more."""
     tells = []
-    if not found.data["repeated"]:
+    if not data["repeated"]:
         tells.append("each pose measured twice, which tells noise from model")
-    if not found.data["loads"]:
+    if not data["loads"]:
         tells.append("a pose under half the load and along another axis, which tells what bends")
     tells.append(
         "positions without load in many poses, which tell the geometry (docs/howto/geometry.md)"
@@ -184,96 +182,3 @@ def no_cause_wording(found: Finding) -> str:
         "no cause in the list explains this: the model. Something bends, slips or is placed "
         f"otherwise than in the study; more would tell {'; '.join(tells)}"
     )
-
-
-def reading_wording(found: Finding) -> str:
-    """The sentence of a reading: how much of the misfit it explains, where that is known."""
-    clause = _READING_CLAUSES[found.kind](found)
-    if "explained" not in found.data:
-        return clause
-    which = "each explains" if found.kind is Kind.SEVERAL_READINGS else "this explains"
-    # Of many measurements a reading explains all but noise: 100 % would say too much.
-    share = f"{min(100 * found.data['explained'], 99.99):.4g}"
-    after = f"{found.data['after']:.3g}"
-    before = f"{found.data['before']:.3g}"
-    rows = found.data["left_out"]
-    without = f", without {rows} outlier{'s' * (rows > 1)}" if rows else ""
-    return (
-        f"{clause}; {which} {share} % of the misfit "
-        f"(leaves {after} sigma instead of {before}{without})"
-    )
-
-
-def _as_given(found: Finding) -> str:
-    """Columns that are not read otherwise."""
-    return "the columns are as they are headed"
-
-
-def _wrong_sign(found: Finding) -> str:
-    """Displacements of the wrong sign."""
-    return "loaded and unloaded positions look swapped, or the load has the wrong sign"
-
-
-def _swapped_columns(found: Finding) -> str:
-    """Two columns that were exchanged."""
-    axes = found.data["positions"]
-    or_else = f" (or the positions in {axes[0]} and {axes[1]})" if axes else ""
-    return f"columns {' and '.join(found.columns)}{or_else} look swapped"
-
-
-def _opposite_sign(found: Finding) -> str:
-    """Joints, loads or rotations that were counted the other way round."""
-    if len(found.columns) == 1:
-        return f"column {found.columns[0]} looks measured with the opposite sign"
-    return f"columns {', '.join(found.columns)} look measured with the opposite sign"
-
-
-def _joint_offset(found: Finding) -> str:
-    """A joint that was counted from another zero."""
-    degrees = found.data["degrees"]
-    size = "small" if degrees > 0 else "large"
-    return f"column {found.columns[0]} looks {abs(degrees)} degrees too {size}"
-
-
-def _marker_unit(found: Finding) -> str:
-    """Marker offsets in metres."""
-    columns = ", ".join(found.columns)
-    return f"columns {columns} look as if they were in metres; expected millimetres"
-
-
-def _swapped_markers(found: Finding) -> str:
-    """Two markers that were exchanged in all rows."""
-    return f"the markers {' and '.join(found.columns)} look swapped in all rows"
-
-
-def _other_axes(found: Finding) -> str:
-    """Displacements along other axes."""
-    expected = ", ".join(found.data["expected"])
-    return f"the measuring frame looks {found.data['turn']}: expected ({expected})"
-
-
-def _several_readings(found: Finding) -> str:
-    """Readings that explain the measurements equally well."""
-    clauses = [_READING_CLAUSES[reading.kind](reading) for reading in found.data["readings"]]
-    short = [clause.replace(" measured with the opposite sign", " reversed") for clause in clauses]
-    named = short[:1]
-    for clause in short[1:]:
-        if len("; or ".join([*named, clause])) <= NAMED:
-            named.append(clause)
-    left = len(short) - len(named)
-    more = f"; or {left} other reading{'s' * (left > 1)}" if left else ""
-    return "; or ".join(named) + more
-
-
-_READING_CLAUSES: dict[Kind, Callable[[Finding], str]] = {
-    Kind.AS_GIVEN: _as_given,
-    Kind.WRONG_SIGN: _wrong_sign,
-    Kind.SWAPPED_COLUMNS: _swapped_columns,
-    Kind.OPPOSITE_SIGN: _opposite_sign,
-    Kind.JOINT_OFFSET: _joint_offset,
-    Kind.MARKER_UNIT: _marker_unit,
-    Kind.SWAPPED_MARKERS: _swapped_markers,
-    Kind.OTHER_AXES: _other_axes,
-    Kind.SEVERAL_READINGS: _several_readings,
-}
-READINGS = tuple(_READING_CLAUSES)

@@ -1,63 +1,26 @@
-"""One thing that is wrong, or looks wrong, in measurements: as data, without words."""
+"""One thing that is said of a sheet, a plan or a study: how bad it is, of what, and in words."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from enum import Enum, auto
+from enum import IntEnum
 from typing import Any
 
+MOST_PARTS = 12  # single rows and runs of rows that a sentence names
+MOST_ROWS = 10  # rows that a sentence names one by one
 
-class Kind(Enum):
-    """The kinds of findings; `wording` has a sentence for each."""
+Data = Mapping[str, Any]
+Wording = Mapping[str, Callable[[Data], str]]
 
-    # Units.
-    FORCE_UNIT = auto()
-    OTHER_LOAD = auto()
-    LENGTH_UNIT = auto()
-    ROTATION_UNIT = auto()
-    ANGLE_UNIT = auto()
-    # Signs and sizes of compliances.
-    ALL_NEGATIVE = auto()
-    FAR_BELOW_ZERO = auto()
-    NEAR_ZERO = auto()
-    # Noise.
-    NO_RESIDUALS = auto()
-    NOISE_ABOVE_SIGMA = auto()
-    NOISE_BELOW_SIGMA = auto()
-    NOISE_ESTIMATED_LARGE = auto()
-    NOISE_ESTIMATED_SMALL = auto()
-    OUTLIERS = auto()
-    TOO_FEW_FOR_ROBUST = auto()
-    # Prior knowledge.
-    RESTS_ON_PRIOR = auto()
-    PRIOR_CONTRADICTED = auto()
-    POSTERIOR_DIFFERS = auto()
-    # Structure of the measured poses.
-    EQUAL_ROWS = auto()
-    ALIKE_PARAMETERS = auto()
-    ONE_POSE = auto()
-    LINEAR_MODEL = auto()
-    LACK_OF_FIT = auto()
-    MOVING_JOINTS = auto()
-    REPEATABILITY = auto()
-    CAUSE = auto()
-    NO_CAUSE = auto()
-    DO_NOT_COMPENSATE = auto()
-    GAINS_LITTLE = auto()
-    BEYOND_LIMITS = auto()
-    NOT_MEASURED = auto()
-    # Input errors, with which no result is given.
-    OTHER_POSE = auto()
-    COPIED_ROWS = auto()
-    # Readings of the columns: input errors where one explains measurements that do not fit.
-    AS_GIVEN = auto()
-    WRONG_SIGN = auto()
-    SWAPPED_COLUMNS = auto()
-    OPPOSITE_SIGN = auto()
-    JOINT_OFFSET = auto()
-    MARKER_UNIT = auto()
-    SWAPPED_MARKERS = auto()
-    OTHER_AXES = auto()
-    SEVERAL_READINGS = auto()
+
+class Severity(IntEnum):
+    """The consequence of a finding for the result."""
+
+    NOTE = 0  # worth knowing
+    WARNING = 1  # the result can be used, with care
+    ALARM = 2  # do not use the result
+
+
+VERDICTS = {Severity.NOTE: "good", Severity.WARNING: "usable", Severity.ALARM: "bad"}
 
 
 @dataclass(frozen=True)
@@ -65,15 +28,90 @@ class Finding:
     """One thing that is wrong, or looks wrong.
 
     Attributes:
-        kind: Its kind.
-        rows: Rows of the file or of the plan, counted from 0.
-        columns: Columns of the file.
-        parameters: Names of the parameters.
-        data: Numbers, units and circumstances by name, as `wording` reads them.
+        severity: Its consequence for the result.
+        kind: A word for programs.
+        words: One line: what is wrong, where, and what was done or is expected.
+        data: What the words say, by name: numbers, units and circumstances; `rows` of the file or
+            of the plan, counted from 0; `columns` of the file; names of `parameters`.
     """
 
-    kind: Kind
-    rows: tuple[int, ...] = ()
-    columns: tuple[str, ...] = ()
-    parameters: tuple[str, ...] = ()
-    data: Mapping[str, Any] = field(default_factory=dict)
+    severity: Severity
+    kind: str
+    words: str
+    data: Data = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, severity: Severity, wording: Wording, kind: str, **data: Any) -> "Finding":
+        """A finding in the words that a subject has for its kind.
+
+        Args:
+            severity: Its consequence for the result.
+            wording: The sentences of the subject, by kind.
+            kind: A word for programs.
+            **data: What the sentence says.
+        """
+        return cls(severity, kind, wording[kind](data), data)
+
+    @property
+    def rows(self) -> tuple[int, ...]:
+        """Rows of the file or of the plan, counted from 0."""
+        return tuple(self.data.get("rows", ()))
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Columns of the file."""
+        return tuple(self.data.get("columns", ()))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Severity, kind and text; rows are counted from 1."""
+        return {
+            "severity": self.severity.name.lower(),
+            "kind": self.kind,
+            "text": self.words,
+            "rows": [row + 1 for row in self.rows],
+        }
+
+    def __str__(self) -> str:
+        """The words."""
+        return self.words
+
+
+def verdict(findings: Iterable[Finding]) -> str:
+    """Whether to use a result: "good", "usable" or "bad", as the worst finding says."""
+    return VERDICTS[max((one.severity for one in findings), default=Severity.NOTE)]
+
+
+def notes(findings: Iterable[Finding]) -> list[str]:
+    """A line for each finding that does not keep from using the result."""
+    return [f"note: {one.words}" for one in findings if one.severity is Severity.NOTE]
+
+
+def row_names(rows: Sequence[int]) -> str:
+    """Some rows, counted from 1, one by one: "row 5", or "rows 5, 6 and 12 more"."""
+    return _listed([(str(row + 1), 1) for row in rows[:MOST_ROWS]], len(rows))
+
+
+def rows_in_words(rows: Sequence[int]) -> str:
+    """Rows of a file, counted from 1, with runs: "row 3", "rows 3, 5 to 9 and 12 more"."""
+    runs: list[list[int]] = []
+    for row in sorted(rows):
+        if runs and row == runs[-1][-1] + 1:
+            runs[-1].append(row)
+        else:
+            runs.append([row])
+    parts = [part for run in runs for part in _run_in_words(run)]
+    return _listed(parts[:MOST_PARTS], len(rows))
+
+
+def _listed(parts: Sequence[tuple[str, int]], count: int) -> str:
+    """Words for rows, with how many rows each is of, and how many more there are."""
+    more = count - sum(own for _, own in parts)
+    listed = ", ".join(words for words, _ in parts) + (f" and {more} more" if more else "")
+    return f"row{'s' * (count > 1)} {listed}"
+
+
+def _run_in_words(run: list[int]) -> list[tuple[str, int]]:
+    """Rows that follow each other, with how many rows each part of the words is of."""
+    if len(run) > 2:
+        return [(f"{run[0] + 1} to {run[-1] + 1}", len(run))]
+    return [(str(row + 1), 1) for row in run]

@@ -1,6 +1,5 @@
 """Which experiment of a plan each measurement is one of, and rows that are equal."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +13,6 @@ from edtk.study.study import Study
 from edtk.system.typing import Array, Indices
 
 MOST_POSES = 2000  # of more, every second, third, ... is enough to tell how far robots bend
-SHOWN = 10  # rows that are named; of more, the number is said
 MOST_DIGITS = 9  # decimals of a millimetre or a degree that a reading is looked at to
 SAME_READING = 1e-4  # of a decimal step: below that a number is a multiple of it, but for rounding
 ROUNDING = 1e-9  # relative: a pose at the very limit counts as within
@@ -45,13 +43,6 @@ def some_rows(count: int, most: int) -> Indices:
     if count <= most:
         return np.arange(count)
     return np.sort(np.random.default_rng(0).choice(count, most, replace=False))
-
-
-def row_names(rows: Sequence[int]) -> str:
-    """Some rows, counted from 1: "row 5", or "rows 5, 6 and 12 more"."""
-    shown = ", ".join(str(row + 1) for row in rows[:SHOWN])
-    more = f" and {len(rows) - SHOWN} more" if len(rows) > SHOWN else ""
-    return f"row{'s' * (len(rows) > 1)} {shown}{more}"
 
 
 @dataclass(frozen=True)

@@ -4,10 +4,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from edtk.findings.cause_wording import causes_words, no_cause_words
 from edtk.findings.causes.find_causes import UNEXPLAINED
 from edtk.findings.causes.try_faults import NO_NOISE
-from edtk.findings.diagnostic import Diagnostic, Severity
-from edtk.findings.finding import Finding, Kind
+from edtk.findings.finding import Data, Finding, Severity, Wording, row_names
 from edtk.findings.fitted_data import FittedData
 from edtk.findings.moving_joints import stated_repeatability
 from edtk.fit.distributions import chi_square_tail
@@ -18,12 +18,13 @@ from edtk.fit.outliers import UNLIKELY, LackOfFit
 
 LIKE_LOADS = 2  # decimals of loads, over the largest, up to which they are the same
 TOO_MANY = 3  # of so many rows one outlier is the most for a result that can be used
+FITS = 0.01  # p-value of residuals that still fit
 UNLIKELY_NOISE = 0.01  # p-value of the residuals that is worth a warning
 IMPOSSIBLE = 0.001  # and an alarm
 TINY = 0.2  # estimated noise over the stated one that looks like another unit
 
 
-def cause_diagnostics(fitted: FittedData) -> Iterator[Diagnostic]:
+def cause_findings(fitted: FittedData) -> Iterator[Finding]:
     """Name what explains the residuals; noise of another size has findings of its own.
 
     Two causes are two explanations of the same residuals, and not two faults: a finding names both.
@@ -31,9 +32,9 @@ def cause_diagnostics(fitted: FittedData) -> Iterator[Diagnostic]:
     causes = fitted.structural_causes
     if causes:
         data = {"cause": causes[0], "others": causes[1:]}
-        yield Diagnostic(Severity.WARNING, Finding(Kind.CAUSE, causes[0].rows, data=data))
+        yield Finding.of(Severity.WARNING, WORDING, "cause", rows=causes[0].rows, **data)
     if fitted.found_causes.unexplained:
-        yield Diagnostic(Severity.ALARM, _no_cause(fitted))
+        yield _no_cause(fitted)
     yield from _moving_joints(fitted)
     test = fitted.lack_of_fit
     if fitted.noise_estimate is not None and not fitted.noise_estimate.revisited:
@@ -51,7 +52,7 @@ def cause_diagnostics(fitted: FittedData) -> Iterator[Diagnostic]:
             "is_noise": is_noise,
         }
         severity = Severity.WARNING if is_noise else Severity.ALARM
-        yield Diagnostic(severity, Finding(Kind.LACK_OF_FIT, data=data))
+        yield Finding.of(severity, WORDING, "lack_of_fit", **data)
 
 
 def _no_cause(fitted: FittedData) -> Finding:
@@ -61,7 +62,7 @@ def _no_cause(fitted: FittedData) -> Finding:
     shape = data.wrench / np.abs(data.wrench).max()
     loads = len(np.unique(shape.round(LIKE_LOADS), axis=0))
     lost = {"scale": fitted.fit.scale, "repeated": repeated, "loads": loads > 1}
-    return Finding(Kind.NO_CAUSE, data=lost)
+    return Finding.of(Severity.ALARM, WORDING, "no_cause", **lost)
 
 
 def _is_noise(fitted: FittedData, test: LackOfFit) -> bool:
@@ -70,7 +71,7 @@ def _is_noise(fitted: FittedData, test: LackOfFit) -> bool:
     return test.common <= NO_NOISE * own
 
 
-def _moving_joints(fitted: FittedData) -> Iterator[Diagnostic]:
+def _moving_joints(fitted: FittedData) -> Iterator[Finding]:
     """Markers of a visit that move together, more or less than the study's [noise] states."""
     found = fitted.noise_estimate
     if found is None:
@@ -87,10 +88,10 @@ def _moving_joints(fitted: FittedData) -> Iterator[Diagnostic]:
             "used": fitted.common_noise,
             "revisited": found.revisited,
         }
-        yield Diagnostic(Severity.WARNING, Finding(Kind.MOVING_JOINTS, data=data))
+        yield Finding.of(Severity.WARNING, WORDING, "moving_joints", **data)
 
 
-def _repeatability(found: NoiseEstimate, stated: float) -> Iterator[Diagnostic]:
+def _repeatability(found: NoiseEstimate, stated: float) -> Iterator[Finding]:
     """An estimate of the joints' repeatability that contradicts the stated one [deg]."""
     dof = found.relative_dof(1)
     if not found.joints > 0 or not dof >= 1:
@@ -99,10 +100,10 @@ def _repeatability(found: NoiseEstimate, stated: float) -> Iterator[Diagnostic]:
     p = 2 * min(tail, 1 - tail)
     if p < UNLIKELY:
         data = {"joints": found.joints, "std": found.std[1], "stated": stated, "p": p}
-        yield Diagnostic(Severity.WARNING, Finding(Kind.REPEATABILITY, data=data))
+        yield Finding.of(Severity.WARNING, WORDING, "repeatability", **data)
 
 
-def outlier_diagnostics(fitted: FittedData) -> Iterator[Diagnostic]:
+def outlier_findings(fitted: FittedData) -> Iterator[Finding]:
     """Name the outliers, and say whether the rest fits, or whether there are too many of them."""
     fit = fitted.fit
     if fit.too_few_for_robust:
@@ -111,7 +112,7 @@ def outlier_diagnostics(fitted: FittedData) -> Iterator[Diagnostic]:
             "parameters": len(fit.k),
             "needed": INTERPOLATED * len(fit.k),
         }
-        yield Diagnostic(Severity.WARNING, Finding(Kind.TOO_FEW_FOR_ROBUST, data=numbers))
+        yield Finding.of(Severity.WARNING, WORDING, "too_few_for_robust", **numbers)
     if not len(fit.outliers):
         return
     too_many = TOO_MANY * len(fit.outliers) > len(fit.residual)
@@ -126,7 +127,7 @@ def outlier_diagnostics(fitted: FittedData) -> Iterator[Diagnostic]:
         "p_rest": p_rest,
         "off": None if rest is None else _off(fitted, rest),
     }
-    yield Diagnostic(severity, Finding(Kind.OUTLIERS, rows, data=data))
+    yield Finding.of(severity, WORDING, "outliers", rows=rows, **data)
 
 
 def _rest(fitted: FittedData) -> Identification | None:
@@ -151,7 +152,7 @@ def _off(fitted: FittedData, rest: Identification) -> float | None:
     return float(size.max()) if lengths.any(axis=1).all() else None
 
 
-def noise_diagnostics(fitted: FittedData) -> Iterator[Diagnostic]:
+def noise_findings(fitted: FittedData) -> Iterator[Finding]:
     """Compare the residuals with the stated noise.
 
     The sum of squares has the chi-square distribution with dof degrees of freedom; with Huber's
@@ -161,7 +162,7 @@ def noise_diagnostics(fitted: FittedData) -> Iterator[Diagnostic]:
     """
     fit = fitted.fit
     if not fit.dof:
-        yield Diagnostic(Severity.WARNING, Finding(Kind.NO_RESIDUALS))
+        yield Finding.of(Severity.WARNING, WORDING, "no_residuals")
         return
     n = fit.scale_dof
     scale = fit.scale
@@ -183,12 +184,137 @@ def noise_diagnostics(fitted: FittedData) -> Iterator[Diagnostic]:
     small = p > 1 - IMPOSSIBLE
     if large and fit.known:
         severity = Severity.ALARM if p < IMPOSSIBLE else Severity.WARNING
-        yield Diagnostic(severity, Finding(Kind.NOISE_ABOVE_SIGMA, data=data))
+        yield Finding.of(severity, WORDING, "noise_above_sigma", **data)
     elif large:
-        yield Diagnostic(Severity.WARNING, Finding(Kind.NOISE_ESTIMATED_LARGE, data=data))
+        yield Finding.of(Severity.WARNING, WORDING, "noise_estimated_large", **data)
     elif small and fit.known:
-        yield Diagnostic(Severity.WARNING, Finding(Kind.NOISE_BELOW_SIGMA, data=data))
+        yield Finding.of(Severity.WARNING, WORDING, "noise_below_sigma", **data)
     elif small and scale < TINY:
         # Where sigma is estimated everything scales with the unit of the displacements: only the
         # size of the noise can tell that it is another one.
-        yield Diagnostic(Severity.ALARM, Finding(Kind.NOISE_ESTIMATED_SMALL, data=data))
+        yield Finding.of(Severity.ALARM, WORDING, "noise_estimated_small", **data)
+
+
+def _no_residuals(data: Data) -> str:
+    """No degrees of freedom."""
+    return (
+        "there are no more measured coordinates than parameters: no residual tells whether "
+        "anything is wrong"
+    )
+
+
+def _noise_above_sigma(data: Data) -> str:
+    """Residuals larger than sigma allows."""
+    p = data["p"]
+    likely = f"p = {p:.1g}" if p > 0 else "p < 1e-300"
+    scale = f"{data['scale']:.3g}"
+    if data["caused"]:
+        return f"the residuals are {scale} times what the stated noise allows ({likely})"
+    if data["unexplained"]:
+        return (
+            f"the residuals are {scale} times what the stated noise allows ({likely}): there are "
+            "outliers, the model does not fit, or sigma is far too small; no other sign, order or "
+            "zero of a column alone explains it"
+        )
+    return (
+        f"the residuals are {scale} times what the stated noise allows "
+        f"({likely}): sigma is too small, there are outliers, or the model does not fit"
+    )
+
+
+def _noise_below_sigma(data: Data) -> str:
+    """Residuals smaller than sigma says."""
+    scale = f"{data['scale']:.3g}"
+    return f"the residuals are only {scale} times what sigma says: sigma is too large"
+
+
+def _noise_estimated_large(data: Data) -> str:
+    """An estimated noise above the stated one."""
+    return (
+        f"the noise is estimated as {data['scale']:.3g} times the stated one: if that was "
+        "right, the model, the tool or the poses are wrong"
+    )
+
+
+def _noise_estimated_small(data: Data) -> str:
+    """An estimated noise far below the stated one."""
+    return (
+        f"the noise is estimated as only {data['scale']:.2g} times the stated one: "
+        "displacements in another unit? expected millimetres"
+    )
+
+
+def _outliers(data: Data) -> str:
+    """Rows that do not belong to the others."""
+    plural = "s" * (len(data["rows"]) > 1)
+    text = f"{row_names(data['rows'])}: outlier{plural}"
+    off = data["off"]
+    if off is not None:
+        text += f", {'up to ' if plural else ''}{1e3 * off:.2g} mm off"
+    rest = data["p_rest"]
+    if rest is not None and rest > FITS:
+        return f"{text}; the other rows fit without {'them' if plural else 'it'} (p = {rest:.2g})"
+    hidden = "; several can hide each other, a robust fit shows them all"
+    return f"{text}{'' if data['robust'] else hidden}"
+
+
+def _too_few_for_robust(data: Data) -> str:
+    """A robust fit that was replaced by least squares."""
+    return (
+        f"{data['coordinates']} measured coordinates for {data['parameters']} parameters are too "
+        f"few for a robust fit that estimates sigma, which needs more than {data['needed']}: this "
+        "is the least-squares fit, in which outliers count fully"
+    )
+
+
+def _lack_of_fit(data: Data) -> str:
+    """Repetitions that agree among themselves better than with the model."""
+    test = f"F = {data['F']:.3g}, p = {data['p']:.1g}"
+    agree = f"repetitions of a pose agree with each other better than with the model ({test})"
+    if not data["used"]:
+        return f"{agree}: the model does not fit"
+    common = f"{1e3 * data['common']:.2g} mm"
+    if not data["is_noise"]:
+        return (
+            f"{agree}: they share {common}, too much for noise; a row, a sign or the model is wrong"
+        )
+    return f"{agree}: {common} of noise that they share is taken into account"
+
+
+def _moving_joints_words(data: Data) -> str:
+    """One line that says what moves together, and what to write into the study."""
+    test = f"F = {data['F']:.3g}, p = {data['p']:.1g}"
+    moved = f"by {1e3 * data['moved']:.2g} mm ({test}), as where joints do not return exactly"
+    used = "it is taken into account, and " if data["used"] else ""
+    write = f"{used}repeatability_deg = {data['joints']:.2g} in the study's [noise] states it"
+    if data["revisited"]:
+        return f"all markers of a visit move together {moved}: {write}"
+    return (
+        f"markers of a pose are off together {moved}, or the model does not fit (visiting poses "
+        f"again would tell): {write}"
+    )
+
+
+def _repeatability_words(data: Data) -> str:
+    """Joints that return better or worse than the study states."""
+    size = f"{data['joints']:.2g} +- {data['std']:.1g} deg"
+    return (
+        f"visits say that joints return within {size}, stated {data['stated']:.3g} deg "
+        f"(p = {data['p']:.1g}): repeatability_deg in the study's [noise] is wrong, or poses are"
+    )
+
+
+WORDING: Wording = {
+    "no_residuals": _no_residuals,
+    "noise_above_sigma": _noise_above_sigma,
+    "noise_below_sigma": _noise_below_sigma,
+    "noise_estimated_large": _noise_estimated_large,
+    "noise_estimated_small": _noise_estimated_small,
+    "outliers": _outliers,
+    "too_few_for_robust": _too_few_for_robust,
+    "lack_of_fit": _lack_of_fit,
+    "moving_joints": _moving_joints_words,
+    "repeatability": _repeatability_words,
+    "cause": causes_words,
+    "no_cause": no_cause_words,
+}

@@ -4,21 +4,27 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from edtk.findings.diagnostic import Diagnostic, Severity
-from edtk.findings.finding import Finding, Kind
+from edtk.findings.finding import Data, Finding, Severity, Wording
 from edtk.findings.fitted_data import FittedData
 from edtk.fit.distributions import chi_square_tail, fisher_tail, normal_quantile, student_below
 from edtk.fit.identify import Identification
 from edtk.fit.posterior import Posterior
 from edtk.fit.prior import Flat, Prior
 
+# Which of two estimates to believe, by the reason why they differ.
+BELIEVE = {
+    "contradiction": "believe neither before it is clear whether prior or measurements are wrong",
+    "prior": "believe the posterior, as the prior says more than the measurements, and fits them",
+    "noise": "believe the posterior, which also infers the noise, and bounds outliers",
+    "model": "believe neither: both rest on the same measurements, so model or signs are wrong",
+}
 CONTRADICTION = 1e-3  # probability of so large a distance between prior and estimate
 QUANTILES = 2001  # of a prior, over which the distribution of an estimate is averaged
 FAR = 2.0  # posterior standard deviations between mean and least squares that are worth a line
 WIDER = 2.0  # standard deviation of the fit over the posterior's, where the prior says more
 
 
-def prior_diagnostics(fit: Identification, prior: Prior) -> Iterator[Diagnostic]:
+def prior_findings(fit: Identification, prior: Prior) -> Iterator[Finding]:
     """Priors under which the least-squares estimate is improbable.
 
     The estimate is normal about the compliances, with the covariance of the fit, and these are
@@ -29,9 +35,7 @@ def prior_diagnostics(fit: Identification, prior: Prior) -> Iterator[Diagnostic]
     if prior.earlier is not None:
         probability = _far_from_earlier(fit, prior)
         if probability < CONTRADICTION:
-            data = {"p": probability, "earlier": True}
-            finding = Finding(Kind.PRIOR_CONTRADICTED, parameters=fit.parameters, data=data)
-            yield Diagnostic(Severity.WARNING, finding)
+            yield _contradicted(fit.parameters, p=probability, earlier=True)
     middle = (np.arange(QUANTILES) + 0.5) / QUANTILES
     z = normal_quantile(middle)
     named = []
@@ -47,9 +51,14 @@ def prior_diagnostics(fit: Identification, prior: Prior) -> Iterator[Diagnostic]
             named.append(name)
             least = min(least, probability)
     if named:
-        data = {"p": least, "earlier": False}
-        finding = Finding(Kind.PRIOR_CONTRADICTED, parameters=tuple(named), data=data)
-        yield Diagnostic(Severity.WARNING, finding)
+        yield _contradicted(tuple(named), p=least, earlier=False)
+
+
+def _contradicted(parameters: tuple[str, ...], p: float, earlier: bool) -> Finding:
+    """A prior of some parameters that is as improbable."""
+    return Finding.of(
+        Severity.WARNING, WORDING, "prior_contradicted", parameters=parameters, p=p, earlier=earlier
+    )
 
 
 def _far_from_earlier(fit: Identification, prior: Prior) -> float:
@@ -65,9 +74,7 @@ def _far_from_earlier(fit: Identification, prior: Prior) -> float:
     return float(fisher_tail(square / p, p, fit.covariance_dof))
 
 
-def posterior_diagnostics(
-    fitted: FittedData, prior: Prior, posterior: Posterior
-) -> Iterator[Diagnostic]:
+def posterior_findings(fitted: FittedData, prior: Prior, posterior: Posterior) -> Iterator[Finding]:
     """Compare prior, least squares and posterior.
 
     Args:
@@ -77,10 +84,9 @@ def posterior_diagnostics(
     """
     if fitted.untold:
         # The estimate is the posterior's: no least-squares fit is there to be compared with it.
-        finding = Finding(Kind.RESTS_ON_PRIOR, parameters=fitted.untold)
-        yield Diagnostic(Severity.WARNING, finding)
+        yield Finding.of(Severity.WARNING, WORDING, "rests_on_prior", parameters=fitted.untold)
         return
-    contradicted = list(prior_diagnostics(fitted.fit, prior))
+    contradicted = list(prior_findings(fitted.fit, prior))
     yield from contradicted
     fit = fitted.fit
     distance = np.abs(posterior.mean - fit.k) / posterior.std
@@ -100,7 +106,48 @@ def posterior_diagnostics(
         "k": float(fit.k[i]),
         "reason": reason,
     }
-    finding = Finding(Kind.POSTERIOR_DIFFERS, parameters=(fit.parameters[i],), data=data)
     # Where the prior simply says more than few measurements, nothing is wrong.
     severity = Severity.NOTE if reason == "prior" else Severity.WARNING
-    yield Diagnostic(severity, finding)
+    yield Finding.of(
+        severity, WORDING, "posterior_differs", parameters=(fit.parameters[i],), **data
+    )
+
+
+def _rests_on_prior(data: Data) -> str:
+    """Parameters that the measurements do not tell."""
+    names = ", ".join(data["parameters"])
+    return (
+        f"the measurements alone do not tell {names}: least squares have no answer, and k and std "
+        "are mean and standard deviation of the posterior, which rests on the [prior]"
+    )
+
+
+def _prior_contradicted(data: Data) -> str:
+    """A prior under which the estimate is improbable."""
+    p = data["p"]
+    likely = f"p = {p:.1g}" if p > 1e-300 else "p < 1e-300"
+    if data["earlier"]:
+        return (
+            f"the earlier calibration contradicts the measurements ({likely}): one of them is "
+            "wrong, or the robot has changed"
+        )
+    return (
+        f"the prior of {', '.join(data['parameters'])} contradicts the measurements ({likely}): "
+        "one of them is wrong"
+    )
+
+
+def _posterior_differs(data: Data) -> str:
+    """A posterior that is far from least squares."""
+    return (
+        f"{data['parameters'][0]}: the posterior's mean {data['mean']:.3g} is "
+        f"{data['distance']:.2g} of its standard deviations from the fit's {data['k']:.3g}: "
+        f"{BELIEVE[data['reason']]}"
+    )
+
+
+WORDING: Wording = {
+    "rests_on_prior": _rests_on_prior,
+    "prior_contradicted": _prior_contradicted,
+    "posterior_differs": _posterior_differs,
+}

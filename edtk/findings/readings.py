@@ -1,12 +1,12 @@
 """Other ways of reading the columns of a measurement file, and how well they fit."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain, combinations, permutations, product
 
 import numpy as np
 
-from edtk.findings.finding import Finding, Kind
+from edtk.findings.finding import Data, Finding, Severity, Wording
 from edtk.findings.match_plan import some_rows
 from edtk.findings.nonlinear_part import known_part, nonlinear_part
 from edtk.fit.correlated_noise import row_numbers
@@ -39,6 +39,7 @@ LIKELY = 1e3  # ratio of likelihoods up to which the best reading is not better 
 LEAST_FREEDOM = 3  # degrees of freedom from which residuals tell a good reading from a bad one
 BY_FAR = -3.0  # standard deviations below zero that no compliance can have
 MOST_CORRECTED = 12  # readings, the best ones, whose equilibrium is computed
+NAMED = 150  # characters of the readings that are named; of more, the number is said
 ENOUGH = 1000  # rows on which readings are compared
 
 
@@ -63,7 +64,10 @@ def readings(study: Study, data: Measurements, only_signs: bool = False) -> Iter
         data: The measurements as the columns are headed.
         only_signs: Whether only signs and axes of the displacements are read in other ways.
     """
-    yield Reading(Finding(Kind.WRONG_SIGN), replace(data, deflection=-data.deflection))
+    yield Reading(
+        Finding.of(Severity.ALARM, WORDING, "wrong_sign"),
+        replace(data, deflection=-data.deflection),
+    )
     directed = data.deflection.shape[1] > 1  # distances have no axes to exchange
     if not only_signs:
         if directed:
@@ -97,7 +101,9 @@ def _joint_signs(study: Study, data: Measurements) -> Iterator[Reading]:
         shown = robot.shown(data.q).copy()
         shown[:, turned] *= -1
         q = robot.of_shown(shown)
-        finding = Finding(Kind.OPPOSITE_SIGN, columns=tuple(columns[j] for j in turned))
+        finding = Finding.of(
+            Severity.ALARM, WORDING, "opposite_sign", columns=tuple(columns[j] for j in turned)
+        )
         yield Reading(finding, replace(data, q=q))
 
 
@@ -120,7 +126,9 @@ def _joint_offsets(study: Study, data: Measurements) -> Iterator[Reading]:
         shown[:, j] += np.deg2rad(degrees)
         q = study.robot.of_shown(shown)
         offset = {"degrees": degrees}
-        finding = Finding(Kind.JOINT_OFFSET, columns=(columns[j],), data=offset)
+        finding = Finding.of(
+            Severity.ALARM, WORDING, "joint_offset", columns=(columns[j],), **offset
+        )
         yield Reading(finding, replace(data, q=q))
 
 
@@ -138,7 +146,7 @@ def _wrench_signs(data: Measurements) -> Iterator[Reading]:
     for i in acting if len(acting) > 1 else ():
         wrench = data.wrench.copy()
         wrench[:, i] *= -1
-        finding = Finding(Kind.OPPOSITE_SIGN, columns=(WRENCH_COLUMNS[i],))
+        finding = Finding.of(Severity.ALARM, WORDING, "opposite_sign", columns=(WRENCH_COLUMNS[i],))
         yield Reading(finding, replace(data, wrench=wrench))
 
 
@@ -146,7 +154,7 @@ def _rotations(data: Measurements) -> Iterator[Reading]:
     """Two rotations are exchanged, or all of them have the opposite sign."""
     if data.deflection.shape[1] == 6:
         turned = data.deflection * np.repeat([1, -1], 3)
-        finding = Finding(Kind.OPPOSITE_SIGN, columns=ROTATION_COLUMNS)
+        finding = Finding.of(Severity.ALARM, WORDING, "opposite_sign", columns=ROTATION_COLUMNS)
         yield Reading(finding, replace(data, deflection=turned))
     for i, j in combinations(range(3, data.deflection.shape[1]), 2):
         other = replace(data, deflection=_exchanged(data.deflection, i, j))
@@ -161,7 +169,9 @@ def _markers(data: Measurements) -> Iterator[Reading]:
         other = replace(data, marker=_exchanged(data.marker, i, j))
         yield Reading(_swapped(MARKER_COLUMNS, i, j), other)
     in_metres = replace(data, marker=1e3 * data.marker)
-    yield Reading(Finding(Kind.MARKER_UNIT, columns=MARKER_COLUMNS), in_metres)
+    yield Reading(
+        Finding.of(Severity.ALARM, WORDING, "marker_unit", columns=MARKER_COLUMNS), in_metres
+    )
 
 
 def _swapped_markers(study: Study, data: Measurements) -> Iterator[Reading]:
@@ -186,7 +196,7 @@ def _swapped_markers(study: Study, data: Measurements) -> Iterator[Reading]:
             whole[:, : moved.shape[1]] += moved
             other = replace(other, deflection=whole)
         names = tuple(_marker_name(study, data, index, one) for one in (a, b))
-        yield Reading(Finding(Kind.SWAPPED_MARKERS, columns=names), other)
+        yield Reading(Finding.of(Severity.ALARM, WORDING, "swapped_markers", columns=names), other)
 
 
 def _marker_name(study: Study, data: Measurements, index: Indices, row: int) -> str:
@@ -217,7 +227,9 @@ def _other_axes(data: Measurements) -> Iterator[Reading]:
             for row in T
         )
         named = {"expected": expected, "turn": _turn(T)}
-        finding = Finding(Kind.OTHER_AXES, columns=DEFLECTION_COLUMNS, data=named)
+        finding = Finding.of(
+            Severity.ALARM, WORDING, "other_axes", columns=DEFLECTION_COLUMNS, **named
+        )
         yield Reading(finding, replace(data, deflection=np.hstack(parts)))
 
 
@@ -251,7 +263,7 @@ def _free(study: Study) -> list[int]:
 def _swapped(columns: Sequence[str], i: int, j: int, positions: str = "") -> Finding:
     """Two columns that were exchanged, or the positions along two axes."""
     pair = (columns[i], columns[j])
-    return Finding(Kind.SWAPPED_COLUMNS, columns=pair, data={"positions": positions})
+    return Finding.of(Severity.ALARM, WORDING, "swapped_columns", columns=pair, positions=positions)
 
 
 def _exchanged(x: Array, i: int, j: int) -> Array:
@@ -392,9 +404,9 @@ class Explanation:
             "left_out": self.refits[0].left_out,
         }
         if len(self.refits) == 1:
-            return Finding(first.kind, columns=first.columns, data={**first.data, **numbers})
+            return Finding.of(Severity.ALARM, WORDING, first.kind, **first.data, **numbers)
         several = tuple(refit.reading.finding for refit in self.refits)
-        return Finding(Kind.SEVERAL_READINGS, data={"readings": several, **numbers})
+        return Finding.of(Severity.ALARM, WORDING, "several_readings", readings=several, **numbers)
 
 
 def explanation(study: Study, data: Measurements, fit: Identification) -> Explanation | None:
@@ -414,7 +426,7 @@ def explanation(study: Study, data: Measurements, fit: Identification) -> Explan
         return None
     if len(data) > ENOUGH:
         data = data[some_rows(len(data), ENOUGH)]
-    given = Refit.of(study, Reading(Finding(Kind.AS_GIVEN), data))
+    given = Refit.of(study, Reading(Finding.of(Severity.ALARM, WORDING, "as_given"), data))
     if not SUSPECT < given.size < np.inf:
         return None
     given = given.corrected(study)
@@ -442,4 +454,100 @@ def _is_simpler(other: Refit, refit: Refit) -> bool:
     """Whether another reading changes only some of the columns that a reading changes."""
     fewer = other.reading.finding
     more = refit.reading.finding
-    return fewer.kind is more.kind and set(fewer.columns) < set(more.columns)
+    return fewer.kind == more.kind and set(fewer.columns) < set(more.columns)
+
+
+def _as_given(data: Data) -> str:
+    """Columns that are not read otherwise."""
+    return "the columns are as they are headed"
+
+
+def _wrong_sign(data: Data) -> str:
+    """Displacements of the wrong sign."""
+    return "loaded and unloaded positions look swapped, or the load has the wrong sign"
+
+
+def _swapped_columns(data: Data) -> str:
+    """Two columns that were exchanged."""
+    axes = data["positions"]
+    or_else = f" (or the positions in {axes[0]} and {axes[1]})" if axes else ""
+    return f"columns {' and '.join(data['columns'])}{or_else} look swapped"
+
+
+def _opposite_sign(data: Data) -> str:
+    """Joints, loads or rotations that were counted the other way round."""
+    if len(data["columns"]) == 1:
+        return f"column {data['columns'][0]} looks measured with the opposite sign"
+    return f"columns {', '.join(data['columns'])} look measured with the opposite sign"
+
+
+def _joint_offset(data: Data) -> str:
+    """A joint that was counted from another zero."""
+    degrees = data["degrees"]
+    size = "small" if degrees > 0 else "large"
+    return f"column {data['columns'][0]} looks {abs(degrees)} degrees too {size}"
+
+
+def _marker_unit(data: Data) -> str:
+    """Marker offsets in metres."""
+    columns = ", ".join(data["columns"])
+    return f"columns {columns} look as if they were in metres; expected millimetres"
+
+
+def _swapped_markers_words(data: Data) -> str:
+    """Two markers that were exchanged in all rows."""
+    return f"the markers {' and '.join(data['columns'])} look swapped in all rows"
+
+
+def _other_axes_words(data: Data) -> str:
+    """Displacements along other axes."""
+    expected = ", ".join(data["expected"])
+    return f"the measuring frame looks {data['turn']}: expected ({expected})"
+
+
+def _several_readings(data: Data) -> str:
+    """Readings that explain the measurements equally well."""
+    clauses = [reading.words for reading in data["readings"]]
+    short = [clause.replace(" measured with the opposite sign", " reversed") for clause in clauses]
+    named = short[:1]
+    for clause in short[1:]:
+        if len("; or ".join([*named, clause])) <= NAMED:
+            named.append(clause)
+    left = len(short) - len(named)
+    more = f"; or {left} other reading{'s' * (left > 1)}" if left else ""
+    return "; or ".join(named) + more
+
+
+def _with_share(clause: Callable[[Data], str]) -> Callable[[Data], str]:
+    """The sentence of a reading: how much of the misfit it explains, where that is known."""
+
+    def words(data: Data) -> str:
+        if "explained" not in data:
+            return clause(data)
+        which = "each explains" if "readings" in data else "this explains"
+        # Of many measurements a reading explains all but noise: 100 % would say too much.
+        share = f"{min(100 * data['explained'], 99.99):.4g}"
+        after = f"{data['after']:.3g}"
+        before = f"{data['before']:.3g}"
+        rows = data["left_out"]
+        without = f", without {rows} outlier{'s' * (rows > 1)}" if rows else ""
+        return (
+            f"{clause(data)}; {which} {share} % of the misfit "
+            f"(leaves {after} sigma instead of {before}{without})"
+        )
+
+    return words
+
+
+_CLAUSES: Wording = {
+    "as_given": _as_given,
+    "wrong_sign": _wrong_sign,
+    "swapped_columns": _swapped_columns,
+    "opposite_sign": _opposite_sign,
+    "joint_offset": _joint_offset,
+    "marker_unit": _marker_unit,
+    "swapped_markers": _swapped_markers_words,
+    "other_axes": _other_axes_words,
+    "several_readings": _several_readings,
+}
+WORDING: Wording = {kind: _with_share(clause) for kind, clause in _CLAUSES.items()}

@@ -4,18 +4,17 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from edtk.findings.diagnostic import Diagnostic, Severity
-from edtk.findings.finding import Finding, Kind
+from edtk.findings.finding import Data, Finding, Severity, Wording, row_names
 from edtk.findings.fitted_data import FittedData
-from edtk.findings.input_errors import find_input_error
+from edtk.findings.input_errors import find_input_error, twins
 from edtk.findings.match_plan import pose_resolution
 from edtk.findings.noise import (
-    cause_diagnostics,
-    noise_diagnostics,
-    outlier_diagnostics,
+    cause_findings,
+    noise_findings,
+    outlier_findings,
 )
-from edtk.findings.prior import prior_diagnostics
-from edtk.findings.units import unit_diagnostics
+from edtk.findings.prior import prior_findings
+from edtk.findings.units import unit_findings
 from edtk.fit.least_squares import Whitened
 from edtk.measure.expected_error import ErrorBudget
 from edtk.measure.pose_table import pose_columns, pose_factors
@@ -31,7 +30,7 @@ UNKNOWN = 1e3  # growth of a standard deviation beyond which a parameter is as g
 ROUNDING = 1e-12  # of eigenvalues that are one at most
 
 
-def budget_diagnostics(budget: ErrorBudget | None) -> Iterator[Diagnostic]:
+def budget_findings(budget: ErrorBudget | None) -> Iterator[Finding]:
     """Warn of a compensation after which the error is expected to be larger than without any.
 
     One that leaves more than half of the error is worth a note, as the budget says what to improve.
@@ -44,29 +43,29 @@ def budget_diagnostics(budget: ErrorBudget | None) -> Iterator[Diagnostic]:
         "largest": budget.largest,
     }
     if budget.total >= budget.uncompensated:
-        yield Diagnostic(Severity.ALARM, Finding(Kind.DO_NOT_COMPENSATE, data=data))
+        yield Finding.of(Severity.ALARM, WORDING, "do_not_compensate", **data)
     else:
-        yield Diagnostic(Severity.NOTE, Finding(Kind.GAINS_LITTLE, data=data))
+        yield Finding.of(Severity.NOTE, WORDING, "gains_little", **data)
 
 
-def input_diagnostics(fitted: FittedData) -> Iterator[Diagnostic]:
+def input_findings(fitted: FittedData) -> Iterator[Finding]:
     """Name an input error, or a reading of the columns that explains most of a misfit, not all."""
     finding = find_input_error(fitted)
     if finding is None and fitted.explanation is not None:
         finding = fitted.explanation.finding
     if finding is not None:
-        yield Diagnostic(Severity.ALARM, finding)
+        yield finding
 
 
-def pose_diagnostics(fitted: FittedData) -> Iterator[Diagnostic]:
+def pose_findings(fitted: FittedData) -> Iterator[Finding]:
     """Name the first pose beyond the limits, and the planned experiments without a measurement."""
     yield from _limits(fitted)
     if fitted.match is not None and len(fitted.match.missing):
         rows = tuple(fitted.match.missing.tolist())
-        yield Diagnostic(Severity.WARNING, Finding(Kind.NOT_MEASURED, rows))
+        yield Finding.of(Severity.WARNING, WORDING, "not_measured", rows=rows)
 
 
-def _limits(fitted: FittedData) -> Iterator[Diagnostic]:
+def _limits(fitted: FittedData) -> Iterator[Finding]:
     """The first pose beyond a joint's limits."""
     robot = fitted.study.robot
     factors = pose_factors(robot)
@@ -80,35 +79,39 @@ def _limits(fitted: FittedData) -> Iterator[Diagnostic]:
         low, high = shown.range((lower[j], upper[j]))
         numbers = {"value": shown.of(q[i, j]), "low": low, "high": high}
         data = {name: float(value / factors[j]) for name, value in numbers.items()}
-        finding = Finding(Kind.BEYOND_LIMITS, (i,), (pose_columns(robot)[j],), data=data)
-        yield Diagnostic(Severity.WARNING, finding)
+        yield Finding.of(
+            Severity.WARNING,
+            WORDING,
+            "beyond_limits",
+            rows=(i,),
+            columns=(pose_columns(robot)[j],),
+            **data,
+        )
 
 
-def sign_diagnostics(fitted: FittedData) -> Iterator[Diagnostic]:
+def sign_findings(fitted: FittedData) -> Iterator[Finding]:
     """Name compliances that come out negative by far, then those that cannot be told from zero."""
     fit = fitted.fit
     if fit.negative.all():
-        yield Diagnostic(Severity.ALARM, Finding(Kind.ALL_NEGATIVE))
+        yield Finding.of(Severity.ALARM, WORDING, "all_negative")
         return
     estimates = list(
         zip(fitted.study.model.parameters, fit.unbounded.tolist(), fit.std.tolist(), strict=True)
     )
     for name, k, std in estimates:
         if k < min(FAR_BELOW_ZERO * std, 0):
-            yield Diagnostic(Severity.ALARM, _of(Kind.FAR_BELOW_ZERO, name, k, std))
+            yield _of(Severity.ALARM, "far_below_zero", name, k, std)
     for name, k, std in estimates:
         if FAR_BELOW_ZERO * std <= k < std / WEAK:
-            yield Diagnostic(Severity.WARNING, _of(Kind.NEAR_ZERO, name, k, std))
+            yield _of(Severity.WARNING, "near_zero", name, k, std)
 
 
-def _of(kind: Kind, name: str, k: float, std: float) -> Finding:
+def _of(severity: Severity, kind: str, name: str, k: float, std: float) -> Finding:
     """A finding about one parameter."""
-    return Finding(kind, parameters=(name,), data={"k": k, "std": std})
+    return Finding.of(severity, WORDING, kind, parameters=(name,), k=k, std=std)
 
 
-def structure_diagnostics(
-    fitted: FittedData, rho0_bias: float | None = None
-) -> Iterator[Diagnostic]:
+def structure_findings(fitted: FittedData, rho0_bias: float | None = None) -> Iterator[Finding]:
     """Name equal rows, parameters that are alike or rest on one pose, and a costly linear model.
 
     Args:
@@ -121,16 +124,17 @@ def structure_diagnostics(
     yield from _linear_model(fitted, rho0_bias)
 
 
-def _equal_rows(fitted: FittedData) -> Iterator[Diagnostic]:
+def _equal_rows(fitted: FittedData) -> Iterator[Finding]:
     """Equal rows that chance may have made; those that it did not are an input error."""
     found = fitted.equal_rows
     if found is not None:
         data = {"others": found.others, "chance": found.chance}
-        finding = Finding(Kind.EQUAL_ROWS, (found.later, found.earlier), data=data)
-        yield Diagnostic(Severity.NOTE, finding)
+        yield Finding.of(
+            Severity.NOTE, WORDING, "equal_rows", rows=(found.later, found.earlier), **data
+        )
 
 
-def _alike(fitted: FittedData) -> Iterator[Diagnostic]:
+def _alike(fitted: FittedData) -> Iterator[Finding]:
     """The two parameters that are hardest to tell apart."""
     fit = fitted.fit
     off = np.abs(fit.correlation - np.eye(len(fit.k)))
@@ -138,11 +142,12 @@ def _alike(fitted: FittedData) -> Iterator[Diagnostic]:
         i, j = np.unravel_index(int(off.argmax()), off.shape)
         names = fitted.study.model.parameters
         data = {"correlation": float(fit.correlation[i, j])}
-        finding = Finding(Kind.ALIKE_PARAMETERS, parameters=(names[j], names[i]), data=data)
-        yield Diagnostic(Severity.WARNING, finding)
+        yield Finding.of(
+            Severity.WARNING, WORDING, "alike_parameters", parameters=(names[j], names[i]), **data
+        )
 
 
-def _alone(fitted: FittedData) -> Iterator[Diagnostic]:
+def _alone(fitted: FittedData) -> Iterator[Finding]:
     """Parameters that would be unknown, or hardly known, without one of the poses.
 
     Few poses leave no other choice, and are what a plan of few poses asks for: it is a note. With
@@ -161,8 +166,9 @@ def _alone(fitted: FittedData) -> Iterator[Diagnostic]:
         times = float(np.sqrt(growth[np.ix_(poses, members)].min()))
         data = {"poses": len(poses), "times": times, "unknown": times > UNKNOWN}
         named = tuple(names[i] for i in members)
-        finding = Finding(Kind.ONE_POSE, tuple(rows.tolist()), parameters=named, data=data)
-        yield Diagnostic(Severity.NOTE, finding)
+        yield Finding.of(
+            Severity.NOTE, WORDING, "one_pose", rows=tuple(rows.tolist()), parameters=named, **data
+        )
 
 
 def _growth_without(fitted: FittedData) -> Array:
@@ -186,7 +192,7 @@ def _growth_without(fitted: FittedData) -> Array:
     return growth
 
 
-def _linear_model(fitted: FittedData, rho0_bias: float | None) -> Iterator[Diagnostic]:
+def _linear_model(fitted: FittedData, rho0_bias: float | None) -> Iterator[Finding]:
     """A linear model that costs more than the noise."""
     target = fitted.study.target
     if target is None or rho0_bias is None:
@@ -194,16 +200,15 @@ def _linear_model(fitted: FittedData, rho0_bias: float | None) -> Iterator[Diagn
     if rho0_bias > fitted.fit.accuracy(target)[0]:
         tasks = fitted.study.tasks
         place = {"place": tasks.place} if len(tasks) > 1 else {}
-        finding = Finding(Kind.LINEAR_MODEL, data={"rho0_bias": rho0_bias, **place})
-        yield Diagnostic(Severity.WARNING, finding)
+        yield Finding.of(Severity.WARNING, WORDING, "linear_model", rho0_bias=rho0_bias, **place)
 
 
-EXPLAIN = (Kind.CAUSE, Kind.NO_CAUSE, Kind.OUTLIERS)
+EXPLAIN = ("cause", "no_cause", "outliers")
 
 
-def diagnostics(
+def spring_findings(
     fitted: FittedData, rho0_bias: float | None = None, budget: ErrorBudget | None = None
-) -> tuple[Diagnostic, ...]:
+) -> tuple[Finding, ...]:
     """List everything that looks wrong in measurements, the worst first.
 
     What explains residuals stands before the line that says how large they are.
@@ -214,28 +219,138 @@ def diagnostics(
         rho0_bias: Error that the linear model leaves in the test pose [m]; None if it is unknown.
         budget: Errors to expect in the test pose; None without one.
     """
-    found = list(unit_diagnostics(fitted))
+    found = list(unit_findings(fitted))
     misread = fitted.explanation is not None and fitted.explanation.refits
     # A wrong unit or a misread column spoils the fit: its other faults are consequences, and would
     # only distract.
-    if not misread and all(diagnostic.severity < Severity.ALARM for diagnostic in found):
-        found += sign_diagnostics(fitted)
-        found += noise_diagnostics(fitted)
-        found += cause_diagnostics(fitted)
-        found += outlier_diagnostics(fitted)
+    if not misread and all(one.severity < Severity.ALARM for one in found):
+        found += sign_findings(fitted)
+        found += noise_findings(fitted)
+        found += cause_findings(fitted)
+        found += outlier_findings(fitted)
         if fitted.prior is not None and not fitted.untold:
-            found += prior_diagnostics(fitted.fit, fitted.prior)
-        found += structure_diagnostics(fitted, rho0_bias)
-        found += budget_diagnostics(budget)
-    found += pose_diagnostics(fitted)
-    found = [*input_diagnostics(fitted), *found]
-    return tuple(sorted(found, key=lambda diagnostic: _order(diagnostic, found)))
+            found += prior_findings(fitted.fit, fitted.prior)
+        found += structure_findings(fitted, rho0_bias)
+        found += budget_findings(budget)
+    found += pose_findings(fitted)
+    found = [*input_findings(fitted), *found]
+    return tuple(sorted(found, key=lambda one: _order(one, found)))
 
 
-def _order(diagnostic: Diagnostic, found: list[Diagnostic]) -> tuple[float, bool]:
+def _order(finding: Finding, found: list[Finding]) -> tuple[float, bool]:
     """The place of a finding: by its severity; what explains residuals stands before their size."""
-    severity = diagnostic.severity
-    if diagnostic.kind in EXPLAIN:
-        sizes = [one.severity for one in found if one.kind is Kind.NOISE_ABOVE_SIGMA]
+    severity = finding.severity
+    if finding.kind in EXPLAIN:
+        sizes = [one.severity for one in found if one.kind == "noise_above_sigma"]
         severity = max([severity, *sizes])
-    return -severity, diagnostic.kind not in EXPLAIN
+    return -severity, finding.kind not in EXPLAIN
+
+
+def _all_negative(data: Data) -> str:
+    """No positive compliance."""
+    return (
+        "every compliance comes out negative, and was set to zero: signs of the displacements, the "
+        "load or the axes are wrong, or poses are"
+    )
+
+
+def _far_below_zero(data: Data) -> str:
+    """A negative compliance that noise does not explain."""
+    k = f"{data['k']:.2g} +- {data['std']:.2g}"
+    why = "far below zero: model, tool, units or poses are wrong"
+    return f"{data['parameters'][0]} comes out as {k}, {why}"
+
+
+def _near_zero(data: Data) -> str:
+    """A compliance that might as well be zero."""
+    k = f"{data['k']:.2g} +- {data['std']:.2g}"
+    bounded = ", and was set to zero" if data["k"] < 0 else ""
+    return f"{data['parameters'][0]} can hardly be told from zero ({k}){bounded}"
+
+
+def _equal_rows_words(data: Data) -> str:
+    """Rows that chance may have made the same."""
+    chance = f"{data['chance']:.2g}"
+    return f"{twins(data)}: as readings so coarse may be by chance ({chance}), or was it copied?"
+
+
+def _alike_parameters(data: Data) -> str:
+    """Two parameters that measurements hardly tell apart."""
+    pair = " and ".join(data["parameters"])
+    return f"{pair} are hardly told apart (correlation {data['correlation']:+.3f})"
+
+
+def _one_pose(data: Data) -> str:
+    """Parameters that would be unknown, or hardly known, without a pose."""
+    names = ", ".join(data["parameters"])
+    many = len(data["parameters"]) > 1
+    would = f"standard deviation{'s' * many} would be at least {data['times']:.2g} times as large"
+    if data["unknown"]:
+        would = f"value{'s' * many} would be unknown"
+    into = "them" if many else "it"
+    rows = row_names(data["rows"])
+    if data["poses"] == 1:
+        return (
+            f"{names}: only one pose tells enough ({rows}); without that pose the {would}, and an "
+            f"error in it goes into {into} and hardly shows in the residuals"
+        )
+    return (
+        f"{names}: only {data['poses']} poses tell enough ({rows}), and each is needed; without "
+        f"one of them the {would}, and an error in one goes into {into} and hardly shows in the "
+        "residuals"
+    )
+
+
+def _linear_model_words(data: Data) -> str:
+    """A linear model that costs more than noise."""
+    error = f"{1e3 * data['rho0_bias']:.2g} mm"
+    place = data.get("place", "in the test pose")
+    return f"the linear model leaves {error} {place}, more than noise: use lighter loads"
+
+
+def _do_not_compensate(data: Data) -> str:
+    """A compensation that does harm."""
+    total = f"{1e3 * data['total']:.2g} mm"
+    without = f"{1e3 * data['uncompensated']:.2g} mm"
+    return (
+        f"do not compensate with this: the expected error is {total}, and {without} without any "
+        "compensation"
+    )
+
+
+def _gains_little(data: Data) -> str:
+    """A compensation that leaves most of the error."""
+    total = f"{1e3 * data['total']:.2g} mm"
+    without = f"{1e3 * data['uncompensated']:.2g} mm"
+    return (
+        f"compensation gains little: the expected error is {total}, and {without} without any "
+        f"compensation; the largest part of it is {data['largest'].replace('_', ' ')}"
+    )
+
+
+def _beyond_limits(data: Data) -> str:
+    """A pose beyond a joint's limits."""
+    return (
+        f"row {data['rows'][0] + 1}, column {data['columns'][0]}: {data['value']:g} is beyond the "
+        f"joint's limits, {data['low']:g} to {data['high']:g}"
+    )
+
+
+def _not_measured(data: Data) -> str:
+    """Planned experiments without a measurement."""
+    return f"{row_names(data['rows'])} of the plan: not measured"
+
+
+WORDING: Wording = {
+    "all_negative": _all_negative,
+    "far_below_zero": _far_below_zero,
+    "near_zero": _near_zero,
+    "equal_rows": _equal_rows_words,
+    "alike_parameters": _alike_parameters,
+    "one_pose": _one_pose,
+    "linear_model": _linear_model_words,
+    "do_not_compensate": _do_not_compensate,
+    "gains_little": _gains_little,
+    "beyond_limits": _beyond_limits,
+    "not_measured": _not_measured,
+}

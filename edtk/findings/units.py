@@ -5,8 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from edtk.findings.diagnostic import Diagnostic, Severity
-from edtk.findings.finding import Finding, Kind
+from edtk.findings.finding import Data, Finding, Severity, Wording, row_names
 from edtk.findings.fitted_data import FittedData
 from edtk.findings.match_plan import OTHER_LOAD
 from edtk.fit.equilibrium import NoFitError, fit_equilibrium
@@ -72,12 +71,12 @@ def _noise(fitted: FittedData, factor: float) -> float:
         return np.inf
 
 
-def unit_diagnostics(fitted: FittedData) -> Iterator[Diagnostic]:
+def unit_findings(fitted: FittedData) -> Iterator[Finding]:
     """Compare forces, displacements, rotations and joint angles with their expected sizes."""
     forces = list(_forces(fitted))
     yield from forces
     # Displacements follow from the forces: another unit of these is not blamed on those.
-    if all(diagnostic.severity < Severity.ALARM for diagnostic in forces):
+    if all(one.severity < Severity.ALARM for one in forces):
         yield from _lengths(fitted)
     yield from _rotations(fitted)
     yield from _angles(fitted)
@@ -93,7 +92,7 @@ def _expected_load(fitted: FittedData) -> Array | None:
     return None
 
 
-def _forces(fitted: FittedData) -> Iterator[Diagnostic]:
+def _forces(fitted: FittedData) -> Iterator[Finding]:
     """Forces of another size than expected, or a load that is not the planned one."""
     expected = _expected_load(fitted)
     if expected is None:
@@ -111,14 +110,14 @@ def _forces(fitted: FittedData) -> Iterator[Diagnostic]:
         unit = units[0] if units else ""
         data = {"ratio": ratio, "planned": planned, "unit": unit}
         severity = Severity.ALARM if unit else Severity.WARNING
-        yield Diagnostic(severity, Finding(Kind.FORCE_UNIT, columns=WRENCH_COLUMNS[:3], data=data))
+        yield Finding.of(severity, WORDING, "force_unit", columns=WRENCH_COLUMNS[:3], **data)
     elif planned:
         largest = np.abs(expected).max(axis=1)
         off = np.abs(wrench - expected).max(axis=1) > OTHER_LOAD * largest
         if off.any():
             rows = tuple(np.flatnonzero(off).tolist())
             tolerance = {"tolerance": OTHER_LOAD}
-            yield Diagnostic(Severity.WARNING, Finding(Kind.OTHER_LOAD, rows, data=tolerance))
+            yield Finding.of(Severity.WARNING, WORDING, "other_load", rows=rows, **tolerance)
 
 
 def _ratio(fitted: FittedData, chosen: Mask) -> float | None:
@@ -137,7 +136,7 @@ def _ratio(fitted: FittedData, chosen: Mask) -> float | None:
     return float(measured / predicted) if predicted > 0 else None
 
 
-def _lengths(fitted: FittedData) -> Iterator[Diagnostic]:
+def _lengths(fitted: FittedData) -> Iterator[Finding]:
     """Displacements a thousand times too small or too large, within a factor of ten; or less.
 
     They are compared with the prediction; without one, the residuals are compared with sigma.
@@ -151,27 +150,27 @@ def _lengths(fitted: FittedData) -> Iterator[Diagnostic]:
     for factor, unit in LENGTH_UNITS:
         if factor / LENGTH_FACTOR < ratio < factor * LENGTH_FACTOR:
             data = {"ratio": ratio, "predicted": predicted, "unit": unit}
-            yield Diagnostic(Severity.ALARM, Finding(Kind.LENGTH_UNIT, data=data))
+            yield Finding.of(Severity.ALARM, WORDING, "length_unit", **data)
             return
     small = small_unit(fitted, ratio if predicted else None)
     if small is not None:
         data = {"ratio": ratio, "predicted": predicted, "unit": small}
         # Residuals alone may be as small because sigma is too large.
         severity = Severity.ALARM if predicted else Severity.WARNING
-        yield Diagnostic(severity, Finding(Kind.LENGTH_UNIT, data=data))
+        yield Finding.of(severity, WORDING, "length_unit", **data)
 
 
-def _rotations(fitted: FittedData) -> Iterator[Diagnostic]:
+def _rotations(fitted: FittedData) -> Iterator[Finding]:
     """Rotations 57 times too small, within a factor of three."""
     turns = ~fitted.data.lengths
     if not turns.any():
         return
     ratio = _ratio(fitted, turns)
     if ratio is not None and 1 / ROTATION_FACTOR < ratio * 180 / np.pi < ROTATION_FACTOR:
-        yield Diagnostic(Severity.ALARM, Finding(Kind.ROTATION_UNIT, data={"ratio": ratio}))
+        yield Finding.of(Severity.ALARM, WORDING, "rotation_unit", ratio=ratio)
 
 
-def _angles(fitted: FittedData) -> Iterator[Diagnostic]:
+def _angles(fitted: FittedData) -> Iterator[Finding]:
     """Several poses, all of them within 2 pi degrees of zero."""
     turning = [
         j
@@ -180,4 +179,51 @@ def _angles(fitted: FittedData) -> Iterator[Diagnostic]:
     ]
     degrees = np.rad2deg(fitted.study.robot.shown(fitted.data.q)[:, turning])
     if turning and np.abs(degrees).max() <= 2 * np.pi and np.ptp(degrees, axis=0).any():
-        yield Diagnostic(Severity.ALARM, Finding(Kind.ANGLE_UNIT))
+        yield Finding.of(Severity.ALARM, WORDING, "angle_unit")
+
+
+def _force_unit(data: Data) -> str:
+    """Forces of another size than expected."""
+    whose = "the plan" if data["planned"] else "the study's [load]"
+    unit = data["unit"]
+    why = "; expected those that were applied, in newtons"
+    if unit:
+        why = f": are they in {unit}? expected newtons"
+    ratio = data["ratio"]
+    return f"columns Fx_N to Fz_N: the forces are {ratio:.3g} times those of {whose}{why}"
+
+
+def _other_load(data: Data) -> str:
+    """Loads that are not those planned."""
+    within = f"{100 * data['tolerance']:g} %"
+    rows = row_names(data["rows"])
+    return f"{rows}: the load is not the one planned in this pose; expected it within {within}"
+
+
+def _length_unit(data: Data) -> str:
+    """Displacements a thousand times off."""
+    ratio = f"{data['ratio']:.2g}"
+    size = f"the residuals are {ratio} times sigma"
+    if data["predicted"]:
+        size = f"the displacements are {ratio} times those that the study's [simulation] predicts"
+    return f"{size}: are they in {data['unit']}? expected millimetres"
+
+
+def _rotation_unit(data: Data) -> str:
+    """Rotations in radians."""
+    ratio = f"{data['ratio']:.2g}"
+    return f"the rotations are {ratio} times those predicted: are they in radians? expected degrees"
+
+
+def _angle_unit(data: Data) -> str:
+    """Joint angles in radians."""
+    return "all joint angles are within 6.3 degrees of zero: are they in radians? expected degrees"
+
+
+WORDING: Wording = {
+    "force_unit": _force_unit,
+    "other_load": _other_load,
+    "length_unit": _length_unit,
+    "rotation_unit": _rotation_unit,
+    "angle_unit": _angle_unit,
+}

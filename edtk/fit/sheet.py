@@ -208,7 +208,7 @@ def _require_near(
 ) -> None:
     """Refuse positions whose difference no load can make: columns were swapped, or frames mixed.
 
-    Displacements that were measured as such are left to the diagnostics, which know units.
+    Displacements that were measured as such are left to the findings, which know units.
     """
     far = np.flatnonzero(np.abs(displacement).max(axis=1) > FAR * reach)
     if not len(far) or loaded[0] not in table:

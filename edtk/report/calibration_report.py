@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from edtk.calibration.calibration import Calibration
-from edtk.findings.finding import Kind
+from edtk.findings.finding import Finding
 from edtk.fit.identify import Identification
 from edtk.measure.cells import csv_text
 from edtk.measure.expected_error import ErrorBudget
@@ -21,7 +21,7 @@ from edtk.report.draw.bars import correlation, intervals
 from edtk.report.draw.names import room_for
 from edtk.report.draw.residuals import ResidualPanel, drawn_rows, quantiles, residuals
 from edtk.report.figures import new_figure
-from edtk.report.page import Page, paragraph, picture, section, table, verdict
+from edtk.report.page import QUALITY, Page, paragraph, picture, section, sentence, table, verdict
 from edtk.report.posterior_report import posterior_report
 from edtk.report.shown import digits, shown_probability
 from edtk.report.views.calibration import assumed_joints
@@ -30,11 +30,6 @@ from edtk.system.files import Content
 from edtk.system.parsing import json_text
 
 WORD = "Calibration"
-QUALITY = {
-    "good": "Good calibration.",
-    "usable": "Usable calibration, with a warning.",
-    "bad": "Do not use this calibration yet.",
-}
 # Words for the parts of an error budget.
 PARTS = {
     "noise": "the noise of the measurements",
@@ -64,31 +59,23 @@ def calibration_title(study: Study) -> str:
 
 def calibration_verdict(found: Calibration) -> str:
     """The box at the top of the report, the most important line first."""
-    harmful = [d for d in found.diagnostics if d.kind is Kind.DO_NOT_COMPENSATE]
-    others = [d for d in found.diagnostics if d.kind is not Kind.DO_NOT_COMPENSATE]
+    harmful = [d for d in found.findings if d.kind == "do_not_compensate"]
+    others = [d for d in found.findings if d.kind != "do_not_compensate"]
     level = found.verdict
     if harmful:
-        lines = [f"{_sentence(found, harmful[0].text)}."]
+        lines = [_sentence(found, harmful[0])]
     elif level == "bad":
         lines = [QUALITY[level], *_untold(found)]
     else:
         lines = [f"{QUALITY[level]} {_expected(found)}".strip(), *_parts(found), *_facts(found)]
-    lines += [_ended(_sentence(found, diagnostic.text)) for diagnostic in others]
-    lines += [_ended(f"The study: {warning}") for warning in found.study.warnings]
+    lines += [_sentence(found, one) for one in others]
+    lines += [sentence(f"the study: {warning}") for warning in found.study.warnings]
     return verdict(level, lines)
 
 
-def _ended(text: str) -> str:
-    """The text with a full stop, unless it asks."""
-    return text if text.endswith("?") else f"{text}."
-
-
-def _sentence(found: Calibration, text: str) -> str:
-    """The text with a capital letter, unless it begins with the name of a parameter."""
-    text = text.replace("+-", "\N{PLUS-MINUS SIGN}")
-    if text.startswith(found.parameters):
-        return text
-    return f"{text[:1].upper()}{text[1:]}"
+def _sentence(found: Calibration, one: Finding) -> str:
+    """The words of a finding as a sentence, which may begin with the name of a parameter."""
+    return sentence(one.words.replace("+-", "\N{PLUS-MINUS SIGN}"), found.parameters)
 
 
 def _expected(found: Calibration) -> str:
@@ -150,8 +137,8 @@ def _assumed(budget: ErrorBudget) -> list[str]:
 
 def _facts(found: Calibration) -> list[str]:
     """What is in order; nothing where a finding says otherwise."""
-    noted = {diagnostic.kind for diagnostic in found.diagnostics}
-    if noted - {Kind.GAINS_LITTLE}:
+    noted = {one.kind for one in found.findings}
+    if noted - {"gains_little"}:
         return []
     noise = "the noise was estimated and is not larger than stated"
     if found.fit.known:

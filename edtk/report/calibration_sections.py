@@ -4,7 +4,7 @@ import numpy as np
 
 from edtk.calibration.calibration import Calibration
 from edtk.findings.causes.family import NOISE, Cause
-from edtk.findings.match_plan import row_names
+from edtk.findings.finding import row_names
 from edtk.findings.noise import UNLIKELY_NOISE
 from edtk.fit.estimate_noise import NoiseEstimate
 from edtk.fit.measurements import Measurements

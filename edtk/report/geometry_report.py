@@ -5,14 +5,24 @@ from pathlib import Path
 import numpy as np
 
 from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
-from edtk.findings.geometry.geometric_doubt import rows_in_words
+from edtk.findings.finding import rows_in_words
 from edtk.fit.geometry.fitted_geometry import MM, root_mean_square
 from edtk.measure.cells import csv_text
 from edtk.measure.parameters import GeometricParameter
 from edtk.report.calibration_report import NAMES, calibration_title
 from edtk.report.draw.residuals import left_out_errors, marker_residuals
 from edtk.report.figures import new_figure
-from edtk.report.page import Page, facts, paragraph, picture, section, table, verdict
+from edtk.report.page import (
+    QUALITY,
+    Page,
+    facts,
+    paragraph,
+    picture,
+    section,
+    sentence,
+    table,
+    verdict,
+)
 from edtk.report.posterior_report import posterior_of_geometry
 from edtk.report.shown import places_of
 from edtk.system.files import Content
@@ -24,11 +34,6 @@ SHOWN = 8  # rows of the table of poses
 WIDTH = 4.4  # of a picture [inch]: letters can be read on a phone, and on a desk two have room
 HEIGHT = 2.9
 MOST_PICTURES = 8  # of markers
-QUALITY = {
-    "good": "Good calibration.",
-    "usable": "Usable calibration, with a warning.",
-    "bad": "Do not use this calibration yet.",
-}
 GROUPS = {
     "joint": "Geometry: how the robot differs from its drawing",
     "compliance": "Springs of the joints",
@@ -130,9 +135,9 @@ def _verdict(found: GeometricCalibration) -> str:
     first = QUALITY[level]
     if level != "bad":
         first = f"{first} {_expected(found)}"
-    lines = [first, *(_sentence(doubt.text) for doubt in found.doubts)]
-    lines += [_sentence(f"the study: {warning}") for warning in found.study.warnings]
-    if not found.doubts and not found.study.warnings:
+    lines = [first, *(sentence(one.words) for one in found.findings)]
+    lines += [sentence(f"the study: {warning}") for warning in found.study.warnings]
+    if not found.findings and not found.study.warnings:
         lines.append("Nothing is wrong: all that was asked for is told, and no pose surprises.")
     return verdict(level, lines)
 
@@ -143,12 +148,6 @@ def _expected(found: GeometricCalibration) -> str:
     return (
         f"Expect errors of {found.loo_rms_mm:.2g} mm (rms) in poses like these, instead of {drawn}."
     )
-
-
-def _sentence(text: str) -> str:
-    """The text with a capital letter and a full stop, unless it asks."""
-    text = f"{text[:1].upper()}{text[1:]}"
-    return text if text.endswith(("?", ".")) else f"{text}."
 
 
 def _prediction(found: GeometricCalibration) -> str:

@@ -70,6 +70,11 @@ figcaption { font-size: .9rem; opacity: .8; }
   .full svg { max-width: 17cm !important; }
 }
 """
+QUALITY = {
+    "good": "Good calibration.",
+    "usable": "Usable calibration, with a warning.",
+    "bad": "Do not use this calibration yet.",
+}
 MANY = 500  # points of a line, beyond which dots of a raster take less room than a drawing
 DPI = 110  # of such rasters
 PX = 96  # of CSS, an inch
@@ -145,6 +150,12 @@ def verdict(level: str, lines: Sequence[str]) -> str:
     """A box with the verdict: "good", "usable" or "bad", the first line the most important."""
     text = "".join(map(paragraph, lines))
     return f'<div class="verdict {level}" id="verdict" data-level="{level}">{text}</div>'
+
+
+def sentence(text: str, names: tuple[str, ...] = ()) -> str:
+    """A text with a full stop, unless it asks, and a capital, unless it begins with a name."""
+    begun = text if text.startswith(names) else f"{text[:1].upper()}{text[1:]}"
+    return begun if begun.endswith(("?", ".")) else f"{begun}."
 
 
 def section(title: str, *parts: str) -> str:

@@ -10,6 +10,7 @@ import numpy as np
 import criteria
 from criteria.linalg.estimable import estimable_inverse, open_columns
 from edtk.design.plan import Plan
+from edtk.findings.finding import Finding
 from edtk.fit.distributions import task_accuracy
 from edtk.fit.least_squares import SingularPlanError, covariance
 from edtk.measure.expected_error import ExpectedError, TaskAccuracy, expected_error, with_rigid
@@ -208,7 +209,7 @@ class Evaluation(Presented):
     expected: ExpectedError | None = None
     tasks: TaskAccuracy | None = None
     skipped: dict[str, str] = field(default_factory=dict)
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[Finding, ...] = ()
     with_prior: bool = False
     labels: dict[str, str] = field(default_factory=dict)
     interest: dict[str, float] = field(default_factory=dict)
@@ -236,7 +237,7 @@ class Evaluation(Presented):
             "expected_error": None if self.expected is None else self.expected.to_dict(),
             **({} if self.tasks is None else {"tasks": self.tasks.to_dict()}),
             "skipped": self.skipped,
-            "warnings": list(self.warnings),
+            "warnings": [one.words for one in self.warnings],
             **({"with_prior": True} if self.with_prior else {}),
             **({"interest": self.interest} if self.interest else {}),
         }

@@ -43,7 +43,7 @@ class Compliances(Kind):
     """Compliances alone are unknown, and displacements under loads are measured."""
 
     key = "joints.unknown"
-    doubts = (doubtful_noise, idle_axes)
+    hard_to_believe = (doubtful_noise, idle_axes)
 
     def unknowns(self, study: Asked) -> str:
         """How many compliances."""

@@ -8,6 +8,7 @@ import numpy as np
 import criteria
 from edtk.design.candidate_source import CandidateSource, EmptyFeasibleSetError
 from edtk.design.plan import Plan
+from edtk.findings.finding import Data, Finding, Severity, Wording
 from edtk.fit.least_squares import SingularPlanError, covariance
 from edtk.measure.expected_error import WITHIN, ExpectedError, compensation_accuracy
 from edtk.robots.weights import GRAVITY
@@ -46,24 +47,21 @@ CANDIDATES = 300  # among which the best experiment for each parameter is looked
 ONE_TURN = 2 * np.pi
 
 
-def plausibility(study: StudyObjects) -> tuple[str, ...]:
+def plausibility(study: StudyObjects) -> tuple[Finding, ...]:
     """Find what a study says that is physically hard to believe.
 
     Args:
         study: The study.
 
     Returns:
-        One line for each finding, which names the key.
+        The findings, whose words name the key.
     """
     length = length_of_links(study)
     if length > LONGEST_LINKS:
         # Nothing else can be judged by such an arm.
-        return (
-            f"robot: its links add up to {length:.4g} m; lengths in a robot's file are in "
-            "metres, are these in millimetres?",
-        )
-    checks = (_tools, _pose_unit, _upwards, *study.kind.doubts)
-    return tuple(line for check in checks for line in check(study))
+        return (Finding.of(Severity.WARNING, WORDING, "long_links", length=length),)
+    checks = (_tools, _pose_unit, _upwards, *study.kind.hard_to_believe)
+    return tuple(one for check in checks for one in check(study))
 
 
 def length_of_links(study: StudyObjects) -> float:
@@ -72,7 +70,7 @@ def length_of_links(study: StudyObjects) -> float:
     return float(sum(np.linalg.norm(origin) for origin in origins))
 
 
-def _tools(study: StudyObjects) -> Iterator[str]:
+def _tools(study: StudyObjects) -> Iterator[Finding]:
     """Tools in metres, and tools that are longer than the robot."""
     tools = {"tool": study.specification.tool.build()}
     for i, pose in enumerate(study.specification.test_poses):
@@ -87,22 +85,21 @@ def _tools(study: StudyObjects) -> Iterator[str]:
             continue
         seen.append(tool)
         length = float(np.linalg.norm(tool[:3, 3]))
-        place = study.robot.tool_is_from
-        where = f"{key}.position_mm: the tool point is {1e3 * length:.3g} mm from the {place}"
+        there = {"key": key, "length": length, "place": study.robot.tool_is_from}
         if 0 < length < SHORTEST_TOOL and links > SMALL_ARM:
-            yield f"{where}; is it given in metres?"
+            yield Finding.of(Severity.WARNING, WORDING, "short_tool", **there)
         elif length > LONGEST_TOOL * links > 0:
-            yield f"{where}, and all links together are {1e3 * links:.3g} mm long"
+            yield Finding.of(Severity.WARNING, WORDING, "long_tool", links=links, **there)
 
 
-def _pose_unit(study: StudyObjects) -> Iterator[str]:
+def _pose_unit(study: StudyObjects) -> Iterator[Finding]:
     """The first test pose whose angles look like radians."""
     poses = enumerate(study.specification.test_poses)
     odd = (_unit_of_pose(study, np.array(p.q_deg), f"{study.key_of(i)}.q_deg") for i, p in poses)
     yield from islice(chain.from_iterable(odd), 1)
 
 
-def _unit_of_pose(study: StudyObjects, q_deg: Array, key: str) -> Iterator[str]:
+def _unit_of_pose(study: StudyObjects, q_deg: Array, key: str) -> Iterator[Finding]:
     """A pose (n,) whose angles look like radians."""
     turns = [joint.kind == "revolute" for joint in study.robot.joints]
     angles = q_deg[turns]
@@ -111,13 +108,12 @@ def _unit_of_pose(study: StudyObjects, q_deg: Array, key: str) -> Iterator[str]:
     small = bool((np.abs(angles) <= ONE_TURN).all())
     # Three joints at least: with fewer, small odd angles may well be degrees.
     if small and odd.sum() >= max(3, len(moved) / 2) and np.abs(moved).max() >= LEAST_ANGLE:
-        yield (
-            f"{key}: all angles are within {np.abs(angles).max():.3g} deg of zero; are "
-            "they in radians?"
+        yield Finding.of(
+            Severity.WARNING, WORDING, "angle_unit", key=key, largest=float(np.abs(angles).max())
         )
 
 
-def _upwards(study: StudyObjects) -> Iterator[str]:
+def _upwards(study: StudyObjects) -> Iterator[Finding]:
     """A load that pulls upwards, where weights pull down."""
     load = study.specification.load
     force = getattr(load, "F_N", None)
@@ -125,36 +121,30 @@ def _upwards(study: StudyObjects) -> Iterator[str]:
         return
     up = force[2]
     if isinstance(up, int | float) and up >= UPRIGHT * np.linalg.norm(np.array(force, float)) > 0:
-        yield (
-            f"load.F_N: {up:g} N along z pulls the tool upwards; a weight pulls along -z, is the "
-            "sign meant?"
-        )
+        yield Finding.of(Severity.WARNING, WORDING, "upward_load", force=up)
 
 
-def doubtful_noise(study: StudyObjects) -> Iterator[str]:
+def doubtful_noise(study: StudyObjects) -> Iterator[Finding]:
     """Noise beside the deflection under load, which is what is measured."""
     sigma = study.least_error(anywhere(study)[:, : study.robot.n])
     name = "measurement.sigma_mm" if study.noise is None else "noise"
-    key = f"{name}: {1e3 * sigma:.3g} mm"
     if sigma < INTERFEROMETER:
-        yield f"{key} is finer than any instrument; is it given in metres?"
+        yield Finding.of(Severity.WARNING, WORDING, "fine_noise", key=name, sigma=sigma)
     A, _ = _sampled(study)
     k = own_scale(study)
-    if np.isfinite(k).all():
+    known = bool(np.isfinite(k).all())
+    if known:
         bent = float(np.linalg.norm(A @ k, axis=1).max())
-        by = "in [simulation] or [prior]"
     else:
         soft = float((SOFTEST * np.linalg.norm(A, axis=1)).sum(axis=-1).max())
         bent = min(SAG * length_of_links(study), soft)
-        by = "of usual size"
     if 0 < bent <= sigma:
-        yield (
-            f"{key} is more than the load bends the robot: {1e3 * bent:.2g} mm at most with "
-            f"compliances {by}; check {name.split('.')[-1]} and load"
+        yield Finding.of(
+            Severity.WARNING, WORDING, "coarse_noise", key=name, sigma=sigma, bent=bent, known=known
         )
 
 
-def idle_axes(study: StudyObjects) -> Iterator[str]:
+def idle_axes(study: StudyObjects) -> Iterator[Finding]:
     """Joints whose axis runs through the tool point, or that no load turns."""
     if any(_tools(study)):
         return  # the cause is named already
@@ -163,10 +153,7 @@ def idle_axes(study: StudyObjects) -> Iterator[str]:
     lever = np.sqrt(np.linalg.norm(A, axis=1).max(axis=0) / size)
     names = np.array(study.specification.joints.unknown)[lever < ON_AXIS]
     if len(names):
-        yield (
-            f"tool.position_mm, load: in no pose does the load move the tool point by way of "
-            f"{listed(names)}; the tool point lies on the axis, or the load passes through it"
-        )
+        yield Finding.of(Severity.WARNING, WORDING, "no_lever", joints=tuple(names.tolist()))
 
 
 def _sampled(study: StudyObjects) -> tuple[Array, float]:
@@ -201,14 +188,14 @@ def own_scale(study: StudyObjects) -> Array:
     return np.array([abs(known.get(name, np.nan)) for name in given.joints.unknown])
 
 
-def listed(names: "list[str] | Array") -> str:
+def listed(names: Sequence[str]) -> str:
     """The first names, and how many more there are."""
     more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
     return f"{', '.join(names[:MOST_NAMED])}{more}"
 
 
-def poor_around(expected: ExpectedError) -> tuple[str, ...]:
-    """A sentence where the error around the test poses is several times that in them.
+def poor_around(expected: ExpectedError) -> tuple[Finding, ...]:
+    """A finding where the error around the test poses is several times that in them.
 
     Args:
         expected: Errors to expect of the plan.
@@ -216,19 +203,22 @@ def poor_around(expected: ExpectedError) -> tuple[str, ...]:
     # What is told exactly in a test pose is compared with nothing.
     if not 0 < SEVERAL * expected.test_pose < expected.mean:
         return ()
-    one = expected.poses == 1
-    where = "the test pose" if one else f"the {expected.poses} test poses"
     return (
-        f"errors are {expected.mean / expected.test_pose:.2g} times as large around {where} as "
-        f"there: {1e3 * expected.mean:.2g} mm within {np.rad2deg(expected.within):.3g} deg on "
-        f"average, {1e3 * expected.test_pose:.2g} mm in {'it' if one else 'them'}; give more test "
-        "poses where the robot shall work, or optimise another criterion such as A",
+        Finding.of(
+            Severity.WARNING,
+            WORDING,
+            "poor_around",
+            poses=expected.poses,
+            within=expected.within,
+            mean=expected.mean,
+            test_pose=expected.test_pose,
+        ),
     )
 
 
 def plan_plausibility(
     study: StudyObjects, plan: Plan, expected: ExpectedError | None = None
-) -> tuple[str, ...]:
+) -> tuple[Finding, ...]:
     """Find what is hard to believe, or a pity, in what a plan promises.
 
     Args:
@@ -237,7 +227,7 @@ def plan_plausibility(
         expected: Errors to expect in the test poses and around them; None where they are unknown.
 
     Returns:
-        One line for each finding.
+        The findings.
     """
     try:
         cov = covariance(study.information(plan), study.model.parameters)
@@ -249,16 +239,15 @@ def plan_plausibility(
     return (*_useless(study, cov), *_hardly_excited(study, cov, plan.experiments), *around)
 
 
-def _untold(study: StudyObjects, parameters: Sequence[str]) -> Iterator[str]:
+def _untold(study: StudyObjects, parameters: Sequence[str]) -> Iterator[Finding]:
     """Parameters that a plan leaves open, as the criterion does not ask for them."""
     bad = np.array([study.model.parameters.index(name) for name in parameters])
-    yield (
-        f"not told by this plan: {listed(list(parameters))}; what the sheet does not tell, edtk "
-        f"identify takes from a [prior] alone; {_cure(study, bad)}"
+    yield Finding.of(
+        Severity.WARNING, WORDING, "not_told", parameters=tuple(parameters), cure=_cure(study, bad)
     )
 
 
-def _useless(study: StudyObjects, cov: Array) -> Iterator[str]:
+def _useless(study: StudyObjects, cov: Array) -> Iterator[Finding]:
     """An error after compensation that is larger than the one before."""
     if not study.tasks:
         return
@@ -268,16 +257,18 @@ def _useless(study: StudyObjects, cov: Array) -> Iterator[str]:
     known = bool(np.isfinite(k).all())
     before = float(np.linalg.norm(A @ k)) if known else SAG * length_of_links(study)
     if 0 < before < after:
-        place = "in the test pose" if len(study.tasks) == 1 else f"in {len(study.tasks)} test poses"
-        usual = "" if known else ", as robots go"
-        yield (
-            f"the expected error {place}, {1e3 * after:.3g} mm, is larger than what the "
-            f"load bends the robot there, {1e3 * before:.2g} mm{usual}; check tools, loads and "
-            "sigma_mm, or measure more"
+        yield Finding.of(
+            Severity.WARNING,
+            WORDING,
+            "useless",
+            poses=len(study.tasks),
+            after=after,
+            before=before,
+            known=known,
         )
 
 
-def _hardly_excited(study: StudyObjects, cov: Array, experiments: int) -> Iterator[str]:
+def _hardly_excited(study: StudyObjects, cov: Array, experiments: int) -> Iterator[Finding]:
     """Parameters about which a plan says much less than it could."""
     std = np.sqrt(np.diag(cov))
     share = std / own_scale(study)
@@ -290,16 +281,14 @@ def _hardly_excited(study: StudyObjects, cov: Array, experiments: int) -> Iterat
     bad = np.flatnonzero(np.where(np.isfinite(share), share > UNCERTAIN, ratio > HARDLY_EXCITED))
     if not len(bad):
         return
-    names = [study.model.parameters[i] for i in bad]
-    how = [
-        f"+-{_round(100 * share[i])} % of itself"
-        if np.isfinite(share[i])
-        else f"{_round(ratio[i])} times the best"
-        for i in bad[:MOST_NAMED]
-    ]
-    yield (
-        f"hardly told by this plan: {listed(names)}, with a standard deviation of "
-        f"{', '.join(how)}; {_cure(study, bad)}"
+    yield Finding.of(
+        Severity.WARNING,
+        WORDING,
+        "hardly_told",
+        parameters=tuple(study.model.parameters[i] for i in bad),
+        of_itself=tuple(float(x) if np.isfinite(x) else None for x in share[bad]),
+        of_best=tuple(ratio[bad].tolist()),
+        cure=_cure(study, bad),
     )
 
 
@@ -344,3 +333,93 @@ def _best_alone(study: StudyObjects, x: Array, experiments: int) -> Array:
     largest = np.diagonal(blocks, axis1=1, axis2=2).max(axis=0)
     with np.errstate(divide="ignore"):
         return np.asarray(1 / np.sqrt(experiments * largest))
+
+
+def _of_tool(data: Data) -> str:
+    """Where a tool point is."""
+    far = f"{1e3 * data['length']:.3g} mm"
+    return f"{data['key']}.position_mm: the tool point is {far} from the {data['place']}"
+
+
+def _coarse_noise(data: Data) -> str:
+    """Noise beside which the deflection is small."""
+    by = "in [simulation] or [prior]" if data["known"] else "of usual size"
+    return (
+        f"{data['key']}: {1e3 * data['sigma']:.3g} mm is more than the load bends the robot: "
+        f"{1e3 * data['bent']:.2g} mm at most with compliances {by}; check "
+        f"{data['key'].split('.')[-1]} and load"
+    )
+
+
+def _poor_around(data: Data) -> str:
+    """Errors around the test poses that are larger than in them."""
+    one = data["poses"] == 1
+    where = "the test pose" if one else f"the {data['poses']} test poses"
+    return (
+        f"errors are {data['mean'] / data['test_pose']:.2g} times as large around {where} as "
+        f"there: {1e3 * data['mean']:.2g} mm within {np.rad2deg(data['within']):.3g} deg on "
+        f"average, {1e3 * data['test_pose']:.2g} mm in {'it' if one else 'them'}; give more test "
+        "poses where the robot shall work, or optimise another criterion such as A"
+    )
+
+
+def _useless_words(data: Data) -> str:
+    """A compensation that promises nothing."""
+    place = "in the test pose" if data["poses"] == 1 else f"in {data['poses']} test poses"
+    usual = "" if data["known"] else ", as robots go"
+    return (
+        f"the expected error {place}, {1e3 * data['after']:.3g} mm, is larger than what the "
+        f"load bends the robot there, {1e3 * data['before']:.2g} mm{usual}; check tools, loads and "
+        "sigma_mm, or measure more"
+    )
+
+
+def _hardly_told(data: Data) -> str:
+    """Parameters beside how uncertain they stay."""
+    pairs = list(zip(data["of_itself"], data["of_best"], strict=True))[:MOST_NAMED]
+    how = [
+        f"+-{_round(100 * share)} % of itself"
+        if share is not None
+        else f"{_round(ratio)} times the best"
+        for share, ratio in pairs
+    ]
+    return (
+        f"hardly told by this plan: {listed(data['parameters'])}, with a standard deviation of "
+        f"{', '.join(how)}; {data['cure']}"
+    )
+
+
+WORDING: Wording = {
+    "long_links": lambda data: (
+        f"robot: its links add up to {data['length']:.4g} m; lengths in a robot's file are in "
+        "metres, are these in millimetres?"
+    ),
+    "short_tool": lambda data: f"{_of_tool(data)}; is it given in metres?",
+    "long_tool": lambda data: (
+        f"{_of_tool(data)}, and all links together are {1e3 * data['links']:.3g} mm long"
+    ),
+    "angle_unit": lambda data: (
+        f"{data['key']}: all angles are within {data['largest']:.3g} deg of zero; are they in "
+        "radians?"
+    ),
+    "upward_load": lambda data: (
+        f"load.F_N: {data['force']:g} N along z pulls the tool upwards; a weight pulls along -z, "
+        "is the sign meant?"
+    ),
+    "fine_noise": lambda data: (
+        f"{data['key']}: {1e3 * data['sigma']:.3g} mm is finer than any instrument; is it given "
+        "in metres?"
+    ),
+    "coarse_noise": _coarse_noise,
+    "no_lever": lambda data: (
+        "tool.position_mm, load: in no pose does the load move the tool point by way of "
+        f"{listed(data['joints'])}; the tool point lies on the axis, or the load passes through it"
+    ),
+    "poor_around": _poor_around,
+    "not_told": lambda data: (
+        f"not told by this plan: {listed(data['parameters'])}; what the sheet does not tell, edtk "
+        f"identify takes from a [prior] alone; {data['cure']}"
+    ),
+    "useless": _useless_words,
+    "hardly_told": _hardly_told,
+}

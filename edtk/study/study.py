@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, Unpack
 
 from edtk.design.plan import Plan
+from edtk.findings.finding import Finding
 from edtk.measure.pose_table import Table
 from edtk.robots.robot import Robot
 from edtk.robots.robot_file import robot_to_dict
@@ -151,8 +152,8 @@ class Study(StudyObjects, Presented):
         )
 
     @cached_property
-    def warnings(self) -> tuple[str, ...]:
-        """What the study says that is physically hard to believe, a line each."""
+    def warnings(self) -> tuple[Finding, ...]:
+        """What the study says that is physically hard to believe."""
         return plausibility(self)
 
     @property

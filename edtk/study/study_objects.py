@@ -11,6 +11,7 @@ import criteria
 from criteria.linalg.estimable import combination
 from edtk.design.design_space import DesignSpace
 from edtk.design.plan import Plan
+from edtk.findings.finding import Finding
 from edtk.measure.elastostatic_model import ElastostaticModel
 from edtk.measure.noise import VisitNoise
 from edtk.measure.pose_table import PoseTable, Table
@@ -61,11 +62,11 @@ class Kind(ABC):
 
     Attributes:
         key: The key of a study that says what is unknown.
-        doubts: Checks of what is hard to believe, besides those of any study, see `plausibility`.
+        hard_to_believe: Checks besides those of any study, see `plausibility`.
     """
 
     key: ClassVar[str]
-    doubts: ClassVar[tuple[Callable[["StudyObjects"], Iterator[str]], ...]] = ()
+    hard_to_believe: ClassVar[tuple[Callable[["StudyObjects"], Iterator[Finding]], ...]] = ()
 
     @abstractmethod
     def unknowns(self, study: Asked) -> str:

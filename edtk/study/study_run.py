@@ -16,6 +16,7 @@ from edtk.design.exact.find_plan import SearchOptions, find_plan
 from edtk.design.plan import Plan
 from edtk.design.relaxation.relax_poses import RelaxOptions
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
+from edtk.findings.finding import Finding
 from edtk.fit.least_squares import SingularPlanError
 from edtk.measure.cells import csv_text
 from edtk.measure.expected_error import ExpectedError, TaskAccuracy
@@ -145,7 +146,7 @@ class Designs:
         except SingularPlanError:
             return None
 
-    def warnings(self, plan: Plan) -> tuple[str, ...]:
+    def warnings(self, plan: Plan) -> tuple[Finding, ...]:
         """What is hard to believe in what a plan promises, a line each."""
         return plan_plausibility(self.study, plan, self.expected(plan))
 
@@ -267,7 +268,7 @@ class StudyRun(Presented):
         return {name: one for name in order if (one := found[name]) is not None}
 
     @cached_property
-    def warnings(self) -> tuple[str, ...]:
+    def warnings(self) -> tuple[Finding, ...]:
         """What is hard to believe in the study or in that plan, a line each."""
         of_plan = () if self.best is None else self.designs.warnings(self.best)
         return self.study.warnings + of_plan

@@ -57,7 +57,7 @@ def identify(
     Returns:
         For a study with [parameters], its geometry, base, tools and springs. Otherwise
         compliances `.k` and standard deviations `.std` by joint [rad/(N m)], the fit, and its
-        diagnostics.
+        findings.
 
     Raises:
         UserError: A file is not valid, or the measurements cannot be used; one line says why.

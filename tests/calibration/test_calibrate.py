@@ -66,7 +66,7 @@ def test_round_trip(save, positions):
     expected = evaluate(STUDY, PLAN.repeated(2))
     np.testing.assert_allclose(found.fit.std, expected.std, rtol=1e-6)
     assert (np.abs(found.fit.k - STUDY.compliances) < 4 * found.fit.std).all()
-    assert found.diagnostics == ()
+    assert found.findings == ()
     assert found.to_dict()["rho0"]["value"] == pytest.approx(expected.criteria["rho0"], rel=1e-6)
     assert found.data.pose.max() == 11
 
@@ -81,11 +81,11 @@ def test_rotations_too(save, tmp_path):
     found = calibrate(study, save(filled(study)))
     assert found.fit.dof == 12 * 6 - 5
     assert (np.abs(found.fit.k - study.compliances) < 4 * found.fit.std).all()
-    assert found.diagnostics == ()
+    assert found.findings == ()
     assert set(found.residuals()["coordinate"]) == {*D, "drx_deg", "dry_deg", "drz_deg"}
     table = filled(study)
     table[["drx_deg", "dry_deg", "drz_deg"]] *= np.pi / 180
-    assert "radians" in calibrate(study, save(table)).diagnostics[0].text
+    assert "radians" in calibrate(study, save(table)).findings[0].words
 
 
 KEYS = {

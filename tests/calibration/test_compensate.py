@@ -11,7 +11,7 @@ from click.testing import CliRunner
 
 from edtk.calibration.calibrate import calibrate
 from edtk.calibration.compensate import BAND, compensate
-from edtk.calibration.tasks_in_use import task_doubts
+from edtk.calibration.tasks_in_use import task_findings
 from edtk.cli import main
 from edtk.design.plan import Plan
 from edtk.fit.distributions import error_quantiles
@@ -248,7 +248,7 @@ def test_another_unit_is_doubted(factor, poses, load, words):
     wrench = load * np.tile(STUDY.tasks[0].wrench, (2, 1))
     k = factor * np.array(list(K.values()))
     found = Compliances(tuple(K), k, k, None)
-    doubts = task_doubts(STUDY, found, Plan(q, wrench, np.ones(2, dtype=int)))
+    doubts = task_findings(STUDY, found, Plan(q, wrench, np.ones(2, dtype=int)))
     assert len(doubts) == (words is not None)
     assert all(doubt.startswith(words) for doubt in doubts)
 

@@ -12,7 +12,7 @@ from edtk.calibration.calibration import Calibration
 from edtk.calibration.planned import check_plan_posterior
 from edtk.design.plan import Plan
 from edtk.findings.fitted_data import FittedData
-from edtk.findings.prior import posterior_diagnostics
+from edtk.findings.prior import posterior_findings
 from edtk.fit.least_squares import SingularPlanError
 from edtk.fit.posterior import Posterior, SamplingOptions
 from edtk.fit.prior import Flat, LogNormal, Normal, Prior, fit_with_prior
@@ -62,7 +62,7 @@ def test_one_pose_and_a_prior():
     np.testing.assert_allclose(list(found.k.values()), posterior.mean)
     np.testing.assert_allclose(list(found.std.values()), posterior.std, rtol=1e-6)
     assert found.verdict == "usable"
-    assert "alone do not tell k2, k3" in found.diagnostics[0].text
+    assert "alone do not tell k2, k3" in found.findings[0].words
     assert "rests on the prior" in found.summary()
     answer = found.to_dict()
     assert answer["budget_mm"]["noise"] == pytest.approx(1e3 * answer["rho0"]["value"])
@@ -103,7 +103,7 @@ def kinds(prior, mean):
     samples = mean + fitted.fit.std * rng.standard_normal((50, 8, 5))
     ones = np.ones(5)
     posterior = Posterior(samples, ones, 50, ones, np.zeros(0), np.zeros((50, 8, 0)))
-    return {d.kind.name: d.text for d in posterior_diagnostics(fitted, prior, posterior)}
+    return {d.kind.upper(): d.words for d in posterior_findings(fitted, prior, posterior)}
 
 
 @pytest.mark.parametrize("far", [False, True])
@@ -133,6 +133,6 @@ def test_posterior_that_knows_more():
     samples = shifted + 0.05 * fitted.fit.std * rng.standard_normal((50, 8, 5))
     ones = np.ones(5)
     posterior = Posterior(samples, ones, 50, ones, np.zeros(0), np.zeros((50, 8, 0)))
-    (found,) = posterior_diagnostics(fitted, Prior.flat(5), posterior)
-    assert "believe the posterior" in found.text
+    (found,) = posterior_findings(fitted, Prior.flat(5), posterior)
+    assert "believe the posterior" in found.words
     assert found.severity == 0

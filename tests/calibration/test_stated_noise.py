@@ -6,8 +6,7 @@ import pytest
 from edtk.calibration.calibrate import calibrate
 from edtk.calibration.planned import plan_budget, plan_noise, planned_measurements, visits_noise
 from edtk.calibration.template import is_filled, template
-from edtk.findings.diagnostic import Severity
-from edtk.findings.finding import Kind
+from edtk.findings.finding import Severity
 from edtk.findings.moving_joints import stated_noise
 from edtk.fit.correlated_noise import std_of
 from edtk.fit.least_squares import estimate
@@ -107,7 +106,7 @@ def test_from_the_template_to_the_result(study_of, tmp_path):
     expected = np.linalg.inv(study.information(plan))
     np.testing.assert_allclose(found.fit.std, np.sqrt(np.diag(expected)), rtol=1e-5)
     assert found.fit.p_value > 0.01
-    assert not [one for one in found.diagnostics if one.severity > Severity.NOTE]
+    assert not [one for one in found.findings if one.severity > Severity.NOTE]
 
 
 def test_a_stated_discrepancy_is_no_error_of_the_tracker(study_of, tmp_path):
@@ -177,11 +176,11 @@ def test_joints_that_return_worse_than_stated(study_of, tmp_path):
     path = tmp_path / "sheet.csv"
     sheet(path, visited(poses=8, visits=3), joints=np.deg2rad(1e-3))
     right = calibrate(study_of(False, 1e-3, 0, noise), path)
-    assert not [one for one in right.diagnostics if one.severity > Severity.NOTE]
+    assert not [one for one in right.findings if one.severity > Severity.NOTE]
     wrong = calibrate(study_of(False, 4e-4, 0, noise), path)
-    kinds = {one.finding.kind: one.text for one in wrong.diagnostics}
-    assert Kind.REPEATABILITY in kinds
-    assert "stated 0.0004 deg" in kinds[Kind.REPEATABILITY]
+    kinds = {one.kind: one.words for one in wrong.findings}
+    assert "repeatability" in kinds
+    assert "stated 0.0004 deg" in kinds["repeatability"]
 
 
 def test_columns_of_a_template(study_of):

@@ -8,12 +8,10 @@ import pytest
 from readings import PLAN, STUDY, measured, readings_of
 
 from edtk.design.plan import Plan
-from edtk.findings.diagnostic import Severity
-from edtk.findings.finding import Kind
+from edtk.findings.finding import Severity
 from edtk.findings.fitted_data import FittedData
 from edtk.findings.input_errors import find_input_error
-from edtk.findings.springs import diagnostics
-from edtk.findings.wording import wording
+from edtk.findings.springs import spring_findings
 from edtk.fit.equilibrium import equilibrium_deflection
 from edtk.fit.measurements import Measurements, simulate
 from edtk.measure.elastostatic_model import ElastostaticModel
@@ -29,7 +27,7 @@ def found(data, plan=None, **options):
 
 
 def in_words(error):
-    return None if error is None else wording(error)
+    return None if error is None else error.words
 
 
 def exchanged(x, i, j):
@@ -138,7 +136,7 @@ def test_of_readings_that_are_equally_good_the_simpler_is_named():
     signs = [
         refit.reading.finding.columns
         for refit in fitted.explanation.refits
-        if refit.reading.finding.kind is Kind.OPPOSITE_SIGN
+        if refit.reading.finding.kind == "opposite_sign"
     ]
     assert signs == [("q5_deg",)]
 
@@ -173,9 +171,9 @@ def test_a_reading_that_leaves_more_than_noise():
     moved = clean + 2 * (data.deflection - clean)
     fitted = FittedData.of(STUDY, replace(data, deflection=exchanged(moved, 0, 2)))
     assert find_input_error(fitted) is None
-    alarm = diagnostics(fitted)[0]
+    alarm = spring_findings(fitted)[0]
     assert alarm.severity is Severity.ALARM
-    assert alarm.text.startswith("columns dx_mm and dz_mm (or the positions in x and z) look swap")
+    assert alarm.words.startswith("columns dx_mm and dz_mm (or the positions in x and z) look swap")
 
 
 def test_the_equilibrium_of_a_heavy_load_hides_no_reading():

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from edtk.calibration.calibrate import calibrate
-from edtk.findings.diagnostic import Severity
-from edtk.findings.finding import Kind
+from edtk.findings.finding import Severity
 from edtk.findings.fitted_data import FittedData
 from edtk.fit.measurements import joint_motion, simulate
 from edtk.fit.noise import visit_covariance
@@ -34,7 +33,7 @@ def fitted(tmp_path):
 
 
 def kinds(found):
-    return [one.finding.kind for one in found.diagnostics if one.severity > Severity.NOTE]
+    return [one.kind for one in found.findings if one.severity > Severity.NOTE]
 
 
 def test_good_data_of_three_markers(fitted):
@@ -51,8 +50,8 @@ def test_good_data_of_three_markers(fitted):
 def test_joints_that_do_not_return(fitted, drop):
     """Fitted with white noise, the common motion is flagged, with the number for the study."""
     found = fitted(visited(poses=8, visits=3), drop, joints=JOINTS)
-    assert kinds(found) == [Kind.MOVING_JOINTS]
-    text = found.diagnostics[0].text
+    assert kinds(found) == ["moving_joints"]
+    text = found.findings[0].words
     assert "all markers of a visit move together by 0.0" in text
     assert "repeatability_deg = 0.0011" in text or "repeatability_deg = 0.0012" in text
     assert found.noise.joints == pytest.approx(DEGREES, rel=0.2)
@@ -66,8 +65,8 @@ def test_joints_that_do_not_return(fitted, drop):
 def test_one_visit_of_each_pose(fitted):
     """Without a second visit the model may be to blame as well, which the sentence says."""
     found = fitted(visited(poses=8, visits=1), joints=JOINTS)
-    assert kinds(found) == [Kind.MOVING_JOINTS]
-    assert "or the model does not fit" in found.diagnostics[0].text
+    assert kinds(found) == ["moving_joints"]
+    assert "or the model does not fit" in found.findings[0].words
     assert found.noise.told == (True, True, False)
     assert found.to_dict()["noise"]["discrepancy_mm"] is None
 
@@ -75,7 +74,7 @@ def test_one_visit_of_each_pose(fitted):
 def test_discrepancy_that_visits_share(fitted):
     """What all visits of a pose share and joints do not explain is the model's, and sized."""
     found = fitted(visited(poses=8, visits=3), joints=JOINTS, discrepancy=1e-4)
-    assert set(kinds(found)) == {Kind.MOVING_JOINTS, Kind.LACK_OF_FIT}
+    assert set(kinds(found)) == {"moving_joints", "lack_of_fit"}
     assert found.noise.discrepancy == pytest.approx(1e-4, rel=0.3)
     assert found.to_dict()["noise"]["together"]["revisited"]
 
@@ -83,7 +82,7 @@ def test_discrepancy_that_visits_share(fitted):
 def test_readings_within_a_visit(fitted):
     """One marker read three times in each of two visits tells the tracker from the joints."""
     found = fitted(visited(poses=8, visits=2, markers=1, readings=3), joints=JOINTS)
-    assert Kind.MOVING_JOINTS in kinds(found)
+    assert "moving_joints" in kinds(found)
     assert found.noise.joints == pytest.approx(DEGREES, rel=0.5)
     assert found.noise.tracker == pytest.approx(1.0, rel=0.25)
 
@@ -124,7 +123,7 @@ def test_an_outlier_has_no_part_in_the_noise(tmp_path, off):
     assert found.fitted.common_noise
     assert found.noise.joints == pytest.approx(DEGREES, rel=0.3)
     assert found.noise.tracker == pytest.approx(1.0, rel=0.2)
-    assert Kind.NOISE_ABOVE_SIGMA not in kinds(found)
+    assert "noise_above_sigma" not in kinds(found)
 
 
 @pytest.mark.parametrize("wild", [1e3, 1e9])

@@ -4,9 +4,8 @@ from dataclasses import replace
 
 import pytest
 
+from edtk.findings.cause_wording import causes_words
 from edtk.findings.causes.family import Cause
-from edtk.findings.finding import Finding, Kind
-from edtk.findings.wording import wording
 
 
 @pytest.mark.parametrize(
@@ -21,21 +20,21 @@ from edtk.findings.wording import wording
 def test_the_sign_of_a_size_is_a_word(cause, size, unit, words):
     """A person reads how much, and which way; not that something is minus ten per cent larger."""
     found = Cause(cause, size, unit, 1.0, 1e-9)
-    assert wording(Finding(Kind.CAUSE, data={"cause": found, "others": ()})).startswith(words)
+    assert causes_words({"cause": found, "others": ()}).startswith(words)
 
 
 def test_two_causes_are_one_or_the_other():
     """Explanations that are about as likely are no two faults, and a person is told so."""
     first = Cause("tool_z", 9.6, "mm", 0.8, 1e-9, explained=0.9)
     second = Cause("tool_x", -12.0, "mm", 2.0, 1e-8)
-    text = wording(Finding(Kind.CAUSE, data={"cause": first, "others": (second,)}))
+    text = causes_words({"cause": first, "others": (second,)})
     assert text == (
         "the tool point looks 9.6 +- 0.8 mm further along the tool's z axis, or the tool point "
         "looks 12 +- 2 mm further against the tool's x axis: these measurements cannot tell which; "
         "the first explains 90 % of the misfit (p = 1e-09)"
     )
     second = replace(second, times=3)
-    text = wording(Finding(Kind.CAUSE, data={"cause": first, "others": (second,)}))
+    text = causes_words({"cause": first, "others": (second,)})
     assert "cannot tell which, measuring each experiment 3 times could; the first" in text
 
 
@@ -46,4 +45,4 @@ def test_two_causes_are_one_or_the_other():
 def test_a_pose_of_one_row_is_off_by_itself(rows, words):
     """What was measured once is not off together with anything."""
     found = Cause("pose", 0.5, "mm", None, 1e-9, rows=rows)
-    assert wording(Finding(Kind.CAUSE, data={"cause": found, "others": ()})).startswith(words)
+    assert causes_words({"cause": found, "others": ()}).startswith(words)

@@ -8,7 +8,7 @@ import pytest
 
 from edtk.calibration.calibrate import calibrate
 from edtk.calibration.template import template
-from edtk.findings.diagnostic import Severity
+from edtk.findings.finding import Severity
 from edtk.fit.sheet import sheet_noise
 from edtk.measure.pose_table import (
     AXIS_SIGMA_COLUMNS,
@@ -62,7 +62,7 @@ def test_a_diagonal_covariance_is_a_sigma_for_each_axis(fitted):
     np.testing.assert_allclose(after.fit.k, before.fit.k, rtol=1e-9)
     np.testing.assert_allclose(after.fit.covariance, before.fit.covariance, rtol=1e-8)
     assert after.fit.p_value == pytest.approx(before.fit.p_value, rel=1e-8)
-    assert [one.text for one in after.diagnostics] == [one.text for one in before.diagnostics]
+    assert [one.words for one in after.findings] == [one.words for one in before.findings]
     assert "correlated within a row" in calibration_facts(after)
 
 
@@ -78,7 +78,7 @@ def test_a_covariance_by_row_is_used(fitted):
     assert 0.001 < found.fit.p_value < 0.999
     ignored = fitted(table.drop(columns=list(COVARIANCE_COLUMNS)))
     assert np.all(found.fit.std < 0.8 * ignored.fit.std)
-    doubts = [one.text for one in found.diagnostics if one.severity > Severity.NOTE]
+    doubts = [one.words for one in found.findings if one.severity > Severity.NOTE]
     assert all("linear model" in text for text in doubts)
 
 

@@ -15,7 +15,7 @@ from scipy.stats import probplot
 from edtk.calibration.calibration import Calibration, Origin
 from edtk.calibration.propagation import calibration_budget
 from edtk.findings.fitted_data import FittedData
-from edtk.findings.springs import diagnostics
+from edtk.findings.springs import spring_findings
 from edtk.fit.measurements import Measurements, simulate
 from edtk.fit.posterior import SamplingOptions
 from edtk.fit.run_chain import Demand
@@ -47,7 +47,7 @@ def calibrated(spoil=lambda y: y, k=STUDY.compliances, known=True, seed=3, study
     )
     fitted = FittedData.of(study, data, known=known)
     budget = calibration_budget(fitted, None)
-    found = diagnostics(fitted, budget=budget)
+    found = spring_findings(fitted, budget=budget)
     return Calibration(fitted, found, Path("day <1>.csv"), budget=budget)
 
 
@@ -127,7 +127,7 @@ def test_a_headline_is_not_greener_than_a_warning(good):
     found = replace(good[0], fitted=replace(good[0].fitted, study=study))
     box = calibration_verdict(found)
     assert level_of(box) == found.to_dict()["verdict"] == "usable"
-    assert found.to_dict()["study_warnings"] == list(study.warnings)
+    assert found.to_dict()["study_warnings"] == [one.words for one in study.warnings]
     assert "<p>The study: test_pose.q_deg: are they in radians?</p>" in box
 
 

@@ -11,7 +11,7 @@ from geometry_sheets import STUDY, by_pose, run, truth
 
 import edtk
 from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
-from edtk.findings.geometry.geometric_fit import fit_doubts
+from edtk.findings.geometry.geometric_fit import geometric_findings
 from edtk.report.geometry_report import geometry_report
 
 pytestmark = pytest.mark.slow
@@ -48,7 +48,7 @@ def test_it_says_what_a_person_wants_to_know(found: GeometricCalibration) -> Non
 def test_poses_that_no_other_predicts_are_no_promise(found: GeometricCalibration) -> None:
     """Where a pose is predicted worse than by base and tool alone, no such error is promised."""
     fit = replace(found.fit, placed=1e-9)
-    few = replace(found, fit=fit, doubts=tuple(fit_doubts(fit, found.setting)))
+    few = replace(found, fit=fit, findings=tuple(geometric_findings(fit, found.setting)))
     text = geometry_report(few)
     assert few.verdict == "bad"
     assert "in poses like these" not in text

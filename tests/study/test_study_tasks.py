@@ -184,5 +184,5 @@ def test_a_tool_that_many_poses_share_is_doubted_once() -> None:
     """So are angles that look like radians: one line is enough to look at all of them."""
     tool = {"position_mm": [0.986, 0, 0]}
     study = Study(**REQUIRED, test_pose=[TEST_POSE | {"tool": tool}, OTHER | {"tool": tool}])
-    assert sum("test_pose.0.tool" in line for line in study.warnings) == 1
-    assert not any("test_pose.1" in line for line in study.warnings)
+    assert sum("test_pose.0.tool" in line.words for line in study.warnings) == 1
+    assert not any("test_pose.1" in line.words for line in study.warnings)

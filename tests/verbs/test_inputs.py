@@ -89,7 +89,7 @@ def test_half_a_day_of_positions_is_fitted_and_kept(tmp_path):
     sheet = pd.read_csv(by_marker(tmp_path / "sheet.csv", q, x))
     sheet.loc[sheet.index >= 20 * 3, ["x_mm", "y_mm", "z_mm"]] = np.nan
     found = edtk.identify(GEOMETRY, sheet)
-    assert "20 of 25 visits are filled in, the others left out" in [d.text for d in found.doubts]
+    assert "20 of 25 visits are filled in, the others left out" in [d.words for d in found.findings]
     with pytest.warns(Note, match="20 of 25 visits are filled in"):
         kept = GEOMETRY.load_plan(sheet, made=True)
     np.testing.assert_allclose(kept.q, np.deg2rad(q[:20]), atol=1e-9)

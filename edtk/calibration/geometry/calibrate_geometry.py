@@ -7,7 +7,7 @@ import numpy as np
 
 from edtk.calibration.calibration import Origin
 from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
-from edtk.findings.diagnostic import Severity
+from edtk.findings.finding import Finding, Severity, rows_in_words
 from edtk.findings.geometry.counting import (
     Counting,
     as_said,
@@ -18,9 +18,8 @@ from edtk.findings.geometry.counting import (
     one_in_radians,
     placed_by_most,
 )
-from edtk.findings.geometry.geometric_doubt import GeometricDoubt, rows_in_words
-from edtk.findings.geometry.geometric_fit import fit_doubts
-from edtk.findings.geometry.gross_errors import SCALES, GrossErrors, gross_doubts, gross_errors
+from edtk.findings.geometry.geometric_fit import geometric_findings
+from edtk.findings.geometry.gross_errors import SCALES, GrossErrors, gross_errors, gross_findings
 from edtk.findings.geometry.sound_rows import (
     reference_points,
     refuse_copied_visits,
@@ -52,13 +51,13 @@ class Sound:
         data: All visits.
         gross: Those that do not seem to be of the markers.
         counting: How the sheet counts the joints.
-        doubts: What was found.
+        findings: What was found.
     """
 
     data: MarkerPositions
     gross: GrossErrors
     counting: Counting
-    doubts: tuple[GeometricDoubt, ...]
+    findings: tuple[Finding, ...]
 
 
 def calibrate_geometry(
@@ -92,23 +91,23 @@ def calibrate_geometry(
         fit, gross = _fitted(setting, sound, robust)
     except TooFewPosesError as error:
         raise UserError(str(error), where=where) from error
-    doubts = [
+    findings = [
         *standing,
-        *sound.doubts,
-        *gross_doubts(sound.data, gross),
-        *fit_doubts(fit, setting),
+        *sound.findings,
+        *gross_findings(sound.data, gross),
+        *geometric_findings(fit, setting),
     ]
-    rough = [doubt for doubt in doubts if doubt.kind == "rough"]
-    moved = any(doubt.kind == "frame_moved" for doubt in doubts)
+    rough = [one for one in findings if one.kind == "rough"]
+    moved = any(one.kind == "frame_moved" for one in findings)
     if rough and not moved and not as_is:
-        raise UserError(rough[0].text, where=where)
+        raise UserError(rough[0].words, where=where)
     # Where the frame moved that is what is wrong, and not the robot.
-    doubts = [doubt for doubt in doubts if doubt.kind != "rough" or not moved]
-    doubts.sort(key=lambda doubt: -doubt.severity)
+    findings = [one for one in findings if one.kind != "rough" or not moved]
+    findings.sort(key=lambda one: -one.severity)
     return GeometricCalibration(
         setting,
         fit,
-        tuple(doubts),
+        tuple(findings),
         where,
         sound.counting,
         tuple(gross.visits),
@@ -160,24 +159,24 @@ def _sound(setting: StudyGeometry, every: MarkerPositions, path: Path, as_is: bo
     tool = _taken_back(tool, references.frames)
     tool, beyond = without_beyond_reach(tool, setting.study.robot.reach)
     tool, copied = without_copied_markers(tool)
-    doubts = [*lost, *_blank(every), *references.doubts, *beyond, *copied]
+    findings = [*lost, *_blank(every), *references.findings, *beyond, *copied]
     tool = tool[np.flatnonzero(tool.seen.any(axis=1))]
     if not len(tool):
         raise UserError("no marker of the tool was seen in any row", where=path)
-    tool = _without_unseen(tool, doubts)
+    tool = _without_unseen(tool, findings)
     counting = as_said(setting.study.robot)
     asked = setting.study.specification.parameters
     gross = GrossErrors()
     if asked is not None and asked.base and asked.tool:
         robot = setting.study.robot
-        counting = _counted(robot, tool, path, as_is, doubts)
+        counting = _counted(robot, tool, path, as_is, findings)
         tool = counting.of(tool)
         gross = gross_errors(robot, tool)
         tool = gross.without_apart(tool)
-    return Sound(tool, gross, counting, tuple(doubts))
+    return Sound(tool, gross, counting, tuple(findings))
 
 
-def _without_lost(data: MarkerPositions) -> tuple[MarkerPositions, list[GeometricDoubt]]:
+def _without_lost(data: MarkerPositions) -> tuple[MarkerPositions, list[Finding]]:
     """The positions without those at the origin of the instrument, which no beam has reached."""
     lost = data.lost
     if not lost.any():
@@ -190,32 +189,32 @@ def _without_lost(data: MarkerPositions) -> tuple[MarkerPositions, list[Geometri
     if count == 1:
         said = f"1 position of {of} is zero, as of a lost beam; it does not count"
     text = f"{rows_in_words(rows)}: {said}"
-    doubt = GeometricDoubt(Severity.WARNING, "lost_beam", text, rows)
-    return data.without_lost(), [doubt]
+    one = Finding(Severity.WARNING, "lost_beam", text, {"rows": rows})
+    return data.without_lost(), [one]
 
 
-def _blank(data: MarkerPositions) -> list[GeometricDoubt]:
+def _blank(data: MarkerPositions) -> list[Finding]:
     """How many visits are filled in, and which cells of markers are empty in these."""
     made: Mask = np.any(data.seen, axis=1)
     text = f"{int(made.sum())} of {len(data)} visits are filled in, the others left out"
-    said = [] if made.all() else [GeometricDoubt(Severity.NOTE, "unfinished", text)]
+    said = [] if made.all() else [Finding(Severity.NOTE, "unfinished", text)]
     blank = (data.row >= 0) & ~data.seen & data.seen.any(axis=0) & made[:, None]
     if not blank.any():
         return said
     rows = tuple(sorted({int(row) for row in data.row[blank]}))
     names = ", ".join(data.markers[i] for i in np.flatnonzero(blank.any(axis=0)))
     text = f"{rows_in_words(rows)}: no position of {names}"
-    return [*said, GeometricDoubt(Severity.NOTE, "blank", text, rows)]
+    return [*said, Finding(Severity.NOTE, "blank", text, {"rows": rows})]
 
 
-def _without_unseen(data: MarkerPositions, doubts: list[GeometricDoubt]) -> MarkerPositions:
+def _without_unseen(data: MarkerPositions, findings: list[Finding]) -> MarkerPositions:
     """The positions without the markers that were seen nowhere."""
     kept = np.flatnonzero(data.seen.sum(axis=0))
     unseen = [name for i, name in enumerate(data.markers) if i not in kept]
     if not unseen:
         return data
     text = f"no row has positions of {', '.join(unseen)}; nothing is told of them"
-    doubts.append(GeometricDoubt(Severity.NOTE, "unseen", text))
+    findings.append(Finding(Severity.NOTE, "unseen", text))
     return data.of_markers(kept)
 
 
@@ -236,7 +235,7 @@ def _counted(
     data: MarkerPositions,
     path: Path,
     as_is: bool,
-    doubts: list[GeometricDoubt],
+    findings: list[Finding],
 ) -> Counting:
     """How the joints are counted, after units were checked.
 
@@ -278,8 +277,8 @@ def _counted(
         message = f"the positions fit if {found.words}; expected each joint in its own column"
         raise UserError(message, where=path)
     mirrored = " (or if two coordinates of the positions are exchanged)" if start.mirrored else ""
-    doubts.append(
-        GeometricDoubt(
+    findings.append(
+        Finding(
             Severity.WARNING,
             "counting",
             f"the positions fit if {found.words}{mirrored}, and so they were fitted; expected a "

@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from criteria.linalg.spectrum import is_semidefinite
-from edtk.calibration.calibration import VERDICTS, Origin
-from edtk.findings.diagnostic import Severity
+from edtk.calibration.calibration import Origin
+from edtk.findings.finding import Finding, Severity, verdict
 from edtk.findings.geometry.counting import Counting
-from edtk.findings.geometry.geometric_doubt import GeometricDoubt
 from edtk.fit.geometry.fitted_geometry import FittedGeometry, GeometricFit, root_mean_square
 from edtk.fit.geometry.geometry_posterior import (
     GeometryDensity,
@@ -305,7 +304,7 @@ class GeometricCalibration(Presented):
     Attributes:
         setting: The study and its markers.
         fit: The fit, and how well it predicts poses that it did not see.
-        doubts: Everything that looks wrong, the worst first.
+        findings: Everything that looks wrong, the worst first.
         path: Where the positions are.
         counting: How the sheet counts the joints.
         left_out: Visits that were not fitted, as their positions are of no use.
@@ -316,7 +315,7 @@ class GeometricCalibration(Presented):
 
     setting: StudyGeometry
     fit: GeometricFit
-    doubts: tuple[GeometricDoubt, ...]
+    findings: tuple[Finding, ...]
     path: Path
     counting: Counting
     left_out: tuple[int, ...] = ()
@@ -397,9 +396,8 @@ class GeometricCalibration(Presented):
 
     @property
     def verdict(self) -> str:
-        """Whether to use the result: "good", "usable" or "bad", as the worst doubt says."""
-        least = Severity.WARNING if self.study.warnings else Severity.NOTE
-        return VERDICTS[max([least, *(doubt.severity for doubt in self.doubts)])]
+        """Whether to use the result: "good", "usable" or "bad", as the worst finding says."""
+        return verdict([*self.study.warnings, *self.findings])
 
     @cached_property
     def parameters(self) -> dict[str, dict[str, Any]]:
@@ -441,9 +439,9 @@ class GeometricCalibration(Presented):
             },
             "std": std,
             "verdict": self.verdict,
-            "doubts": [doubt.text for doubt in self.doubts],
-            "diagnostics": [doubt.to_dict() for doubt in self.doubts],
-            "study_warnings": list(self.study.warnings),
+            "doubts": [one.words for one in self.findings],
+            "diagnostics": [one.to_dict() for one in self.findings],
+            "study_warnings": [one.words for one in self.study.warnings],
             "assumed": list(self.assumed),
             "posterior": None if self.posterior is None else self.posterior.to_dict(),
             "geometry": {**geometry_to_dict(fit.fitted, self.counting), "study": self._marks()},
@@ -466,10 +464,10 @@ class GeometricCalibration(Presented):
         density = GeometryDensity.of(self.fit, self.setting.loads, self.robust)
         fitted = (self.fit.fitted.values, self.fit.fitted.std)
         found = geometry_posterior(density, fitted, rng, options)
-        doubts = self.doubts
+        findings = self.findings
         if not found.trusted:
-            doubts = (*doubts, GeometricDoubt(Severity.WARNING, "posterior", found.quality))
-        return replace(self, posterior=found, doubts=doubts)
+            findings = (*findings, Finding(Severity.WARNING, "posterior", found.quality))
+        return replace(self, posterior=found, findings=findings)
 
     def _marks(self) -> dict[str, Any]:
         """What tells whether a study that reads the result is the one that it was made for."""

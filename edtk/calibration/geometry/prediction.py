@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from edtk.calibration.geometry.geometric_calibration import read_geometry
-from edtk.findings.geometry.geometric_doubt import rows_in_words
+from edtk.findings.finding import Data, Finding, Severity, Wording, rows_in_words
 from edtk.findings.geometry.turn_reading import EXPECTED, turn_reading
 from edtk.fit.geometry.fitted_geometry import ErrorParts, FittedGeometry, Loads, Predicted
 from edtk.fit.geometry.marker_positions import MarkerPositions, read_positions
@@ -32,25 +32,23 @@ OPEN = 1e-4  # [m]: what a calibration left open may move a marker by, before it
 ROUNDING = 1e-4  # [rad or m]: a limit may be exceeded by what a controller's display leaves out
 
 
-def prediction_doubts(found: "Prediction") -> tuple[str, ...]:
-    """Lines on open directions, poses beyond limits, and measured positions that are far off.
+def prediction_findings(found: "Prediction") -> tuple[Finding, ...]:
+    """What is said of open directions, poses beyond limits, and positions that are far off.
 
     Args:
         found: Positions, and measured ones where there are any.
     """
-    lines = []
+    said = []
     if found.open_rows:
-        moves = "moves" if len(found.open_rows) == 1 else "move"
-        lines.append(
-            f"{rows_in_words(found.open_rows)} {moves} along directions that the calibration left "
-            "open; their bands assume errors of up to 10 mm or mrad"
-        )
+        said.append(Finding.of(Severity.WARNING, WORDING, "open_rows", rows=found.open_rows))
     if found.beyond:
-        lines.append(f"{rows_in_words(found.beyond)}: beyond the joints' limits")
-    return (*lines, *_far_off(found))
+        said.append(
+            Finding.of(Severity.WARNING, WORDING, "beyond_limits", rows=tuple(found.beyond))
+        )
+    return (*said, *_far_off(found))
 
 
-def _far_off(found: "Prediction") -> list[str]:
+def _far_off(found: "Prediction") -> list[Finding]:
     """Errors that bands and chance do not explain, and what they may come from."""
     if not found.tests.any():
         return []
@@ -60,16 +58,44 @@ def _far_off(found: "Prediction") -> list[str]:
         return []
     if is_far.mean() > MOST:
         return [
-            f"measured positions are {MM * float(np.median(found.errors)):.3g} mm off (median), "
-            "far outside their bands: is the instrument where it was on the day of the "
-            "calibration, are angles in degrees and positions in millimetres?"
+            Finding.of(
+                Severity.WARNING, WORDING, "all_far_off", median=float(np.median(found.errors))
+            )
         ]
     rows = tuple(sorted({int(row) for row in found.data.row[found.tests][is_far]}))
-    largest = MM * float(found.errors[is_far].max())
     return [
-        f"{rows_in_words(rows)}: up to {largest:.3g} mm off, far outside the bands: a swapped or "
-        "moved marker, or a pose typed wrongly?"
+        Finding.of(
+            Severity.WARNING,
+            WORDING,
+            "far_off",
+            rows=rows,
+            largest=float(found.errors[is_far].max()),
+        )
     ]
+
+
+def _open_rows(data: Data) -> str:
+    """Poses for which a calibration says too little."""
+    moves = "moves" if len(data["rows"]) == 1 else "move"
+    return (
+        f"{rows_in_words(data['rows'])} {moves} along directions that the calibration left open; "
+        "their bands assume errors of up to 10 mm or mrad"
+    )
+
+
+WORDING: Wording = {
+    "open_rows": _open_rows,
+    "beyond_limits": lambda data: f"{rows_in_words(data['rows'])}: beyond the joints' limits",
+    "all_far_off": lambda data: (
+        f"measured positions are {MM * data['median']:.3g} mm off (median), far outside their "
+        "bands: is the instrument where it was on the day of the calibration, are angles in "
+        "degrees and positions in millimetres?"
+    ),
+    "far_off": lambda data: (
+        f"{rows_in_words(data['rows'])}: up to {MM * data['largest']:.3g} mm off, far outside the "
+        "bands: a swapped or moved marker, or a pose typed wrongly?"
+    ),
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,9 +184,9 @@ class Prediction(Presented):
         return tuple(sorted({int(row) for row in self.data.row[far & self.asked] if row >= 0}))
 
     @property
-    def doubts(self) -> tuple[str, ...]:
-        """What makes these predictions, or the comparison, hard to believe: a line each."""
-        return prediction_doubts(self)
+    def findings(self) -> tuple[Finding, ...]:
+        """What makes these predictions, or the comparison, hard to believe."""
+        return prediction_findings(self)
 
     def to_dict(self) -> dict[str, Any]:
         """Positions by row and marker, and the comparison; null without measured positions."""
@@ -179,7 +205,7 @@ class Prediction(Presented):
             "share_inside": self.share_inside if measured else None,
             **({} if self.predicted.turn_half is None else {"turn_rms_deg": self.turn_rms_deg}),
             "open_rows": [row + 1 for row in self.open_rows],
-            "doubts": list(self.doubts),
+            "doubts": [one.words for one in self.findings],
         }
 
     def _positions(self) -> list[dict[str, Any]]:

@@ -24,6 +24,7 @@ from edtk.design.exact.exact_plan import ExactPlan, NoPlanError, require_enough
 from edtk.design.plan import Plan
 from edtk.design.relaxation.relax_poses import RelaxOptions
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
+from edtk.findings.finding import Finding, Severity, Wording
 from edtk.fit.distributions import task_accuracy
 from edtk.measure.expected_error import WITHIN, ExpectedError, TaskAccuracy, expected_error
 from edtk.measure.parameters import GeometricParameter, Identifiable
@@ -50,7 +51,7 @@ FEW = 12
 UNTOLD = 1e-6  # [mm] an error in a task that a unit of what a plan leaves open may make
 
 
-def poor_left_out(question: GeometryQuestion, plan: Plan) -> tuple[str, ...]:
+def poor_left_out(question: GeometryQuestion, plan: Plan) -> tuple[Finding, ...]:
     """A sentence where a pose left out will likely be worse than with base and tool alone.
 
     With whitened columns ``Q R`` and the rows Q_b of a visit, its error left out has the covariance
@@ -83,14 +84,20 @@ def poor_left_out(question: GeometryQuestion, plan: Plan) -> tuple[str, ...]:
     needed = np.sqrt((both - alone) / moved)
     if needed < USUAL:
         return ()
-    off, placed = (sigma * np.sqrt(3 * size) for size in (both, alone))
-    return (
-        f"a pose that is not visited will be about {off:.2g} mm off, by what the model leaves out "
-        f"(noise.discrepancy_mm = {table.discrepancy_mm:g}) and the noise; base and tool alone "
-        f"leave {placed:.2g} mm besides the errors of the drawing. So few visits are better only "
-        f"where these are above {needed:.2g} mm and mrad each: plan more visits, or ask for fewer "
-        "parameters",
-    )
+    off, placed = (sigma * float(np.sqrt(3 * size)) for size in (both, alone))
+    data = {"discrepancy_mm": table.discrepancy_mm, "off_mm": off, "placed_mm": placed}
+    return (Finding.of(Severity.WARNING, WORDING, "poor_left_out", needed=float(needed), **data),)
+
+
+WORDING: Wording = {
+    "poor_left_out": lambda data: (
+        f"a pose that is not visited will be about {data['off_mm']:.2g} mm off, by what the model "
+        f"leaves out (noise.discrepancy_mm = {data['discrepancy_mm']:g}) and the noise; base and "
+        f"tool alone leave {data['placed_mm']:.2g} mm besides the errors of the drawing. So few "
+        f"visits are better only where these are above {data['needed']:.2g} mm and mrad each: plan "
+        "more visits, or ask for fewer parameters"
+    ),
+}
 
 
 def _left_out(rows: Array) -> float:
@@ -139,7 +146,7 @@ class GeometryEvaluation(Presented):
     open: tuple[str, ...]
     rho0: float | None
     skipped: dict[str, str]
-    warnings: tuple[str, ...]
+    warnings: tuple[Finding, ...]
 
     def headline(self) -> str:
         """Number of visits, and how many parameters they tell."""
@@ -188,7 +195,7 @@ class GeometryEvaluation(Presented):
             "loads": self.poses.wrenches.tolist(),
             "poses": self.poses.to_list(),
             "skipped": self.skipped,
-            "warnings": list(self.warnings),
+            "warnings": [one.words for one in self.warnings],
         }
 
 
@@ -326,14 +333,14 @@ class GeometryDesigns(Designs):
             return None
         return task_accuracy(self.tasks, cov)
 
-    def warnings(self, plan: Plan) -> tuple[str, ...]:
+    def warnings(self, plan: Plan) -> tuple[Finding, ...]:
         """Whether a plan is poor around the test poses, or no better than base and tool alone."""
         few = poor_left_out(self.question, plan)
         if not criteria.get(self.study.main_criterion).needs_target:
             return few
         return (*few, *self.around(plan))
 
-    def around(self, plan: Plan) -> tuple[str, ...]:
+    def around(self, plan: Plan) -> tuple[Finding, ...]:
         """The same of a plan for any criterion; nothing where nothing tells these errors."""
         expected = self.expected(plan)
         return () if expected is None else poor_around(expected)

@@ -16,6 +16,7 @@ from edtk.design.detection import Detection, Separation
 from edtk.design.plan import Plan
 from edtk.design.problem import Problem
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
+from edtk.findings.finding import Finding
 from edtk.measure.expected_error import ErrorBudget, ExpectedError, TaskAccuracy
 from edtk.measure.pose_table import WRENCH_COLUMNS, in_file_units
 from edtk.robots.robot import Robot
@@ -193,7 +194,7 @@ class ExactPlan(BoundedPlan):
     seconds: float
     ended: str
     expected: ExpectedError | None = None
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[Finding, ...] = ()
     error_budget: ErrorBudget | None = None
     detections: tuple[Detection, ...] = ()
     separations: tuple[Separation, ...] = ()
@@ -292,7 +293,7 @@ class ExactPlan(BoundedPlan):
             "seconds": self.seconds,
             "constraint_violation": self.violation,
             "expected_error": None if self.expected is None else self.expected.to_dict(),
-            "warnings": list(self.warnings),
+            "warnings": [one.words for one in self.warnings],
             "on_limits": {name: [row + 1 for row in rows] for name, rows in self.on_limits.items()},
             "budget_mm": None if self.error_budget is None else self.error_budget.to_dict(),
             "detect": [detection.to_dict() for detection in self.detections],

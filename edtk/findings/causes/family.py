@@ -15,9 +15,9 @@ from edtk.measure.elastostatic_model import ElastostaticModel
 from edtk.system.typing import Array, Indices
 
 NOISE = "sigma"  # the cause that is no fault: a noise of another size
-OUTLIER = "outlier"  # a reading that is off; it has diagnostics of its own, and is never named
+OUTLIER = "outlier"  # a reading that is off; it has findings of its own, and is never named
 POSE = "pose"  # readings of another pose than the one written down
-PRIOR = "prior"  # what was known before is wrong; it has diagnostics of its own, too
+PRIOR = "prior"  # what was known before is wrong; it has findings of its own, too
 ITERATIONS = 8  # Gauss-Newton steps; two or three are the rule
 CONVERGED = 1e-2  # step of a fault's size, in standard deviations, that changes nothing
 # Fall of the sum of squares, after one step, that is too small for a fault to be named.

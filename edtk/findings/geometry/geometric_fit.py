@@ -2,11 +2,10 @@
 
 import numpy as np
 
-from edtk.findings.diagnostic import Severity
+from edtk.findings.finding import Finding, Severity, rows_in_words
 from edtk.findings.geometry.fit_rows import DayTrend, FitRows, common_scale, day_trend
-from edtk.findings.geometry.geometric_doubt import GeometricDoubt, rows_in_words
 from edtk.findings.geometry.moved_frame import MovedFrame, UntoldLoad, moved_frame, untold_load
-from edtk.findings.geometry.sound_rows import marker_doubts
+from edtk.findings.geometry.sound_rows import marker_findings
 from edtk.fit.geometry.fitted_geometry import MM, GeometricFit, root_mean_square
 from edtk.fit.geometry.judge_fit import chance_of_outside
 from edtk.measure.parameters import GeometricParameter
@@ -25,7 +24,7 @@ ROUGH_DEG = 1.0  # orientations that the fit leaves
 SAME = 1e-6  # [rad or m] a joint that moves less stands still
 MOSTLY = 0.7  # of the squares that are left
 NOISY = 5.0  # times the stated noise
-RARE = 5e-3  # of sound days leave as few coordinates inside their bands as make a doubt
+RARE = 5e-3  # of sound days leave as few coordinates inside their bands as make a finding
 HELD = 0.75  # of the coordinates: below it bands are no bands
 STEPS_DEG = (10.0, 5.0, 1.0, 0.5, 0.1)  # to which angles are rounded, the coarsest first
 COARSE_DEG = 0.5  # no controller shows less: angles as coarse were rounded by a person
@@ -38,12 +37,12 @@ UNCAUSED = (
 EXPLAINED = ("outliers", "frame_moved", "rough")  # these leave many outside by themselves
 
 
-def few_poses(fit: GeometricFit) -> list[GeometricDoubt]:
+def few_poses(fit: GeometricFit) -> list[Finding]:
     """What looks wrong in the number of poses, in any order."""
     return [*_few(fit), *_alone(fit)]
 
 
-def _few(fit: GeometricFit) -> list[GeometricDoubt]:
+def _few(fit: GeometricFit) -> list[Finding]:
     """Hardly more coordinates than parameters."""
     coordinates = fit.data.rows * fit.data.means.count
     if coordinates >= FEW * fit.structural:
@@ -56,16 +55,16 @@ def _few(fit: GeometricFit) -> list[GeometricDoubt]:
         f"measure {poses}"
     )
     if fit.loo_rms <= WORSE * fit.placed:
-        return [GeometricDoubt(Severity.WARNING, "few_poses", text)]
+        return [Finding(Severity.WARNING, "few_poses", text)]
     # Neither residuals nor poses left out speak for such a fit, and an error of one pose is all in.
     text += (
         f". A pose left out is {MM * fit.loo_rms:.3g} mm off, and by the drawing "
         f"{MM * fit.placed:.3g}"
     )
-    return [GeometricDoubt(Severity.ALARM, "few_poses", text)]
+    return [Finding(Severity.ALARM, "few_poses", text)]
 
 
-def _alone(fit: GeometricFit) -> list[GeometricDoubt]:
+def _alone(fit: GeometricFit) -> list[Finding]:
     """Poses that alone tell something: how far off they are without themselves is not known."""
     if fit.turns is not None:
         return []
@@ -80,10 +79,10 @@ def _alone(fit: GeometricFit) -> list[GeometricDoubt]:
         f"{rows_in_words(rows)}: each tells what no other pose does, so that the error of poses "
         "left out is that of some directions alone, and too small"
     )
-    return [GeometricDoubt(Severity.WARNING, "alone", text, rows)]
+    return [Finding(Severity.WARNING, "alone", text, {"rows": rows})]
 
 
-def fit_doubts(fit: GeometricFit, setting: StudyGeometry) -> list[GeometricDoubt]:
+def geometric_findings(fit: GeometricFit, setting: StudyGeometry) -> list[Finding]:
     """Everything that looks wrong, in any order."""
     causes = _causes(fit, setting)
     found = [
@@ -98,16 +97,16 @@ def fit_doubts(fit: GeometricFit, setting: StudyGeometry) -> list[GeometricDoubt
         *_loaded(fit, setting),
         *_springs(fit, setting),
         *_large(fit),
-        *marker_doubts(fit, setting),
+        *marker_findings(fit, setting),
         *_scaled(fit, setting),
         *_negative(fit),
         *_noise(fit, setting, bool(causes)),
     ]
-    named = any(doubt.kind in EXPLAINED for doubt in found)
+    named = any(one.kind in EXPLAINED for one in found)
     return [*found, *_outside(fit, named)]
 
 
-def _worse(fit: GeometricFit) -> list[GeometricDoubt]:
+def _worse(fit: GeometricFit) -> list[Finding]:
     """Poses that are left out are predicted worse than with base and tool alone."""
     if not fit.worse_than_placed:
         return []
@@ -116,14 +115,14 @@ def _worse(fit: GeometricFit) -> list[GeometricDoubt]:
         f"alone {MM * fit.placed:.3g} mm. {fit.data.poses} poses are too few for {fit.rank} "
         "parameters beside what the model leaves out; measure more, or ask for fewer parameters"
     )
-    return [GeometricDoubt(Severity.ALARM, "worse_than_placed", text)]
+    return [Finding(Severity.ALARM, "worse_than_placed", text)]
 
 
-def _rounded(fit: GeometricFit) -> list[GeometricDoubt]:
+def _rounded(fit: GeometricFit) -> list[Finding]:
     """Joint angles that were rounded, by as much as the fit leaves.
 
     Rounding to steps h leaves errors that are uniform, of standard deviation ``h / sqrt(12)``, in
-    each joint and pose. Commands may be whole degrees: they are doubted only where the residuals
+    each joint and pose. Commands may be whole degrees: they are a finding only where the residuals
     are those of joints that err by as much.
     """
     slides = np.array([joint.kind == "prismatic" for joint in fit.fitted.model.robot.joints])
@@ -142,11 +141,11 @@ def _rounded(fit: GeometricFit) -> list[GeometricDoubt]:
                 f"({rounding:.2g}): were they rounded? Export them with three decimals"
             )
             severity = Severity.ALARM if step >= COARSE_DEG else Severity.WARNING
-            return [GeometricDoubt(severity, "rounded", text)]
+            return [Finding(severity, "rounded", text)]
     return []
 
 
-def _rough(fit: GeometricFit) -> list[GeometricDoubt]:
+def _rough(fit: GeometricFit) -> list[Finding]:
     """A fit that leaves centimetres is of another robot, or of other angles."""
     x = fit.data.means.measured
     spread = float(np.sqrt(np.nanmean(((x - np.nanmean(x, axis=(0, 1))) ** 2).sum(axis=-1))))
@@ -156,10 +155,10 @@ def _rough(fit: GeometricFit) -> list[GeometricDoubt]:
         f"the fit leaves {MM * fit.rms:.3g} mm: is it this robot, are angles in degrees, and does "
         "the controller count joints as the study says? See edtk controller"
     )
-    return [GeometricDoubt(Severity.ALARM, "rough", text)]
+    return [Finding(Severity.ALARM, "rough", text)]
 
 
-def _turned(fit: GeometricFit) -> list[GeometricDoubt]:
+def _turned(fit: GeometricFit) -> list[Finding]:
     """Orientations that leave degrees are given in another way."""
     if fit.turns is None:
         return []
@@ -170,10 +169,10 @@ def _turned(fit: GeometricFit) -> list[GeometricDoubt]:
         f"the fit leaves {off:.3g} deg of the orientations: are they rotation vectors (axis times "
         "angle) in degrees, or quaternions, in the frame of the positions?"
     )
-    return [GeometricDoubt(Severity.ALARM, "rough_turns", text)]
+    return [Finding(Severity.ALARM, "rough_turns", text)]
 
 
-def _open(fit: GeometricFit) -> list[GeometricDoubt]:
+def _open(fit: GeometricFit) -> list[Finding]:
     """Directions that the poses leave open."""
     if not fit.open:
         return []
@@ -186,7 +185,7 @@ def _open(fit: GeometricFit) -> list[GeometricDoubt]:
         f"{fit.rank} of {fit.structural} parameters can be told{still}: {named}{rest}. Poses that "
         "move these apart would tell, and predictions elsewhere have wide bands"
     )
-    return [GeometricDoubt(Severity.WARNING, "open", text)]
+    return [Finding(Severity.WARNING, "open", text)]
 
 
 def _still(fit: GeometricFit) -> str:
@@ -199,7 +198,7 @@ def _still(fit: GeometricFit) -> str:
     return f", as {', '.join(names)} stand{'s' * (len(names) == 1)} still in all poses"
 
 
-def _outliers(fit: GeometricFit) -> list[GeometricDoubt]:
+def _outliers(fit: GeometricFit) -> list[Finding]:
     """Poses that the others do not predict."""
     from scipy.stats import chi2
 
@@ -215,10 +214,10 @@ def _outliers(fit: GeometricFit) -> list[GeometricDoubt]:
         f"{named}: up to {size:.3g} mm from where the other poses predict the markers; a swapped "
         "marker, a pose typed wrongly, or see --robust"
     )
-    return [GeometricDoubt(Severity.WARNING, "outliers", text, tuple(sorted(rows)))]
+    return [Finding(Severity.WARNING, "outliers", text, {"rows": tuple(sorted(rows))})]
 
 
-def _outside(fit: GeometricFit, named: bool) -> list[GeometricDoubt]:
+def _outside(fit: GeometricFit, named: bool) -> list[Finding]:
     """Bands that hold too few of the coordinates that were left out, where nothing else says why.
 
     Args:
@@ -235,10 +234,10 @@ def _outside(fit: GeometricFit, named: bool) -> list[GeometricDoubt]:
         f"little; {look if (fit.weights < 1).any() else f'{look}, or see --robust'}"
     )
     severity = Severity.ALARM if inside < HELD else Severity.WARNING
-    return [GeometricDoubt(severity, "outside", text)]
+    return [Finding(severity, "outside", text)]
 
 
-def _causes(fit: GeometricFit, setting: StudyGeometry) -> list[GeometricDoubt]:
+def _causes(fit: GeometricFit, setting: StudyGeometry) -> list[Finding]:
     """What happened in the course of the day, or bends the robot: the cause that explains most.
 
     A drift looks like a frame that moved once, and a weight in half of the poses like either: so
@@ -249,7 +248,7 @@ def _causes(fit: GeometricFit, setting: StudyGeometry) -> list[GeometricDoubt]:
     trend = day_trend(fit, others)
     rigid = not any(one.place == "compliance" for one in fit.fitted.model.parameters)
     bent = untold_load(fit) if rigid and fit.fitted.noise.model_fit is not None else None
-    found: list[tuple[Array, GeometricDoubt]] = []
+    found: list[tuple[Array, Finding]] = []
     if moved is not None:
         found.append((moved.columns(fit), _moved(fit, moved)))
     if trend is not None:
@@ -257,12 +256,12 @@ def _causes(fit: GeometricFit, setting: StudyGeometry) -> list[GeometricDoubt]:
     if bent is not None:
         found.append((bent.columns, _bent(fit, bent)))
     if len(found) < 2:
-        return [doubt for _, doubt in found]
+        return [one for _, one in found]
     gains = FitRows.of(fit).beside(others).gains([columns for columns, _ in found])
     return [found[int(np.argmax(gains))][1]]
 
 
-def _moved(fit: GeometricFit, moved: MovedFrame) -> GeometricDoubt:
+def _moved(fit: GeometricFit, moved: MovedFrame) -> Finding:
     """The frame of the instrument moved between two poses."""
     rows = fit.data.rows_of_pose(moved.first)
     severity = Severity.ALARM if moved.shift > fit.rms else Severity.WARNING
@@ -274,10 +273,10 @@ def _moved(fit: GeometricFit, moved: MovedFrame) -> GeometricDoubt:
         f"instrument's frame or the robot's base had moved; that explains "
         f"{100 * moved.explained:.0f} % of the residuals"
     )
-    return GeometricDoubt(severity, "frame_moved", text, (rows[0],))
+    return Finding(severity, "frame_moved", text, {"rows": (rows[0],)})
 
 
-def _trend(fit: GeometricFit, trend: DayTrend) -> GeometricDoubt:
+def _trend(fit: GeometricFit, trend: DayTrend) -> Finding:
     """Something grew from the first pose to the last."""
     explains = f"that explains {100 * trend.explained:.0f} % of the residuals"
     if trend.kind == "growth":
@@ -287,17 +286,17 @@ def _trend(fit: GeometricFit, trend: DayTrend) -> GeometricDoubt:
             f"the last: {explains}. Did the robot warm up? Measure when it is warm, or in an order "
             "that is not that of the poses"
         )
-        return GeometricDoubt(Severity.WARNING, "growth", text)
+        return Finding(Severity.WARNING, "growth", text)
     severity = Severity.ALARM if trend.size > fit.rms else Severity.WARNING
     text = (
         f"from the first row to the last positions drift by {MM * trend.size:.3g} mm, as if the "
         f"instrument's frame or the robot's base moved slowly; {explains}. Points on the base "
         'would tell, as [[marker]] with joint = "base"'
     )
-    return GeometricDoubt(severity, "drift", text)
+    return Finding(severity, "drift", text)
 
 
-def _bent(fit: GeometricFit, found: UntoldLoad) -> GeometricDoubt:
+def _bent(fit: GeometricFit, found: UntoldLoad) -> Finding:
     """A weight that nobody told bends the robot; where springs are fitted, these take it."""
     listed = ", ".join(f'"{name}"' for name in found.joints)
     poses = np.flatnonzero(found.loaded)
@@ -312,10 +311,10 @@ def _bent(fit: GeometricFit, found: UntoldLoad) -> GeometricDoubt:
         "residuals. A load, or the links' own mass? Give it, and ask for compliance = "
         f"[{listed}]"
     )
-    return GeometricDoubt(Severity.WARNING, "untold_load", text, part)
+    return Finding(Severity.WARNING, "untold_load", text, {"rows": part})
 
 
-def _loaded(fit: GeometricFit, setting: StudyGeometry) -> list[GeometricDoubt]:
+def _loaded(fit: GeometricFit, setting: StudyGeometry) -> list[Finding]:
     """The sheet has loads that bend the robot between visits, and no spring is asked for."""
     loaded = np.asarray(fit.data.wrench.any(axis=1))
     if setting.study.specification.joints.unknown or not np.ptp(fit.data.wrench, axis=0).any():
@@ -324,10 +323,10 @@ def _loaded(fit: GeometricFit, setting: StudyGeometry) -> list[GeometricDoubt]:
         f"{int(loaded.sum())} of {len(loaded)} visits are under a load, and the study asks for no "
         "compliance, so that the arm counts as rigid; expected joints in parameters.compliance"
     )
-    return [GeometricDoubt(Severity.WARNING, "no_springs", text)]
+    return [Finding(Severity.WARNING, "no_springs", text)]
 
 
-def _springs(fit: GeometricFit, setting: StudyGeometry) -> list[GeometricDoubt]:
+def _springs(fit: GeometricFit, setting: StudyGeometry) -> list[Finding]:
     """Springs that the study asks for, and no load of the sheet turns."""
     fitted = fit.fitted
     told = {one.of for one in fitted.model.parameters if one.place == "compliance"}
@@ -342,10 +341,10 @@ def _springs(fit: GeometricFit, setting: StudyGeometry) -> list[GeometricDoubt]:
         why = "no visit of the sheet is under a load; expected columns Fx_N and so on"
         severity = Severity.WARNING
     text = f"nothing is told of the compliance of {', '.join(untold)}: {why}"
-    return [GeometricDoubt(severity, "springs", text)]
+    return [Finding(severity, "springs", text)]
 
 
-def _large(fit: GeometricFit) -> list[GeometricDoubt]:
+def _large(fit: GeometricFit) -> list[Finding]:
     """Errors of the drawing that no robot has."""
     fitted = fit.fitted
     large = [
@@ -357,10 +356,10 @@ def _large(fit: GeometricFit) -> list[GeometricDoubt]:
         return []
     more = f", and {len(large) - 1} more" if len(large) > 1 else ""
     text = f"{large[0]}{more}: is the drawing that of this robot?"
-    return [GeometricDoubt(Severity.WARNING, "large", text)]
+    return [Finding(Severity.WARNING, "large", text)]
 
 
-def _scaled(fit: GeometricFit, setting: StudyGeometry) -> list[GeometricDoubt]:
+def _scaled(fit: GeometricFit, setting: StudyGeometry) -> list[Finding]:
     """All lengths are longer than drawn together, as by a scale of the instrument."""
     scale = None if setting.taken_as_drawn else common_scale(fit)
     if scale is None:
@@ -371,7 +370,7 @@ def _scaled(fit: GeometricFit, setting: StudyGeometry) -> list[GeometricDoubt]:
         f"{1e6 * scale.std:.2g} um/m: is the scale of the instrument off, or the robot of another "
         "size? A known length, measured beside the robot, would tell"
     )
-    return [GeometricDoubt(Severity.WARNING, "scale", text)]
+    return [Finding(Severity.WARNING, "scale", text)]
 
 
 def _shown(parameter: GeometricParameter, value: float) -> str:
@@ -381,7 +380,7 @@ def _shown(parameter: GeometricParameter, value: float) -> str:
     return f"{value:.3g} {parameter.unit}"
 
 
-def _negative(fit: GeometricFit) -> list[GeometricDoubt]:
+def _negative(fit: GeometricFit) -> list[Finding]:
     """Compliances far below zero."""
     fitted = fit.fitted
     found = [
@@ -392,10 +391,10 @@ def _negative(fit: GeometricFit) -> list[GeometricDoubt]:
     if not found:
         return []
     text = f"compliances of {', '.join(found)} are below zero by more than noise explains"
-    return [GeometricDoubt(Severity.WARNING, "negative", text)]
+    return [Finding(Severity.WARNING, "negative", text)]
 
 
-def _noise(fit: GeometricFit, setting: StudyGeometry, caused: bool) -> list[GeometricDoubt]:
+def _noise(fit: GeometricFit, setting: StudyGeometry, caused: bool) -> list[Finding]:
     """What the model leaves out, beside the stated noise; and repeats that scatter otherwise.
 
     Args:
@@ -411,7 +410,7 @@ def _noise(fit: GeometricFit, setting: StudyGeometry, caused: bool) -> list[Geom
             f"repeated readings scatter by {noise.reading:.2g} mm beside common motions, and "
             f"measurement.sigma_mm says {stated.reading:.2g}"
         )
-        found.append(GeometricDoubt(Severity.NOTE, "sigma", text))
+        found.append(Finding(Severity.NOTE, "sigma", text))
     if fit.rms * MM > NOISY * max(stated.reading, noise.reading):
         joints = float(np.max(noise.model_joints, initial=0.0))
         up_to = "up to " if np.ptp(noise.model_joints) > 0 else ""
@@ -420,7 +419,7 @@ def _noise(fit: GeometricFit, setting: StudyGeometry, caused: bool) -> list[Geom
             f"{up_to}{joints:.2g} mrad and positions by {noise.model_white:.2g} mm in each pose; "
             f"bands include it{_as_drawn(fit, setting) or ('' if caused else UNCAUSED)}"
         )
-        found.append(GeometricDoubt(Severity.NOTE, "discrepancy", text))
+        found.append(Finding(Severity.NOTE, "discrepancy", text))
     return found
 
 

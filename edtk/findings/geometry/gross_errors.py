@@ -6,8 +6,7 @@ from itertools import permutations, product
 
 import numpy as np
 
-from edtk.findings.diagnostic import Severity
-from edtk.findings.geometry.geometric_doubt import GeometricDoubt, rows_in_words
+from edtk.findings.finding import Finding, Severity, rows_in_words
 from edtk.findings.geometry.sound_rows import EXPLAINED, MOST_MARKERS, RigidTool, rigid_tool
 from edtk.fit.geometry.marker_positions import MarkerPositions
 from edtk.fit.geometry.place_robot import LinearStart, linear_start, rigid_motion
@@ -336,14 +335,14 @@ def _order(measured: Array, predicted: Array, seen: Array) -> tuple[int, ...]:
     return tuple(found)
 
 
-def gross_doubts(data: MarkerPositions, found: GrossErrors) -> list[GeometricDoubt]:
-    """A doubt for each set of markers that were swapped or apart, and for each other cause.
+def gross_findings(data: MarkerPositions, found: GrossErrors) -> list[Finding]:
+    """A finding for each set of markers that were swapped or apart, and for each other cause.
 
     Args:
         data: All visits.
         found: Those that were not fitted.
     """
-    doubts = []
+    findings = []
     many = len(found.visits) > (1 - FEW) * len(data)
     severity = Severity.ALARM if many else Severity.WARNING
     for markers in dict.fromkeys(markers for _, markers in found.swapped):
@@ -352,16 +351,16 @@ def gross_doubts(data: MarkerPositions, found: GrossErrors) -> list[GeometricDou
             f"{rows_in_words(rows)}: markers {' and '.join(markers)} are swapped; these rows do "
             "not count"
         )
-        doubts.append(GeometricDoubt(severity, "swapped", text, rows))
+        findings.append(Finding(severity, "swapped", text, {"rows": rows}))
     for names in dict.fromkeys(markers for _, markers, _ in found.apart):
-        doubts.append(_apart(data, found, names))
+        findings.append(_apart(data, found, names))
     for cause in dict.fromkeys((one.kind, one.words) for one in found.wrong):
         own = [one for one in found.wrong if (one.kind, one.words) == cause]
-        doubts.append(_wrong(data, own, severity))
-    return doubts
+        findings.append(_wrong(data, own, severity))
+    return findings
 
 
-def _apart(data: MarkerPositions, found: GrossErrors, names: tuple[str, ...]) -> GeometricDoubt:
+def _apart(data: MarkerPositions, found: GrossErrors, names: tuple[str, ...]) -> Finding:
     """The visits in which one marker is elsewhere on the tool."""
     own = [(visit, size) for visit, markers, size in found.apart if markers == names]
     columns = [data.markers.index(name) for name in names]
@@ -371,10 +370,10 @@ def _apart(data: MarkerPositions, found: GrossErrors, names: tuple[str, ...]) ->
         f"{1e3 * max(size for _, size in own):.3g} mm from its usual distance to the other "
         "markers; a slip, or a false reading? These positions do not count"
     )
-    return GeometricDoubt(Severity.WARNING, "apart", text, rows)
+    return Finding(Severity.WARNING, "apart", text, {"rows": rows})
 
 
-def _wrong(data: MarkerPositions, visits: list[WrongVisit], severity: Severity) -> GeometricDoubt:
+def _wrong(data: MarkerPositions, visits: list[WrongVisit], severity: Severity) -> Finding:
     """The visits with one cause."""
     rows = _rows(data, [one.visit for one in visits])
     size = 1e3 * max(one.distance for one in visits)
@@ -384,7 +383,9 @@ def _wrong(data: MarkerPositions, visits: list[WrongVisit], severity: Severity) 
         f"{rows_in_words(rows)}: positions are up to {size:.3g} mm from where all others say{why} "
         "rows do not count"
     )
-    return GeometricDoubt(Severity.ALARM if kind == "frame_moved" else severity, kind, text, rows)
+    return Finding(
+        Severity.ALARM if kind == "frame_moved" else severity, kind, text, {"rows": rows}
+    )
 
 
 def _rows(data: MarkerPositions, visits: list[int]) -> tuple[int, ...]:

@@ -6,8 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from edtk.findings.diagnostic import Severity
-from edtk.findings.geometry.geometric_doubt import GeometricDoubt, rows_in_words
+from edtk.findings.finding import Finding, Severity, rows_in_words
 from edtk.findings.match_plan import resolution
 from edtk.fit.distributions import poisson_tail
 from edtk.fit.geometry.fitted_geometry import MM, GeometricFit
@@ -136,7 +135,7 @@ def _alone(off: Mask) -> list[int]:
 
 def with_standing(
     setting: StudyGeometry, data: MarkerPositions
-) -> tuple[StudyGeometry, MarkerPositions, list[GeometricDoubt]]:
+) -> tuple[StudyGeometry, MarkerPositions, list[Finding]]:
     """The setting and the positions with markers that stand still among those on the base.
 
     Args:
@@ -144,7 +143,7 @@ def with_standing(
         data: Their positions, those on the base last.
 
     Returns:
-        Both, and a doubt where the study has such a marker on the tool; a note where it names none.
+        Both, and a finding where there is such a marker: a note where the study names none.
     """
     k = len(setting.markers)
     lost = (np.abs(np.nan_to_num(data.measured)) == 0).all(axis=-1, keepdims=True)
@@ -173,12 +172,12 @@ def with_standing(
         f'count{"s" * (len(names) == 1)} as on the base; expected [[marker]] with joint = "base"'
     )
     severity = Severity.WARNING if given else Severity.NOTE
-    return there, ordered, [GeometricDoubt(severity, "standing", text)]
+    return there, ordered, [Finding(severity, "standing", text)]
 
 
 def without_beyond_reach(
     data: MarkerPositions, reach: float
-) -> tuple[MarkerPositions, list[GeometricDoubt]]:
+) -> tuple[MarkerPositions, list[Finding]]:
     """The positions without those that a wrong number has put where the arm cannot be.
 
     A position of which all three coordinates are as far is kept: it may be in another unit or
@@ -195,10 +194,10 @@ def without_beyond_reach(
     if not typed.any():
         return data, []
     measured = np.where(typed[..., None], np.nan, data.measured)
-    return replace(data, measured=measured), [_doubt(data, typed, far, reach)]
+    return replace(data, measured=measured), [_beyond(data, typed, far, reach)]
 
 
-def _doubt(data: MarkerPositions, typed: Mask, far: Mask, reach: float) -> GeometricDoubt:
+def _beyond(data: MarkerPositions, typed: Mask, far: Mask, reach: float) -> Finding:
     """What is said of them, with the coordinate that is farthest."""
     rows = tuple(sorted({int(row) for row in data.row[typed]}))
     there = np.where(far & typed[..., None], np.abs(data.measured), 0.0)
@@ -210,7 +209,7 @@ def _doubt(data: MarkerPositions, typed: Mask, far: Mask, reach: float) -> Geome
         f"{'' if alone else 'up to '}{size:.6g} mm, and the arm reaches {1e3 * reach:.4g} mm; "
         f"a wrong number? {'This position does' if alone else 'These positions do'} not count"
     )
-    return GeometricDoubt(Severity.WARNING, "beyond_reach", text, rows)
+    return Finding(Severity.WARNING, "beyond_reach", text, {"rows": rows})
 
 
 def refuse_copied_visits(data: MarkerPositions, sigma: float, path: Path) -> None:
@@ -265,7 +264,7 @@ def _pairs(number: Indices) -> float:
 
 def without_copied_markers(
     data: MarkerPositions,
-) -> tuple[MarkerPositions, list[GeometricDoubt]]:
+) -> tuple[MarkerPositions, list[Finding]]:
     """The positions without markers that are where another one is, in all rows.
 
     Two reflectors are never at one place: the columns of one were copied, and would count twice.
@@ -273,7 +272,7 @@ def without_copied_markers(
     Args:
         data: Positions of the markers on the tool.
     """
-    doubts = []
+    findings = []
     copied: list[int] = []
     for j in range(len(data.markers)):
         for i in range(j):
@@ -288,15 +287,15 @@ def without_copied_markers(
                 f"markers {one} and {other} are at the same place in all {both.sum()} visits: were "
                 f"columns copied? {other} does not count"
             )
-            doubts.append(GeometricDoubt(Severity.WARNING, "equal_markers", text))
+            findings.append(Finding(Severity.WARNING, "equal_markers", text))
             copied.append(j)
             break
     if not copied:
         return data, []
-    return data.of_markers([i for i in range(len(data.markers)) if i not in copied]), doubts
+    return data.of_markers([i for i in range(len(data.markers)) if i not in copied]), findings
 
 
-def marker_doubts(fit: GeometricFit, setting: StudyGeometry) -> list[GeometricDoubt]:
+def marker_findings(fit: GeometricFit, setting: StudyGeometry) -> list[Finding]:
     """Compare where the drawing's robot has the markers on its tool with where the study has them.
 
     A study need not say where they are; a place of zero counts as none. Names that are swapped in
@@ -320,7 +319,7 @@ def marker_doubts(fit: GeometricFit, setting: StudyGeometry) -> list[GeometricDo
             f"{apart.max():.3g} mm from where the study has them on the tool, and each is where it "
             "has another one; expected the names of the study"
         )
-        return [GeometricDoubt(Severity.WARNING, "swapped_names", text)]
+        return [Finding(Severity.WARNING, "swapped_names", text)]
     far = np.flatnonzero(apart > MM * FAR_FROM_STUDY)
     if not len(far):
         return []
@@ -332,7 +331,7 @@ def marker_doubts(fit: GeometricFit, setting: StudyGeometry) -> list[GeometricDo
         f"{more}: at ({place}) mm. Is it another tool, or another frame? Plans and test poses rest "
         "on position_mm"
     )
-    return [GeometricDoubt(Severity.WARNING, "marker_elsewhere", text)]
+    return [Finding(Severity.WARNING, "marker_elsewhere", text)]
 
 
 def _order_of_places(placed: Array, stated: Array) -> tuple[int, ...]:
@@ -355,12 +354,12 @@ class References:
     """What the points on the base tell.
 
     Attributes:
-        doubts: What moved.
+        findings: What moved.
         frames: For each visit the motion (v, 4, 4) that takes its positions back to where the
             frame of the instrument was at most times; the identity where it did not move.
     """
 
-    doubts: tuple[GeometricDoubt, ...]
+    findings: tuple[Finding, ...]
     frames: Array
 
 
@@ -383,23 +382,23 @@ def reference_points(points: MarkerPositions, tool: MarkerPositions) -> Referenc
     usual = 1.4826 * np.nanmedian(apart, axis=0)
     moved: Mask = apart > np.maximum(SCATTERS * usual, FLOOR)
     together = (moved.sum(axis=1) > points.seen.sum(axis=1) / 2) & (points.seen.sum(axis=1) > 2)
-    doubts = []
+    findings = []
     if together.any():
         for visit in np.flatnonzero(together):
             seen = points.seen[visit]
             frames[visit] = rigid_motion(points.measured[visit][seen], place[seen])
-        doubts.append(_frame_moved(points, together, apart))
+        findings.append(_frame_moved(points, together, apart))
     for i in range(r):
         alone = np.flatnonzero(moved[:, i] & ~together)
         if len(alone):
-            doubts += _moved_alone(points, tool, alone, i, apart[alone, i])
-    return References(tuple(doubts), frames)
+            findings += _moved_alone(points, tool, alone, i, apart[alone, i])
+    return References(tuple(findings), frames)
 
 
 def _moved_alone(
     points: MarkerPositions, tool: MarkerPositions, visits: Indices, i: int, apart: Array
-) -> list[GeometricDoubt]:
-    """The doubts that name the visits in which one point is elsewhere, by where it is."""
+) -> list[Finding]:
+    """The findings that name the visits in which one point is elsewhere, by where it is."""
     here = np.linalg.norm(tool.measured[visits] - points.measured[visits, i, None], axis=-1)
     on = [int(np.nanargmin(one)) if np.nanmin(one, initial=1.0) < ON_MARKER else -1 for one in here]
     found = []
@@ -411,19 +410,19 @@ def _moved_alone(
         if marker >= 0:
             what = f"is where the marker {tool.markers[marker]} on the tool is"
         text = f"{rows_in_words(rows)}: the point {name} on the base {what}; it does not count"
-        found.append(GeometricDoubt(Severity.WARNING, "reference_moved", text, rows))
+        found.append(Finding(Severity.WARNING, "reference_moved", text, {"rows": rows}))
     return found
 
 
-def _frame_moved(points: MarkerPositions, together: Mask, apart: Array) -> GeometricDoubt:
-    """The doubt that names the visits in which all points moved."""
+def _frame_moved(points: MarkerPositions, together: Mask, apart: Array) -> Finding:
+    """The finding that names the visits in which all points moved."""
     visits = np.flatnonzero(together)
     rows = tuple(sorted({int(row) for row in points.row[visits].ravel() if row >= 0}))
     size = 1e3 * float(np.nanmax(np.nanmedian(apart[visits], axis=1)))
-    return GeometricDoubt(
+    return Finding(
         Severity.WARNING,
         "frame_moved",
         f"{rows_in_words(rows)}: the frame of the instrument moved, by up to {size:.3g} mm at the "
         "base; positions there are taken back by the points on the base",
-        rows,
+        {"rows": rows},
     )

@@ -4,10 +4,9 @@ from typing import Any
 
 import numpy as np
 
-from edtk.calibration.calibration import VERDICTS, Calibration
+from edtk.calibration.calibration import Calibration
 from edtk.calibration.posterior_check import PoseError
-from edtk.findings.diagnostic import Severity
-from edtk.findings.match_plan import row_names
+from edtk.findings.finding import notes, row_names
 from edtk.fit.estimate_noise import NoiseEstimate
 from edtk.fit.identify import Identification
 from edtk.measure.expected_error import ErrorBudget, JointPart
@@ -74,10 +73,7 @@ def calibration_text(found: Calibration) -> str:
     lines = [*_compliances(found), *_fit(found), *_accuracy(found), *_rows(found)]
     if found.check is not None:
         lines += ["posterior", found.check.summary()]
-    for diagnostic in found.diagnostics:
-        if diagnostic.severity is Severity.NOTE:
-            lines.append(f"note: {diagnostic.text}")
-    return "\n".join([*lines, f"verdict: {found.verdict}"])
+    return "\n".join([*lines, *notes(found.findings), f"verdict: {found.verdict}"])
 
 
 def _compliances(found: Calibration) -> list[str]:
@@ -139,7 +135,7 @@ def _parts_of_noise(noise: NoiseEstimate) -> str:
 def _accuracy(found: Calibration) -> list[str]:
     """The error to expect in the test pose; nothing without one."""
     lines = []
-    if found.verdict == VERDICTS[Severity.ALARM]:
+    if found.verdict == "bad":
         lines.append("if nothing else were wrong:")
     if found.study.target is not None:
         value, (low, high) = found.fit.accuracy(found.study.target)
@@ -179,7 +175,7 @@ def _rows(found: Calibration) -> list[str]:
 
 
 def calibration_notebook(found: Calibration) -> str:
-    """A row for each compliance, and the diagnostics."""
+    """A row for each compliance, and the findings."""
     rows = []
     for row in found.to_frame().to_dict(orient="records"):
         std = row["std"]
@@ -187,8 +183,8 @@ def calibration_notebook(found: Calibration) -> str:
         cells = [row["joint"], row["parameter"], digits(row["k"], std), f"{std:.1e}"]
         rows.append([*cells, interval, row["unit"]])
     header = ["joint", "parameter", "compliance", "std", "95 % interval", "unit"]
-    notes = [f"{seen.severity.name.lower()}: {seen.text}" for seen in found.diagnostics]
-    return notebook_table(found.headline(), header, rows, notes)
+    said = [f"{seen.severity.name.lower()}: {seen.words}" for seen in found.findings]
+    return notebook_table(found.headline(), header, rows, said)
 
 
 def calibration_plot(found: Calibration, ax: Any = None) -> Any:

@@ -4,7 +4,7 @@ import numpy as np
 
 from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
 from edtk.calibration.geometry.prediction import Prediction
-from edtk.findings.diagnostic import Severity
+from edtk.findings.finding import notes
 from edtk.fit.geometry.fitted_geometry import root_mean_square
 from edtk.fit.geometry.geometry_posterior import GeometryPosterior
 from edtk.report.geometry_report import robot_stands
@@ -30,9 +30,7 @@ def geometric_calibration_text(found: GeometricCalibration) -> str:
         *_redundant(found),
         *_quality(found),
     ]
-    for doubt in found.doubts:
-        if doubt.severity is Severity.NOTE:
-            lines.append(f"note: {doubt.text}")
+    lines += notes(found.findings)
     lines += [f"assumed: {line}" for line in found.assumed]
     if found.posterior is not None:
         lines += ["posterior", found.posterior.summary()]

@@ -236,7 +236,7 @@ def test_points_on_the_base_tell_what_moved(tmp_path: Path) -> None:
     cells = np.hstack([q, every.reshape(30, -1)])
     np.savetxt(path, cells, delimiter=",", header=header, comments="")
     found = edtk.identify(study, path)
-    text = " | ".join(doubt.text for doubt in found.doubts)
+    text = " | ".join(doubt.words for doubt in found.findings)
     assert "row 4: the point Q on the base is where the marker C on the tool is" in text
     assert "rows 21 to 25: the frame of the instrument moved" in text
     assert found.loo_rms_mm < 0.1
@@ -334,7 +334,7 @@ def test_a_robust_fit_names_what_it_trusts_less(study: Path, tmp_path: Path) -> 
     squares = edtk.identify(study, sheet)
     robust = edtk.identify(study, sheet, robust=True)
     for found in (squares, robust):
-        assert any(doubt.kind == "outliers" and 7 in doubt.rows for doubt in found.doubts)
+        assert any(doubt.kind == "outliers" and 7 in doubt.rows for doubt in found.findings)
     errors = [edtk.predict(study, found, tests).rms_mm for found in (squares, robust)]
     assert errors[1] < errors[0]
 
@@ -367,7 +367,7 @@ def test_a_pose_that_tells_what_no_other_does_counts(seed: int, tmp_path: Path) 
     q[4, 2] += 1
     found = edtk.identify(STUDY, by_pose(tmp_path / "typed.csv", q, x))
     assert found.left_out == (4,)
-    assert any("as if q3 were typed wrongly" in doubt.text for doubt in found.doubts)
+    assert any("as if q3 were typed wrongly" in doubt.words for doubt in found.findings)
 
 
 def test_joints_whose_zeros_are_far_off_are_calibrated(study: Path, tmp_path: Path) -> None:
@@ -377,7 +377,7 @@ def test_joints_whose_zeros_are_far_off_are_calibrated(study: Path, tmp_path: Pa
     found = edtk.identify(study, by_pose(tmp_path / "sheet.csv", q, x))
     assert found.left_out == ()
     assert found.loo_rms_mm < 0.1
-    assert any("the zero of joint q2" in doubt.text for doubt in found.doubts)
+    assert any("the zero of joint q2" in doubt.words for doubt in found.findings)
 
 
 @pytest.mark.parametrize(
@@ -400,7 +400,7 @@ def test_springs_and_loads_belong_together(
     loads = [f"{line},{load_N * (i % 2)}" for i, line in enumerate(rows)]
     sheet.write_text("\n".join([f"{header},Fz_N", *loads]))
     found = edtk.identify(study, sheet)
-    assert [one.kind for one in found.doubts] == [kind]
+    assert [one.kind for one in found.findings] == [kind]
     assert found.verdict == verdict
     k = found.to_dict()["k"]
     assert [name for name in compliance if k[name] is None] == compliance[load_N != 0 :]
@@ -459,11 +459,11 @@ def test_measured_positions_that_are_far_off_are_a_doubt(study: Path, tmp_path: 
     q, x = truth(30)
     found = edtk.identify(study, by_pose(tmp_path / "sheet.csv", q[:22], x[:22]))
     tests = by_pose(tmp_path / "tests.csv", q[22:], x[22:])
-    assert edtk.predict(study, found, tests).doubts == ()
+    assert edtk.predict(study, found, tests).findings == ()
     swapped = x.copy()
     swapped[25, [0, 1]] = x[25, [1, 0]]
     by_pose(tests, q[22:], swapped[22:])
-    (line,) = edtk.predict(study, found, tests).doubts
+    (line,) = map(str, edtk.predict(study, found, tests).findings)
     assert line.startswith("row 4: up to")
     by_pose(tests, q[22:], x[22:] + 5)
     code, out, err = run("identify", study, tmp_path / "sheet.csv", "--json")
@@ -482,7 +482,9 @@ def test_poses_beyond_limits_are_named(study: Path, tmp_path: Path) -> None:
     found = edtk.identify(study, by_pose(tmp_path / "sheet.csv", q, x))
     poses = tmp_path / "poses.csv"
     poses.write_text(f"{','.join(NAMES)}\n10,20,30,-40,50,60\n10,999,30,-40,50,60\n")
-    assert edtk.predict(study, found, poses).doubts == ("row 2: beyond the joints' limits",)
+    assert [one.words for one in edtk.predict(study, found, poses).findings] == [
+        "row 2: beyond the joints' limits"
+    ]
     part = edtk.compensate(study, found, poses)
     assert part.rows.tolist() == [0]
     assert [row.text for row in part.refused] == [
@@ -502,12 +504,12 @@ def test_geometry_that_nobody_asked_for_is_no_moved_frame(seed: int, tmp_path: P
     study = STUDY.replace(parameters={"geometry": ["zeros"]})
     q, x = truth(30, seed)
     found = edtk.identify(study, by_pose(tmp_path / "sheet.csv", q, x))
-    (doubt,) = [one for one in found.doubts if one.kind != "worse_than_placed"]
+    (doubt,) = [one for one in found.findings if one.kind != "worse_than_placed"]
     assert doubt.kind == "discrepancy"
-    assert "the study does not ask for explain" in doubt.text
+    assert "the study does not ask for explain" in doubt.words
     x[18:] += [2.0, 1.0, 0.0]
     found = edtk.identify(study, by_pose(tmp_path / "sheet.csv", q, x))
-    assert {doubt.kind: doubt.rows for doubt in found.doubts}["frame_moved"] == (18,)
+    assert {doubt.kind: doubt.rows for doubt in found.findings}["frame_moved"] == (18,)
 
 
 @pytest.mark.parametrize("value", ["", "0"])
@@ -526,8 +528,8 @@ def test_too_few_poses_to_judge_by(study: Path, tmp_path: Path) -> None:
     q, x = truth(30)
     six = edtk.identify(study, by_pose(tmp_path / "six.csv", q[:6], x[:6]))
     assert six.verdict == "bad"
-    assert "and by the drawing" in six.doubts[0].text
+    assert "and by the drawing" in six.findings[0].words
     five = edtk.identify(study, by_pose(tmp_path / "five.csv", q[:5], x[:5]))
-    assert {"few_poses", "alone"} <= {doubt.kind for doubt in five.doubts}
+    assert {"few_poses", "alone"} <= {doubt.kind for doubt in five.findings}
     many = edtk.identify(study, by_pose(tmp_path / "many.csv", q, x))
-    assert many.doubts == ()
+    assert many.findings == ()

@@ -24,10 +24,10 @@ def plan_about(size_deg: float) -> edtk.Plan:
 
 def test_both_errors_are_said() -> None:
     """In one sentence with what helps, from three times the error on; of several poses, too."""
-    (said,) = poor_around(HERE)
+    (said,) = map(str, poor_around(HERE))
     assert said.startswith("errors are 3.1 times as large around the test pose as there: 0.31 mm")
     assert "within 30 deg on average, 0.1 mm in it; give more test poses" in said
-    (said,) = poor_around(replace(HERE, poses=4))
+    (said,) = map(str, poor_around(replace(HERE, poses=4)))
     assert "around the 4 test poses as there" in said
     assert poor_around(replace(HERE, mean=2.9e-4)) == ()
     assert poor_around(replace(HERE, test_pose=0.0)) == ()
@@ -41,7 +41,7 @@ def test_visits_near_the_test_pose_serve_it_alone() -> None:
     assert told is not None
     assert told.mean > 3 * told.test_pose
     assert edtk.evaluate(STUDY, near).warnings == poor_around(told) == designs.warnings(near)
-    assert f"{1e3 * told.mean:.2g} mm" in poor_around(told)[0]
+    assert f"{1e3 * told.mean:.2g} mm" in poor_around(told)[0].words
     assert edtk.evaluate(STUDY, plan_about(60)).warnings == ()
 
 
@@ -56,6 +56,6 @@ def test_the_plan_says_so(criterion: str, monkeypatch: pytest.MonkeyPatch) -> No
     """A plan for the test pose carries the sentence, where its numbers ask for it."""
     monkeypatch.setattr("edtk.study.plausibility.SEVERAL", 0.01)
     found = edtk.plan(STUDY.replace(candidates=100), 6, criterion, budget=0.2)
-    assert len([one for one in found.warnings if "around the test pose" in one]) == (
+    assert len([one for one in found.warnings if "around the test pose" in one.words]) == (
         criterion == "rho0"
     )

@@ -26,7 +26,7 @@ def identified(path: Path, seed: int, scale: float) -> edtk.GeometricCalibration
 def test_a_scale_is_named_with_its_size(seed: int, size: float, tmp_path: Path) -> None:
     """All lengths share it, and errors of a drawing share nothing."""
     found = identified(tmp_path, seed, 1 + size)
-    (said,) = [doubt.text for doubt in found.doubts if doubt.kind == "scale"]
+    (said,) = [doubt.words for doubt in found.findings if doubt.kind == "scale"]
     assert ("longer" if size > 0 else "shorter") in said
     told, std = said.split("together, by ")[1].split(" um/m")[0].split(" +- ")
     assert abs(float(told) - 1e6 * abs(size)) < 3 * float(std)
@@ -37,7 +37,7 @@ def test_a_scale_is_named_with_its_size(seed: int, size: float, tmp_path: Path) 
 def test_none_is_named_where_lengths_err_alone(seed: int, tmp_path: Path) -> None:
     """Then the scale is said to be assumed, with what it would cost."""
     found = identified(tmp_path, seed, 1.0)
-    assert not [doubt for doubt in found.doubts if doubt.kind == "scale"]
+    assert not [doubt for doubt in found.findings if doubt.kind == "scale"]
     (said,) = found.assumed
     assert "for each 100 um/m" in said
     assert f"assumed: {said}" in found.summary()

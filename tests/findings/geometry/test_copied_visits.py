@@ -41,7 +41,7 @@ def test_a_marker_whose_columns_were_copied_is_named_and_does_not_count(tmp_path
     q, x = truth(30)
     x[:, 2] = x[:, 1]
     found = edtk.identify(STUDY, by_pose(tmp_path / "day.csv", q, x))
-    (said,) = [one for one in found.doubts if one.kind == "equal_markers"]
-    assert said.text.startswith("markers B and C are at the same place in all 30 visits")
+    (said,) = [one for one in found.findings if one.kind == "equal_markers"]
+    assert said.words.startswith("markers B and C are at the same place in all 30 visits")
     assert found.fit.data.markers == ("A", "B")
     assert found.verdict == "usable"

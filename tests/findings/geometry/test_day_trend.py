@@ -46,7 +46,7 @@ def kinds_of(path: Path, seed: int, drift: Array, growth: Array) -> dict[str, st
     )
     x += drift[:, None, None] * MOVED + rng.normal(0, 1e-5, x.shape)
     found = edtk.identify(STUDY, by_pose(path / "day.csv", np.rad2deg(q), 1e3 * x))
-    return {doubt.kind: doubt.text for doubt in found.doubts}
+    return {doubt.kind: doubt.words for doubt in found.findings}
 
 
 @pytest.mark.parametrize("seed", [0, 1])

@@ -9,8 +9,8 @@ import pytest
 from geometry_sheets import OFFSETS, PLACE, STUDY, Array, by_pose
 
 import edtk
-from edtk.findings.diagnostic import Severity
-from edtk.findings.geometry.geometric_fit import fit_doubts
+from edtk.findings.finding import Severity
+from edtk.findings.geometry.geometric_fit import geometric_findings
 from edtk.fit.geometry.fit_geometry import fit_geometry
 from edtk.fit.geometry.fitted_geometry import GeometricFit
 from edtk.fit.geometry.marker_positions import MarkerPositions
@@ -48,7 +48,7 @@ def test_bands_that_hold_too_few_enter_the_verdict(tmp_path: Path) -> None:
     """A joint with slack leaves millimetres in some poses: no one size explains all of them."""
     q, x = day(0, 4e-3)
     found = edtk.identify(STUDY, by_pose(tmp_path / "day.csv", np.rad2deg(q), 1e3 * x))
-    said = [doubt.text for doubt in found.doubts if doubt.kind == "outside"]
+    said = [doubt.words for doubt in found.findings if doubt.kind == "outside"]
     assert found.fit.share_inside < 0.91
     assert len(said) == 1
     assert "of the coordinates left out are inside their 95 % bands" in said[0]
@@ -60,20 +60,24 @@ def test_sound_days_have_no_doubt(seed: int) -> None:
     """Nor where the size of the errors is fitted, as it is here."""
     fit = sound_fit(seed)
     assert fit.fitted.noise.model_fit is not None
-    assert not [one for one in fit_doubts(fit, StudyGeometry.of(STUDY)) if one.kind == "outside"]
+    assert not [
+        one for one in geometric_findings(fit, StudyGeometry.of(STUDY)) if one.kind == "outside"
+    ]
 
 
 def test_bands_without_most_coordinates_are_an_alarm() -> None:
     """What is told of accuracy is worth nothing then."""
     fit = sound_fit(0)
     narrow = replace(fit, left_out_half=0.4 * fit.left_out_half)
-    doubts = [one for one in fit_doubts(narrow, StudyGeometry.of(STUDY)) if one.kind == "outside"]
+    doubts = [
+        one for one in geometric_findings(narrow, StudyGeometry.of(STUDY)) if one.kind == "outside"
+    ]
     assert [one.severity for one in doubts] == [Severity.ALARM]
 
 
 def kinds_of(fit: GeometricFit) -> dict[str, Severity]:
     """Kinds of doubts of a fit, with their severities."""
-    return {one.kind: one.severity for one in fit_doubts(fit, StudyGeometry.of(STUDY))}
+    return {one.kind: one.severity for one in geometric_findings(fit, StudyGeometry.of(STUDY))}
 
 
 def test_a_fit_that_is_worse_than_base_and_tool_alone_is_bad() -> None:
@@ -102,6 +106,6 @@ def test_rounded_angles_are_named_by_their_step(
         x = model.see(np.zeros(model.p), there, derivatives=False).points
         x = x + np.random.default_rng(0).normal(0, 2e-5, x.shape)
         found = edtk.identify(STUDY, by_pose(tmp_path / "day.csv", coarse, 1e3 * x))
-        said = [one for one in found.doubts if one.kind == "rounded"]
+        said = [one for one in found.findings if one.kind == "rounded"]
         assert [one.severity for one in said] == [severity] * named
-        assert all(f"multiples of {step:g} deg" in one.text for one in said)
+        assert all(f"multiples of {step:g} deg" in one.words for one in said)

@@ -9,7 +9,7 @@ import pytest
 from geometry_sheets import STUDY, Array, by_pose, run, truth
 
 import edtk
-from edtk.findings.geometry.gross_errors import gross_doubts, gross_errors
+from edtk.findings.geometry.gross_errors import gross_errors, gross_findings
 from edtk.findings.geometry.sound_rows import rigid_tool
 from edtk.fit.geometry.marker_positions import MarkerPositions
 
@@ -78,10 +78,10 @@ def coordinate_lost(q: Array, x: Array) -> None:
 def test_what_explains_a_visit_is_named(spoil: Edit, rows: list[int], kind: str, said: str) -> None:
     """Each fault is one doubt, with all its rows and no others."""
     data = positions(spoil)
-    doubts = gross_doubts(data, gross_errors(STUDY.robot, data))
+    doubts = gross_findings(data, gross_errors(STUDY.robot, data))
     assert [doubt.kind for doubt in doubts] == [kind]
     assert doubts[0].rows == tuple(rows)
-    assert re.search(said, doubts[0].text)
+    assert re.search(said, doubts[0].words)
 
 
 def test_sound_visits_are_left_alone() -> None:
@@ -97,7 +97,7 @@ def test_a_marker_that_stands_still_is_on_the_base(tmp_path: Path) -> None:
     x[:, 1] = rest
     found = edtk.identify(STUDY, by_pose(tmp_path / "sheet.csv", q, x))
     assert found.fit.data.markers == ("A", "C")
-    assert [doubt.kind for doubt in found.doubts] == ["standing"]
+    assert [doubt.kind for doubt in found.findings] == ["standing"]
     assert found.loo_rms_mm < 0.1
     tests = edtk.predict(STUDY, found, tmp_path / "sheet.csv")
     assert tests.data.markers == ("A", "C")
@@ -123,7 +123,7 @@ def test_a_turned_joint_is_found_beside_wrong_rows(tmp_path: Path) -> None:
     found = edtk.identify(STUDY, by_pose(tmp_path / "sheet.csv", q, x))
     assert found.counting.words == "q2 counts the other way"
     assert found.loo_rms_mm < 0.1
-    assert {4, 8} <= {row for doubt in found.doubts for row in doubt.rows}
+    assert {4, 8} <= {row for doubt in found.findings for row in doubt.rows}
 
 
 def test_few_visits_tell_a_wrong_one() -> None:
@@ -154,6 +154,6 @@ def test_a_frame_that_moved_far_is_named_and_not_the_robot(tmp_path: Path) -> No
     x[10:] += [25.0, 0, 0]
     found = edtk.identify(STUDY, by_pose(tmp_path / "sheet.csv", q, x))
     assert found.verdict == "bad"
-    named = [doubt for doubt in found.doubts if doubt.kind == "frame_moved"]
+    named = [doubt for doubt in found.findings if doubt.kind == "frame_moved"]
     assert named
     assert named[0].rows == (10,)

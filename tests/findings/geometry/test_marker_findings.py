@@ -19,7 +19,7 @@ def said_of(study: edtk.Study, path: Path, order: tuple[int, ...] = (0, 1, 2)) -
     """What is said of a sound day in which markers are exchanged."""
     q, x = truth(30)
     found = edtk.identify(study, by_pose(path / "day.csv", q, x[:, list(order)]))
-    return [doubt.text for doubt in found.doubts if doubt.kind != "discrepancy"]
+    return [doubt.words for doubt in found.findings if doubt.kind != "discrepancy"]
 
 
 @pytest.mark.parametrize(

@@ -50,8 +50,8 @@ def test_orientations_are_taken_back_too(tmp_path: Path) -> None:
     table.loc[::4, ["rx_deg", "ry_deg", "rz_deg"]] = vectors + rng.normal(0, 0.002, vectors.shape)
     table.to_csv(tmp_path / "day.csv", index=False)
     found = edtk.identify(STUDY, tmp_path / "day.csv")
-    assert [doubt.kind for doubt in found.doubts] == ["frame_moved"]
-    assert found.doubts[0].rows[0] == 4 * LATE.start + 1
+    assert [doubt.kind for doubt in found.findings] == ["frame_moved"]
+    assert found.findings[0].rows[0] == 4 * LATE.start + 1
     told = found.to_dict()
     assert told["rank"] == 30
     assert told["loo_rms_mm"] < 0.02

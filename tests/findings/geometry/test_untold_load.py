@@ -82,7 +82,7 @@ def test_the_verdict_says_what_to_ask_for(tmp_path: Path) -> None:
     """A warning names the joints, and a study that asks for their springs has none."""
     q, x = day(0, bent=BENT)
     found = edtk.identify(STUDY, by_pose(tmp_path / "day.csv", np.rad2deg(q), 1e3 * x))
-    named = [doubt.text for doubt in found.doubts if doubt.kind == "untold_load"]
+    named = [doubt.words for doubt in found.findings if doubt.kind == "untold_load"]
     assert len(named) == 1
     assert 'ask for compliance = ["q2", "q3"]' in named[0]
     assert found.verdict == "usable"
@@ -105,9 +105,9 @@ def test_a_weight_in_half_of_the_poses_is_named_with_their_rows(
     loaded = PARTS[part]
     q, x = day(seed, bent=2 * BENT, loaded=loaded.astype(float))
     found = edtk.identify(STUDY, by_pose(tmp_path / "day.csv", np.rad2deg(q), 1e3 * x))
-    kinds = {doubt.kind for doubt in found.doubts}
+    kinds = {doubt.kind for doubt in found.findings}
     assert not kinds & {"frame_moved", "drift", "growth"}
-    (named,) = [doubt for doubt in found.doubts if doubt.kind == "untold_load"]
+    (named,) = [doubt for doubt in found.findings if doubt.kind == "untold_load"]
     told = np.isin(np.arange(POSES), named.rows)
     assert (told == loaded).mean() > 0.9
-    assert "bent q2, q3 there alone" in named.text
+    assert "bent q2, q3 there alone" in named.words

@@ -33,7 +33,9 @@ def test_a_wrong_number_is_named_with_its_row(value: float) -> None:
     kept, (doubt,) = without_beyond_reach(data, REACH)
     assert np.flatnonzero(~kept.seen).tolist() == [7]
     assert doubt.rows == (7,)
-    assert doubt.text.startswith(f"row 8: z of B is {1e3 * value:.6g} mm, and the arm reaches 1500")
+    assert doubt.words.startswith(
+        f"row 8: z of B is {1e3 * value:.6g} mm, and the arm reaches 1500"
+    )
 
 
 def test_a_position_in_another_unit_is_kept() -> None:

@@ -37,7 +37,7 @@ def test_what_nothing_is_known_of_is_passed_over_with_a_note(study: Path, tmp_pa
     by_pose(sheet, q, x)
     sheet.write_text(sheet.read_text().replace("nan", ""))
     blank = edtk.identify(study, sheet)
-    assert [doubt.text for doubt in blank.doubts] == ["rows 4, 9: no position of B"]
+    assert [doubt.words for doubt in blank.findings] == ["rows 4, 9: no position of B"]
     assert blank.fit.data.count == 58
     sheet.write_text(sheet.read_text().replace(",,,", f",{x[0, 0, 0]},,", 1))
     assert "row 4, column By_mm" in run("identify", study, sheet)[2]

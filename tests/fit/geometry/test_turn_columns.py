@@ -124,4 +124,4 @@ def test_orientations_written_in_another_way_are_an_alarm(tmp_path: Path) -> Non
     path = sheet(tmp_path / "day.csv", [*NAMES, *POSITION, *VECTOR], q, x, turns.as_rotvec())
     found = edtk.identify(FULL, path, as_is=True)
     assert found.verdict == "bad"
-    assert found.doubts[0].kind == "rough_turns"
+    assert found.findings[0].kind == "rough_turns"
