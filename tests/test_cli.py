@@ -183,7 +183,9 @@ def test_run_writes_results_plans_and_report(study: Path, tmp_path: Path) -> Non
     answer = edtk("run", study, "--out", out)
     assert answer.returncode == 0, answer.stderr
     assert answer.stdout == ""
-    assert [line.split(" ")[0] for line in messages(answer)] == ["expected", "wrote"]
+    said = [line for line in messages(answer) if not line.startswith("  ")]
+    assert [" ".join(line.split(" ")[:2]) for line in said[:2]] == ["total expected", "error by"]
+    assert [line.split(" ")[0] for line in said[2:]] == ["wrote"]
     figures = {p.name for p in out.glob("*.png")}
     assert {p.name for p in out.iterdir()} - figures == {
         "results.csv",

@@ -77,14 +77,20 @@ def require_one(answered: int, refused: Sequence[RefusedRow], where: Path | str)
     raise UserError(first.reason, where=where, key=first.place)
 
 
-def refused_in_words(refused: Sequence[RefusedRow]) -> str:
-    """How many rows are left out, and why the first of them are; empty for none."""
+def refused_lines(refused: Sequence[RefusedRow]) -> tuple[str, ...]:
+    """How many rows are left out, then why each of the first of them is; empty for none."""
     if not refused:
-        return ""
-    named = "; ".join(row.text for row in refused[:MOST_NAMED])
+        return ()
+    number = f"{len(refused)} row{'s' * (len(refused) > 1)} left out"
     more = len(refused) - MOST_NAMED
-    also = f"; and {more} more" if more > 0 else ""
-    return f"{len(refused)} row{'s' * (len(refused) > 1)} left out: {named}{also}"
+    also = [f"and {more} more"] if more > 0 else []
+    return (number, *(row.text for row in refused[:MOST_NAMED]), *also)
+
+
+def refused_in_words(refused: Sequence[RefusedRow]) -> str:
+    """`refused_lines` in one; empty for none."""
+    number, *reasons = refused_lines(refused) or ("",)
+    return f"{number}: {'; '.join(reasons)}" if reasons else ""
 
 
 def load_task(study: Study, path: Table | None = None) -> Plan:

@@ -27,7 +27,7 @@ def command(study: Path, k: Path, task: Path | None, as_json: bool, out: Path | 
     is then 1; the column row says which rows the others are.
     """
     from edtk.calibration.compensate import Compensation
-    from edtk.calibration.tasks_in_use import refused_in_words
+    from edtk.calibration.tasks_in_use import refused_lines
     from edtk.verbs.compensate import compensate
 
     found = compensate(study, k, task, out=out)
@@ -40,5 +40,7 @@ def command(study: Path, k: Path, task: Path | None, as_json: bool, out: Path | 
         warn_about(task or study, found.findings)
     show(found, as_json, out)
     if found.refused:
-        warn(f"{task or study}: {refused_in_words(found.refused)}")
+        # A line each: one of them all would be longer than a line may be, and be cut.
+        for line in refused_lines(found.refused):
+            warn(f"{task or study}: {line}")
         end_partial()

@@ -70,33 +70,30 @@ def ours(m: int, seed: int) -> float:
     study, target = load(m)
     space = study.space
     criterion = study.criterion("rho0")
-    reached: list[float] = []
 
     class UntilGood(LogCost):
-        """Log rho0 that takes note of a feasible plan that is good enough."""
+        """Log rho0 that ends the search at a feasible plan that is good enough."""
 
         def local(self, near: Neighbourhood, start: Indices) -> Local:
             """Value and derivatives, as `LogCost` has them."""
             local = super().local(near, start)
             good = local.value <= target
             if good.any() and space.at(near.x[good]).feasible.all(axis=1).any():
-                reached.append(target)
+                raise _Reached
             return local
 
     objective = UntilGood(criterion, np.ones((STARTS, m)))
 
     def search(seed: int) -> float:
         since = perf_counter()
-        reached.clear()
-        for turn in range(MOST_TURNS):
-            pool = CandidateSource(space, (seed, turn), workers=1).take(POOL)
-            drawn = np.random.default_rng((seed, turn)).integers(0, POOL, (STARTS, m))
-            places, _ = exchange(
-                pool.problem, criterion, drawn, shortlists=SHORTLIST, thorough=False
-            )
-            descend(space, pool.x[places], objective, STEPS, stop=lambda: bool(reached))
-            if reached:
-                break
+        with suppress(_Reached):
+            for turn in range(MOST_TURNS):
+                pool = CandidateSource(space, (seed, turn), workers=1).take(POOL)
+                drawn = np.random.default_rng((seed, turn)).integers(0, POOL, (STARTS, m))
+                places, _ = exchange(
+                    pool.problem, criterion, drawn, shortlists=SHORTLIST, thorough=False
+                )
+                descend(space, pool.x[places], objective, STEPS)
         return perf_counter() - since
 
     with threadpool_limits(1):

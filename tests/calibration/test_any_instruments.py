@@ -22,7 +22,7 @@ from edtk.robots.robot import Robot
 from edtk.robots.robot_file import robot_to_dict
 from edtk.robots.rotations import transform
 from edtk.study.study import Study
-from edtk.system.errors import UserError
+from edtk.system.errors import Note, UserError
 
 G = 9.80665
 K = np.array([0.2, 0.3, 0.4, 2.8, 2.9, 2.1]) * 1e-6
@@ -353,11 +353,6 @@ def test_posterior_of_a_mix(tmp_path):
             "row 1, column rotation_change_deg: expected an empty cell",
         ),
         (3, {"change_mm": 0.1}, "row 4, column change_mm: expected an empty cell"),
-        (
-            3,
-            {TURN_COLUMN: np.nan},
-            "row 4, column rotation_change_deg: an empty or NaN cell",
-        ),
         (3, {"sigma_mm": 0.1}, "row 4, column sigma_mm: expected an empty cell"),
         (0, {"sigma_mm": -0.1}, "row 1, column sigma_mm: -0.1 is not a positive"),
     ],
@@ -374,6 +369,19 @@ def test_cells_of_a_mix_stand_in_their_own_columns(tmp_path, row, cells, message
     with pytest.raises(UserError) as caught:
         calibrate(study, tmp_path / "sheet.csv")
     assert message in str(caught.value)
+
+
+def test_a_row_of_a_mix_without_its_reading_is_left_out(tmp_path):
+    """It is not filled in yet: all other rows count, and their number is said."""
+    study = Study(**(PLAIN | MIX))
+    sheet = filled(MIX, study)
+    sheet.to_csv(tmp_path / "sheet.csv", index=False)
+    whole = calibrate(study, tmp_path / "sheet.csv")
+    sheet.loc[3, TURN_COLUMN] = np.nan
+    sheet.to_csv(tmp_path / "sheet.csv", index=False)
+    with pytest.warns(Note, match=f"{len(sheet) - 1} of {len(sheet)} rows are filled in"):
+        found = calibrate(study, tmp_path / "sheet.csv")
+    assert found.fit.dof == whole.fit.dof - 1
 
 
 @pytest.mark.parametrize("links", [False, True], ids=["payload", "payload and links"])

@@ -25,10 +25,10 @@ def test_logarithms_of_long_fractions(study):
 
 
 def test_an_error_is_below_the_accuracy_that_is_told(study):
-    """Of years, from rows and from squares."""
+    """Of years, from rows and from squares; a bound is lowered by what rounding may have added."""
     A = study.MODELS["quadratic of the years 2000 to 2030"]
     rows = study.edtk.Problem(A[:, None, :])
     for problem in (rows, study.edtk.Problem.of_information(rows.packed)):
         gap, error, accuracy = map(float, study.cells(problem, A, "A"))
-        assert gap <= study.GAP
+        assert gap <= study.GAP + accuracy
         assert error <= accuracy

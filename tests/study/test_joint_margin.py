@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from short_search import short_search
 
 import edtk
 from edtk.certificate.case import Case
@@ -20,11 +21,12 @@ NEAR = STUDY.replace(joints={**JOINTS, "margin_deg": 3})
 
 def test_a_plan_keeps_the_margin_and_says_so_without(tmp_path: Path) -> None:
     """The search stands on limits unless there is a margin; then nothing is nearer than it."""
-    plain = edtk.plan(STUDY, 4, seed=1, budget=1)
+    with short_search():
+        plain = edtk.plan(STUDY, 4, seed=1)
+        kept = edtk.plan(NEAR, 4, seed=1, certificate=tmp_path / "c.json")
     assert "q2" in plain.on_limits
     assert "on their limits: q2 in row" in plain.summary()
     assert plain.to_dict()["on_limits"]["q2"] == [row + 1 for row in plain.on_limits["q2"]]
-    kept = edtk.plan(NEAR, 4, seed=1, budget=1, certificate=tmp_path / "c.json")
     lower, upper = STUDY.robot.limits
     q = kept.whole.q[:, 1:]
     assert np.minimum(q - lower[1:], upper[1:] - q).min() > np.deg2rad(3) - 1e-9

@@ -6,6 +6,7 @@ from functools import partial
 import numpy as np
 
 from criteria import Relaxable
+from criteria.linalg.estimable import range_whitener
 from criteria.linalg.typing import triangle
 from edtk.design.bound import Bound, BoundKind
 from edtk.design.information import order, pack
@@ -15,6 +16,7 @@ from edtk.design.relaxation.proof import (
     WarmStart,
     experiment_blocks,
     original_weights,
+    rounding_of_inverse,
     safe_cost,
 )
 from edtk.design.relaxation.relaxation import Relaxation
@@ -241,9 +243,13 @@ class Incumbent:
         weights = original_weights(problem, self.criterion, self.active, self.weights)
         blocks = experiment_blocks(problem, self.active)
         few = sparse_weights(pack(problem.blocks(self.active)), weights)
-        cost = float(self.criterion.cost(np.tensordot(weights, blocks, axes=1)))
+        M = np.tensordot(weights, blocks, axes=1)
+        cost = float(self.criterion.cost(M))
         cost_of_few = safe_cost(self.criterion, np.tensordot(few, blocks, axes=1))
-        found = few if cost_of_few <= cost * (1 + SPARSE_LOSS * gap) else weights
+        # Both are the same design: near a singular one rounding alone may tell them apart.
+        rounding = rounding_of_inverse(M, np.square(range_whitener(M)).sum(axis=1))
+        loss = max(SPARSE_LOSS * gap, rounding)
+        found = few if cost_of_few <= cost * (1 + loss) else weights
         return found if self.criterion.needs_all else self._heavy(found, blocks, gap)
 
     def _heavy(self, weights: Array, blocks: Array, gap: float) -> Array:

@@ -167,8 +167,13 @@ def of_positions(columns: Array, means: MarkerPositions) -> Array:
 
     Rows of what was not seen are zero.
     """
+    return of_all(columns[:, :, :3], means)
+
+
+def of_all(columns: Array, means: MarkerPositions) -> Array:
+    """Columns (m, rk, c) of all that is measured, as `of_positions` has those of positions."""
     there = means.seen[..., None, None]
-    found = np.where(there, columns[:, :, :3], 0.0)
+    found = np.where(there, columns, 0.0)
     return np.asarray(found.reshape(len(columns), -1, columns.shape[-1]))
 
 
@@ -300,11 +305,14 @@ def common_scale(fit: GeometricFit) -> CommonScale | None:
     every = model.with_parameters(errors)
     seen = model.see(fit.fitted.theta, means.q)
     jacobian = every.see(np.zeros(every.p), means.q).jacobian
+    assert seen.jacobian is not None
     assert jacobian is not None
-    scaled = of_positions(seen.points[..., None], means)  # mm by 1 mm/m
-    moved = MM * of_positions(jacobian * every.scales, means)
-    columns = np.concatenate([moved, scaled], axis=-1)
-    taken = _coefficients(FitRows.of(fit).design, columns)[own]
+    scaled = np.zeros((*jacobian.shape[:3], 1))
+    scaled[:, :, :3] = seen.points[..., None]  # mm by 1 mm/m; a scale turns nothing
+    moved = MM * jacobian * every.scales
+    columns = of_all(np.concatenate([moved, scaled], axis=-1), means)
+    # Some of the minimal set is told by orientations alone.
+    taken = _coefficients(MM * of_all(seen.jacobian * model.scales, means), columns)[own]
     turns = np.array([one.turns for one in errors])
     kinds = [K @ K.T for K in (taken[:, :-1][:, ~turns], taken[:, :-1][:, turns])]
     C = fit.fitted.covariance[np.ix_(own, own)]

@@ -5,6 +5,7 @@ from functools import cache
 import cvxpy as cp
 import numpy as np
 import pytest
+from cvxpy.reductions.solvers.solving_chain import SolvingChain
 from relaxations import (
     BADLY,
     BASES,
@@ -120,15 +121,14 @@ def test_one_solver(name, case, solver):
         assert r.solver == solver
 
 
-def solve_then(change):
-    """A stand-in for `cvxpy.Problem.solve` that solves and then changes an answer of CLARABEL."""
-    solve = cp.Problem.solve
+def unpack_then(change):
+    """A stand-in for `cvxpy.Problem.unpack_results` that changes an answer of CLARABEL."""
+    unpack = cp.Problem.unpack_results
 
-    def stand_in(self, *args, solver=None, **options):
-        value = solve(self, *args, solver=solver, **options)
-        if solver == "CLARABEL":
+    def stand_in(self, solution, chain, inverse_data):
+        unpack(self, solution, chain, inverse_data)
+        if chain.solver.name() == "CLARABEL":
             change(self)
-        return value
 
     return stand_in
 
@@ -201,7 +201,7 @@ def test_broken_first_solver(monkeypatch, name, change):
     Right weights without a multiplier (`silence`) prove themselves where the criterion is smooth.
     """
     problem = Problem(WELL["off-centre"])
-    monkeypatch.setattr(cp.Problem, "solve", solve_then(change))
+    monkeypatch.setattr(cp.Problem, "unpack_results", unpack_then(change))
     r = relax(problem, criterion_of(name), options=SolverOptions(batch=10, solvers=CHAIN))
     check(r, problem, name)
     assert r.gap <= GAP
@@ -227,16 +227,16 @@ def test_inaccurate_first_solver(monkeypatch, name, options, n):
     assert r.gap <= GAP
 
 
-def no_solver(self, *args, solver=None, **options):
-    """A stand-in for `cvxpy.Problem.solve` that never answers."""
-    raise cp.SolverError(f"{solver} is out of order")
+def no_solver(self, *args, **options):
+    """A stand-in for `SolvingChain.solve_via_data` that never answers."""
+    raise cp.SolverError(f"{self.solver.name()} is out of order")
 
 
 @every_base
 def test_no_solver_at_all(monkeypatch, name):
     """Without cvxpy's solvers smooth criteria are solved; others fail with each solver's words."""
     problem = Problem(off_centre(13, 12))
-    monkeypatch.setattr(cp.Problem, "solve", no_solver)
+    monkeypatch.setattr(SolvingChain, "solve_via_data", no_solver)
     if name in SMOOTH:
         r = relax(problem, criterion_of(name), options=SolverOptions(solvers=CHAIN))
         check(r, problem, name)

@@ -1,11 +1,14 @@
 """The relaxation over candidates: laws that its weights and bounds obey, limits, interruptions."""
 
+import os
+import signal
 from dataclasses import replace
 from functools import cache
 
 import cvxpy as cp
 import numpy as np
 import pytest
+from cvxpy.reductions.solvers.solving_chain import SolvingChain
 from designs import KR270, STUDY
 from relaxations import (
     BASES,
@@ -350,19 +353,23 @@ def test_interrupt_leaves_the_best_so_far(name, k):
 @pytest.mark.parametrize("calls", [1, 2])
 def test_interrupt_within_a_solver(monkeypatch, calls):
     """Ctrl-C within the first program is a plain interrupt; within the second it has a design."""
-    solve = cp.Problem.solve
+    solve = SolvingChain.solve_via_data
     left = [calls]
 
     def stand_in(self, *args, **options):
         left[0] -= 1
         if not left[0]:
-            raise KeyboardInterrupt
+            os.kill(os.getpid(), signal.SIGINT)
         return solve(self, *args, **options)
 
-    monkeypatch.setattr(cp.Problem, "solve", stand_in)
+    monkeypatch.setattr(SolvingChain, "solve_via_data", stand_in)
     problem = Problem(off_centre(12, 2000))
-    with pytest.raises(KeyboardInterrupt) as caught:
-        relax(problem, criterion_of("A"), options=SolverOptions(batch=2, solvers=CHAIN))
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        with pytest.raises(KeyboardInterrupt) as caught:
+            relax(problem, criterion_of("A"), options=SolverOptions(batch=2, solvers=CHAIN))
+    finally:
+        signal.signal(signal.SIGINT, before)
     if calls == 1:
         assert not isinstance(caught.value, RelaxationInterrupted)
     else:

@@ -3,6 +3,7 @@
 import cvxpy as cp
 import numpy as np
 import pytest
+from cvxpy.reductions.solvers.solving_chain import SolvingChain
 from matrices import semidefinite
 from relaxations import BASES, EPS, GAP, KINDS, SMOOTH, TARGET, UNITS, every
 
@@ -180,10 +181,10 @@ def test_candidates_without_a_regular_design(name, solver):
 def test_failure_is_told_in_the_words_of_the_solver(monkeypatch, solver):
     """A failure of the solver is an error with its name and its words on one line."""
 
-    def solve(self, *args, **options):
+    def solve_via_data(self, *args, **options):
         raise cp.SolverError("numerical\n  trouble")
 
-    monkeypatch.setattr(cp.Problem, "solve", solve)
+    monkeypatch.setattr(SolvingChain, "solve_via_data", solve_via_data)
     with pytest.raises(RelaxationError, match=f"^{solver}: numerical trouble$"):
         RestrictedMaster(criterion_of("A"), np.eye(4), 12).solve(blocks_of("A"), solver)
 
