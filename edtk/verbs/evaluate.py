@@ -3,8 +3,8 @@
 from typing import TYPE_CHECKING
 
 from edtk.study.evaluate import Evaluation
-from edtk.study.evaluate import evaluate as evaluate_plan
-from edtk.verbs.inputs import PlanLike, StudyLike, as_plan, as_study, errors_in, name_of
+from edtk.verbs.inputs import PlanLike, StudyLike
+from edtk.verbs.of_studies import of_study
 
 if TYPE_CHECKING:
     from edtk.calibration.geometry_design.evaluate_geometry import GeometryEvaluation
@@ -25,10 +25,4 @@ def evaluate(study: StudyLike, plan: PlanLike) -> "Evaluation | GeometryEvaluati
     Raises:
         UserError: A file is not valid, or the plan cannot identify all compliances.
     """
-    question = as_study(study)
-    if question.specification.parameters is not None:
-        from edtk.calibration.geometry_design.evaluate_geometry import evaluate_geometry
-
-        return evaluate_geometry(question, as_plan(question, plan))
-    with errors_in(name_of(plan, "plan")):
-        return evaluate_plan(question, as_plan(question, plan))
+    return of_study(study).evaluate(plan)

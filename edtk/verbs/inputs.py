@@ -25,8 +25,6 @@ from edtk.system.workers import Workers, WorkersLostError, open_workers
 if TYPE_CHECKING:
     import pandas as pd
 
-    from edtk.design.design_space import DesignSpace
-
 
 class HasPlan(Protocol):
     """A result with a plan, such as that of `edtk.plan`."""
@@ -220,31 +218,15 @@ def _same(first: Path | str, second: Path | str) -> bool:
 CriterionLike = criteria.Criterion | str | Mapping[str, Any]
 
 
-def for_criterion(study: Study, criterion: CriterionLike | None) -> tuple[Study, str | None]:
-    """The study that asks for a criterion, and the criterion's name in it.
-
-    A name stands for the criterion with what the study says of it. A table with parameters, or a
-    criterion that needs some, becomes the study's own key `criterion`.
-
-    Args:
-        study: The study.
-        criterion: What is asked for; None for the criterion that the study is about.
+def given_size(size: int | None) -> int:
+    """The number of experiments, which nothing else says.
 
     Raises:
-        UserError: The study cannot have such a criterion.
-        CriterionError: There is no such criterion, or its parameters are wrong.
+        ArgumentError: It is not given.
     """
-    if criterion is None or isinstance(criterion, str):
-        return study, criterion
-    if isinstance(criterion, criteria.Criterion):
-        if not criterion.needs_parameters:
-            return study, criterion.name
-        criterion = criterion.to_dict()
-    if study.specification.parameters is not None:
-        name = str(criterion.get("name"))  # which parameters it has only the design knows
-    else:
-        name = criteria.as_criterion(criterion, study.specification.joints.unknown).name
-    return study.replace(criterion=dict(criterion)), name
+    if size is None:
+        raise ArgumentError("expected the number of experiments", argument="size")
+    return size
 
 
 @contextmanager
@@ -266,25 +248,6 @@ def workers_for(workers: int | None, dask: str | None) -> Iterator[Workers]:
             yield found
     except WorkersLostError as error:
         raise ArgumentError(str(error), argument="dask") from error
-
-
-def setting_of(study: "Study", space: "DesignSpace | None" = None) -> dict[str, Any]:
-    """Robot, load, noise, constraints and tasks of a study as plain data.
-
-    Args:
-        study: The study, of compliances or of geometry.
-        space: The design space that was searched; defaults to the study's.
-    """
-    if study.specification.parameters is not None:
-        from edtk.calibration.geometry_design.geometry_question import (
-            GeometryQuestion,
-            geometry_setting,
-        )
-
-        return geometry_setting(GeometryQuestion.of(study))
-    from edtk.certificate.setting_to_dict import setting_to_dict
-
-    return setting_to_dict(study, study.space if space is None else space)
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING, overload
 
 from numpy.typing import ArrayLike
 
@@ -10,23 +10,12 @@ from edtk.design.exact.exact_plan import ExactPlan
 from edtk.design.problem import Problem
 from edtk.design.region import Region
 from edtk.study.plan_study import Progress, no_progress
-from edtk.study.study import Study
-from edtk.system.errors import ArgumentError, whole_number
-from edtk.verbs.inputs import (
-    CriterionLike,
-    PlanLike,
-    StudyLike,
-    TableAndCertificate,
-    as_study,
-    for_criterion,
-)
-from edtk.verbs.plan_study import plan_compliances
+from edtk.verbs.inputs import CriterionLike, PlanLike, StudyLike
+from edtk.verbs.question import FIXED, PlanCall, Question
 
 if TYPE_CHECKING:
     from edtk.design.exact.counts.problem_plan import ProblemPlan
     from edtk.design.exact.plan_region import RegionPlan
-
-FIXED = float("inf")  # variance of effects of blocks of which nothing is known
 
 
 @overload
@@ -174,118 +163,27 @@ def plan(
         >>> edtk.plan(parabola, size=6, criterion="D").counts
         array([2, 0, 0, 0, 0, 2, 0, 0, 0, 0, 2])
     """
-    of_problem = {
-        "starts": starts,
-        "most": most,
-        "costs": costs,
-        "cost_budget": cost_budget,
-        "blocks": blocks,
-        "block_variance": None if block_variance == FIXED else block_variance,
-    }
-    of_study = {
-        "distinct": distinct,
-        "exclude": exclude,
-        "budget": budget,
-        "workers": workers,
-        "dask": dask,
-        "certificate": certificate,
-        "detect": detect,
-    }
-    if isinstance(study, Problem):
-        _require_none(of_study, "a problem of arrays")
-        return _of_problem(study, size, criterion, seed, keep, out, progress, of_problem)
-    if isinstance(study, Region):
-        _require_none({**of_problem, "starts": None, **of_study}, "a region")
-        return _of_region(study, size, criterion, seed, keep, out, progress, starts)
-    _require_none({**of_problem, "cost_budget": None}, "a study")
-    of_study["out"] = out
-    return _of_study(as_study(study), size, criterion, seed, keep, cost_budget, progress, of_study)
-
-
-def _of_problem(
-    problem: Problem,
-    size: int | None,
-    criterion: CriterionLike | None,
-    seed: int | None,
-    keep: Any,
-    out: Path | str | None,
-    progress: Progress,
-    options: Mapping[str, Any],
-) -> "ProblemPlan":
-    """The plan of a problem of arrays, and its table."""
-    from edtk.verbs.plan_problem import plan_problem  # a study need not wait for it
-
-    files = TableAndCertificate(out, None)
-    files.require()
-    given = {name: value for name, value in options.items() if value is not None}
-    asked = "D" if criterion is None else criterion
-    found = plan_problem(problem, size, asked, seed or 0, keep=keep, progress=progress, **given)
-    files.write(lambda: found.to_frame().reset_index(), str)
-    return found
-
-
-def _of_region(
-    region: Region,
-    size: int | None,
-    criterion: CriterionLike | None,
-    seed: int | None,
-    keep: Any,
-    out: Path | str | None,
-    progress: Progress,
-    starts: int | None,
-) -> "RegionPlan":
-    """The plan of a region, and its table."""
-    from edtk.verbs.plan_problem import plan_region
-
-    files = TableAndCertificate(out, None)
-    files.require()
-    asked = "D" if criterion is None else criterion
-    found = plan_region(region, _given(size), asked, seed or 0, starts, keep, progress)
-    files.write(found.to_frame, str)
-    return found
-
-
-def _of_study(
-    study: Study,
-    size: int | None,
-    criterion: CriterionLike | None,
-    seed: int | None,
-    keep: Any,
-    cost_budget: float | None,
-    progress: Progress,
-    options: Mapping[str, Any],
-) -> ExactPlan:
-    """The plan of a study, of compliances alone or of geometry too, and its files.
-
-    Raises:
-        ArgumentError: A number is none.
-    """
-    size = None if size is None else whole_number(size, "size", 1)
-    seed = None if seed is None else whole_number(seed, "seed", 0)
-    for argument in ("distinct", "workers"):
-        if options[argument] is not None:
-            whole_number(options[argument], argument, 1)
-    if study.specification.parameters is not None:
-        from edtk.verbs.plan_study import plan_geometry
-
-        return plan_geometry(
-            study, size, criterion, seed, keep, progress, cost_budget=cost_budget, **options
-        )
-    _require_none({"cost_budget": cost_budget}, "a study")
-    m = _given(size)
-    asked, name = for_criterion(study, criterion)
-    return plan_compliances(asked, m, name, seed, keep, progress, **options)
-
-
-def _given(size: int | None) -> int:
-    """The number of experiments, which nothing else says."""
-    if size is None:
-        raise ArgumentError("expected the number of experiments", argument="size")
-    return size
-
-
-def _require_none(options: Mapping[str, object], what: str) -> None:
-    """Check that options of another kind of question are not given."""
-    for name, value in options.items():
-        if value is not None:
-            raise ArgumentError(f"not for plans of {what}", argument=name)
+    question = Question.of(study)
+    call = PlanCall(
+        size=size,
+        criterion=criterion,
+        seed=seed,
+        keep=keep,
+        out=out,
+        progress=progress,
+        starts=starts,
+        most=most,
+        costs=costs,
+        cost_budget=cost_budget,
+        blocks=blocks,
+        block_variance=None if block_variance == FIXED else block_variance,
+        distinct=distinct,
+        exclude=exclude,
+        budget=budget,
+        workers=workers,
+        dask=dask,
+        certificate=certificate,
+        detect=detect,
+    )
+    question.require("plan", **vars(call))
+    return question.plan(call)

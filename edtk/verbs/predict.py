@@ -4,21 +4,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from edtk.calibration.geometry.geometric_calibration import GeometricCalibration, read_result
-from edtk.calibration.geometry.prediction import Prediction, predict_positions
-from edtk.design.plan import REPEATS
-from edtk.measure.cells import csv_text
-from edtk.system.files import write_files
-from edtk.verbs.inputs import (
-    PlanLike,
-    StudyLike,
-    as_study,
-    as_table,
-    files_of,
-    name_of,
-    plan_of,
-    require_output,
-)
+from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
+from edtk.calibration.geometry.prediction import Prediction
+from edtk.verbs.inputs import PlanLike, StudyLike
+from edtk.verbs.of_studies import of_study
 
 
 def predict(
@@ -46,20 +35,4 @@ def predict(
     Raises:
         UserError: A file is not valid, or of another study; one line says why.
     """
-    question = as_study(study)
-    if question.specification.parameters is None:
-        raise question.error(
-            "parameters", "predictions need a study of geometry; expected a table [parameters]"
-        )
-    require_output(out, *question.reads, *files_of(result, poses))
-    plan = plan_of(question, poses, "poses")
-    if plan is None:
-        table = as_table(poses, "poses")
-    else:
-        table = plan.to_frame(question.robot).drop(columns=REPEATS)
-    where = name_of(result, "result")
-    content = read_result(result)
-    found = predict_positions(question, content["geometry"], where, table, tool_rows)
-    if out is not None:
-        write_files({Path(out): csv_text(found.to_frame())})
-    return found
+    return of_study(study).predict(result, poses, tool_rows, out)

@@ -1,9 +1,10 @@
 """`edtk.relax`: the best weights over candidate experiments, with a bound on every design."""
 
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, overload
+
+from edtk.verbs.question import Question, RelaxCall
 
 if TYPE_CHECKING:
     from edtk.design.problem import Problem
@@ -11,8 +12,7 @@ if TYPE_CHECKING:
     from edtk.design.relaxation.relaxation import Relaxation
     from edtk.design.relaxation.relaxed_plan import RelaxedPlan
     from edtk.design.relaxation.relaxed_region import RelaxedRegion
-    from edtk.study.study import Study
-    from edtk.verbs.inputs import CriterionLike, StudyLike, TableAndCertificate
+    from edtk.verbs.inputs import CriterionLike, StudyLike
 
 Progress = Callable[[str, float], object]
 MEMORY_MB = 1000.0
@@ -104,125 +104,17 @@ def relax(
         >>> x[design.weights > 0.1].round(2).tolist()
         [-1.0, 0.0, 1.0]
     """
-    from edtk.design.problem import Problem
-    from edtk.design.region import Region
-
-    if isinstance(question, Problem):
-        _require_default("a problem of arrays", candidates=candidates, seed=seed)
-        asked = "D" if criterion is None else criterion
-        return _relax_problem(question, asked, size, out, certificate)
-    if isinstance(question, Region):
-        _require_default("a region", seed=seed)
-        asked = "D" if criterion is None else criterion
-        return _relax_region(question, asked, candidates, size, progress, out, certificate)
-    from edtk.design.relaxation.relax_poses import PlanInterrupted
-    from edtk.study.plan_study import RunOptions
-    from edtk.verbs.inputs import TableAndCertificate, as_study, errors_in, for_criterion
-
-    study = as_study(question)
-    files = TableAndCertificate(out, certificate)
-    files.require(*study.reads)
-    study, name = for_criterion(study, criterion)
-    if certificate is not None:
-        from edtk.certificate.certificate import require_certifiable
-
-        require_certifiable(study, name, certificate)
-    try:
-        with errors_in(study.where):
-            found = _relaxed_by(study)(
-                study,
-                name,
-                candidates=candidates,
-                continuous=continuous,
-                size=size,
-                memory_mb=memory_mb,
-                options=RunOptions(seed=seed, progress=progress),
-            )
-    except PlanInterrupted as interrupt:
-        _write(study, interrupt.best, files)
-        raise
-    _write(study, found, files)
-    return found
-
-
-def _relaxed_by(study: "Study") -> Callable[..., "RelaxedPlan"]:
-    """What relaxes a study: of geometry, or of compliances alone."""
-    if study.specification.parameters is not None:
-        from edtk.calibration.geometry_design.plan_geometry import relax_geometry
-
-        return relax_geometry
-    from edtk.study.plan_study import relax_study
-
-    return relax_study
-
-
-def _write(study: "Study", found: "RelaxedPlan", files: "TableAndCertificate") -> None:
-    """Write the files that were asked for."""
-
-    def proof() -> str:
-        from edtk.certificate.certificate import certificate_text
-        from edtk.verbs.inputs import setting_of
-
-        return certificate_text(study, found, setting_of(study, found.space))
-
-    files.write(found.to_frame, proof)
-
-
-def _require_default(what: str, **options: object) -> None:
-    """Check that options of another kind of question are not given."""
-    from edtk.system.errors import ArgumentError
-
-    for name, value in options.items():
-        if value is not None:
-            raise ArgumentError(f"not for the relaxation of {what}", argument=name)
-
-
-def _relax_problem(
-    problem: "Problem",
-    criterion: "CriterionLike",
-    size: int | None,
-    out: Path | str | None,
-    certificate: Path | str | None,
-) -> "Relaxation":
-    """The relaxation over the candidates of a problem of arrays."""
-    import criteria
-    from edtk.design.relaxation.relax import relax as relax_candidates
-    from edtk.system.errors import whole_number
-    from edtk.system.parsing import json_text
-    from edtk.verbs.inputs import TableAndCertificate
-
-    criterion = criteria.as_criterion(criterion, problem.parameters)
-    files = TableAndCertificate(out, certificate)
-    files.require()
-    number = 1 if size is None else whole_number(size, "size", 1)
-    found = relax_candidates(problem, criterion.for_size(number))
-    found = replace(found, problem=problem)
-    files.write(lambda: found.to_frame().reset_index(), lambda: json_text(found.to_dict()) + "\n")
-    return found
-
-
-def _relax_region(
-    region: "Region",
-    criterion: "CriterionLike",
-    candidates: int | None,
-    size: int | None,
-    progress: Progress,
-    out: Path | str | None,
-    certificate: Path | str | None,
-) -> "RelaxedRegion":
-    """The relaxation over all points of a region, and its files."""
-    import criteria
-    from edtk.design.relaxation.relax_region import relax_region
-    from edtk.design.relaxation.search_region import POINTS
-    from edtk.system.errors import whole_number
-    from edtk.system.parsing import json_text
-    from edtk.verbs.inputs import TableAndCertificate
-
-    criterion = criteria.as_criterion(criterion, region.parameters)
-    files = TableAndCertificate(out, certificate)
-    files.require()
-    points = POINTS if candidates is None else whole_number(candidates, "candidates", 2)
-    of_one = criterion.for_size(1 if size is None else whole_number(size, "size", 1))
-    found = relax_region(region, of_one, points, progress=progress)
-    files.write(found.to_frame, lambda: json_text(found.on_grid().to_dict()) + "\n")
-    return found
+    asked = Question.of(question)
+    call = RelaxCall(
+        criterion=criterion,
+        candidates=candidates,
+        continuous=continuous,
+        size=size,
+        seed=seed,
+        memory_mb=memory_mb,
+        out=out,
+        certificate=certificate,
+        progress=progress,
+    )
+    asked.require("relax", **vars(call))
+    return asked.relax(call)

@@ -2,12 +2,10 @@
 
 import os
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
-from criteria import Criterion
 from edtk.certificate.certificate import certificate_text, is_certifiable
 from edtk.design.exact.exact_plan import ExactPlan
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
@@ -15,17 +13,17 @@ from edtk.report.comparison_report import comparison_files
 from edtk.study.plan_study import Progress, RunOptions, no_progress
 from edtk.study.run_study import run_study
 from edtk.study.study import Study
-from edtk.study.study_run import KINDS, Designs, StudyRun, run_files
+from edtk.study.study_run import KINDS, StudyRun, run_files
 from edtk.system.errors import UserError
 from edtk.system.files import Content, FolderLock, made_folder, sweep, write_files
 from edtk.verbs.inputs import (
     StudyLike,
-    as_study,
     errors_in,
     require_folder,
     require_output,
     workers_for,
 )
+from edtk.verbs.of_studies import OfStudy, of_study
 
 # Names of files that a run writes; others in the folder are left alone.
 PLAN = rf"({'|'.join(KINDS)})_(.+_)?m\d+(_k\d+)?"
@@ -63,31 +61,21 @@ def run(
     Raises:
         UserError: One line that says what cannot be done, and where.
     """
-    question = as_study(study)
+    asked = of_study(study)
+    question = asked.study
     folder = _folder(question) if out is None else Path(out)
     require_folder(out)
     require_output(folder / "report.md")
     _require_apart(question, folder)
     with workers_for(workers, dask) as pool, errors_in(question.where), _alone_in(folder):
         options = RunOptions(workers=pool, progress=progress)
-        found = run_study(
-            question, folder, fresh=fresh, options=options, designs_of=_designs_of(question)
-        )
-        files = run_files(found) | _certificates(found) | comparison_files(found)
+        found = run_study(question, folder, fresh=fresh, options=options, designs_of=asked.designs)
+        files = run_files(found) | _certificates(asked, found) | comparison_files(found)
         write_files(files)
         for path in _of_earlier_runs(folder):
             if path not in files and path.is_file():
                 path.unlink()
     return found
-
-
-def _designs_of(study: Study) -> Callable[[Study], Designs]:
-    """What tells the designs of a study: of compliances, or of geometry."""
-    if study.specification.parameters is None:
-        return Designs
-    from edtk.calibration.geometry_design.evaluate_geometry import GeometryDesigns
-
-    return GeometryDesigns.of
 
 
 @contextmanager
@@ -117,34 +105,25 @@ def _folder(study: Study) -> Path:
     return Path("results") / (study.path.stem if study.path is not None else "study")
 
 
-def _certificates(found: StudyRun) -> dict[Path, Content]:
+def _certificates(asked: OfStudy, found: StudyRun) -> dict[Path, Content]:
     """What proves each relaxation and each plan that was searched, by path."""
     results: dict[str, RelaxedPlan | ExactPlan] = {
         f"relaxation_{name}": relaxed for name, relaxed in found.relaxations.items()
     }
     results |= {case.name: case.found for case in found.cases if case.found is not None}
     folder = found.folder / "certificates"
-    setting = _setting(found)
     return {
-        folder / f"{name}.json": certificate_text(found.study, result, setting)
+        folder / f"{name}.json": certificate_text(
+            found.study, result, asked.setting(_relaxed_of(result).space)
+        )
         for name, result in results.items()
-        if is_certifiable(_criterion_of(result).name)
+        if is_certifiable(_relaxed_of(result).criterion.name)
     }
 
 
-def _setting(found: StudyRun) -> dict[str, Any] | None:
-    """The setting of a study of geometry; None for the usual one."""
-    if found.study.specification.parameters is None:
-        return None
-    from edtk.verbs.inputs import setting_of
-
-    return setting_of(found.study)
-
-
-def _criterion_of(result: RelaxedPlan | ExactPlan) -> Criterion:
-    """What a result minimises."""
-    relaxed = result.relaxed if isinstance(result, ExactPlan) else result
-    return relaxed.criterion
+def _relaxed_of(result: RelaxedPlan | ExactPlan) -> RelaxedPlan:
+    """The relaxation of a result, or the result."""
+    return result.relaxed if isinstance(result, ExactPlan) else result
 
 
 def _of_earlier_runs(folder: Path) -> Iterator[Path]:

@@ -110,10 +110,12 @@ def _beside_study(
     """The claims that a certificate's setting, and what it asks, are those of a study."""
     # Imported late: studies bring pydantic, which the check of a file alone need not pay.
     from edtk.calibration.geometry_design.day_costs import DayCosts
-    from edtk.verbs.inputs import as_plan, as_study, setting_of
+    from edtk.verbs.inputs import as_plan
+    from edtk.verbs.of_studies import of_study
 
-    known = as_study(study)
-    expected = json.loads(json.dumps(setting_of(known)))
+    question = of_study(study)
+    known = question.study
+    expected = json.loads(json.dumps(question.setting()))
     stated = content["setting"]
     keys = [*expected, *(key for key in stated if key not in expected)]
     other = [key for key in keys if stated.get(key) != expected.get(key)]

@@ -25,7 +25,6 @@ def relax_geometry(
     *,
     candidates: int | None = None,
     continuous: bool = False,
-    size: int | None = None,
     memory_mb: float = DEFAULT_MB,
     options: RunOptions = DEFAULTS,
 ) -> RelaxedPlan:
@@ -36,7 +35,6 @@ def relax_geometry(
         criterion: Name of a criterion; defaults to the one that the study is about.
         candidates: Number of candidate visits; defaults to the study's.
         continuous: Whether to search over all feasible poses, beyond the candidates.
-        size: Has no effect, as there is no prior; expected None.
         memory_mb: Limit on memory [MB].
         options: Seed and progress.
 
@@ -44,9 +42,6 @@ def relax_geometry(
         UserError: One line that says what cannot be done, and where.
         PlanInterrupted: Ctrl-C after a first certified plan, which it carries.
     """
-    if size is not None:
-        message = "has no effect without a prior in the design; expected none"
-        raise ArgumentError(message, argument="size", given=size)
     with study_errors(study):
         question = GeometryQuestion.of(study)
         source: CandidateSource = source_of(study, options.seed, question.space)

@@ -1,0 +1,108 @@
+"""Questions without a robot: problems of arrays, and regions of points."""
+
+from dataclasses import dataclass, replace
+
+import criteria
+from edtk.design.exact.counts.problem_plan import ProblemPlan
+from edtk.design.exact.plan_region import RegionPlan
+from edtk.design.problem import Problem
+from edtk.design.region import Region
+from edtk.design.relaxation.relax import relax
+from edtk.design.relaxation.relax_region import relax_region
+from edtk.design.relaxation.relaxation import Relaxation
+from edtk.design.relaxation.relaxed_region import RelaxedRegion
+from edtk.design.relaxation.search_region import POINTS
+from edtk.system.errors import whole_number
+from edtk.system.parsing import json_text
+from edtk.verbs.inputs import TableAndCertificate, given_size
+from edtk.verbs.plan_problem import plan_problem, plan_region
+from edtk.verbs.question import OF_PROBLEMS, PlanCall, Question, RelaxCall
+
+
+@dataclass(frozen=True)
+class OfProblem(Question):
+    """Which candidates of a problem of arrays to measure, and how often.
+
+    Attributes:
+        problem: The problem.
+    """
+
+    problem: Problem
+    kind = "problem"
+
+    def plan(self, call: PlanCall) -> ProblemPlan:
+        """Counts of candidates; see `edtk.plan`."""
+        files = TableAndCertificate(call.out, None)
+        files.require()
+        options = {name: getattr(call, name) for name in (*OF_PROBLEMS, "cost_budget")}
+        given = {name: value for name, value in options.items() if value is not None}
+        found = plan_problem(
+            self.problem,
+            call.size,
+            "D" if call.criterion is None else call.criterion,
+            call.seed or 0,
+            keep=call.keep,
+            progress=call.progress,
+            **given,
+        )
+        files.write(lambda: found.to_frame().reset_index(), str)
+        return found
+
+    def relax(self, call: RelaxCall) -> Relaxation:
+        """Weights of the candidates; see `edtk.relax`."""
+        asked = "D" if call.criterion is None else call.criterion
+        criterion = criteria.as_criterion(asked, self.problem.parameters)
+        files = TableAndCertificate(call.out, call.certificate)
+        files.require()
+        found = relax(self.problem, criterion.for_size(_number(call.size)))
+        found = replace(found, problem=self.problem)
+        files.write(
+            lambda: found.to_frame().reset_index(), lambda: json_text(found.to_dict()) + "\n"
+        )
+        return found
+
+
+@dataclass(frozen=True)
+class OfRegion(Question):
+    """Which points of a region to measure.
+
+    Attributes:
+        region: The region.
+    """
+
+    region: Region
+    kind = "region"
+
+    def plan(self, call: PlanCall) -> RegionPlan:
+        """Points with their counts; see `edtk.plan`."""
+        files = TableAndCertificate(call.out, None)
+        files.require()
+        found = plan_region(
+            self.region,
+            given_size(call.size),
+            "D" if call.criterion is None else call.criterion,
+            call.seed or 0,
+            call.starts,
+            call.keep,
+            call.progress,
+        )
+        files.write(found.to_frame, str)
+        return found
+
+    def relax(self, call: RelaxCall) -> RelaxedRegion:
+        """Points with their weights; see `edtk.relax`."""
+        asked = "D" if call.criterion is None else call.criterion
+        criterion = criteria.as_criterion(asked, self.region.parameters)
+        files = TableAndCertificate(call.out, call.certificate)
+        files.require()
+        given = call.candidates
+        points = POINTS if given is None else whole_number(given, "candidates", 2)
+        of_one = criterion.for_size(_number(call.size))
+        found = relax_region(self.region, of_one, points, progress=call.progress)
+        files.write(found.to_frame, lambda: json_text(found.on_grid().to_dict()) + "\n")
+        return found
+
+
+def _number(size: int | None) -> int:
+    """Number of experiments that share a prior; one where none is given."""
+    return 1 if size is None else whole_number(size, "size", 1)

@@ -1,0 +1,703 @@
+"""Questions about a robot: of compliances by displacements, and of geometry by positions."""
+
+from abc import abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, Union
+
+import numpy as np
+
+import criteria
+from edtk.design.exact.exact_plan import ExactPlan
+from edtk.design.plan import REPEATS, Plan
+from edtk.design.relaxation.relax_poses import PlanInterrupted
+from edtk.design.relaxation.relaxed_plan import RelaxedPlan
+from edtk.measure.compliances import Compliances, load_compliances
+from edtk.measure.pose_table import Table, path_of
+from edtk.study import kinds
+from edtk.study.plan_study import RunOptions
+from edtk.study.study import Study
+from edtk.system.errors import ArgumentError, UserError, whole_number
+from edtk.system.files import Content, is_standard_output, write_files
+from edtk.verbs.inputs import (
+    CriterionLike,
+    PlanLike,
+    StudyLike,
+    TableAndCertificate,
+    as_plan,
+    as_study,
+    as_table,
+    content_of,
+    errors_in,
+    files_of,
+    given_size,
+    name_of,
+    plan_of,
+    require_folder,
+    require_output,
+    workers_for,
+)
+from edtk.verbs.question import PlanCall, Question, RelaxCall
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from edtk.calibration.calibration import Calibration
+    from edtk.calibration.compensate import Compensation
+    from edtk.calibration.geometry.compensate_geometry import GeometricCompensation
+    from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
+    from edtk.calibration.geometry.prediction import Prediction
+    from edtk.calibration.geometry_design.evaluate_geometry import GeometryEvaluation
+    from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
+    from edtk.design.design_space import DesignSpace
+    from edtk.study.evaluate import Evaluation
+    from edtk.study.study_run import Designs
+    from edtk.verbs.bayes import Sampling
+
+MOST_ROWS = 1_000_000  # of a sheet
+CompliancesLike = Union[
+    Compliances, "Calibration", "GeometricCalibration", Mapping[str, Any], Path, str
+]
+
+
+def of_study(study: StudyLike) -> "OfStudy":
+    """The question of a study.
+
+    Raises:
+        UserError: The file is not a valid study.
+    """
+    found = as_study(study)
+    return QUESTIONS[type(found.kind)](found)
+
+
+@dataclass(frozen=True)
+class HowFitted:
+    """The options of `edtk.identify` that say how a sheet is fitted."""
+
+    robust: bool
+    sigma_unknown: bool
+    plan: PlanLike | None
+    as_is: bool
+    linear: bool
+
+
+@dataclass(frozen=True)
+class OfStudy(Question):
+    """What a study asks: each verb once, with what differs by kind in methods of their own.
+
+    Attributes:
+        study: The study.
+    """
+
+    study: Study
+
+    def asked_for(self, criterion: CriterionLike | None) -> tuple[Study, str | None]:
+        """The study that asks for a criterion, and the criterion's name in it.
+
+        A name stands for the criterion with what the study says of it. A table with parameters, or
+        a criterion that needs some, becomes the study's own key `criterion`.
+
+        Raises:
+            UserError: The study cannot have such a criterion.
+            CriterionError: There is no such criterion, or its parameters are wrong.
+        """
+        if criterion is None or isinstance(criterion, str):
+            return self.study, criterion
+        if isinstance(criterion, criteria.Criterion):
+            if not criterion.needs_parameters:
+                return self.study, criterion.name
+            criterion = criterion.to_dict()
+        name = self._name_of(criterion)
+        return self.study.replace(criterion=dict(criterion)), name
+
+    @abstractmethod
+    def _name_of(self, criterion: Mapping[str, Any]) -> str:
+        """The name of a criterion with parameters, which are checked as far as they can be."""
+
+    @abstractmethod
+    def setting(self, space: "DesignSpace | None" = None) -> dict[str, Any]:
+        """Robot, load, noise, constraints and tasks of the study as plain data.
+
+        Args:
+            space: The design space that was searched; defaults to the study's.
+        """
+
+    @staticmethod
+    @abstractmethod
+    def designs(study: Study) -> "Designs":
+        """What a run asks about designs of a study of this kind."""
+
+    def plan(self, call: PlanCall) -> ExactPlan:
+        """The best plan of exactly so many experiments; see `edtk.plan`."""
+        call = self._checked(call)
+        if call.exclude is not None:
+            without = replace(self, study=self.study.excluding(call.exclude))
+            return without.plan(replace(call, exclude=None))
+        asked, criterion = self.asked_for(call.criterion)
+        faults = self._faults(call.detect or {})
+        kept = None if call.keep is None else as_plan(asked, call.keep, "keep", made=True)
+        files = TableAndCertificate(call.out, call.certificate)
+        files.require(*self.study.reads, *files_of(call.keep))
+        if call.certificate is not None:
+            self._require_certifiable(asked, criterion, call)
+        with workers_for(call.workers, call.dask) as pool, errors_in(self.study.where):
+            options = RunOptions(seed=call.seed, workers=pool, progress=call.progress)
+            found = self._best_plan(asked, criterion, kept, call, options)
+        found = self._judged(asked, found, faults)
+        files.write(lambda: found.whole.to_frame(asked.robot), lambda: self._proof(asked, found))
+        return found
+
+    def _checked(self, call: PlanCall) -> PlanCall:
+        """The arguments, whose whole numbers are whole.
+
+        Raises:
+            ArgumentError: One is not.
+        """
+
+        def whole(name: str, least: int) -> int | None:
+            given = getattr(call, name)
+            return None if given is None else whole_number(given, name, least)
+
+        return replace(
+            call,
+            size=whole("size", 1),
+            seed=whole("seed", 0),
+            distinct=whole("distinct", 1),
+            workers=whole("workers", 1),
+        )
+
+    @abstractmethod
+    def _faults(self, given: Mapping[str, str]) -> Any:
+        """The faults that were asked for: checked before a long search."""
+
+    def _require_certifiable(self, asked: Study, criterion: str | None, call: PlanCall) -> None:
+        """Check, before a long search, that its certificate can be written.
+
+        Raises:
+            UserError: The criterion has parameters.
+        """
+        from edtk.certificate.certificate import require_certifiable
+
+        require_certifiable(asked, criterion, call.certificate)
+
+    @abstractmethod
+    def _best_plan(
+        self,
+        asked: Study,
+        criterion: str | None,
+        kept: Plan | None,
+        call: PlanCall,
+        options: RunOptions,
+    ) -> Any:
+        """The search."""
+
+    @abstractmethod
+    def _judged(self, asked: Study, found: Any, faults: Any) -> Any:
+        """The plan with its errors in the task, and with the chances that faults are noticed."""
+
+    @abstractmethod
+    def _proof(self, asked: Study, found: Any) -> str:
+        """The certificate of a plan."""
+
+    def relax(self, call: RelaxCall) -> RelaxedPlan:
+        """The best weights over poses; see `edtk.relax`."""
+        files = TableAndCertificate(call.out, call.certificate)
+        files.require(*self.study.reads)
+        asked, criterion = self.asked_for(call.criterion)
+        if call.certificate is not None:
+            from edtk.certificate.certificate import require_certifiable
+
+            require_certifiable(asked, criterion, call.certificate)
+
+        def write(found: RelaxedPlan) -> None:
+            files.write(found.to_frame, lambda: self._proof_of_weights(asked, found))
+
+        options = RunOptions(seed=call.seed, progress=call.progress)
+        try:
+            with errors_in(self.study.where):
+                found = self._best_weights(asked, criterion, call, options)
+        except PlanInterrupted as interrupt:
+            write(interrupt.best)
+            raise
+        write(found)
+        return found
+
+    def _proof_of_weights(self, asked: Study, found: RelaxedPlan) -> str:
+        """The certificate of a relaxation."""
+        from edtk.certificate.certificate import certificate_text
+
+        setting = replace(self, study=asked).setting(found.space)
+        return certificate_text(asked, found, setting)
+
+    @abstractmethod
+    def _best_weights(
+        self, asked: Study, criterion: str | None, call: RelaxCall, options: RunOptions
+    ) -> RelaxedPlan:
+        """The relaxation."""
+
+    def evaluate(self, plan: PlanLike) -> "Evaluation | GeometryEvaluation":
+        """A plan under every criterion; see `edtk.evaluate`."""
+        with errors_in(name_of(plan, "plan")):
+            return self._worth(as_plan(self.study, plan))
+
+    @abstractmethod
+    def _worth(self, plan: Plan) -> "Evaluation | GeometryEvaluation":
+        """Values of all criteria, and standard deviations."""
+
+    def template(
+        self, plan: PlanLike, positions: bool, markers: int | None, out: Path | str | None
+    ) -> "pd.DataFrame":
+        """The sheet to fill in; see `edtk.template`."""
+        from edtk.calibration.template import require_empty, write_template
+
+        study = self.study
+        sensors = study.model.sensors
+        if sensors and markers is not None:
+            message = f"the study has {len(sensors)} instruments of its own; leave this out"
+            raise ArgumentError(message, argument="markers", given=markers)
+        measured = as_plan(study, plan)
+        if out is not None and not is_standard_output(out):
+            require_output(out, *study.reads, *files_of(plan))
+            require_empty(Path(out))
+        # One row an instrument, reference points included.
+        each = markers or max(len(study.specification.marker), len(study.model.instruments))
+        rows = measured.experiments * each
+        if rows > MOST_ROWS:
+            raise UserError(
+                f"a sheet of {rows} rows, one for each repetition and marker; "
+                f"expected {MOST_ROWS} at most",
+                where=name_of(plan, "plan"),
+            )
+        table = self._sheet(measured, positions, markers or 0)
+        if out is not None:
+            write_template(table, out)
+        return table
+
+    @abstractmethod
+    def _sheet(self, plan: Plan, positions: bool, markers: int) -> "pd.DataFrame":
+        """The empty sheet of a plan."""
+
+    def identify(
+        self, sheet: Table, how: HowFitted, sampling: "Sampling | None", out: Path | str | None
+    ) -> "Calibration | GeometricCalibration":
+        """The parameters from measurements, and their files; see `edtk.identify`."""
+        from edtk.report.calibration_report import NAMES
+
+        study = self.study
+        sheet = as_table(sheet, "measurements")
+        inputs = (*study.reads, *files_of(sheet, how.plan))
+        own = () if sampling is None else (sampling.chain, sampling.export)
+        if sampling is not None:
+            sampling.require_writable(*inputs)
+        require_folder(out)
+        for name in NAMES if out is not None else ():
+            require_output(Path(out or "") / name, *inputs, *own)
+        planned = None if how.plan is None else as_plan(study, how.plan)
+        found = self._calibrated(sheet, how, planned, sampled=sampling is not None)
+        if sampling is not None:
+            with sampling.arguments(path_of(sheet), study.specification.seed) as arguments:
+                found = found.sampled(**arguments)
+        files: dict[Path, Content] = {}
+        if sampling is not None and sampling.export is not None:
+            files[Path(sampling.export)] = self._exported(found)
+        if out is not None:
+            files |= self._report(found, Path(out))
+        write_files(files)
+        return found
+
+    @abstractmethod
+    def _calibrated(self, sheet: Table, how: HowFitted, planned: Plan | None, sampled: bool) -> Any:
+        """The calibration."""
+
+    def _exported(self, found: Any) -> Content:
+        """The sampled posterior as a file."""
+        raise NotImplementedError("refused, see REFUSED")
+
+    @abstractmethod
+    def _report(self, found: Any, folder: Path) -> dict[Path, Content]:
+        """The files of a calibration."""
+
+    def compensate(
+        self, result: CompliancesLike, task: PlanLike | None, out: Path | str | None
+    ) -> "Compensation | GeometricCompensation":
+        """Commands that make up for what was found; see `edtk.compensate`."""
+        self._require_result(result, task)
+        require_output(out, *self.study.reads, *files_of(result, task))
+        poses = plan_of(self.study, task, "task")
+        found = self._commands(result, task, self._poses(task) if poses is None else poses)
+        if out is not None:
+            found.to_csv(out)
+        return found
+
+    @abstractmethod
+    def _require_result(self, result: object, task: PlanLike | None) -> None:
+        """Check that the result is of such a study, and that there are poses.
+
+        Raises:
+            UserError: It is not, or there are none.
+        """
+
+    @abstractmethod
+    def _poses(self, task: PlanLike | None) -> Plan:
+        """The poses of a table, or of the study itself."""
+
+    @abstractmethod
+    def _commands(self, result: Any, task: PlanLike | None, poses: Plan) -> Any:
+        """The commands in poses."""
+
+    @abstractmethod
+    def predict(
+        self, result: object, poses: PlanLike, tool_rows: int, out: Path | str | None
+    ) -> "Prediction":
+        """Where markers will be in other poses; see `edtk.predict`."""
+
+
+class OfCompliances(OfStudy):
+    """Compliances alone, from displacements under loads."""
+
+    kind: ClassVar[str] = "compliances"
+
+    def _name_of(self, criterion: Mapping[str, Any]) -> str:
+        return criteria.as_criterion(criterion, self.study.specification.joints.unknown).name
+
+    def setting(self, space: "DesignSpace | None" = None) -> dict[str, Any]:
+        """That of the study, in the space that was searched."""
+        from edtk.certificate.setting_to_dict import setting_to_dict
+
+        return setting_to_dict(self.study, self.study.space if space is None else space)
+
+    @staticmethod
+    def designs(study: Study) -> "Designs":
+        """Poses with their loads."""
+        from edtk.study.study_run import Designs
+
+        return Designs(study)
+
+    def _checked(self, call: PlanCall) -> PlanCall:
+        call = super()._checked(call)
+        given_size(call.size)
+        return call
+
+    def _faults(self, given: Mapping[str, str]) -> Any:
+        from edtk.calibration.detect import sized_faults
+
+        return sized_faults(self.study, given) if given else ()
+
+    def _best_plan(
+        self,
+        asked: Study,
+        criterion: str | None,
+        kept: Plan | None,
+        call: PlanCall,
+        options: RunOptions,
+    ) -> ExactPlan:
+        from edtk.study.plan_study import plan_study
+
+        return plan_study(
+            asked,
+            given_size(call.size),
+            criterion,
+            distinct=call.distinct,
+            kept=kept,
+            budget=call.budget,
+            options=options,
+        )
+
+    def _judged(self, asked: Study, found: ExactPlan, faults: Any) -> ExactPlan:
+        from edtk.calibration.detect import detect, separations
+        from edtk.calibration.planned import plan_budget, plan_tasks
+
+        whole = found.whole
+        detections = detect(asked, whole, faults)
+        return replace(
+            found,
+            error_budget=plan_budget(asked, whole),
+            detections=detections,
+            separations=separations(asked, whole, detections),
+            tasks=plan_tasks(asked, whole),
+        )
+
+    def _proof(self, asked: Study, found: ExactPlan) -> str:
+        from edtk.certificate.certificate import certificate_text
+
+        return certificate_text(asked, found)
+
+    def _best_weights(
+        self, asked: Study, criterion: str | None, call: RelaxCall, options: RunOptions
+    ) -> RelaxedPlan:
+        from edtk.study.plan_study import relax_study
+
+        return relax_study(
+            asked,
+            criterion,
+            candidates=call.candidates,
+            continuous=call.continuous,
+            size=call.size,
+            memory_mb=call.memory_mb,
+            options=options,
+        )
+
+    def _worth(self, plan: Plan) -> "Evaluation":
+        from edtk.study.evaluate import evaluate
+
+        return evaluate(self.study, plan)
+
+    def _sheet(self, plan: Plan, positions: bool, markers: int) -> "pd.DataFrame":
+        from edtk.calibration.template import template
+
+        return template(self.study, plan, positions, markers)
+
+    def _calibrated(
+        self, sheet: Table, how: HowFitted, planned: Plan | None, sampled: bool
+    ) -> "Calibration":
+        from edtk.calibration.calibrate import calibrate
+
+        return calibrate(
+            self.study,
+            sheet,
+            how.robust,
+            not how.sigma_unknown,
+            planned,
+            how.as_is,
+            how.linear,
+            bayes=sampled,
+        )
+
+    def _exported(self, found: "Calibration") -> Content:
+        from edtk.calibration.posterior_check import inference_data
+
+        assert found.check is not None
+        return inference_data(found.check, self.study.tasks)
+
+    def _report(self, found: "Calibration", folder: Path) -> dict[Path, Content]:
+        from edtk.report.calibration_report import calibration_files
+
+        return calibration_files(found, folder)
+
+    def _require_result(self, result: object, task: PlanLike | None) -> None:
+        from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
+
+        if isinstance(result, GeometricCalibration):
+            message = "expected a study of geometry, as the result is of one"
+            raise self.study.error("parameters", message)
+
+    def _poses(self, task: PlanLike | None) -> Plan:
+        from edtk.calibration.tasks_in_use import load_task
+
+        return load_task(self.study, None if task is None else as_table(task, "task"))
+
+    def _commands(self, result: object, task: PlanLike | None, poses: Plan) -> "Compensation":
+        from edtk.calibration.compensate import compensate
+
+        known = self._compliances(result)
+        where = name_of(self.study.where if task is None else task, "task")
+        return compensate(self.study, known, poses, where, own=task is None)
+
+    def _compliances(self, given: object) -> Compliances:
+        """Compliances of a file, of a calibration, by joint, or as they are.
+
+        Raises:
+            UserError: The file is not valid, or lacks a joint; or it is none of these.
+        """
+        if isinstance(given, Compliances):
+            return given
+        names = self.study.robot.joint_names
+        needed = self.study.specification.joints.unknown
+        if isinstance(given, str | Path):
+            return load_compliances(given, names, needed)
+        content = content_of(given)
+        if content is None:
+            message = (
+                "expected a calibration, compliances by joint [rad/(N m)], or the path of a k.json "
+                f"file, not {type(given).__name__}"
+            )
+            raise ArgumentError(message, argument="compliances")
+        return Compliances.from_dict(content, names, needed, "compliances")
+
+    def predict(
+        self, result: object, poses: PlanLike, tool_rows: int, out: Path | str | None
+    ) -> "Prediction":
+        """Nothing: displacements tell no positions.
+
+        Raises:
+            UserError: Always.
+        """
+        message = "predictions need a study of geometry; expected a table [parameters]"
+        raise self.study.error("parameters", message)
+
+
+class OfGeometry(OfStudy):
+    """Geometry, base, tools and springs, from positions of markers."""
+
+    kind: ClassVar[str] = "geometry"
+
+    @cached_property
+    def _question(self) -> "GeometryQuestion":
+        from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
+
+        return GeometryQuestion.of(self.study)
+
+    def _name_of(self, criterion: Mapping[str, Any]) -> str:
+        return str(criterion.get("name"))  # which parameters it has only the design knows
+
+    def setting(self, space: "DesignSpace | None" = None) -> dict[str, Any]:
+        """That of all designs of the study, whose space says no more."""
+        from edtk.calibration.geometry_design.geometry_question import geometry_setting
+
+        return geometry_setting(self._question)
+
+    @staticmethod
+    def designs(study: Study) -> "Designs":
+        """Visits of poses, without and with a load."""
+        from edtk.calibration.geometry_design.evaluate_geometry import GeometryDesigns
+
+        return GeometryDesigns.of(study)
+
+    def _faults(self, given: Mapping[str, str]) -> Any:
+        from edtk.calibration.geometry_design.detect_in_visits import sized_visit_faults
+
+        return sized_visit_faults(self.study, given)
+
+    def _require_certifiable(self, asked: Study, criterion: str | None, call: PlanCall) -> None:
+        super()._require_certifiable(asked, criterion, call)
+        costs = asked.specification.costs
+        limited = call.cost_budget is not None or (costs is not None and costs.budget is not None)
+        if limited and not criteria.get(criterion or asked.main_criterion).degree:
+            raise ArgumentError(
+                "plans within a budget of costs have none for this criterion, which is the same "
+                "for plans of any size; leave it out",
+                argument="certificate",
+            )
+
+    def _best_plan(
+        self,
+        asked: Study,
+        criterion: str | None,
+        kept: Plan | None,
+        call: PlanCall,
+        options: RunOptions,
+    ) -> ExactPlan:
+        from edtk.calibration.geometry_design.plan_geometry import plan_geometry
+
+        return plan_geometry(
+            asked,
+            call.size,
+            criterion,
+            distinct=call.distinct,
+            kept=kept,
+            cost_budget=call.cost_budget,
+            seconds=call.budget,
+            options=options,
+        )
+
+    def _judged(self, asked: Study, found: Any, faults: Any) -> Any:
+        from edtk.calibration.geometry_design.detect_in_visits import detect_in_visits
+        from edtk.calibration.geometry_design.evaluate_geometry import (
+            GeometryDesigns,
+            poor_left_out,
+        )
+
+        whole = found.whole
+        detections, separations = detect_in_visits(found.question, whole, faults)
+        warnings = found.warnings + poor_left_out(found.question, whole)
+        if found.relaxed.criterion.needs_target:
+            warnings += GeometryDesigns(asked, found.question).around(whole)
+        return replace(found, detections=detections, separations=separations, warnings=warnings)
+
+    def _proof(self, asked: Study, found: Any) -> str:
+        from edtk.calibration.geometry_design.geometry_question import geometry_setting
+        from edtk.certificate.certificate import certificate_text
+
+        setting = geometry_setting(found.question)
+        if found.day is None:
+            return certificate_text(asked, found, setting)
+        return certificate_text(asked, found, setting, found.day, found.proofs)
+
+    def _best_weights(
+        self, asked: Study, criterion: str | None, call: RelaxCall, options: RunOptions
+    ) -> RelaxedPlan:
+        from edtk.calibration.geometry_design.plan_geometry import relax_geometry
+
+        return relax_geometry(
+            asked,
+            criterion,
+            candidates=call.candidates,
+            continuous=call.continuous,
+            memory_mb=call.memory_mb,
+            options=options,
+        )
+
+    def _worth(self, plan: Plan) -> "GeometryEvaluation":
+        from edtk.calibration.geometry_design.evaluate_geometry import evaluate_geometry
+
+        return evaluate_geometry(self.study, plan)
+
+    def _sheet(self, plan: Plan, positions: bool, markers: int) -> "pd.DataFrame":
+        from edtk.calibration.geometry_design.geometry_plan import position_sheet
+
+        return position_sheet(self.study, plan)
+
+    def _calibrated(
+        self, sheet: Table, how: HowFitted, planned: Plan | None, sampled: bool
+    ) -> "GeometricCalibration":
+        from edtk.calibration.geometry.calibrate_geometry import calibrate_geometry
+
+        return calibrate_geometry(self.study, sheet, how.robust, how.as_is)
+
+    def _report(self, found: "GeometricCalibration", folder: Path) -> dict[Path, Content]:
+        from edtk.report.geometry_report import geometry_files
+
+        return geometry_files(found, folder)
+
+    def _require_result(self, result: object, task: PlanLike | None) -> None:
+        from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
+
+        if task is None:
+            message = "expected poses (CSV): geometry is compensated in them"
+            raise ArgumentError(message, argument="task")
+        if not isinstance(result, GeometricCalibration | Mapping | str | Path):
+            raise ArgumentError("expected a result of this study", argument="compliances")
+
+    def _poses(self, task: PlanLike | None) -> Plan:
+        return Plan.from_csv(
+            as_table(task, "task"), self.study.robot, self.study.fixed, np.zeros(6)
+        )
+
+    def _commands(self, result: Any, task: PlanLike | None, poses: Plan) -> "GeometricCompensation":
+        from edtk.calibration.geometry.compensate_geometry import compensate_geometry
+        from edtk.calibration.geometry.geometric_calibration import read_result
+
+        content = read_result(result)
+        where = name_of(result, "result")
+        return compensate_geometry(self.study, content, where, poses, name_of(task, "task"))
+
+    def predict(
+        self, result: Any, poses: PlanLike, tool_rows: int, out: Path | str | None
+    ) -> "Prediction":
+        """Positions of markers with bands; see `edtk.predict`."""
+        from edtk.calibration.geometry.geometric_calibration import read_result
+        from edtk.calibration.geometry.prediction import predict_positions
+        from edtk.measure.cells import csv_text
+
+        study = self.study
+        require_output(out, *study.reads, *files_of(result, poses))
+        plan = plan_of(study, poses, "poses")
+        if plan is None:
+            table = as_table(poses, "poses")
+        else:
+            table = plan.to_frame(study.robot).drop(columns=REPEATS)
+        where = name_of(result, "result")
+        geometry = read_result(result)["geometry"]
+        found = predict_positions(study, geometry, where, table, tool_rows)
+        if out is not None:
+            write_files({Path(out): csv_text(found.to_frame())})
+        return found
+
+
+# Which kind of study asks which question.
+QUESTIONS: Mapping[type, type[OfStudy]] = {
+    kinds.Compliances: OfCompliances,
+    kinds.Geometry: OfGeometry,
+}

@@ -1,0 +1,165 @@
+"""What a kind of question answers: a study of compliances or of geometry, a problem, or a region.
+
+The verbs ask the question, and switch nowhere. What one kind does not answer is in one table.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, Union
+
+from edtk.system.errors import ArgumentError
+
+if TYPE_CHECKING:
+    from edtk.design.exact.counts.problem_plan import ProblemPlan
+    from edtk.design.exact.exact_plan import ExactPlan
+    from edtk.design.exact.plan_region import RegionPlan
+    from edtk.design.problem import Problem
+    from edtk.design.region import Region
+    from edtk.design.relaxation.relaxation import Relaxation
+    from edtk.design.relaxation.relaxed_plan import RelaxedPlan
+    from edtk.design.relaxation.relaxed_region import RelaxedRegion
+    from edtk.verbs.inputs import CriterionLike, StudyLike
+
+FIXED = float("inf")  # variance of effects of blocks of which nothing is known
+OF_PROBLEMS = ("starts", "most", "costs", "blocks", "block_variance")
+OF_STUDIES = ("distinct", "exclude", "budget", "workers", "dask", "certificate", "detect")
+LEAST_SQUARES = (
+    "expected a study without [parameters]; geometry is fitted by least squares, with the size of "
+    "its errors estimated"
+)
+NOT_KEPT = "expected a study without [parameters]; the posterior of geometry is not kept"
+
+
+def _none_of(options: Sequence[str], message: str) -> dict[str, str]:
+    return dict.fromkeys(options, message)
+
+
+# By kind and verb: the options that are not answered, and why.
+REFUSED: Mapping[str, Mapping[str, Mapping[str, str]]] = {
+    "problem": {
+        "plan": _none_of(OF_STUDIES, "not for plans of a problem of arrays"),
+        "relax": _none_of(("candidates", "seed"), "not for the relaxation of a problem of arrays"),
+    },
+    "region": {
+        "plan": _none_of(
+            (*OF_PROBLEMS[1:], "cost_budget", *OF_STUDIES), "not for plans of a region"
+        ),
+        "relax": _none_of(("seed",), "not for the relaxation of a region"),
+    },
+    "compliances": {
+        "plan": _none_of((*OF_PROBLEMS, "cost_budget"), "not for plans of a study"),
+    },
+    "geometry": {
+        "plan": {
+            **_none_of(OF_PROBLEMS, "not for plans of a study"),
+            "dask": "is for plans of compliances alone; those of a study with [parameters] are "
+            "searched in this process",
+        },
+        "relax": {"size": "has no effect without a prior in the design; expected none"},
+        "template": {
+            "markers": "the markers of a study of geometry are its [[marker]]; leave this out",
+            "positions": "a sheet of a study of geometry has positions anyway; leave this out",
+        },
+        "identify": {
+            **_none_of(("sigma_unknown", "plan", "linear"), LEAST_SQUARES),
+            **_none_of(("chain", "export"), NOT_KEPT),
+        },
+    },
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlanCall:
+    """The arguments of `edtk.plan`, which describes them."""
+
+    size: int | None
+    criterion: "CriterionLike | None"
+    seed: int | None
+    keep: Any
+    out: Path | str | None
+    progress: Callable[[str, float], object]
+    starts: int | None = None
+    most: Any = None
+    costs: Any = None
+    cost_budget: float | None = None
+    blocks: Sequence[int] | None = None
+    block_variance: float | None = None
+    distinct: int | None = None
+    exclude: Path | str | None = None
+    budget: float | None = None
+    workers: int | None = None
+    dask: str | None = None
+    certificate: Path | str | None = None
+    detect: Mapping[str, str] | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class RelaxCall:
+    """The arguments of `edtk.relax`, which describes them."""
+
+    criterion: "CriterionLike | None"
+    candidates: int | None
+    continuous: bool
+    size: int | None
+    seed: int | None
+    memory_mb: float
+    out: Path | str | None
+    certificate: Path | str | None
+    progress: Callable[[str, float], object]
+
+
+class Question(ABC):
+    """What is asked, and what answers it.
+
+    Attributes:
+        kind: The kind of question, as `REFUSED` names it.
+    """
+
+    kind: ClassVar[str]
+
+    @staticmethod
+    def of(asked: Union["StudyLike", "Problem", "Region"]) -> "Question":
+        """The question that a study, its file, a problem or a region asks.
+
+        Raises:
+            UserError: It is none of these, or the file is not a valid study.
+        """
+        from edtk.design.problem import Problem
+        from edtk.design.region import Region
+
+        if isinstance(asked, Problem):
+            from edtk.verbs.of_arrays import OfProblem
+
+            return OfProblem(asked)
+        if isinstance(asked, Region):
+            from edtk.verbs.of_arrays import OfRegion
+
+            return OfRegion(asked)
+        from edtk.verbs.of_studies import of_study
+
+        return of_study(asked)
+
+    def require(self, verb: str, **options: object) -> None:
+        """Check that no option is given that questions of this kind do not answer.
+
+        Args:
+            verb: The verb.
+            options: Its options; None and False count as not given.
+
+        Raises:
+            ArgumentError: One is; it says why that is not answered.
+        """
+        refused = REFUSED[self.kind].get(verb, {})
+        for name, value in options.items():
+            if name in refused and value is not None and value is not False:
+                raise ArgumentError(refused[name], argument=name)
+
+    @abstractmethod
+    def plan(self, call: PlanCall) -> "ExactPlan | ProblemPlan | RegionPlan":
+        """The best plan, and its files; see `edtk.plan`."""
+
+    @abstractmethod
+    def relax(self, call: RelaxCall) -> "RelaxedPlan | Relaxation | RelaxedRegion":
+        """The best weights, and their files; see `edtk.relax`."""
