@@ -7,7 +7,7 @@ import numpy as np
 
 from edtk.calibration.calibration import Origin
 from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
-from edtk.findings.finding import Finding, Severity, rows_in_words
+from edtk.findings.finding import Data, Finding, Severity, Wording, rows_in_words
 from edtk.findings.geometry.counting import (
     Counting,
     as_said,
@@ -182,39 +182,33 @@ def _without_lost(data: MarkerPositions) -> tuple[MarkerPositions, list[Finding]
     if not lost.any():
         return data, []
     rows = tuple(sorted({int(row) for row in data.row[lost]}))
-    names = [data.markers[i] for i in np.flatnonzero(lost.sum(axis=0))]
-    of = ", ".join(names)
-    count = int(lost.sum())
-    said = f"{count} positions of {of} are zero, as of lost beams; they do not count"
-    if count == 1:
-        said = f"1 position of {of} is zero, as of a lost beam; it does not count"
-    text = f"{rows_in_words(rows)}: {said}"
-    one = Finding(Severity.WARNING, "lost_beam", text, {"rows": rows})
-    return data.without_lost(), [one]
+    names = tuple(data.markers[i] for i in np.flatnonzero(lost.sum(axis=0)))
+    of = {"rows": rows, "markers": names, "positions": int(lost.sum())}
+    return data.without_lost(), [Finding.of(Severity.WARNING, WORDING, "lost_beam", **of)]
 
 
 def _blank(data: MarkerPositions) -> list[Finding]:
     """How many visits are filled in, and which cells of markers are empty in these."""
     made: Mask = np.any(data.seen, axis=1)
-    text = f"{int(made.sum())} of {len(data)} visits are filled in, the others left out"
-    said = [] if made.all() else [Finding(Severity.NOTE, "unfinished", text)]
+    said = []
+    if not made.all():
+        counts = {"made": int(made.sum()), "visits": len(data)}
+        said.append(Finding.of(Severity.NOTE, WORDING, "unfinished", **counts))
     blank = (data.row >= 0) & ~data.seen & data.seen.any(axis=0) & made[:, None]
     if not blank.any():
         return said
     rows = tuple(sorted({int(row) for row in data.row[blank]}))
-    names = ", ".join(data.markers[i] for i in np.flatnonzero(blank.any(axis=0)))
-    text = f"{rows_in_words(rows)}: no position of {names}"
-    return [*said, Finding(Severity.NOTE, "blank", text, {"rows": rows})]
+    names = tuple(data.markers[i] for i in np.flatnonzero(blank.any(axis=0)))
+    return [*said, Finding.of(Severity.NOTE, WORDING, "blank", rows=rows, markers=names)]
 
 
 def _without_unseen(data: MarkerPositions, findings: list[Finding]) -> MarkerPositions:
     """The positions without the markers that were seen nowhere."""
     kept = np.flatnonzero(data.seen.sum(axis=0))
-    unseen = [name for i, name in enumerate(data.markers) if i not in kept]
+    unseen = tuple(name for i, name in enumerate(data.markers) if i not in kept)
     if not unseen:
         return data
-    text = f"no row has positions of {', '.join(unseen)}; nothing is told of them"
-    findings.append(Finding(Severity.NOTE, "unseen", text))
+    findings.append(Finding.of(Severity.NOTE, WORDING, "unseen", markers=unseen))
     return data.of_markers(kept)
 
 
@@ -276,15 +270,8 @@ def _counted(
             return same
         message = f"the positions fit if {found.words}; expected each joint in its own column"
         raise UserError(message, where=path)
-    mirrored = " (or if two coordinates of the positions are exchanged)" if start.mirrored else ""
-    findings.append(
-        Finding(
-            Severity.WARNING,
-            "counting",
-            f"the positions fit if {found.words}{mirrored}, and so they were fitted; expected a "
-            "[controller] that says so, see edtk controller",
-        )
-    )
+    said = {"counting": found.words, "mirrored": start.mirrored}
+    findings.append(Finding.of(Severity.WARNING, WORDING, "counting", **said))
     return found
 
 
@@ -294,3 +281,36 @@ def _unit(scale: float) -> str:
         if abs(scale / size - 1) < SCALE_WITHIN:
             return unit
     return ""
+
+
+def _lost_beam(data: Data) -> str:
+    """Positions that no beam has reached."""
+    of = ", ".join(data["markers"])
+    said = f"{data['positions']} positions of {of} are zero, as of lost beams; they do not count"
+    if data["positions"] == 1:
+        said = f"1 position of {of} is zero, as of a lost beam; it does not count"
+    return f"{rows_in_words(data['rows'])}: {said}"
+
+
+def _counting(data: Data) -> str:
+    """Joints that are counted otherwise than the study says."""
+    mirrored = " (or if two coordinates of the positions are exchanged)" if data["mirrored"] else ""
+    return (
+        f"the positions fit if {data['counting']}{mirrored}, and so they were fitted; expected a "
+        "[controller] that says so, see edtk controller"
+    )
+
+
+WORDING: Wording = {
+    "lost_beam": _lost_beam,
+    "unfinished": lambda data: (
+        f"{data['made']} of {data['visits']} visits are filled in, the others left out"
+    ),
+    "blank": lambda data: (
+        f"{rows_in_words(data['rows'])}: no position of {', '.join(data['markers'])}"
+    ),
+    "unseen": lambda data: (
+        f"no row has positions of {', '.join(data['markers'])}; nothing is told of them"
+    ),
+    "counting": _counting,
+}

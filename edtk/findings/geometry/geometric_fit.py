@@ -1,8 +1,10 @@
 """What looks wrong in a fit of geometry, and whether its poses are enough to judge it."""
 
+from typing import Any
+
 import numpy as np
 
-from edtk.findings.finding import Finding, Severity, rows_in_words
+from edtk.findings.finding import Data, Finding, Severity, Wording, rows_in_words
 from edtk.findings.geometry.fit_rows import DayTrend, FitRows, common_scale, day_trend
 from edtk.findings.geometry.moved_frame import MovedFrame, UntoldLoad, moved_frame, untold_load
 from edtk.findings.geometry.sound_rows import marker_findings
@@ -30,16 +32,12 @@ STEPS_DEG = (10.0, 5.0, 1.0, 0.5, 0.1)  # to which angles are rounded, the coars
 COARSE_DEG = 0.5  # no controller shows less: angles as coarse were rounded by a person
 EXACT = 1e-6  # of a step: nearer to a multiple an angle is one, but for rounding
 LIKE_ROUNDING = 0.6  # to its inverse: errors of joints beside those of rounding
-UNCAUSED = (
-    ". No cause in the list explains it (a frame that moved or drifts, links that grow, a weight): "
-    "it is the model's. Poses that are reached from both sides would tell backlash"
-)
 EXPLAINED = ("outliers", "frame_moved", "rough")  # these leave many outside by themselves
 
 
-def few_poses(fit: GeometricFit) -> list[Finding]:
-    """What looks wrong in the number of poses, in any order."""
-    return [*_few(fit), *_alone(fit)]
+def _say(severity: Severity, kind: str, **data: Any) -> Finding:
+    """A finding in the words below."""
+    return Finding.of(severity, WORDING, kind, **data)
 
 
 def _few(fit: GeometricFit) -> list[Finding]:
@@ -47,21 +45,16 @@ def _few(fit: GeometricFit) -> list[Finding]:
     coordinates = fit.data.rows * fit.data.means.count
     if coordinates >= FEW * fit.structural:
         return []
-    markers = len(fit.data.markers)
-    missing = int(np.ceil((FEW * fit.structural - coordinates) / (fit.data.rows * markers)))
-    poses = f"{missing} more pose{'s' if missing > 1 else ''}"
-    text = (
-        f"{coordinates} coordinates for {fit.structural} parameters leave little to judge by; "
-        f"measure {poses}"
-    )
+    each = fit.data.rows * len(fit.data.markers)
+    data = {
+        "coordinates": coordinates,
+        "count": fit.structural,
+        "missing": int(np.ceil((FEW * fit.structural - coordinates) / each)),
+    }
     if fit.loo_rms <= WORSE * fit.placed:
-        return [Finding(Severity.WARNING, "few_poses", text)]
+        return [_say(Severity.WARNING, "few_poses", **data)]
     # Neither residuals nor poses left out speak for such a fit, and an error of one pose is all in.
-    text += (
-        f". A pose left out is {MM * fit.loo_rms:.3g} mm off, and by the drawing "
-        f"{MM * fit.placed:.3g}"
-    )
-    return [Finding(Severity.ALARM, "few_poses", text)]
+    return [_say(Severity.ALARM, "few_poses", **data, loo_rms=fit.loo_rms, placed=fit.placed)]
 
 
 def _alone(fit: GeometricFit) -> list[Finding]:
@@ -75,11 +68,7 @@ def _alone(fit: GeometricFit) -> list[Finding]:
     if not len(alone):
         return []
     rows = tuple(sorted({row for pose in alone for row in fit.data.rows_of_pose(int(pose))}))
-    text = (
-        f"{rows_in_words(rows)}: each tells what no other pose does, so that the error of poses "
-        "left out is that of some directions alone, and too small"
-    )
-    return [Finding(Severity.WARNING, "alone", text, {"rows": rows})]
+    return [_say(Severity.WARNING, "alone", rows=rows)]
 
 
 def geometric_findings(fit: GeometricFit, setting: StudyGeometry) -> list[Finding]:
@@ -89,7 +78,8 @@ def geometric_findings(fit: GeometricFit, setting: StudyGeometry) -> list[Findin
         *_rough(fit),
         *_turned(fit),
         *_open(fit),
-        *few_poses(fit),
+        *_few(fit),
+        *_alone(fit),
         *_worse(fit),
         *_rounded(fit),
         *_outliers(fit),
@@ -110,12 +100,8 @@ def _worse(fit: GeometricFit) -> list[Finding]:
     """Poses that are left out are predicted worse than with base and tool alone."""
     if not fit.worse_than_placed:
         return []
-    text = (
-        f"do not use: a pose left out is {MM * fit.loo_rms:.3g} mm off, and with base and tool "
-        f"alone {MM * fit.placed:.3g} mm. {fit.data.poses} poses are too few for {fit.rank} "
-        "parameters beside what the model leaves out; measure more, or ask for fewer parameters"
-    )
-    return [Finding(Severity.ALARM, "worse_than_placed", text)]
+    data = {"loo_rms": fit.loo_rms, "placed": fit.placed, "poses": fit.data.poses}
+    return [_say(Severity.ALARM, "worse_than_placed", count=fit.rank, **data)]
 
 
 def _rounded(fit: GeometricFit) -> list[Finding]:
@@ -135,13 +121,8 @@ def _rounded(fit: GeometricFit) -> list[Finding]:
         rounding = 1e3 * float(np.deg2rad(step)) / np.sqrt(12)
         is_step = np.abs(angles - step * np.round(angles / step)).max() < step * EXACT
         if is_step and LIKE_ROUNDING * rounding < left < rounding / LIKE_ROUNDING:
-            text = (
-                f"all joint angles are multiples of {step:g} deg, and joints err by "
-                f"{left:.2g} mrad in each pose, as rounding to {step:g} deg would leave "
-                f"({rounding:.2g}): were they rounded? Export them with three decimals"
-            )
             severity = Severity.ALARM if step >= COARSE_DEG else Severity.WARNING
-            return [Finding(severity, "rounded", text)]
+            return [_say(severity, "rounded", step_deg=step, left=left, rounding=rounding)]
     return []
 
 
@@ -151,11 +132,7 @@ def _rough(fit: GeometricFit) -> list[Finding]:
     spread = float(np.sqrt(np.nanmean(((x - np.nanmean(x, axis=(0, 1))) ** 2).sum(axis=-1))))
     if fit.rms < ROUGH * spread:
         return []
-    text = (
-        f"the fit leaves {MM * fit.rms:.3g} mm: is it this robot, are angles in degrees, and does "
-        "the controller count joints as the study says? See edtk controller"
-    )
-    return [Finding(Severity.ALARM, "rough", text)]
+    return [_say(Severity.ALARM, "rough", rms=fit.rms)]
 
 
 def _turned(fit: GeometricFit) -> list[Finding]:
@@ -165,37 +142,23 @@ def _turned(fit: GeometricFit) -> list[Finding]:
     off = float(np.rad2deg(root_mean_square(fit.turns.residual)))
     if off < ROUGH_DEG:
         return []
-    text = (
-        f"the fit leaves {off:.3g} deg of the orientations: are they rotation vectors (axis times "
-        "angle) in degrees, or quaternions, in the frame of the positions?"
-    )
-    return [Finding(Severity.ALARM, "rough_turns", text)]
+    return [_say(Severity.ALARM, "rough_turns", rms_deg=off)]
 
 
 def _open(fit: GeometricFit) -> list[Finding]:
     """Directions that the poses leave open."""
     if not fit.open:
         return []
-    count = MOST_NAMED if len("; ".join(fit.open[:MOST_NAMED])) <= MOST_LETTERS else 1
-    named = "; ".join(fit.open[:count])
-    more = len(fit.open) - count
-    rest = f"; and {more} more" if more > 0 else ""
-    still = _still(fit)
-    text = (
-        f"{fit.rank} of {fit.structural} parameters can be told{still}: {named}{rest}. Poses that "
-        "move these apart would tell, and predictions elsewhere have wide bands"
-    )
-    return [Finding(Severity.WARNING, "open", text)]
+    data = {"told": fit.rank, "count": fit.structural, "open": tuple(fit.open)}
+    return [_say(Severity.WARNING, "open", still=_still(fit), **data)]
 
 
-def _still(fit: GeometricFit) -> str:
-    """The joints that stand still in all poses, in words."""
+def _still(fit: GeometricFit) -> tuple[str, ...]:
+    """The joints that stand still in all poses; none where all do."""
     robot = fit.fitted.model.robot
     still = np.ptp(fit.data.q, axis=0) <= SAME
     names = [name for name, is_still in zip(robot.joint_names, still, strict=True) if is_still]
-    if not names or len(names) == robot.n:
-        return ""
-    return f", as {', '.join(names)} stand{'s' * (len(names) == 1)} still in all poses"
+    return () if len(names) == robot.n else tuple(names)
 
 
 def _outliers(fit: GeometricFit) -> list[Finding]:
@@ -207,14 +170,9 @@ def _outliers(fit: GeometricFit) -> list[Finding]:
     wrong = np.flatnonzero(probability * len(probability) < UNLIKELY)
     if not len(wrong):
         return []
-    rows = [row for pose in wrong for row in fit.data.rows_of_pose(int(pose))]
-    size = MM * float(np.sqrt(np.nanmax((fit.left_out[wrong] ** 2).sum(axis=-1))))
-    named = rows_in_words(sorted(rows))
-    text = (
-        f"{named}: up to {size:.3g} mm from where the other poses predict the markers; a swapped "
-        "marker, a pose typed wrongly, or see --robust"
-    )
-    return [Finding(Severity.WARNING, "outliers", text, {"rows": tuple(sorted(rows))})]
+    rows = sorted(row for pose in wrong for row in fit.data.rows_of_pose(int(pose)))
+    off = float(np.sqrt(np.nanmax((fit.left_out[wrong] ** 2).sum(axis=-1))))
+    return [_say(Severity.WARNING, "outliers", rows=tuple(rows), off=off)]
 
 
 def _outside(fit: GeometricFit, named: bool) -> list[Finding]:
@@ -227,14 +185,8 @@ def _outside(fit: GeometricFit, named: bool) -> list[Finding]:
     inside = fit.share_inside
     if chance_of_outside(1 - inside, fit.independent) > RARE or (named and inside > HELD):
         return []
-    look = "look at the largest residuals"
-    text = (
-        f"{100 * inside:.0f} % of the coordinates left out are inside their 95 % bands: errors of "
-        "some poses are far larger than those of others, and bands and standard deviations say too "
-        f"little; {look if (fit.weights < 1).any() else f'{look}, or see --robust'}"
-    )
     severity = Severity.ALARM if inside < HELD else Severity.WARNING
-    return [Finding(severity, "outside", text)]
+    return [_say(severity, "outside", inside=inside, robust=bool((fit.weights < 1).any()))]
 
 
 def _causes(fit: GeometricFit, setting: StudyGeometry) -> list[Finding]:
@@ -265,53 +217,25 @@ def _moved(fit: GeometricFit, moved: MovedFrame) -> Finding:
     """The frame of the instrument moved between two poses."""
     rows = fit.data.rows_of_pose(moved.first)
     severity = Severity.ALARM if moved.shift > fit.rms else Severity.WARNING
-    until = "here on"
-    if moved.end < len(fit.data.means):
-        until = f"here to row {fit.data.rows_of_pose(moved.end - 1)[-1] + 1}"
-    text = (
-        f"row {rows[0] + 1}: from {until} positions are {MM * moved.shift:.3g} mm off, as if the "
-        f"instrument's frame or the robot's base had moved; that explains "
-        f"{100 * moved.explained:.0f} % of the residuals"
-    )
-    return Finding(severity, "frame_moved", text, {"rows": (rows[0],)})
+    is_back = moved.end < len(fit.data.means)
+    last = fit.data.rows_of_pose(moved.end - 1)[-1] if is_back else None
+    data = {"shift": moved.shift, "explained": moved.explained}
+    return _say(severity, "frame_moved", rows=(rows[0],), last=last, **data)
 
 
 def _trend(fit: GeometricFit, trend: DayTrend) -> Finding:
     """Something grew from the first pose to the last."""
-    explains = f"that explains {100 * trend.explained:.0f} % of the residuals"
-    if trend.kind == "growth":
-        verb = "grown" if trend.size > 0 else "shrunk"
-        text = (
-            f"as if all links had {verb} by {1e6 * abs(trend.size):.3g} um/m from the first row to "
-            f"the last: {explains}. Did the robot warm up? Measure when it is warm, or in an order "
-            "that is not that of the poses"
-        )
-        return Finding(Severity.WARNING, "growth", text)
-    severity = Severity.ALARM if trend.size > fit.rms else Severity.WARNING
-    text = (
-        f"from the first row to the last positions drift by {MM * trend.size:.3g} mm, as if the "
-        f"instrument's frame or the robot's base moved slowly; {explains}. Points on the base "
-        'would tell, as [[marker]] with joint = "base"'
-    )
-    return Finding(severity, "drift", text)
+    large = trend.kind == "drift" and trend.size > fit.rms
+    severity = Severity.ALARM if large else Severity.WARNING
+    return _say(severity, trend.kind, size=trend.size, explained=trend.explained)
 
 
 def _bent(fit: GeometricFit, found: UntoldLoad) -> Finding:
     """A weight that nobody told bends the robot; where springs are fitted, these take it."""
-    listed = ", ".join(f'"{name}"' for name in found.joints)
-    poses = np.flatnonzero(found.loaded)
-    part: tuple[int, ...] = ()
-    where = ""
-    if not found.loaded.all():
-        part = tuple(sorted(row for pose in poses for row in fit.data.rows_of_pose(int(pose))))
-        where = f"{rows_in_words(part)}: "
-    text = (
-        f"{where}as if a weight that the study does not know bent {', '.join(found.joints)}"
-        f"{' there alone' if where else ''}: that explains {100 * found.explained:.0f} % of the "
-        "residuals. A load, or the links' own mass? Give it, and ask for compliance = "
-        f"[{listed}]"
-    )
-    return Finding(Severity.WARNING, "untold_load", text, {"rows": part})
+    poses = np.flatnonzero(found.loaded & ~found.loaded.all())  # none where all poses have it
+    rows = tuple(sorted(row for pose in poses for row in fit.data.rows_of_pose(int(pose))))
+    data = {"joints": tuple(found.joints), "explained": found.explained}
+    return _say(Severity.WARNING, "untold_load", rows=rows, **data)
 
 
 def _loaded(fit: GeometricFit, setting: StudyGeometry) -> list[Finding]:
@@ -319,11 +243,8 @@ def _loaded(fit: GeometricFit, setting: StudyGeometry) -> list[Finding]:
     loaded = np.asarray(fit.data.wrench.any(axis=1))
     if setting.study.specification.joints.unknown or not np.ptp(fit.data.wrench, axis=0).any():
         return []
-    text = (
-        f"{int(loaded.sum())} of {len(loaded)} visits are under a load, and the study asks for no "
-        "compliance, so that the arm counts as rigid; expected joints in parameters.compliance"
-    )
-    return [Finding(Severity.WARNING, "no_springs", text)]
+    data = {"loaded": int(loaded.sum()), "visits": len(loaded)}
+    return [_say(Severity.WARNING, "no_springs", **data)]
 
 
 def _springs(fit: GeometricFit, setting: StudyGeometry) -> list[Finding]:
@@ -334,14 +255,9 @@ def _springs(fit: GeometricFit, setting: StudyGeometry) -> list[Finding]:
     untold = [name for name in setting.study.specification.joints.unknown if name not in told]
     if not untold:
         return []
-    which = "this joint" if len(untold) == 1 else "these joints"
-    why = f"no load of the sheet turns {which}"
-    severity = Severity.NOTE
-    if not fit.data.wrench.any():
-        why = "no visit of the sheet is under a load; expected columns Fx_N and so on"
-        severity = Severity.WARNING
-    text = f"nothing is told of the compliance of {', '.join(untold)}: {why}"
-    return [Finding(severity, "springs", text)]
+    loaded = bool(fit.data.wrench.any())
+    severity = Severity.NOTE if loaded else Severity.WARNING
+    return [_say(severity, "springs", joints=tuple(untold), loaded=loaded)]
 
 
 def _large(fit: GeometricFit) -> list[Finding]:
@@ -354,9 +270,7 @@ def _large(fit: GeometricFit) -> list[Finding]:
     ]
     if not large:
         return []
-    more = f", and {len(large) - 1} more" if len(large) > 1 else ""
-    text = f"{large[0]}{more}: is the drawing that of this robot?"
-    return [Finding(Severity.WARNING, "large", text)]
+    return [_say(Severity.WARNING, "large", errors=tuple(large))]
 
 
 def _scaled(fit: GeometricFit, setting: StudyGeometry) -> list[Finding]:
@@ -364,13 +278,7 @@ def _scaled(fit: GeometricFit, setting: StudyGeometry) -> list[Finding]:
     scale = None if setting.taken_as_drawn else common_scale(fit)
     if scale is None:
         return []
-    longer = "longer" if scale.size > 0 else "shorter"
-    text = (
-        f"all lengths come out {longer} than drawn together, by {1e6 * abs(scale.size):.3g} +- "
-        f"{1e6 * scale.std:.2g} um/m: is the scale of the instrument off, or the robot of another "
-        "size? A known length, measured beside the robot, would tell"
-    )
-    return [Finding(Severity.WARNING, "scale", text)]
+    return [_say(Severity.WARNING, "scale", size=scale.size, std=scale.std)]
 
 
 def _shown(parameter: GeometricParameter, value: float) -> str:
@@ -390,8 +298,7 @@ def _negative(fit: GeometricFit) -> list[Finding]:
     ]
     if not found:
         return []
-    text = f"compliances of {', '.join(found)} are below zero by more than noise explains"
-    return [Finding(Severity.WARNING, "negative", text)]
+    return [_say(Severity.WARNING, "negative", joints=tuple(found))]
 
 
 def _noise(fit: GeometricFit, setting: StudyGeometry, caused: bool) -> list[Finding]:
@@ -406,34 +313,208 @@ def _noise(fit: GeometricFit, setting: StudyGeometry, caused: bool) -> list[Find
     noise = fit.fitted.noise
     stated = setting.noise
     if noise.repeats and not 1 / NOISY < noise.reading / stated.reading < NOISY:
-        text = (
-            f"repeated readings scatter by {noise.reading:.2g} mm beside common motions, and "
-            f"measurement.sigma_mm says {stated.reading:.2g}"
-        )
-        found.append(Finding(Severity.NOTE, "sigma", text))
+        scatter = {"reading_mm": noise.reading, "stated_mm": stated.reading}
+        found.append(_say(Severity.NOTE, "sigma", **scatter))
     if fit.rms * MM > NOISY * max(stated.reading, noise.reading):
-        joints = float(np.max(noise.model_joints, initial=0.0))
-        up_to = "up to " if np.ptp(noise.model_joints) > 0 else ""
-        text = (
-            f"the model leaves {MM * fit.rms:.2g} mm, many times the noise: as if joints erred by "
-            f"{up_to}{joints:.2g} mrad and positions by {noise.model_white:.2g} mm in each pose; "
-            f"bands include it{_as_drawn(fit, setting) or ('' if caused else UNCAUSED)}"
-        )
-        found.append(Finding(Severity.NOTE, "discrepancy", text))
+        data = {
+            "rms": fit.rms,
+            "joints_mrad": float(np.max(noise.model_joints, initial=0.0)),
+            "alike": not np.ptp(noise.model_joints) > 0,
+            "positions_mm": noise.model_white,
+            "as_drawn": _as_drawn(fit, setting),
+            "caused": caused,
+        }
+        found.append(_say(Severity.NOTE, "discrepancy", **data))
     return found
 
 
-def _as_drawn(fit: GeometricFit, setting: StudyGeometry) -> str:
-    """How much of what is left the geometry explains that nobody asked for, in words."""
+def _as_drawn(fit: GeometricFit, setting: StudyGeometry) -> float | None:
+    """How much of what is left the geometry explains that nobody asked for; None for little."""
     others = setting.taken_as_drawn
     if not others:
-        return ""
+        return None
     rows = FitRows.of(fit).beside(others)
     basis = rows.design.reshape(rows.residual.size, -1)
     explained = float(((basis.T @ rows.residual.ravel()) ** 2).sum() / (rows.residual**2).sum())
-    if explained < MOSTLY or rows.dof(0) < basis.shape[1]:
-        return ""
-    return (
-        f". Errors of the drawing that the study does not ask for explain {100 * explained:.0f} % "
-        'of it; see parameters.geometry = "all"'
+    return None if explained < MOSTLY or rows.dof(0) < basis.shape[1] else explained
+
+
+def _few_poses(data: Data) -> str:
+    """So few that little, or nothing, speaks for the fit."""
+    missing = data["missing"]
+    text = (
+        f"{data['coordinates']} coordinates for {data['count']} parameters leave little to judge "
+        f"by; measure {missing} more pose{'s' * (missing > 1)}"
     )
+    if "loo_rms" not in data:
+        return text
+    return (
+        f"{text}. A pose left out is {MM * data['loo_rms']:.3g} mm off, and by the drawing "
+        f"{MM * data['placed']:.3g}"
+    )
+
+
+def _open_words(data: Data) -> str:
+    """What the poses tell, and the first directions that they leave open."""
+    named = data["open"][:MOST_NAMED]
+    if len("; ".join(named)) > MOST_LETTERS:
+        named = named[:1]
+    more = len(data["open"]) - len(named)
+    rest = f"; and {more} more" if more else ""
+    names = data["still"]
+    stand = f"{', '.join(names)} stand{'s' * (len(names) == 1)} still in all poses"
+    still = f", as {stand}" if names else ""
+    return (
+        f"{data['told']} of {data['count']} parameters can be told{still}: {'; '.join(named)}"
+        f"{rest}. Poses that move these apart would tell, and predictions elsewhere have wide bands"
+    )
+
+
+def _outside_words(data: Data) -> str:
+    """Bands that are too narrow."""
+    look = "look at the largest residuals"
+    return (
+        f"{100 * data['inside']:.0f} % of the coordinates left out are inside their 95 % bands: "
+        "errors of some poses are far larger than those of others, and bands and standard "
+        f"deviations say too little; {look if data['robust'] else f'{look}, or see --robust'}"
+    )
+
+
+def _explains(data: Data) -> str:
+    """The share that a cause explains."""
+    return f"that explains {100 * data['explained']:.0f} % of the residuals"
+
+
+def _frame_moved(data: Data) -> str:
+    """A frame that moved, and whether it moved back."""
+    until = "here on" if data["last"] is None else f"here to row {data['last'] + 1}"
+    return (
+        f"row {data['rows'][0] + 1}: from {until} positions are {MM * data['shift']:.3g} mm off, "
+        f"as if the instrument's frame or the robot's base had moved; {_explains(data)}"
+    )
+
+
+def _growth(data: Data) -> str:
+    """Links that grow in the course of the day."""
+    verb = "grown" if data["size"] > 0 else "shrunk"
+    return (
+        f"as if all links had {verb} by {1e6 * abs(data['size']):.3g} um/m from the first row to "
+        f"the last: {_explains(data)}. Did the robot warm up? Measure when it is warm, or in an "
+        "order that is not that of the poses"
+    )
+
+
+def _untold_load(data: Data) -> str:
+    """A weight that nobody told, in some rows or in all."""
+    joints = data["joints"]
+    asked = ", ".join(f'"{name}"' for name in joints)
+    where = f"{rows_in_words(data['rows'])}: " if data["rows"] else ""
+    return (
+        f"{where}as if a weight that the study does not know bent {', '.join(joints)}"
+        f"{' there alone' if where else ''}: {_explains(data)}. A load, or the links' own mass? "
+        f"Give it, and ask for compliance = [{asked}]"
+    )
+
+
+def _untold_springs(data: Data) -> str:
+    """Springs of which nothing is told, and why."""
+    joints = data["joints"]
+    why = "no visit of the sheet is under a load; expected columns Fx_N and so on"
+    if data["loaded"]:
+        why = f"no load of the sheet turns {'this joint' if len(joints) == 1 else 'these joints'}"
+    return f"nothing is told of the compliance of {', '.join(joints)}: {why}"
+
+
+def _large_errors(data: Data) -> str:
+    """The first of them."""
+    errors = data["errors"]
+    more = f", and {len(errors) - 1} more" if len(errors) > 1 else ""
+    return f"{errors[0]}{more}: is the drawing that of this robot?"
+
+
+def _common_scale(data: Data) -> str:
+    """Lengths that all come out longer, or shorter."""
+    longer = "longer" if data["size"] > 0 else "shorter"
+    return (
+        f"all lengths come out {longer} than drawn together, by {1e6 * abs(data['size']):.3g} +- "
+        f"{1e6 * data['std']:.2g} um/m: is the scale of the instrument off, or the robot of "
+        "another size? A known length, measured beside the robot, would tell"
+    )
+
+
+def _discrepancy(data: Data) -> str:
+    """What the model leaves, and whose it may be."""
+    up_to = "" if data["alike"] else "up to "
+    text = (
+        f"the model leaves {MM * data['rms']:.2g} mm, many times the noise: as if joints erred by "
+        f"{up_to}{data['joints_mrad']:.2g} mrad and positions by {data['positions_mm']:.2g} mm in "
+        "each pose; bands include it"
+    )
+    if data["as_drawn"] is not None:
+        return (
+            f"{text}. Errors of the drawing that the study does not ask for explain "
+            f'{100 * data["as_drawn"]:.0f} % of it; see parameters.geometry = "all"'
+        )
+    if data["caused"]:
+        return text
+    return (
+        f"{text}. No cause in the list explains it (a frame that moved or drifts, links that grow, "
+        "a weight): it is the model's. Poses that are reached from both sides would tell backlash"
+    )
+
+
+WORDING: Wording = {
+    "few_poses": _few_poses,
+    "alone": lambda data: (
+        f"{rows_in_words(data['rows'])}: each tells what no other pose does, so that the error of "
+        "poses left out is that of some directions alone, and too small"
+    ),
+    "worse_than_placed": lambda data: (
+        f"do not use: a pose left out is {MM * data['loo_rms']:.3g} mm off, and with base and tool "
+        f"alone {MM * data['placed']:.3g} mm. {data['poses']} poses are too few for "
+        f"{data['count']} parameters beside what the model leaves out; measure more, or ask for "
+        "fewer parameters"
+    ),
+    "rounded": lambda data: (
+        f"all joint angles are multiples of {data['step_deg']:g} deg, and joints err by "
+        f"{data['left']:.2g} mrad in each pose, as rounding to {data['step_deg']:g} deg would "
+        f"leave ({data['rounding']:.2g}): were they rounded? Export them with three decimals"
+    ),
+    "rough": lambda data: (
+        f"the fit leaves {MM * data['rms']:.3g} mm: is it this robot, are angles in degrees, and "
+        "does the controller count joints as the study says? See edtk controller"
+    ),
+    "rough_turns": lambda data: (
+        f"the fit leaves {data['rms_deg']:.3g} deg of the orientations: are they rotation vectors "
+        "(axis times angle) in degrees, or quaternions, in the frame of the positions?"
+    ),
+    "open": _open_words,
+    "outliers": lambda data: (
+        f"{rows_in_words(data['rows'])}: up to {MM * data['off']:.3g} mm from where the other "
+        "poses predict the markers; a swapped marker, a pose typed wrongly, or see --robust"
+    ),
+    "outside": _outside_words,
+    "frame_moved": _frame_moved,
+    "growth": _growth,
+    "drift": lambda data: (
+        f"from the first row to the last positions drift by {MM * data['size']:.3g} mm, as if the "
+        f"instrument's frame or the robot's base moved slowly; {_explains(data)}. Points on the "
+        'base would tell, as [[marker]] with joint = "base"'
+    ),
+    "untold_load": _untold_load,
+    "no_springs": lambda data: (
+        f"{data['loaded']} of {data['visits']} visits are under a load, and the study asks for no "
+        "compliance, so that the arm counts as rigid; expected joints in parameters.compliance"
+    ),
+    "springs": _untold_springs,
+    "large": _large_errors,
+    "scale": _common_scale,
+    "negative": lambda data: (
+        f"compliances of {', '.join(data['joints'])} are below zero by more than noise explains"
+    ),
+    "sigma": lambda data: (
+        f"repeated readings scatter by {data['reading_mm']:.2g} mm beside common motions, and "
+        f"measurement.sigma_mm says {data['stated_mm']:.2g}"
+    ),
+    "discrepancy": _discrepancy,
+}

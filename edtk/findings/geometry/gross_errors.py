@@ -6,7 +6,7 @@ from itertools import permutations, product
 
 import numpy as np
 
-from edtk.findings.finding import Finding, Severity, rows_in_words
+from edtk.findings.finding import Data, Finding, Severity, Wording, rows_in_words
 from edtk.findings.geometry.sound_rows import EXPLAINED, MOST_MARKERS, RigidTool, rigid_tool
 from edtk.fit.geometry.marker_positions import MarkerPositions
 from edtk.fit.geometry.place_robot import LinearStart, linear_start, rigid_motion
@@ -32,6 +32,8 @@ GRID = 361  # values of a joint that are tried
 REFINED = 5  # times the grid about the best value is made ten times finer
 MUCH = 6.0  # times the typical distance: no pose of a sound sheet is as far off
 LEAST = 2e-3  # [m] below it a distance is left to the fit
+# What visits of which the others say something else look like, see `WrongVisit`.
+WRONG = ("gross", "frame_moved", "unit", "radians", "shifted", "coordinates", "typed")
 FEW = 0.6  # share of the visits that count, below which these may be the wrong ones
 
 
@@ -347,11 +349,7 @@ def gross_findings(data: MarkerPositions, found: GrossErrors) -> list[Finding]:
     severity = Severity.ALARM if many else Severity.WARNING
     for markers in dict.fromkeys(markers for _, markers in found.swapped):
         rows = _rows(data, [visit for visit, own in found.swapped if own == markers])
-        text = (
-            f"{rows_in_words(rows)}: markers {' and '.join(markers)} are swapped; these rows do "
-            "not count"
-        )
-        findings.append(Finding(severity, "swapped", text, {"rows": rows}))
+        findings.append(Finding.of(severity, WORDING, "swapped", rows=rows, markers=markers))
     for names in dict.fromkeys(markers for _, markers, _ in found.apart):
         findings.append(_apart(data, found, names))
     for cause in dict.fromkeys((one.kind, one.words) for one in found.wrong):
@@ -365,30 +363,43 @@ def _apart(data: MarkerPositions, found: GrossErrors, names: tuple[str, ...]) ->
     own = [(visit, size) for visit, markers, size in found.apart if markers == names]
     columns = [data.markers.index(name) for name in names]
     rows = tuple(sorted({int(row) for visit, _ in own for row in data.row[visit, columns]}))
-    text = (
-        f"{rows_in_words(rows)}: marker {' or '.join(names)} is up to "
-        f"{1e3 * max(size for _, size in own):.3g} mm from its usual distance to the other "
-        "markers; a slip, or a false reading? These positions do not count"
-    )
-    return Finding(Severity.WARNING, "apart", text, {"rows": rows})
+    off = max(size for _, size in own)
+    return Finding.of(Severity.WARNING, WORDING, "apart", rows=rows, markers=names, off=off)
 
 
 def _wrong(data: MarkerPositions, visits: list[WrongVisit], severity: Severity) -> Finding:
     """The visits with one cause."""
     rows = _rows(data, [one.visit for one in visits])
-    size = 1e3 * max(one.distance for one in visits)
-    kind, words = visits[0].kind, visits[0].words
-    why = f", {words}; these" if words else "; is the pose another one? These"
-    text = (
-        f"{rows_in_words(rows)}: positions are up to {size:.3g} mm from where all others say{why} "
-        "rows do not count"
-    )
-    return Finding(
-        Severity.ALARM if kind == "frame_moved" else severity, kind, text, {"rows": rows}
-    )
+    off = max(one.distance for one in visits)
+    kind = visits[0].kind
+    worst = Severity.ALARM if kind == "frame_moved" else severity
+    return Finding.of(worst, WORDING, kind, rows=rows, off=off, why=visits[0].words)
 
 
 def _rows(data: MarkerPositions, visits: list[int]) -> tuple[int, ...]:
     """Rows of the file that some visits are in."""
     rows = {int(row) for visit in visits for row in data.row[visit] if row >= 0}
     return tuple(sorted(rows))
+
+
+def _wrong_words(data: Data) -> str:
+    """Positions that are far off, and what put them there where that is known."""
+    why = f", {data['why']}; these" if data["why"] else "; is the pose another one? These"
+    return (
+        f"{rows_in_words(data['rows'])}: positions are up to {1e3 * data['off']:.3g} mm from where "
+        f"all others say{why} rows do not count"
+    )
+
+
+WORDING: Wording = {
+    "swapped": lambda data: (
+        f"{rows_in_words(data['rows'])}: markers {' and '.join(data['markers'])} are swapped; "
+        "these rows do not count"
+    ),
+    "apart": lambda data: (
+        f"{rows_in_words(data['rows'])}: marker {' or '.join(data['markers'])} is up to "
+        f"{1e3 * data['off']:.3g} mm from its usual distance to the other markers; a slip, or a "
+        "false reading? These positions do not count"
+    ),
+    **dict.fromkeys(WRONG, _wrong_words),
+}

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from edtk.findings.finding import Finding, Severity, rows_in_words
+from edtk.findings.finding import Data, Finding, Severity, Wording, rows_in_words
 from edtk.findings.match_plan import resolution
 from edtk.fit.distributions import poisson_tail
 from edtk.fit.geometry.fitted_geometry import MM, GeometricFit
@@ -167,12 +167,8 @@ def with_standing(
     )
     ordered = data.of_markers(order)
     given = bool(setting.study.specification.marker)
-    text = (
-        f"{', '.join(names)} stay{'s' * (len(names) == 1)} in place while others move, and "
-        f'count{"s" * (len(names) == 1)} as on the base; expected [[marker]] with joint = "base"'
-    )
     severity = Severity.WARNING if given else Severity.NOTE
-    return there, ordered, [Finding(severity, "standing", text)]
+    return there, ordered, [Finding.of(severity, WORDING, "standing", markers=names)]
 
 
 def without_beyond_reach(
@@ -202,14 +198,17 @@ def _beyond(data: MarkerPositions, typed: Mask, far: Mask, reach: float) -> Find
     rows = tuple(sorted({int(row) for row in data.row[typed]}))
     there = np.where(far & typed[..., None], np.abs(data.measured), 0.0)
     visit, marker, axis = np.unravel_index(int(np.argmax(there)), there.shape)
-    size = 1e3 * float(data.measured[visit, marker, axis])
-    alone = typed.sum() == 1
-    text = (
-        f"{rows_in_words(rows)}: {'xyz'[axis]} of {data.markers[marker]} is "
-        f"{'' if alone else 'up to '}{size:.6g} mm, and the arm reaches {1e3 * reach:.4g} mm; "
-        f"a wrong number? {'This position does' if alone else 'These positions do'} not count"
+    return Finding.of(
+        Severity.WARNING,
+        WORDING,
+        "beyond_reach",
+        rows=rows,
+        marker=data.markers[marker],
+        axis="xyz"[axis],
+        value=float(data.measured[visit, marker, axis]),
+        positions=int(typed.sum()),
+        reach=reach,
     )
-    return Finding(Severity.WARNING, "beyond_reach", text, {"rows": rows})
 
 
 def refuse_copied_visits(data: MarkerPositions, sigma: float, path: Path) -> None:
@@ -282,12 +281,8 @@ def without_copied_markers(
             apart = np.abs(data.measured[both, i] - data.measured[both, j]).max()
             if apart > SAME:
                 continue
-            one, other = data.markers[i], data.markers[j]
-            text = (
-                f"markers {one} and {other} are at the same place in all {both.sum()} visits: were "
-                f"columns copied? {other} does not count"
-            )
-            findings.append(Finding(Severity.WARNING, "equal_markers", text))
+            pair = {"marker": data.markers[i], "copy": data.markers[j], "visits": int(both.sum())}
+            findings.append(Finding.of(Severity.WARNING, WORDING, "equal_markers", **pair))
             copied.append(j)
             break
     if not copied:
@@ -314,24 +309,19 @@ def marker_findings(fit: GeometricFit, setting: StudyGeometry) -> list[Finding]:
     exchanged = [name for i, name in enumerate(names) if order[i] != i]
     apart = MM * np.linalg.norm(placed - there, axis=1)
     if exchanged:
-        text = (
-            f"markers {' and '.join(exchanged)} look swapped in all rows: they are up to "
-            f"{apart.max():.3g} mm from where the study has them on the tool, and each is where it "
-            "has another one; expected the names of the study"
-        )
-        return [Finding(Severity.WARNING, "swapped_names", text)]
+        data = {"markers": tuple(exchanged), "off_mm": float(apart.max())}
+        return [Finding.of(Severity.WARNING, WORDING, "swapped_names", **data)]
     far = np.flatnonzero(apart > MM * FAR_FROM_STUDY)
     if not len(far):
         return []
     worst = int(np.argmax(apart))
-    more = f", and {len(far) - 1} more" if len(far) > 1 else ""
-    place = ", ".join(f"{x:.0f}" for x in MM * placed[worst])
-    text = (
-        f"marker {names[worst]} is {apart[worst]:.3g} mm from where the study has it on the tool"
-        f"{more}: at ({place}) mm. Is it another tool, or another frame? Plans and test poses rest "
-        "on position_mm"
-    )
-    return [Finding(Severity.WARNING, "marker_elsewhere", text)]
+    data = {
+        "marker": names[worst],
+        "off_mm": float(apart[worst]),
+        "place_mm": (MM * placed[worst]).tolist(),
+        "others": len(far) - 1,
+    }
+    return [Finding.of(Severity.WARNING, WORDING, "marker_elsewhere", **data)]
 
 
 def _order_of_places(placed: Array, stated: Array) -> tuple[int, ...]:
@@ -402,15 +392,15 @@ def _moved_alone(
     here = np.linalg.norm(tool.measured[visits] - points.measured[visits, i, None], axis=-1)
     on = [int(np.nanargmin(one)) if np.nanmin(one, initial=1.0) < ON_MARKER else -1 for one in here]
     found = []
-    name = points.markers[i]
     for marker in sorted(set(on)):
         chosen = np.flatnonzero(np.array(on) == marker)
         rows = tuple(int(row) for row in points.row[visits[chosen], i])
-        what = f"moved, by up to {1e3 * float(apart[chosen].max()):.3g} mm"
-        if marker >= 0:
-            what = f"is where the marker {tool.markers[marker]} on the tool is"
-        text = f"{rows_in_words(rows)}: the point {name} on the base {what}; it does not count"
-        found.append(Finding(Severity.WARNING, "reference_moved", text, {"rows": rows}))
+        data = {
+            "point": points.markers[i],
+            "off": float(apart[chosen].max()),
+            "marker": tool.markers[marker] if marker >= 0 else None,
+        }
+        found.append(Finding.of(Severity.WARNING, WORDING, "reference_moved", rows=rows, **data))
     return found
 
 
@@ -418,11 +408,68 @@ def _frame_moved(points: MarkerPositions, together: Mask, apart: Array) -> Findi
     """The finding that names the visits in which all points moved."""
     visits = np.flatnonzero(together)
     rows = tuple(sorted({int(row) for row in points.row[visits].ravel() if row >= 0}))
-    size = 1e3 * float(np.nanmax(np.nanmedian(apart[visits], axis=1)))
-    return Finding(
-        Severity.WARNING,
-        "frame_moved",
-        f"{rows_in_words(rows)}: the frame of the instrument moved, by up to {size:.3g} mm at the "
-        "base; positions there are taken back by the points on the base",
-        {"rows": rows},
+    off = float(np.nanmax(np.nanmedian(apart[visits], axis=1)))
+    return Finding.of(Severity.WARNING, WORDING, "frame_moved", rows=rows, off=off)
+
+
+def _standing(data: Data) -> str:
+    """Markers that count as points on the base."""
+    names = data["markers"]
+    one = "s" * (len(names) == 1)
+    return (
+        f"{', '.join(names)} stay{one} in place while others move, and count{one} as on the base; "
+        'expected [[marker]] with joint = "base"'
     )
+
+
+def _beyond_reach(data: Data) -> str:
+    """Positions where no arm is, by the farthest coordinate."""
+    alone = data["positions"] == 1
+    return (
+        f"{rows_in_words(data['rows'])}: {data['axis']} of {data['marker']} is "
+        f"{'' if alone else 'up to '}{1e3 * data['value']:.6g} mm, and the arm reaches "
+        f"{1e3 * data['reach']:.4g} mm; a wrong number? "
+        f"{'This position does' if alone else 'These positions do'} not count"
+    )
+
+
+def _marker_elsewhere(data: Data) -> str:
+    """A marker that is not where the study has it."""
+    more = f", and {data['others']} more" if data["others"] else ""
+    place = ", ".join(f"{x:.0f}" for x in data["place_mm"])
+    return (
+        f"marker {data['marker']} is {data['off_mm']:.3g} mm from where the study has it on the "
+        f"tool{more}: at ({place}) mm. Is it another tool, or another frame? Plans and test poses "
+        "rest on position_mm"
+    )
+
+
+def _reference_moved(data: Data) -> str:
+    """A point that moved; or a beam that was on a marker of the tool."""
+    what = f"moved, by up to {1e3 * data['off']:.3g} mm"
+    if data["marker"] is not None:
+        what = f"is where the marker {data['marker']} on the tool is"
+    rows = rows_in_words(data["rows"])
+    return f"{rows}: the point {data['point']} on the base {what}; it does not count"
+
+
+WORDING: Wording = {
+    "standing": _standing,
+    "beyond_reach": _beyond_reach,
+    "equal_markers": lambda data: (
+        f"markers {data['marker']} and {data['copy']} are at the same place in all "
+        f"{data['visits']} visits: were columns copied? {data['copy']} does not count"
+    ),
+    "swapped_names": lambda data: (
+        f"markers {' and '.join(data['markers'])} look swapped in all rows: they are up to "
+        f"{data['off_mm']:.3g} mm from where the study has them on the tool, and each is where it "
+        "has another one; expected the names of the study"
+    ),
+    "marker_elsewhere": _marker_elsewhere,
+    "reference_moved": _reference_moved,
+    "frame_moved": lambda data: (
+        f"{rows_in_words(data['rows'])}: the frame of the instrument moved, by up to "
+        f"{1e3 * data['off']:.3g} mm at the base; positions there are taken back by the points on "
+        "the base"
+    ),
+}
