@@ -1,8 +1,9 @@
 """The comparison report: one Markdown file and its figures."""
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 from edtk.calibration.geometry_design.evaluate_geometry import GeometryDesigns
 from edtk.calibration.geometry_design.visit_search import STARTS
@@ -73,17 +74,18 @@ def comparison_report(run: StudyRun, sizes: Iterable[Efficiencies]) -> str:
     main = run.study.main_criterion
     tasks = run.study.tasks
     question = tasks.place if tasks and main == "rho0" else f"for {main}"
+    chapters = _Chapters.of_run(run)
     parts = [
         f"# {_plain(run.study.specification.title)}\n",
         verdict(run),
         *_warnings(run),
         "## The question\n",
-        _setting(run),
+        chapters.setting(),
         f"## Which plan is best {question}?\n",
         f"![{main} against the number of experiments](comparison.png)\n",
         by_size(run),
-        *_visits(run),
-        *_tasks(run),
+        *chapters.visits(),
+        *chapters.tasks(),
         f"## What plans for other criteria cost in {main}\n",
         loss_of_others(run),
         "## Fewer distinct poses\n",
@@ -91,10 +93,10 @@ def comparison_report(run: StudyRun, sizes: Iterable[Efficiencies]) -> str:
         "## All plans under all criteria\n",
         EFFICIENCY,
         *(efficiencies(found) for found in sizes),
-        UNITS_OF_GEOMETRY if isinstance(run.designs, GeometryDesigns) else UNITS,
+        chapters.units,
         all_values(run),
         "## How it was computed\n",
-        _search(run),
+        chapters.search(),
         RELAXATION,
         relaxation_table(run),
         _origin(run),
@@ -103,70 +105,110 @@ def comparison_report(run: StudyRun, sizes: Iterable[Efficiencies]) -> str:
     return "\n".join(parts).replace("<", "&lt;")
 
 
-def _tasks(run: StudyRun) -> list[str]:
-    """What accuracy to expect in the test pose or in several, and around them."""
-    if not run.study.tasks:
+@dataclass(frozen=True)
+class _Chapters:
+    """What a report says otherwise where designs are of another kind; here, of compliances.
+
+    Attributes:
+        run: The result of the study.
+    """
+
+    run: StudyRun
+    units: ClassVar[str] = UNITS
+    whose: ClassVar[str] = TOOL_POINT
+
+    @staticmethod
+    def of_run(run: StudyRun) -> "_Chapters":
+        """Those of a run."""
+        designs = run.designs
+        return _OfGeometry(run, designs) if isinstance(designs, GeometryDesigns) else _Chapters(run)
+
+    def setting(self) -> str:
+        """One paragraph on the question."""
+        run = self.run
+        specification = run.study.specification
+        unknown = ", ".join(run.study.model.parameters)
+        return (
+            f"Robot {_plain(run.study.robot.name)}; unknown compliances {unknown}{_interest(run)}"
+            f"{_prior(run)}; "
+            f"{specification.describe_load()}; "
+            f"{_measured(run)}{_noise(run)}{margin_in_words(run.study)}.\n"
+        )
+
+    def visits(self) -> list[str]:
+        """How many visits are loaded, where that may differ."""
         return []
-    if run.expected is None and isinstance(run.designs, GeometryDesigns):
-        return []
-    if len(run.study.tasks) == 1:
-        return [f"## {AROUND}\n", around_the_task(run)]
-    of = "the markers" if isinstance(run.designs, GeometryDesigns) else TOOL_POINT
-    each = [in_each_task(found, of) for found in _of_largest(run)]
-    return [f"## {IN_EACH}\n", *each, around_the_task(run)]
+
+    def tasks(self) -> list[str]:
+        """What accuracy to expect in the test pose or in several, and around them."""
+        run = self.run
+        if not run.study.tasks:
+            return []
+        if len(run.study.tasks) == 1:
+            return [f"## {AROUND}\n", around_the_task(run)]
+        each = [in_each_task(found, self.whose) for found in self._of_largest()]
+        return [f"## {IN_EACH}\n", *each, around_the_task(run)]
+
+    def _of_largest(self) -> list[TaskAccuracy]:
+        """The errors in each test pose of the largest plan, with their totals."""
+        best = self.run.best
+        found = None if best is None else plan_tasks(self.run.study, best)
+        return [] if found is None else [found]
+
+    def search(self) -> str:
+        """How far plans were searched for."""
+        specification = self.run.study.specification
+        main = self.run.study.main_criterion
+        # Descents are made in batches: the last one is filled up.
+        least = BATCH_SIZE * -(-specification.starts // BATCH_SIZE)
+        most = BATCH_SIZE * -(-specification.descents(main) // BATCH_SIZE)
+        return (
+            f"{specification.candidates} candidate poses; at most {least} descents of the search "
+            f"for each plan, {most} for {main}.\n"
+        )
 
 
-def _of_largest(run: StudyRun) -> list[TaskAccuracy]:
-    """The errors in each test pose of the largest plan, of compliances with their totals."""
-    if isinstance(run.designs, GeometryDesigns):
-        return list(run.accuracies.values())[:1]
-    found = None if run.best is None else plan_tasks(run.study, run.best)
-    return [] if found is None else [found]
+@dataclass(frozen=True)
+class _OfGeometry(_Chapters):
+    """The same of visits, without and with a load.
 
+    Attributes:
+        designs: The designs of the run.
+    """
 
-def _visits(run: StudyRun) -> list[str]:
-    """How many visits are loaded, of a study of geometry where that may differ."""
-    if not isinstance(run.designs, GeometryDesigns):
-        return []
-    return list(filter(None, [visits_by_load(run, run.designs)]))
+    designs: GeometryDesigns
+    units: ClassVar[str] = UNITS_OF_GEOMETRY
+    whose: ClassVar[str] = "the markers"
 
+    def setting(self) -> str:
+        """One paragraph on the question."""
+        name = _plain(self.run.study.robot.name)
+        return f"Robot {name}; {setting_of_geometry(self.designs)}"
 
-def _plain(text: str) -> str:
-    """A user's words, in which no link or picture begins."""
-    return text.replace("[", "\\[").replace("`", "\\`")
+    def visits(self) -> list[str]:
+        """How many visits are loaded."""
+        return list(filter(None, [visits_by_load(self.run, self.designs)]))
 
+    def tasks(self) -> list[str]:
+        """What accuracy to expect of the markers, where anything tells it."""
+        return [] if self.run.expected is None else super().tasks()
 
-def _setting(run: StudyRun) -> str:
-    """One paragraph on the question."""
-    if isinstance(run.designs, GeometryDesigns):
-        return f"Robot {_plain(run.study.robot.name)}; {setting_of_geometry(run.designs)}"
-    specification = run.study.specification
-    unknown = ", ".join(run.study.model.parameters)
-    return (
-        f"Robot {_plain(run.study.robot.name)}; unknown compliances {unknown}{_interest(run)}"
-        f"{_prior(run)}; "
-        f"{specification.describe_load()}; "
-        f"{_measured(run)}{_noise(run)}{margin_in_words(run.study)}.\n"
-    )
+    def _of_largest(self) -> list[TaskAccuracy]:
+        return list(self.run.accuracies.values())[:1]
 
-
-def _search(run: StudyRun) -> str:
-    """How far plans were searched for."""
-    specification = run.study.specification
-    if isinstance(run.designs, GeometryDesigns):
+    def search(self) -> str:
+        """How far plans were searched for."""
+        specification = self.run.study.specification
         starts = min(STARTS, specification.starts)
         return (
             f"{specification.candidates} candidate visits; at most {starts} starts of the search "
             "for each plan.\n"
         )
-    main = run.study.main_criterion
-    # Descents are made in batches: the last one is filled up.
-    least = BATCH_SIZE * -(-specification.starts // BATCH_SIZE)
-    most = BATCH_SIZE * -(-specification.descents(main) // BATCH_SIZE)
-    return (
-        f"{specification.candidates} candidate poses; at most {least} descents of the search for "
-        f"each plan, {most} for {main}.\n"
-    )
+
+
+def _plain(text: str) -> str:
+    """A user's words, in which no link or picture begins."""
+    return text.replace("[", "\\[").replace("`", "\\`")
 
 
 def _prior(run: StudyRun) -> str:

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import criteria
-from edtk.calibration.geometry_design.evaluate_geometry import GeometryDesigns
 from edtk.study.study_run import StudyRun
 
 if TYPE_CHECKING:
@@ -17,7 +16,6 @@ MOST = 6
 LEAST_PLACES = 2  # behind the point: three digits
 MOST_PLACES = 15  # a double has no more
 LEAST = 1e-300  # below it a double has no digits left
-OWN = "own units"  # of the parameters: mm, mrad, 1e-6 rad/(N m)
 
 
 def plain(text: str) -> str:
@@ -88,8 +86,7 @@ def shown_value(name: str, value: float, digits: int = 4) -> str:
 def run_unit(run: StudyRun, name: str) -> tuple[float, str]:
     """Factor and unit for a criterion's values; where it names none, those of the parameters."""
     factor, unit = shown_unit(name)
-    is_own = unit == "SI" and isinstance(run.designs, GeometryDesigns)
-    return factor, OWN if is_own else unit
+    return factor, run.designs.unit if unit == "SI" else unit
 
 
 def plans_of(

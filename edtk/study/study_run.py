@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -101,9 +101,11 @@ class Designs:
 
     Attributes:
         study: The study.
+        unit: Unit of a criterion's values that names none.
     """
 
     study: Study
+    unit: ClassVar[str] = "SI"
 
     def space(self, size: int | None = None) -> DesignSpace:
         """Where plans of so many experiments are searched, with what is known besides."""

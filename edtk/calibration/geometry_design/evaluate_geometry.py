@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 from functools import cached_property
 from time import monotonic
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -208,6 +208,7 @@ class GeometryDesigns(Designs):
     """
 
     question: GeometryQuestion
+    unit: ClassVar[str] = "own units"  # of the parameters: mm, mrad, 1e-6 rad/(N m)
 
     @classmethod
     def of(cls, study: Study) -> "GeometryDesigns":
