@@ -19,9 +19,11 @@ PYTEST := PYTHONDONTWRITEBYTECODE= OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 
 test: $(VENV)/.installed
 	$(PYTEST)
 
-# The first case of each test of the lower floors, without what is marked as slow. Above them nearly
-# every test fits a sheet or searches a plan.
-QUICK := $(addprefix tests/,criteria design fit measure robots study system) $(wildcard tests/test_*.py)
+# The first case of each test that takes less than a fifth of a second: the others are marked as slow. Rooms
+# where nearly every test fits a sheet or searches a plan are here with a few of their files.
+QUICK := $(addprefix tests/,criteria design fit measure robots study system report verbs commands) \
+	$(addprefix tests/calibration/test_,known_part.py told_part.py template.py visiting_order.py wording.py) \
+	tests/certificate/test_bounded_work.py tests/paper_figures/test_mean_distance.py $(wildcard tests/test_*.py)
 
 quick: $(VENV)/.installed
 	$(PYTEST) -m "not slow and not zoo" --first-case $(QUICK)

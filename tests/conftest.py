@@ -3,8 +3,10 @@
 import gc
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -64,17 +66,29 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     )
 
 
-@pytest.hookimpl(trylast=True)
-def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """With --first-case leave out all other cases of a test, those of markers left out before."""
-    if not config.getoption("--first-case"):
-        return
-    first: dict[str, pytest.Item] = {}
-    for item in items:
-        first.setdefault(item.nodeid.partition("[")[0], item)
-    kept = list(first.values())
-    config.hook.pytest_deselected(items=[item for item in items if item not in set(kept)])
-    items[:] = kept
+@pytest.hookimpl(tryfirst=True)
+def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
+    """With --first-case make no other cases of a test, which would take as long as running one."""
+    if metafunc.config.getoption("--first-case"):
+        metafunc.parametrize = partial(_first_case, metafunc.parametrize)  # type: ignore[method-assign]
+
+
+def _first_case(
+    parametrize: Callable[..., None], names: object, values: Iterable[object], **options: Any
+) -> None:
+    """Call `parametrize` with the first value that is not left out by its marks."""
+    listed = list(values)
+    quick = (i for i, one in enumerate(listed) if not _is_slow(one))
+    first = next(quick, 0)
+    ids = options.get("ids")
+    if isinstance(ids, Iterable):
+        options["ids"] = list(ids)[first : first + 1]
+    parametrize(names, listed[first : first + 1], **options)
+
+
+def _is_slow(value: object) -> bool:
+    """Whether a value of a test is marked as one that `make quick` leaves out."""
+    return any(mark.name in ("slow", "zoo") for mark in getattr(value, "marks", ()))
 
 
 def pytest_collection_finish() -> None:

@@ -14,6 +14,7 @@ LIMITS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", sorted(LIMITS))
 def test_counts_stay_below_their_limits(count: str) -> None:
     """Nobody adds files, circles or loose numbers unseen."""

@@ -81,6 +81,7 @@ def trees() -> dict[Path, ast.Module]:
     return {path: ast.parse(path.read_text(encoding="utf-8")) for path in FILES}
 
 
+@pytest.mark.slow
 def test_imports_run_only_downwards(trees: dict[Path, ast.Module]) -> None:
     """No module imports from a floor above, from a sibling room, or from the scripts; criteria know
     nothing of edtk.

@@ -40,6 +40,7 @@ def poses(seed=0, count=6):
     return study.space.draw(np.random.default_rng(seed).random((count, 6)))[:, :6].round(4)
 
 
+@pytest.mark.slow
 def test_a_joint_that_no_load_turns_is_left_open(tmp_path):
     """The rest is what it is where that joint counts as rigid; the file and the text say so."""
     study = Study(**OPEN, interest=INTEREST)

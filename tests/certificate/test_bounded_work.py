@@ -128,6 +128,7 @@ def test_a_criterion_of_few_parameters_beside_many_rows(honest: Content) -> None
     assert not edtk.verify(content).valid
 
 
+@pytest.mark.slow
 def test_an_arm_of_sixty_joints() -> None:
     """What `relax` certifies is not too large for `verify`."""
     joints = [

@@ -54,6 +54,7 @@ def run(*words: object) -> tuple[int, str, str]:
     return result.exit_code, result.stdout, result.stderr
 
 
+@pytest.mark.slow
 def test_a_table_to_paste(files: tuple[Path, Path]) -> None:
     """The text ends with a table that a study takes; JSON is that of the call."""
     code, shown, error = run(*files)
@@ -68,6 +69,7 @@ def test_a_table_to_paste(files: tuple[Path, Path]) -> None:
     assert edtk.new(files[0], out.parent / "study.toml", controller=out).robot.controller
 
 
+@pytest.mark.slow
 def test_the_sheet_of_a_calibration_is_taken(files: tuple[Path, Path]) -> None:
     """A row a pose, with columns for each marker and those of loads, gives the same table as a row
     a marker. Empty cells and zeros are positions that nobody measured.
@@ -130,6 +132,7 @@ def test_too_few_rows_are_refused(files: tuple[Path, Path]) -> None:
     assert "positions.csv: 6 coordinates are too few for the instrument" in error
 
 
+@pytest.mark.slow
 def test_metres_are_suspected(files: tuple[Path, Path]) -> None:
     """Positions that no way to count explains are said to be far off."""
     robot, positions = files

@@ -132,6 +132,7 @@ def test_names_of_the_calling_code_mean_nothing():
         edtk.Problem.from_frame(FRAME, "hidden")
 
 
+@pytest.mark.slow
 def test_without_formulaic_one_line_says_what_to_install():
     """It is an extra, which nothing else needs."""
     code = (

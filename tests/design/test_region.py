@@ -152,6 +152,7 @@ def test_a_model_that_fails_somewhere_names_the_point():
         region.problem([[0.1], [0.25]])
 
 
+@pytest.mark.slow
 def test_a_model_may_be_undefined_outside_its_constraints():
     """Searches look a step beyond a constraint: a root that ends there does no harm."""
 

@@ -45,6 +45,7 @@ def test_minimax_of_d_for_a_line_and_a_parabola():
     check(BOTH, c, u**-0.5, [u / 2, 1 - u, u / 2])
 
 
+@pytest.mark.slow
 def test_minimax_of_predictions_at_two_points():
     """Predictions at 1 and 0 alone: half of the experiments at each, and a singular design."""
     at = [criteria.create("c", c=[1, 1, 1]), criteria.create("c", c=[1, 0, 0])]

@@ -355,6 +355,7 @@ def test_o2_by_a_direct_semidefinite_program(seed):
     assert r.cost == pytest.approx(np.sqrt(kappa.value), rel=GAP)
 
 
+@pytest.mark.slow
 def test_o2_by_bisection():
     """O2 by bisection: kappa can be reached if ``kappa lambda_p - lambda_1 >= 0`` for a design."""
     x = np.linspace(-1, 1, 41)
@@ -418,6 +419,7 @@ def test_o4_of_a_straight_line_by_brute_force(a, b):
         assert cost > r.cost * (1 + 1e3 * GAP)
 
 
+@pytest.mark.slow
 def test_o4_by_the_family_of_condition_numbers():
     """O4 as a one-dimensional family: no ``lambda_min`` at bounded condition beats the bound.
 

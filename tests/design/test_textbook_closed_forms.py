@@ -82,6 +82,7 @@ def test_logistic_model(a, b):
     check(rows, "c", 4.0, c=[1.0, -a / b])
 
 
+@pytest.mark.slow
 def test_emax_model():
     """D is best at 0, at ``e X/(X + 2 e)`` and at X; there the largest variance is p = 3."""
     for size, e, top in ((1.0, 25.0, 150.0), (0.7, 0.3, 1.0)):

@@ -144,6 +144,7 @@ def test_largest_determinants_of_zeros_and_ones(n, largest):
     best(edtk.plan(rows(choices), n), largest ** (2 / n))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n", [5, 9])
 def test_weighings_one_more_than_a_multiple_of_four(n):
     """Chemical balance of p objects, n = 1 mod 4: X'X = (n - 1) I + J for D and A (Cheng 1980)."""

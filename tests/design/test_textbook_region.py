@@ -171,6 +171,7 @@ def test_logistic_median_dose(model):
     np.testing.assert_allclose(r.points[:, 0], x, atol=np.sqrt(GAP) * np.ptp(model.region.limits))
 
 
+@pytest.mark.slow
 def test_logistic_a_and_e():
     """Canonical A and E are symmetric: ``(1 + z^2)/(w z^2)`` at its least, and z = 1."""
     region = Logistic(0, 1, -10, 10).region
@@ -265,6 +266,7 @@ def test_polynomials(degree):
     check(region, "E", c @ c, extrema)
 
 
+@pytest.mark.slow
 def test_broken_line():
     """1, x, (x - b)_+ on [-1, 1]: a third at both ends and at the break, where no slope is zero.
 
@@ -297,6 +299,7 @@ def disc(x):
     return 1 - (x**2).sum(axis=1)
 
 
+@pytest.mark.slow
 def test_plane_on_the_disc():
     """First order on the disc: M = diag(1, 1/2, 1/2)."""
 
@@ -308,6 +311,7 @@ def test_plane_on_the_disc():
         check(region, name, cost)
 
 
+@pytest.mark.slow
 def test_quadratic_on_the_disc():
     """Kiefer (1960): 1/6 in the centre, the rest evenly on the circle.
 
@@ -342,6 +346,7 @@ def test_quadratic_mixtures(q):
     assert len(r.points) == p
 
 
+@pytest.mark.slow
 def test_competitive_inhibition():
     """V s/(K (1 + i/L) + s): for the inhibition constant L alone two points are best.
 
@@ -404,6 +409,7 @@ def test_readings_that_lose_their_worth_towards_the_ends():
     check(Region(rows, 0, 1), "D", det ** (-1 / 3), nodes, np.full(3, 1 / 3))
 
 
+@pytest.mark.slow
 def test_a_forecast_from_calendar_years():
     """A parabola over 2000 to 2030, told in 2040: T_2(5/3)^2, Chebyshev's polynomial."""
 

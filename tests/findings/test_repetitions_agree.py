@@ -22,6 +22,7 @@ def sheet(seed, off):
     return replace(data, deflection=moved)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_outlier_of_a_pose_measured_once(seed):
     """It is off the model and no repetition is: that is no common noise, and the row is named."""

@@ -10,8 +10,8 @@ import emcee
 import h5py
 import numpy as np
 import pytest
+from fit.test_sample_posterior import sample
 from forked import fill_disk, forked
-from inference.test_sample_posterior import sample
 
 from edtk.fit.chain_file import (
     SEAL,

@@ -14,6 +14,7 @@ def test_one_number(mean):
     assert stats.kstest(x[:, 0], stats.truncnorm(-mean, np.inf, loc=mean).cdf).pvalue > 1e-3
 
 
+@pytest.mark.slow
 def test_two_correlated_numbers():
     """Two correlated numbers have the law of normal draws of which the positive ones are kept."""
     covariance = np.array([[1.0, -0.7], [-0.7, 1.0]])

@@ -49,6 +49,7 @@ def test_studentised_blocks_have_the_f_distribution():
     assert kstest(values, f(ROWS, dof - ROWS).cdf).pvalue > 1e-3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scale", [None, 1.0])
 def test_false_alarms(scale):
     """In clean data anything at all is flagged in one run of a hundred, at most."""

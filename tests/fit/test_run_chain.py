@@ -22,6 +22,7 @@ class Normal:
         return 5 + 3 * x
 
 
+@pytest.mark.slow
 def test_moments_and_progress():
     """Samples are parameters, not coordinates; progress is reported from block to block."""
     steps = []

@@ -50,6 +50,7 @@ def fitted(tmp_path):
     return fit
 
 
+@pytest.mark.slow
 def test_a_diagonal_covariance_is_a_sigma_for_each_axis(fitted):
     """Both ways to write independent noise give the same numbers, diagnostics and report."""
     sigma = np.array([0.02, 0.03, 0.05])
@@ -66,6 +67,7 @@ def test_a_diagonal_covariance_is_a_sigma_for_each_axis(fitted):
     assert "correlated within a row" in calibration_facts(after)
 
 
+@pytest.mark.slow
 def test_a_covariance_by_row_is_used(fitted):
     """A tracker that measures ranges well: its covariance is Aitken's, and chi-square is right."""
     covariance = along_a_beam()
@@ -94,6 +96,7 @@ def test_an_outlier_in_correlated_rows(fitted, options):
     assert fitted(table, **options).fit.outliers.tolist() == [7]
 
 
+@pytest.mark.slow
 def test_noise_that_repetitions_share(fitted):
     """With a covariance in each row, noise common to a pose is estimated, and widens intervals."""
     covariance = np.tile(0.03**2 * (np.eye(3) + 0.5 * np.ones((3, 3))), (24, 1, 1))

@@ -47,6 +47,7 @@ def test_every_other_column_has_a_header_of_its_own():
     assert headers[-1] == "q1_deg"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("positions", [False, True])
 @pytest.mark.parametrize("markers", [0, 1])
 def test_from_the_plan_to_the_result(tmp_path, positions, markers):

@@ -1,5 +1,6 @@
 """The files of a comparison."""
 
+import pytest
 from comparisons import PATH, other_criteria, two_sizes
 
 from edtk.report.comparison_report import comparison_files
@@ -7,6 +8,7 @@ from edtk.study.plan_study import relax_study
 from edtk.study.study import load_study
 
 
+@pytest.mark.slow
 def test_files(tmp_path):
     """Report and figures lie side by side; a size without a plan has no heat map."""
     relaxed = {"rho0": relax_study(load_study(PATH), "rho0", candidates=200)}

@@ -102,6 +102,7 @@ def labels(axes):
     return [getattr(ax, f"get_{axis}label")() for ax in np.ravel(axes) for axis in "xy"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_axes_have_labels_with_units(results, name):
     """Every picture names its quantities, and those that have a unit with it."""
@@ -121,6 +122,7 @@ def test_axes_have_labels_with_units(results, name):
     assert re.search(expected[name], text)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in NAMES if name != "posterior_check"])
 def test_axes_may_be_given(results, name):
     """A picture is drawn into given axes; one of several panels divides their place."""
@@ -164,6 +166,7 @@ def test_a_robot_in_a_pose(results):
     np.testing.assert_allclose(np.ravel(marker.get_data_3d()), expected, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_no_name_is_taken_for_a_formula():
     """Dollars, carets and backslashes in names of joints and robots are drawn as they are."""
     odd = r"$\frac{^_x$"

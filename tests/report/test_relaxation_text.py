@@ -1,6 +1,7 @@
 """The text of a relaxation tells whose word its bound is, and how many digits it has."""
 
 import numpy as np
+import pytest
 from no_dual import NoDual
 
 import criteria
@@ -11,6 +12,7 @@ from edtk.report.views.problem import problem_plan_text
 from edtk.report.views.relaxation import relaxation_text
 
 
+@pytest.mark.slow
 def test_bound_by_a_solvers_word():
     """The line of the bound says so instead of "proved"."""
     x = np.linspace(-1, 1, 5)

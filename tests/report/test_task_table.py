@@ -63,6 +63,7 @@ def test_pictures_show_every_pose_and_other_plans(is_path: bool) -> None:
     assert ("length" in ax.get_xlabel()) == is_path
 
 
+@pytest.mark.slow
 def test_sections_name_what_the_poses_are() -> None:
     """A path is one in HTML and in Markdown, and so are separate poses."""
     assert "What error to expect along the path?" in task_section(accuracy(4, is_path=True))

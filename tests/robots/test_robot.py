@@ -168,6 +168,7 @@ def test_bad_robot_is_refused():
             Robot("r", joints)
 
 
+@pytest.mark.slow
 def test_same_kinematics_as_pinocchio_reads_from_the_sister_robots_urdf():
     """Another library finds our forward kinematics and Jacobians of the KR 150-2 in 200 poses."""
     pin = pytest.importorskip("pinocchio", reason="pinocchio is not importable here")

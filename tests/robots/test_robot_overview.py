@@ -69,6 +69,7 @@ def test_open_limits_are_told_and_not_invented(tmp_path):
     assert json.loads(json.dumps(found.to_dict()))["open_limits"] == ["bend"]
 
 
+@pytest.mark.slow
 def test_the_picture_is_written(tmp_path):
     """The file is what its name says, and the same in a second run."""
     path = written(tmp_path)

@@ -200,6 +200,7 @@ def test_key_depends_on_the_numerical_libraries(folder, monkeypatch, library):
     assert key(folder) != before
 
 
+@pytest.mark.slow
 def test_key_depends_on_the_code(tmp_path):
     """A changed line in the toolkit, or in a criterion, is another key."""
     for package in ("edtk", "criteria"):

@@ -94,6 +94,7 @@ def test_a_follower_is_fixed_with_its_leader_only() -> None:
     assert both.fixed == pytest.approx({0: np.deg2rad(10), 1: np.deg2rad(40 - 10)})
 
 
+@pytest.mark.slow
 def test_a_plan_is_rounded_at_the_controller_and_read_back(tmp_path: Path) -> None:
     """Printed poses have three decimals of the controller, and are those that were computed."""
     question = coupled()
@@ -181,6 +182,7 @@ def test_the_study_says_how_the_controller_counts() -> None:
     assert "controller" not in study().summary()
 
 
+@pytest.mark.slow
 def test_a_certificate_of_a_study_with_a_controller_holds(tmp_path: Path) -> None:
     """It speaks of the model's joints, and every claim is recomputed from them."""
     path = tmp_path / "proof.json"

@@ -59,6 +59,7 @@ def test_it_is_written_and_read_again():
     assert about(name="compound", criteria=PARTS).digest != study.digest
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "given",
     [
@@ -115,6 +116,7 @@ def test_a_criterion_that_is_named_without_its_parameters(key):
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.slow
 def test_calls_take_parameters_too():
     """A table or an object in a call stands for the study's own key."""
     for asked in ({"name": "phi", "q": 2}, criteria.create("phi", q=2)):

@@ -139,6 +139,7 @@ def test_another_interest_is_not_verified():
 OPEN = Study(**KEYS | {"joints": {"unknown": ["q1", "q2", "q3"]}}, interest={"joints": "q2"})
 
 
+@pytest.mark.slow
 def test_a_compliance_that_no_pose_tells_may_be_nuisance():
     """Every M is singular: the bound, the plan and its evaluation are finite all the same."""
     found = relax_study(OPEN, "A", continuous=True)

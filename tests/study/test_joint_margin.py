@@ -19,6 +19,7 @@ JOINTS = STUDY.to_dict()["joints"]
 NEAR = STUDY.replace(joints={**JOINTS, "margin_deg": 3})
 
 
+@pytest.mark.slow
 def test_a_plan_keeps_the_margin_and_says_so_without(tmp_path: Path) -> None:
     """The search stands on limits unless there is a margin; then nothing is nearer than it."""
     with short_search():

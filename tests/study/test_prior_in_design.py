@@ -61,6 +61,7 @@ def test_a_prior_counts_only_if_it_is_asked_to():
     assert evaluate(old, PLAN).criteria == evaluate(STUDY, PLAN).criteria
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["rho0", "D"])
 def test_plans_with_a_prior_are_those_with_kept_experiments(name):
     """The same information, from an earlier calibration or from kept experiments: one plan."""
@@ -107,6 +108,7 @@ def test_a_sharp_prior_is_a_known_compliance():
     np.testing.assert_allclose(value, evaluate(known, PLAN).std, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_one_experiment_is_a_plan_and_its_bound_holds():
     """With a prior on every compliance a single pose is enough, and the size scales the prior."""
     for size in (1, 3):
@@ -123,6 +125,7 @@ def test_one_experiment_is_a_plan_and_its_bound_holds():
     assert evaluate(MARGINAL, plan.plan).criteria["A"] == pytest.approx(plan.value)
 
 
+@pytest.mark.slow
 def test_certificates_carry_the_prior():
     """Value and bound are recomputed with it; without it, or with another one, they fail."""
     for found in (relax_study(MARGINAL, "D", size=3), relax_study(MARGINAL, "rho0", size=3)):

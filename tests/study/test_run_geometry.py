@@ -24,6 +24,9 @@ from edtk.verbs.run import run
 KEYS = {"sizes": [3, 4], "optimise": ["D"], "criteria": ["D", "rho0"], "starts": 3}
 
 
+pytestmark = pytest.mark.slow
+
+
 @pytest.fixture(scope="module", autouse=True)
 def small_screen() -> Iterator[None]:
     """Two joints need no twenty thousand fresh poses to choose starts of ascents from."""

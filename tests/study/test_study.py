@@ -352,6 +352,7 @@ def test_a_study_shows_itself():
     assert "task" not in odd
 
 
+@pytest.mark.slow
 def test_reading_a_study_is_light():
     """Neither tables, pictures, solvers, samplers nor statistics are imported to read a study."""
     script = (

@@ -144,6 +144,7 @@ def test_a_path_that_the_robot_cannot_follow_names_the_row(tmp_path: Path) -> No
         path_study(tmp_path, "0,-60,90,0,45,0,0,0,0\n")
 
 
+@pytest.mark.slow
 def test_a_long_path_is_thinned(tmp_path: Path) -> None:
     """Of very many poses 1000 count, evenly spread, and a note says so; all must be possible."""
     angles = np.linspace(0.0, 90.0, 4001)

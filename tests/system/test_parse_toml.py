@@ -47,6 +47,7 @@ def test_what_people_write_is_read():
     assert found["a"] == {"b.c": {"d": 2**63 - 1}}
 
 
+@pytest.mark.slow
 def test_a_long_word_takes_no_time():
     """The search for long keys is linear in the length of the text."""
     begin = time.process_time()

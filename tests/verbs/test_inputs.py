@@ -40,6 +40,7 @@ def half() -> tuple[pd.DataFrame, list[int]]:
     return sheet, made
 
 
+@pytest.mark.slow
 def test_a_half_filled_sheet_is_that_of_its_rows(half, tmp_path):
     """Rows to come are left out, with a note; the others tell what they tell by themselves."""
     sheet, made = half
@@ -83,6 +84,7 @@ def test_rows_of_a_visit_are_one_experiment():
     assert sorted(again.repeats) == sorted(PLAN.repeated(2).repeats)
 
 
+@pytest.mark.slow
 def test_half_a_day_of_positions_is_fitted_and_kept(tmp_path):
     """Of a sheet of positions the visits that have one count, and the number is said."""
     q, x = truth(25)
@@ -100,6 +102,7 @@ def test_half_a_day_of_positions_is_fitted_and_kept(tmp_path):
     assert np.abs(apart).max() < 3e-4
 
 
+@pytest.mark.slow
 def test_verbs_take_what_verbs_return(half):
     """Plans, results with a plan, data frames and compliances by joint need no file."""
     plan = edtk.plan(STUDY, size=4, seed=1, budget=0.5)

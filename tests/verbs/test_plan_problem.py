@@ -55,6 +55,7 @@ def test_best_known_quadratic_plans_are_reached(levels, factors, size, best):
     assert found.bound >= found.value
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("k", [11, 12])
 def test_hadamard_matrices_are_found_and_proved(k):
     """Twelve runs of eleven factors and a constant, and of twelve factors, reach the bound."""
@@ -160,6 +161,7 @@ def test_given_experiments_are_divided_into_blocks():
     assert found.efficiency == pytest.approx(1.0, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_random_blocks_cost_less_than_fixed_ones():
     """The variance of the effects leads from no blocks to fixed ones."""
     problem = edtk.Problem(quadratic(3, 2)[:, None, 1:])

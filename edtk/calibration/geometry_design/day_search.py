@@ -278,7 +278,7 @@ class DaySearch:
         if m is None:
             space = replace(space, prices=prices)
         space = self._beside_kept(space, total)
-        relaxed, interrupted = self._relaxed(space)
+        relaxed, interrupted = self._relaxed(space, total, least)
         if relaxed.best_bound.scaled(total).cost >= least:
             return LoadTrial(loads, relaxed, total, None)
         counted = replace(space, prices=None)
@@ -302,9 +302,17 @@ class DaySearch:
         known = replace(self.question.space, prior=None).information(self.kept)
         return replace(space, prior=known / total, sharing=max(int(total), 1))
 
-    def _relaxed(self, space: GeometrySpace) -> tuple[RelaxedPlan, bool]:
-        """The relaxation over all feasible poses, and whether Ctrl-C has ended it."""
+    def _relaxed(
+        self, space: GeometrySpace, total: float, least: float
+    ) -> tuple[RelaxedPlan, bool]:
+        """The relaxation over all feasible poses, and whether Ctrl-C has ended it.
+
+        It needs no sharper bound once none of its plans can cost less than `least`.
+        """
         rounds = 0
+
+        def stop(plan: RelaxedPlan) -> bool:
+            return rounds >= SEARCHES or plan.best_bound.scaled(total).cost >= least
 
         def progress(stage: str, gap: float) -> None:
             nonlocal rounds
@@ -315,7 +323,7 @@ class DaySearch:
             source_of(self.question.study, self.options.seed, space),
             self.question.study.specification.candidates,
             self.criterion,
-            RelaxOptions(tolerance=TOLERANCE, progress=progress, stop=lambda: rounds >= SEARCHES),
+            RelaxOptions(tolerance=TOLERANCE, progress=progress, stop=stop),
         )
 
     @property

@@ -241,7 +241,7 @@ class GeometryDesigns(Designs):
 
         tolerance = TOLERANCE if self.question.model.p <= FEW else OF_PLANS
         return RelaxOptions(
-            tolerance=tolerance, progress=progress, stop=lambda: searches >= SEARCHES
+            tolerance=tolerance, progress=progress, stop=lambda plan: searches >= SEARCHES
         )
 
     @property

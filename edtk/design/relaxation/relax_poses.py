@@ -95,7 +95,7 @@ def ignore_progress(stage: str, gap: float) -> None:
     """Show nothing."""
 
 
-def never() -> bool:
+def never(plan: RelaxedPlan) -> bool:
     """Do not stop early."""
     return False
 
@@ -110,14 +110,14 @@ class RelaxOptions:
             on merging support points.
         memory_mb: Limit on memory [MB].
         progress: Called with the name of the stage and its relative gap.
-        stop: Asked, in the continuum, whether the bound found so far is enough.
+        stop: Asked after each search over all poses whether its bound is enough.
     """
 
     gap: float = 1e-6
     tolerance: float = 1e-5
     memory_mb: float = DEFAULT_MB
     progress: Callable[[str, float], object] = ignore_progress
-    stop: Callable[[], bool] = never
+    stop: Callable[[RelaxedPlan], bool] = never
 
 
 @dataclass(frozen=True, eq=False)
@@ -460,7 +460,7 @@ class _Run:
                 is_new = True
             else:
                 is_new = False
-            if self.options.stop():
+            if self.options.stop(plan):
                 return
             gap = max(0.5 * self.options.gap, ACTIVE_GAP * away)
             active = self._settled(active.over(active.poses + found, gap), found, gap)

@@ -9,7 +9,7 @@ from criteria import Criterion
 from criteria.linalg.estimable import range_whitener
 from edtk.design.candidate_source import Candidates, CandidateSource
 from edtk.design.design_space import DesignSpace, Points, Space
-from edtk.design.information import distinct, sensitivity_rows
+from edtk.design.information import distinct
 from edtk.design.interior_point.descend import descend
 from edtk.design.interior_point.objective import Local, Neighbourhood, Objective
 from edtk.design.relaxation.proof import is_normalised, normalised
@@ -82,16 +82,17 @@ def sensitivity_and_slope(here: Points, Z: Array, per_trace: bool = False) -> tu
     Returns:
         Sensitivities (..., b, k) and slopes (..., b, k, v) by the design variables.
     """
-    M = here.packed
     A = here.regressor
+    AZ = A @ Z[:, None]
     prior = here.space.prior
-    value = np.einsum("bt,t...bk->...bk", sensitivity_rows(Z), M)
+    # From the rows: the matrices of many parameters cost several times as much as their products.
+    value = (AZ * A).sum(axis=(-2, -1))
     if prior is not None:
         value = value + np.tensordot(Z, prior, 2)[:, None]
-    slope = here.slope(2 * A @ Z[:, None])
+    slope = here.slope(2 * AZ)
     if not per_trace:
         return value, slope
-    trace = np.tensordot(sensitivity_rows(np.eye(Z.shape[-1])), M, 1)
+    trace = (A * A).sum(axis=(-2, -1))
     if prior is not None:
         trace = trace + np.trace(prior)
     trace_slope = here.slope(2 * A)

@@ -28,6 +28,7 @@ def poisson(x):
 SQUARE = Region(parabola, [-1, -1], [1, 1])
 
 
+@pytest.mark.slow
 def test_box_and_draper_with_six():
     """Box and Draper (Biometrika 58, 1971): three corners, (-d, -d), (1, 3d), (3d, 1).
 
@@ -44,6 +45,7 @@ def test_box_and_draper_with_six():
     np.testing.assert_allclose(found, np.sort(np.abs(points).ravel()), atol=1e-5)
 
 
+@pytest.mark.slow
 def test_box_and_draper_with_seven():
     """Printed: the corners, (-0.092, -0.092), (1, 0.067), (0.067, 1)."""
     r = plan_region(SQUARE, 7, D)
@@ -51,6 +53,7 @@ def test_box_and_draper_with_seven():
     np.testing.assert_allclose(np.sort(np.abs(r.points).ravel()), expected, atol=6e-4)
 
 
+@pytest.mark.slow
 def test_nine_points_are_the_grid():
     """With nine experiments the 3 x 3 grid is best: det M = 5184."""
     r = plan_region(SQUARE, 9, D)
@@ -58,6 +61,7 @@ def test_nine_points_are_the_grid():
     np.testing.assert_allclose(np.abs(r.points), np.round(np.abs(r.points)), atol=1e-7)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("m", [2, 5, 8])
 def test_two_parameters_have_two_points(m):
     """On two points det M is n (m - n) times the squared determinant of the rows: the points are
@@ -73,6 +77,7 @@ def test_two_parameters_have_two_points(m):
     assert r.efficiency == pytest.approx(r.value / r.bound)
 
 
+@pytest.mark.slow
 def test_points_stay_inside():
     """On the disc a plan reaches its bound where weights are multiples of 1/m, and stays inside."""
 
@@ -85,6 +90,7 @@ def test_points_stay_inside():
     assert r.efficiency == pytest.approx(1, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_the_seed_decides():
     """The same seed gives the same plan; the value hardly depends on it."""
     first = plan_region(SQUARE, 8, D, seed=3, starts=12)
@@ -94,6 +100,7 @@ def test_the_seed_decides():
     assert other.value == pytest.approx(first.value, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_impossible_questions():
     """Too few experiments, and numbers that are not positive, are named in one line."""
     with pytest.raises(ArgumentError, match="size 0: expected one or more"):
@@ -122,6 +129,7 @@ def test_kept_experiments_count():
         plan_region(region, 4, D, keep=edtk.Problem(np.ones((1, 1, 1))))
 
 
+@pytest.mark.slow
 def test_a_bayesian_plan_has_the_prior_once():
     """The precision R adds to the information of all experiments; one of them may be enough."""
     R = np.diag([2.0, 5.0])
@@ -142,6 +150,7 @@ def test_a_bayesian_plan_has_the_prior_once():
     assert three.efficiency <= 1 + 1e-9
 
 
+@pytest.mark.slow
 def test_the_front_door():
     """`edtk.plan` takes a region, D by default, and says which options are not for it."""
     region = Region(poisson, -10, 2)

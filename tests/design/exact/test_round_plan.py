@@ -43,6 +43,7 @@ def singular(study, number):
     return space, study.criterion("rho0"), x
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [0, 1])
 def test_small_differences_that_count(gantry, number):
     """The nearest steps cost more than 1e-3; the plan on steps costs what it did before."""
@@ -58,6 +59,7 @@ def test_small_differences_that_count(gantry, number):
     assert space.at(found).feasible.all()
 
 
+@pytest.mark.slow
 def test_poses_a_step_apart_are_one_only_if_that_costs_nothing(gantry):
     """Of the second plan the nearest steps are one pose for a controller; its plan keeps two."""
     space, criterion, x = singular(gantry, 1)

@@ -22,6 +22,7 @@ def few_passes(monkeypatch):
     monkeypatch.setattr("edtk.design.exact.spread.PASSES", 2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["kr270", "odd"])
 def test_spread(name):
     """Poses are feasible and keep the distance, and the plan is worth more than with repeats."""

@@ -81,6 +81,7 @@ def test_a_small_share():
     assert found.weights[8] > 0.999
 
 
+@pytest.mark.slow
 def test_bad_units():
     """Twelve decades between the parameters' units leave a proved gap as small as ever."""
     units = 10.0 ** np.linspace(-6, 6, 4)

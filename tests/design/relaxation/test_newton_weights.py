@@ -110,6 +110,7 @@ def test_open_direction():
         newton_weights(criterion_of("D"), active_of(rows), equal(60), ACCURACY)
 
 
+@pytest.mark.slow
 def test_suits():
     """Smooth criteria suit the method; without a closed form only of few parameters."""
     assert all(suits_newton(criterion_of(name), 4) for name in SMOOTH)

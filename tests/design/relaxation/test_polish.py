@@ -11,6 +11,7 @@ GAP = 1e-7
 AT = 0.5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "seed"), [("rho0", 1), ("c", 0), ("rho_max", 0)])
 def test_rounding_is_no_improvement(name, seed):
     """The best design for the prediction at a place measures there: its variance is one.

@@ -160,6 +160,7 @@ def test_ratios_of_eigenvalues_in_units_beyond_all_digits(name, unit):
         assert 0 <= found.gap <= 10 * GAP
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["A", "D", "G", "c", "I"])
 def test_regions_of_ill_conditioned_models(name):
     """Designs over a region have exact costs within what is told, and bounds below them."""

@@ -232,7 +232,7 @@ def test_over_candidates(name):
 
 def test_a_bound_that_is_enough():
     """A search that is told to stop leaves a true bound, and a wider one."""
-    options = RelaxOptions(tolerance=TOLERANCE, stop=lambda: True)
+    options = RelaxOptions(tolerance=TOLERANCE, stop=lambda plan: True)
     short = relax_poses(CandidateSource(KR270, 0), 1000, RHO0, True, options)
     whole = paper(0, 1000)
     assert short.searched_bound.cost < whole.searched_bound.cost
@@ -271,7 +271,7 @@ def test_a_bound_that_holds_for_other_poses():
 def test_a_search_that_is_cut_short_is_sharp(name, seed):
     """Its ends are uphill to a hundredth of the excess that a check of the claim tolerates."""
     criterion = RHO0 if name == "rho0" else create(name)
-    options = RelaxOptions(stop=lambda: True)
+    options = RelaxOptions(stop=lambda plan: True)
     short = relax_poses(CandidateSource(KR270, seed), 200, criterion, True, options)
     largest = short.searched_sensitivities
     multipliers = short.multipliers / largest.values[:, None, None]

@@ -50,6 +50,7 @@ def relax_of(region, name):
     return edtk.relax(region, name, candidates=400)
 
 
+@pytest.mark.slow
 def test_the_proof_stands_on_its_own():
     """Multipliers and largest sensitivities give the bound, and no point of the region is above."""
     region = Region(parabola, [-1, -1], [1, 1], constraints=disc)
@@ -181,6 +182,7 @@ def test_the_grid_has_a_certificate(low, tmp_path):
     assert out.read_text(encoding="utf-8").splitlines()[0] == "x,weight"
 
 
+@pytest.mark.slow
 def test_it_can_be_read_and_drawn():
     """Text, table and notebook name points and both bounds; one or two variables have a picture."""
     line = edtk.relax(Region(decay, 0, 6, variables=("hours",)), "A", candidates=200)

@@ -45,6 +45,7 @@ def test_a_singular_design_that_tells_it(name):
     assert safe_cost(CRITERIA[name], M) == pytest.approx(LEAST, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_no_design_near_the_best_is_below_it():
     """Whatever the distance from the best points, and the weight that keeps a third one."""
     rng = np.random.default_rng(0)

@@ -71,6 +71,7 @@ def assert_found(found: FoundController, robot: Robot) -> None:
             assert value == table_of(robot)[key]
 
 
+@pytest.mark.slow
 def test_signs_zeros_and_coupling_are_found() -> None:
     """Six poses of one marker tell them; first and last zero go with base and tool."""
     table = {
@@ -108,6 +109,7 @@ def with_ties(robot: Robot, *ties: tuple[str, str, float, float]) -> Robot:
     return replace(robot, joints=joints, tied=tuple(followers))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "ties",
     [
@@ -134,6 +136,7 @@ def test_joints_that_follow_others_move_with_them(
     assert names[1] not in found.untold
 
 
+@pytest.mark.slow
 def test_nothing_to_say_where_the_controller_counts_as_the_model() -> None:
     """The table is empty, and the summary says that none is needed."""
     robot = arm(*SHORT)
@@ -145,6 +148,7 @@ def test_nothing_to_say_where_the_controller_counts_as_the_model() -> None:
     assert np.allclose(found.base[:3, 3], [1.0, -2.0, 0.5], atol=1e-6)
 
 
+@pytest.mark.slow
 def test_a_joint_that_stands_still_tells_nothing() -> None:
     """Its sign is not searched, and the result says why."""
     robot = arm(*SHORT, sign={"q1": -1, "q2": -1})
@@ -168,6 +172,7 @@ def test_too_few_poses_are_refused() -> None:
         find_controller(robot, measured(robot, 3))
 
 
+@pytest.mark.slow
 def test_another_robot_is_noticed() -> None:
     """Positions that no way to count explains leave more than nominal arms are wrong by."""
     other = arm(*SHORT[:2], ([0.4, 0.2, 0.4], [0, 1, 0]))
@@ -175,6 +180,7 @@ def test_another_robot_is_noticed() -> None:
     assert found.far_off
 
 
+@pytest.mark.slow
 def test_json_is_strict_and_says_all() -> None:
     """Every entry is plain data."""
     robot = arm(*SHORT, sign={"q3": -1})

@@ -111,6 +111,7 @@ def test_exact_positions_are_fitted_exactly(robot: Robot, rank: int, poses: int)
     np.testing.assert_allclose(fit.fitted.predict(q).points, expected, atol=1e-8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", [SIX, SCARA, SEVEN], ids=["6R", "SCARA", "7R"])
 def test_predictions_err_as_is_stated(robot: Robot) -> None:
     """Errors of predicted positions over simulations have the stated covariance: their mean square
@@ -148,6 +149,7 @@ def test_predictions_do_not_depend_on_the_minimal_set(monkeypatch: pytest.Monkey
     np.testing.assert_allclose(mine.half, theirs.half, rtol=1e-3)
 
 
+@pytest.mark.slow
 def test_left_out_residuals_are_those_of_refits(monkeypatch: pytest.MonkeyPatch) -> None:
     """The shortcut agrees with fits without the pose, to the second order of geometric errors."""
     model = model_of(SIX, 3)
@@ -179,6 +181,7 @@ def test_variances_of_kinds_are_found() -> None:
     assert none.variances[0] == 0.0
 
 
+@pytest.mark.slow
 def test_joint_errors_are_told_from_white_ones() -> None:
     """Repeats tell how joints return, and poses what the model leaves out, in milliradians."""
     model = model_of(SIX, 3)
@@ -371,6 +374,7 @@ def test_repeated_poses_tell_both_kinds_of_noise() -> None:
     assert noise.turn == pytest.approx(0.1, rel=0.2)
 
 
+@pytest.mark.slow
 def test_a_soft_spring_under_a_small_load_is_told() -> None:
     """The wrist of a light arm, 1e-4 rad/(N m) under 2 N m: told if it is likely to be so soft."""
     model = model_of(SIX, compliance=("q6",), likely={"q6": 5e-5})

@@ -28,6 +28,7 @@ def density(tmp_path_factory: pytest.TempPathFactory) -> GeometryDensity:
     return GeometryDensity.of(edtk.identify(STUDY, sheet).fit, None, robust=False)
 
 
+@pytest.mark.slow
 def test_many_sets_of_parameters_are_seen_at_once(density: GeometryDensity) -> None:
     """Positions are those of the model, one set of parameters after the other."""
     model = density.model
@@ -46,6 +47,7 @@ def test_the_density_is_largest_at_its_mode_with_unit_curvature(density: Geometr
     np.testing.assert_allclose(at - density.log_density(-2 * x), 2.0, rtol=1e-2)
 
 
+@pytest.mark.slow
 def test_the_check_tells_a_good_approximation_from_a_bad_one(density: GeometryDensity) -> None:
     """Nearly all draws are effective, but few where the normal density is a third as wide."""
     fitted = (density.mode, np.ones(density.model.p))
@@ -60,6 +62,7 @@ def test_the_check_tells_a_good_approximation_from_a_bad_one(density: GeometryDe
     assert "too few to trust it" in bad.quality
 
 
+@pytest.mark.slow
 def test_few_parameters_are_sampled(tmp_path: Path) -> None:
     """A chain of base and zeros has the deviations of the normal approximation."""
     study = STUDY.replace(parameters={"geometry": ["q2.ry", "q3.ry"], "tool": False})
@@ -77,6 +80,7 @@ def test_few_parameters_are_sampled(tmp_path: Path) -> None:
     np.testing.assert_allclose(found.std, found.std_laplace, rtol=0.3)
 
 
+@pytest.mark.slow
 def test_the_command_adds_the_posterior(tmp_path: Path) -> None:
     """JSON has the keys of other studies, the text says how it was made; chains are not kept."""
     study = tmp_path / "study.toml"

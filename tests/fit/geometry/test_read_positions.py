@@ -18,6 +18,7 @@ def study(tmp_path: Path) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_what_nothing_is_known_of_is_passed_over_with_a_note(study: Path, tmp_path: Path) -> None:
     """Points and times of the instrument's own, and empty cells, leave the estimate as it is."""
     q, x = truth(20)
@@ -43,6 +44,7 @@ def test_what_nothing_is_known_of_is_passed_over_with_a_note(study: Path, tmp_pa
     assert "row 4, column By_mm" in run("identify", study, sheet)[2]
 
 
+@pytest.mark.slow
 def test_rows_of_other_markers_are_passed_over(study: Path, tmp_path: Path) -> None:
     """A sheet with a marker a row may have some that the study lacks, but not these alone."""
     q, x = truth(20)

@@ -49,6 +49,7 @@ def study(tmp_path: Path) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_vectors_and_quaternions_tell_the_same(study: Path, tmp_path: Path) -> None:
     """Thirty parameters of a 6R arm, whichever way an orientation is written."""
     q, x, turns = measured(40)
@@ -102,6 +103,7 @@ def test_wrong_orientations_are_refused(
     assert said in err
 
 
+@pytest.mark.slow
 def test_rows_of_a_marker_each_may_have_orientations(tmp_path: Path) -> None:
     """In a sheet with a marker a row, orientations have no name before them."""
     q, x, turns = measured(20)
@@ -116,6 +118,7 @@ def test_rows_of_a_marker_each_may_have_orientations(tmp_path: Path) -> None:
         edtk.identify(FULL, path)
 
 
+@pytest.mark.slow
 def test_orientations_written_in_another_way_are_an_alarm(tmp_path: Path) -> None:
     """Radians that are taken for degrees leave orientations that no tool has; so few poses leave
     next to nothing to tell variances from, which was a traceback.

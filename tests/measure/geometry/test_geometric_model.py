@@ -70,6 +70,7 @@ def told_apart(model: GeometricModel, q: Array, **options: object) -> Identifiab
     return identifiable(columns * model.scales, model.parameters, **options)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rows", ["position", "pose"])
 @pytest.mark.parametrize("robot", [SIX, SCARA, TIED], ids=lambda robot: robot.name)
 def test_columns_are_derivatives(robot: Robot, rows: str, derivative: Callable[..., Array]) -> None:

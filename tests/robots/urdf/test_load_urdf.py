@@ -315,6 +315,7 @@ def test_links_go_with_a_urdf(tmp_path):
         load_robot("arm.urdf", tmp_path)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("text", [ARM, ARM.replace(*tied("slide", "bend", 0.1, 0.2))])
 def test_a_changed_file_is_an_answer_or_one_line(tmp_path, text):
     """Whatever bytes, numbers, names or elements are changed: a robot, or one line."""

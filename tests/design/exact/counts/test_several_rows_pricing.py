@@ -134,6 +134,7 @@ def test_a_shortlist_keeps_to_its_candidates():
     assert float(some.loss.cost(np.array([some.value(found)]))[0]) == pytest.approx(costs[0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_as_good_as_one_by_one(name, monkeypatch):
     """Whole searches come to plans as good as those of the prices for any criterion."""
