@@ -45,6 +45,9 @@ PATIENCE = 6  # batches without improvement; about a hundred starts
 # as every search needs; more variables leave nothing to gain, and take memory.
 TOGETHER = 420
 INEQUALITIES = 100_000  # of the plans of all batches that are done together: memory, as above
+# Of the time, at most, that batches may take. The rest brings the best plan of a search that was
+# cut off to its optimum: on the way there the barrier keeps poses and loads off their limits.
+SHARE_OF_BATCHES = 0.8
 KICKED = 2**31  # number of the kicks among the batches, for their random numbers
 
 
@@ -263,14 +266,19 @@ def _found(
     search = _Search(relaxed, searched, m, places, options)
     record = SearchRecord(searched)
     try:
-        ended = search.run(record)
-        if ended != "budget":
-            search.kick(record)
+        with time_limit(SHARE_OF_BATCHES * time_left()):
+            ended = search.run(record)
+            if ended != "budget":
+                search.kick(record)
     except KeyboardInterrupt:
         ended = "interrupted"
     with time_limit(0.0 if ended == "interrupted" else np.inf):
         if record.empty:
             search.run(record)
+        if ended == "budget":
+            best = record.best
+            x, costs = refine(searched, relaxed.criterion, best.x, best.repeats)
+            record.improve(costs, Plans(x, best.repeats))
         # An interrupted search has a best plan all the same, which is tidied like any other.
         x, repeats = _tidied(relaxed, searched, record, kept)
     plan = space.plan(x, repeats.astype(int))
@@ -396,8 +404,9 @@ class _Search:
         first = record.batches
         left = self.options.patience - record.idle + (1 if record.empty else 0)
         size = max(1, min(size, -(-left // pieces)))
-        if out_of_time():
-            size = 1
+        if np.isfinite(time_left()):
+            # What is not done when the time is over is lost: as much at most as is done already.
+            size = min(size, max(1, first // pieces))
         last = min(first + pieces * size, most)
         firsts = range(first, last, size)
         return [

@@ -14,7 +14,7 @@ from edtk.design.candidate_source import CandidateSource, sample_feasible
 from edtk.design.design_space import DesignSpace
 from edtk.design.exact.exact_plan import TooFewExperimentsError, smallest_size
 from edtk.design.exact.find_plan import SearchOptions, find_plan
-from edtk.design.exact.refine import draw_starts
+from edtk.design.exact.refine import draw_starts, refine
 from edtk.design.information import distinct
 from edtk.design.plan import Plan
 from edtk.design.problem import RankDeficientError
@@ -26,6 +26,7 @@ from edtk.robots.loads.listed_load import ListedLoad
 from edtk.robots.robot import Robot
 from edtk.robots.rotations import transform
 from edtk.robots.workspace import Workspace
+from edtk.system.time_limit import time_left
 from edtk.system.workers import Workers, WorkersLostError
 
 pytestmark = pytest.mark.slow
@@ -221,6 +222,27 @@ def test_no_time(name):
     plan = search(relaxed(name), 4, seconds=0.0)
     assert (plan.ended, plan.starts) == ("budget", BATCH)
     assert_sound(plan, 4)
+
+
+def test_a_search_that_is_cut_off_brings_its_best_plan_to_an_optimum(monkeypatch):
+    """Its starts have gone nowhere yet; of the best of them alone loads come to their limits."""
+    space = LOADED["kr270 free"]
+    clock = [0.0]
+    monkeypatch.setattr("edtk.system.time_limit.monotonic", lambda: clock[0])
+
+    def cut_off(self, record):
+        plans = self._batch(0)._starts()
+        costs = refine(space, self.relaxed.criterion, plans.x, plans.repeats, iterations=1)[1]
+        order = np.argsort(costs)
+        record.enter(costs[order], plans[order])
+        clock[0] += time_left()
+        return "budget"
+
+    monkeypatch.setattr("edtk.design.exact.find_plan._Search.run", cut_off)
+    plan = search(relaxed("D", space), 3, seconds=10.0)
+    assert plan.ended == "budget"
+    size = np.linalg.norm(plan.plan.wrench[:, :3], axis=1)
+    assert size == pytest.approx(space.load.largest, rel=1e-6)
 
 
 def test_interrupted():
