@@ -5,8 +5,8 @@ from house import house
 
 # What may be at most. When a count has become better, its limit follows.
 LIMITS = {
-    "files": 368,
-    "statements": 33_500,
+    "files": 367,
+    "statements": 33_000,
     "one_function": 4.0,
     "circles": 4,
     "questions": 2,

@@ -5,7 +5,8 @@ from pathlib import Path
 from edtk.calibration.compensate import Compensation
 from edtk.calibration.geometry.compensate_geometry import GeometricCompensation
 from edtk.verbs.inputs import PlanLike, StudyLike
-from edtk.verbs.of_studies import CompliancesLike, of_study
+from edtk.verbs.of_kinds import of_study
+from edtk.verbs.of_studies import CompliancesLike
 
 
 def compensate(

@@ -7,7 +7,8 @@ from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
 from edtk.measure.pose_table import Table
 from edtk.verbs.bayes import Sampling
 from edtk.verbs.inputs import PlanLike, StudyLike
-from edtk.verbs.of_studies import HowFitted, of_study
+from edtk.verbs.of_kinds import of_study
+from edtk.verbs.of_studies import HowFitted
 
 
 def identify(

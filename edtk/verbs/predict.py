@@ -7,7 +7,7 @@ from typing import Any
 from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
 from edtk.calibration.geometry.prediction import Prediction
 from edtk.verbs.inputs import PlanLike, StudyLike
-from edtk.verbs.of_studies import of_study
+from edtk.verbs.of_kinds import of_study
 
 
 def predict(

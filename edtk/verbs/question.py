@@ -137,7 +137,7 @@ class Question(ABC):
             from edtk.verbs.of_arrays import OfRegion
 
             return OfRegion(asked)
-        from edtk.verbs.of_studies import of_study
+        from edtk.verbs.of_kinds import of_study
 
         return of_study(asked)
 

@@ -23,7 +23,8 @@ from edtk.verbs.inputs import (
     require_output,
     workers_for,
 )
-from edtk.verbs.of_studies import OfStudy, of_study
+from edtk.verbs.of_kinds import of_study
+from edtk.verbs.of_studies import OfStudy
 
 # Names of files that a run writes; others in the folder are left alone.
 PLAN = rf"({'|'.join(KINDS)})_(.+_)?m\d+(_k\d+)?"

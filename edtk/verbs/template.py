@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from edtk.verbs.inputs import PlanLike, StudyLike
-from edtk.verbs.of_studies import of_study
+from edtk.verbs.of_kinds import of_study
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -111,7 +111,7 @@ def _beside_study(
     # Imported late: studies bring pydantic, which the check of a file alone need not pay.
     from edtk.calibration.geometry_design.day_costs import DayCosts
     from edtk.verbs.inputs import as_plan
-    from edtk.verbs.of_studies import of_study
+    from edtk.verbs.of_kinds import of_study
 
     question = of_study(study)
     known = question.study

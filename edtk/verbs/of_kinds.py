@@ -1,0 +1,409 @@
+"""Studies of compliances by displacements, and of geometry by positions, as questions."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+import criteria
+from edtk.design.exact.exact_plan import ExactPlan
+from edtk.design.plan import REPEATS, Plan
+from edtk.design.relaxation.relaxed_plan import RelaxedPlan
+from edtk.measure.compliances import Compliances, load_compliances
+from edtk.measure.pose_table import Table
+from edtk.study import kinds
+from edtk.study.plan_study import RunOptions
+from edtk.study.study import Study
+from edtk.system.errors import ArgumentError
+from edtk.system.files import Content, write_files
+from edtk.verbs.inputs import (
+    PlanLike,
+    StudyLike,
+    as_study,
+    as_table,
+    content_of,
+    files_of,
+    given_size,
+    name_of,
+    plan_of,
+    require_output,
+)
+from edtk.verbs.question import PlanCall, RelaxCall
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from edtk.calibration.calibration import Calibration
+    from edtk.calibration.compensate import Compensation
+    from edtk.calibration.geometry.compensate_geometry import GeometricCompensation
+    from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
+    from edtk.calibration.geometry.prediction import Prediction
+    from edtk.calibration.geometry_design.evaluate_geometry import GeometryEvaluation
+    from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
+    from edtk.design.design_space import DesignSpace
+    from edtk.study.evaluate import Evaluation
+    from edtk.study.study_run import Designs
+
+from edtk.verbs.of_studies import HowFitted, OfStudy
+
+
+class OfCompliances(OfStudy):
+    """Compliances alone, from displacements under loads."""
+
+    kind: ClassVar[str] = "compliances"
+
+    def _name_of(self, criterion: Mapping[str, Any]) -> str:
+        return criteria.as_criterion(criterion, self.study.specification.joints.unknown).name
+
+    def setting(self, space: "DesignSpace | None" = None) -> dict[str, Any]:
+        """That of the study, in the space that was searched."""
+        from edtk.certificate.setting_to_dict import setting_to_dict
+
+        return setting_to_dict(self.study, self.study.space if space is None else space)
+
+    @staticmethod
+    def designs(study: Study) -> "Designs":
+        """Poses with their loads."""
+        from edtk.study.study_run import Designs
+
+        return Designs(study)
+
+    def _checked(self, call: PlanCall) -> PlanCall:
+        call = super()._checked(call)
+        given_size(call.size)
+        return call
+
+    def _faults(self, given: Mapping[str, str]) -> Any:
+        from edtk.calibration.detect import sized_faults
+
+        return sized_faults(self.study, given) if given else ()
+
+    def _best_plan(
+        self,
+        asked: Study,
+        criterion: str | None,
+        kept: Plan | None,
+        call: PlanCall,
+        options: RunOptions,
+    ) -> ExactPlan:
+        from edtk.study.plan_study import plan_study
+
+        return plan_study(
+            asked,
+            given_size(call.size),
+            criterion,
+            distinct=call.distinct,
+            kept=kept,
+            budget=call.budget,
+            options=options,
+        )
+
+    def _judged(self, asked: Study, found: ExactPlan, faults: Any) -> ExactPlan:
+        from edtk.calibration.detect import detect, separations
+        from edtk.calibration.planned import plan_budget, plan_tasks
+
+        whole = found.whole
+        detections = detect(asked, whole, faults)
+        return replace(
+            found,
+            error_budget=plan_budget(asked, whole),
+            detections=detections,
+            separations=separations(asked, whole, detections),
+            tasks=plan_tasks(asked, whole),
+        )
+
+    def _proof(self, asked: Study, found: ExactPlan) -> str:
+        from edtk.certificate.certificate import certificate_text
+
+        return certificate_text(asked, found)
+
+    def _best_weights(
+        self, asked: Study, criterion: str | None, call: RelaxCall, options: RunOptions
+    ) -> RelaxedPlan:
+        from edtk.study.plan_study import relax_study
+
+        return relax_study(
+            asked,
+            criterion,
+            candidates=call.candidates,
+            continuous=call.continuous,
+            size=call.size,
+            memory_mb=call.memory_mb,
+            options=options,
+        )
+
+    def _worth(self, plan: Plan) -> "Evaluation":
+        from edtk.study.evaluate import evaluate
+
+        return evaluate(self.study, plan)
+
+    def _sheet(self, plan: Plan, positions: bool, markers: int) -> "pd.DataFrame":
+        from edtk.calibration.template import template
+
+        return template(self.study, plan, positions, markers)
+
+    def _calibrated(
+        self, sheet: Table, how: HowFitted, planned: Plan | None, sampled: bool
+    ) -> "Calibration":
+        from edtk.calibration.calibrate import calibrate
+
+        return calibrate(
+            self.study,
+            sheet,
+            how.robust,
+            not how.sigma_unknown,
+            planned,
+            how.as_is,
+            how.linear,
+            bayes=sampled,
+        )
+
+    def _exported(self, found: "Calibration") -> Content:
+        from edtk.calibration.posterior_check import inference_data
+
+        assert found.check is not None
+        return inference_data(found.check, self.study.tasks)
+
+    def _report(self, found: "Calibration", folder: Path) -> dict[Path, Content]:
+        from edtk.report.calibration_report import calibration_files
+
+        return calibration_files(found, folder)
+
+    def _require_result(self, result: object, task: PlanLike | None) -> None:
+        from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
+
+        if isinstance(result, GeometricCalibration):
+            message = "expected a study of geometry, as the result is of one"
+            raise self.study.error("parameters", message)
+
+    def _poses(self, task: PlanLike | None) -> Plan:
+        from edtk.calibration.tasks_in_use import load_task
+
+        return load_task(self.study, None if task is None else as_table(task, "task"))
+
+    def _commands(self, result: object, task: PlanLike | None, poses: Plan) -> "Compensation":
+        from edtk.calibration.compensate import compensate
+
+        known = self._compliances(result)
+        where = name_of(self.study.where if task is None else task, "task")
+        return compensate(self.study, known, poses, where, own=task is None)
+
+    def _compliances(self, given: object) -> Compliances:
+        """Compliances of a file, of a calibration, by joint, or as they are.
+
+        Raises:
+            UserError: The file is not valid, or lacks a joint; or it is none of these.
+        """
+        if isinstance(given, Compliances):
+            return given
+        names = self.study.robot.joint_names
+        needed = self.study.specification.joints.unknown
+        if isinstance(given, str | Path):
+            return load_compliances(given, names, needed)
+        content = content_of(given)
+        if content is None:
+            message = (
+                "expected a calibration, compliances by joint [rad/(N m)], or the path of a k.json "
+                f"file, not {type(given).__name__}"
+            )
+            raise ArgumentError(message, argument="compliances")
+        return Compliances.from_dict(content, names, needed, "compliances")
+
+    def predict(
+        self, result: object, poses: PlanLike, tool_rows: int, out: Path | str | None
+    ) -> "Prediction":
+        """Nothing: displacements tell no positions.
+
+        Raises:
+            UserError: Always.
+        """
+        message = "predictions need a study of geometry; expected a table [parameters]"
+        raise self.study.error("parameters", message)
+
+
+class OfGeometry(OfStudy):
+    """Geometry, base, tools and springs, from positions of markers."""
+
+    kind: ClassVar[str] = "geometry"
+
+    @cached_property
+    def _question(self) -> "GeometryQuestion":
+        from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
+
+        return GeometryQuestion.of(self.study)
+
+    def _name_of(self, criterion: Mapping[str, Any]) -> str:
+        return str(criterion.get("name"))  # which parameters it has only the design knows
+
+    def setting(self, space: "DesignSpace | None" = None) -> dict[str, Any]:
+        """That of all designs of the study, whose space says no more."""
+        from edtk.calibration.geometry_design.geometry_question import geometry_setting
+
+        return geometry_setting(self._question)
+
+    @staticmethod
+    def designs(study: Study) -> "Designs":
+        """Visits of poses, without and with a load."""
+        from edtk.calibration.geometry_design.evaluate_geometry import GeometryDesigns
+
+        return GeometryDesigns.of(study)
+
+    def _faults(self, given: Mapping[str, str]) -> Any:
+        from edtk.calibration.geometry_design.detect_in_visits import sized_visit_faults
+
+        return sized_visit_faults(self.study, given)
+
+    def _require_certifiable(self, asked: Study, criterion: str | None, call: PlanCall) -> None:
+        super()._require_certifiable(asked, criterion, call)
+        costs = asked.specification.costs
+        limited = call.cost_budget is not None or (costs is not None and costs.budget is not None)
+        if limited and not criteria.get(criterion or asked.main_criterion).degree:
+            raise ArgumentError(
+                "plans within a budget of costs have none for this criterion, which is the same "
+                "for plans of any size; leave it out",
+                argument="certificate",
+            )
+
+    def _best_plan(
+        self,
+        asked: Study,
+        criterion: str | None,
+        kept: Plan | None,
+        call: PlanCall,
+        options: RunOptions,
+    ) -> ExactPlan:
+        from edtk.calibration.geometry_design.plan_geometry import plan_geometry
+
+        return plan_geometry(
+            asked,
+            call.size,
+            criterion,
+            distinct=call.distinct,
+            kept=kept,
+            cost_budget=call.cost_budget,
+            seconds=call.budget,
+            options=options,
+        )
+
+    def _judged(self, asked: Study, found: Any, faults: Any) -> Any:
+        from edtk.calibration.geometry_design.detect_in_visits import detect_in_visits
+        from edtk.calibration.geometry_design.evaluate_geometry import (
+            GeometryDesigns,
+            poor_left_out,
+        )
+
+        whole = found.whole
+        detections, separations = detect_in_visits(found.question, whole, faults)
+        warnings = found.warnings + poor_left_out(found.question, whole)
+        if found.relaxed.criterion.needs_target:
+            warnings += GeometryDesigns(asked, found.question).around(whole)
+        return replace(found, detections=detections, separations=separations, warnings=warnings)
+
+    def _proof(self, asked: Study, found: Any) -> str:
+        from edtk.calibration.geometry_design.geometry_question import geometry_setting
+        from edtk.certificate.certificate import certificate_text
+
+        setting = geometry_setting(found.question)
+        if found.day is None:
+            return certificate_text(asked, found, setting)
+        return certificate_text(asked, found, setting, found.day, found.proofs)
+
+    def _best_weights(
+        self, asked: Study, criterion: str | None, call: RelaxCall, options: RunOptions
+    ) -> RelaxedPlan:
+        from edtk.calibration.geometry_design.plan_geometry import relax_geometry
+
+        return relax_geometry(
+            asked,
+            criterion,
+            candidates=call.candidates,
+            continuous=call.continuous,
+            memory_mb=call.memory_mb,
+            options=options,
+        )
+
+    def _worth(self, plan: Plan) -> "GeometryEvaluation":
+        from edtk.calibration.geometry_design.evaluate_geometry import evaluate_geometry
+
+        return evaluate_geometry(self.study, plan)
+
+    def _sheet(self, plan: Plan, positions: bool, markers: int) -> "pd.DataFrame":
+        from edtk.calibration.geometry_design.geometry_plan import position_sheet
+
+        return position_sheet(self.study, plan)
+
+    def _calibrated(
+        self, sheet: Table, how: HowFitted, planned: Plan | None, sampled: bool
+    ) -> "GeometricCalibration":
+        from edtk.calibration.geometry.calibrate_geometry import calibrate_geometry
+
+        return calibrate_geometry(self.study, sheet, how.robust, how.as_is)
+
+    def _report(self, found: "GeometricCalibration", folder: Path) -> dict[Path, Content]:
+        from edtk.report.geometry_report import geometry_files
+
+        return geometry_files(found, folder)
+
+    def _require_result(self, result: object, task: PlanLike | None) -> None:
+        from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
+
+        if task is None:
+            message = "expected poses (CSV): geometry is compensated in them"
+            raise ArgumentError(message, argument="task")
+        if not isinstance(result, GeometricCalibration | Mapping | str | Path):
+            raise ArgumentError("expected a result of this study", argument="compliances")
+
+    def _poses(self, task: PlanLike | None) -> Plan:
+        return Plan.from_csv(
+            as_table(task, "task"), self.study.robot, self.study.fixed, np.zeros(6)
+        )
+
+    def _commands(self, result: Any, task: PlanLike | None, poses: Plan) -> "GeometricCompensation":
+        from edtk.calibration.geometry.compensate_geometry import compensate_geometry
+        from edtk.calibration.geometry.geometric_calibration import read_result
+
+        content = read_result(result)
+        where = name_of(result, "result")
+        return compensate_geometry(self.study, content, where, poses, name_of(task, "task"))
+
+    def predict(
+        self, result: Any, poses: PlanLike, tool_rows: int, out: Path | str | None
+    ) -> "Prediction":
+        """Positions of markers with bands; see `edtk.predict`."""
+        from edtk.calibration.geometry.geometric_calibration import read_result
+        from edtk.calibration.geometry.prediction import predict_positions
+        from edtk.measure.cells import csv_text
+
+        study = self.study
+        require_output(out, *study.reads, *files_of(result, poses))
+        plan = plan_of(study, poses, "poses")
+        if plan is None:
+            table = as_table(poses, "poses")
+        else:
+            table = plan.to_frame(study.robot).drop(columns=REPEATS)
+        where = name_of(result, "result")
+        geometry = read_result(result)["geometry"]
+        found = predict_positions(study, geometry, where, table, tool_rows)
+        if out is not None:
+            write_files({Path(out): csv_text(found.to_frame())})
+        return found
+
+
+# Which kind of study asks which question.
+QUESTIONS: Mapping[type, type[OfStudy]] = {
+    kinds.Compliances: OfCompliances,
+    kinds.Geometry: OfGeometry,
+}
+
+
+def of_study(study: StudyLike) -> OfStudy:
+    """The question of a study.
+
+    Raises:
+        UserError: The file is not a valid study.
+    """
+    found = as_study(study)
+    return QUESTIONS[type(found.kind)](found)
