@@ -30,6 +30,7 @@ from edtk.findings.causes.family import (
     USUAL_TOOL,
     USUAL_TURN,
     Family,
+    since_first,
 )
 from edtk.fit.distributions import chi_square_quantile, noncentral_chi_square_tail
 from edtk.fit.geometry.position_noise import PositionNoise
@@ -86,7 +87,8 @@ class Visits:
         question: The question of the study.
         q: Poses (m, n) [rad or m].
         wrench: Their loads (m, 6) [N, N m].
-        time: When each is made (m,), from 0 at the beginning of the day to 1 at its end.
+        time: When each is made (m,), from 0 at the beginning of the day to 1 at its end, as a drift
+            counts it (`since_first`).
     """
 
     question: GeometryQuestion
@@ -112,8 +114,7 @@ class Visits:
             late = (self.time > 0.5)[:, None, None]
             yield VisitFault(name, base[..., :3] * late, USUAL_MOVE)
         elif name == "drift":
-            since = (self.time - 0.5)[:, None, None]
-            yield VisitFault(name, base[..., :3] * since, USUAL_DRIFT)
+            yield VisitFault(name, base[..., :3] * self.time[:, None, None], USUAL_DRIFT)
         elif name == "load_size":
             assert k is not None
             yield VisitFault(name, self._bent(2 * self.wrench, k) - self._bent(self.wrench, k), 0.1)
@@ -263,7 +264,7 @@ def _visits(question: GeometryQuestion, plan: Plan) -> tuple[Visits, int]:
     more = question.space.plan(x, np.ones(len(x), dtype=int))
     q = np.concatenate([plan.q[order], more.q])
     wrench = np.concatenate([plan.wrench[order], more.wrench])
-    time = np.append(np.linspace(0, 1, len(order)), np.ones(len(x)))
+    time = np.append(since_first(len(order)), np.ones(len(x)))
     return Visits(question, q, wrench, time), len(order)
 
 

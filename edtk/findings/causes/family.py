@@ -29,7 +29,7 @@ AXES = "xyz"
 # Errors of a tool point that was measured by hand: flanges centre tools, whose lengths differ [m].
 USUAL_TOOL = (2e-3, 2e-3, 10e-3)
 USUAL_DRIFT = 0.05e-3  # motion of a tracker or a foundation within a few minutes [m]
-# Three of four drifts are a step that all readings share; the others grow from reading to reading.
+# Three of four drifts are a step that all readings share; the others grow, see `since_first`.
 DRIFTS_ALIKE = 4 / 3
 DRIFTS_GROWING = 4.0
 USUAL_SHARE = 0.15  # of a compliance, by which the sign of its torque changes it to either side
@@ -327,14 +327,22 @@ def frame_rotation(model: ElastostaticModel, data: Measurements, A: Array) -> Fa
     return Family("frame_rotation", "deg", DEGREES, 3, USUAL_TURN, predict)
 
 
+def since_first(count: int) -> Array:
+    """How far (count,) a drift has come by each row: nothing in the first, its size in the last.
+
+    It means that wherever something drifts: in sheets of displacements and of positions, and in
+    faults that a plan is to notice. The size is how far readings of the last row are off.
+    """
+    return np.linspace(0.0, 1.0, count)
+
+
 def _drifts(model: ElastostaticModel, data: Measurements, A: Array) -> Iterator[Family]:
     """Something moves between the unloaded and the loaded reading: always, or more and more.
 
-    What moves more and more has not moved in the first row yet, and has the fault's size in the
-    last one: in the mean of all rows, half of it.
+    What moves more and more is off by half of its size in the mean of all rows.
     """
     shift = translations(model, data)
-    slowly = np.linspace(0, 1, len(A))[:, None, None] * shift
+    slowly = since_first(len(A))[:, None, None] * shift
 
     def step(c: Array) -> tuple[Array, Array]:
         return A, shift @ c

@@ -6,6 +6,7 @@ from typing import Literal
 
 import numpy as np
 
+from edtk.findings.causes.family import since_first
 from edtk.fit.geometry.fitted_geometry import MM, GeometricFit
 from edtk.fit.geometry.marker_positions import MarkerPositions
 from edtk.fit.geometry.position_noise import (
@@ -183,8 +184,8 @@ class DayTrend:
 
     Attributes:
         kind: "drift" of the frame, or "growth" of all links.
-        size: At the end of the day: how far positions are off, root mean square [m], or the growth
-            of all lengths [m/m].
+        size: In the last pose (see `since_first`): how far positions are off, root mean square [m],
+            or the growth of all lengths [m/m].
         explained: Share of the weighted squares that it explains.
         columns: Its columns (m, 3k, c) [mm a unit].
     """
@@ -251,7 +252,7 @@ def _best(rows: FitRows, kind: Literal["drift", "growth"], columns: Array) -> Da
     dof = rows.dof(c)
     if dof < 2 * c:
         return None
-    times = np.linspace(0.0, 1.0, m)
+    times = since_first(m)
     shapes = [np.expm1(-r * times) / np.expm1(-r) if r else times for r in RATES]
     noise = rows.noise_beside(columns * times[:, None, None])
     tried = []

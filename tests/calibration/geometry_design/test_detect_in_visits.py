@@ -63,7 +63,7 @@ DIFFERENCES = {
     "tool_z": lambda h: positions(tool=np.array([0, 0, h])),
     "frame_rotation": lambda h: positions(turn=np.array([h, 0, 0])),
     "frame_moved": lambda h: positions(shift=np.array([[h, 0, 0]]) * (TIME > 0.5)),
-    "drift": lambda h: positions(shift=np.array([[h, 0, 0]]) * (TIME - 0.5)),
+    "drift": lambda h: positions(shift=np.array([[h, 0, 0]]) * TIME),
     "load_size": lambda h: positions(wrench=(1 + h) * W),
     "backlash": lambda h: positions(Q + h * BY_SIGN),
     "torque_sign": lambda h: positions(Q + h * BY_SIGN * TORQUE * K),
