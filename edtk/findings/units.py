@@ -1,13 +1,14 @@
-"""Numbers that look like those of another unit."""
+"""Numbers that look like those of another unit, or like rounded ones."""
 
 from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 
+from edtk.findings.causes.family import counted_from
 from edtk.findings.finding import Data, Finding, Severity, Wording, row_names
 from edtk.findings.fitted_data import FittedData
-from edtk.findings.match_plan import OTHER_LOAD
+from edtk.findings.match_plan import OTHER_LOAD, like_rounding, steps_of
 from edtk.fit.equilibrium import NoFitError, fit_equilibrium
 from edtk.measure.equilibrium import NoEquilibriumError
 from edtk.measure.pose_table import WRENCH_COLUMNS
@@ -72,7 +73,7 @@ def _noise(fitted: FittedData, factor: float) -> float:
 
 
 def unit_findings(fitted: FittedData) -> Iterator[Finding]:
-    """Compare forces, displacements, rotations and joint angles with their expected sizes."""
+    """Compare forces, displacements, rotations and joint angles with what is expected."""
     forces = list(_forces(fitted))
     yield from forces
     # Displacements follow from the forces: another unit of these is not blamed on those.
@@ -80,6 +81,7 @@ def unit_findings(fitted: FittedData) -> Iterator[Finding]:
         yield from _lengths(fitted)
     yield from _rotations(fitted)
     yield from _angles(fitted)
+    yield from _rounded(fitted)
 
 
 def _expected_load(fitted: FittedData) -> Array | None:
@@ -172,14 +174,70 @@ def _rotations(fitted: FittedData) -> Iterator[Finding]:
 
 def _angles(fitted: FittedData) -> Iterator[Finding]:
     """Several poses, all of them within 2 pi degrees of zero."""
-    turning = [
-        j
-        for j, joint in enumerate(fitted.study.robot.joints)
-        if joint.kind == "revolute" and j not in fitted.study.fixed
-    ]
+    turning = _turning(fitted)
     degrees = np.rad2deg(fitted.study.robot.shown(fitted.data.q)[:, turning])
     if turning and np.abs(degrees).max() <= 2 * np.pi and np.ptp(degrees, axis=0).any():
         yield Finding.of(Severity.ALARM, WORDING, "angle_unit")
+
+
+def _turning(fitted: FittedData) -> list[int]:
+    """The joints whose angles the sheet has to say."""
+    joints = fitted.study.robot.joints
+    free = [j for j in range(len(joints)) if j not in fitted.study.fixed]
+    return [j for j in free if joints[j].kind == "revolute"]
+
+
+def _rounded(fitted: FittedData) -> Iterator[Finding]:
+    """Joint angles that were rounded, where that makes more errors than the noise.
+
+    Rounding to steps h leaves errors that are uniform, of standard deviation ``h / sqrt(12)``, in
+    each joint and pose. Commands may be whole degrees: they are doubted only where the residuals
+    are as large as rounding would leave them, or where the plan has other digits.
+    """
+    study = fitted.study
+    joints = _turning(fitted)
+    if not joints:
+        return
+    steps = steps_of(np.rad2deg(study.robot.shown(fitted.data.q)[:, joints]))
+    if not steps:
+        return
+    kept: list[float] = []
+    if fitted.plan is not None:
+        kept = steps_of(np.rad2deg(study.robot.shown(fitted.plan.q)[:, joints]))
+    excess = float(np.sqrt(max(fitted.fit.scale**2 - 1, 0.0)))
+    of_one_degree = _rounding(fitted, joints)
+    for step in steps:
+        rounding = step * of_one_degree
+        if rounding < 1 or step in kept:
+            continue
+        explains = excess > 1 and like_rounding(excess, rounding)
+        # Of steps that all angles are multiples of, the coarsest is the one they were rounded to.
+        planned = fitted.plan is not None
+        if explains or (planned and step == steps[0]):
+            data = {
+                "step": step,
+                "planned": planned,
+                "rounding": rounding,
+                "scale": fitted.fit.scale,
+                "explains": explains,
+            }
+            alone = explains and not fitted.structural_causes
+            severity = Severity.ALARM if alone else Severity.WARNING
+            yield Finding.of(severity, WORDING, "rounded_angles", **data)
+            return
+
+
+def _rounding(fitted: FittedData, joints: list[int]) -> float:
+    """Errors by angles that are rounded to degrees, over the noise (root mean square)."""
+    model = replace(fitted.study.model, unknown=(*fitted.study.model.joints, *fitted.study.known))
+    k = np.concatenate([fitted.fit.k, np.array(list(fitted.study.known.values()))])
+    std = np.deg2rad(1.0) / np.sqrt(12)
+    squares = np.zeros(fitted.data.deflection.shape)
+    for j in joints:
+        predict = counted_from(model, fitted.data, j)
+        (A, b), (before, shift) = predict(np.array([std])), predict(np.array([-std]))
+        squares += (((A - before) @ k + b - shift) / 2) ** 2
+    return float(np.sqrt((squares / fitted.data.own_sigma**2).mean()))
 
 
 def _force_unit(data: Data) -> str:
@@ -220,10 +278,23 @@ def _angle_unit(data: Data) -> str:
     return "all joint angles are within 6.3 degrees of zero: are they in radians? expected degrees"
 
 
+def _rounded_angles(data: Data) -> str:
+    """Joint angles that were rounded."""
+    step = f"{data['step']:g} deg"
+    plan = ", and those of the plan are not" if data["planned"] else ""
+    size = f"rounding to {step} makes errors of {data['rounding']:.2g} times the noise"
+    left = f", and the residuals are {data['scale']:.2g} times it" if data["explains"] else ""
+    return (
+        f"all joint angles are multiples of {step}{plan}; {size}{left}: were they rounded? Export "
+        "them with three decimals"
+    )
+
+
 WORDING: Wording = {
     "force_unit": _force_unit,
     "other_load": _other_load,
     "length_unit": _length_unit,
     "rotation_unit": _rotation_unit,
     "angle_unit": _angle_unit,
+    "rounded_angles": _rounded_angles,
 }

@@ -421,7 +421,7 @@ def _zeros(model: ElastostaticModel, data: Measurements, A: Array, k: Array) -> 
     for j, joint in enumerate(robot.joints):
         name = joint.name
         scale = ("deg", DEGREES) if joint.kind == "revolute" else ("mm", MM)
-        predict = _counted_from(model, data, j)
+        predict = counted_from(model, data, j)
         usual = USUAL_ZERO[joint.kind]
         family = Family("joint_zero", *scale, 1, usual, predict, robot.n, name)
         if _is_one_of(turned, family.derivative_at_zero(k)):
@@ -468,7 +468,7 @@ def _held(A: Array, torque: Array, share: Array) -> Callable[[Array], tuple[Arra
     return lambda c: (A * np.maximum(1 - c[0] * lost, 0.0), np.zeros(A.shape[:2]))
 
 
-def _counted_from(
+def counted_from(
     model: ElastostaticModel, data: Measurements, j: int
 ) -> Callable[[Array], tuple[Array, Array]]:
     """Poses in which joint j is further than written."""

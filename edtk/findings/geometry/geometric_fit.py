@@ -8,6 +8,7 @@ from edtk.findings.finding import Data, Finding, Severity, Wording, rows_in_word
 from edtk.findings.geometry.fit_rows import DayTrend, FitRows, common_scale, day_trend
 from edtk.findings.geometry.moved_frame import MovedFrame, UntoldLoad, moved_frame, untold_load
 from edtk.findings.geometry.sound_rows import marker_findings
+from edtk.findings.match_plan import COARSE_DEG, like_rounding, steps_of
 from edtk.fit.geometry.fitted_geometry import MM, GeometricFit, root_mean_square
 from edtk.fit.geometry.judge_fit import chance_of_outside
 from edtk.measure.parameters import GeometricParameter
@@ -28,10 +29,6 @@ MOSTLY = 0.7  # of the squares that are left
 NOISY = 5.0  # times the stated noise
 RARE = 5e-3  # of sound days leave as few coordinates inside their bands as make a finding
 HELD = 0.75  # of the coordinates: below it bands are no bands
-STEPS_DEG = (10.0, 5.0, 1.0, 0.5, 0.1)  # to which angles are rounded, the coarsest first
-COARSE_DEG = 0.5  # no controller shows less: angles as coarse were rounded by a person
-EXACT = 1e-6  # of a step: nearer to a multiple an angle is one, but for rounding
-LIKE_ROUNDING = 0.6  # to its inverse: errors of joints beside those of rounding
 EXPLAINED = ("outliers", "frame_moved", "rough")  # these leave many outside by themselves
 
 
@@ -117,10 +114,9 @@ def _rounded(fit: GeometricFit) -> list[Finding]:
         return []
     angles = np.rad2deg(fit.fitted.model.robot.shown(fit.data.q)[:, ~slides])
     left = float(np.sqrt(np.mean(errors[~slides] ** 2)))
-    for step in STEPS_DEG:
+    for step in steps_of(angles):
         rounding = 1e3 * float(np.deg2rad(step)) / np.sqrt(12)
-        is_step = np.abs(angles - step * np.round(angles / step)).max() < step * EXACT
-        if is_step and LIKE_ROUNDING * rounding < left < rounding / LIKE_ROUNDING:
+        if like_rounding(left, rounding):
             severity = Severity.ALARM if step >= COARSE_DEG else Severity.WARNING
             return [_say(severity, "rounded", step_deg=step, left=left, rounding=rounding)]
     return []
