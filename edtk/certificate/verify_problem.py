@@ -7,19 +7,24 @@ from typing import Any
 import numpy as np
 
 import criteria
+from edtk.certificate.recompute.array_criteria import (
+    Found,
+    as_cost,
+    recompute,
+    require_little_work,
+    unknown,
+)
+from edtk.certificate.recompute.arrays import Candidates
 from edtk.certificate.recompute.plain_data import number, numbers, rows, table, text
-from edtk.certificate.verify_certificate import Claim, Verification
-from edtk.design.bound import printed_form
-from edtk.design.problem import Problem, problem_digest
-from edtk.design.relaxation.certify import CERTIFICATE, certify
-from edtk.design.relaxation.proof import InnerProof
+from edtk.certificate.verify_certificate import ABSOLUTE, AGREE, Claim, Verification
+from edtk.design.information import Rows
+from edtk.design.problem import Problem
 from edtk.system.typing import Array
 
+KIND = "relaxation of a problem"
 KEYS = ("kind", "criterion", "candidates", "weights", "value", "bound", "gap", "multipliers")
 OPTIONAL = ("dual_weights", "inner")
 MOST_MULTIPLIERS = 100
-AGREE = 1e-8  # relative difference that two ways of rounding may make
-ABSOLUTE = 1e-8  # difference of a gap or of a sum of weights, which are of order one
 
 
 @dataclass(frozen=True, repr=False)
@@ -54,7 +59,7 @@ class ProblemVerification(Verification):
             "candidates": self.candidates,
             "proved": self.proved,
             "support": self.poses,
-            "second_implementation": False,
+            "second_implementation": True,
             "claims": [claim.to_dict() for claim in self.claims],
         }
 
@@ -63,8 +68,8 @@ def verify_problem(content: Any, problem: Problem) -> ProblemVerification:
     """Check all claims of a certificate against the candidates that it is about.
 
     The certificate is an enemy's: whatever it says is computed anew from weights, multipliers and
-    the candidates themselves. That is done by `certify`, which the search uses too: this is no
-    second implementation.
+    the candidates themselves, in code that the search does not use. The registry of criteria tells
+    how the criterion is called, and no more.
 
     Args:
         content: What `Relaxation.to_dict` wrote, as JSON has it.
@@ -74,22 +79,28 @@ def verify_problem(content: Any, problem: Problem) -> ProblemVerification:
         Each claim with the stated and the recomputed number.
 
     Raises:
-        ValueError: The content is no such certificate; one line says where.
+        ValueError: The content is no such certificate, or would take too long; one line says where.
     """
     with np.errstate(all="ignore"):
         table(content, KEYS, "certificate", OPTIONAL)
-        text(content["kind"], (CERTIFICATE,), "kind")
-        criterion = _criterion(content["criterion"])
+        text(content["kind"], (KIND,), "kind")
         places, shares = _weights(content["weights"], problem.n)
         multipliers = _multipliers(content["multipliers"], problem.p)
-        weights = np.bincount(places, shares, problem.n).astype(float)
-        try:
-            inner = _inner(content.get("inner"), multipliers.shape)
-            cost, bound = _recomputed(criterion, problem, weights, multipliers, inner)
-        except criteria.CriterionError as error:
-            raise ValueError(f"criterion: {error}") from error
-    claims = (_same_candidates(content["candidates"], problem), _sound(places, shares))
-    stated = {name: number(content[name], name) for name in ("value", "bound", "gap")}
+        inner = _inner(content.get("inner"), multipliers.shape)
+        duals = _shares(content.get("dual_weights"), len(multipliers))
+        stated = {name: number(content[name], name) for name in ("value", "bound", "gap")}
+        given = content["criterion"]
+        _require_table(given)
+        plug_in = unknown(given)
+        candidates = _candidates(problem)
+        require_little_work(given, candidates, len(multipliers))
+        criterion = _criterion(given)
+        claims = [_same_candidates(content["candidates"], problem, candidates.sha256)]
+        claims.append(_sound(places, shares))
+        found = Found(math.nan, math.inf, math.nan)
+        if claims[1].holds and not plug_in:
+            weights = np.bincount(places, shares, problem.n).astype(float)
+            found = recompute(given, candidates, weights, multipliers, inner, duals)
     return ProblemVerification(
         criterion=criterion.name,
         kind="relaxation",
@@ -97,15 +108,31 @@ def verify_problem(content: Any, problem: Problem) -> ProblemVerification:
         poses=len(places),
         kept=0,
         candidates=problem.n,
-        claims=(*claims, *_numbers(criterion, stated, cost, bound, problem.n)),
+        claims=(*claims, *_numbers(criterion.name, stated, found, problem.n, plug_in)),
         about=criterion.label,
     )
 
 
-def _criterion(given: Any) -> criteria.Relaxable:
-    """The criterion with its parameters."""
-    if not isinstance(given, dict) or not isinstance(given.get("name"), str):
-        raise ValueError("criterion: expected a table with a name")
+def _candidates(problem: Problem) -> Candidates:
+    """The arrays that a problem keeps."""
+    kept = problem.kept
+    if isinstance(kept, Rows):
+        return Candidates.of(kept.A, None, problem.prior)
+    return Candidates.of(None, kept.triangles, problem.prior)
+
+
+def _require_table(given: Any) -> None:
+    """Refuse a criterion that is no table, or whose parts are none."""
+    parts = given.get("criteria", []) if isinstance(given, dict) else []
+    names = [given, *(parts if isinstance(parts, list) else [None])]
+    for one in names:
+        is_named = isinstance(one, dict) and isinstance(one.get("name"), str)
+        if not is_named and not (isinstance(one, str) and one is not given):
+            raise ValueError("criterion: expected a table with a name")
+
+
+def _criterion(given: Any) -> criteria.Criterion:
+    """The criterion, for its name and its label."""
     try:
         found = criteria.from_dict(given)
     except (criteria.CriterionError, ValueError, TypeError, OverflowError) as error:
@@ -134,38 +161,35 @@ def _multipliers(given: Any, p: int) -> Array:
     return found
 
 
-def _inner(given: Any, shape: tuple[int, ...]) -> InnerProof | None:
-    """The multipliers with more digits, if there are any."""
+def _inner(given: Any, shape: tuple[int, ...]) -> tuple[Array, Array] | None:
+    """The multipliers with more digits, T (p, p) and Z (r, p, p), if there are any."""
     if given is None:
         return None
     table(given, ("T", "Z"), "inner")
-    T = numbers(given["T"], shape[1:], "inner.T")
-    return InnerProof(T, numbers(given["Z"], shape, "inner.Z"))
+    Z = numbers(given["Z"], shape, "inner.Z")
+    return numbers(given["T"], shape[1:], "inner.T"), 0.5 * (Z + np.swapaxes(Z, 1, 2))
 
 
-def _recomputed(
-    criterion: criteria.Relaxable,
-    problem: Problem,
-    weights: Array,
-    multipliers: Array,
-    inner: InnerProof | None,
-) -> tuple[float, float]:
-    """Cost of the weights, and the bound that the multipliers prove; nan where there is none."""
-    try:
-        cost, bound = certify(problem, criterion, weights, multipliers, inner)
-    except (ValueError, ArithmeticError):  # no weights, or no multipliers; or numbers overflow
-        return math.nan, math.nan
-    return cost, bound if bound > 0 else math.nan
+def _shares(given: Any, multipliers: int) -> list[Array | None]:
+    """The shares that go with each multiplier; any prove a bound, so that they need no check."""
+    if given is None:
+        return [None] * multipliers
+    rows(given, multipliers, "dual_weights")
+    if len(given) != multipliers:
+        raise ValueError(f"dual_weights: expected shares for each of {multipliers} multipliers")
+    found: list[Array | None] = []
+    for each in given:
+        u = numbers(each, (None,), "dual_weights")
+        if not (u >= 0).all() or not 0 < u.sum() < math.inf:
+            raise ValueError("dual_weights: expected shares that are not negative")
+        found.append(u / u.sum())
+    return found
 
 
-def _same_candidates(given: Any, problem: Problem) -> Claim:
+def _same_candidates(given: Any, problem: Problem, sha256: str) -> Claim:
     """The claim that the certificate is about these candidates."""
     table(given, ("number", "parameters", "sha256"), "candidates")
-    own = {
-        "number": problem.n,
-        "parameters": list(problem.parameters),
-        "sha256": problem_digest(problem),
-    }
+    own = {"number": problem.n, "parameters": list(problem.parameters), "sha256": sha256}
     other = [key for key in own if given[key] != own[key]]
     reason = f"the problem has another {', '.join(other)}" if other else ""
     return Claim("candidates", not other, None, None, reason)
@@ -181,25 +205,40 @@ def _sound(places: np.ndarray, shares: Array) -> Claim:
 
 
 def _numbers(
-    criterion: criteria.Relaxable, stated: dict[str, float], cost: float, bound: float, n: int
+    name: str, stated: dict[str, float], found: Found, n: int, plug_in: str
 ) -> list[Claim]:
-    """The claims about value, bound and gap."""
-    own = {
-        "value": printed_form(cost, criterion.sense),
-        "bound": printed_form(bound, criterion.sense),
-        "gap": 1 - bound / cost if cost > 0 else math.nan,
+    """The claims about value, bound and gap.
+
+    A bound holds if it is no better than what is proved here: a weaker one is true as well. The gap
+    is that of the bound that is stated, as far as it is proved.
+    """
+    value = as_cost(name, stated["value"])
+    proved = found.bound * (1 + AGREE)
+    bound = as_cost(name, stated["bound"])
+    kept = min(bound, found.bound)
+    gap = 1 - kept / found.cost
+    unsure = AGREE + found.error
+    holds = {
+        "value": abs(value - found.cost) <= unsure * found.cost,
+        "bound": 0 < bound <= proved,
+        "gap": abs(stated["gap"] - gap) <= ABSOLUTE + unsure and gap >= -ABSOLUTE - unsure,
     }
-    found = []
-    for name, number_here in own.items():
-        absolute = ABSOLUTE if name == "gap" else 0.0
-        agrees = math.isclose(stated[name], number_here, rel_tol=AGREE, abs_tol=absolute)
-        holds = math.isfinite(number_here) and agrees
-        reason = "" if holds else "the recomputed number differs"
-        if not math.isfinite(number_here):
-            reason = "nothing is proved here" if name == "bound" else "it is not finite here"
-        elif name == "gap" and number_here < -ABSOLUTE:
-            holds = False
+    own = {
+        "value": as_cost(name, found.cost),
+        "bound": as_cost(name, found.bound),
+        "gap": gap,
+    }
+    claims = []
+    for key, here in own.items():
+        reason = ""
+        if plug_in:
+            reason = f"the criterion {plug_in} has no second implementation"
+        elif not math.isfinite(here):
+            reason = "nothing is proved here" if key == "bound" else "it is not finite here"
+        elif key == "gap" and here < -ABSOLUTE - unsure:
             reason = "the design beats the bound"
-        candidates = n if name == "bound" else None
-        found.append(Claim(name, holds, stated[name], number_here, reason, candidates))
-    return found
+        elif not holds[key]:
+            reason = "the recomputed number differs"
+        candidates = n if key == "bound" else None
+        claims.append(Claim(key, not reason, stated[key], here, reason, candidates))
+    return claims

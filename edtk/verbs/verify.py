@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from edtk.certificate.verify_certificate import Claim, Verification, verify_certificate
-from edtk.certificate.verify_problem import verify_problem
+from edtk.certificate.verify_problem import KIND, verify_problem
 from edtk.design.problem import Problem
-from edtk.design.relaxation.certify import CERTIFICATE
 from edtk.system.errors import ArgumentError, UserError
 from edtk.system.files import read_text
 from edtk.system.parsing import parse_json
@@ -36,13 +35,13 @@ def verify(
 ) -> Verification:
     """Recompute every claim of a certificate from its poses and multipliers alone.
 
-    The check of a study's design shares no code with the search: it has a kinematics, an
+    The check shares no code with the search. Of a study's design it has a kinematics, an
     information matrix and bounds of its own, and draws the candidates anew. The certificate holds
     robot, load, noise and limits; whether these are the right ones, only the study can tell.
 
-    The check of a `Problem` does share code: value and bound are recomputed from the candidates,
-    weights and multipliers by the routine that proves bounds in the search. It finds what is wrong
-    with a certificate, but no mistake in that routine. The result says so.
+    Of a `Problem`, value and bound are recomputed from the candidates, weights and multipliers:
+    every criterion and its bound is written down a second time. Criteria of plug-ins are not; their
+    claims do not hold, and the result says why.
 
     Args:
         certificate: The file that `edtk.plan`, `edtk.relax` or `edtk.run` wrote, or its content.
@@ -70,7 +69,7 @@ def verify(
     else:
         where = str(certificate)
         content = parse_json(read_text(certificate, MOST_MB), where)
-    if isinstance(content, dict) and content.get("kind") == CERTIFICATE:
+    if isinstance(content, dict) and content.get("kind") == KIND:
         return _of_problem(content, study, where)
     if not isinstance(content, dict) or "proof" not in content:
         raise UserError("not a certificate; expected a file written by --certificate", where=where)

@@ -53,6 +53,15 @@ class Multipliers:
         Z = numbers(value, (None, p, p), "proof.multipliers")
         if not len(Z):
             raise ValueError("proof.multipliers: expected at least one")
+        return cls.of(Z, name in INDEFINITE)
+
+    @classmethod
+    def of(cls, Z: Array, indefinite: bool) -> "Multipliers":
+        """Take multipliers (r, p, p).
+
+        Raises:
+            ValueError: They are not symmetric or not semidefinite.
+        """
         # Any length proves the same; a length of 1e-320 would round sensitivities to nothing. A
         # power of two changes no digit.
         _, exponent = np.frexp(np.abs(Z).max(axis=(1, 2), keepdims=True))
@@ -62,8 +71,8 @@ class Multipliers:
         if not (np.abs(Z - transposed) <= SYMMETRIC * size).all():
             raise ValueError("a multiplier is not symmetric")
         # Eigenvalues are taken from one triangle only, so that both have to be the same.
-        found = cls((Z + transposed) / 2, name in INDEFINITE)
-        if not found.indefinite and not (found._lowest >= -NEGATIVE * p).all():
+        found = cls((Z + transposed) / 2, indefinite)
+        if not found.indefinite and not (found._lowest >= -NEGATIVE * Z.shape[-1]).all():
             raise ValueError("a multiplier is not positive semidefinite")
         return found
 
@@ -83,13 +92,17 @@ class Multipliers:
         return np.asarray(np.linalg.eigvalsh(unit)[:, 0], dtype=float)
 
     @cached_property
+    def lift(self) -> Array:
+        """What makes each multiplier (r,) positive semidefinite, at unit diagonal."""
+        return np.zeros(len(self.Z)) if self.indefinite else np.maximum(-self._lowest, 0.0)
+
+    @cached_property
     def _allowance(self) -> Array:
         """What a sensitivity is rounded up by (r,), per square of the largest that it can be.
 
         Sixteen roundings, and the lift that makes a multiplier positive semidefinite.
         """
-        lift = 0.0 if self.indefinite else np.maximum(-self._lowest, 0.0)
-        return np.asarray(16 * EPS + lift) * np.ones(len(self.Z))
+        return 16 * EPS + self.lift
 
     def sensitivities(self, rows: Array, prior: Array, per_trace: bool) -> Array:
         """``<Z_j, M_i + M0>`` (r, k), rounded up.
@@ -140,7 +153,7 @@ def lower_bound(
     if name == "O2":
         return max(_condition_number(z, top) for z, top in zip(Z, t, strict=True))
     if name == "O4":
-        return _noise_amplification(Z, t)
+        return noise_amplification(_definite_parts(Z), t)
     found = 0.0
     if name in ("rho0", "rho_max") and not targets:
         raise ValueError(f"{name} needs a test pose")
@@ -148,7 +161,7 @@ def lower_bound(
         target = targets[j] if targets else None
         # A multiplier without a positive sensitivity would exclude every design: nobody's proof.
         if top > 0:
-            factor = _factor(z) if K is None else _factor_of_combinations(_factor(z), K)
+            factor = factor_of(z) if K is None else _factor_of_combinations(factor_of(z), K)
             least = _polar(name, factor, target, M if K is None else _information(M, K))
             found = max(found, least * top ** -DEGREE[name])
     return found
@@ -197,7 +210,7 @@ def _polar(name: str, factor: Array, target: Array | None, M: Array) -> float:
     return total**2 if name == "A" else total
 
 
-def _factor(Z: Array) -> Array:
+def factor_of(Z: Array) -> Array:
     """F (p, p) with ``F'F`` at most Z: eigenvalues at unit diagonal are rounded down.
 
     The scaling keeps the roots of small eigenvalues, whatever the units of the parameters. Those
@@ -241,13 +254,10 @@ def _condition_number(Z: Array, t: float) -> float:
     return float(np.sqrt(max(1.0, positive / negative))) if negative > 0 else 1.0
 
 
-def _noise_amplification(Z: Array, t: Array) -> float:
-    """The least ``(s kappa)^1/2`` over ``t s + trace(Z-) kappa >= trace(Z+), s >= 0, kappa >= 1``.
-
-    The product is quasiconcave where both are positive, so that its least value is at a corner.
-    """
-    lines = []
-    for values, top in zip(np.linalg.eigvalsh(Z), t, strict=True):
+def _definite_parts(Z: Array) -> list[tuple[float, float]]:
+    """``trace(Z+)``, lowered, and ``trace(Z-)``, raised, of each multiplier (r, p, p)."""
+    found = []
+    for values in np.linalg.eigvalsh(Z):
         rounding = len(values) * EPS * float(np.abs(values).max())
         positive = np.maximum(values - rounding, 0.0).sum()
         # A matrix that is semidefinite but for rounding counts as semidefinite: the sensitivities
@@ -255,8 +265,21 @@ def _noise_amplification(Z: Array, t: Array) -> float:
         # kappa be huge, and prove nothing.
         is_semidefinite = values[0] >= -rounding
         negative = 0.0 if is_semidefinite else np.maximum(rounding - values, 0.0).sum()
-        if positive > 0:
-            lines.append([top / positive, negative / positive])
+        found.append((float(positive), float(negative)))
+    return found
+
+
+def noise_amplification(parts: list[tuple[float, float]], t: Array) -> float:
+    """The least ``(s kappa)^1/2`` over ``t s + trace(Z-) kappa >= trace(Z+), s >= 0, kappa >= 1``.
+
+    The product is quasiconcave where both are positive, so that its least value is at a corner.
+
+    Args:
+        parts: ``trace(Z+)`` and ``trace(Z-)`` of each multiplier.
+        t: Their largest sensitivities (r,).
+    """
+    pairs = zip(parts, t, strict=True)
+    lines = [[top / above, below / above] for (above, below), top in pairs if above > 0]
     unit = float(np.median(np.abs(lines), axis=0)[0]) if lines else 0.0  # of 1/s
     if not unit > 0:
         return 0.0

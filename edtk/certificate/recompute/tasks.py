@@ -69,27 +69,52 @@ def combinations(value: Any, p: int, where: str) -> Array:
     return K
 
 
-def deviations(stacked: Array, K: Array) -> Array | None:
-    """L (s, r) with ``L L'`` the covariance of K'k, from whitened rows (N, p); None if K'k is open.
+@dataclass(frozen=True, eq=False)
+class CovarianceRoot:
+    """W with ``W W'`` the covariance of the parameters that whitened rows tell.
 
-    With columns of unit length, ``stacked / d = U S V'``, ``L = (K/d)' V S^-1`` over the singular
-    values that are more than rounding. K'k is known if K/d has no part in the other directions.
+    With columns of unit length, ``stacked / d = U S V'``, it is ``V S^-1 / d`` over the singular
+    values that are more than rounding.
+
+    Attributes:
+        W: The root (p, r).
+        s: The singular values (r,), descending.
+        d: Lengths (p,) of the columns.
+        hidden: The other directions (q, p), for parameters in units of d.
     """
-    length = np.linalg.norm(stacked, axis=0)
-    d = np.where(length > len(stacked) * EPS * length.max(), length, 1.0)
-    unit = np.where(length > len(stacked) * EPS * length.max(), stacked, 0.0) / d
-    # Rows of zeros make V square; to ask for a square one would make U (N, N), too.
-    unit = np.pad(unit, ((0, max(unit.shape[1] - len(unit), 0)), (0, 0)))
-    _, s, V = np.linalg.svd(unit, full_matrices=False)
-    # Rows have half the digits of their squares to lose; M itself counts as singular at 16 p eps.
-    is_known = s > 4 * np.sqrt(len(d) * EPS)
-    scaled = K / d[:, None]
-    outside = np.abs(V[~is_known] @ scaled).max(axis=0, initial=0.0)
-    least = s[is_known].min(initial=1.0)
-    allowed = 64 * len(d) * EPS / least**2 * np.linalg.norm(scaled, axis=0)
-    if not is_known.any() or (outside > allowed).any():
-        return None
-    return np.asarray(scaled.T @ V[is_known].T / s[is_known])
+
+    W: Array
+    s: Array
+    d: Array
+    hidden: Array
+
+    @classmethod
+    def of(cls, stacked: Array) -> "CovarianceRoot":
+        """From rows (N, p)."""
+        length = np.linalg.norm(stacked, axis=0)
+        is_some = length > len(stacked) * EPS * length.max()
+        d = np.where(is_some, length, 1.0)
+        unit = np.where(is_some, stacked, 0.0) / d
+        # Rows of zeros make V square; to ask for a square one would make U (N, N), too.
+        unit = np.pad(unit, ((0, max(unit.shape[1] - len(unit), 0)), (0, 0)))
+        _, s, V = np.linalg.svd(unit, full_matrices=False)
+        # Rows have half the digits of their squares to lose; M itself is singular at 16 p eps.
+        is_known = s > 4 * np.sqrt(len(d) * EPS)
+        return cls(V[is_known].T / s[is_known] / d[:, None], s[is_known], d, V[~is_known])
+
+    def tells(self, K: Array) -> bool:
+        """Whether combinations (p, s) have no part in the other directions, beyond rounding."""
+        scaled = K / self.d[:, None]
+        outside = np.abs(self.hidden @ scaled).max(axis=0, initial=0.0)
+        least = self.s.min(initial=1.0)
+        allowed = 64 * len(self.d) * EPS / least**2 * np.linalg.norm(scaled, axis=0)
+        return bool(len(self.s) and (outside <= allowed).all())
+
+
+def deviations(stacked: Array, K: Array) -> Array | None:
+    """L (s, r) with ``L L'`` the covariance of K'k, by whitened rows (N, p); None if it is open."""
+    root = CovarianceRoot.of(stacked)
+    return np.asarray(K.T @ root.W) if root.tells(K) else None
 
 
 @dataclass(frozen=True, eq=False)

@@ -196,8 +196,11 @@ def store(found: Relaxation, problem: Problem) -> dict[str, Any]:
     # The two triangles of a product differ by rounding; a certificate has one matrix.
     multipliers = 0.5 * (found.multipliers + np.swapaxes(found.multipliers, 1, 2))
     cost, bound = certify(problem, found.criterion, found.weights, multipliers, found.inner)
+    # Shares do not depend on the length of a matrix; squares of one far from order one do.
     M = problem.information(found.weights)
-    duals = [found.criterion.dual_weights(Z, M) for Z in multipliers]
+    M = np.ldexp(M, -int(np.frexp(np.abs(M).max())[1]))
+    length = np.abs(multipliers).max(axis=(1, 2), keepdims=True)
+    duals = [found.criterion.dual_weights(Z, M) for Z in multipliers / length]
     content = {
         "kind": CERTIFICATE,
         "criterion": found.criterion.to_dict(),

@@ -23,8 +23,7 @@ ENDED = {
     "interrupted": "interrupted",
 }
 DIGITS = 10
-# Remove it once the recomputation imports nothing of the search.
-SHARED = "recomputed by the routine that the search uses, not by a second implementation"
+RECOMPUTED = "recomputed in a second implementation"
 MEANING = {
     "candidates": "the certificate is about these candidates",
     "weights": "the weights are shares of one",
@@ -132,9 +131,9 @@ def problem_verification_text(found: ProblemVerification) -> str:
     lines += [_line(claim) for claim in found.claims]
     count = len(found.claims)
     if found.valid:
-        return "\n".join([*lines, f"valid: all {count} claims hold; {SHARED}"])
+        return "\n".join([*lines, f"valid: all {count} claims hold; {RECOMPUTED}"])
     names = ", ".join(found.failed)
-    failed = f"NOT valid: {len(found.failed)} of {count} claims fail: {names}; {SHARED}"
+    failed = f"NOT valid: {len(found.failed)} of {count} claims fail: {names}; {RECOMPUTED}"
     return "\n".join([*lines, failed])
 
 

@@ -1,0 +1,522 @@
+"""Cost and bound of a relaxation over candidates of arrays, recomputed by numpy alone.
+
+**Costs.** With weighted rows S of a design and ``cov = W W'`` from their singular values, every
+criterion but O2 and O4 is a function of the singular values of ``L = K'W``, the deviations of
+combinations K'k. **Bounds.** Of any semidefinite ``Z = F'F`` with ``<Z, M_i> <= t`` the least cost
+is a function of the singular values of ``F K``. Both rise with each singular value. So rounding is
+counted where it is made: costs are computed once more with values that are longer by as much as
+rounding may have made them shorter, and bounds with values that are shorter by as much.
+
+**Parameters.** Nearly dependent columns lose their digits in squares, so that all is done for
+parameters k' with ``k = T k'``; what T is does not matter, as each product with it is summed in the
+longest numbers of the machine, and its rounding counted.
+"""
+
+import hashlib
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from edtk.certificate.recompute.lower_bound import Multipliers, factor_of, noise_amplification
+from edtk.certificate.recompute.tasks import CovarianceRoot
+from edtk.system.typing import Array
+
+EPS = float(np.finfo(float).eps)
+TINY = float(np.finfo(float).tiny)
+LONG = np.longdouble
+Long = NDArray[np.floating[Any]]
+LONG_EPS = float(np.finfo(LONG).eps)
+AT_ONCE = 2**18  # doubles of rows that are looked at together
+SWEEPS = 30  # of rotations; ten are the rule
+LOST = 1e3  # multiple of ``p eps`` up to which a singular value is rounding
+FAR = 1e-7  # ratio of singular values from which on a decomposition leaves no digits
+WELL = 1e3  # condition number of rows up to which their own parameters will do
+
+
+def row_root(M: Array) -> tuple[Array, Array]:
+    """Rows (..., p, p) whose squares are M (..., p, p), and how far M is from them (...).
+
+    The distance is a part of ``sqrt(M_aa M_bb)`` in each entry: rounding, and negative eigenvalues
+    at unit diagonal.
+    """
+    d = np.sqrt(np.maximum(np.diagonal(M, axis1=-2, axis2=-1), 0.0))
+    unit = np.where(d > 0, d, 1.0)
+    r, V = np.linalg.eigh(M / unit[..., :, None] / unit[..., None, :])
+    rows = np.sqrt(np.maximum(r, 0.0))[..., None] * np.swapaxes(V, -1, -2) * d[..., None, :]
+    return rows, np.maximum(-r[..., 0], 0.0) + 8 * M.shape[-1] * EPS * np.abs(r).max(axis=-1)
+
+
+@dataclass(frozen=True, eq=False)
+class Candidates:
+    """Candidate experiments, in whatever form they were given.
+
+    Attributes:
+        rows: Whitened rows ``A_i / sigma`` (n, r, p).
+        information: What was given in their place (n, p, p); the rows then are about its roots.
+        prior: Prior information (p, p) of each experiment, in long numbers.
+        sha256: The digest of what was given.
+    """
+
+    rows: Array
+    information: Array | None
+    prior: Long
+    sha256: str
+
+    @classmethod
+    def of(cls, rows: Array | None, triangles: Array | None, prior: Array | None) -> "Candidates":
+        """Take rows (n, r, p), or else upper triangles (p(p+1)/2, n), and a prior (p, p)."""
+        given = rows if rows is not None else triangles
+        assert given is not None
+        words = "rows" if rows is not None else "triangles"
+        digest = hashlib.sha256(f"{words} {' '.join(map(str, given.shape))}\n".encode())
+        for array in (given, prior):
+            if array is not None:
+                digest.update(np.ascontiguousarray(array, dtype="<f8").data)
+        information = None
+        if rows is None:
+            information = _unpacked(given)
+            rows, _ = row_root(information)
+        p = rows.shape[2]
+        own = np.zeros((p, p)) if prior is None else prior
+        return cls(rows, information, own.astype(LONG), digest.hexdigest())
+
+    def with_prior(self, precision: Array) -> "Candidates":
+        """The same with more prior information (p, p)."""
+        return replace(self, prior=self.prior + precision)
+
+    def scaled(self, power: int) -> "Candidates":
+        """The same in another unit of measurement: ``2^power`` times the rows."""
+        squares = self.information
+        return replace(
+            self,
+            rows=np.ldexp(self.rows, power),
+            information=None if squares is None else np.ldexp(squares, 2 * power),
+            prior=np.ldexp(self.prior, 2 * power),
+        )
+
+    @cached_property
+    def prior_rows(self) -> Array:
+        """About the root (p, p) of the prior."""
+        return row_root(self.prior.astype(float))[0]
+
+    def traces(self, part: slice) -> Array:
+        """The traces (k,) of the information of some candidates, with the prior."""
+        own = float(np.trace(self.prior))
+        if self.information is not None:
+            return np.asarray(np.trace(self.information[part], axis1=1, axis2=2) + own)
+        return np.asarray(np.square(self.rows[part]).sum(axis=(1, 2)) + own)
+
+    @property
+    def n(self) -> int:
+        """Number of candidates."""
+        return len(self.rows)
+
+    @property
+    def p(self) -> int:
+        """Number of parameters."""
+        return int(self.rows.shape[2])
+
+    @property
+    def power(self) -> int:
+        """The power of two that brings the largest entry to order one."""
+        largest = max(np.abs(self.rows).max(), np.abs(self.prior_rows).max())
+        return -int(np.frexp(largest)[1])
+
+    def parts(self) -> Iterator[slice]:
+        """Parts of the candidates that are looked at together."""
+        step = max(AT_ONCE // self.rows[0].size, 1)
+        return (slice(start, start + step) for start in range(0, self.n, step))
+
+
+def _unpacked(triangles: Array) -> Array:
+    """Symmetric matrices (n, p, p) of upper triangles (p(p+1)/2, n), row by row."""
+    p = (math.isqrt(8 * len(triangles) + 1) - 1) // 2
+    M = np.empty((triangles.shape[1], p, p))
+    i, j = np.triu_indices(p)
+    M[:, i, j] = triangles.T
+    M[:, j, i] = triangles.T
+    return M
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """Parameters k' with ``k = T k'``, for any T (p, p).
+
+    Attributes:
+        T: The matrix.
+        exact: Whether T is diagonal with powers of two, so that products with it are exact.
+    """
+
+    T: Array
+    exact: bool = False
+
+    @classmethod
+    def of_units(cls, lengths: Array) -> "Frame":
+        """Columns of these lengths (p,) become columns of a length near one."""
+        _, exponent = np.frexp(np.where(lengths > 0, lengths, 1.0))
+        return cls(np.diag(np.ldexp(np.ones(len(lengths)), -exponent)), exact=True)
+
+    @classmethod
+    def of_columns(cls, candidates: Candidates) -> "Frame":
+        """Columns of all candidates, and the prior, with a length near one."""
+        lengths = np.sqrt(np.square(candidates.rows).sum(axis=1).mean(axis=0))
+        return cls.of_units(np.hypot(lengths, np.linalg.norm(candidates.prior_rows, axis=0)))
+
+    @classmethod
+    def of_candidates(cls, candidates: Candidates) -> "Frame":
+        """Parameters in which rows are independent; columns of a length near one, if they are."""
+        units = cls.of_columns(candidates)
+        own = np.diag(units.T)
+        s, V = _singular_values(candidates, own)
+        told = s > LOST * len(s) * EPS * s[0]
+        if s[told][-1] * WELL >= s[0]:
+            return units
+        return cls(own[:, None] * V.T / np.where(told, s, 1.0))
+
+    @classmethod
+    def of_axes(cls, candidates: Candidates) -> "Frame":
+        """Parameters of independent rows along orthogonal axes, unless units are far apart."""
+        s, V = _singular_values(candidates, np.ones(candidates.p))
+        return cls(V.T / s) if s[-1] > FAR * s[0] else cls.of_columns(candidates)
+
+    def rows(self, A: Array) -> tuple[Array, Array]:
+        """Rows ``A_i T`` (k, r, p) of rows (k, r, p), and bounds (k,) on their rounding."""
+        if self.exact:
+            return A * np.diag(self.T), np.zeros(len(A))
+        found = np.asarray(A.astype(LONG) @ self.T.astype(LONG), dtype=float)
+        sizes = np.linalg.norm(np.abs(A) @ np.abs(self.T), axis=(1, 2))
+        return found, len(self.T) * LONG_EPS * sizes + EPS * np.linalg.norm(found, axis=(1, 2))
+
+    def squares(self, M: Long) -> tuple[Long, Array]:
+        """``T'M T`` (..., p, p) in long numbers, and bounds (..., p, p) on its rounding."""
+        T = self.T.astype(LONG)
+        sizes = np.abs(self.T).T @ np.abs(M.astype(float)) @ np.abs(self.T)
+        return T.T @ M.astype(LONG) @ T, 3 * len(T) * LONG_EPS * sizes
+
+    def side(self, K: Array) -> "Side":
+        """``T'K`` (p, s) of combinations K (p, s)."""
+        if self.exact:
+            found = (np.diag(self.T)[:, None] * K).astype(LONG)
+            return Side(found, np.zeros(K.shape))
+        found = self.T.T.astype(LONG) @ K.astype(LONG)
+        error = len(K) * LONG_EPS * np.abs(self.T).T @ np.abs(K)
+        chooses = np.isin(K, (0.0, 1.0)).all(axis=0) & (K.sum(axis=0) == 1)
+        return Side(found, np.where(chooses, 0.0, error))
+
+
+def _singular_values(candidates: Candidates, units: Array) -> tuple[Array, Array]:
+    """Singular values s (p,) and V (p, p) of the mean rows in units (p,), none of them squared."""
+    p = candidates.p
+    R = candidates.prior_rows * units
+    for part in candidates.parts():
+        rows = candidates.rows[part].reshape(-1, p) * units / candidates.n**0.5
+        R = np.asarray(np.linalg.qr(np.vstack([R, rows]), mode="r"))
+    _, s, V = np.linalg.svd(np.vstack([R, np.zeros((p, p))]), full_matrices=False)
+    return s, V
+
+
+@dataclass(frozen=True, eq=False)
+class Side:
+    """``T'K`` of combinations K of the parameters.
+
+    Attributes:
+        long: The matrix (p, s), in long numbers.
+        wrong: Bounds (p, s) on its rounding.
+    """
+
+    long: Long
+    wrong: Array
+
+    @cached_property
+    def J(self) -> Array:
+        """The matrix in doubles."""
+        return self.long.astype(float)
+
+    @cached_property
+    def error(self) -> Array:
+        """Bounds (p, s) on the rounding of J."""
+        return np.asarray(self.wrong + np.abs(self.long - self.J).astype(float))
+
+    def weighted(self, factors: Array) -> "Side":
+        """The combinations times factors (s,)."""
+        return Side(self.long * factors, (self.wrong + EPS * np.abs(self.J)) * factors)
+
+    def roots(self, F: Array) -> Array:
+        """Singular values (s,) of ``F J``, F (k, p), descending, and lowered by their rounding."""
+        product = F @ self.J
+        s = np.linalg.svd(product, compute_uv=False)
+        lost = len(self.J) * EPS * np.abs(F) @ np.abs(self.J) + np.abs(F) @ self.error
+        lowered = s - np.linalg.norm(lost) - 8 * max(product.shape) * EPS * s[0]
+        return np.pad(np.maximum(lowered, 0.0), (0, self.J.shape[1] - len(s)))
+
+    def deviations(self, W: Array) -> tuple[Array, float]:
+        """``L = J'W`` (s, r), and a bound on what its singular values may have lost."""
+        L = self.J.T @ W
+        lost = len(W) * EPS * np.abs(self.J).T @ np.abs(W) + self.error.T @ np.abs(W)
+        return L, float(np.linalg.norm(lost) + 8 * max(L.shape) * EPS * np.linalg.norm(L, 2))
+
+    @cached_property
+    def volume(self) -> tuple[Array, float, float]:
+        """Q (p, s) and ``log |det R|`` with ``Q R = J``, and a bound on its rounding.
+
+        Of a square J, Q is the identity. Else Gram and Schmidt's steps, each done twice, are taken
+        in long numbers, as combinations of independent parameters may be nearly dependent.
+        """
+        p, s = self.J.shape
+        if p == s:
+            return np.eye(p), *log_volume(self.J)
+        length = np.linalg.norm(self.J, axis=0)
+        Q = self.long / length
+        R = np.zeros((s, s), dtype=LONG)
+        for j in range(s):
+            for _ in range(2):
+                along = Q[:, :j].T @ Q[:, j]
+                R[:j, j] += along
+                Q[:, j] -= Q[:, :j] @ along
+            R[j, j] = np.sqrt(np.square(Q[:, j]).sum())
+            Q[:, j] /= R[j, j]
+        relative = 8 * p * LONG_EPS + float(np.linalg.norm(self.wrong / length))
+        relative *= float(np.linalg.cond(R.astype(float)))
+        logs = float(np.log(np.diag(R)).sum()) + float(np.log(length).sum())
+        return Q.astype(float), logs, s * (relative + 8 * p * EPS)
+
+
+def log_volume(J: Array) -> tuple[float, float]:
+    """``log |det J|`` of a square J, and a bound on its rounding.
+
+    It is computed with rows and columns of unit length, so that no unit costs digits; they are
+    brought there in two ways, of which one may be bad.
+    """
+    return min(_even_volume(J), _even_volume(J.T), key=lambda found: found[1])
+
+
+def _even_volume(J: Array) -> tuple[float, float]:
+    """The same, in one of the ways."""
+    logs = 0.0
+    unit = J
+    for axis in (0, 1, 0, 1):
+        length = np.linalg.norm(unit, axis=axis, keepdims=True)
+        if not (length > 0).all():
+            return -math.inf, 0.0
+        unit = unit / length
+        logs += float(np.log(length).sum())
+    error = 8 * len(J) ** 2 * EPS * float(np.linalg.cond(unit))
+    return logs + float(np.linalg.slogdet(unit).logabsdet), error
+
+
+@dataclass(frozen=True, eq=False)
+class Design:
+    """What weighted rows tell, for parameters k' of a frame.
+
+    Attributes:
+        frame: The parameters.
+        root: Root of the covariance of k'.
+        blur: Bound on the relative error of every variance.
+    """
+
+    frame: Frame
+    root: CovarianceRoot
+    blur: float
+
+    @classmethod
+    def of(cls, candidates: Candidates, frame: Frame, weights: Array) -> "Design":
+        """The design of weights (n,).
+
+        With rows that are wrong by E_i, and ``(S W)'(S W) = I``, variances are wrong by the factor
+        ``1 + 2 |W| (sum w_i |E_i|^2)^(1/2)`` at most; a matrix that is wrong by E in its entries
+        makes them wrong by ``|W|'E |W|``.
+        """
+        chosen = np.flatnonzero(weights > 0)
+        w = weights[chosen]
+        M: Long = candidates.prior
+        A = np.zeros((0, 1, candidates.p))
+        if candidates.information is None:
+            A = np.sqrt(w)[:, None, None] * candidates.rows[chosen]
+        else:
+            M = M + np.tensordot(w.astype(LONG), candidates.information[chosen], axes=1)
+        X, E = frame.rows(A.reshape(-1, 1, candidates.p))
+        inward, wrong = frame.squares(M)
+        more, part = row_root(inward.astype(float))
+        root = CovarianceRoot.of(np.vstack([X[:, 0], more]))
+        size = np.abs(root.W)
+        own = np.sqrt(np.maximum(np.diag(inward), 0.0)).astype(float)
+        blur = 2 * float(np.linalg.norm(root.W, 2)) * float(np.linalg.norm(E)) if size.size else 0.0
+        blur += 16 * candidates.p * EPS * float(root.s.max(initial=1.0) / root.s.min(initial=1.0))
+        blur += float(part) * float(np.square(size.T @ own).sum())
+        return cls(frame, root, blur + float(np.linalg.norm(size.T @ wrong @ size)))
+
+
+@dataclass(frozen=True, eq=False)
+class Proof:
+    """Multipliers, and the largest sensitivities of all candidates to them.
+
+    Attributes:
+        frame: The parameters.
+        factors: F (r, p, p) with ``F'F`` at most Z.
+        t: The largest sensitivities (r,), rounded up.
+    """
+
+    frame: Frame
+    factors: list[Array]
+    t: Array
+
+    @classmethod
+    def of(cls, candidates: Candidates, frame: Frame, multipliers: Multipliers) -> "Proof":
+        """Look at all candidates."""
+        t = sensitivities(candidates, frame, multipliers, per_trace=False)
+        return cls(frame, [factor_of(Z) for Z in multipliers.Z], t)
+
+
+def sensitivities(
+    candidates: Candidates, frame: Frame, multipliers: Multipliers, per_trace: bool
+) -> Array:
+    """The largest sensitivities (r,) of a candidate, rounded up.
+
+    Rows that are wrong by E_i add ``2 |E_i| (|Z| t_i)^(1/2) + |E_i|^2 |Z|``; information that is
+    wrong by E in its entries adds ``<|Z|, E>``.
+
+    Args:
+        candidates: The candidates.
+        frame: The parameters.
+        multipliers: The multipliers (r, p, p) for these.
+        per_trace: Whether information is divided by its trace, in the parameters as given.
+    """
+    size = np.abs(multipliers.Z)
+    norm = np.abs(np.linalg.eigvalsh(multipliers.Z)).max(axis=1)[:, None]
+    prior, wrong = frame.squares(candidates.prior)
+    more = (size * (wrong + EPS * np.abs(prior).astype(float))).sum(axis=(1, 2))
+    found = np.full(len(multipliers.Z), -np.inf)
+    for part in candidates.parts():
+        if candidates.information is None:
+            X, E = frame.rows(candidates.rows[part])
+            t = multipliers.sensitivities(X, prior.astype(float), per_trace=False)
+            t += 2 * E * np.sqrt(norm * np.maximum(t, 0.0)) + E**2 * norm
+        else:
+            M, wrong = frame.squares(candidates.information[part] + candidates.prior)
+            t = np.einsum("rab,nab->rn", multipliers.Z.astype(LONG), M).astype(float)
+            t += 2 * EPS * np.abs(t) + np.einsum("rab,nab->rn", size, 2 * wrong)
+            diagonal = np.maximum(np.diagonal(M, axis1=1, axis2=2), 0.0).astype(float)
+            t += multipliers.lift[:, None] * (multipliers.scale @ np.sqrt(diagonal).T) ** 2
+        t += more[:, None]
+        if per_trace:
+            t /= candidates.traces(part)
+        found = np.maximum(found, t.max(axis=1))
+    return np.asarray(found + TINY)  # products of tiny numbers are wrong by as much
+
+
+def same_multipliers(stated: Array, T: Array, Z: Array) -> bool:
+    """Whether multipliers (r, p, p) are ``T Z T'`` but for the rounding of products."""
+    if Z.shape != stated.shape:
+        return False
+    sizes = np.abs(T) @ np.abs(Z) @ np.abs(T).T
+    return bool((np.abs(T @ Z @ T.T - stated) <= 1e-12 * len(T) * sizes).all())
+
+
+def balance_bound(name: str, candidates: Candidates, frame: Frame, Z: Array) -> float:
+    """The bound of O2 or O4 by multipliers Z (r, p, p) for parameters of a frame.
+
+    Of designs with ``I <= X <= kappa I`` the least ``<Y, X>`` is ``trace(Y+) - kappa trace(Y-)``,
+    of ``Y = T Z T'`` for O4. For O2 designs have unit trace, and Y is that less t times the
+    identity.
+    """
+    size = np.abs(Z).max(axis=(1, 2))
+    lift = 2 * candidates.p * EPS * size
+    # One that is semidefinite but for rounding is lifted until it is: it has no negative part.
+    is_semidefinite = np.linalg.eigvalsh(Z)[:, 0] >= -lift / 2
+    Z = Z + np.where(is_semidefinite, lift, 0.0)[:, None, None] * np.eye(candidates.p)
+    read = Multipliers.of(Z, indefinite=True)
+    U, s = _turned(frame.T)
+    turned = 1 + 32 * candidates.p**2 * EPS  # axes that are orthogonal but for rounding
+    t = sensitivities(candidates, frame, read, name == "O2") * turned
+    parts = []
+    for z, top, whole in zip(read.Z, t, is_semidefinite, strict=True):
+        Y = U.astype(LONG) @ (s[:, None] * z.astype(LONG) * s) @ U.T.astype(LONG)
+        sizes = np.abs(U) @ (s[:, None] * np.abs(z) * s) @ np.abs(U).T
+        if name == "O2":
+            Y = Y - LONG(top) * np.eye(len(z), dtype=LONG)
+            sizes = sizes + top * np.eye(len(z))
+        above, below = definite_parts(Y, sizes)
+        parts.append((above / turned, 0.0 if whole and name == "O4" else below))
+    if name == "O4":
+        return noise_amplification(parts, t)
+    ratios = [above / below for above, below in parts if below > 0]
+    return math.sqrt(max([1.0, *ratios]))
+
+
+def _turned(T: Array) -> tuple[Array, Array]:
+    """U (p, p) and s (p,) such that ``T = V U diag(s)`` but for rounding, with an orthogonal V.
+
+    V does not matter for eigenvalues. Where the columns of T are orthogonal, U is the identity, and
+    products with s keep the digits of small entries beside large ones.
+    """
+    s = np.linalg.norm(T, axis=0)
+    if (s > 0).all() and np.abs((T / s).T @ (T / s) - np.eye(len(T))).max() <= 8 * len(T) * EPS:
+        return np.eye(len(T)), s
+    return T, np.ones(len(T))
+
+
+def definite_parts(Y: Long, sizes: Array) -> tuple[float, float]:
+    """``trace(Y+)``, lowered, and ``trace(Y-)``, raised, of a symmetric Y of long numbers.
+
+    Jacobi's rotations keep small entries beside large ones. They are not believed: let
+    ``W = V'Y V`` with diagonal d be computed once more, with an error below E in its entries, which
+    hold what is left off the diagonal. For X between I and kappa I, of entries
+    ``|x_ab| <= (x_aa x_bb)^(1/2)``,
+
+        2 |E_ab| (x_aa x_bb)^(1/2) <= f |d_a| x_aa + E_ab^2/(f |d_a|) x_bb ,
+
+    with a small part f of a positive d_a. Such a d_a loses the part f for each b, and each other
+    one loses the second term.
+
+    Args:
+        Y: The matrix (p, p).
+        sizes: Sizes (p, p) of the terms of its entries, whose rounding is a part of them.
+    """
+    p = len(Y)
+    V = _rotations(Y)
+    W = V.T @ Y @ V
+    E = np.abs(W - np.diag(np.diag(W)))
+    E = E + 8 * p * LONG_EPS * (np.abs(V).T @ sizes.astype(LONG) @ np.abs(V))
+    d = np.diag(W) - np.diag(E)
+    positive = d > 0
+    f = LONG(1e-13)
+    own = np.where(positive, d, LONG(1))
+    lost = np.where(positive[:, None], np.square(E) / (f * own[:, None]), E)
+    np.fill_diagonal(lost, 0)
+    d = d * np.where(positive, 1 - p * f, LONG(1)) - lost.sum(axis=0)
+    # V is orthogonal but for roundings.
+    turned = 1 + float(np.abs(V.T @ V - np.eye(p)).sum()) + 8 * p * EPS
+    above = float(np.maximum(d, 0).sum()) / turned
+    return above, float(-np.minimum(d, 0).sum()) * turned
+
+
+def _rotations(Y: Long) -> Long:
+    """V (p, p), orthogonal, with ``V'Y V`` nearly diagonal: Jacobi's rotations, largest first."""
+    p = len(Y)
+    order = np.argsort(-np.abs(np.diag(Y)), kind="stable")
+    A = Y[np.ix_(order, order)]
+    V: Long = np.eye(p, dtype=LONG)[:, order]
+    for _ in range(SWEEPS):
+        turned = False
+        for a in range(p - 1):
+            for b in range(a + 1, p):
+                c = A[a, b]
+                if abs(c) <= LONG_EPS * np.sqrt(abs(A[a, a] * A[b, b])):
+                    continue
+                turned = True
+                zeta = (A[b, b] - A[a, a]) / (2 * c)
+                tangent = (1 if zeta >= 0 else -1) / (abs(zeta) + np.hypot(LONG(1), zeta))
+                cosine = 1 / np.hypot(LONG(1), tangent)
+                G = np.array([[cosine, tangent * cosine], [-tangent * cosine, cosine]])
+                A[:, [a, b]] = A[:, [a, b]] @ G
+                A[[a, b]] = G.T @ A[[a, b]]
+                A[a, b] = A[b, a] = 0
+                V[:, [a, b]] = V[:, [a, b]] @ G
+        if not turned:
+            break
+    return V
