@@ -26,6 +26,7 @@ DRAWS = 1000  # simulated residuals of each fault: shares are right within 2 %
 SEED = 0
 MOST_TIMES = 100  # repetitions that anybody would make
 ROUNDING = 1e-6  # of twice a logarithm
+SHOWN = 1e-6  # of what a fault changes in the joint where it changes most: below it is rounding
 HELPS = 0.02  # share by which an experiment has to help to be more than chance
 # Unit of the size of each fault; those of a joint mean the joint in which it is hardest to see.
 FAULTS = {
@@ -38,6 +39,9 @@ FAULTS = {
     "drift": "mm",
     "torque_sign": "%",
     "backlash": "deg",
+    "joint_zero": "deg",
+    "friction": "Nm",
+    "link_length": "mm",
 }
 
 
@@ -147,11 +151,18 @@ def _faults(
     found = []
     for one in detections:
         family = next(
-            family for family in known if (family.cause, family.joint) == (one.fault, one.joint)
+            family
+            for family in known
+            if family.joint == one.joint and _is(family, one.fault, one.unit)
         )
         size = one.size * UNITS[one.unit]
         found.append(SizedFamily(one, family, size, size * family.derivative_at_zero(k)))
     return found
+
+
+def _is(family: Family, name: str, unit: str) -> bool:
+    """Whether a family is that of a fault whose size has a unit: joints that slide have others."""
+    return family.cause == name and family.unit.replace(" ", "") == unit
 
 
 def right_share(gram: Array, faults: tuple[SizedFamily, SizedFamily]) -> float:
@@ -218,7 +229,7 @@ def times_to_tell(gram: Array, faults: tuple[SizedFamily, SizedFamily]) -> int |
     return None
 
 
-UNITS = {"mm": 1e-3, "deg": np.pi / 180, "%": 1e-2}
+UNITS = {"mm": 1e-3, "deg": np.pi / 180, "%": 1e-2, "Nm": 1.0}
 
 
 @dataclass(frozen=True)
@@ -299,7 +310,7 @@ def _detection(
     fault: SizedFault,
 ) -> Detection:
     """The power of the first m rows, and with each of the experiments behind them."""
-    named = [family for family in known if family.cause == fault.name]
+    named = [family for family in known if _is(family, fault.name, fault.unit)]
     if named and not named[0].joint:
         named = named[:1]  # of the drifts the one that all readings share
     if not named:
@@ -317,6 +328,10 @@ def _detection(
         family.derivative_at_zero(study.compliances) @ np.full(family.dims, size / family.dims**0.5)
         for family in named
     ]
+    # A link in front of all that bends shows in no displacement, and does no harm in any.
+    sizes = np.array([np.linalg.norm(change) for change in changes])
+    shown = np.flatnonzero(sizes > SHOWN * sizes.max())
+    named, changes = [named[i] for i in shown], [changes[i] for i in shown]
     planned = np.arange(m)
     powers = [power(planned, *pair) for pair in zip(named, changes, strict=True)]
     hardest = int(np.argmin(powers))

@@ -60,7 +60,9 @@ MOST_EXPERIMENTS = 10**12  # as in a study: beyond them numbers of repetitions a
 @click.option(
     "--detect",
     metavar="FAULT=SIZE,...",
-    help="How likely faults would be noticed, and told apart, like tool_z=5mm,drift=0.05mm.",
+    help="How likely faults would be noticed, and told apart, like tool_z=5mm,drift=0.05mm. "
+    "Units: mm of tool_x, tool_y, tool_z, drift, link_length; deg of load_direction, backlash, "
+    "frame_rotation, joint_zero; Nm of friction; % of load_size, torque_sign.",
 )
 @json_option
 @click.option("--out", type=FilePath, help="Write all experiments (CSV, - to print).")

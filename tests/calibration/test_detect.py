@@ -75,6 +75,20 @@ def test_the_joint_in_which_it_is_hardest_to_see_is_named():
 
 
 @pytest.mark.parametrize(
+    ("name", "small", "large"),
+    [
+        ("joint_zero", "0.1deg", "30deg"),
+        ("friction", "1Nm", "1000Nm"),
+        ("link_length", "1mm", "800mm"),
+    ],
+)
+def test_faults_of_one_joint_are_noticed_by_their_size(name, small, large):
+    """Chances of zeros, friction and links grow with their size, in the units of the help."""
+    powers = [found(**{name: size})[0].power for size in (small, large)]
+    assert powers[0] < 0.2 < 0.9 < powers[1]
+
+
+@pytest.mark.parametrize(
     ("given", "words"),
     [
         ({"tool_z": "5deg"}, "tool_z=5deg: expected a number with its unit, mm"),

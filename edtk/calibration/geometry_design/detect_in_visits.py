@@ -23,18 +23,23 @@ from edtk.design.candidate_source import sample_feasible
 from edtk.design.detection import LEVEL, Detection, Separation
 from edtk.design.plan import Plan
 from edtk.findings.causes.family import (
+    SHORT_LINK,
     USUAL_DRIFT,
+    USUAL_LINK,
+    USUAL_LOSS,
     USUAL_PLAY,
     USUAL_SHARE,
     USUAL_TILT,
     USUAL_TOOL,
     USUAL_TURN,
+    USUAL_ZERO,
     Family,
     since_first,
 )
 from edtk.fit.distributions import chi_square_quantile, noncentral_chi_square_tail
 from edtk.fit.geometry.position_noise import PositionNoise
-from edtk.measure.parameters import SHIFTS, SOFTNESS, all_parameters
+from edtk.measure.parameters import SHIFTS, SOFTNESS, GeometricParameter, all_parameters
+from edtk.robots.joint import Joint
 from edtk.study.study import Study
 from edtk.system.errors import ArgumentError
 from edtk.system.typing import Array, Indices
@@ -42,9 +47,9 @@ from edtk.system.typing import Array, Indices
 USUAL_MOVE = 0.5e-3  # by which a tripod is pushed [m]
 STEP = 1e-6  # of a numerical derivative [rad]
 MILLI = 1e-3
-BY_LOADS = ("load_size", "load_direction", "torque_sign", "backlash")
+BY_LOADS = ("load_size", "load_direction", "torque_sign", "backlash", "friction")
 # Of these the sizes of the springs say how much a load shows; play needs none.
-BY_SPRINGS = ("load_size", "load_direction", "torque_sign")
+BY_SPRINGS = ("load_size", "load_direction", "torque_sign", "friction")
 CANDIDATES = 100  # visits among which one more is looked for
 DEPENDENT = 1e-9  # singular value of scaled columns, beside the largest, that is rounding
 
@@ -121,6 +126,10 @@ class Visits:
         elif name == "load_direction":
             assert k is not None
             yield self._askew(k)
+        elif name == "joint_zero":
+            yield from self._zeros()
+        elif name == "link_length":
+            yield from self._links()
         else:
             yield from self._by_sign(name, k)
 
@@ -133,10 +142,39 @@ class Visits:
         unknown = all_parameters(
             model.robot, model.markers, (), base=place == "base", tool=place == "tool"
         )
-        rows = PositionRows(
-            replace(model, parameters=unknown), self.question.setting.loads, self._noise
-        )
+        return self._moved(unknown)
+
+    def _moved(self, unknown: tuple[GeometricParameter, ...]) -> Array:
+        """Rows (m, rows, columns) of lengths and angles, for a metre or a radian."""
+        model = replace(self.question.model, parameters=unknown)
+        rows = PositionRows(model, self.question.setting.loads, self._noise)
         return rows(self.q, self.wrench) / MILLI
+
+    def _before(self, joint: Joint) -> Array:
+        """Rows (m, rows, 6) of shifts and turns of the frame before a joint."""
+        robot = self.question.model.robot
+        return self._moved(all_parameters(robot, (), [joint.name], base=False, tool=False))
+
+    def _zeros(self) -> Iterator[VisitFault]:
+        """A joint that is counted from a zero that is off."""
+        joints = self.question.model.robot.joints
+        for joint in joints:
+            if joint.kind == "revolute":
+                D = self._before(joint)[..., 3:] @ joint.axis[:, None]
+                usual = USUAL_ZERO["revolute"]
+                yield VisitFault("joint_zero", D, usual, joint.name, len(joints))
+
+    def _links(self) -> Iterator[VisitFault]:
+        """A link that is longer than drawn, which the joint at its end names."""
+        found = []
+        for joint in self.question.model.robot.joints:
+            link = joint.origin[:3, 3]
+            length = float(np.linalg.norm(link))
+            if length > SHORT_LINK:
+                along = joint.origin[:3, :3].T @ link / length
+                found.append((joint.name, self._before(joint)[..., :3] @ along[:, None]))
+        for name, D in found:
+            yield VisitFault("link_length", D, USUAL_LINK, name, len(found))
 
     @property
     def _noise(self) -> PositionNoise:
@@ -169,7 +207,10 @@ class Visits:
         return VisitFault("load_direction", np.concatenate(columns, axis=-1), USUAL_TILT)
 
     def _by_sign(self, name: str, k: Array | None) -> Iterator[VisitFault]:
-        """A joint whose spring or position depends on the sign of its load."""
+        """A joint whose spring or position depends on the sign of its load, or that friction holds.
+
+        Friction f takes ``f sign(tau)`` from the load tau of a spring.
+        """
         study = self.question.study
         loads = self.question.setting.loads
         assert loads is not None
@@ -177,22 +218,28 @@ class Visits:
         torque = loads(self.q, self.wrench)[:, unknown]
         sign = np.sign(torque)[:, None]
         springs = self._springs(self.wrench)
+        # A spring moves the marker by the torque: what is left is its sign.
+        size = np.abs(torque)[:, None]
+        play = np.divide(springs, size, out=np.zeros_like(springs), where=size > 0)
         both = (torque > 0).any(axis=0) & (torque < 0).any(axis=0)
-        for i in np.flatnonzero(both):
+        held = name == "friction"
+        chosen = np.flatnonzero(torque.any(axis=0) if held else both)
+        for i in chosen:
             joint = study.robot.joints[unknown[i]]
-            D = springs[..., [i]]
-            usual = USUAL_SHARE
             if name == "torque_sign":
                 assert k is not None
-                D = k[i] * sign[..., [i]] * D
-            elif joint.kind == "revolute":
-                # A spring moves the marker by the torque: what is left is its sign.
-                size = np.abs(torque[:, None, [i]])
-                D = np.divide(D, size, out=np.zeros_like(D), where=size > 0)
-                usual = USUAL_PLAY["revolute"]
-            else:
+                D = k[i] * sign[..., [i]] * springs[..., [i]]
+                usual = USUAL_SHARE
+            elif joint.kind != "revolute":
                 continue
-            yield VisitFault(name, D, usual, joint.name, 2 * both.sum(), name == "backlash")
+            elif held:
+                assert k is not None
+                D = -k[i] * play[..., [i]]
+                usual = USUAL_LOSS * float(size[..., i].mean())
+            else:
+                D = play[..., [i]]
+                usual = USUAL_PLAY["revolute"]
+            yield VisitFault(name, D, usual, joint.name, 2 * len(chosen), name != "torque_sign")
 
 
 def sized_visit_faults(study: Study, given: Mapping[str, str]) -> tuple[SizedFault, ...]:

@@ -67,6 +67,8 @@ DIFFERENCES = {
     "load_size": lambda h: positions(wrench=(1 + h) * W),
     "backlash": lambda h: positions(Q + h * BY_SIGN),
     "torque_sign": lambda h: positions(Q + h * BY_SIGN * TORQUE * K),
+    "friction": lambda h: positions(Q - 1e3 * h * BY_SIGN * K) / 1e3,
+    "joint_zero": lambda h: positions(Q + h * np.array([1.0, 0.0])),
 }
 
 
