@@ -22,7 +22,8 @@ test: $(VENV)/.installed
 # The first case of each test that takes less than a fifth of a second: the others are marked as slow. Rooms
 # where nearly every test fits a sheet or searches a plan are here with a few of their files.
 QUICK := $(addprefix tests/,criteria design fit measure robots study system report verbs commands) \
-	$(addprefix tests/calibration/test_,known_part.py told_part.py template.py visiting_order.py wording.py) \
+	$(addprefix tests/calibration/test_,told_part.py template.py visiting_order.py) \
+	$(addprefix tests/findings/test_,known_part.py some_rows.py wording.py) \
 	tests/certificate/test_bounded_work.py tests/paper_figures/test_mean_distance.py $(wildcard tests/test_*.py)
 
 quick: $(VENV)/.installed

@@ -32,7 +32,7 @@ from edtk.measure.task import all_compliances
 from edtk.study.study import Study
 from edtk.study.study_parts import study_prior
 from edtk.system.errors import UserError
-from edtk.system.typing import Array
+from edtk.system.typing import Array, Indices
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -166,7 +166,13 @@ class FittedData:
         rows = np.union1d(self.fit.outliers, np.array(self.found_causes.outliers, dtype=int))
         if len(rows) == len(self.fit.outliers):
             return self
-        return replace(self, fit=replace(self.fit, outliers=rows))
+        return self.with_outliers(rows)
+
+    def with_outliers(self, rows: Indices) -> "FittedData":
+        """The same with these outliers in the fit, on which the causes that were found rest not."""
+        same = replace(self, fit=replace(self.fit, outliers=rows))
+        vars(same)["found_causes"] = self.found_causes
+        return same
 
     def _of_equilibrium(self) -> "FittedData":
         """The same measurements with the loaded equilibrium fitted."""

@@ -262,7 +262,7 @@ def with_common_noise(fitted: "FittedData") -> "FittedData":
         found = _with_noise_of(known)
         if np.array_equal(found.fit.outliers, known.fit.outliers):
             return found
-        known = replace(fitted, fit=replace(fitted.fit, outliers=found.fit.outliers))
+        known = fitted.with_outliers(found.fit.outliers)
     return found
 
 

@@ -160,6 +160,22 @@ def test_json_and_files(save, tmp_path):
     assert "outliers (1): row 5" in found.summary()
 
 
+def test_causes_are_looked_for_once(save, monkeypatch):
+    """One outlier hides another from the fit; naming it is no reason to look for causes anew."""
+    from edtk.findings import fitted_data
+
+    looks = []
+    look = fitted_data.look_for_causes
+    monkeypatch.setattr(
+        fitted_data, "look_for_causes", lambda fitted: looks.append(fitted) or look(fitted)
+    )
+    table = filled()
+    table.loc[[1, 4], "dz_mm"] += [0.2, -0.2]
+    found = calibrate(STUDY, save(table), linear=True)
+    assert found.fit.outliers.tolist() == [1, 4]
+    assert len(looks) == 1
+
+
 def test_without_a_test_pose_there_is_no_rho0(save, tmp_path):
     """A study without a test pose identifies all the same; rho0 is null."""
     text = (ROOT / "studies/kr270_milling.toml").read_text()

@@ -46,9 +46,13 @@ def rarity(c: Array, covariance: Array, usual: float, only_positive: bool = Fals
         usual: Length that such a size usually has, in SI units.
         only_positive: Whether a negative size is none; with one parameter.
     """
-    cost = _costs(c, covariance, usual, only_positive)
-    least = float(cost.min())
-    return least - 2 * math.log(float(WEIGHTS @ np.exp(-(cost - least) / 2)))
+    return float(_mixed(_costs(c, covariance, np.array(usual), only_positive)))
+
+
+def _mixed(cost: Array) -> Array:
+    """Twice the negative logarithms (...) of the mean shares over Student's distribution."""
+    least = cost.min(axis=-1, keepdims=True)
+    return np.asarray(least[..., 0] - 2 * np.log(np.exp(-(cost - least) / 2) @ WEIGHTS))
 
 
 def reading_rarity(c: Array, covariance: Array, usual: float) -> float:
@@ -57,7 +61,8 @@ def reading_rarity(c: Array, covariance: Array, usual: float) -> float:
     One that was mistyped is off by the size of all readings; a beam that was disturbed makes less,
     of any order of magnitude.
     """
-    each = np.array([rarity(c, covariance, usual * smaller) for smaller in SMALLER])
+    sizes = np.asarray(usual * SMALLER, dtype=np.float64)
+    each = _mixed(_costs(c, covariance, sizes, only_positive=False))
     return float(-2 * (np.logaddexp.reduce(-each / 2) - math.log(len(each))))
 
 
@@ -72,11 +77,11 @@ def likely_size(c: Array, covariance: Array, usual: float) -> tuple[Array, Array
         covariance: Its covariance C (dims, dims).
         usual: Length that such a size usually has, in SI units.
     """
-    cost = _costs(c, covariance, usual, only_positive=False)
+    cost = _costs(c, covariance, np.array(usual), only_positive=False)
     weights = WEIGHTS * np.exp(-(cost - cost.min()) / 2)
     weights = weights / weights.sum()
     values, vectors = np.linalg.eigh(covariance)
-    t2 = _variances(usual, len(c))
+    t2 = _variances(np.array(usual), len(c))
     kept = t2 / (np.maximum(values, 0.0)[:, None] + t2)
     means = (vectors.T @ c)[:, None] * kept
     mean = means @ weights
@@ -85,17 +90,18 @@ def likely_size(c: Array, covariance: Array, usual: float) -> tuple[Array, Array
     return vectors @ mean, vectors @ (within + (off * weights) @ off.T) @ vectors.T
 
 
-def _variances(usual: float, dims: int) -> Array:
-    """Variances (factors,) of each parameter, such that its vector has the usual length."""
-    return np.asarray((usual * FACTORS) ** 2 / dims)
+def _variances(usual: Array, dims: int) -> Array:
+    """Variances (..., factors) of each parameter, such that its vector has the usual length."""
+    return np.asarray((usual[..., None] * FACTORS) ** 2 / dims)
 
 
-def _costs(c: Array, covariance: Array, usual: float, only_positive: bool) -> Array:
-    """Twice the negative logarithms (factors,) of the shares over normal sizes."""
-    values, vectors = np.linalg.eigh(covariance)
-    values = np.maximum(values, np.finfo(float).tiny)[:, None]
-    along = (vectors.T @ c)[:, None] ** 2
+def _costs(c: Array, covariance: Array, usual: Array, only_positive: bool) -> Array:
+    """Twice the negative logarithms (..., factors) of the shares over normal sizes."""
     t2 = _variances(usual, len(c))
+    each = (len(c), *[1] * t2.ndim)
+    values, vectors = np.linalg.eigh(covariance)
+    values = np.maximum(values, np.finfo(float).tiny).reshape(each)
+    along = (vectors.T @ c).reshape(each) ** 2
     # Rounding may leave no variance at all, and then a quotient by it would overflow.
     cost = (along / (values + t2) + np.log(values + t2) - np.log(values)).sum(axis=0)
     if only_positive:

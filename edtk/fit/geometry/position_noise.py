@@ -147,11 +147,13 @@ def _scores(fixed: Array, K: Array, z: Array, X: Array, v: Array) -> _Scores:
     KW = K @ W
     G = np.moveaxis(np.tensordot(W, KW, axes=((0, 1), (1, 2))), 1, 0)
     trace = np.einsum("cbrr->c", own) - np.einsum("pq,cqp->c", H, G)
-    B = np.einsum("cbrp,brs,dbsq->cdpq", KW, inverse, KW, optimize=True)
     HG = H @ G
+    # tr(H W'K_c V^-1 K_d W) as sums over rows: matrices of all pairs of kinds would cost c times.
+    before = (K @ (W @ H)).reshape(len(K), X.size)
+    after = (inverse @ KW).reshape(len(K), X.size)
     products = (
         np.einsum("cbrs,dbsr->cd", own, own, optimize=True)
-        - 2 * np.einsum("pq,cdqp->cd", H, B)
+        - 2 * before @ after.T
         + np.einsum("cpq,dqp->cd", HG, HG)
     )
     values = np.linalg.eigvalsh(XW) if X.shape[-1] else np.ones(1)

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
 from edtk.fit.geometry import fit_geometry as module
 from edtk.fit.geometry.fit_geometry import TooFewPosesError, fit_geometry
@@ -179,6 +180,28 @@ def test_variances_of_kinds_are_found() -> None:
     assert std[0] == pytest.approx(0.09 * np.sqrt(2 / (b * (r - 1))), rel=0.1)
     none = fit_variances_of_blocks(eye, [eye], rng.standard_normal((b, r)) * 0.5, X)
     assert none.variances[0] == 0.0
+
+
+def test_information_of_variances_is_that_of_the_whole_matrices() -> None:
+    """``tr(P K_i P K_j)/2`` of blocks, of several kinds, is that of the matrices of all rows."""
+    rng = np.random.default_rng(3)
+    b, r = 60, 4
+    kinds = [np.broadcast_to(np.diag(one), (b, r, r)) for one in np.eye(r)[:2]]
+    moved = rng.standard_normal((b, r, 1))
+    kinds.append(moved @ np.swapaxes(moved, 1, 2))
+    X = rng.standard_normal((b, r, 5))
+    fixed = np.broadcast_to(0.1 * np.eye(r), (b, r, r))
+    z = rng.standard_normal((b, r))
+    found = fit_variances_of_blocks(fixed, kinds, z, X)
+    assert (found.variances > 0).all()
+    V = fixed + sum(v * K for v, K in zip(found.variances, kinds, strict=True))
+    inverse = block_diag(*np.linalg.inv(V))
+    columns = X.reshape(-1, 5)
+    seen = inverse @ columns
+    P = inverse - seen @ np.linalg.solve(columns.T @ seen, seen.T)
+    PK = [P @ block_diag(*K) for K in kinds]
+    information = 0.5 * np.array([[np.trace(a @ c) for c in PK] for a in PK])
+    np.testing.assert_allclose(np.linalg.inv(found.covariance), information, rtol=1e-8)
 
 
 @pytest.mark.slow
