@@ -124,6 +124,23 @@ class Verification(Presented):
         return f"{where}; the bound{of} is proved on {drawn}: {beyond}"
 
     @property
+    def subject(self) -> str:
+        """What the certificate is about, for a person."""
+        some = f"{self.kept} kept experiment{'' if self.kept == 1 else 's'}"
+        beside = f", beside {some}, taken as carried out" if self.kept else ""
+        prior = ", with a prior that is taken as given" if self.prior else ""
+        plural = "" if self.poses == 1 else "s"
+        return f"{self.label}, {self.kind} of {self.poses} pose{plural}{beside}{prior}"
+
+    @property
+    def whose(self) -> str:
+        """Whose setting it is, where it is the file's own; empty where something stands beside."""
+        if self.of_study:
+            return ""
+        robot = "".join(letter if letter.isprintable() else "?" for letter in self.robot)[:40]
+        return f"{robot}; robot, load, noise and limits as the certificate has them"
+
+    @property
     def _plans(self) -> str:
         """The plans beside which a plan is judged."""
         if self.budget is not None:

@@ -42,7 +42,17 @@ class ProblemVerification(Verification):
         """What is proved, and on what."""
         if not self.valid:
             return "nothing is proved"
-        return f"the bound is proved on the {self.candidates} candidates of the problem alone"
+        return f"for this problem; the bound is proved on its {self.candidates} candidates alone"
+
+    @property
+    def subject(self) -> str:
+        """What the certificate is about, for a person."""
+        return f"{self.label}, weights on {self.poses} of {self.candidates} candidates"
+
+    @property
+    def whose(self) -> str:
+        """Nothing: the problem stands beside the certificate."""
+        return ""
 
     @property
     def label(self) -> str:

@@ -29,7 +29,6 @@ PAGES = {
     "presented": "presented",
     "problem": "problem",
     "problem_plan": "problem",
-    "problem_verification": "problem",
     "region_plan": "region",
     "relaxation": "relaxation",
     "relaxed_plan": "relaxed_plan",

@@ -60,7 +60,7 @@ class OfCompliances(OfStudy):
 
     def setting(self, space: "DesignSpace | None" = None) -> dict[str, Any]:
         """That of the study, in the space that was searched."""
-        from edtk.certificate.setting_to_dict import setting_to_dict
+        from edtk.certificate.certificate import setting_to_dict
 
         return setting_to_dict(self.study, self.study.space if space is None else space)
 

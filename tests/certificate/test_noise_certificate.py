@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 from arm import arm
 
-from edtk.certificate.certificate import certificate
+from edtk.certificate.certificate import certificate, setting_to_dict
 from edtk.certificate.recompute.setting import Setting
-from edtk.certificate.setting_to_dict import setting_to_dict
 from edtk.certificate.verify_certificate import verify_certificate
 from edtk.design.plan import Plan
 from edtk.study.plan_study import plan_study

@@ -8,7 +8,7 @@ import numpy as np
 
 import criteria
 from edtk.calibration.geometry_design.geometry_space import MM, GeometrySpace, PositionRows
-from edtk.certificate.setting_to_dict import feasible_to_dict, place_to_dict, weights_to_list
+from edtk.certificate.certificate import feasible_to_dict, place_to_dict, weights_to_list
 from edtk.design.candidate_source import CandidateSource
 from edtk.design.design_space import DesignSpace
 from edtk.fit.geometry.fit_geometry import stages

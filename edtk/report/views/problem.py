@@ -4,8 +4,6 @@ from typing import Any
 
 import numpy as np
 
-from edtk.certificate.verify_certificate import Claim
-from edtk.certificate.verify_problem import ProblemVerification
 from edtk.design.bound import BoundKind
 from edtk.design.exact.counts.problem_plan import ProblemPlan
 from edtk.design.problem import Problem
@@ -21,15 +19,6 @@ ENDED = {
     "stagnation": "more of them brought nothing better",
     "proved": "no plan can be better",
     "interrupted": "interrupted",
-}
-DIGITS = 10
-RECOMPUTED = "recomputed in a second implementation"
-MEANING = {
-    "candidates": "the certificate is about these candidates",
-    "weights": "the weights are shares of one",
-    "value": "of these weights",
-    "bound": "proved on {candidates} candidates: no weights of them are better",
-    "gap": "relative distance from the bound to the value",
 }
 
 
@@ -122,31 +111,3 @@ def problem_plan_plot(found: ProblemPlan, ax: Any = None) -> Any:
     ax.yaxis.get_major_locator().set_params(integer=True)
     ax.set_title(plain(found.headline()), fontsize=10)
     return ax
-
-
-def problem_verification_text(found: ProblemVerification) -> str:
-    """What the certificate is about, a line for each claim, then the verdict."""
-    verdict = f"valid, {found.proved}" if found.valid else "NOT valid"
-    lines = [f"{found.label}, weights on {found.poses} of {found.candidates} candidates: {verdict}"]
-    lines += [_line(claim) for claim in found.claims]
-    count = len(found.claims)
-    if found.valid:
-        return "\n".join([*lines, f"valid: all {count} claims hold; {RECOMPUTED}"])
-    names = ", ".join(found.failed)
-    failed = f"NOT valid: {len(found.failed)} of {count} claims fail: {names}; {RECOMPUTED}"
-    return "\n".join([*lines, failed])
-
-
-def _line(claim: Claim) -> str:
-    """Whether a claim holds, its number, and what it says or why it fails."""
-    if claim.holds:
-        shown = claim.claim in ("value", "bound", "gap")
-        number = f"{claim.recomputed:.{DIGITS}g}" if shown else ""
-        meaning = MEANING[claim.claim].format(candidates=claim.candidates)
-        return f"  holds  {claim.claim:10}  {number:18}  {meaning}"
-    words = [
-        f"{word} {number:.{DIGITS}g}"
-        for word, number in (("stated", claim.stated), ("recomputed", claim.recomputed))
-        if number is not None
-    ]
-    return f"  FAILS  {claim.claim:10}  {', '.join([claim.reason, *words])}"

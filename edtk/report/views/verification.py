@@ -8,8 +8,10 @@ from edtk.certificate.verify_certificate import Claim, Verification
 
 IN_UNITS = ("value", "bound", "bound_searched")  # claims whose numbers are the criterion's
 DIGITS = 10
+RECOMPUTED = "recomputed in a second implementation"
 # What each claim says, for a person.
 MEANING = {
+    "candidates": "the certificate is about these candidates",
     "study": "robot, load, noise and limits are those of the study",
     "question": "candidates, budget and kept experiments are those of the study",
     "feasible": "every pose is within the joint limits and the workspace",
@@ -19,7 +21,7 @@ MEANING = {
     "weights": "the weights are shares of one",
     "repeats": "every pose is measured a whole number of times",
     "value": "of these experiments together",
-    "bound": "proved on {candidates}: no design on these poses is better",
+    "bound": "proved on {candidates}: no design of them is better",
     "bound_searched": "searched, not proved: no design over all poses is better",
     "search": "a second search finds no pose whose sensitivity is 0.1 % larger",
     "gap": "relative distance from the bound to the value",
@@ -34,27 +36,31 @@ EXCESS = {
     "repeats": "got {:.10g} in all",
     "search": "by {:.3g} of the largest one",
 }
-WITHOUT_NUMBER = ("study", "question", "feasible", "loads", "kept", "weights", "repeats", "search")
+WITHOUT_NUMBER = (
+    "candidates",
+    "study",
+    "question",
+    "feasible",
+    "loads",
+    "kept",
+    "weights",
+    "repeats",
+    "search",
+)
 
 
 def verification_text(found: Verification) -> str:
     """What the certificate is about, a line for each claim, then the verdict."""
-    some = f"{found.kept} kept experiment{'' if found.kept == 1 else 's'}"
-    kept = f", beside {some}, taken as carried out" if found.kept else ""
-    kept += ", with a prior that is taken as given" if found.prior else ""
-    plural = "" if found.poses == 1 else "s"
-    verdict = "valid" if found.valid else "NOT valid"
-    subject = f"{found.label}, {found.kind} of {found.poses} pose{plural}{kept}"
-    lines = [f"{subject}: {verdict} {found.proved}" if found.valid else f"{subject}: {verdict}"]
-    if not found.of_study:
-        robot = _printable(found.robot)
-        lines.append(f"{robot}; robot, load, noise and limits as the certificate has them")
+    verdict = f"valid {found.proved}" if found.valid else "NOT valid"
+    lines = [f"{found.subject}: {verdict}"]
+    lines += [found.whose] if found.whose else []
     lines += [_line(found, claim) for claim in found.claims]
     count = len(found.claims)
     if found.valid:
-        return "\n".join([*lines, f"valid: all {count} claims hold"])
+        return "\n".join([*lines, f"valid: all {count} claims hold, {RECOMPUTED}"])
     names = ", ".join(found.failed)
-    return "\n".join([*lines, f"NOT valid: {len(found.failed)} of {count} claims fail: {names}"])
+    failed = f"NOT valid: {len(found.failed)} of {count} claims fail: {names}, {RECOMPUTED}"
+    return "\n".join([*lines, failed])
 
 
 def _line(found: Verification, claim: Claim) -> str:
@@ -86,8 +92,3 @@ def _shown(found: Verification, claim: Claim, number: float | None) -> str:
     if claim.claim in EXCESS:
         return EXCESS[claim.claim].format(number)
     return f"{number:.3g}" if claim.claim == "gap" else f"{number:.{DIGITS}g}"
-
-
-def _printable(name: str) -> str:
-    """A name from a file, without what could pass for other lines of this text."""
-    return "".join(letter if letter.isprintable() else "?" for letter in name)[:40]
