@@ -9,13 +9,10 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 import criteria
-from edtk.design.exact.exact_plan import ExactPlan
 from edtk.design.plan import REPEATS, Plan
-from edtk.design.relaxation.relaxed_plan import RelaxedPlan
 from edtk.measure.compliances import Compliances, load_compliances
 from edtk.measure.pose_table import Table
 from edtk.study import kinds
-from edtk.study.plan_study import RunOptions
 from edtk.study.study import Study
 from edtk.system.errors import ArgumentError
 from edtk.system.files import Content, write_files
@@ -31,6 +28,7 @@ from edtk.verbs.inputs import (
     plan_of,
     require_output,
 )
+from edtk.verbs.of_studies import HowFitted, OfStudy
 from edtk.verbs.question import PlanCall, RelaxCall
 
 if TYPE_CHECKING:
@@ -44,10 +42,11 @@ if TYPE_CHECKING:
     from edtk.calibration.geometry_design.evaluate_geometry import GeometryEvaluation
     from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
     from edtk.design.design_space import DesignSpace
+    from edtk.design.exact.exact_plan import ExactPlan
+    from edtk.design.relaxation.relaxed_plan import RelaxedPlan
     from edtk.study.evaluate import Evaluation
+    from edtk.study.plan_study import RunOptions
     from edtk.study.study_run import Designs
-
-from edtk.verbs.of_studies import HowFitted, OfStudy
 
 
 class OfCompliances(OfStudy):
@@ -87,8 +86,8 @@ class OfCompliances(OfStudy):
         criterion: str | None,
         kept: Plan | None,
         call: PlanCall,
-        options: RunOptions,
-    ) -> ExactPlan:
+        options: "RunOptions",
+    ) -> "ExactPlan":
         from edtk.study.plan_study import plan_study
 
         return plan_study(
@@ -101,7 +100,7 @@ class OfCompliances(OfStudy):
             options=options,
         )
 
-    def _judged(self, asked: Study, found: ExactPlan, faults: Any) -> ExactPlan:
+    def _judged(self, asked: Study, found: "ExactPlan", faults: Any) -> "ExactPlan":
         from edtk.calibration.detect import detect, separations
         from edtk.calibration.planned import plan_budget, plan_tasks
 
@@ -115,14 +114,14 @@ class OfCompliances(OfStudy):
             tasks=plan_tasks(asked, whole),
         )
 
-    def _proof(self, asked: Study, found: ExactPlan) -> str:
+    def _proof(self, asked: Study, found: "ExactPlan") -> str:
         from edtk.certificate.certificate import certificate_text
 
         return certificate_text(asked, found)
 
     def _best_weights(
-        self, asked: Study, criterion: str | None, call: RelaxCall, options: RunOptions
-    ) -> RelaxedPlan:
+        self, asked: Study, criterion: str | None, call: RelaxCall, options: "RunOptions"
+    ) -> "RelaxedPlan":
         from edtk.study.plan_study import relax_study
 
         return relax_study(
@@ -273,8 +272,8 @@ class OfGeometry(OfStudy):
         criterion: str | None,
         kept: Plan | None,
         call: PlanCall,
-        options: RunOptions,
-    ) -> ExactPlan:
+        options: "RunOptions",
+    ) -> "ExactPlan":
         from edtk.calibration.geometry_design.plan_geometry import plan_geometry
 
         return plan_geometry(
@@ -312,8 +311,8 @@ class OfGeometry(OfStudy):
         return certificate_text(asked, found, setting, found.day, found.proofs)
 
     def _best_weights(
-        self, asked: Study, criterion: str | None, call: RelaxCall, options: RunOptions
-    ) -> RelaxedPlan:
+        self, asked: Study, criterion: str | None, call: RelaxCall, options: "RunOptions"
+    ) -> "RelaxedPlan":
         from edtk.calibration.geometry_design.plan_geometry import relax_geometry
 
         return relax_geometry(

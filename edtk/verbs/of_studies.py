@@ -7,13 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Union
 
 import criteria
-from edtk.design.exact.exact_plan import ExactPlan
 from edtk.design.plan import Plan
-from edtk.design.relaxation.relax_poses import PlanInterrupted
-from edtk.design.relaxation.relaxed_plan import RelaxedPlan
 from edtk.measure.compliances import Compliances
 from edtk.measure.pose_table import Table, path_of
-from edtk.study.plan_study import RunOptions
 from edtk.study.study import Study
 from edtk.system.errors import ArgumentError, UserError, whole_number
 from edtk.system.files import Content, is_standard_output, write_files
@@ -43,7 +39,10 @@ if TYPE_CHECKING:
     from edtk.calibration.geometry.prediction import Prediction
     from edtk.calibration.geometry_design.evaluate_geometry import GeometryEvaluation
     from edtk.design.design_space import DesignSpace
+    from edtk.design.exact.exact_plan import ExactPlan
+    from edtk.design.relaxation.relaxed_plan import RelaxedPlan
     from edtk.study.evaluate import Evaluation
+    from edtk.study.plan_study import RunOptions
     from edtk.study.study_run import Designs
     from edtk.verbs.bayes import Sampling
 
@@ -110,8 +109,10 @@ class OfStudy(Question):
     def designs(study: Study) -> "Designs":
         """What a run asks about designs of a study of this kind."""
 
-    def plan(self, call: PlanCall) -> ExactPlan:
+    def plan(self, call: PlanCall) -> "ExactPlan":
         """The best plan of exactly so many experiments; see `edtk.plan`."""
+        from edtk.study.plan_study import RunOptions
+
         call = self._checked(call)
         if call.exclude is not None:
             without = replace(self, study=self.study.excluding(call.exclude))
@@ -170,7 +171,7 @@ class OfStudy(Question):
         criterion: str | None,
         kept: Plan | None,
         call: PlanCall,
-        options: RunOptions,
+        options: "RunOptions",
     ) -> Any:
         """The search."""
 
@@ -182,8 +183,11 @@ class OfStudy(Question):
     def _proof(self, asked: Study, found: Any) -> str:
         """The certificate of a plan."""
 
-    def relax(self, call: RelaxCall) -> RelaxedPlan:
+    def relax(self, call: RelaxCall) -> "RelaxedPlan":
         """The best weights over poses; see `edtk.relax`."""
+        from edtk.design.relaxation.relax_poses import PlanInterrupted
+        from edtk.study.plan_study import RunOptions
+
         files = TableAndCertificate(call.out, call.certificate)
         files.require(*self.study.reads)
         asked, criterion = self.asked_for(call.criterion)
@@ -192,7 +196,7 @@ class OfStudy(Question):
 
             require_certifiable(asked, criterion, call.certificate)
 
-        def write(found: RelaxedPlan) -> None:
+        def write(found: "RelaxedPlan") -> None:
             files.write(found.to_frame, lambda: self._proof_of_weights(asked, found))
 
         options = RunOptions(seed=call.seed, progress=call.progress)
@@ -205,7 +209,7 @@ class OfStudy(Question):
         write(found)
         return found
 
-    def _proof_of_weights(self, asked: Study, found: RelaxedPlan) -> str:
+    def _proof_of_weights(self, asked: Study, found: "RelaxedPlan") -> str:
         """The certificate of a relaxation."""
         from edtk.certificate.certificate import certificate_text
 
@@ -214,8 +218,8 @@ class OfStudy(Question):
 
     @abstractmethod
     def _best_weights(
-        self, asked: Study, criterion: str | None, call: RelaxCall, options: RunOptions
-    ) -> RelaxedPlan:
+        self, asked: Study, criterion: str | None, call: RelaxCall, options: "RunOptions"
+    ) -> "RelaxedPlan":
         """The relaxation."""
 
     def evaluate(self, plan: PlanLike) -> "Evaluation | GeometryEvaluation":
