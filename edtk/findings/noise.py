@@ -7,6 +7,7 @@ import numpy as np
 from edtk.findings.cause_wording import causes_words, no_cause_words
 from edtk.findings.causes.find_causes import UNEXPLAINED
 from edtk.findings.causes.try_faults import NO_NOISE
+from edtk.findings.causes.wrong_pose import FITS
 from edtk.findings.finding import Data, Finding, Severity, Wording, row_names
 from edtk.findings.fitted_data import FittedData
 from edtk.findings.moving_joints import stated_repeatability
@@ -18,7 +19,6 @@ from edtk.fit.outliers import UNLIKELY, LackOfFit
 
 LIKE_LOADS = 2  # decimals of loads, over the largest, up to which they are the same
 TOO_MANY = 3  # of so many rows one outlier is the most for a result that can be used
-FITS = 0.01  # p-value of residuals that still fit
 UNLIKELY_NOISE = 0.01  # p-value of the residuals that is worth a warning
 IMPOSSIBLE = 0.001  # and an alarm
 TINY = 0.2  # estimated noise over the stated one that looks like another unit

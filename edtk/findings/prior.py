@@ -20,7 +20,9 @@ BELIEVE = {
 }
 CONTRADICTION = 1e-3  # probability of so large a distance between prior and estimate
 QUANTILES = 2001  # of a prior, over which the distribution of an estimate is averaged
-FAR = 2.0  # posterior standard deviations between mean and least squares that are worth a line
+FAR_APART = (
+    2.0  # posterior standard deviations between mean and least squares that are worth a line
+)
 WIDER = 2.0  # standard deviation of the fit over the posterior's, where the prior says more
 
 
@@ -91,7 +93,7 @@ def posterior_findings(fitted: FittedData, prior: Prior, posterior: Posterior) -
     fit = fitted.fit
     distance = np.abs(posterior.mean - fit.k) / posterior.std
     i = int(distance.argmax())
-    if distance[i] <= FAR:
+    if distance[i] <= FAR_APART:
         return
     reason = "model"
     if contradicted:

@@ -6,6 +6,7 @@ from itertools import chain, combinations, permutations, product
 
 import numpy as np
 
+from edtk.findings.causes.family import AXES
 from edtk.findings.finding import Data, Finding, Severity, Wording
 from edtk.findings.match_plan import some_rows
 from edtk.findings.nonlinear_part import known_part, nonlinear_part
@@ -26,7 +27,6 @@ from edtk.measure.pose_table import (
 from edtk.study.study import Study
 from edtk.system.typing import Array, Indices
 
-AXES = "xyz"
 MOST_MARKERS = 6  # of which each two may be exchanged
 OFFSETS_DEG = (90, -90, 180)  # by which zeros of joints differ between conventions
 MOST_OUTLIERS = 0.1  # share of the rows that may be outliers of a reading

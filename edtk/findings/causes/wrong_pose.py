@@ -16,7 +16,7 @@ from edtk.system.typing import Array, Indices
 
 REFINEMENTS = 3  # finer grids, from a degree to less than a thousandth of one
 LEAST_BEND = 1e-6  # of the misfit over such a step: measurements hardly tell the joint
-FITS = 0.01  # probability of residuals as large, from which a joint explains them
+FITS = 0.01  # probability of residuals as large, from which they fit
 CLEARLY = 9.0  # chi-square by which a joint must be better than every other one
 # Poses are mostly off by one joint value: how much rarer they are off otherwise, all repeats alike.
 UNEXPLAINED = 5

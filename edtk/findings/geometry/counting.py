@@ -5,7 +5,7 @@ from itertools import combinations, product
 
 import numpy as np
 
-from edtk.findings.geometry.gross_errors import distances, points_at
+from edtk.findings.geometry.gross_errors import DEGREE, FAR, distances, points_at
 from edtk.fit.geometry.marker_positions import MarkerPositions
 from edtk.fit.geometry.place_robot import LinearStart, linear_start
 from edtk.robots.robot import Robot
@@ -13,7 +13,6 @@ from edtk.system.typing import Array
 
 MOST_POSES = 40  # that a search looks at
 MOST_JOINTS = 8  # beyond them the ways to count are too many to try
-FAR = 0.02  # of the spread of positions: no drawing is as wrong
 MUCH = 4.0  # times better, another way to count is believed
 # Two ways whose distances differ by less are equally good. Every change has to pay for itself: one
 # of a joint that stands still in most visits fits these as well, and makes the others look wrong.
@@ -22,9 +21,6 @@ BEYOND = 10.0  # times the distance of the best way: a visit farther off does no
 KEPT = 0.75  # of the visits place the robot where a few may be wrong
 TURNS = 5  # of placing it and of choosing these visits
 MOST_TRIED = 24  # ways to count that are looked at with a part of the visits
-
-
-DEGREE = np.pi / 180
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,6 +17,7 @@ DRAWS = 80  # of a few poses each, of which one at least is likely free of error
 MOST = 0.5  # share of the visits that have to agree
 SOME = 0.25  # likewise, where so many do not
 SPARE = 4  # visits beside those of a draw, at least: some of them show whether these are sound
+DEGREE = np.pi / 180
 FAR = 0.02  # of the spread of positions: no drawing is as wrong
 SCALES = {
     "metres": 1e-3,
@@ -122,7 +123,6 @@ def _center(data: MarkerPositions) -> Array:
 
 
 Left = Callable[[Array, Array], Array]  # distances of positions (k, 3) from those of poses (m, n)
-DEGREE = np.pi / 180
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from edtk.findings.finding import Data, Finding, Severity, Wording, rows_in_words
+from edtk.findings.input_errors import CHANCE
 from edtk.findings.match_plan import resolution
 from edtk.fit.distributions import poisson_tail
 from edtk.fit.geometry.fitted_geometry import MM, GeometricFit
@@ -29,7 +30,6 @@ MOST_TRIED = 200  # visits whose shape is tried as that of all
 STILL = 0.01  # of the way that others move: a point that moves less stands on the base
 FAR_STANDING = 0.02  # [m] others have to move by as much
 BEYOND = 3.0  # times the reach, or twice the usual distance from the middle: no marker is there
-CHANCE = 1e-3  # probability of equal visits up to which they are copies
 SAME = 1e-7  # [m] two markers as near are one: the last digit of any instrument is larger
 FEWEST_COPIES = 2  # visits that two markers share
 FAR_FROM_STUDY = 0.1  # [m] no guess of where a marker is on a tool is as wrong

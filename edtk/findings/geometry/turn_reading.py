@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
+from edtk.findings.geometry.gross_errors import DEGREE
 from edtk.fit.geometry.marker_positions import MarkerPositions, turn_columns
 from edtk.measure.pose_table import PoseTable, Table, pose_columns
 from edtk.robots.robot import Robot
@@ -22,8 +23,7 @@ EXPECTED = (
 INVERSE = "those of the instrument, seen from the marker"
 
 
-FAR = float(np.deg2rad(1.0))  # no drawing turns a tool as wrongly
-DEGREE = np.pi / 180
+FAR_TURNED = DEGREE  # no drawing turns a tool as wrongly
 
 Reading = Callable[[Array], Array]
 
@@ -63,7 +63,7 @@ def _of_marker(path: Table, robot: Robot, data: MarkerPositions, marker: int, vi
     assert data.turns is not None
     joints = _ways_of_joints(robot, data.q[visits])
     said, share = _apart(data.turns[visits, marker], joints[""])
-    if said < FAR and share < LARGE:
+    if said < FAR_TURNED and share < LARGE:
         return ""
     name = data.markers[marker]
     values = _written(path, robot, name, data.row[visits, marker])
@@ -73,7 +73,7 @@ def _of_marker(path: Table, robot: Robot, data: MarkerPositions, marker: int, vi
         for turned, read in readings.items()
         for counted, flange in joints.items()
     ]
-    fitting = [one for one in found if one[0] < FAR and one[1] < min(LARGE, share / BETTER)]
+    fitting = [one for one in found if one[0] < FAR_TURNED and one[1] < min(LARGE, share / BETTER)]
     if not fitting:
         return ""
     least = min(one[1] for one in fitting)
