@@ -14,7 +14,7 @@ from edtk.findings.noise import (
     outlier_findings,
 )
 from edtk.findings.prior import prior_findings
-from edtk.findings.units import unit_findings
+from edtk.findings.units import place_findings, unit_findings
 from edtk.fit.least_squares import Whitened
 from edtk.measure.expected_error import ErrorBudget
 from edtk.measure.pose_table import pose_columns, pose_factors
@@ -232,6 +232,7 @@ def spring_findings(
             found += prior_findings(fitted.fit, fitted.prior)
         found += structure_findings(fitted, rho0_bias)
         found += budget_findings(budget)
+    found += place_findings(fitted)
     found += pose_findings(fitted)
     found = [*input_findings(fitted), *found]
     return tuple(sorted(found, key=lambda one: _order(one, found)))

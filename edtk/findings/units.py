@@ -10,6 +10,7 @@ from edtk.findings.finding import Data, Finding, Severity, Wording, row_names
 from edtk.findings.fitted_data import FittedData
 from edtk.findings.match_plan import OTHER_LOAD, like_rounding, steps_of
 from edtk.fit.equilibrium import NoFitError, fit_equilibrium
+from edtk.fit.geometry.place_robot import linear_start
 from edtk.measure.equilibrium import NoEquilibriumError
 from edtk.measure.pose_table import WRENCH_COLUMNS
 from edtk.measure.task import all_compliances
@@ -31,6 +32,9 @@ FORCE_UNITS = (
 )
 LENGTH_UNITS = ((1e-3, "metres"), (1e3, "micrometres"))
 LENGTH_FACTOR = 10.0  # factor up to which a ratio of lengths is that of two units
+MISPLACED = 0.01  # [m] positions beside those of the drawing: robots are some millimetres off
+SCALED = 0.005  # lengths that come out longer together, from which it is said
+ENOUGH_PLACED = 18  # coordinates that place base, marker and scale, and tell what is left
 ROTATION_FACTOR = 3.0  # the same of rotations
 
 
@@ -240,6 +244,42 @@ def _rounding(fitted: FittedData, joints: list[int]) -> float:
     return float(np.sqrt((squares / fitted.data.own_sigma**2).mean()))
 
 
+def place_findings(fitted: FittedData) -> Iterator[Finding]:
+    """Compare positions without load with the drawing, whatever frame they are in.
+
+    Base and marker are placed where the drawing fits best: the orientation by `linear_start`, and
+    with it the two places by least squares, ``B'x - p = R t + c``. What is left no displacement
+    shows: links or zeros of joints that are not those of the robot.
+    """
+    data = fitted.data
+    if data.unloaded is None or 3 * len(np.unique(data.q, axis=0)) < ENOUGH_PLACED:
+        return
+    flange = fitted.study.robot.forward(data.q)
+    R = flange[:, :3, :3]
+    flange[:, :3, 3] += (R @ data.marker[..., None])[..., 0]
+    start = linear_start(flange, data.unloaded[:, None], np.ones((len(data), 1), dtype=bool))
+    if not start.whole or start.mirrored:
+        return
+    turned = data.unloaded @ start.base[:3, :3] - flange[:, :3, 3]
+    A = np.concatenate([R, np.broadcast_to(np.eye(3), R.shape)], axis=2).reshape(-1, 6)
+    left = turned.ravel() - A @ np.linalg.lstsq(A, turned.ravel(), rcond=None)[0]
+    size = float(np.sqrt((left**2).sum() / len(data)))
+    if size > MISPLACED:
+        yield Finding.of(Severity.WARNING, WORDING, "other_robot", off=size, scale=start.scale)
+
+
+def _other_robot(data: Data) -> str:
+    """Positions that are not those of the drawing."""
+    scale = f"{abs(data['scale'] - 1):.1%} {'longer' if data['scale'] > 1 else 'shorter'}"
+    lengths = f", and lengths come out {scale}" if abs(data["scale"] - 1) > SCALED else ""
+    return (
+        f"without load the marker is {1e3 * data['off']:.3g} mm (root mean square) from where the "
+        f"study's robot has it, wherever base and marker are placed{lengths}: are links and zeros "
+        "of the joints those of this robot? Displacements grow with the arm, and so do the "
+        "compliances"
+    )
+
+
 def _force_unit(data: Data) -> str:
     """Forces of another size than expected."""
     whose = "the plan" if data["planned"] else "the study's [load]"
@@ -297,4 +337,5 @@ WORDING: Wording = {
     "rotation_unit": _rotation_unit,
     "angle_unit": _angle_unit,
     "rounded_angles": _rounded_angles,
+    "other_robot": _other_robot,
 }

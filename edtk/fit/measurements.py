@@ -29,7 +29,14 @@ from edtk.measure.equilibrium import Rest
 from edtk.measure.instruments.marker import Marker
 from edtk.measure.instruments.pose_marker import COORDINATES, PoseMarker
 from edtk.measure.instruments.sensor import Sensor
-from edtk.measure.pose_table import SHEET_COLUMNS, VISIT_COLUMN, PoseTable, Table, finished_rows
+from edtk.measure.pose_table import (
+    SHEET_COLUMNS,
+    UNLOADED_COLUMNS,
+    VISIT_COLUMN,
+    PoseTable,
+    Table,
+    finished_rows,
+)
 from edtk.robots.frames import BodyPoint, Frames, cross
 from edtk.robots.robot import Robot
 from edtk.robots.rotations import without_rounding
@@ -58,6 +65,7 @@ class Measurements(Presented):
             whose body's frame the marker's offset is; None where all rows are of the tool.
         turn: Whether each row (m,) is a single rotation; None where none is.
         absolute: Whether displacements are counted from the rigid robot, not the unloaded one.
+        unloaded: Positions (m, 3) without the load, where the sheet has them [m]; None elsewhere.
     """
 
     q: Array
@@ -72,6 +80,7 @@ class Measurements(Presented):
     sensor: Indices | None = None
     turn: Mask | None = None
     absolute: bool = False
+    unloaded: Array | None = None
 
     def headline(self) -> str:
         """How many measurements of how many poses."""
@@ -287,6 +296,8 @@ class Measurements(Presented):
             turn=turn,
             absolute=nominal,
         )
+        if not sensors and not nominal and all(column in table for column in UNLOADED_COLUMNS):
+            empty = replace(empty, unloaded=table.vectors(UNLOADED_COLUMNS) / 1e3)
         rigid = empty.rigid(model) if model is not None and nominal else None
         change = sheet_change(table, robot.reach, noise.shape[1], rigid, turn)
         return replace(empty, deflection=change)
