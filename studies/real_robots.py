@@ -357,9 +357,10 @@ def section_of_design(calibrations: dict[str, GeometricCalibration]) -> str:
         f"and the rest are scored. {SUBSETS} random subsets are scored alike, by "
         "the fit linear about that of all poses; the last column has the plan's "
         "error by a fit from the drawing on. The noise of the design and its tasks were chosen "
-        "among some ten variants after looking at these percentiles, and with 8 poses the seed of "
-        "the search alone moves them by much: other sets have to confirm them.\n\n"
-        + markdown_table(head, rows)
+        "among some ten variants after looking at these percentiles. With 8 poses the criterion "
+        "hardly tells what is left: of 40 sets of the first robot's poses that no exchange "
+        "improves, the best is the one below, and those within a tenth of it leave from 0.34 to "
+        "0.92 mm. Other sets have to confirm the rows.\n\n" + markdown_table(head, rows)
     )
 
 
