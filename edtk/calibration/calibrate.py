@@ -8,7 +8,7 @@ import numpy as np
 
 from edtk.calibration.calibration import Calibration, Origin
 from edtk.calibration.propagation import calibration_budget
-from edtk.calibration.told_part import ToldPart, told_part
+from edtk.calibration.told_part import ToldPart, measured_known, told_part
 from edtk.design.plan import Plan
 from edtk.findings.cause_wording import cause_of
 from edtk.findings.finding import Finding
@@ -16,6 +16,7 @@ from edtk.findings.fitted_data import FittedData
 from edtk.findings.input_errors import find_input_error
 from edtk.findings.moving_joints import stated_noise
 from edtk.findings.nonlinear_part import linear_model_bias
+from edtk.findings.prior import known_findings
 from edtk.findings.springs import spring_findings
 from edtk.fit.correlated_noise import NotPositiveDefiniteError
 from edtk.fit.fit_huber import SigmaTooSmallError
@@ -118,6 +119,10 @@ def calibrate(
     found = Calibration(fitted, (), path, _bias(fitted), origin=origin, part=part)
     budget = calibration_budget(fitted, found.rho0_bias)
     named = spring_findings(fitted, found.rho0_bias, budget)
+    if study.designed is not study:
+        left = {one.name: one for one in found.propagation.assumed}
+        more = (*named, *known_findings(study, left))
+        named = tuple(sorted(more, key=lambda one: -one.severity))
     found = replace(found, findings=named, budget=budget)
     wrong = None if as_is else find_input_error(fitted)
     if wrong is not None:
@@ -174,6 +179,7 @@ def _fitted(
     With a posterior to come, a prior tells the rest. Otherwise, where the study says what is of
     interest, the rest may stay open.
     """
+    study = measured_known(study, data, robust, linear)
     try:
         return FittedData.of(study, data, plan, robust, known, linear), None
     except SingularPlanError as error:

@@ -114,7 +114,7 @@ def calibration_to_dict(found: "Calibration") -> dict[str, Any]:
 def _all_uncertain(found: "Calibration") -> dict[str, Any]:
     """All that commands may be off by; null without a task."""
     if found.budget is None:
-        return {"covariance_measured": None, "assumed_joints": None}
+        return {"covariance_measured": None, "assumed_joints": None, "covariance_all": None}
     unknown = found.study.specification.joints.unknown
     parts = {one.joint.name: one.to_dict() for one in found.budget.joints}
     errors = found.propagation.errors
@@ -125,6 +125,7 @@ def _all_uncertain(found: "Calibration") -> dict[str, Any]:
             | {"shifts_rad_per_Nm": dict(zip(unknown, one.shifts.tolist(), strict=True))}
             for one in errors
         ],
+        "covariance_all": found.propagation.covariance.tolist(),
     }
 
 

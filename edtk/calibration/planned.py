@@ -196,7 +196,8 @@ def plan_tasks(study: Study, plan: Plan) -> TaskAccuracy | None:
     if len(study.tasks) < 2:
         return None
     try:
-        found = accuracy_of_tasks(study, plan_covariance(study, study.information(plan)))
+        design = study.designed
+        found = accuracy_of_tasks(design, plan_covariance(design, design.information(plan)))
     except SingularPlanError:
         return None
     propagation = None if found is None else plan_propagation(study, plan)

@@ -112,11 +112,14 @@ class Propagation:
         """
         A = data.regressor(model)
         inverse = LeastSquaresInverse.of(model, data, A, prior)
-        moved = inverse.shifts
+        others = uncertainty.joints
+        columns = [data.regressor(replace(model, unknown=(one.index,)))[..., 0] for one in others]
+        told = _Others.of(inverse, columns, others)
+        moved = told.shifts
         known = {one.index: one.compliance for one in uncertainty.joints if not one.rigid}
         every = families_with_known(model, data, A, k, known, prior is not None)
         faults = {family.cause: family for family in every}
-        load = k[:, None]  # compliances take up a load of another size in full
+        load = told.below(k[:, None])  # compliances take up a load of another size in full
         if "load_size" in faults:
             load = moved(faults["load_size"].derivative_at_zero(k))
         carried = moved(_by_weights(model, data, k, known, payload))
@@ -125,22 +128,20 @@ class Propagation:
         given = uncertainty
         of_load = [given.load_size * load, given.load_size * carried]
         roots = {
-            "noise": _root(covariance),
+            "noise": told.below(_root(covariance)),
             "load": np.hstack([*of_load, given.load_direction * direction]),
             "tool": given.tool * np.hstack(tool),
             "drift": given.drift * moved(translations(model, data)),
-            "repeatability": given.repeatability * _readings(inverse, data.lengths, repeats),
+            "repeatability": given.repeatability
+            * told.below(_readings(inverse, data.lengths, repeats)),
+            "rigid_joints": told.rigid(columns),
+            "known_joints": told.known,
         }
-        others = given.joints
-        wide = {name: np.pad(E, ((0, len(others)), (0, 0))) for name, E in roots.items()}
-        columns = [data.regressor(replace(model, unknown=(one.index,)))[..., 0] for one in others]
-        bent = _bent(columns, inverse, others)
-        rigid = np.array([one.rigid for one in others], dtype=bool)
         return cls(
             unknown=tuple(int(j) for j in model.joints),
-            assumed=others,
+            assumed=told.joints,
             k=np.append(k, [one.compliance for one in others]),
-            roots=wide | {"rigid_joints": bent[:, rigid], "known_joints": bent[:, ~rigid]},
+            roots=roots,
             told=tuple(map(inverse.told, columns)),
             absolute=data.absolute,
         )
@@ -158,10 +159,21 @@ class Propagation:
         return np.asarray(np.hstack(every) @ np.hstack(every).T)
 
     @property
+    def covariance(self) -> Array:
+        """Covariance (p + a, p + a) of all compliances by all that is uncertain."""
+        E = np.hstack(list(self.roots.values()))
+        return np.asarray(E @ E.T)
+
+    @property
     def errors(self) -> tuple[AssumedError, ...]:
         """The joints that are not identified, and what they do to the estimates."""
-        shifts = self._of_joints[: len(self.unknown)].T
-        return tuple(map(AssumedError, self.assumed, shifts))
+        E = self.roots["known_joints"]
+        shifts = self._of_joints.T.copy()
+        for i, one in enumerate(self.assumed):
+            if not one.rigid and one.std > 0:
+                own = len(self.unknown) + i
+                shifts[i] = -E @ E[own] / one.std  # what goes with an error of this joint
+        return tuple(map(AssumedError, self.assumed, shifts[:, : len(self.unknown)]))
 
     def budget(self, tasks: Tasks, model_error: float = 0.0) -> ErrorBudget:
         """The error in some tasks, in parts.
@@ -212,16 +224,78 @@ def _root(covariance: Array) -> Array:
     return np.asarray(scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
-def _bent(
-    columns: list[Array], inverse: LeastSquaresInverse, others: tuple[AssumedJoint, ...]
-) -> Array:
-    """Errors (p + a, a) by joints that are off by a standard deviation, as the estimates absorb."""
-    p = inverse.whitened.R.shape[-1]
-    found = np.zeros((p + len(others), len(others)))
-    for i, (one, column) in enumerate(zip(others, columns, strict=True)):
-        found[:p, i] = one.std * inverse.solve(column)
-        found[p + i, i] = -one.std
-    return found
+@dataclass(frozen=True, eq=False)
+class _Others:
+    """The joints that are not identified, and what measurements tell of the known ones.
+
+    With the columns B of the known joints, whitened and freed of those that are identified (rows
+    ``N`` here), and their standard deviations S before, the covariance of what is known of them is
+    ``P = (S^-2 + N N')^-1 = S (1 + S N N' S)^-1 S``. An error e of theirs goes with the error
+    ``-A+ B e`` of the estimates, so that ``(A+ B; -1) root(P)`` is a root of both. A change y of
+    the measurements moves them by ``P N y``.
+
+    Attributes:
+        inverse: The inverse of the joints that are identified.
+        joints: The joints (a,), with the standard deviations that are left.
+        bend: Errors (p + a, a) by a unit of each: ``(A+ B; -1)``.
+        N: Their whitened columns (a, coordinates) without what the estimates take up.
+        R: Root (a, a) of P, with rows of zeros for joints that count as rigid.
+    """
+
+    inverse: LeastSquaresInverse
+    joints: tuple[AssumedJoint, ...]
+    bend: Array
+    N: Array
+    R: Array
+
+    @classmethod
+    def of(
+        cls, inverse: LeastSquaresInverse, columns: list[Array], joints: tuple[AssumedJoint, ...]
+    ) -> "_Others":
+        """The joints with their columns (m, rows) of the measurements."""
+        p = inverse.whitened.R.shape[-1]
+        bend = np.zeros((p + len(joints), len(joints)))
+        bend[p:] = -np.eye(len(joints))
+        for i, column in enumerate(columns):
+            bend[:p, i] = inverse.solve(column)
+        N = np.array([inverse.left_of(column).ravel() for column in columns])
+        S = np.array([0.0 if one.rigid else one.std for one in joints])
+        values, vectors = np.linalg.eigh(np.eye(len(joints)) + S * (N @ N.T) * S[:, None])
+        R = S[:, None] * ((vectors / np.sqrt(values)) @ vectors.T)
+        left = [
+            one if one.rigid else replace(one, std=float(np.linalg.norm(row)))
+            for one, row in zip(joints, R, strict=True)
+        ]
+        return cls(inverse, tuple(left), bend, N, R)
+
+    def below(self, E: Array) -> Array:
+        """Errors (p + a, c) of the estimates (p, c) alone."""
+        return np.pad(E, ((0, len(self.joints)), (0, 0)))
+
+    def shifts(self, changes: Array) -> Array:
+        """Shifts (p + a, c) of all compliances by c changes (m, rows, c) of measurements."""
+        own = self.below(self.inverse.shifts(changes))
+        if not self.R.any():
+            return own
+        each = np.moveaxis(changes, -1, 0)
+        y = np.array([self.inverse.in_sigma(one).ravel() for one in each])
+        return np.asarray(own - self.bend @ (self.R @ self.R.T @ (self.N @ y.T)))
+
+    def rigid(self, columns: list[Array]) -> Array:
+        """Errors (p + a, r) by joints that count as rigid, and bend by a standard deviation."""
+        p = len(self.bend) - len(self.joints)
+        found = np.zeros((len(self.bend), sum(one.rigid for one in self.joints)))
+        rigid = (i for i, one in enumerate(self.joints) if one.rigid)
+        for place, i in enumerate(rigid):
+            found[:, place] = self.joints[i].std * self.shifts(columns[i][..., None])[:, 0]
+            found[p + i, place] -= self.joints[i].std
+        return found
+
+    @property
+    def known(self) -> Array:
+        """Errors (p + a, b) by what is not told of the known joints."""
+        known = [not one.rigid for one in self.joints]
+        return np.asarray(self.bend @ self.R[:, known])
 
 
 def _by_weights(

@@ -8,16 +8,21 @@ import numpy as np
 
 import criteria
 from criteria.linalg.estimable import combination, null_space
+from edtk.findings.nonlinear_part import known_part
 from edtk.fit.correlated_noise import whiten_columns
-from edtk.fit.identify import Identification
-from edtk.fit.least_squares import Whitened
+from edtk.fit.equilibrium import LinearisedData, linearise
+from edtk.fit.identify import Identification, identify
+from edtk.fit.least_squares import SingularPlanError, Whitened
 from edtk.fit.measurements import Measurements
 from edtk.fit.prior import PriorRows
 from edtk.measure.elastostatic_model import ElastostaticModel
+from edtk.measure.equilibrium import NoEquilibriumError
+from edtk.measure.task import all_compliances
 from edtk.study.evaluate import OpenInterestError
 from edtk.study.study import Study
 from edtk.system.typing import Array
 
+LEAST_COMPLIANCE = 1e-15  # of a joint that is softer than rigid [rad/(N m)]
 ROUNDING = 1e-9  # of a column, which others leave of it if they make the same readings
 
 
@@ -122,6 +127,54 @@ def interest_estimates(
     return dict(zip(asked.interest_names, pairs, strict=True))
 
 
+def measured_known(study: Study, data: Measurements, robust: bool, linear: bool) -> Study:
+    """The study with its known compliances as the measurements tell them, too.
+
+    A known compliance v with the standard deviation s is a parameter of which ``N(v, s^2)`` is
+    known beforehand. All are fitted together, with the rows ``k_j / s = v / s`` below those of the
+    measurements; the others are then least squares given these, as in the joint fit.
+
+    Args:
+        study: The study; a known compliance without a standard deviation stays as it is.
+        data: The measurements.
+        robust: Huber's loss instead of squares.
+        linear: Whether the linear model is fitted, or the loaded equilibrium about its estimate.
+
+    Returns:
+        The same study with other values; itself where nothing is uncertain, or where the
+        measurements leave an unknown compliance open.
+    """
+    joint = study.designed
+    names = joint.specification.joints.unknown[len(study.unknown) :]
+    if not names:
+        return study
+    known = study.specification.joints.known
+    std = np.array([known[name].deviation for name in names])
+    value = np.array([known[name].value for name in names])
+    before = PriorRows(np.pad(np.diag(1 / std), ((0, 0), (len(study.unknown), 0))), value / std)
+    noise = before.noise_below(data.noise, data.deflection.shape[1])
+
+    def fit(A: Array, measured: Array) -> Array:
+        rows, values = before.below(A), before.measured_below(measured)
+        return identify(rows, values, noise, joint.model.parameters, robust).unbounded
+
+    try:
+        k = fit(data.regressor(joint.model), data.deflection - known_part(joint, data))
+        if not linear:
+            every = all_compliances(joint.model, np.maximum(k, 0.0), joint.known)
+            seen = LinearisedData.of(data, linearise(joint.model, data, every))
+            k = fit(seen.A, seen.measured)
+    except SingularPlanError:
+        return study
+    except NoEquilibriumError:
+        pass  # Such compliances are wrong in any case, which the residuals tell.
+    found = zip(names, np.maximum(k[-len(names) :], LEAST_COMPLIANCE).tolist(), strict=True)
+    values = {name: {"value": one, "std": known[name].deviation} for name, one in found}
+    joints = study.to_dict()["joints"]
+    told = joints["known_rad_per_Nm"] | values
+    return study.replace(joints=joints | {"known_rad_per_Nm": told})
+
+
 @dataclass(frozen=True, eq=False)
 class LeastSquaresInverse:
     """How estimates change with measurements: ``dk = A+ change``.
@@ -158,10 +211,20 @@ class LeastSquaresInverse:
 
     def told(self, column: Array) -> float:
         """With which std a further parameter of this column (m, rows) would be told; may be inf."""
+        left = float(np.linalg.norm(self.left_of(column)))
+        return 1 / left if left > 0 else np.inf
+
+    def left_of(self, column: Array) -> Array:
+        """What estimates leave of a column (m, rows), in units of the noise; zero of rounding."""
         below = column if self.prior is None else self.prior.zeros_below(column)
-        left = float(np.linalg.norm(self.whitened.residual(below)))
+        left = self.whitened.residual(below)
         whole = float(np.linalg.norm(self.whitened.in_sigma(below)))
-        return 1 / left if left > ROUNDING * whole else np.inf
+        return left if float(np.linalg.norm(left)) > ROUNDING * whole else np.zeros_like(left)
+
+    def in_sigma(self, change: Array) -> Array:
+        """A change (m, rows) of measurements in units of the noise."""
+        below = change if self.prior is None else self.prior.zeros_below(change)
+        return self.whitened.in_sigma(below)
 
     def shifts(self, changes: Array) -> Array:
         """Shifts (p, c) of the estimates by c changes (m, rows, c) of measurements."""

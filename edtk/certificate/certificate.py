@@ -115,7 +115,7 @@ def require_certifiable(study: Study, name: str | None, path: Path | str | None)
 
 def _sharing(study: Study, found: RelaxedPlan | ExactPlan) -> dict[str, int]:
     """How many experiments share the study's prior, which weights do not tell."""
-    if study.prior_information is None or isinstance(found, ExactPlan):
+    if study.designed.prior_information is None or isinstance(found, ExactPlan):
         return {}
     return {"sharing": found.space.sharing}
 
@@ -331,6 +331,7 @@ def setting_to_dict(study: Study, space: DesignSpace) -> dict[str, Any]:
         study: The study.
         space: The design space that was searched, with the poses that it excludes.
     """
+    study = study.designed
     feasible = feasible_to_dict(study, space)
     return {
         "robot": feasible["robot"],

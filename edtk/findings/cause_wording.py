@@ -114,6 +114,13 @@ def _link_length(cause: Cause) -> str:
     return f"{links} {size} {which} than in the robot's model: is it another robot?"
 
 
+def _compliance(cause: Cause) -> str:
+    """A joint whose compliance is another one than is taken."""
+    size, which = _signed(cause, "more", "less")
+    cure = "identify it (joints.unknown), or correct known_rad_per_Nm"
+    return f"joint {cause.joint} looks {size} {which} compliant than is taken: {cure}"
+
+
 def _drift(cause: Cause) -> str:
     """Something that moves between unloaded and loaded readings: at once, or slowly."""
     if cause.grows:
@@ -140,6 +147,7 @@ _CAUSE_CLAUSES: dict[str, Callable[[Cause], str]] = {
     "joint_zero": _joint_zero,
     "link_length": _link_length,
     "friction": _friction,
+    "compliance": _compliance,
     "frame_axes": _misread,
     "columns": _misread,
     "unit": lambda cause: f"the displacements look {_size(cause)} too large: another unit?",

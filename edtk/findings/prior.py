@@ -1,6 +1,6 @@
 """A prior that measurements contradict, and a posterior far from least squares."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
@@ -10,6 +10,8 @@ from edtk.fit.distributions import chi_square_tail, fisher_tail, normal_quantile
 from edtk.fit.identify import Identification
 from edtk.fit.posterior import Posterior
 from edtk.fit.prior import Flat, Prior
+from edtk.measure.expected_error import AssumedJoint
+from edtk.study.study import Study
 
 # Which of two estimates to believe, by the reason why they differ.
 BELIEVE = {
@@ -18,6 +20,7 @@ BELIEVE = {
     "noise": "believe the posterior, which also infers the noise, and bounds outliers",
     "model": "believe neither: both rest on the same measurements, so model or signs are wrong",
 }
+UNLIKELY = 0.01  # probability of so large a step of a known compliance, as of a fault that is named
 CONTRADICTION = 1e-3  # probability of so large a distance between prior and estimate
 QUANTILES = 2001  # of a prior, over which the distribution of an estimate is averaged
 FAR_APART = (
@@ -61,6 +64,36 @@ def _contradicted(parameters: tuple[str, ...], p: float, earlier: bool) -> Findi
     return Finding.of(
         Severity.WARNING, WORDING, "prior_contradicted", parameters=parameters, p=p, earlier=earlier
     )
+
+
+def known_findings(asked: Study, left: Mapping[str, AssumedJoint]) -> Iterator[Finding]:
+    """Known compliances that are improbable by the measurements.
+
+    Of a value v that is known to s, measurements make v' that is known to s'; the step ``v' - v``
+    is normal, of variance ``s^2 - s'^2``. One of n counts if its probability is below an n-th.
+
+    Args:
+        asked: The study, with the values before.
+        left: The joints as the measurements tell them, too, by name.
+    """
+    known = asked.specification.joints.known
+    for name, one in known.items():
+        now = left[name]
+        variance = one.deviation**2 - now.std**2
+        step = now.compliance - one.value
+        if not step or variance <= 0:
+            continue
+        p = float(chi_square_tail(step**2 / variance, 1))
+        if p < UNLIKELY / len(known):
+            data = {
+                "value": one.value,
+                "std": one.deviation,
+                "measured": now.compliance,
+                "left": now.std,
+                "p": p,
+            }
+            kind = "known_contradicted"
+            yield Finding.of(Severity.WARNING, WORDING, kind, parameters=(name,), **data)
 
 
 def _far_from_earlier(fit: Identification, prior: Prior) -> float:
@@ -148,7 +181,17 @@ def _posterior_differs(data: Data) -> str:
     )
 
 
+def _known_contradicted(data: Data) -> str:
+    """A known compliance that is measured as another one."""
+    return (
+        f"{data['parameters'][0]} is known as {data['value']:.3g} +- {data['std']:.1g} rad/(N m) "
+        f"and measured as {data['measured']:.3g} +- {data['left']:.1g} (p = {data['p']:.1g}), "
+        "which is taken: is the known value wrong, or something else that bends alike?"
+    )
+
+
 WORDING: Wording = {
+    "known_contradicted": _known_contradicted,
     "rests_on_prior": _rests_on_prior,
     "prior_contradicted": _prior_contradicted,
     "posterior_differs": _posterior_differs,

@@ -23,7 +23,6 @@ MOST_DOF = 1e9
 # relative to its largest entry and to unit diagonal.
 SYMMETRY = 1e-9
 UNIT_DIAGONAL = 1e-6
-SAME = 1e-9  # relative difference of two compliances that are one, but for the digits of a file
 LEAST_EIGENVALUE = -1e-8
 
 
@@ -44,6 +43,9 @@ class Compliances:
             say.
         verdict: "good", "usable" or "bad", as the identification called itself; None where the file
             does not say.
+        measured: Covariance (p, p) by all that was measured; None where the file does not say.
+        assumed: The joints (a,) that were not identified, and what their errors do.
+        every: Covariance (p + a, p + a) of all of them by all that is uncertain; None likewise.
     """
 
     joints: tuple[str, ...]
@@ -56,6 +58,7 @@ class Compliances:
     bias: Array | None = None
     measured: Array | None = None
     assumed: tuple[AssumedError, ...] = ()
+    every: Array | None = None
 
     def including(self, joints: Sequence[AssumedJoint]) -> "Compliances":
         """The same with the joints that are not identified, and with all that is uncertain.
@@ -79,6 +82,8 @@ class Compliances:
                 -one.joint.std for one in more
             ]
             covariance = np.pad(own, wider) + errors.T @ errors
+            if more and more == list(self.assumed) and self.every is not None:
+                covariance = self.every
         added = [one.joint.compliance for one in more]
         return replace(
             self,
@@ -87,15 +92,15 @@ class Compliances:
             unbounded=np.append(self.unbounded, added),
             covariance=covariance,
             measured=None,
+            every=None,
             assumed=tuple(more),
             bias=None if self.bias is None else np.pad(self.bias, wider),
         )
 
     def _assumed_of(self, joint: AssumedJoint) -> AssumedError:
-        """What the calibration has assumed of a joint, if it took the same compliance."""
+        """What the calibration has assumed of a joint; a known one as it was measured, too."""
         for one in self.assumed:
-            same = np.isclose(one.joint.compliance, joint.compliance, rtol=SAME, atol=0.0)
-            if one.joint.name == joint.name and same:
+            if one.joint.name == joint.name and one.joint.rigid == joint.rigid:
                 return one
         return AssumedError(joint, np.zeros(len(self.joints)))
 
@@ -131,6 +136,7 @@ class Compliances:
         joints = tuple(table)
         k = np.array([_not_negative(table[joint], f"{prefix}{joint}", where) for joint in joints])
         unbounded = _by_joint(rest, "k_unbounded", joints, where)
+        assumed = _assumed(rest, names, joints, where)
         return cls(
             joints=joints,
             k=k,
@@ -141,7 +147,8 @@ class Compliances:
             verdict=rest.get("verdict"),
             bias=_by_joint(rest, "k_bias", joints, where),
             measured=_measured(rest, joints, where),
-            assumed=_assumed(rest, names, joints, where),
+            assumed=assumed,
+            every=_measured(rest, joints, where, "covariance_all", len(assumed)),
         )
 
 
@@ -216,13 +223,16 @@ def _by_joint(
 
 
 def _measured(
-    content: Mapping[str, Any], joints: tuple[str, ...], where: Path | str | None
+    content: Mapping[str, Any],
+    joints: tuple[str, ...],
+    where: Path | str | None,
+    key: str = "covariance_measured",
+    more: int = 0,
 ) -> Array | None:
-    """The covariance (p, p) by all that was measured; None where the file does not give it."""
-    key = "covariance_measured"
+    """A covariance (p + more, p + more) of what is uncertain; None where the file gives none."""
     if content.get(key) is None:
         return None
-    return _valid(_matrix(content[key], len(joints), key, where), key, where)
+    return _valid(_matrix(content[key], len(joints) + more, key, where), key, where)
 
 
 def _assumed(

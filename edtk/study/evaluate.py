@@ -31,13 +31,13 @@ CriterionOf = Callable[[str], criteria.Criterion]
 
 
 def criterion_values(
-    study: Study, M: Array, criterion: CriterionOf, has_target: bool
+    study: Study, M: Callable[[str], Array], criterion: CriterionOf, has_target: bool
 ) -> tuple[dict[str, float], dict[str, str]]:
     """Values of all criteria that apply, and why those of other plug-ins have none.
 
     Args:
         study: The study, which names criteria and gives their parameters.
-        M: Information (p, p) of a plan.
+        M: Information (p, p) of a plan, for a criterion of a name.
         criterion: The study's criterion of a name; raises `UserError` where it has none.
         has_target: Whether there is a task, without which criteria of tasks do not apply.
 
@@ -53,7 +53,7 @@ def criterion_values(
         if known.needs_target and not has_target:
             continue
         try:
-            values[name] = float(criterion(name).value(M))
+            values[name] = float(criterion(name).value(M(name)))
         except (criteria.CriterionError, UserError) as error:
             message = error.message if isinstance(error, UserError) else str(error)
             if name in study.names:
@@ -254,11 +254,19 @@ def evaluate(study: Study, plan: Plan) -> Evaluation:
         SingularPlanError: The plan cannot identify all parameters; names them.
         UserError: A plug-in's criterion that the study names fails.
     """
-    M = study.information(plan)
-    cov = plan_covariance(study, M)
+    design = study.designed
+    M = design.information(plan)
+    every = plan_covariance(design, M)
+    own = slice(len(study.unknown))
+    cov = every[own, own]
     has_target = study.target is not None
-    expected = plan_accuracy(study, plan)
-    values, skipped = criterion_values(study, M, study.criterion, has_target)
+    expected = plan_accuracy(design, plan)
+    values, skipped = criterion_values(
+        study,
+        lambda name: study.designed_for(name).information(plan),
+        lambda name: study.designed_for(name).criterion(name),
+        has_target,
+    )
     return Evaluation(
         criteria=values,
         observability_unscaled=_unscaled(study, plan),
@@ -269,12 +277,12 @@ def evaluate(study: Study, plan: Plan) -> Evaluation:
         units=study.model.units,
         experiments=plan.experiments,
         expected=expected,
-        tasks=accuracy_of_tasks(study, cov),
+        tasks=accuracy_of_tasks(design, every),
         skipped=skipped,
         warnings=study.warnings + plan_plausibility(study, plan, expected),
         with_prior=study.prior_information is not None,
         labels=_labels(study, values),
-        interest=_interest(study, M),
+        interest={} if study.interest is None else _interest(design, M),
     )
 
 
@@ -287,8 +295,7 @@ def _labels(study: Study, names: Iterable[str]) -> dict[str, str]:
 
 def _interest(study: Study, M: Array) -> dict[str, float]:
     """Standard deviations of what is of interest, by its words."""
-    if study.interest is None:
-        return {}
+    assert study.interest is not None
     found = criteria.Interest(criteria.create("A"), study.interest, study.interest_names)
     _, cov, _ = found.inverse(M)
     variance = found.variance(cov)

@@ -160,6 +160,7 @@ def relax_study(
         UserError: One line that says what cannot be done, and where.
         PlanInterrupted: Ctrl-C after a first certified plan, which it carries.
     """
+    study = study.designed_for(criterion)
     if size is not None and not study.specification.prior.in_design:
         message = "has no effect without a prior in the design; expected none"
         raise ArgumentError(message, argument="size", given=size)
@@ -205,9 +206,10 @@ def plan_study(
     since = monotonic()
     seconds = np.inf if budget is None else budget
     new = _new_experiments(size, distinct, kept)
-    asked = study.criterion(criterion)
+    design = study.designed_for(criterion)
+    asked = design.criterion(criterion)
     with study_errors(study), _enough(study, new, kept):
-        space = planning_space(study, new, kept)
+        space = planning_space(design, new, kept)
         if asked.needs_all:  # else only the relaxation knows how few the right poses are
             require_enough(space, new, new if distinct is None else distinct, asked)
         with time_limit(seconds):
@@ -221,7 +223,7 @@ def plan_study(
             found = find_plan(relaxed, new, distinct, kept, _search_options(study, options, left))
     if interrupted:
         found = replace(found, ended="interrupted")
-    expected = plan_accuracy(study, found.whole)
+    expected = plan_accuracy(design, found.whole)
     return replace(
         found,
         expected=expected,

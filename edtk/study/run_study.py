@@ -171,7 +171,7 @@ def run_study(
             _answered(
                 case,
                 answers[_search_name(designs, case)],
-                relaxations[_key(study, case.optimised, case.size)],
+                relaxations[_key(designs, case.optimised, case.size)],
             )
             for case in questions
         ]
@@ -192,7 +192,7 @@ def _count(designs: Designs, questions: list[Case]) -> int:
     """
     study = designs.study
     bases = {_base(designs, name) for name in _relaxed_names(study)}
-    relaxations = len(bases) * len(_shares(study))
+    relaxations = len(bases) * len(_shares(designs))
     searches = {_search_name(designs, case) for case in questions}
     begin_and_end = 2
     return relaxations + len(searches) + len(study.specification.sizes) + begin_and_end
@@ -230,14 +230,18 @@ def _base(designs: Designs, name: str) -> str:
     return designs.criterion(name).plan_criterion.name
 
 
-def _shares(study: Study) -> tuple[int | None, ...]:
+def _shares(designs: Designs) -> tuple[int | None, ...]:
     """Sizes that have relaxations of their own: with a prior in the design all, else none has."""
-    return study.specification.sizes if study.specification.prior.in_design else (None,)
+    return (
+        designs.study.specification.sizes
+        if designs.design.prior_information is not None
+        else (None,)
+    )
 
 
-def _key(study: Study, name: str, size: int) -> str:
+def _key(designs: Designs, name: str, size: int) -> str:
     """Key of the relaxation under a criterion that plans of this size are compared with."""
-    return relaxation_key(name, size if study.specification.prior.in_design else None)
+    return relaxation_key(name, size if designs.design.prior_information is not None else None)
 
 
 def _relaxation_name(key: str) -> str:
@@ -294,7 +298,7 @@ def _relaxed_bases(designs: Designs, complete: Complete) -> dict[str, RelaxedPla
     bases = {criterion.name: require_relaxable(criterion) for criterion in every}
     pieces = {
         relaxation_key(name, share): _Relax(designs, base, share)
-        for share in _shares(study)
+        for share in _shares(designs)
         for name, base in bases.items()
     }
     answers = complete({_relaxation_name(key): piece for key, piece in pieces.items()})
@@ -314,7 +318,7 @@ def _relaxations(designs: Designs, bases: dict[str, RelaxedPlan]) -> dict[str, R
             require_relaxable(designs.criterion(name)),
             bases[relaxation_key(_base(designs, name), share)],
         )
-        for share in _shares(study)
+        for share in _shares(designs)
         for name in _relaxed_names(study)
     }
 
@@ -352,7 +356,7 @@ def _searches(
         if name in searches:  # shared; one of the criteria may be the one that gets more descents
             starts = max(starts, searches[name].starts)
         base = _base(designs, case.optimised)
-        relaxed = bases[_key(study, base, case.size)]
+        relaxed = bases[_key(designs, base, case.size)]
         searches[name] = _Search(designs, relaxed, replace(case, optimised=base), starts)
     return searches
 

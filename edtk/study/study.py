@@ -18,7 +18,7 @@ from edtk.study.plans import load_plan
 from edtk.study.plausibility import plausibility
 from edtk.study.schema import Specification, read_specification
 from edtk.study.study_objects import StudyObjects
-from edtk.study.study_parts import study_robot
+from edtk.study.study_parts import counts_known, designed_keys, study_robot
 from edtk.study.study_toml import StudyKeys, keys_signature, plain_keys, read_toml, study_toml
 from edtk.system.presented import Presented
 
@@ -150,6 +150,17 @@ class Study(StudyObjects, Presented):
             f"{self.specification.title}; {self.robot.name}, {self.kind.unknowns(self)}, about "
             f"{self.main_criterion}"
         )
+
+    @cached_property
+    def designed(self) -> "Study":
+        """The study by which plans are designed: uncertain known compliances are parameters."""
+        changed = designed_keys(self)
+        return self.replace(**changed) if changed else self
+
+    def designed_for(self, criterion: str | None = None) -> "Study":
+        """The study by which plans for a criterion are designed, by default the main one."""
+        name = self.main_criterion if criterion is None else criterion
+        return self.designed if counts_known(name) else self
 
     @cached_property
     def warnings(self) -> tuple[Finding, ...]:

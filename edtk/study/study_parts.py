@@ -1,9 +1,12 @@
 """Tasks, prior, feasible set and robot that a study names."""
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+import criteria
 from edtk.design.plan import Plan
 from edtk.fit.prior import Normal, Prior
 from edtk.measure.compliances import load_compliances
@@ -20,6 +23,7 @@ from edtk.robots.workspace import Workspace, within_margin
 from edtk.study.asked import Asked
 from edtk.study.schema import Specification
 from edtk.study.study_model import task_weights
+from edtk.study.tables_of_robot import KnownCompliance
 from edtk.study.tables_of_task import TestPose
 from edtk.system.errors import UserError, note
 from edtk.system.typing import Array
@@ -331,3 +335,80 @@ def prior_information(study: Asked) -> Array | None:
         )
         raise study.error("prior.in_design", message)
     return precision
+
+
+def designed_keys(study: Asked) -> dict[str, Any]:
+    """Keys of the study by which plans are designed: known compliances as parameters with a prior.
+
+    A joint of known compliance v with the standard deviation s may as well be an unknown one of
+    which ``N(v, s^2)`` is known before. So it counts in the task, what measurements tell of it
+    improves it, and criteria without a task are about the others, as their interest says.
+
+    Returns:
+        The keys that differ: the last unknown joints are those that were known. None where no
+        known compliance is uncertain.
+    """
+    given = study.specification
+    uncertain = {name: one for name, one in given.joints.known.items() if one.deviation > 0}
+    if not uncertain:
+        return {}
+    keys = given.model_dump(mode="json", exclude_none=True, exclude_defaults=True)
+    joints = keys["joints"]
+    unknown = list(given.joints.unknown)
+    optimise = list(filter(counts_known, given.optimise))
+    known = {name: k for name, k in joints["known_rad_per_Nm"].items() if name not in uncertain}
+    changed: dict[str, Any] = {
+        "joints": joints | {"unknown": [*unknown, *uncertain], "known_rad_per_Nm": known},
+        "prior": _design_prior(study, uncertain),
+        "interest": keys.get("interest", {"joints": unknown}),
+        "optimise": optimise or ["A"],
+        "criteria": list(dict.fromkeys([*filter(counts_known, given.criteria), "A"])),
+    }
+    if given.simulation is not None:
+        values = {name: one.value for name, one in uncertain.items()}
+        values |= given.simulation.compliance_rad_per_Nm
+        changed["simulation"] = {"compliance_rad_per_Nm": values}
+    return changed
+
+
+def counts_known(name: str) -> bool:
+    """Whether plans for a criterion count how uncertain known compliances are.
+
+    It is about a task, or can be about a part of the parameters.
+    """
+    known = criteria.get(name)
+    part = issubclass(known, criteria.Relaxable) and known.monotone and known.convex
+    return known.needs_target or (part and known.takes_interest and not known.needs_parameters)
+
+
+def _design_prior(study: Asked, uncertain: Mapping[str, KnownCompliance]) -> dict[str, Any]:
+    """The keys of the prior that counts in designs, with known compliances behind the others."""
+    given = study.specification.prior
+    found: dict[str, Any] = {"in_design": True}
+    marginals: dict[str, Any] = {
+        name: _log_normal(one.value, one.deviation) for name, one in uncertain.items()
+    }
+    if given.in_design:
+        own = {name: one.model_dump(exclude_none=True) for name, one in given.joints.items()}
+        found |= {"all": given.all.model_dump(exclude_none=True)}
+        earlier = study_prior(study).earlier
+        if earlier is not None:
+            p = len(earlier.mean)
+            std = [one.deviation for one in uncertain.values()]
+            covariance = np.diag([*np.zeros(p), *np.square(std)])
+            covariance[:p, :p] = earlier.covariance
+            mean = [*earlier.mean.tolist(), *(one.value for one in uncertain.values())]
+            names = [*study.specification.joints.unknown, *uncertain]
+            found["earlier"] = {
+                "mean_rad_per_Nm": dict(zip(names, mean, strict=True)),
+                "covariance": covariance.tolist(),
+            }
+            marginals = {name: {"kind": "flat"} for name in uncertain}
+        marginals = own | marginals
+    return found | {"joints": marginals}
+
+
+def _log_normal(value: float, std: float) -> dict[str, Any]:
+    """The keys of a log-normal density that is ``N(value, std^2)`` near its median."""
+    factor = float(np.exp(std / value))
+    return {"kind": "log-normal", "median_rad_per_Nm": value, "factor": factor}

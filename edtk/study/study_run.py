@@ -24,6 +24,7 @@ from edtk.study.evaluate import accuracy_of_tasks, plan_accuracy, plan_covarianc
 from edtk.study.plan_study import planning_space
 from edtk.study.plausibility import plan_plausibility
 from edtk.study.study import Study
+from edtk.study.study_parts import counts_known
 from edtk.system.files import Content
 from edtk.system.presented import Presented
 from edtk.system.typing import Array
@@ -107,17 +108,22 @@ class Designs:
     study: Study
     unit: ClassVar[str] = "SI"
 
+    @property
+    def design(self) -> Study:
+        """The study by which plans are designed and compared, the same for all criteria."""
+        return self.study.designed if all(map(counts_known, self.study.names)) else self.study
+
     def space(self, size: int | None = None) -> DesignSpace:
         """Where plans of so many experiments are searched, with what is known besides."""
-        return planning_space(self.study, size)
+        return planning_space(self.design, size)
 
     def criterion(self, name: str | None = None) -> criteria.Criterion:
         """A criterion; by default the one that the study is about."""
-        return self.study.criterion(name)
+        return self.design.criterion(name)
 
     def information(self, plan: Plan) -> Array:
         """Information matrix (p, p) of a plan, and of a prior that counts."""
-        return self.study.information(plan)
+        return self.design.information(plan)
 
     def relax_options(self) -> RelaxOptions:
         """How accurate relaxations over all poses are."""
@@ -138,13 +144,13 @@ class Designs:
 
     def expected(self, plan: Plan) -> ExpectedError | None:
         """Errors to expect in the test poses and around them; None where nothing tells them."""
-        return plan_accuracy(self.study, plan)
+        return plan_accuracy(self.design, plan)
 
     def accuracy(self, plan: Plan) -> TaskAccuracy | None:
         """Errors to expect in each of several test poses; None where nothing tells them."""
         try:
-            cov = plan_covariance(self.study, self.information(plan))
-            return accuracy_of_tasks(self.study, cov)
+            cov = plan_covariance(self.design, self.information(plan))
+            return accuracy_of_tasks(self.design, cov)
         except SingularPlanError:
             return None
 

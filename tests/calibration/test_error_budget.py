@@ -14,7 +14,7 @@ from edtk.fit.least_squares import Whitened
 from edtk.fit.measurements import Measurements
 from edtk.fit.prior import PriorRows
 from edtk.measure.elastostatic_model import ElastostaticModel
-from edtk.measure.expected_error import AssumedJoint
+from edtk.measure.expected_error import AssumedJoint, compensation_accuracy
 from edtk.measure.task import Tasks
 
 MODEL = STUDY.model
@@ -154,27 +154,27 @@ def test_each_of_several_poses_has_a_budget_of_its_own():
     assert together == pytest.approx(np.sqrt((each[0] ** 2 + 3 * each[1] ** 2) / 4), rel=1e-9)
 
 
-def test_a_known_joint_holds_a_heavier_load():
-    """With a joint known, the error by the load's size is that of a refit under another load."""
-    known = AssumedJoint("q2", MODEL.joints[0], float(K[0]), 0.1 * float(K[0]), "known")
+def test_a_known_joint_is_measured_too():
+    """With a joint known, estimates and errors are those of a fit of all joints with its prior."""
+    std = 0.1 * float(K[0])
+    known = AssumedJoint("q2", MODEL.joints[0], float(K[0]), std, "known")
     rest = replace(MODEL, unknown=MODEL.joints[1:])
-    study = STUDY.tasks.with_unknown(rest.joints)
     fit = Whitened.of(DATA.regressor(rest), DATA.sigma, rest.parameters)
     uncertain = replace(SURE, load_size=0.01, joints=(known,))
     propagation = Propagation.of(rest, DATA, K[1:], fit.covariance, uncertain)
-    found = propagation.budget(study)
-    without = A[..., :1] @ K[:1]
-    error = fit.solve(1.01 * A @ K - without) - K[1:]
-    assert found.load == pytest.approx(float(np.linalg.norm(study.target @ error)))
+    found = propagation.budget(STUDY.tasks.with_unknown(rest.joints))
+    before = PriorRows(np.eye(1, len(K)) / std, K[:1] / std)
+    joint = Whitened.of(before.below(A), before.noise_below(DATA.noise, 3), MODEL.parameters)
+    error = joint.solve(before.measured_below(1.01 * A @ K)) - K
+    assert found.load == pytest.approx(float(np.linalg.norm(STUDY.target @ error)))
     assert found.uncompensated == pytest.approx(float(np.linalg.norm(STUDY.target @ K)))
-    # A tenth more of the known compliance, and the same compliance taken.
-    error = np.append(-0.1 * K[0], fit.solve(A @ (K * [1.1, 1, 1, 1, 1]) - without) - K[1:])
-    assert found.known_joints == pytest.approx(float(np.linalg.norm(STUDY.target @ error)))
-    # The std that the fit of all has, in which this joint is unknown.
-    whole = Whitened.of(A, DATA.sigma, MODEL.parameters).covariance
-    assert found.joints[0].told == pytest.approx(float(np.sqrt(whole[0, 0])))
-    (told,) = propagation.errors
-    np.testing.assert_allclose(told.shifts, error[1:])
+    accuracy = compensation_accuracy(STUDY.target, joint.covariance)
+    assert np.hypot(found.noise, found.known_joints) == pytest.approx(float(accuracy))
+    (left,) = propagation.assumed
+    assert left.std == pytest.approx(np.sqrt(joint.covariance[0, 0]))
+    assert left.std < 0.2 * std  # the measurements tell it
+    (shift,) = propagation.errors
+    assert -shift.shifts * left.std == pytest.approx(joint.covariance[0, 1:])
 
 
 def test_a_prior_takes_its_part():

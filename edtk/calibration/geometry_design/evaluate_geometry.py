@@ -387,7 +387,7 @@ def evaluate_geometry(study: Study, plan: Plan) -> GeometryEvaluation:
     if is_whole:
         M = question.space.information(plan)
         has_target = question.target is not None
-        values, skipped = criterion_values(study, M, question.criterion, has_target)
+        values, skipped = criterion_values(study, lambda _: M, question.criterion, has_target)
     return GeometryEvaluation(
         question=question,
         poses=PosesByLoad.of(plan, question.wrenches, study.robot),

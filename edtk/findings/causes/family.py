@@ -1,7 +1,7 @@
 """Faults of one kind and any size, as models of the measurements with parameters of their own."""
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -12,6 +12,7 @@ from edtk.fit.correlated_noise import RowNoise, whiten
 from edtk.fit.least_squares import SingularPlanError, Whitened
 from edtk.fit.measurements import Measurements, measured_points, translations
 from edtk.measure.elastostatic_model import ElastostaticModel
+from edtk.measure.expected_error import AssumedJoint
 from edtk.system.typing import Array, Indices
 
 NOISE = "sigma"  # the cause that is no fault: a noise of another size
@@ -458,7 +459,7 @@ def _stiffer(A: Array, sign: Array) -> Callable[[Array], tuple[Array, Array]]:
 
 
 def _loose(A: Array, moved: Array) -> Callable[[Array], tuple[Array, Array]]:
-    """Joints that give way by an angle, which moves markers by (m, rows) a unit."""
+    """Joints that give way by an angle or a compliance, which moves markers (m, rows) a unit."""
     return lambda c: (A, c[0] * moved)
 
 
@@ -554,6 +555,38 @@ def families_with_known(
     values = np.array(list(known.values()))
     for family in (*families(every, data, whole, np.append(k, values)), _load_size(every, data)):
         yield _of_unknown(family, whole, values)
+
+
+def assumed_families(
+    model: ElastostaticModel, data: Measurements, A: Array, assumed: Sequence[AssumedJoint]
+) -> Iterator[Family]:
+    """List the joints whose compliance is assumed, as faults: it is another one.
+
+    A joint that has c more than is taken adds ``A_j c`` with its column A_j of Eq. (4). Its usual
+    size is the standard deviation of what is assumed; one that counts as rigid bends, and has no
+    negative compliance.
+
+    Args:
+        model: The robot with its calibration tool, and the measured rows.
+        data: The measurements.
+        A: Their regressors (m, rows, p) in this model.
+        assumed: The joints that are not identified.
+    """
+    uncertain = [one for one in assumed if one.std > 0]
+    for one in uncertain:
+        column = data.regressor(replace(model, unknown=(one.index,)))[..., 0]
+        turns = model.robot.joints[one.index].kind == "revolute"
+        yield Family(
+            "compliance",
+            "rad/(N m)" if turns else "m/N",
+            1.0,
+            1,
+            one.std,
+            _loose(A, column),
+            len(uncertain),
+            one.name,
+            only_positive=one.rigid,
+        )
 
 
 def _load_size(model: ElastostaticModel, data: Measurements) -> Family:

@@ -23,6 +23,8 @@ from edtk.fit.least_squares import SingularPlanError
 from edtk.fit.measurements import Measurements
 from edtk.fit.prior import PriorRows
 from edtk.measure.elastostatic_model import ElastostaticModel
+from edtk.measure.expected_error import AssumedJoint
+from edtk.study.study_model import assumed_joints
 from edtk.system.typing import Array, Indices
 
 if TYPE_CHECKING:
@@ -191,6 +193,7 @@ def find_causes(
     typed: tuple[int, ...] = (),
     known: Mapping[int, float] | None = None,
     prior: PriorRows | None = None,
+    assumed: tuple[AssumedJoint, ...] = (),
 ) -> FoundCauses:
     """Refit the measurements with each fault that is known, and name those that explain them.
 
@@ -214,6 +217,7 @@ def find_causes(
         typed: Revolute joints whose values were written by hand, in which a pose may be wrong.
         known: Compliances of further joints, by their index [rad/(N m)].
         prior: What is known of the compliances besides, linearised about the fitted ones.
+        assumed: The joints that are not identified, and how far each may be off.
     """
     told = prior if prior is not None and len(prior) else None
 
@@ -223,7 +227,7 @@ def find_causes(
             plain = PlainFit.of(model, data[rows], measured[rows], known or {}, told)
         except SingularPlanError:
             return None
-        return plain if plain.dof >= 1 else None
+        return replace(plain, assumed=assumed) if plain.dof >= 1 else None
 
     looks = list(_looks(len(data), plain_fit, typed))
     if not looks:
@@ -330,7 +334,8 @@ def look_for_causes(fitted: "FittedData") -> FoundCauses:
         if joint.kind == "revolute" and j not in study.fixed
     )
     measured = fitted.as_linear[rows]
+    others = assumed_joints(study, np.maximum(fitted.fit.k, 0.0))
     found = find_causes(
-        study.model, fitted.data[rows], measured, typed, study.known, fitted.told_before
+        study.model, fitted.data[rows], measured, typed, study.known, fitted.told_before, others
     )
     return found.in_rows(rows)

@@ -15,6 +15,7 @@ from edtk.findings.causes.family import (
     Cause,
     Family,
     Tried,
+    assumed_families,
     families_with_known,
     fit_family,
 )
@@ -29,6 +30,7 @@ from edtk.fit.measurements import Measurements, translations
 from edtk.fit.outliers import LackOfFit, lack_of_fit
 from edtk.fit.prior import PriorRows
 from edtk.measure.elastostatic_model import ElastostaticModel
+from edtk.measure.expected_error import AssumedJoint
 from edtk.measure.instruments.pose_marker import COORDINATES
 from edtk.system.typing import Array
 
@@ -61,6 +63,7 @@ class PlainFit:
         chi2: Sum of squares of all residuals.
         alone: The sum of squares without the prior; None where measurements alone do not tell all
             compliances.
+        assumed: The joints whose compliances are taken from elsewhere, or as none.
     """
 
     model: ElastostaticModel
@@ -75,6 +78,7 @@ class PlainFit:
     z: Array
     chi2: float
     alone: float | None
+    assumed: tuple[AssumedJoint, ...] = ()
 
     @classmethod
     def of(
@@ -290,7 +294,8 @@ def _smooth(plain: PlainFit) -> Iterator[Tried]:
     """Faults of any size."""
     told = plain.prior is not None
     found = families_with_known(plain.model, plain.data, plain.A, plain.k, plain.known, told)
-    for family in found:
+    others = assumed_families(plain.model, plain.data, plain.A, plain.assumed)
+    for family in (*found, *others):
         whole = plain.below(family)
         fit = fit_family(whole, plain.measured, plain.noise, plain.k)
         if fit is None:
