@@ -101,9 +101,8 @@ def test_a_sharp_prior_is_a_known_compliance():
     information[4, 4] = 1e30
     sharp = earlier(information + 1e-3 * np.eye(5))
     keys = STUDY.to_dict()["joints"]
-    known = STUDY.replace(
-        joints=keys | {"unknown": list(NAMES[:4]), "known_rad_per_Nm": {"q6": 1e-7}}
-    )
+    exact = {"q6": {"value": 1e-7, "std": 0.0}}
+    known = STUDY.replace(joints=keys | {"unknown": list(NAMES[:4]), "known_rad_per_Nm": exact})
     value = evaluate(sharp, PLAN).std[:4]
     np.testing.assert_allclose(value, evaluate(known, PLAN).std, rtol=1e-6)
 
