@@ -9,6 +9,7 @@ import numpy as np
 
 from edtk.design.plan import Plan
 from edtk.findings.finding import Finding, Severity, Wording
+from edtk.findings.units import like_radians
 from edtk.measure.compliances import Compliances
 from edtk.measure.pose_table import Table
 from edtk.robots.robot import Robot
@@ -218,14 +219,8 @@ def task_findings(study: Study, found: Compliances, task: Plan) -> tuple[Finding
 
 
 def _angles(study: Study, q: Array) -> Iterator[Finding]:
-    """Poses that differ, all within 2 pi degrees of zero."""
-    turning = [
-        j
-        for j, joint in enumerate(study.robot.joints)
-        if joint.kind == "revolute" and j not in study.fixed
-    ]
-    degrees = np.rad2deg(study.robot.shown(q)[:, turning])
-    if turning and np.abs(degrees).max() <= 2 * np.pi and np.ptp(degrees, axis=0).any():
+    """Joint angles in radians."""
+    if like_radians(study, q):
         yield Finding.of(Severity.WARNING, WORDING, "angle_unit")
 
 

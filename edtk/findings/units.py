@@ -15,6 +15,7 @@ from edtk.measure.equilibrium import NoEquilibriumError
 from edtk.measure.pose_table import WRENCH_COLUMNS
 from edtk.measure.task import all_compliances
 from edtk.robots.loads.fixed_load import FixedLoad
+from edtk.study.study import Study
 from edtk.system.typing import Array, Mask
 
 UNITS = ((1 / 10, "centimetres"), (1 / 25.4, "inches"))
@@ -176,18 +177,25 @@ def _rotations(fitted: FittedData) -> Iterator[Finding]:
         yield Finding.of(Severity.ALARM, WORDING, "rotation_unit", ratio=ratio)
 
 
+def like_radians(study: Study, q: Array) -> bool:
+    """Whether poses (m, n) differ, all of them within 2 pi degrees of zero."""
+    turning = _turning(study)
+    degrees = np.rad2deg(study.robot.shown(q)[:, turning])
+    if not turning:
+        return False
+    return bool(np.abs(degrees).max() <= 2 * np.pi and np.ptp(degrees, axis=0).any())
+
+
 def _angles(fitted: FittedData) -> Iterator[Finding]:
-    """Several poses, all of them within 2 pi degrees of zero."""
-    turning = _turning(fitted)
-    degrees = np.rad2deg(fitted.study.robot.shown(fitted.data.q)[:, turning])
-    if turning and np.abs(degrees).max() <= 2 * np.pi and np.ptp(degrees, axis=0).any():
+    """Joint angles in radians."""
+    if like_radians(fitted.study, fitted.data.q):
         yield Finding.of(Severity.ALARM, WORDING, "angle_unit")
 
 
-def _turning(fitted: FittedData) -> list[int]:
-    """The joints whose angles the sheet has to say."""
-    joints = fitted.study.robot.joints
-    free = [j for j in range(len(joints)) if j not in fitted.study.fixed]
+def _turning(study: Study) -> list[int]:
+    """The joints whose angles a sheet has to say."""
+    joints = study.robot.joints
+    free = [j for j in range(len(joints)) if j not in study.fixed]
     return [j for j in free if joints[j].kind == "revolute"]
 
 
@@ -199,7 +207,7 @@ def _rounded(fitted: FittedData) -> Iterator[Finding]:
     are as large as rounding would leave them, or where the plan has other digits.
     """
     study = fitted.study
-    joints = _turning(fitted)
+    joints = _turning(study)
     if not joints:
         return
     steps = steps_of(np.rad2deg(study.robot.shown(fitted.data.q)[:, joints]))

@@ -250,7 +250,7 @@ def test_another_unit_is_doubted(factor, poses, load, words):
     found = Compliances(tuple(K), k, k, None)
     doubts = task_findings(STUDY, found, Plan(q, wrench, np.ones(2, dtype=int)))
     assert len(doubts) == (words is not None)
-    assert all(doubt.startswith(words) for doubt in doubts)
+    assert all(doubt.words.startswith(words) for doubt in doubts)
 
 
 def test_other_mistakes(given, tmp_path):

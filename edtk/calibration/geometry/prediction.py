@@ -10,6 +10,7 @@ import numpy as np
 from edtk.calibration.geometry.geometric_calibration import read_geometry
 from edtk.findings.finding import Data, Finding, Severity, Wording, rows_in_words
 from edtk.findings.geometry.turn_reading import EXPECTED, turn_reading
+from edtk.findings.units import like_radians
 from edtk.fit.geometry.fitted_geometry import ErrorParts, FittedGeometry, Loads, Predicted
 from edtk.fit.geometry.marker_positions import MarkerPositions, read_positions
 from edtk.measure.parameters import COMPONENTS
@@ -45,6 +46,8 @@ def prediction_findings(found: "Prediction") -> tuple[Finding, ...]:
         said.append(
             Finding.of(Severity.WARNING, WORDING, "beyond_limits", rows=tuple(found.beyond))
         )
+    if found.radians and not found.tests.any():
+        said.append(Finding.of(Severity.WARNING, WORDING, "angle_unit"))
     return (*said, *_far_off(found))
 
 
@@ -85,6 +88,9 @@ def _open_rows(data: Data) -> str:
 
 WORDING: Wording = {
     "open_rows": _open_rows,
+    "angle_unit": lambda _: (
+        "all joint angles are within 6.3 degrees of zero: are they in radians? expected degrees"
+    ),
     "beyond_limits": lambda data: f"{rows_in_words(data['rows'])}: beyond the joints' limits",
     "all_far_off": lambda data: (
         f"measured positions are {MM * data['median']:.3g} mm off (median), far outside their "
@@ -108,6 +114,7 @@ class Prediction(Presented):
         tests: Which positions (v, k) are measured and no part of any fit.
         asked: Which positions (v, k) the file asks for.
         beyond: Rows, counted from 0, of poses beyond the joints' limits.
+        radians: Whether the joint angles look like radians.
     """
 
     data: MarkerPositions
@@ -115,6 +122,7 @@ class Prediction(Presented):
     tests: Mask
     asked: Mask
     beyond: tuple[int, ...] = ()
+    radians: bool = False
 
     def headline(self) -> str:
         """How many positions, and how far they are off."""
@@ -279,6 +287,7 @@ def predict_positions(
         turned=setting.markers if setting.full_poses else (),
     )
     beyond = _beyond(study.robot, data)
+    radians = like_radians(study, data.q)
     data = counting.of(setting.split(data.without_lost())[0])
     reading = turn_reading(poses, study.robot, data)
     if reading:
@@ -300,7 +309,7 @@ def predict_positions(
         tests &= ~placing
     else:
         predicted = fitted.predict(data.q, data.wrench, setting.loads)
-    return Prediction(data, predicted, tests, wanted, beyond)
+    return Prediction(data, predicted, tests, wanted, beyond, radians)
 
 
 def _beyond(robot: Robot, data: MarkerPositions) -> tuple[int, ...]:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 from geometry_sheets import (
     NAMES,
@@ -533,3 +534,13 @@ def test_too_few_poses_to_judge_by(study: Path, tmp_path: Path) -> None:
     assert {"few_poses", "alone"} <= {doubt.kind for doubt in five.findings}
     many = edtk.identify(study, by_pose(tmp_path / "many.csv", q, x))
     assert many.findings == ()
+
+
+def test_poses_in_radians_are_doubted_where_nothing_is_measured(tmp_path: Path) -> None:
+    """Bands say nothing of a unit: radians for degrees are a warning, degrees are none."""
+    q, x = truth(25)
+    found = edtk.identify(STUDY, by_pose(tmp_path / "day.csv", q, x))
+    for shown, count in ((np.deg2rad(q), 1), (q, 0)):
+        poses = pd.DataFrame(shown, columns=[f"q{i}_deg" for i in range(1, 7)])
+        kinds = [one.kind for one in edtk.predict(STUDY, found, poses).findings]
+        assert kinds.count("angle_unit") == count
