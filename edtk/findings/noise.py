@@ -61,8 +61,14 @@ def _no_cause(fitted: FittedData) -> Finding:
     repeated = len(np.unique(data.places)) < len(data)
     shape = data.wrench / np.abs(data.wrench).max()
     loads = len(np.unique(shape.round(LIKE_LOADS), axis=0))
-    lost = {"scale": fitted.fit.scale, "repeated": repeated, "loads": loads > 1}
-    return Finding.of(Severity.ALARM, WORDING, "no_cause", **lost)
+    return Finding.of(
+        Severity.ALARM,
+        WORDING,
+        "no_cause",
+        scale=fitted.fit.scale,
+        repeated=repeated,
+        loads=loads > 1,
+    )
 
 
 def _is_noise(fitted: FittedData, test: LackOfFit) -> bool:
@@ -80,15 +86,17 @@ def _moving_joints(fitted: FittedData) -> Iterator[Finding]:
     if stated is not None:
         yield from _repeatability(found, stated)
     elif found.moves and (found.revisited or not fitted.structural_causes):
-        data = {
-            "F": found.F,
-            "p": found.p,
-            "joints": found.joints,
-            "moved": found.by_joints * float(fitted.data.own_sigma[fitted.data.lengths].mean()),
-            "used": fitted.common_noise,
-            "revisited": found.revisited,
-        }
-        yield Finding.of(Severity.WARNING, WORDING, "moving_joints", **data)
+        yield Finding.of(
+            Severity.WARNING,
+            WORDING,
+            "moving_joints",
+            F=found.F,
+            p=found.p,
+            joints=found.joints,
+            moved=found.by_joints * float(fitted.data.own_sigma[fitted.data.lengths].mean()),
+            used=fitted.common_noise,
+            revisited=found.revisited,
+        )
 
 
 def _repeatability(found: NoiseEstimate, stated: float) -> Iterator[Finding]:
@@ -99,20 +107,29 @@ def _repeatability(found: NoiseEstimate, stated: float) -> Iterator[Finding]:
     tail = float(chi_square_tail(dof * (found.joints / stated) ** 2, dof))
     p = 2 * min(tail, 1 - tail)
     if p < UNLIKELY:
-        data = {"joints": found.joints, "std": found.std[1], "stated": stated, "p": p}
-        yield Finding.of(Severity.WARNING, WORDING, "repeatability", **data)
+        yield Finding.of(
+            Severity.WARNING,
+            WORDING,
+            "repeatability",
+            joints=found.joints,
+            std=found.std[1],
+            stated=stated,
+            p=p,
+        )
 
 
 def outlier_findings(fitted: FittedData) -> Iterator[Finding]:
     """Name the outliers, and say whether the rest fits, or whether there are too many of them."""
     fit = fitted.fit
     if fit.too_few_for_robust:
-        numbers = {
-            "coordinates": fit.residual.size,
-            "parameters": len(fit.k),
-            "needed": INTERPOLATED * len(fit.k),
-        }
-        yield Finding.of(Severity.WARNING, WORDING, "too_few_for_robust", **numbers)
+        yield Finding.of(
+            Severity.WARNING,
+            WORDING,
+            "too_few_for_robust",
+            coordinates=fit.residual.size,
+            unknowns=len(fit.k),
+            needed=INTERPOLATED * len(fit.k),
+        )
     if not len(fit.outliers):
         return
     too_many = TOO_MANY * len(fit.outliers) > len(fit.residual)
@@ -122,12 +139,15 @@ def outlier_findings(fitted: FittedData) -> Iterator[Finding]:
     p_rest = None if rest is None else rest.p_value
     if fitted.found_causes.unexplained and p_rest is not None and p_rest < UNEXPLAINED:
         return  # the model does not fit the other rows either
-    data = {
-        "robust": fit.robust,
-        "p_rest": p_rest,
-        "off": None if rest is None else _off(fitted, rest),
-    }
-    yield Finding.of(severity, WORDING, "outliers", rows=rows, **data)
+    yield Finding.of(
+        severity,
+        WORDING,
+        "outliers",
+        rows=rows,
+        robust=fit.robust,
+        p_rest=p_rest,
+        off=None if rest is None else _off(fitted, rest),
+    )
 
 
 def _rest(fitted: FittedData) -> Identification | None:
@@ -261,7 +281,7 @@ def _outliers(data: Data) -> str:
 def _too_few_for_robust(data: Data) -> str:
     """A robust fit that was replaced by least squares."""
     return (
-        f"{data['coordinates']} measured coordinates for {data['parameters']} parameters are too "
+        f"{data['coordinates']} measured coordinates for {data['unknowns']} parameters are too "
         f"few for a robust fit that estimates sigma, which needs more than {data['needed']}: this "
         "is the least-squares fit, in which outliers count fully"
     )

@@ -128,9 +128,13 @@ def _equal_rows(fitted: FittedData) -> Iterator[Finding]:
     """Equal rows that chance may have made; those that it did not are an input error."""
     found = fitted.equal_rows
     if found is not None:
-        data = {"others": found.others, "chance": found.chance}
         yield Finding.of(
-            Severity.NOTE, WORDING, "equal_rows", rows=(found.later, found.earlier), **data
+            Severity.NOTE,
+            WORDING,
+            "equal_rows",
+            rows=(found.later, found.earlier),
+            others=found.others,
+            chance=found.chance,
         )
 
 
@@ -141,9 +145,12 @@ def _alike(fitted: FittedData) -> Iterator[Finding]:
     if off.max() > ALIKE:
         i, j = np.unravel_index(int(off.argmax()), off.shape)
         names = fitted.study.model.parameters
-        data = {"correlation": float(fit.correlation[i, j])}
         yield Finding.of(
-            Severity.WARNING, WORDING, "alike_parameters", parameters=(names[j], names[i]), **data
+            Severity.WARNING,
+            WORDING,
+            "alike_parameters",
+            parameters=(names[j], names[i]),
+            correlation=float(fit.correlation[i, j]),
         )
 
 

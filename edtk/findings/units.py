@@ -123,8 +123,9 @@ def _forces(fitted: FittedData) -> Iterator[Finding]:
         off = np.abs(wrench - expected).max(axis=1) > OTHER_LOAD * largest
         if off.any():
             rows = tuple(np.flatnonzero(off).tolist())
-            tolerance = {"tolerance": OTHER_LOAD}
-            yield Finding.of(Severity.WARNING, WORDING, "other_load", rows=rows, **tolerance)
+            yield Finding.of(
+                Severity.WARNING, WORDING, "other_load", rows=rows, tolerance=OTHER_LOAD
+            )
 
 
 def _ratio(fitted: FittedData, chosen: Mask) -> float | None:
