@@ -236,25 +236,6 @@ def test_bands_hold_what_they_promise() -> None:
     assert 0.92 < fit.share_inside < 0.98
 
 
-def test_bands_of_short_days_hold_on_average() -> None:
-    """Over days of 12 visits, of a robot whose gears are not round, 95 % bands hold 90 to 98 %.
-
-    One day by itself may hold a tenth less or all: its own errors of the parameters are in all of
-    its predictions, also where the size of the errors is known.
-    """
-    shares = []
-    for seed in range(6):
-        data, true, theta = simulate(model_of(SIX, 3), 42, sigma_mm=0.0, seed=seed)
-        rng = np.random.default_rng(seed)
-        waves = 3e-4 * np.sin(2 * data.q + rng.uniform(0, 6, 6))
-        x = true.see(theta, data.q + waves, derivatives=False).points
-        day = replace(data, measured=x + rng.normal(0, 3e-5, x.shape))
-        fit = fit_geometry(model_of(SIX, 3), day[:12], white(SIX, 0.03))
-        rest = day[12:]
-        shares.append(fit.fitted.predict(rest.q).inside(rest.measured).mean())
-    assert 0.90 < np.mean(shares) < 0.98
-
-
 def test_what_poses_leave_open_is_named_and_widens_bands() -> None:
     """A joint that never moves leaves directions open; elsewhere bands say so."""
     model = model_of(SIX, 3)
