@@ -167,11 +167,13 @@ def test_logistic_median_dose(model):
     x = float(model.x(0))
     criterion = criteria.create("A", interest=-np.array([1, x]) / model.beta)
     r = check(model.region, criterion, 4 / model.beta**2)
-    # A single point would have to be exact to the last digit; two beside it may stand for it.
-    np.testing.assert_allclose(r.points[:, 0], x, atol=np.sqrt(GAP) * np.ptp(model.region.limits))
+    # M is singular at the optimum, so that a little weight may lie anywhere. With v the direction
+    # of the row at x_0, C >= (c'v)^2/(v'M v), and v'M v is a mean of 1 - tanh(z/2)^2: a cost within
+    # the gap leaves no more weight to where z is not zero.
+    z = model.beta * (r.points[:, 0] - x)
+    assert r.weights @ np.tanh(z / 2) ** 2 <= GAP
 
 
-@pytest.mark.slow
 def test_logistic_a_and_e():
     """Canonical A and E are symmetric: ``(1 + z^2)/(w z^2)`` at its least, and z = 1."""
     region = Logistic(0, 1, -10, 10).region
