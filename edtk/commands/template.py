@@ -33,7 +33,8 @@ def command(
     from edtk.verbs.template import template
 
     question = load_study(study)
+    doubts = question.warnings  # first: this reads excluded poses too, and may fail
     table = template(question, plan, positions=positions, markers=markers, out=out)
     if out is None:
         print_out(csv_text(table))
-    warn_about(study, question.warnings)
+    warn_about(study, doubts)

@@ -31,3 +31,19 @@ def test_a_finding_is_one_line_on_standard_error(study, command):
     lines = [line for line in result.stderr.splitlines() if "is it given in metres?" in line]
     assert len(lines) == 1
     assert lines[0].startswith(f"edtk: {study}: test_pose.tool.position_mm: ")
+
+
+@pytest.mark.parametrize("to_file", [True, False])
+def test_a_sheet_is_not_written_where_the_study_cannot_be_judged(tmp_path, to_file):
+    """Excluded poses that cannot be read end the command before anything is written."""
+    excluded, study, sheet = (tmp_path / name for name in ("bad.csv", "study.toml", "sheet.csv"))
+    excluded.write_text("q1_deg,elsewhere\n1,2\n")
+    given = load_study(ROOT / "studies" / "kr270_milling.toml")
+    workspace = given.to_dict()["workspace"] | {"excluded": [str(excluded)]}
+    given.replace(workspace=workspace, published=None).to_toml(study)
+    options = ["--out", str(sheet)] if to_file else []
+    result = CliRunner().invoke(main, ["template", str(study), str(PLAN), *options])
+    assert result.exit_code == 2
+    assert "bad.csv: unknown column 'elsewhere'" in result.stderr
+    assert result.stdout == ""
+    assert not sheet.exists()
