@@ -33,8 +33,9 @@ def command(study: Path, k: Path, task: Path | None, as_json: bool, out: Path | 
     found = compensate(study, k, task, out=out)
     if found.verdict == "bad":
         warn(
-            f"{k}: the calibration says not to use these compliances; "
-            "its error band is not to be trusted"
+            "the calibration says not to use these compliances; "
+            "its error band is not to be trusted",
+            k,
         )
     if isinstance(found, Compensation):
         warn_about(task or study, found.findings)
@@ -42,5 +43,5 @@ def command(study: Path, k: Path, task: Path | None, as_json: bool, out: Path | 
     if found.refused:
         # A line each: one of them all would be longer than a line may be, and be cut.
         for line in refused_lines(found.refused):
-            warn(f"{task or study}: {line}")
+            warn(line, task or study)
         end_partial()

@@ -119,7 +119,7 @@ def command(
     show(found, as_json, sampling.export)
     warn_about(study, found.study.warnings)
     for text in _harmful(found, robust):
-        warn(f"{measurements}: {text}")
+        warn(text, measurements)
 
 
 def _harmful(found: "Calibration | GeometricCalibration", robust: bool) -> Iterator[str]:

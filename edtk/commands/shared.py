@@ -243,15 +243,15 @@ def print_out(text: str) -> None:
     write_files({STANDARD_OUTPUT: text if text.endswith("\n") else f"{text}\n"})
 
 
-def warn(message: str) -> None:
-    """Print one line on standard error, as long as an error's at most."""
-    click.echo(shortened(f"edtk: {message}"), err=True)
+def warn(message: str, where: Path | None = None) -> None:
+    """Print one line on standard error, as an error would say it of that file."""
+    click.echo(f"edtk: {UserError(message, where=where)}", err=True)
 
 
 def warn_about(where: Path, findings: Iterable["Finding"]) -> None:
     """Print one line on standard error for each finding about a file."""
     for one in findings:
-        warn(f"{where}: {one}")
+        warn(str(one), where)
 
 
 def end_interrupted() -> NoReturn:

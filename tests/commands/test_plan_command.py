@@ -1,6 +1,7 @@
 """`edtk plan`: whole experiments that are what they are said to be, with a bound."""
 
 import json
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from forked_command import ForkedCommand
 from short_search import short_search
 
 from edtk.cli import main
+from edtk.design.relaxation.relax_poses import RelaxOptions
 from edtk.study.study import load_study
 
 pytestmark = pytest.mark.slow
@@ -297,10 +299,15 @@ def test_ctrl_c_leaves_the_best_plan(tmp_path, monkeypatch):
     assert answer["value"] == pytest.approx(evaluated["criteria"]["A"], rel=1e-8)
 
 
-def test_ctrl_c_leaves_a_plan_while_the_bound_is_sought(tmp_path):
+def test_ctrl_c_leaves_a_plan_while_the_bound_is_sought(tmp_path, monkeypatch):
     """Ctrl-C before the search has begun leaves a plan, rounded from the design so far."""
     study = write(tmp_path)
     options = ["--size", 6, "--criterion", "A", "--workers", 1, "--json"]
+    monkeypatch.setattr("edtk.commands.shared.SHOWN_AFTER_S", 0.0)
+    # No gap is small enough, so that the search for the bound does not end by itself.
+    endless = partial(RelaxOptions, tolerance=-1.0)
+    monkeypatch.setattr("edtk.study.plan_study.RelaxOptions", endless)
+    monkeypatch.setattr("edtk.design.relaxation.relax_poses.ROUNDS", 10**6)
     with ForkedCommand("plan", study, *options) as running:
         stdout, said = running.interrupted(b"bound: continuum")
     assert running.returncode == 130, said
