@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from edtk.findings.causes.family import Cause
-from edtk.findings.finding import Data, Finding, row_names
+from edtk.findings.finding import Data, Finding, row_names, shown_probability
 
 # One of each unit, in the unit that a sheet is to have.
 UNITS = {
@@ -165,7 +165,7 @@ def causes_words(data: Data) -> str:
     """A fault that explains the residuals, or two of which it is one."""
     cause = data["cause"]
     others = data["others"]
-    share = f"{100 * cause.explained:.3g} % of the misfit (p = {cause.p:.1g})"
+    share = f"{100 * cause.explained:.3g} % of the misfit (p {shown_probability(cause.p, 1)})"
     if not others:
         return f"{cause_wording(cause)}: that explains {share}"
     either = ", or ".join(cause_wording(one) for one in (cause, *others))

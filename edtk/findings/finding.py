@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Any
 
+LEAST = 1e-300  # probability below which a double has no digits left
 MOST_PARTS = 12  # single rows and runs of rows that a sentence names
 MOST_ROWS = 10  # rows that a sentence names one by one
 
@@ -84,6 +85,11 @@ def verdict(findings: Iterable[Finding]) -> str:
 def notes(findings: Iterable[Finding]) -> list[str]:
     """A line for each finding that does not keep from using the result."""
     return [f"note: {one.words}" for one in findings if one.severity is Severity.NOTE]
+
+
+def shown_probability(p: float, digits: int = 2) -> str:
+    """Write "= 0.015", or "< 1e-300" where a double would show a zero."""
+    return f"= {p:.{digits}g}" if p > LEAST else f"< {LEAST:g}"
 
 
 def row_names(rows: Sequence[int]) -> str:

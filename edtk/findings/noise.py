@@ -8,7 +8,7 @@ from edtk.findings.cause_wording import causes_words, no_cause_words
 from edtk.findings.causes.find_causes import UNEXPLAINED
 from edtk.findings.causes.try_faults import NO_NOISE
 from edtk.findings.causes.wrong_pose import FITS
-from edtk.findings.finding import Data, Finding, Severity, Wording, row_names
+from edtk.findings.finding import Data, Finding, Severity, Wording, row_names, shown_probability
 from edtk.findings.fitted_data import FittedData
 from edtk.findings.moving_joints import stated_repeatability
 from edtk.fit.distributions import chi_square_tail
@@ -226,7 +226,7 @@ def _no_residuals(data: Data) -> str:
 def _noise_above_sigma(data: Data) -> str:
     """Residuals larger than sigma allows."""
     p = data["p"]
-    likely = f"p = {p:.1g}" if p > 0 else "p < 1e-300"
+    likely = f"p {shown_probability(p, 1)}"
     scale = f"{data['scale']:.3g}"
     if data["caused"]:
         return f"the residuals are {scale} times what the stated noise allows ({likely})"
@@ -273,7 +273,8 @@ def _outliers(data: Data) -> str:
         text += f", {'up to ' if plural else ''}{1e3 * off:.2g} mm off"
     rest = data["p_rest"]
     if rest is not None and rest > FITS:
-        return f"{text}; the other rows fit without {'them' if plural else 'it'} (p = {rest:.2g})"
+        them = "them" if plural else "it"
+        return f"{text}; the other rows fit without {them} (p {shown_probability(rest)})"
     hidden = "; several can hide each other, a robust fit shows them all"
     return f"{text}{'' if data['robust'] else hidden}"
 
@@ -289,7 +290,7 @@ def _too_few_for_robust(data: Data) -> str:
 
 def _lack_of_fit(data: Data) -> str:
     """Repetitions that agree among themselves better than with the model."""
-    test = f"F = {data['F']:.3g}, p = {data['p']:.1g}"
+    test = f"F = {data['F']:.3g}, p {shown_probability(data['p'], 1)}"
     agree = f"repetitions of a pose agree with each other better than with the model ({test})"
     if not data["used"]:
         return f"{agree}: the model does not fit"
@@ -303,7 +304,7 @@ def _lack_of_fit(data: Data) -> str:
 
 def _moving_joints_words(data: Data) -> str:
     """One line that says what moves together, and what to write into the study."""
-    test = f"F = {data['F']:.3g}, p = {data['p']:.1g}"
+    test = f"F = {data['F']:.3g}, p {shown_probability(data['p'], 1)}"
     moved = f"by {1e3 * data['moved']:.2g} mm ({test}), as where joints do not return exactly"
     used = "it is taken into account, and " if data["used"] else ""
     write = f"{used}repeatability_deg = {data['joints']:.2g} in the study's [noise] states it"
@@ -320,7 +321,8 @@ def _repeatability_words(data: Data) -> str:
     size = f"{data['joints']:.2g} +- {data['std']:.1g} deg"
     return (
         f"visits say that joints return within {size}, stated {data['stated']:.3g} deg "
-        f"(p = {data['p']:.1g}): repeatability_deg in the study's [noise] is wrong, or poses are"
+        f"(p {shown_probability(data['p'], 1)}): repeatability_deg in the study's [noise] is "
+        "wrong, or poses are"
     )
 
 

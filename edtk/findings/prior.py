@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from edtk.findings.finding import Data, Finding, Severity, Wording
+from edtk.findings.finding import Data, Finding, Severity, Wording, shown_probability
 from edtk.findings.fitted_data import FittedData
 from edtk.fit.distributions import chi_square_tail, fisher_tail, normal_quantile, student_below
 from edtk.fit.identify import Identification
@@ -160,7 +160,7 @@ def _rests_on_prior(data: Data) -> str:
 def _prior_contradicted(data: Data) -> str:
     """A prior under which the estimate is improbable."""
     p = data["p"]
-    likely = f"p = {p:.1g}" if p > 1e-300 else "p < 1e-300"
+    likely = f"p {shown_probability(p, 1)}"
     if data["earlier"]:
         return (
             f"the earlier calibration contradicts the measurements ({likely}): one of them is "
@@ -185,8 +185,9 @@ def _known_contradicted(data: Data) -> str:
     """A known compliance that is measured as another one."""
     return (
         f"{data['parameters'][0]} is known as {data['value']:.3g} +- {data['std']:.1g} rad/(N m) "
-        f"and measured as {data['measured']:.3g} +- {data['left']:.1g} (p = {data['p']:.1g}), "
-        "which is taken: is the known value wrong, or something else that bends alike?"
+        f"and measured as {data['measured']:.3g} +- {data['left']:.1g} "
+        f"(p {shown_probability(data['p'], 1)}), which is taken: is the known value wrong, or "
+        "something else that bends alike?"
     )
 
 

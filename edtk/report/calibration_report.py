@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from edtk.calibration.calibration import Calibration
-from edtk.findings.finding import Finding
+from edtk.findings.finding import Finding, shown_probability
 from edtk.fit.identify import Identification
 from edtk.measure.cells import csv_text
 from edtk.measure.expected_error import ErrorBudget
@@ -23,7 +23,7 @@ from edtk.report.draw.residuals import ResidualPanel, drawn_rows, quantiles, res
 from edtk.report.figures import new_figure
 from edtk.report.page import QUALITY, Page, paragraph, picture, section, sentence, table, verdict
 from edtk.report.posterior_report import posterior_report
-from edtk.report.shown import digits, shown_probability
+from edtk.report.shown import digits
 from edtk.report.views.calibration import assumed_joints
 from edtk.study.study import Study
 from edtk.system.files import Content

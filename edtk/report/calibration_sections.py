@@ -4,7 +4,7 @@ import numpy as np
 
 from edtk.calibration.calibration import Calibration
 from edtk.findings.causes.family import NOISE, Cause
-from edtk.findings.finding import row_names
+from edtk.findings.finding import row_names, shown_probability
 from edtk.findings.noise import UNLIKELY_NOISE
 from edtk.fit.estimate_noise import NoiseEstimate
 from edtk.fit.measurements import Measurements
@@ -14,7 +14,6 @@ from edtk.report.draw.bars import error_budget
 from edtk.report.draw.plans import task_errors
 from edtk.report.figures import new_figure
 from edtk.report.page import facts, paragraph, picture, section, table
-from edtk.report.shown import shown_probability
 from edtk.report.views.calibration import ADVICE, NOT_IN_IT
 from edtk.study.study_model import describe_measured
 from edtk.system.typing import Array, Indices

@@ -15,7 +15,6 @@ UNKNOWN = 3  # where nothing is said of the uncertainty
 MOST = 6
 LEAST_PLACES = 2  # behind the point: three digits
 MOST_PLACES = 15  # a double has no more
-LEAST = 1e-300  # below it a double has no digits left
 
 
 def plain(text: str) -> str:
@@ -56,11 +55,6 @@ def digits(value: float, std: float, like: float | None = None) -> str:
 def _decade(value: float) -> int | None:
     """The power of ten with which a value is written."""
     return math.floor(math.log10(abs(value))) if value and math.isfinite(value) else None
-
-
-def shown_probability(p: float, digits: int = 2) -> str:
-    """Write "= 0.015", or "< 1e-300" where a double would show a zero."""
-    return f"= {p:.{digits}g}" if p > LEAST else f"< {LEAST:g}"
 
 
 def shown_unit(name: str) -> tuple[float, str]:

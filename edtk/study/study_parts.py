@@ -374,9 +374,13 @@ def designed_keys(study: Asked) -> dict[str, Any]:
 def counts_known(name: str) -> bool:
     """Whether plans for a criterion count how uncertain known compliances are.
 
-    It is about a task, or can be about a part of the parameters.
+    It is about a task, or can be about a part of the parameters. A name that no criterion has is
+    left to whoever makes it, and says where it stands.
     """
-    known = criteria.get(name)
+    try:
+        known = criteria.get(name)
+    except criteria.CriterionError:
+        return False
     part = issubclass(known, criteria.Relaxable) and known.monotone and known.convex
     return known.needs_target or (part and known.takes_interest and not known.needs_parameters)
 

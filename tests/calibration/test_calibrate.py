@@ -90,6 +90,7 @@ def test_rotations_too(save, tmp_path):
 
 KEYS = {
     "covariance_measured",
+    "covariance_all",
     "assumed_joints",
     "k",
     "std",

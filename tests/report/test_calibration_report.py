@@ -14,6 +14,7 @@ from scipy.stats import probplot
 
 from edtk.calibration.calibration import Calibration, Origin
 from edtk.calibration.propagation import calibration_budget
+from edtk.findings.finding import Finding, Severity
 from edtk.findings.fitted_data import FittedData
 from edtk.findings.springs import spring_findings
 from edtk.fit.measurements import Measurements, simulate
@@ -109,21 +110,31 @@ def test_nothing_is_wrong_if_nothing_is_noted():
     assert box.count("<p>") == 4
 
 
-def test_a_joint_that_the_loads_turn_is_named_where_the_sheet_does_not_fit():
-    """A joint that counts as known, and bends otherwise, may be the misfit: it is to be fitted."""
+@pytest.mark.parametrize(
+    ("known", "expected"),
+    [
+        ({}, "<p>Joint q2 counts as rigid, and the loads turn it: "),
+        ({"q2": 2 * STUDY.compliances[0]}, "less compliant than is taken: identify it"),
+    ],
+    ids=["rigid", "known"],
+)
+def test_a_joint_that_the_loads_turn_is_named_where_the_sheet_does_not_fit(known, expected):
+    """A joint that counts as rigid or known, and bends otherwise, is named: it is to be fitted."""
     joints = STUDY.to_dict()["joints"] | {"unknown": ["q3", "q4", "q5", "q6"]}
-    known = joints | {"known_rad_per_Nm": {"q2": 2 * STUDY.compliances[0]}}
     kept = dict(list(STUDY.specification.simulation.compliance_rad_per_Nm.items())[1:])
-    study = STUDY.replace(joints=known, simulation={"compliance_rad_per_Nm": kept})
+    study = STUDY.replace(
+        joints=joints | {"known_rad_per_Nm": known}, simulation={"compliance_rad_per_Nm": kept}
+    )
     found = calibrated(study=study)
     assert found.verdict == "bad"
-    assert "<p>Joint q2 counts as known, and the loads turn it: " in calibration_verdict(found)
+    assert expected in calibration_verdict(found)
 
 
 def test_a_headline_is_not_greener_than_a_warning(good):
     """What is hard to believe in the study stands in the box, and takes its green away."""
     study = STUDY.replace()
-    object.__setattr__(study, "warnings", ("test_pose.q_deg: are they in radians?",))
+    doubt = Finding(Severity.WARNING, "test_pose", "test_pose.q_deg: are they in radians?", {})
+    object.__setattr__(study, "warnings", (doubt,))
     found = replace(good[0], fitted=replace(good[0].fitted, study=study))
     box = calibration_verdict(found)
     assert level_of(box) == found.to_dict()["verdict"] == "usable"

@@ -6,7 +6,7 @@ import numpy as np
 
 from edtk.calibration.calibration import Calibration
 from edtk.calibration.posterior_check import PoseError
-from edtk.findings.finding import notes, row_names
+from edtk.findings.finding import notes, row_names, shown_probability
 from edtk.fit.estimate_noise import NoiseEstimate
 from edtk.fit.identify import Identification
 from edtk.measure.expected_error import ErrorBudget, JointPart
@@ -14,7 +14,7 @@ from edtk.measure.pose_table import TURN_COLUMN, coordinate_columns
 from edtk.report.draw.bars import intervals
 from edtk.report.draw.residuals import ResidualPanel, residuals
 from edtk.report.figures import panels
-from edtk.report.shown import digits, shown_probability
+from edtk.report.shown import digits
 from edtk.report.tables import name_width, notebook_table
 
 SHARE = 0.01  # of the total, from which a joint that is not identified is named

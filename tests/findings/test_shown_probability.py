@@ -2,7 +2,7 @@
 
 import pytest
 
-from edtk.report.shown import shown_probability
+from edtk.findings.finding import shown_probability
 
 
 @pytest.mark.parametrize(
