@@ -275,9 +275,9 @@ def test_quantiles_are_those_of_scipy(good, count):
 def test_in_a_browser(tmp_path, good):
     """A headless browser shows verdict and pictures, at desk and phone width, without an error.
 
-    All pages are frames of one, since a browser takes a second to start. A script that is added for
-    the test writes down what the browser made of each; nothing is wider than its screen, and no
-    letter of a picture smaller than nine pixels.
+    All pages are frames of one, since a browser takes a second to start. The outer page's script
+    writes down what the browser made of each; nothing is wider than its screen, and no letter of a
+    picture smaller than nine pixels.
     """
     options = SamplingOptions(Demand(0.3, length=10.0))
     sampled = calibration_report(good[0].sampled(np.random.default_rng(3), options))
