@@ -10,7 +10,7 @@ LIMITS = {
     "one_function": 3.5,
     "circles": 4,
     "questions": 2,
-    "constants": 14.1,
+    "constants": 14.0,
 }
 
 

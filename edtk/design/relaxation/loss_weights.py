@@ -1,6 +1,6 @@
 """The restricted master problem of a criterion that is the largest of several smooth losses."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -11,7 +11,9 @@ from criteria.curvature import Curvature
 from criteria.linalg.inverse import whitener
 from criteria.linalg.typing import triangle
 from edtk.design.relaxation.master_equations import (
+    SPREAD,
     ActiveInformation,
+    PathPoint,
     Solve,
     nearest_point,
     step_length,
@@ -19,15 +21,11 @@ from edtk.design.relaxation.master_equations import (
 )
 from edtk.system.typing import Array
 
-TOWARDS_BOUNDARY = 0.95  # part of the way to the boundary that a step may take
-LEAST_SHRINKING = 1e-4  # of the products of primal and dual in one step
-SPREAD = 0.5  # part of the first weights that is spread over all candidates
 ABOVE = 0.5  # how far the first t is above the largest loss
 INSIDE = 0.5  # the largest sensitivity at the first point, where one is allowed
 HALVINGS = 40  # of an interval for t; what remains of it is nothing beside the interval
 # Slacks further than so many gaps from the slopes are brought back to them before the next step.
 ASTRAY = 1.0
-SHORTEST = 1e-6  # a shorter step counts as none
 
 
 def loss_weights(
@@ -62,7 +60,17 @@ def loss_weights(
 
 
 @dataclass(frozen=True, eq=False)
-class _Point:
+class _Direction:
+    """Changes of weights and slacks (k,), of duals (j,), and of what the losses leave (j,)."""
+
+    w: Array
+    s: Array
+    u: Array
+    c: Array
+
+
+@dataclass(frozen=True, eq=False)
+class _Point(PathPoint[_Direction]):
     """Weights, duals, and what follows from them.
 
     Attributes:
@@ -131,45 +139,34 @@ class _Point:
         return float(self.w @ self.s + self.u @ self.c)
 
     @property
+    def count(self) -> int:
+        """Number of products of primal and dual."""
+        return len(self.w) + len(self.u)
+
+    @property
     def mu(self) -> float:
         """Mean product of primal and dual."""
-        return self.gap / (len(self.w) + len(self.u))
+        return self.gap / self.count
+
+    @property
+    def is_astray(self) -> bool:
+        """Whether slacks are far from the slopes."""
+        return bool(np.abs(self.missing).max() > ASTRAY * self.gap)
 
     @cached_property
     def error(self) -> float:
         """The gap, or what the equations miss."""
         return max(self.gap, float(np.abs(self.missing).max()))
 
-    def step(self) -> "_Point | None":
-        """The next point; None where no step makes progress."""
-        solve = self._equations()
-        mu = self.mu
-        zero = np.zeros_like(self.u)
-        dw, dt, ds, du = self._direction(solve, 0.0, np.zeros_like(self.w), zero)
-        dc = dt - self.J @ dw
-        primal, dual = self._lengths(dw, dc, ds, du)
-        reached = (self.w + primal * dw) @ (self.s + dual * ds)
-        reached += np.maximum(self.c + primal * dc, 0.0) @ (self.u + dual * du)
-        ratio = float(reached) / self.gap
-        target = mu * min(1.0, max(ratio**3, LEAST_SHRINKING))
-        lost = dw * ds
-        lost_of_losses = dc * du
-        if np.abs(self.missing).max() > ASTRAY * self.gap:
-            target = mu
-            lost = np.zeros_like(lost)
-            lost_of_losses = zero
-        dw, dt, ds, du = self._direction(solve, target, lost, lost_of_losses)
-        primal, dual = self._lengths(dw, dt - self.J @ dw, ds, du)
-        s = self.s + dual * ds
-        u = self.u + dual * du
-        while primal > SHORTEST:
-            w = self.w + primal * dw
-            found = _Point(self.losses, self.active, w, self.room, s, u / u.sum())
-            # The h_j are convex: they fall less than their slopes say.
-            if found.h.max() <= self.h.max() + self.room + self.gap:
-                return replace(found, room=found.central_room(float(w @ s) / len(w)))
-            primal *= 0.5
-        return None
+    def moved(self, along: _Direction, primal: float, dual: float) -> "_Point | None":
+        """The point there; the h_j are convex, and fall less than their slopes say."""
+        w = self.w + primal * along.w
+        s = self.s + dual * along.s
+        u = self.u + dual * along.u
+        found = _Point(self.losses, self.active, w, self.room, s, u / u.sum())
+        if found.h.max() > self.h.max() + self.room + self.gap:
+            return None
+        return replace(found, room=found.central_room(float(w @ s) / len(w)))
 
     def central_room(self, mu: float) -> float:
         """The room with ``sum_j mu / c_j = 1``, as on the central path, where the duals are so.
@@ -187,32 +184,41 @@ class _Point:
                 high = middle
         return high
 
-    def _direction(
-        self, solve: Solve, mu: float, lost: Array, lost_of_losses: Array
-    ) -> tuple[Array, float, Array, Array]:
-        """Changes of w, t, s and u towards the products mu, less those that the predictor leaves.
+    def directions(self) -> Callable[[float, _Direction | None], _Direction]:
+        """From products and the predictor to changes of weights, slacks and duals.
 
         With ``q_j = u_j / c_j`` the duals change by ``du = a - q (dt - J dw)``, whose sum is zero.
         """
+        solve = self._equations()
         q = self.u / self.c
-        products = mu - self.w * self.s - lost
-        a = (mu - self.c * self.u - lost_of_losses) / self.c
-        free = a - q * (a.sum() / q.sum())
-        dw = solve(products / self.w - self.missing - self.J.T @ free)
-        along = self.J @ dw
-        dt = float((a.sum() + q @ along) / q.sum())
-        ds = (products - self.s * dw) / self.w
-        return dw, dt, ds, a - q * (dt - along)
 
-    def _lengths(self, dw: Array, dc: Array, ds: Array, du: Array) -> tuple[float, float]:
+        def direction(mu: float, predictor: _Direction | None) -> _Direction:
+            lost = np.zeros_like(self.w)
+            lost_of_losses = np.zeros_like(self.u)
+            if predictor is not None:
+                lost = predictor.w * predictor.s
+                lost_of_losses = predictor.c * predictor.u
+            products = mu - self.w * self.s - lost
+            a = (mu - self.c * self.u - lost_of_losses) / self.c
+            free = a - q * (a.sum() / q.sum())
+            dw = solve(products / self.w - self.missing - self.J.T @ free)
+            along = self.J @ dw
+            dt = float((a.sum() + q @ along) / q.sum())
+            ds = (products - self.s * dw) / self.w
+            return _Direction(dw, ds, a - q * (dt - along), dt - along)
+
+        return direction
+
+    def lengths(self, along: _Direction) -> tuple[float, float]:
         """How far primal and dual may go."""
-        primal = min(
-            step_length(self.w, dw, TOWARDS_BOUNDARY), step_length(self.c, dc, TOWARDS_BOUNDARY)
-        )
-        dual = min(
-            step_length(self.s, ds, TOWARDS_BOUNDARY), step_length(self.u, du, TOWARDS_BOUNDARY)
-        )
-        return primal, dual
+        primal = min(step_length(self.w, along.w), step_length(self.c, along.c))
+        return primal, min(step_length(self.s, along.s), step_length(self.u, along.u))
+
+    def products_after(self, along: _Direction, primal: float, dual: float) -> float:
+        """Of weights and slacks, and of what the losses leave and their duals."""
+        reached = (self.w + primal * along.w) @ (self.s + dual * along.s)
+        left = np.maximum(self.c + primal * along.c, 0.0)
+        return float(reached + left @ (self.u + dual * along.u))
 
     def _equations(self) -> Solve:
         """The equations of a step: ``sum u_j h_j'' + S/W + J' (Q - q q' / sum q) J``."""

@@ -1,9 +1,9 @@
-"""What methods for restricted masters share: equations, information, lengths and ends of steps."""
+"""What methods for restricted masters share: the central path, equations and information."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol, Self, TypeVar
+from typing import Any, ClassVar, Generic, Protocol, Self, TypeVar
 
 import numpy as np
 
@@ -14,7 +14,9 @@ from edtk.design.problem import Problem
 from edtk.design.relaxation.proof import experiment_blocks
 from edtk.system.typing import Array, Indices
 
-STEPS = 60
+TOWARDS_BOUNDARY = 0.95  # part of the way to the boundary that a step may take
+SHORTEST = 1e-6  # a shorter step counts as none
+SPREAD = 0.5  # part of the first weights that is spread over all candidates
 # Order up to which whole matrices are as quick as rows, which of packed candidates would have to
 # be factorized first.
 SMALL = 12
@@ -28,7 +30,7 @@ MOST_FEW = 1000  # candidates whose own equations are affordable where it is lar
 LOST = 1e10
 
 
-def step_length(x: Array, dx: Array, most: float) -> float:
+def step_length(x: Array, dx: Array, most: float = TOWARDS_BOUNDARY) -> float:
     """The length, at most one, of a step along dx (k,) from x (k,) above zero.
 
     Args:
@@ -40,28 +42,92 @@ def step_length(x: Array, dx: Array, most: float) -> float:
     return float(min(1.0, most / fastest)) if fastest > 0 else 1.0
 
 
-class Point(Protocol):
-    """A point of such a path."""
+Along = TypeVar("Along")
+
+
+class PathPoint(ABC, Generic[Along]):
+    """A point inside all constraints, on its way to an optimum along the central path.
+
+    On that path the products of primal numbers and their duals, which are complementary at an
+    optimum, are all the same mu. Mehrotra's predictor, a step straight to the optimum, tells how
+    small the next mu can be, and which products of changes the corrector has to make up for
+    (Nocedal and Wright, Numerical Optimization, chapter 14).
+
+    Attributes:
+        steps: Steps at most; ten are the rule.
+        least_shrinking: Of the products in one step.
+        worse: Factor by which rounding raises the error again, after which no step helps.
+    """
+
+    steps: ClassVar[int] = 60
+    least_shrinking: ClassVar[float] = 1e-4
+    worse: ClassVar[float] = float("inf")
 
     @property
+    @abstractmethod
+    def count(self) -> int:
+        """Number of products."""
+
+    @property
+    @abstractmethod
+    def mu(self) -> float:
+        """Their mean."""
+
+    @property
+    @abstractmethod
     def error(self) -> float:
-        """How far the conditions are from holding."""
-        ...
+        """How far the conditions of an optimum are from holding."""
+
+    @property
+    def is_astray(self) -> bool:
+        """Whether the equations of the duals have to be met before the products may shrink."""
+        return False
+
+    @abstractmethod
+    def directions(self) -> Callable[[float, Along | None], Along]:
+        """The equations of a step, factorized: from mu and the predictor, if any, to changes."""
+
+    @abstractmethod
+    def lengths(self, along: Along) -> tuple[float, float]:
+        """How far primal and dual may go along some changes."""
+
+    @abstractmethod
+    def products_after(self, along: Along, primal: float, dual: float) -> float:
+        """The sum of the products at the end of such a step."""
+
+    @abstractmethod
+    def moved(self, along: Along, primal: float, dual: float) -> Self | None:
+        """The point there; None where it is not inside, or no better."""
 
     def step(self) -> Self | None:
         """The next point; None where no step leads nearer."""
-        ...
+        direction = self.directions()
+        predictor = direction(0.0, None)
+        reached = self.products_after(predictor, *self.lengths(predictor))
+        ratio = reached / (self.mu * self.count)
+        if self.is_astray:
+            along = direction(self.mu, None)
+        else:
+            target = self.mu * min(1.0, max(ratio**3, self.least_shrinking))
+            along = direction(target, predictor)
+        primal, dual = self.lengths(along)
+        while primal > SHORTEST:
+            found = self.moved(along, primal, dual)
+            if found is not None:
+                return found
+            primal *= 0.5
+        return None
 
 
-P = TypeVar("P", bound=Point)
+P = TypeVar("P", bound=PathPoint[Any])
 
 
 def nearest_point(first: P, accuracy: float) -> P:
     """The point of the least error among those of the path, which ends below an accuracy."""
     point = first
     best = first
-    for _ in range(STEPS):
-        if best.error <= accuracy:
+    for _ in range(first.steps):
+        if best.error <= accuracy or point.error > first.worse * best.error:
             break
         try:
             step = point.step()

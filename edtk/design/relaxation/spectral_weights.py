@@ -1,7 +1,9 @@
 """The restricted master problem of a criterion of extreme eigenvalues."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 
@@ -9,20 +11,18 @@ from criteria.linalg.inverse import whitener
 from criteria.linalg.typing import triangle
 from criteria.relaxable import SpectralBand
 from edtk.design.relaxation.master_equations import (
+    SPREAD,
     ActiveInformation,
     ConicSolve,
+    PathPoint,
     conic_equations,
     definite_duals,
+    nearest_point,
     step_length,
 )
 from edtk.system.typing import Array
 
-STEPS = 40
-TOWARDS_BOUNDARY = 0.95  # part of the way to the boundary that a step may take
-LEAST_SHRINKING = 1e-6  # of the products of primal and dual in one step
 INSIDE = 2.0  # how far inside its constraints the first point lies
-WORSE = 2.0  # factor by which rounding raises the error again, after which no step helps
-SPREAD = 0.5  # part of the first weights that is spread over all candidates
 # Part of a point well inside that a start from an earlier answer keeps: that answer may be exact,
 # and lies on the boundary then.
 INWARD = 1e-10
@@ -57,18 +57,17 @@ class Scaling:
         right[:, each, each] += mu - self.l**2
         return 2.0 * right / (self.l[:, :, None] + self.l[:, None])
 
-    def lengths(self, X: Array, S: Array, most: float) -> tuple[float, float]:
+    def lengths(self, X: Array, S: Array) -> tuple[float, float]:
         """How far steps along X and S (c, p, p) may go, in these parameters.
 
         Args:
             X: Changes of the inequalities.
             S: Changes of their duals.
-            most: Part of the way to the boundary that a step may go.
         """
         root = np.sqrt(self.l)
         both = np.stack([X, S]) / (root[:, :, None] * root[:, None])
         eigenvalues = np.linalg.eigvalsh(both).reshape(2, -1)
-        primal, dual = (step_length(np.ones_like(part), part, most) for part in eigenvalues)
+        primal, dual = (step_length(np.ones_like(part), part) for part in eigenvalues)
         return primal, dual
 
 
@@ -89,11 +88,6 @@ class SpectralDirection:
     v: Array
     X: Array
     S: Array
-
-    def lengths(self, w: Array, v: Array, scaling: Scaling, most: float) -> tuple[float, float]:
-        """How far primal and dual may go, from weights w, slacks v and inequalities inside."""
-        primal, dual = scaling.lengths(self.X, self.S, most)
-        return min(step_length(w, self.w, most), primal), min(step_length(v, self.v, most), dual)
 
 
 def spectral_weights(
@@ -130,16 +124,7 @@ def spectral_weights(
     point = _Point.first(band, active, T, start)
     if near is not None:
         point = point.towards(start, near)
-    best = point
-    for _ in range(STEPS):
-        if best.error <= accuracy or point.error > WORSE * best.error:
-            break
-        try:
-            point = point.step()
-            best = point if point.error < best.error else best
-        except np.linalg.LinAlgError:
-            # Where matrices are singular to rounding, the answer is as good as it can be.
-            break
+    best = nearest_point(point, accuracy)
     Z = best.multiplier
     if band.is_graded:
         # A proof takes both parts from the multiplier. The small one is far below the rounding of
@@ -150,7 +135,7 @@ def spectral_weights(
 
 
 @dataclass(frozen=True, eq=False)
-class _Point:
+class _Point(PathPoint[SpectralDirection]):
     """A point inside all constraints, in the parameters that T whitens.
 
     Attributes:
@@ -162,6 +147,10 @@ class _Point:
         v: Dual slacks (k,).
         duals: Y, and Z where there is an upper bound (c, p, p); Z is in the parameters of R.
     """
+
+    steps: ClassVar[int] = 40
+    least_shrinking: ClassVar[float] = 1e-6
+    worse: ClassVar[float] = 2.0
 
     band: SpectralBand
     active: ActiveInformation
@@ -287,30 +276,30 @@ class _Point:
         lost = float(np.abs(missing).max() * self.w.sum()) + abs(upper) * self.kappa
         return max(self.mu * self.count, lost) / self.objective
 
-    def step(self) -> "_Point":
-        """The next point."""
-        equations = self._equations()
-        predictor = equations.direction(0.0, np.zeros_like(self.w), np.zeros_like(self.duals))
-        primal, dual = predictor.lengths(self.w, self.v, self.scaling, TOWARDS_BOUNDARY)
-        reached = (self.w + primal * predictor.w) @ (self.v + dual * predictor.v)
-        same = self.scaling.l[:, :, None] * np.eye(len(self.T))
-        reached += np.vdot(same + primal * predictor.X, same + dual * predictor.S)
-        ratio = float(reached) / (self.mu * self.count)
-        target = self.mu * min(1.0, max(ratio**3, LEAST_SHRINKING))
-        lost = predictor.X @ predictor.S
-        lost = 0.5 * (lost + np.swapaxes(lost, 1, 2))
-        return self._moved(equations.direction(target, predictor.w * predictor.v, lost))
+    def lengths(self, along: SpectralDirection) -> tuple[float, float]:
+        """How far primal and dual may go, from weights, slacks and inequalities inside."""
+        primal, dual = self.scaling.lengths(along.X, along.S)
+        return min(step_length(self.w, along.w), primal), min(step_length(self.v, along.v), dual)
 
-    def _moved(self, direction: SpectralDirection) -> "_Point":
-        """The point at the end of a step."""
-        primal, dual = direction.lengths(self.w, self.v, self.scaling, TOWARDS_BOUNDARY)
+    def products_after(self, along: SpectralDirection, primal: float, dual: float) -> float:
+        """Of weights and slacks, and of inequalities and their duals, which are the same here."""
+        reached = (self.w + primal * along.w) @ (self.v + dual * along.v)
+        same = self.scaling.l[:, :, None] * np.eye(len(self.T))
+        return float(reached + np.vdot(same + primal * along.X, same + dual * along.S))
+
+    def moved(self, along: SpectralDirection, primal: float, dual: float) -> "_Point":
+        """The point at the end of a step, all of which are inside."""
         H = self.scaling.H
-        change = np.swapaxes(H, 1, 2) @ direction.S @ H
+        change = np.swapaxes(H, 1, 2) @ along.S @ H
         duals = self.duals + 0.5 * dual * (change + np.swapaxes(change, 1, 2))
-        w = self.w + primal * direction.w
-        kappa = self.kappa + primal * direction.kappa
-        v = self.v + dual * direction.v
+        w = self.w + primal * along.w
+        kappa = self.kappa + primal * along.kappa
+        v = self.v + dual * along.v
         return _Point(self.band, self.active, self.T, w, kappa, v, duals)
+
+    def directions(self) -> "Callable[[float, SpectralDirection | None], SpectralDirection]":
+        """From products and the predictor to a direction."""
+        return self._equations().direction
 
     def _equations(self) -> "_Equations":
         """The equations of a step, factorized."""
@@ -344,15 +333,15 @@ class _Equations:
     last: Array | None
     solve: ConicSolve
 
-    def direction(self, mu: float, lost: Array, lost_in_cones: Array) -> SpectralDirection:
-        """The direction to the products mu, where the predictor leaves products out.
-
-        Args:
-            mu: Products of primal and dual to aim at.
-            lost: Products (k,) of the changes of weights and slacks.
-            lost_in_cones: Products (c, p, p) of those of the inequalities.
-        """
+    def direction(self, mu: float, predictor: SpectralDirection | None) -> SpectralDirection:
+        """The direction to the products mu, less those of the predictor's changes."""
         point = self.point
+        lost = np.zeros_like(point.w)
+        lost_in_cones = np.zeros_like(point.duals)
+        if predictor is not None:
+            lost = predictor.w * predictor.v
+            changes = predictor.X @ predictor.S
+            lost_in_cones = 0.5 * (changes + np.swapaxes(changes, 1, 2))
         rows, columns = triangle(len(point.T))
         scale = np.where(rows == columns, 1.0, np.sqrt(2.0))
         wanted = point.scaling.change(mu, lost_in_cones)[:, rows, columns] * scale

@@ -1,5 +1,6 @@
 """The restricted master problem of a criterion that is the largest of several variances."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -8,7 +9,9 @@ import numpy as np
 from criteria.linalg.inverse import whitener
 from criteria.linalg.typing import triangle
 from edtk.design.relaxation.master_equations import (
+    SPREAD,
     ActiveInformation,
+    PathPoint,
     Solve,
     nearest_point,
     step_length,
@@ -16,15 +19,11 @@ from edtk.design.relaxation.master_equations import (
 )
 from edtk.system.typing import Array
 
-TOWARDS_BOUNDARY = 0.95  # part of the way to the boundary that a step may take
-LEAST_SHRINKING = 1e-4  # of the products of primal and dual in one step
 INSIDE = 0.5  # the largest variance of the first point, where one is allowed
-SPREAD = 0.5  # part of the first weights that is spread over all candidates
 LEFT = 0.01  # part of the distance from the largest variance that a step must leave
 # Slacks further than so many gaps from the slopes are brought back to them before the next step:
 # the slopes change fast where few candidates tell much.
 ASTRAY = 10.0
-SHORTEST = 1e-6  # a shorter step counts as none
 # Part of a point well inside that a start from an earlier answer keeps: that answer may be exact,
 # and its weights and slacks then are zeros, between which no path is.
 INWARD = 1e-10
@@ -70,7 +69,17 @@ def variance_weights(
 
 
 @dataclass(frozen=True, eq=False)
-class _Point:
+class _Direction:
+    """Changes of weights and slacks (k,), of duals and of variances (j,), these to first order."""
+
+    w: Array
+    s: Array
+    u: Array
+    variances: Array
+
+
+@dataclass(frozen=True, eq=False)
+class _Point(PathPoint[_Direction]):
     """Weights, duals, and what follows from them.
 
     Attributes:
@@ -173,9 +182,14 @@ class _Point:
         return 1.0 - self.active.sensitivities(self.multiplier) - self.s
 
     @property
+    def count(self) -> int:
+        """Number of products of primal and dual."""
+        return len(self.w) + len(self.u)
+
+    @property
     def mu(self) -> float:
         """Mean product of primal and dual."""
-        return float(self.w @ self.s + self.u @ self.c) / (len(self.w) + len(self.u))
+        return float(self.w @ self.s + self.u @ self.c) / self.count
 
     @cached_property
     def error(self) -> float:
@@ -185,56 +199,49 @@ class _Point:
     @property
     def gap(self) -> float:
         """Relative gap of primal and dual."""
-        return float(self.mu * (len(self.w) + len(self.u)) / self.w.sum())
+        return float(self.mu * self.count / self.w.sum())
 
-    def step(self) -> "_Point | None":
-        """The next point; None where no step makes progress."""
+    @property
+    def is_astray(self) -> bool:
+        """Whether slacks are far from the slopes."""
+        return bool(np.abs(self.missing).max() > ASTRAY * self.gap)
+
+    def directions(self) -> Callable[[float, _Direction | None], _Direction]:
+        """From products and the predictor to changes of weights, slacks and duals."""
         solve, J = self._equations()
-        mu = self.mu
-        zero = np.zeros_like(self.u)
-        dw, ds, du = self._direction(solve, J, 0.0, np.zeros_like(self.w), zero)
-        primal, dual = self._lengths(dw, ds, du, J)
-        w = self.w + primal * dw
-        c = self.c - primal * (J @ dw)
-        reached = w @ (self.s + dual * ds) + np.maximum(c, 0.0) @ (self.u + dual * du)
-        ratio = float(reached) / (mu * (len(w) + len(c)))
-        target = mu * min(1.0, max(ratio**3, LEAST_SHRINKING))
-        lost = dw * ds
-        lost_of_variances = -(J @ dw) * du
-        if np.abs(self.missing).max() > ASTRAY * self.gap:
-            target = mu
-            lost = np.zeros_like(lost)
-            lost_of_variances = zero
-        dw, ds, du = self._direction(solve, J, target, lost, lost_of_variances)
-        primal, dual = self._lengths(dw, ds, du, J)
-        while primal > SHORTEST:
-            w = self.w + primal * dw
-            found = _Point(self.rows, self.active, w, self.s + dual * ds, self.u + dual * du)
-            # The variances are convex: they fall less than their slopes say.
-            if (found.c > LEFT * self.c).all():
-                return found
-            primal *= 0.5
-        return None
 
-    def _direction(
-        self, solve: Solve, J: Array, mu: float, lost: Array, lost_of_variances: Array
-    ) -> tuple[Array, Array, Array]:
-        """Changes of w, s and u towards the products mu, less those that the predictor leaves."""
-        products = mu - self.w * self.s - lost
-        of_variances = (mu - self.c * self.u - lost_of_variances) / self.c
-        dw = solve(products / self.w - self.missing - J.T @ of_variances)
-        ds = (products - self.s * dw) / self.w
-        du = of_variances + self.u / self.c * (J @ dw)
-        return dw, ds, du
+        def direction(mu: float, predictor: _Direction | None) -> _Direction:
+            lost = np.zeros_like(self.w)
+            lost_of_variances = np.zeros_like(self.u)
+            if predictor is not None:
+                lost = predictor.w * predictor.s
+                lost_of_variances = -predictor.variances * predictor.u
+            products = mu - self.w * self.s - lost
+            of_variances = (mu - self.c * self.u - lost_of_variances) / self.c
+            dw = solve(products / self.w - self.missing - J.T @ of_variances)
+            along = J @ dw
+            ds = (products - self.s * dw) / self.w
+            return _Direction(dw, ds, of_variances + self.u / self.c * along, along)
 
-    def _lengths(self, dw: Array, ds: Array, du: Array, J: Array) -> tuple[float, float]:
+        return direction
+
+    def lengths(self, along: _Direction) -> tuple[float, float]:
         """How far primal and dual may go."""
-        primal = step_length(self.w, dw, TOWARDS_BOUNDARY)
-        primal = min(primal, step_length(self.c, -(J @ dw), TOWARDS_BOUNDARY))
-        dual = min(
-            step_length(self.s, ds, TOWARDS_BOUNDARY), step_length(self.u, du, TOWARDS_BOUNDARY)
-        )
-        return primal, dual
+        primal = min(step_length(self.w, along.w), step_length(self.c, -along.variances))
+        return primal, min(step_length(self.s, along.s), step_length(self.u, along.u))
+
+    def products_after(self, along: _Direction, primal: float, dual: float) -> float:
+        """Of weights and slacks, and of what variances leave and their duals."""
+        c = self.c - primal * along.variances
+        reached = (self.w + primal * along.w) @ (self.s + dual * along.s)
+        return float(reached + np.maximum(c, 0.0) @ (self.u + dual * along.u))
+
+    def moved(self, along: _Direction, primal: float, dual: float) -> "_Point | None":
+        """The point there; the variances are convex, and fall less than their slopes say."""
+        w = self.w + primal * along.w
+        s = self.s + dual * along.s
+        found = _Point(self.rows, self.active, w, s, self.u + dual * along.u)
+        return found if (found.c > LEFT * self.c).all() else None
 
     def _equations(self) -> tuple[Solve, Array]:
         """The equations of a step, and the slopes J (j, k) of the variances."""
