@@ -1,10 +1,8 @@
 """The first thing that is certainly wrong in measurements."""
 
-import numpy as np
-
 from edtk.findings.finding import Data, Finding, Severity, Wording
 from edtk.findings.fitted_data import FittedData
-from edtk.measure.pose_table import pose_columns, pose_factors
+from edtk.findings.match_plan import other_pose
 
 CHANCE = 1e-3  # probability of equal rows up to which they are copies
 
@@ -23,35 +21,12 @@ def copied_rows(fitted: FittedData) -> Finding | None:
     )
 
 
-def other_pose(fitted: FittedData) -> Finding | None:
-    """Find the first measured pose that is not planned, and the column that is farthest off."""
-    match = fitted.match
-    if fitted.plan is None or match is None:
+def _other_pose(fitted: FittedData) -> Finding | None:
+    """The first measured pose that is not planned."""
+    if fitted.plan is None or fitted.match is None:
         return None
-    rows = np.flatnonzero(match.distance > match.within)
-    if not len(rows):
-        return None
-    robot = fitted.study.robot
-    row = int(rows[0])
-    nearest = int(match.pose[row])
-    change = robot.shown_change(fitted.data.q[row] - fitted.plan.q[nearest])
-    off = np.abs(change) / pose_factors(robot)
-    joint = int(off.argmax())
-    data = {
-        "nearest": nearest,
-        "distance": float(match.distance[row]),
-        "within": match.within,
-        "unit": "mm" if robot.joints[joint].kind == "prismatic" else "deg",
-        "others": len(rows) - 1,
-    }
-    return Finding.of(
-        Severity.ALARM,
-        WORDING,
-        "other_pose",
-        rows=(row,),
-        columns=(pose_columns(robot)[joint],),
-        **data,
-    )
+    rows = [(row,) for row in range(len(fitted.data))]
+    return other_pose(fitted.study, fitted.data, fitted.plan, fitted.match, rows)
 
 
 def misread_columns(fitted: FittedData) -> Finding | None:
@@ -69,18 +44,7 @@ def find_input_error(fitted: FittedData) -> Finding | None:
     Returns:
         The error, with its rows and columns; None if the measurements have none.
     """
-    return other_pose(fitted) or copied_rows(fitted) or misread_columns(fitted)
-
-
-def _other_pose(data: Data) -> str:
-    """A measured pose that is not planned."""
-    more = f"; {data['others']} more rows are not either" if data["others"] else ""
-    return (
-        f"row {data['rows'][0] + 1}, column {data['columns'][0]}: the pose is not in the plan; the "
-        f"nearest planned one, row {data['nearest'] + 1}, is {data['distance']:.3g} "
-        f"{data['unit']} away; expected {data['within']:.3g} at most (plan_resolution_deg in the "
-        f"study's [workspace] allows more){more}"
-    )
+    return _other_pose(fitted) or copied_rows(fitted) or misread_columns(fitted)
 
 
 def twins(data: Data) -> str:
@@ -96,7 +60,4 @@ def _copied_rows(data: Data) -> str:
     return f"{twins(data)}; expected measurements anew"
 
 
-WORDING: Wording = {
-    "other_pose": _other_pose,
-    "copied_rows": _copied_rows,
-}
+WORDING: Wording = {"copied_rows": _copied_rows}

@@ -1,14 +1,17 @@
 """Which experiment of a plan each measurement is one of, and rows that are equal."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
 from edtk.design.plan import Plan
+from edtk.findings.finding import Data, Finding, Severity, Wording, row_names
 from edtk.fit.correlated_noise import row_numbers
 from edtk.fit.distributions import poisson_tail
 from edtk.fit.measurements import Measurements
-from edtk.measure.pose_table import DIGITS, pose_factors
+from edtk.measure.pose_table import DIGITS, pose_columns, pose_factors
 from edtk.study.study import Study
 from edtk.system.typing import Array, Indices
 
@@ -138,7 +141,19 @@ def like_rounding(size: float, rounding: float) -> bool:
 LEAST = 10.0**-DIGITS  # [deg, mm]: plans have so many digits
 
 
-def pose_resolution(study: Study, data: Measurements | None = None) -> float:
+class Visits(Protocol):
+    """What was measured in some poses under loads: displacements, or positions."""
+
+    @property
+    def q(self) -> Array:
+        """Joint variables (m, n) [rad or m]."""
+
+    @property
+    def wrench(self) -> Array:
+        """Forces and torques (m, 6) [N, N m]."""
+
+
+def pose_resolution(study: Study, data: Visits | None = None) -> float:
     """The digits that poses are written with [deg, mm].
 
     Those are the study's `plan_resolution_deg`, or the digits of the sheet if these are fewer.
@@ -186,7 +201,7 @@ class PlanMatch:
     within: float
 
 
-def match_plan(study: Study, data: Measurements, plan: Plan) -> PlanMatch:
+def match_plan(study: Study, data: Visits, plan: Plan) -> PlanMatch:
     """Find each measurement's experiment by its pose, and among several in one pose by its load.
 
     Args:
@@ -233,3 +248,60 @@ def _most_similar(planned: Array, applied: Array) -> int:
 def _direction(wrench: Array) -> Array:
     """Unit wrenches (k, 6); a wrench that is zero stays so."""
     return wrench / np.maximum(np.linalg.norm(wrench, axis=1, keepdims=True), 1e-300)
+
+
+def other_pose(
+    study: Study, data: Visits, plan: Plan, match: PlanMatch, rows: Sequence[Sequence[int]]
+) -> Finding | None:
+    """Find the first measured pose that is not planned, and the column that is farthest off.
+
+    Args:
+        study: Names the joints.
+        data: The measurements.
+        plan: The plan that was to be carried out.
+        match: How they go together.
+        rows: Rows of the file that each measurement is in, counted from 0.
+    """
+    others = np.flatnonzero(match.distance > match.within).tolist()
+    if not others:
+        return None
+    robot = study.robot
+    first = others[0]
+    nearest = int(match.pose[first])
+    off = np.abs(robot.shown_change(data.q[first] - plan.q[nearest])) / pose_factors(robot)
+    joint = int(off.argmax())
+    return Finding.of(
+        Severity.ALARM,
+        WORDING,
+        "other_pose",
+        rows=(rows[first][0],),
+        columns=(pose_columns(robot)[joint],),
+        nearest=nearest,
+        distance=float(match.distance[first]),
+        within=match.within,
+        unit="mm" if robot.joints[joint].kind == "prismatic" else "deg",
+        others=sum(len(rows[i]) for i in others) - 1,
+    )
+
+
+def not_measured(match: PlanMatch) -> list[Finding]:
+    """Name the planned experiments without a measurement."""
+    missing = tuple(match.missing.tolist())
+    return [Finding.of(Severity.WARNING, WORDING, "not_measured", rows=missing)] if missing else []
+
+
+def _other_pose(data: Data) -> str:
+    """A measured pose that is not planned."""
+    more = f"; {data['others']} more rows are not either" if data["others"] else ""
+    return (
+        f"row {data['rows'][0] + 1}, column {data['columns'][0]}: the pose is not in the plan; the "
+        f"nearest planned one, row {data['nearest'] + 1}, is {data['distance']:.3g} "
+        f"{data['unit']} away; expected {data['within']:.3g} at most (plan_resolution_deg in the "
+        f"study's [workspace] allows more){more}"
+    )
+
+
+WORDING: Wording = {
+    "other_pose": _other_pose,
+    "not_measured": lambda data: f"{row_names(data['rows'])} of the plan: not measured",
+}

@@ -7,7 +7,7 @@ import numpy as np
 from edtk.findings.finding import Data, Finding, Severity, Wording, row_names
 from edtk.findings.fitted_data import FittedData
 from edtk.findings.input_errors import find_input_error, twins
-from edtk.findings.match_plan import pose_resolution
+from edtk.findings.match_plan import not_measured, pose_resolution
 from edtk.findings.noise import (
     cause_findings,
     noise_findings,
@@ -60,9 +60,8 @@ def input_findings(fitted: FittedData) -> Iterator[Finding]:
 def pose_findings(fitted: FittedData) -> Iterator[Finding]:
     """Name the first pose beyond the limits, and the planned experiments without a measurement."""
     yield from _limits(fitted)
-    if fitted.match is not None and len(fitted.match.missing):
-        rows = tuple(fitted.match.missing.tolist())
-        yield Finding.of(Severity.WARNING, WORDING, "not_measured", rows=rows)
+    if fitted.match is not None:
+        yield from not_measured(fitted.match)
 
 
 def _limits(fitted: FittedData) -> Iterator[Finding]:
@@ -344,11 +343,6 @@ def _beyond_limits(data: Data) -> str:
     )
 
 
-def _not_measured(data: Data) -> str:
-    """Planned experiments without a measurement."""
-    return f"{row_names(data['rows'])} of the plan: not measured"
-
-
 WORDING: Wording = {
     "all_negative": _all_negative,
     "far_below_zero": _far_below_zero,
@@ -360,5 +354,4 @@ WORDING: Wording = {
     "do_not_compensate": _do_not_compensate,
     "gains_little": _gains_little,
     "beyond_limits": _beyond_limits,
-    "not_measured": _not_measured,
 }

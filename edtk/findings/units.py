@@ -1,6 +1,6 @@
 """Numbers that look like those of another unit, or like rounded ones."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -102,10 +102,22 @@ def _expected_load(fitted: FittedData) -> Array | None:
 def _forces(fitted: FittedData) -> Iterator[Finding]:
     """Forces of another size than expected, or a load that is not the planned one."""
     expected = _expected_load(fitted)
-    if expected is None:
-        return
-    wrench = fitted.data.wrench
-    planned = fitted.plan is not None
+    if expected is not None:
+        rows = [(row,) for row in range(len(fitted.data))]
+        yield from force_findings(expected, fitted.data.wrench, fitted.plan is not None, rows)
+
+
+def force_findings(
+    expected: Array, wrench: Array, planned: bool, rows: Sequence[Sequence[int]]
+) -> Iterator[Finding]:
+    """Compare forces with those that were to be applied.
+
+    Args:
+        expected: Wrenches (m, 6) that were to be applied [N, N m].
+        wrench: Those that were (m, 6).
+        planned: Whether a plan says what was to be applied, and not the study.
+        rows: Rows of the file that each measurement is in, counted from 0.
+    """
     size = np.linalg.norm(expected[:, :3], axis=1)
     applied = np.linalg.norm(wrench[:, :3], axis=1)
     both = (size > 0) & (applied > 0)
@@ -120,11 +132,11 @@ def _forces(fitted: FittedData) -> Iterator[Finding]:
         yield Finding.of(severity, WORDING, "force_unit", columns=WRENCH_COLUMNS[:3], **data)
     elif planned:
         largest = np.abs(expected).max(axis=1)
-        off = np.abs(wrench - expected).max(axis=1) > OTHER_LOAD * largest
-        if off.any():
-            rows = tuple(np.flatnonzero(off).tolist())
+        off = np.flatnonzero(np.abs(wrench - expected).max(axis=1) > OTHER_LOAD * largest).tolist()
+        if off:
+            named = tuple(sorted({row for one in off for row in rows[one]}))
             yield Finding.of(
-                Severity.WARNING, WORDING, "other_load", rows=rows, tolerance=OTHER_LOAD
+                Severity.WARNING, WORDING, "other_load", rows=named, tolerance=OTHER_LOAD
             )
 
 

@@ -63,7 +63,7 @@ REFUSED: Mapping[str, Mapping[str, Mapping[str, str]]] = {
             "positions": "a sheet of a study of geometry has positions anyway; leave this out",
         },
         "identify": {
-            **_none_of(("sigma_unknown", "plan", "linear"), LEAST_SQUARES),
+            **_none_of(("sigma_unknown", "linear"), LEAST_SQUARES),
             **_none_of(("chain", "export"), NOT_KEPT),
         },
     },

@@ -7,6 +7,7 @@ import numpy as np
 
 from edtk.calibration.calibration import Origin
 from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
+from edtk.design.plan import Plan
 from edtk.findings.finding import Data, Finding, Severity, Wording, rows_in_words
 from edtk.findings.geometry.counting import (
     Counting,
@@ -28,6 +29,8 @@ from edtk.findings.geometry.sound_rows import (
     without_copied_markers,
 )
 from edtk.findings.geometry.turn_reading import EXPECTED, turn_reading
+from edtk.findings.match_plan import match_plan, not_measured, other_pose
+from edtk.findings.units import force_findings
 from edtk.fit.geometry.fit_geometry import TooFewPosesError, fit_geometry
 from edtk.fit.geometry.fitted_geometry import MM, GeometricFit, root_mean_squares
 from edtk.fit.geometry.marker_positions import MarkerPositions, read_positions
@@ -61,7 +64,11 @@ class Sound:
 
 
 def calibrate_geometry(
-    study: Study, path: Table, robust: bool = False, as_is: bool = False
+    study: Study,
+    path: Table,
+    robust: bool = False,
+    as_is: bool = False,
+    plan: Plan | None = None,
 ) -> GeometricCalibration:
     """Identify geometry, base, tools and springs of a study from a sheet of positions.
 
@@ -69,10 +76,14 @@ def calibrate_geometry(
         study: The question, with `[parameters]`.
         path: The sheet (CSV, or a data frame), see `read_positions`.
         robust: Whether poses that fit badly count less.
-        as_is: Whether a sheet in other units, or with copied rows, is fitted all the same.
+        as_is: Whether a sheet in other units, with copied rows, or of other poses than planned is
+            fitted all the same.
+        plan: The plan that was to be carried out. Poses that are not in it are an error; planned
+            visits that were not made, and other loads, are among the findings.
 
     Raises:
-        UserError: The file cannot be read, is in other units, or has too few poses.
+        UserError: The file cannot be read, is in other units, has poses that are not in the plan,
+            or has too few poses.
     """
     where = path_of(path)
     named = StudyGeometry.of(study)
@@ -86,6 +97,7 @@ def calibrate_geometry(
         refuse_copied_visits(every, named.noise.reading / MM, where)
     setting, every, standing = with_standing(StudyGeometry.of(study, every.markers), every)
     sound = _sound(setting, every, where, as_is)
+    planned = [] if plan is None else _beside_plan(setting, every, plan, where, as_is)
     setting = replace(setting, markers=sound.data.markers)
     try:
         fit, gross = _fitted(setting, sound, robust)
@@ -94,6 +106,7 @@ def calibrate_geometry(
     findings = [
         *standing,
         *sound.findings,
+        *planned,
         *gross_findings(sound.data, gross),
         *geometric_findings(fit, setting),
     ]
@@ -114,6 +127,27 @@ def calibrate_geometry(
         robust,
         Origin.of(path, False, as_is),
     )
+
+
+def _beside_plan(
+    setting: StudyGeometry, every: MarkerPositions, plan: Plan, where: Path, as_is: bool
+) -> list[Finding]:
+    """What differs between the visits in which a marker of the tool was seen, and the plan.
+
+    Raises:
+        UserError: A pose is not in the plan, and the sheet is not taken as it is.
+    """
+    tool, _ = setting.split(every.without_lost())
+    made = tool[np.flatnonzero(tool.seen.any(axis=1))]
+    rows = [sorted(set(row[row >= 0].tolist())) for row in made.row]
+    study = setting.study
+    match = match_plan(study, made, plan)
+    other = other_pose(study, made, plan, match, rows)
+    if other is not None and not as_is:
+        raise UserError(other.words, where=where)
+    found = [] if other is None else [other]
+    expected = plan.wrench[match.experiment]
+    return [*found, *force_findings(expected, made.wrench, True, rows), *not_measured(match)]
 
 
 def _fitted(setting: StudyGeometry, sound: Sound, robust: bool) -> tuple[GeometricFit, GrossErrors]:
