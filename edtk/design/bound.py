@@ -1,5 +1,6 @@
-"""A bound on the cost of every plan, with what its claim rests on."""
+"""Bounds on the cost of every design with what they rest on, and designs that have one."""
 
+from abc import abstractmethod
 from dataclasses import dataclass, replace
 from enum import Enum
 from typing import overload
@@ -9,10 +10,13 @@ from numpy.typing import NDArray
 
 from criteria import Criterion
 from criteria.criterion import Sense
+from edtk.system.presented import Presented
+from edtk.system.typing import Array, Indices
 
 # Relative excess of a bound over a cost that rounding may have made where nobody has counted it:
 # the gap that a relaxation is asked for.
 BLURRED = 1e-6
+VISIBLE = 1e-8  # a relative error above this is told beside the gap
 
 
 class BoundKind(Enum):
@@ -107,3 +111,72 @@ def printed_form(cost: float | NDArray[np.float64], sense: Sense) -> float | NDA
         with np.errstate(divide="ignore"):
             return 1.0 / np.asarray(cost, dtype=float)
     return 1.0 / float(cost) if cost else float("inf")
+
+
+class BoundedDesign(Presented):
+    """A design with its cost, and a bound on the cost of every design of as many experiments."""
+
+    cost: float
+
+    @property
+    @abstractmethod
+    def told_bound(self) -> Bound:
+        """The bound with which a design is told."""
+
+    @property
+    def value(self) -> float:
+        """The criterion as its formula prints it."""
+        return printed_form(self.cost, self.told_bound.sense)
+
+    @property
+    def bound(self) -> float:
+        """The bound as the criterion's formula prints it."""
+        return self.told_bound.value
+
+    @property
+    def kind(self) -> BoundKind:
+        """What the claim of `bound` rests on."""
+        return self.told_bound.kind
+
+    @property
+    def gap(self) -> float:
+        """Relative gap ``1 - bound/cost`` as costs, never negative."""
+        return self.told_bound.gap_to(self.cost)
+
+    @property
+    def efficiency(self) -> float:
+        """``bound / cost`` as costs: one for a design that cannot be improved."""
+        return self.told_bound.efficiency(self.cost)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class RelaxedDesign(BoundedDesign):
+    """Weights of one experiment's worth of measurements, their cost, and a bound with its proof.
+
+    Attributes:
+        criterion: What was minimised.
+        weights: Shares of the experiments, not negative, of sum one.
+        cost: The criterion's cost of these weights.
+        proved_bound: No weights of the candidates have a lower cost.
+        multipliers: The proof of the bounds (r, p, p), see `Relaxable.lower_bound`.
+        solver: The solver that found the weights.
+        iterations: Number of restricted master problems that were solved.
+    """
+
+    criterion: Criterion
+    weights: Array
+    cost: float
+    proved_bound: Bound
+    multipliers: Array
+    solver: str
+    iterations: int
+
+    @property
+    def told_bound(self) -> Bound:
+        """The proved one."""
+        return self.proved_bound
+
+    @property
+    @abstractmethod
+    def places(self) -> Array | Indices:
+        """Where the experiments are (k, ...): candidates, design variables of poses, or points."""

@@ -2,14 +2,14 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from criteria import Criterion
 from criteria.linalg.estimable import range_whitener
 from criteria.linalg.inverse import whitener
-from edtk.design.bound import Bound, BoundKind, printed_form
+from edtk.design.bound import Bound, BoundedDesign, BoundKind
 from edtk.design.candidate_source import CandidateSource
 from edtk.design.design_space import DesignSpace
 from edtk.design.detection import Detection, Separation
@@ -21,7 +21,6 @@ from edtk.measure.expected_error import ErrorBudget, ExpectedError, TaskAccuracy
 from edtk.measure.pose_table import WRENCH_COLUMNS, in_file_units
 from edtk.robots.robot import Robot
 from edtk.robots.workspace import joints_on_limits
-from edtk.system.presented import Presented
 from edtk.system.typing import Array
 
 if TYPE_CHECKING:
@@ -130,37 +129,8 @@ def _smallest_size_for(criterion: Criterion, problem: Problem) -> int:
     return r
 
 
-class _Bounded(Protocol):
-    """What a plan has to say of itself."""
-
-    @property
-    def cost(self) -> float: ...
-
-    @property
-    def lower_bound(self) -> Bound: ...
-
-
-class BoundedPlan(Presented):
-    """A result with the `cost` of all its experiments and the `lower_bound` of every such plan."""
-
-    @property
-    def value(self: _Bounded) -> float:
-        """The criterion as its formula prints it, of all experiments together."""
-        return printed_form(self.cost, self.lower_bound.sense)
-
-    @property
-    def bound(self: _Bounded) -> float:
-        """The bound in the criterion's printed form."""
-        return self.lower_bound.value
-
-    @property
-    def efficiency(self: _Bounded) -> float:
-        """``bound / cost`` as costs: one for a plan that cannot be improved."""
-        return self.lower_bound.efficiency(self.cost)
-
-
 @dataclass(frozen=True, eq=False)
-class ExactPlan(BoundedPlan):
+class ExactPlan(BoundedDesign):
     """The best plan of m experiments that a search has found.
 
     Attributes:
@@ -236,6 +206,11 @@ class ExactPlan(BoundedPlan):
     def lower_bound(self) -> Bound:
         """The bound on the cost of every plan of so many new experiments."""
         return self.relaxed.best_bound.scaled(self.plan.experiments)
+
+    @property
+    def told_bound(self) -> Bound:
+        """That of every plan of so many experiments."""
+        return self.lower_bound
 
     @property
     def bound_gap(self) -> float:

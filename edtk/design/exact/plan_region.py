@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from criteria import Criterion
-from edtk.design.bound import Bound
+from edtk.design.bound import Bound, BoundedDesign
 from edtk.design.exact.apportion import apportion
-from edtk.design.exact.exact_plan import BoundedPlan
 from edtk.design.exact.exchange import exchange
 from edtk.design.exact.refine import SHARPNESS, refine
 from edtk.design.problem import Problem
@@ -37,7 +36,7 @@ FINE = (1000.0, 4000.0)  # last soft maxima of a criterion with kinks
 
 
 @dataclass(frozen=True, eq=False)
-class RegionPlan(BoundedPlan):
+class RegionPlan(BoundedDesign):
     """The best plan of some experiments in a region that a search has found.
 
     Attributes:
@@ -93,6 +92,11 @@ class RegionPlan(BoundedPlan):
         """The bound on the cost of every plan of so many experiments."""
         # What was kept is part of the relaxation's prior, in equal parts for each new experiment.
         return self.relaxed.searched_bound.scaled(int(self.counts.sum()))
+
+    @property
+    def told_bound(self) -> Bound:
+        """That of every plan of so many experiments."""
+        return self.lower_bound
 
     @property
     def information(self) -> Array:

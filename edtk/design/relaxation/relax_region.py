@@ -204,7 +204,7 @@ class _Search:
             points=x,
             weights=weights,
             cost=self.cost,
-            grid_bound=bound(on_grid, BoundKind.PROVED_ON_CANDIDATES),
+            proved_bound=bound(on_grid, BoundKind.PROVED_ON_CANDIDATES),
             searched_bound=bound(best.cost, BoundKind.SEARCHED),
             multipliers=best.multipliers,
             largest=best.largest,

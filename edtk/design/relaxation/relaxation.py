@@ -7,31 +7,21 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from criteria import Relaxable
-from edtk.design.bound import Bound, printed_form
+from edtk.design.bound import VISIBLE, RelaxedDesign
 from edtk.design.problem import Problem
 from edtk.design.problems import FrameProblem
 from edtk.design.relaxation.proof import InnerProof, normalised
-from edtk.system.presented import Presented
 from edtk.system.typing import Array, Indices
 
 if TYPE_CHECKING:
     import pandas as pd
 
-VISIBLE = 1e-8  # a relative error above this is told beside the gap
 
-
-@dataclass(frozen=True, eq=False)
-class Relaxation(Presented):
-    """Weights of one experiment's worth of measurements, their cost, and a bound with its proof.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Relaxation(RelaxedDesign):
+    """A relaxed design over the candidates of a problem, each with its weight (n,).
 
     Attributes:
-        criterion: What was minimised.
-        weights: Shares (n,) of the candidates, not negative, of sum one.
-        cost: The criterion's cost of these weights.
-        proved_bound: No weights of these candidates have a lower cost.
-        multipliers: The proof of the bound (r, p, p), see `Relaxable.lower_bound`.
-        solver: The solver that found the weights.
-        iterations: Number of restricted master problems that were solved.
         problem: The candidates; None where they are not kept.
         accuracy: Relative error that rounding may have made in cost and bound, see
             `relative_accuracy`.
@@ -41,12 +31,6 @@ class Relaxation(Presented):
     """
 
     criterion: Relaxable
-    weights: Array
-    cost: float
-    proved_bound: Bound
-    multipliers: Array
-    solver: str
-    iterations: int
     problem: Problem | None = None
     accuracy: float = float("nan")
     rests_on_solver: bool = False
@@ -62,24 +46,14 @@ class Relaxation(Presented):
         )
 
     @property
-    def value(self) -> float:
-        """The criterion as its formula prints it."""
-        return printed_form(self.cost, self.criterion.sense)
-
-    @property
-    def bound(self) -> float:
-        """The proved bound as the criterion's formula prints it."""
-        return self.proved_bound.value
-
-    @property
-    def gap(self) -> float:
-        """Relative gap ``1 - bound/cost``, never negative."""
-        return self.proved_bound.gap_to(self.cost)
-
-    @property
     def support(self) -> Indices:
         """Indices (k,) of the candidates that carry weight."""
         return np.flatnonzero(self.weights != 0)
+
+    @property
+    def places(self) -> Indices:
+        """The candidates of the support."""
+        return self.support
 
     def to_frame(self) -> "pd.DataFrame":
         """The candidates that carry weight, in the order of the problem, with their weights.

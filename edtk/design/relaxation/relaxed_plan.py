@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from criteria import Relaxable
-from edtk.design.bound import Bound, BoundKind, printed_form
+from edtk.design.bound import Bound, BoundKind, RelaxedDesign
 from edtk.design.candidate_source import Candidates, CandidateSource
 from edtk.design.design_space import DesignSpace
 from edtk.design.plan import Plan
@@ -17,33 +17,25 @@ from edtk.design.relaxation.search_continuum import LargestSensitivities
 from edtk.measure.cells import csv_text
 from edtk.measure.pose_table import WRENCH_COLUMNS, pose_factors
 from edtk.system.files import write_text
-from edtk.system.presented import Presented
 from edtk.system.typing import Array, Indices
 
 if TYPE_CHECKING:
     import pandas as pd
 
 
-@dataclass(frozen=True, eq=False)
-class RelaxedPlan(Presented):
-    """Poses and the share of the experiments that each should have, per single experiment.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class RelaxedPlan(RelaxedDesign):
+    """A relaxed design over poses: its weights (k,) are the share that each should have.
 
     Attributes:
         source: Where the candidate poses come from.
         candidates: The bound is proved over the first so many of them, and over these poses.
-        criterion: What was minimised.
         x: Design variables (k, v) of the experiments.
-        weights: Shares (k,) of the experiments, of sum one.
-        cost: The criterion's cost.
-        proved_bound: No design over the candidates and these poses has a lower cost.
         searched_bound: Not proved: no design over all feasible poses has a lower cost, provided
             that the ascents have found the largest sensitivities; None without a search.
-        multipliers: The proof of the bounds (r, p, p), see `Relaxable.lower_bound`.
         proved_sensitivities: The largest sensitivities of the candidates and of these poses.
         searched_sensitivities: The largest sensitivities that were found in any pose, and where;
             None without a search.
-        solver: The solver that found the weights.
-        iterations: Number of restricted master problems that were solved.
         seconds: Time that each stage took [s].
     """
 
@@ -51,15 +43,9 @@ class RelaxedPlan(Presented):
     candidates: int
     criterion: Relaxable
     x: Array
-    weights: Array
-    cost: float
-    proved_bound: Bound
     searched_bound: Bound | None
-    multipliers: Array
     proved_sensitivities: LargestSensitivities
     searched_sensitivities: LargestSensitivities | None
-    solver: str
-    iterations: int
     seconds: Mapping[str, float] = field(default_factory=dict)
 
     def headline(self) -> str:
@@ -83,19 +69,9 @@ class RelaxedPlan(Presented):
         return self.source.space
 
     @property
-    def value(self) -> float:
-        """The criterion as its formula prints it."""
-        return printed_form(self.cost, self.criterion.sense)
-
-    @property
-    def bound(self) -> float:
-        """The proved bound as the criterion's formula prints it."""
-        return self.proved_bound.value
-
-    @property
-    def gap(self) -> float:
-        """Relative gap ``1 - bound/cost`` of the proved bound."""
-        return self.proved_bound.gap_to(self.cost)
+    def places(self) -> Array:
+        """Design variables (k, v)."""
+        return self.x
 
     @property
     def best_bound(self) -> Bound:

@@ -7,18 +7,17 @@ import numpy as np
 
 from criteria import Criterion, Relaxable
 from criteria.interest import DEPENDENT
-from edtk.design.bound import Bound, BoundKind, printed_form
+from edtk.design.bound import VISIBLE, Bound, BoundKind, RelaxedDesign
 from edtk.design.problem import Problem
 from edtk.design.problems import Whitened
 from edtk.design.region import Region
 from edtk.design.relaxation.certify import certify
 from edtk.design.relaxation.proof import InnerProof, is_normalised, normalised
 from edtk.design.relaxation.relax import require_relaxable
-from edtk.design.relaxation.relaxation import VISIBLE, Relaxation
+from edtk.design.relaxation.relaxation import Relaxation
 from edtk.design.relaxation.search_continuum import LargestSensitivities
 from edtk.design.relaxation.setting import Setting
 from edtk.system.errors import ArgumentError
-from edtk.system.presented import Presented
 from edtk.system.typing import Array
 
 if TYPE_CHECKING:
@@ -110,44 +109,32 @@ def _require_moderate(problem: Problem) -> None:
         )
 
 
-@dataclass(frozen=True, eq=False)
-class RelaxedRegion(Presented):
-    """Points of a region and the share of the experiments that each should have.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class RelaxedRegion(RelaxedDesign):
+    """A relaxed design over a region: its weights (k,) are the share that each point should have.
+
+    Its candidates are the points of a grid and its own; its multipliers are in the judged
+    parameters.
 
     Attributes:
         region: The region.
-        criterion: What was minimised.
         judged: Both as the search saw them: with all of the prior, in parameters that lose nothing.
         points: Points (k, d), in the order of their variables.
-        weights: Their shares (k,) of the experiments, of sum one.
-        cost: The criterion's cost.
-        grid_bound: Proved: no design over the grid and these points has a lower cost.
         searched_bound: Not proved: no design over the region has a lower cost, provided that the
             ascents have found the largest sensitivities.
-        multipliers: The proof of the bounds (r, p, p) in the judged parameters, see
-            `Relaxable.lower_bound`.
         largest: The largest sensitivities that were found in the region, and where.
         grid: Points (n, d) of the grid.
         accuracy: Relative error that rounding may have made in cost and bounds, see
             `relative_accuracy`.
-        solver: The solver that found the weights.
-        iterations: Number of restricted master problems that were solved.
     """
 
     region: Region
-    criterion: Criterion
     judged: JudgedRegion
     points: Array
-    weights: Array
-    cost: float
-    grid_bound: Bound
     searched_bound: Bound
-    multipliers: Array
     largest: LargestSensitivities
     grid: Array
     accuracy: float
-    solver: str
-    iterations: int
 
     def headline(self) -> str:
         """Criterion, value, number of points, and gap with its kind."""
@@ -158,24 +145,19 @@ class RelaxedRegion(Presented):
         )
 
     @property
-    def value(self) -> float:
-        """The criterion as its formula prints it."""
-        return printed_form(self.cost, self.criterion.sense)
+    def told_bound(self) -> Bound:
+        """The bound over the whole region."""
+        return self.searched_bound
 
     @property
-    def bound(self) -> float:
-        """The bound over the whole region as the criterion's formula prints it."""
-        return self.searched_bound.value
+    def grid_bound(self) -> Bound:
+        """The proved bound, which holds for designs over the grid and these points."""
+        return self.proved_bound
 
     @property
-    def kind(self) -> BoundKind:
-        """What the claim of `bound` rests on."""
-        return self.searched_bound.kind
-
-    @property
-    def gap(self) -> float:
-        """Relative gap ``1 - bound/cost`` of the bound over the whole region."""
-        return self.searched_bound.gap_to(self.cost)
+    def places(self) -> Array:
+        """The points (k, d)."""
+        return self.points
 
     @property
     def information(self) -> Array:

@@ -5,10 +5,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from edtk.design.bound import VISIBLE
 from edtk.design.problem import Problem
 from edtk.design.problems import FrameProblem
 from edtk.design.relaxation.proof import is_normalised
-from edtk.design.relaxation.relaxation import VISIBLE, Relaxation
+from edtk.design.relaxation.relaxation import Relaxation
 from edtk.report.draw.bars import weight_bars
 from edtk.report.draw.plans import design_stems
 from edtk.report.figures import BLUE, panels

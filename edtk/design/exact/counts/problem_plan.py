@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from criteria import Criterion
-from edtk.design.bound import Bound, BoundKind
-from edtk.design.exact.exact_plan import BoundedPlan
+from edtk.design.bound import Bound, BoundedDesign, BoundKind
 from edtk.design.problem import Problem
 from edtk.design.problems import FrameProblem
 from edtk.system.typing import Indices
@@ -17,7 +16,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False)
-class ProblemPlan(BoundedPlan):
+class ProblemPlan(BoundedDesign):
     """The best plan of whole experiments that a search has found.
 
     Attributes:
@@ -58,6 +57,11 @@ class ProblemPlan(BoundedPlan):
         value = f"{factor * self.value:.4g} {unit}".rstrip()
         experiments = f"{self.size} experiment{'' if self.size == 1 else 's'}"
         return f"{self.criterion.label} = {value} with {experiments}, {self._bounded}"
+
+    @property
+    def told_bound(self) -> Bound:
+        """That of every plan of so many experiments."""
+        return self.lower_bound
 
     @property
     def _bounded(self) -> str:
