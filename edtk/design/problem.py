@@ -20,8 +20,6 @@ from edtk.system.typing import Array, Indices, Mask
 if TYPE_CHECKING:
     import pandas as pd
 
-    from edtk.design.problems import FrameProblem
-
 SYMMETRIC = 1e-9  # difference across the diagonal that is rounding
 DISTANT = 1e-24  # ratio of squares: of units that are twelve decades apart
 
@@ -237,7 +235,7 @@ class Problem(WeightedCandidates):
         sigma: ArrayLike = 1.0,
         prior: ArrayLike | None = None,
         experiment: str | None = None,
-    ) -> "FrameProblem":
+    ) -> "Problem":
         """Make a problem of the rows of a data frame, each a candidate, and a model of its columns.
 
         Formulas are those of the package formulaic: `1 + x + I(x**2)`, `x*z`, `C(group)`,

@@ -8,10 +8,10 @@ import numpy as np
 
 from edtk.measure.elastostatic_model import ElastostaticModel
 from edtk.measure.pose_table import in_file_units, of_file_units, pose_factors
-from edtk.robots.controller import controller_to_dict
 from edtk.robots.frames import Frames
 from edtk.robots.joint import Joint
 from edtk.robots.robot import Robot, shown_limits
+from edtk.robots.robot_file import controller_to_dict
 from edtk.robots.rotations import transform
 from edtk.study.study_toml import inline, toml_text
 from edtk.system.errors import UserError

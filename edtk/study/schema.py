@@ -13,8 +13,8 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
-from edtk.robots.controller import ControllerTable
 from edtk.robots.loads.load import Load as LoadFamily
+from edtk.robots.robot_file import ControllerTable
 from edtk.study.table import Count, Table
 from edtk.study.tables_of_measurement import (
     CostsTable,

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 from pydantic import ValidationError
 
-from edtk.robots.controller import ControllerTable
 from edtk.robots.load_robot import URDF, builtin_robots, load_robot
 from edtk.robots.robot import Robot
+from edtk.robots.robot_file import ControllerTable
 from edtk.robots.urdf.load_urdf import XACRO, arm_in
 from edtk.study.new_study import first_choices, new_study_text
 from edtk.study.study import Study, load_study
